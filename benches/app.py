@@ -151,7 +151,7 @@ BRUSH = """new Promise(async done => {
   canvas.setPointerCapture = () => {};
   const box = canvas.getBoundingClientRect(), times = [];
   const send = (type, x, y) => canvas.dispatchEvent(new PointerEvent(type, {bubbles: true,
-    pointerId: 1, button: 0, buttons: 1, clientX: box.left + x * box.width,
+    pointerId: 1, isPrimary: true, button: 0, buttons: 1, clientX: box.left + x * box.width,
     clientY: box.top + y * box.height}));
   await frame();
   send('pointerdown', 0.2, 0.2);
@@ -194,7 +194,7 @@ CLICK = """(async stages => {
     const box = canvas.getBoundingClientRect();
     const x = box.left + next() * box.width, y = box.top + next() * box.height;
     const send = (type, move) => canvas.dispatchEvent(new PointerEvent(type,
-      {bubbles: true, pointerId: 1, clientX: x + move, clientY: y + move}));
+      {bubbles: true, pointerId: 1, isPrimary: true, clientX: x + move, clientY: y + move}));
     send("pointermove", 0); send("pointerdown", 0); send("pointermove", 30); send("pointerup", 30);
   }
   await new Promise(r => requestAnimationFrame(() => setTimeout(r)));
@@ -243,7 +243,7 @@ def large(page: Page, place: Path, rows: int, clicks: int) -> dict[str, Any]:
         go(page, "fails")
         page.until("document.querySelectorAll('.panel canvas').length > 5", LONG_S)
         brush = page.js(BRUSH)
-        marked = page.js("document.querySelector('#marked-rows')?.textContent ?? ''")
+        marked = page.js("document.querySelector('#marked-rows').textContent")
         go(page, "missing")
         page.until("document.querySelectorAll('.effects li').length > 3", LONG_S)
         hover = page.js(HOVER)

@@ -132,6 +132,7 @@ def selected_tasks(given: argparse.Namespace) -> list[Task]:
     if given.each is not None:
         sets = each_of(given.source or "rod", given.each)
     sets = [one for one in balanced(sets) if given.source in (None, one.source)]
+    sets = [one for one in sets if one.round % given.every == 0]
     if any(one.source == "arm" for one in sets) and not importlib.util.find_spec("mujoco"):
         print("the arm's sets are left out: they need the extra [robot]", file=sys.stderr)
         sets = [one for one in sets if one.source != "arm"]
@@ -159,6 +160,9 @@ def main() -> int:
         default=1,
         metavar="K",
         help="the simpler methods on every K-th round of strengths and kinds; default all",
+    )
+    parser.add_argument(
+        "--every", type=int, default=1, metavar="K", help="every K-th round only; default all"
     )
     parser.add_argument("--no-simple", action="store_true", help="ours alone")
     parser.add_argument("--table", action="store_true", help="only print what is there")

@@ -23,7 +23,6 @@ import json
 import os
 import re
 import resource
-import shutil
 import subprocess
 import tempfile
 import time
@@ -143,7 +142,7 @@ class _Pardiso:
         return np.asarray(self._solver._call_pardiso(upper, right))
 
 
-def felupe_p2(  # noqa: PLR0915
+def felupe_p2(  # noqa: PLR0915 - a program of the peer as its manual writes it
     mesh: Mesh, tolerance: float = 1e-8, linear: type[_SuperLU] | type[_Pardiso] = _SuperLU
 ) -> Run:
     """FElupe's quadratic tetrahedra under the same platform and wrench."""
@@ -285,11 +284,6 @@ def _deck(mesh: Mesh, force: F, moment: F, tolerance: float | None) -> str:
     lines += ["*NODE PRINT, NSET=REF, FREQUENCY=1000", "U"]
     lines += ["*NODE PRINT, NSET=ROT, FREQUENCY=1000", "U", "*END STEP", ""]
     return "\n".join(lines)
-
-
-def have_calculix() -> bool:
-    """Whether `ccx` can be called."""
-    return shutil.which("ccx") is not None
 
 
 def peers(mesh: Mesh, rotation: F) -> list[Run]:

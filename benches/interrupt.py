@@ -97,9 +97,10 @@ def prepare(folder: Path) -> None:
 
 
 def results(folder: Path) -> dict[str, bytes]:
-    """The files of a folder without its cache and without times."""
+    """The files of a folder without its cache and without times, which a job's report draws."""
     found = {name: text for name, text in files(folder).items() if not name.startswith("cache/")}
-    return {name: text for name, text in found.items() if "times" not in name}
+    timed = ("times", "job/report.html")
+    return {name: text for name, text in found.items() if not any(t in name for t in timed)}
 
 
 class Trial:
@@ -151,9 +152,11 @@ class Trial:
     def _compare(self, folder: Path) -> None:
         """Run to the end; the files must be those of a run that nobody interrupted."""
         self._finish(folder)
-        if results(folder) != self._whole:
+        found = results(folder)
+        if found != self._whole:
             self.tally.other_bytes += 1
-            print(f"{self.name}: other bytes", flush=True)
+            names = {name for name, _ in found.items() ^ self._whole.items()}
+            print(f"{self.name}: other bytes in {', '.join(sorted(names))}", flush=True)
         shutil.rmtree(folder)
 
     def _finish(self, folder: Path) -> None:

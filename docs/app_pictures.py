@@ -17,6 +17,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
+from ecm.workflow.app.demo import PLAN, RIG, write_demo
 from support.chromium import Page, open_chromium
 
 LONG_S = 300.0
@@ -24,9 +25,11 @@ WIDTHS = (360, 900, 1800)
 IDLE = "document.documentElement.dataset.running === ''"
 COMPARED = IDLE + " && /times the noise/.test(document.querySelector('nav').textContent)"
 DRAWN = "document.querySelectorAll('.panel canvas').length > 6"
-LOG = "Position X [mm],Force 1,note\n" + "".join(
+LOG = "Stroke [mm],Channel 7,note\n" + "".join(
     f"{i},{0.1 * i + 0.01 * (i % 3):.2f},{i % 2}\n" for i in range(20)
 )
+HIDDEN = "face_tilt"
+"""The plan of the demo cannot tell it from what looks alike."""
 Take = Callable[[str], None]
 
 
@@ -46,11 +49,12 @@ def served(*arguments: str | Path) -> Iterator[tuple[str, subprocess.Popen[str]]
 
 def of_docs(page: Page, folder: Path) -> Take:
     """Save the two pictures of docs/app.md, one of each theme."""
-    sizes = {"fails": False, "missing": True}
+    sizes = {"fails": (900, False), "missing": (1240, True)}
 
     def take(name: str) -> None:
         if name in sizes:
-            page.size(1280, 900, dark=sizes[name])
+            height, dark = sizes[name]
+            page.size(1280, height, dark=dark)
             save(page, folder / f"app_{name}.png")
 
     return take
@@ -66,14 +70,15 @@ def of_all(page: Page, folder: Path) -> Take:
                 page.size(width, 900, dark=dark)
                 save(page, folder / f"{name}-{width}-{'dark' if dark else 'light'}.png")
         page.size(1280, 900)
+        page.js("new Promise(done => setTimeout(done, 700))")  # another theme draws all again
 
     return take
 
 
 def save(page: Page, path: Path) -> None:
     """Save what is seen when the figures have been drawn."""
-    page.js("new Promise(done => setTimeout(done, 300))")  # another theme draws all again
-    page.js("document.querySelector('.effects .named button')?.focus()")
+    page.js("new Promise(done => setTimeout(done, 1000))")  # another theme draws all again
+    page.js("document.querySelector('.effects .named [data-add]')?.focus()")
     page.js("scrollTo(0, 0)")
     page.js("new Promise(done => setTimeout(done, 700))")
     page.screenshot(path, whole=False)
@@ -104,7 +109,7 @@ def walk(page: Page, address: str, take: Take) -> None:
     page.js("[...document.querySelectorAll('.panel canvas')].at(-1).focus()")
     page.keys("ArrowRight", " ", "ArrowRight", "ArrowRight", " ")
     take("marked")
-    page.keys("Escape")
+    page.js("[...document.querySelectorAll('.marked button')].at(-1).click()")
     page.js("document.documentElement.scrollTop = 0")
     page.click("#to-missing")
     page.until(DRAWN, LONG_S)
@@ -112,7 +117,7 @@ def walk(page: Page, address: str, take: Take) -> None:
     page.until("!document.querySelector('#running').hidden")
     take("diagnosing")
     page.until(f"!!document.querySelector('#verdict') && {IDLE} && {DRAWN}", LONG_S)
-    page.js("document.querySelector('.effects .named button').focus()")
+    page.js("document.querySelector('.effects .named [data-add]').focus()")
     take("missing")
     page.js("location.hash = 'next'")
     page.until("document.documentElement.dataset.stage === 'next'")
@@ -125,8 +130,35 @@ def walk(page: Page, address: str, take: Take) -> None:
     take("add")
     page.js("location.hash = 'out'")
     page.click("#export", LONG_S)
-    page.until(f"{IDLE} && document.querySelector('#script')?.textContent.length > 9", LONG_S)
+    page.until(f"!!document.querySelector('.files a') && {IDLE}", LONG_S)
+    page.until("document.querySelector('#script').textContent.length > 9", LONG_S)
     take("out")
+
+
+def two_names(page: Page, folder: Path, take: Take) -> None:
+    """Several names that stay, the experiment that tells them apart, and its readings."""
+    session, data = folder / "ambiguous", folder / "ambiguous.csv"
+    session.mkdir()
+    write_demo(session)  # plan and rig: the next experiment is driven, too
+    command = [sys.executable, "-m", "ecm.cli", "campaign", PLAN, "--rig", RIG]
+    command += ["--hide", HIDDEN, "--seed", "1", "--out", str(data)]
+    subprocess.run(command, check=True, cwd=session, capture_output=True)
+    with served(data, "--session", session) as (address, _):
+        page.open(address)
+        page.click("#to-model", LONG_S)
+        page.click("[name=kind][value=physics]")
+        page.click("#fit")
+        page.until("!!document.querySelector('#to-fails')", LONG_S)
+        page.js("location.hash = 'missing'")
+        page.click("#diagnose", LONG_S)
+        page.until(f"!!document.querySelector('#verdict') && {IDLE} && {DRAWN}", LONG_S)
+        take("several")
+        page.js("location.hash = 'next'")
+        page.until("!!document.querySelector('#main ol.effects li')", LONG_S)
+        take("proposed")
+        page.click("#campaign")
+        page.until("document.querySelector('#live')?.textContent.includes('so far')", LONG_S)
+        take("proposed-measured")
 
 
 def troubles(page: Page, folder: Path, take: Take) -> None:
@@ -141,7 +173,7 @@ def troubles(page: Page, folder: Path, take: Take) -> None:
         page.click("#import")
         page.until("!!document.querySelector('#trouble')", LONG_S)
         take("error")
-        page.js("document.querySelector('#map').value = 'x_m=Position X [mm]:mm\\nfx_N=Force 1:N'")
+        page.js("document.querySelector('#map').value = 'x_m=Stroke [mm]:mm\\nfx_N=Channel 7:N'")
         page.click("#import")
         page.until("!!document.querySelector('.warning button')", LONG_S)
         take("warning")
@@ -161,6 +193,7 @@ def main() -> None:
         with served("--session", Path(name) / "neck") as (address, _):
             walk(page, address, take)
         if options.all:
+            two_names(page, Path(name), take)
             troubles(page, Path(name), take)
 
 

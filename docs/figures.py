@@ -44,7 +44,9 @@ def frame(axes: plt.Axes, place_m: tuple[float, float], angle: float, name: str)
     for letter, way in along.items():
         tip = at + 24 * np.array(way)
         axes.annotate("", tip, at, arrowprops={"arrowstyle": "->", "color": INK, "lw": 1.6})
-        axes.text(*(at + 28 * np.array(way)), letter, color=INK, ha="center", va="center")
+        # A little higher, so that the letter of y at the base stands above the clamp.
+        letter_at = at + 28 * np.array(way) + np.array([0, 4])
+        axes.text(*letter_at, letter, color=INK, ha="center", va="center")
     axes.text(*(at + np.array([-6, -8])), name, color=INK, ha="right", fontsize=9)
 
 

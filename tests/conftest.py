@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -12,27 +13,35 @@ from ecm.cli import run
 from ecm.io.mechanism import Mechanism
 from ecm.models import PhysicsMap, physics_map
 from ecm.regression.blas import one_blas_thread
-from support.jobs import QUICK, identify
+from support.jobs import identify, write_smaller
 from support.neck import ROOT, SHARED_DATA, Done, csv_text, neck_columns
 from support.products import cache_of_this_code, made_once
 
 TESTS = ROOT / "tests"
 LONGEST_FIRST = (
     "workflow/test_identify.py",
-    "blind_benchmark/test_blind.py",
-    "package/test_tutorial.py",
     "diagnosis/test_diagnose.py",
-    "package/test_readme.py",
+    "package/test_tutorial.py",
+    "models/test_export.py",
+    "workflow/test_app.py",
+    "blind_benchmark/test_blind.py",
+    "workflow/test_app_page.py",
     "package/test_wheel.py",
+    "models/test_physics_model.py",
+    "package/test_examples.py",
     "fem/test_dask.py",
-    "effects/test_body_variation.py",
+    "package/test_readme.py",
+    "diagnosis/test_large_tables.py",
+    "report/test_page.py",
     "blind_benchmark/test_blind_broken.py",
+    "diagnosis/test_wrong_statements.py",
+    "diagnosis/test_correlated_log.py",
+    "effects/test_body_variation.py",
     "workflow/test_identify_with_arm.py",
-    "models/test_physics_rod.py",
 )
 """Files that begin first when the tests run on several workers, so that none ends alone.
 
-The first makes the job that the pages use; the second needs nothing of it.
+The first makes the job that the third uses on the same worker; the second needs nothing of it.
 """
 
 
@@ -78,9 +87,19 @@ def neck_physics(products: Path) -> PhysicsMap:
 
 
 @pytest.fixture(scope="session")
-def quick_job(products: Path, neck_physics: PhysicsMap) -> Iterator[Path]:
-    """Results of `ecm identify examples/quick.toml` on two threads."""
-    with made_once(products, "quick", lambda out: identify(QUICK, out, "--threads", "2")) as job:
+def quick_config(products: Path) -> Iterator[Path]:
+    """`examples/quick.toml` with fewer pairs."""
+    name = "quick.toml"
+    small = partial(write_smaller, n=180, n_test=20)
+    with made_once(products, "quick-config", lambda out: small(out / name)) as folder:
+        yield folder / name
+
+
+@pytest.fixture(scope="session")
+def quick_job(products: Path, quick_config: Path, neck_physics: PhysicsMap) -> Iterator[Path]:
+    """Results of `ecm identify` of those settings on two threads."""
+    make = partial(identify, quick_config)
+    with made_once(products, "quick", lambda out: make(out, "--threads", "2")) as job:
         yield job
 
 

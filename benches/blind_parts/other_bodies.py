@@ -36,7 +36,7 @@ class Body:
     name: str
     length_m: float
     section: Section | None = None
-    """Of a rod; None for a solid and for the hinge."""
+    """Cross-section of a rod; None for a solid and for the hinge."""
     mesh: Callable[[], Mesh] | None = None
     axes: tuple[int, ...] = tuple(range(6))
     """Coordinates that exist."""
@@ -101,7 +101,7 @@ class Visited:
     poses: F
     wrenches: F
     held: Solved | None = None
-    """Of a rod: what holds it there."""
+    """What holds a rod there; None for other bodies."""
 
     def select(self, rows: NDArray[np.int64]) -> Visited:
         """The same at other rows, some of them again."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import Enum
 from typing import Any
 
 from ecm.cli.app import COMMANDS, load_command
@@ -69,8 +68,9 @@ def _names(parameter: Any) -> str:
 
 
 def _choices(parameter: Any) -> str:
-    kind = parameter.type_descriptor.annotation
-    return "|".join(str(choice.value) for choice in kind) if issubclass(kind, Enum) else ""
+    return "|".join(
+        getattr(choice, "value", choice) for choice in getattr(parameter.type, "choices", ())
+    )
 
 
 def _default(parameter: Any) -> str:

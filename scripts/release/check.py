@@ -43,6 +43,14 @@ class Release:
             raise RuntimeError(done.stderr)
         return " → ".join(re.findall(r"Uploading ([\w-]+) v", done.stderr))
 
+    def oldest(self) -> str:
+        """The oldest compiler that Cargo.toml promises accepts every crate."""
+        foreign.need("rustup", advice="the oldest compiler comes by rustup")
+        subprocess.run(
+            ["make", "oldest-rust"], cwd=ROOT, capture_output=True, text=True, check=True
+        )
+        return f"rustc {version.oldest_rust()}"
+
     def linux(self) -> str:
         """The manylinux wheel, installed without a compiler."""
         wheel = self._wheel("x86_64-unknown-linux-gnu")
@@ -54,12 +62,10 @@ class Release:
         return size.words(self._wheel("x86_64-unknown-linux-gnu"))
 
     def musl(self) -> str:
-        """The musllinux wheels keep their tag; no Python with that library is here to run them."""
-        names = [
-            self._wheel(f"{processor}-unknown-linux-musl").name
-            for processor in ("x86_64", "aarch64")
-        ]
-        return ", ".join(names)
+        """The musllinux wheels keep their tag; that of this processor gives the same figures."""
+        own, other = (self._wheel(f"{name}-unknown-linux-musl") for name in ("x86_64", "aarch64"))
+        used = self._same(foreign.use_on_musl(own, self.work))
+        return f"{own.name}, {used}; {other.name}"
 
     def aarch64(self) -> str:
         """The manylinux wheel of aarch64 under qemu gives the figures of this machine."""
@@ -68,7 +74,7 @@ class Release:
 
     def windows(self) -> str:
         """The wheel of Windows under wine gives the figures of this machine."""
-        foreign.need("x86_64-w64-mingw32-gcc", advice="apt-get install gcc-mingw-w64-x86-64")
+        foreign.need(foreign.MINGW, advice="apt-get install gcc-mingw-w64-x86-64")
         wheel = self._wheel("x86_64-pc-windows-gnu")
         return self._same(foreign.use_on_windows(wheel, self.work))
 
@@ -96,6 +102,7 @@ class Release:
 CHECKS: tuple[Callable[[Release], str], ...] = (
     Release.versions,
     Release.crates,
+    Release.oldest,
     Release.linux,
     Release.installed,
     Release.musl,
@@ -125,7 +132,10 @@ def main() -> int:
             outcome, words = "ok", check(release)
         except NotHereError as error:
             outcome, words = "not run", str(error)
-        except (RuntimeError, ValueError, subprocess.CalledProcessError) as error:
+        except subprocess.CalledProcessError as error:
+            outcome, words = "failed", f"{error}\n{error.stdout or ''}{error.stderr or ''}"
+            failed += 1
+        except (RuntimeError, ValueError) as error:
             outcome, words = "failed", str(error)
             failed += 1
         print(

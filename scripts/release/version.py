@@ -68,6 +68,14 @@ def check(tag: str = "", root: Path = ROOT) -> str:
     return version
 
 
+def oldest_rust(root: Path = ROOT) -> str:
+    """Return the oldest compiler that the crates promise."""
+    (found,) = re.findall(
+        r'^rust-version = "(.+)"$', (root / "Cargo.toml").read_text(encoding="utf-8"), re.M
+    )
+    return str(found)
+
+
 def main() -> int:
     """Print the version, or the changes of the version, or what is wrong."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import inspect
 import json
 import os
 import re
@@ -14,25 +15,28 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any
 
 import numpy as np
 import pytest
 
 from ecm._native import __version__, rotation_matrices
+from ecm.cli import console
 from ecm.cli.app import COMMANDS as REGISTRY
 from ecm.cli.app import file_of, load_command
 from ecm.cli.console import Console
 from ecm.cli.main import reported
-from ecm.cli.session import Session
+from ecm.comparison import compare
 from ecm.designs import CRITERIA
 from ecm.effects import LinearEffect, Parameter, unregister
 from ecm.errors import ComputationError, FemError, InputError, ModelError
 from ecm.io.columns import POSE, STIFFNESS, WRENCH
 from ecm.io.mechanism import Mechanism
-from ecm.io.table import read_table
+from ecm.io.table import as_table, read_table
 from ecm.models import PhysicsMap, fit_model
+from ecm.models.refit import refit
 from ecm.report.page import number
 from support.campaigns import campaign, physics
 from support.neck import LENGTH_M, Done, csv_text, neck_columns, neck_rows
@@ -85,13 +89,11 @@ def test_the_help_of_design_names_all_criteria(ecm_command: Command) -> None:
 def test_every_command_has_its_work() -> None:
     for name in COMMANDS:
         file = file_of(name)
-        work = getattr(import_module(f"ecm.cli.{file}"), file)
-        options = import_module(f"ecm.cli.options.{file}").Options
-        assert get_type_hints(work) == {
-            "options": options,
-            "session": Session,
-            "return": type(None),
-        }
+        own = find_spec(f"ecm.cli.{file}") is not None
+        home = import_module(f"ecm.cli.{file}" if own else f"ecm.cli.options.{file}")
+        work = {"options": "Options", "session": "Session", "return": "None"}
+        works = [getattr(home, file)] if own else vars(home).values()
+        assert work in [getattr(found, "__annotations__", None) for found in works]
 
 
 @pytest.mark.parametrize("name", ["", *COMMANDS])
@@ -129,7 +131,9 @@ def test_check_writes_what_it_says(neck_csv: Path, tmp_path: Path, ecm_command: 
     document = read(tmp_path / "check.json")
     assert document["rows"] == 60
     assert {column["name"] for column in document["columns"]} == {*POSE, *WRENCH}
-    assert "anisotropy" in document["testable"]
+    assert "fts_gain" in document["testable"]
+    reasons = {one["id"]: one["reason"] for one in document["not_testable"]}
+    assert "length is not known" in reasons["anisotropy"]  # as diagnose says
 
 
 def test_quiet_says_nothing(neck_csv: Path, tmp_path: Path, ecm_command: Command) -> None:
@@ -593,6 +597,65 @@ def test_a_full_disk_is_said(neck_csv: Path) -> None:
     assert done.returncode == 1
     assert "the disk is full" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_long_work_tells_its_step_and_the_time_left(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(console, "_FIRST_LINE_S", 0.01)
+    monkeypatch.setattr(console, "_LINE_EVERY_S", 0.01)
+    said = ""
+
+    def until(words: str) -> None:
+        nonlocal said
+        for _ in range(2000):  # it fails, rather than that it waits for ever
+            if words in said:
+                break
+            time.sleep(0.005)
+            said += capsys.readouterr().err
+        assert words in said
+
+    with Console().working("fitting") as tell:
+        until("fitting: 0 s so far\n")
+        tell(0, 4, "noise")
+        until("fitting, noise, 0 s so far: 0 of 4\n")
+        tell(3, 4, "all values")
+        until("fitting, all values, 0 s so far: 3 of 4, 0 s left\n")
+    with Console(quiet=True).working("fitting") as tell:
+        tell(0, 4, "noise")
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("name", sorted({*REGISTRY} - {"app", "effects", "new", "reveal"}))
+def test_every_command_that_computes_says_how_far_it_is(name: str) -> None:
+    """All but those that compute nothing, and the page, which shows the progress of its steps."""
+    source = inspect.getsource(import_module(f"ecm.cli.{file_of(name)}"))
+    assert re.search(r"session\.working\(|session\.progress\(|console=session", source)
+
+
+def test_compare_and_refit_tell_their_steps() -> None:
+    x = np.linspace(-1.0, 1.0, 60)
+    columns = {"theta_z_rad": x, "tau_z_Nm": 2.0 * x + 0.1 * np.sign(x), "time_s": 9.0 * x + 9.0}
+    table = as_table(columns)
+    model = fit_model(table, "linear")
+    told: list[tuple[int, int, str]] = []
+
+    def progress(*step: Any) -> None:
+        told.append(step)
+
+    compared = compare(model, table, progress=progress)
+    compared.complete(progress)
+    assert [words for *_, words in told] == [
+        "errors", "structure of the errors", "pose errors", "reference models", "residual maps",
+    ]  # fmt: skip
+    refitted: list[tuple[int, int, str]] = []
+    refit(model, table, add=["fts_drift"], progress=lambda *step: refitted.append(step))
+    assert refitted[1][2] == "form of fts_drift"
+    for steps in (told, refitted):
+        done = [step[0] for step in steps]
+        assert done[0] == 0
+        assert done == sorted(set(done))
+        assert done[-1] < steps[-1][1] == steps[0][1]
 
 
 def test_progress_off_a_terminal_is_plain_lines(

@@ -317,6 +317,8 @@ def test_a_diagnosable_plan_has_repeats_sides_dwells_and_checks(tmp_path: Path) 
     assert "initial" in approaches
     assert len(approaches) > 5
     assert set(poses.column("dwell_s")) == {2.0, 8.0, 30.0}
+    longer = diagnosable_plan(table, chosen, seed=0, dwells_s=(0.5, 120.0))
+    assert set(longer.column("dwell_s")[longer.text("kind") == "pose"]) == {0.5, 120.0}
     assert (kind == "home").sum() >= 6
     assert (kind == "unloaded").sum() >= 2
     rest = plan.poses[kind != "pose"]
@@ -513,3 +515,21 @@ def test_augment_and_time_limit(neck: Path, ecm_command: Command) -> None:
     assert "time limit" in done.out
     assert json.loads(Path("p.json").read_text())["reproducible"] is False
     assert len(read_table("p.csv")) == 3
+
+
+class Stopped(Exception):
+    """Raised by a progress function in the middle of a search."""
+
+
+@pytest.mark.parametrize("criterion", ["d", "a", "g", "i", "di", "maximin"])
+def test_a_search_without_end_is_stopped_by_its_progress(criterion: str) -> None:
+    number = np.arange(60.0)
+    poses = np.column_stack([0.618 * number % 1.0, 0.414 * number % 1.0])
+
+    def progress(done: int, _total: int) -> None:
+        if done > 0:
+            raise Stopped
+
+    own = DesignSettings(criterion=criterion, model="quadratic", starts=2, iterations=10**9)
+    with pytest.raises(Stopped):
+        optimal_design(poses, 9, own, progress=progress)

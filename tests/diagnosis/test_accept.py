@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +14,8 @@ from ecm.diagnosis import DiagnosisSettings, diagnose
 from ecm.diagnosis import accept as accept_module
 from ecm.diagnosis.accept import AcceptanceCheck, acceptance_check
 from ecm.diagnosis.base import choose_base
-from ecm.diagnosis.problem import Problem, assemble
+from ecm.diagnosis.bootstrap import selection_shares
+from ecm.diagnosis.problem import Candidate, Problem, assemble
 from ecm.diagnosis.search import rank, search
 from ecm.diagnosis.settings import DEFAULTS
 from ecm.effects import Rows, all_effects, get_effect
@@ -88,6 +91,25 @@ def test_every_condition_of_a_check_is_tested_above() -> None:
     named = {field.name for field in fields(AcceptanceCheck)}
     assert named - {"id", "winners", "settings", "within_bounds"} == set(FAILS)
     assert (DEFAULTS.level, DEFAULTS.least_bic, DEFAULTS.chosen_share) == (0.01, 6.0, 0.8)
+
+
+def test_what_fails_by_itself_is_dropped_without_bootstraps(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """They take most of the time; an effect that nothing shows fails before them."""
+    table = campaign("", 1.0, 4)
+    softer = effect_of("temperature_modulus", [0.03], 2.0, table)
+    problem = assembled(with_change(table, softer), "temperature_modulus", "anisotropy")
+    beside: list[int] = []
+
+    def counted(problem: Problem, others: Sequence[Candidate], *more: Any) -> dict[str, float]:
+        beside.append(len(others))
+        return selection_shares(problem, others, *more)
+
+    monkeypatch.setattr(accept_module, "selection_shares", counted)
+    accepted = accept_module.accept(problem, [one.candidate for one in rank(problem)])
+    assert [item.id for item in accepted.effects] == ["temperature_modulus"]
+    assert beside == [0]
 
 
 # --- data ---------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,15 @@ import pytest
 from ecm.comparison import compare
 from ecm.diagnosis import diagnose
 from ecm.diagnosis.check import check
+from ecm.diagnosis.problem import assemble
+from ecm.diagnosis.settings import DEFAULTS
+from ecm.effects import effects_for
+from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.description import Instrument, Meta
+from ecm.io.description import FileMeta, Instrument, Meta
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
+from ecm.models.refit import refit
 from support.campaigns import campaign, workspace_poses
 from support.neck import Done
 from support.stand_in import L, wrench
@@ -81,6 +87,23 @@ def test_all_three_say_the_same(case: str) -> None:
         assert absorbed or lacking.get(one.id) == one.reason
     tested = {one.id for one in found.ranking}
     assert tested <= set(checked.testable)
+
+
+def test_all_effects_that_need_the_length_are_told_alike() -> None:
+    table = neck(200, length=False)
+    swept = as_table(
+        {name: table.column(name) for name in (*POSE, *WRENCH)} | {"time_s": 0.05 * np.arange(200)},
+        meta=replace(table.meta, file=FileMeta(kind="continuous")),
+    )
+    for each in (table, swept):
+        model = fit_model(each, "linear")
+        told = assemble(model.base, each, effects_for((*POSE, *WRENCH)), None, DEFAULTS).untestable
+        lacking = {one.id: one.reason for one in check(each).not_testable}
+        assert "length is not known" in lacking["length_error"]
+        assert {id: w.reason for id, w in told.items() if "absorbs" not in w.reason} == lacking
+    # A refit says so before it fits anything.
+    with pytest.raises(InputError, match=r"hysteresis cannot be fitted, .*length is not known"):
+        refit(model, swept, add=["hysteresis"])
 
 
 def test_a_table_with_neither_pose_nor_wrench_is_told_so_by_all(

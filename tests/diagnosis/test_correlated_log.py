@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import os
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -104,3 +107,14 @@ def test_an_effect_that_slow_noise_does_not_give_is_not_hidden() -> None:
     found = find_missing(ecm.fit(table, "cubic"), table)
     assert found.verdict != "none"
     assert found.unknown is None or found.unknown.slow_noise is None
+
+
+def test_any_number_of_cores_gives_the_same_diagnosis(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Resampled groups and the grid of slow noise are shared by threads."""
+    table = slow_log(2, 1.0).select(np.arange(0, ROWS, 6))
+    model, found = ecm.fit(table, "cubic"), set()
+    for cores in (1, 3):
+        own = set(range(cores))
+        monkeypatch.setattr(os, "sched_getaffinity", lambda _, own=own: own, raising=False)
+        found.add(json.dumps(ecm.diagnose(model, table).to_dict()))
+    assert len(found) == 1

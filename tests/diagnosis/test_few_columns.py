@@ -55,6 +55,23 @@ def test_what_looks_like_another_is_in_a_class_of_two(kind: str) -> None:
     assert len(members) <= 2
 
 
+def test_creep_under_a_load_that_is_held_is_relaxation() -> None:
+    """Ten loads, each held for a minute: the angle creeps by a Kelvin element of its own."""
+    random, time = np.random.default_rng(1), 2.0 * np.arange(300)
+    held = np.repeat(random.uniform(-0.6, 0.6, 10), 30)
+    crept = np.zeros(300)
+    for i in range(1, 300):
+        end = held[i] / 12.0
+        crept[i] = end + (crept[i - 1] - end) * np.exp(-2.0 / 25.0)
+    torque = held + 0.005 * random.standard_normal(300)
+    columns = {"time_s": time, "theta_z_rad": held / 3.0 + crept, "tau_z_Nm": torque}
+    meta = {"instrument": {"torque_sd_Nm": 0.005, "pose_rotation_sd_rad": 1e-6}}
+    table = ecm.Table(columns, meta)
+    assert find_missing(ecm.fit(table, "cubic"), table).answer == (("stress_relaxation",),)
+    still = ecm.Table(columns | {"theta_z_rad": held / 3.0}, meta)
+    assert find_missing(ecm.fit(still, "cubic"), still).verdict == "none"
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_where_nothing_is_hidden_nothing_is_named(seed: int) -> None:
     table = one_angle("", seed)
@@ -138,6 +155,11 @@ def test_what_cannot_be_tested_is_at_most_six_lines() -> None:
     assert sum(len(ids.split(", ")) for ids, _, _ in lines) == len(listed)
     assert all(record for _, _, record in lines)
     assert all(len(line) < 300 for line in lines_by_reason(listed))
+    # Of many reasons the last line has each effect beside what it needs.
+    many = ecm.check(campaign("").drop("time_s", "approach")).not_testable
+    last = lines_by_reason(many)[-1]
+    assert len(lines_by_reason(many)) == 6
+    assert "tendon_friction -> tendon1_N, tendon2_N, ...; viscous_damping -> v_ columns" in last
 
 
 def test_one_angle_may_have_a_polynomial_of_degree_nine() -> None:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from ecm.cli.diagnosis_text import paragraphs
 from ecm.comparison import compare
 from ecm.diagnosis import Diagnosis, diagnose, given_model
 from ecm.effects import Effect
-from ecm.errors import ModelError
+from ecm.effects.se3 import rotated
+from ecm.errors import InputError, ModelError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
@@ -20,15 +23,14 @@ from ecm.models import Model, fit_model
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.maps import StiffnessMap
 from ecm.regression.noise import Noise
+from ecm.regression.wild import naming_wild_readings
 from support.campaigns import workspace_poses
 from support.stand_in import L, wrench
 
-META = Meta(
-    mechanism={"length_m": L},
-    instrument=Instrument(
-        pose_position_sd_m=1e-9, pose_rotation_sd_rad=1e-9, force_sd_N=0.3, torque_sd_Nm=0.01
-    ),
+INSTRUMENT = Instrument(
+    pose_position_sd_m=1e-9, pose_rotation_sd_rad=1e-9, force_sd_N=0.3, torque_sd_Nm=0.01
 )
+META = Meta(mechanism={"length_m": L}, instrument=INSTRUMENT)
 
 
 def measured(seed: int, *, factor: float = 1.0, rows: int = 120) -> Table:
@@ -165,6 +167,24 @@ def test_a_table_that_is_misread_lacks_no_effect() -> None:
     assert "no known effect explains" not in found.sentence()
 
 
+def test_one_reading_out_of_all_bounds_is_named_and_nothing_of_the_inside() -> None:
+    """Its force turned a soft clamp by many turns: rotation_vectors, row 1 of an inner array."""
+    table = measured(9, rows=60)
+    force = table.column("fx_N").copy()
+    force[17] = 1e9
+    wild, given = table.with_columns({"fx_N": force}), model()
+    with pytest.raises(InputError, match=r"row 18, column 'fx_N': found 1e\+09.*\[leave_out\]"):
+        diagnose(given, wild, effects=["base_compliance"])
+    with pytest.raises(ModelError, match="NaN"), naming_wild_readings(table):
+        raise ModelError("the prediction is NaN")
+    columns = {"y_m": np.arange(12.0) / 1e3, "fy_N": np.append(np.arange(1.0, 12.0), 1e9)}
+    rest = as_table(columns, meta={"leave_out": {"start": "1-3"}})
+    with pytest.raises(InputError, match="row 12, "), naming_wild_readings(rest):
+        raise ModelError("the prediction is NaN")
+    x = np.array([0.0, 1.0, 0.0])
+    assert np.allclose(rotated(x, np.array([0.0, 0.0, 9.0])), [-np.sin(9.0), np.cos(9.0), 0.0])
+
+
 def test_effects_that_leave_their_range_beside_the_models_kind_are_left_out(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -182,3 +202,96 @@ def test_effects_that_leave_their_range_beside_the_models_kind_are_left_out(
     assert tried
     assert found.model.refitted is not None
     assert found.model.with_effects is None
+
+
+@pytest.mark.parametrize(
+    ("factor", "degrees", "words"),
+    [(1.0, 90.0, "the axes of pose and wrench look turned by 90 degrees about z"), (4.7, 0.0, "")],
+)
+def test_turned_axes_show_against_the_given_model(
+    factor: float, degrees: float, words: str
+) -> None:
+    """No length is stated with these rows: the base is a polynomial, which takes in any axes.
+
+    Another specimen is no misread table.
+    """
+
+    def noisy(seed: int, rows: int) -> Table:
+        """As noisy as what a cubic cannot follow."""
+        table = measured(seed, rows=rows)
+        noise = np.random.default_rng(seed).standard_normal((rows, 6)) * [3, 3, 3, 0.1, 0.1, 0.1]
+        columns = dict(zip(WRENCH, (table.wrenches + noise).T, strict=True))
+        instrument = replace(INSTRUMENT, force_sd_N=3.0, torque_sd_Nm=0.1)
+        return table.with_columns(columns).with_meta(Meta(instrument=instrument))
+
+    april, may = noisy(0, 300), noisy(1, 120)
+    turn = np.asarray(Rotation.from_euler("z", degrees, degrees=True).as_matrix())
+    poses, h = (
+        np.hstack([part[:, :3] @ turn.T, part[:, 3:] @ turn.T])
+        for part in (may.matrix(POSE), factor * may.wrenches)
+    )
+    columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, h.T, strict=True))
+    found = diagnose(fit_model(april, "cubic"), may.with_columns(columns), effects=["payload"])
+    if not words:
+        assert found.model.statement is None
+        assert found.model.answer != "table"
+        return
+    assert f"The table looks misread: {words}" in found.model.sentence()
+    assert found.model.answer == "table"
+    assert found.to_dict()["model"]["statement"]["error_after"] < 3.0
+
+
+def test_a_sign_and_a_unit_of_one_angle_beside_the_given_model() -> None:
+    random = np.random.default_rng(0)
+
+    def hinge(scale: float) -> Table:
+        angle = random.uniform(-0.4, 0.4, 60)
+        torque = 2.0 * angle + 3.0 * angle**3 + 0.01 * random.standard_normal(60)
+        meta = Meta(instrument=Instrument(torque_sd_Nm=0.01, pose_rotation_sd_rad=1e-9))
+        return as_table({"theta_z_rad": scale * angle, "tau_z_Nm": torque}, meta=meta)
+
+    model = fit_model(hinge(1.0), "cubic")
+    assert diagnose(model, hinge(1.0)).model.statement is None
+    said = diagnose(model, hinge(-1.0)).model.statement
+    assert said is not None
+    assert said.what == "the wrench's sign looks reversed"
+    said = diagnose(model, hinge(np.pi / 180.0)).model.statement
+    assert said is not None
+    assert said.what == "the angles look divided by 57.3 once too often"
+
+
+@pytest.mark.parametrize("softer", [1.355818, 0.9])
+def test_another_specimen_is_no_unit_of_torque(softer: float) -> None:
+    random = np.random.default_rng(0)
+
+    def hinge(scale: float) -> Table:
+        angle = random.uniform(-0.4, 0.4, 60)
+        torque = 2.0 * angle + 3.0 * angle**3 + 0.01 * random.standard_normal(60)
+        meta = Meta(instrument=Instrument(torque_sd_Nm=0.01 * scale, pose_rotation_sd_rad=1e-9))
+        return as_table({"theta_z_rad": angle, "tau_z_Nm": scale * torque}, meta=meta)
+
+    model = fit_model(hinge(1.0), "cubic")
+    assert diagnose(model, hinge(1.0 / softer)).model.statement is None  # lbf ft are 1.356 N m
+    said = diagnose(model, hinge(1000.0)).model.statement
+    assert said is not None
+    assert "N mm" in said.what
+
+
+def test_a_model_that_errs_many_times_the_noise_does_not_fit() -> None:
+    """Few rows of six columns: no test of the residual sees what a linear model lacks."""
+    table = measured(3, rows=50)
+    found = diagnose(fit_model(table, "linear"), table, effects=["payload"])
+    assert found.base.kind == "energy"
+    assert found.verdict == "none"
+    assert found.model.answer == "form"
+    assert "fits these data" not in found.sentence()
+
+
+def test_loads_that_are_all_zero_are_not_read_otherwise() -> None:
+    angle = np.linspace(-0.1, 0.1, 40)
+    meta = Meta(instrument=INSTRUMENT)
+    stiff = as_table({"theta_z_rad": angle, "tau_z_Nm": 2.0 * angle}, meta=meta)
+    unloaded = as_table({"theta_z_rad": angle, "tau_z_Nm": 0.0 * angle}, meta=meta)
+    given = diagnose(fit_model(stiff, "linear"), unloaded, effects=[]).model
+    assert given.answer != "table"
+    assert given.statement is None

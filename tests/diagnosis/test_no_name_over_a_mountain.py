@@ -58,6 +58,8 @@ def test_the_bound_on_what_stays_decides_by_itself() -> None:
     half = replace(noise.with_parameters(0.5 * noise.parameters(), "declared"))
     named = diagnose(model(), table, noise=half)
     assert named.verdict == "named"
+    less = replace(noise.with_parameters(noise.parameters() / 2.6, "declared"))
+    assert diagnose(model(), table, noise=less).verdict == "unknown"
     strict = diagnose(model(), table, noise=half, settings=DiagnosisSettings(most_left_error=1.5))
     assert strict.verdict == "unknown"
     assert strict.answer == ()

@@ -158,3 +158,14 @@ def test_an_origin_ten_millimetres_off(what: str) -> None:
     point = re.search(r"point \(([-\d.]+), ([-\d.]+), ([-\d.]+)\) mm", found.sentence())
     assert point is not None
     assert [float(part) for part in point.groups()] == pytest.approx([0.0, 0.0, 10.0], abs=0.3)
+
+
+@pytest.mark.parametrize("factor", [0.95, 1.0, 1.1])
+def test_a_length_that_is_stated_wrongly_shows_in_the_pose_without_force(factor: float) -> None:
+    """No stiffness is stated: an energy of the wrong length fits as well as one of the right."""
+    poses = workspace_poses(90, 7)
+    found = energy(measured(poses, wrench(poses), length_m=factor * L))
+    assert found.verdict == "none"
+    said = [re.search(r"no force at a length of ([\d.]+) m", words) for words in found.warnings]
+    lengths = [float(match[1]) for match in said if match]
+    assert lengths == ([] if factor == 1.0 else [pytest.approx(L, rel=0.005)])

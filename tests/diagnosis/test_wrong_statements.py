@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -117,6 +118,66 @@ def test_a_reversed_wrench_is_said_without_a_body_and_without_a_length() -> None
     assert any("sign looks reversed" in words for words in check(wrong).warnings)
     right = table_of(poses, h).with_meta(Meta(instrument=META.instrument))
     assert not any("sign looks reversed" in words for words in check(right).warnings)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda p, h: (p, in_axes(h, turned("x", 90))), "axes look turned by 90 degrees about x"),
+        (lambda p, h: (p, h * [1, 1, 1, -1, -1, -1]), "misread: the torque's sign looks reversed:"),
+        (lambda p, h: (p, h * [1, -1, 1, -1, 1, -1]), "the y axis of the wrench looks reversed"),
+        (lambda p, h: (p, about_the_base(p, h)), "about the base's origin"),
+        (lambda p, h: (inverse(p), h), "the pose looks inverted"),
+        (lambda p, h: (p * [1, 1, 1, -1, -1, -1], h), "the rotation looks transposed"),
+        (lambda p, h: (euler(p), h), "Euler angles in the order xyz"),
+        (lambda p, h: (p, h), ""),
+        (lambda p, h: (in_axes(p, turned("y", 90)), in_axes(h, turned("y", 90))), ""),
+    ],
+)  # fmt: skip
+def test_without_a_length_the_wrench_must_have_an_energy(
+    change: Callable[[F, F], tuple[F, F]], words: str
+) -> None:
+    """A polynomial takes in every one of these readings; the axes of both are free to choose."""
+    poses, random = workspace_poses(70, 7), np.random.default_rng(8)
+    h = wrench(poses) + random.standard_normal((70, 6)) * NOISE
+    table = table_of(*change(poses, h)).with_meta(Meta(instrument=META.instrument))
+    found = find_missing(fit_model(table, "quadratic"), table, effects=["payload"])
+    said = "" if found.unknown is None else f"misread: {found.unknown.words}"
+    assert words in said if words else said == ""
+
+
+def test_a_spring_that_is_plain_in_the_rotation_vector_is_not_in_degrees() -> None:
+    """Between small angles its law has an energy, whatever the unit is."""
+    random = np.random.default_rng(2)
+    poses = random.uniform(-1.0, 1.0, (80, 6)) * np.repeat([0.004, 0.3], 3) + [0.05, 0, 0, 0, 0, 0]
+    noise = random.standard_normal((80, 6)) * np.repeat([0.02, 2e-4], 3)
+    h = (poses - [0.05, 0, 0, 0, 0, 0]) * [3000.0, 300.0, 300.0, 0.3, 0.5, 0.5] + noise
+    own = replace(META.instrument, force_sd_N=0.02, torque_sd_Nm=2e-4)
+    table = table_of(poses, h).with_meta(Meta(instrument=own))
+    found = find_missing(fit_model(table, "linear"), table, effects=["payload"])
+    assert found.verdict == "none"
+
+
+def test_a_polynomial_that_leaves_much_follows_no_period_in_time() -> None:
+    """Rows under large loads err most where a base is too plain: they are no rhythm."""
+    poses, random = workspace_poses(120, 7), np.random.default_rng(8)
+    h = wrench(poses) + random.standard_normal((120, 6)) * NOISE
+    table = table_of(poses, h).with_meta(Meta(instrument=META.instrument))
+    found = find_missing(fit_model(table, "cubic"), table, effects=["payload"])
+    assert found.verdict == "none"
+
+
+def test_a_turned_wrench_on_a_body_whose_ends_differ() -> None:
+    """The energy that takes both ends as alike leaves too much of any reading."""
+    poses, random = workspace_poses(120, 7), np.random.default_rng(8)
+    thick = wrench(poses)
+    # A spring beside the axis of the top alone: one end gets stiffer.
+    thick[:, 3:] += 20.0 * poses[:, 3:]
+    h = thick + random.standard_normal((120, 6)) * NOISE
+    table = table_of(poses, in_axes(h, turned("x", 90)))
+    found = find_missing(fit_model(table, "linear"), table, effects=["payload"])
+    assert found.unknown is not None
+    assert "turned by 90 degrees about x" in found.unknown.words
 
 
 def test_minutes_for_seconds() -> None:

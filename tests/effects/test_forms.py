@@ -114,6 +114,17 @@ def test_relaxation_over_visits_is_that_at_rest_when_all_else_has_decayed(rows: 
     assert compared > 5
 
 
+@pytest.mark.parametrize("path", ["", "visits"])
+def test_two_branches_of_a_campaign_are_two_effects_of_one_branch(rows: Rows, path: str) -> None:
+    both = StressRelaxation(1.0, second_tau_s=20.0, path=path)
+    assert [parameter.name for parameter in both.parameters] == ["g", "g_second"]
+    single = [StressRelaxation(tau, path=path).columns(rows)[:, :, 0] for tau in (1.0, 20.0)]
+    assert np.array_equal(both.columns(rows), np.stack(single, axis=2))
+    forms = both.variants(rows.table)
+    assert all((form.branches, form.path) == (2, path) for form in forms)  # type: ignore[attr-defined]
+    assert all(form.second_tau_s > 2.0 * form.tau_s for form in forms)  # type: ignore[attr-defined]
+
+
 def test_the_sensors_play_at_its_zero_shifts_all_readings_around_it() -> None:
     table = campaign(seed=5)
     effect, base = FtsHysteresis(0.5, "each"), physics()

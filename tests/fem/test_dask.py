@@ -23,7 +23,7 @@ from support.jobs import copy_cases
 pytest.importorskip("distributed", reason="needs the extra `cluster` (Dask distributed)")
 pytestmark = pytest.mark.filterwarnings("ignore")
 
-N = 90
+N = 48
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 import tracemalloc
 from collections.abc import Callable
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -463,13 +465,11 @@ def test_a_table_shows_itself_in_a_few_lines() -> None:
 def test_parquet_needs_the_extra_or_reads(tmp_path: Path) -> None:
     path = tmp_path / "t.parquet"
     rows = {"y_m": [0.0, 0.1], "fy_N": [0.0, 30.0], "dwell_s": [None, 2.0]}
-    try:
-        import pyarrow as arrow  # noqa: PLC0415 - optional
-        from pyarrow import parquet  # noqa: PLC0415 - optional
-    except ImportError:
+    if find_spec("pyarrow") is None:
         with pytest.raises(MissingExtra, match=r"pip install 'ecm-stiffness\[data\]'"):
             read_table(path)
         return
+    arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
     with pytest.raises(InputError, match="does not exist"):
         read_table(path)
     parquet.write_table(arrow.table(rows), path)

@@ -10,6 +10,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.io import savemat
 from scipy.spatial.transform import Rotation
@@ -17,6 +18,7 @@ from scipy.spatial.transform import Rotation
 import ecm
 from ecm import import_log
 from ecm.io.columns import POSE, WRENCH
+from ecm.logs.rotations import rotation_columns, to_rotation_vectors
 from support.neck import Done
 
 F = np.ndarray[Any, np.dtype[np.float64]]
@@ -106,8 +108,6 @@ def test_files_of_arrays(
 
 
 def test_parquet_data_frames_and_dicts(truth: dict[str, F], tmp_path: Path) -> None:
-    import pandas as pd  # noqa: PLC0415
-
     frame = pd.DataFrame(truth)
     frame.to_parquet(tmp_path / "a.parquet")
     same(import_log(tmp_path / "a.parquet").table, truth)
@@ -132,6 +132,41 @@ def test_every_way_to_write_a_rotation(truth: dict[str, F], word: str) -> None:
     log |= dict(zip(names, parts.T, strict=True))
     imported = import_log(log, rotation=f"{word}:{','.join(names)}", units=["rad"])
     same(imported.table, truth)
+
+
+@pytest.mark.parametrize(
+    "word", ["wxyz", "xyzw", "rows", "columns", "rotvec", "ZYX", "xzy", "zyz",
+             "grood-suntay-right", "grood-suntay-left"],
+)  # fmt: skip
+def test_a_rotation_comes_out_as_it_went_in(truth: dict[str, F], word: str) -> None:
+    theta = pose(truth)[:, 3:]
+    columns = rotation_columns(word, theta)
+    np.testing.assert_allclose(
+        to_rotation_vectors(word, np.column_stack([*columns.values()]))[0], theta, atol=1e-12
+    )
+
+
+def test_predictions_come_with_the_angles_of_a_knee(
+    truth: dict[str, F], tmp_path: Path, ecm_command: Callable[..., Done]
+) -> None:
+    table = ecm.as_table(truth)
+    ecm.fit(table, "linear").save(tmp_path / "model.json")
+    table.write(tmp_path / "poses.csv")
+    files = [tmp_path / "model.json", tmp_path / "poses.csv", "--out", tmp_path / "knee.csv"]
+    refused = ecm_command("predict", *files, "--rotation", "grood")
+    assert refused.code == 2
+    assert "grood-suntay-right" in refused.err
+    ecm.as_table({"y_m": truth["y_m"]}).write(tmp_path / "few.csv")
+    few = ecm_command("predict", files[0], tmp_path / "few.csv", *files[2:], "--rotation", "ZYX")
+    assert "no column theta_x_rad, theta_y_rad, theta_z_rad" in few.err
+    done = ecm_command("predict", *files, "--rotation", "grood-suntay-left")
+    assert done.code == 0, done.err
+    back = import_log(
+        tmp_path / "knee.csv",
+        rotation="grood-suntay-left:flexion_rad,adduction_rad,internal_rotation_rad",
+        units=["SI"],
+    )
+    np.testing.assert_allclose(back.table["theta_x_rad"], truth["theta_x_rad"], atol=1e-9)
 
 
 @pytest.mark.parametrize("side", ["right", "left"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
 from dataclasses import fields
@@ -73,6 +74,14 @@ def test_a_held_out_error_that_is_no_prediction_is_a_sentence() -> None:
     assert not any("share of the spread: fx_N" in text for text in sentences)
 
 
+def test_an_error_as_large_as_the_spread_is_said_in_plain_digits() -> None:
+    x = np.linspace(-1.0, 1.0, 60)
+    table = ecm.Table({"x_m": 1e-3 * x, "fx_N": np.cos(40.0 * x)})
+    sentences = fit_summary(ecm.fit_model(table, "linear"), table, ecm.PolynomialModel(1))
+    assert "100 % of its spread" in sentences["sentences"][0]
+    assert not any("e+02" in text for text in sentences["sentences"])
+
+
 def test_references_say_how_rows_were_held_out() -> None:
     words = ReferenceModels(1.02, 5e8, 1.1, by="time").levels_in_words()
     assert words == (
@@ -90,7 +99,8 @@ def test_the_fit_of_a_log_says_what_its_samples_are_worth(
     done = ecm_command("fit", path, "--model", "linear", "--out", tmp_path / "m.json")
     assert done.code == 0, done.err
     assert "400 samples every 0.01 s stay alike for" in done.out
-    assert "held out, 10 parts of stretches of time, 12 a run, share of the spread" in done.out
+    said = "held out, 10 parts of stretches of time, 12 a run, share of the spread: fy_N "
+    assert re.search(re.escape(said) + r"[\d.]+ %\n", done.out)
 
 
 def test_work_without_progress_says_how_long_it_takes(

@@ -123,6 +123,19 @@ def test_poles_are_those_of_the_sampled_system() -> None:
         assert found == pytest.approx(expected, rel=1e-3)
 
 
+def test_stability_is_the_sign_of_the_slowest_rate() -> None:
+    random = np.random.default_rng(0)
+    real = random.uniform(-2e4, 2e4, 400)
+    modes = np.concatenate([real[:300], real[300:] + 1j * random.uniform(-8e3, 8e3, 100)])
+    stable = 0
+    for bandwidth, delay in ((20.0, 0), (70.0, 3), (150.0, 3), (60.0, 12)):
+        gains = Gains(bandwidth_rad_s=bandwidth, dt_s=1e-3, delay_steps=delay, factor=1.5)
+        rates = gains.decay_per_s(modes, 0.8 * modes)
+        assert np.array_equal(gains.is_stable(modes, 0.8 * modes), rates > 0.0)
+        stable += int((rates > 0.0).sum())
+    assert 200 < stable < 1400
+
+
 def test_what_no_gain_can_hold_is_said() -> None:
     """A pose that falls faster than the delay lets the loop see."""
     buckling = np.diag([4e3, -4e3, 4e3, 4.0, 16.0, 16.0])[None]

@@ -29,23 +29,23 @@ def test_the_estimator_fits_and_predicts_as_the_model() -> None:
 
 
 def test_scikit_learn_clones_validates_and_searches() -> None:
-    pytest.importorskip("sklearn", reason="scikit-learn is not installed (extra learn)")
-    from sklearn.base import clone, is_regressor  # noqa: PLC0415 - optional
-    from sklearn.metrics import r2_score  # noqa: PLC0415 - optional
-    from sklearn.model_selection import GridSearchCV, cross_val_score  # noqa: PLC0415 - optional
+    missing = "scikit-learn is not installed (extra learn)"
+    base = pytest.importorskip("sklearn.base", reason=missing)
+    metrics = pytest.importorskip("sklearn.metrics", reason=missing)
+    selection = pytest.importorskip("sklearn.model_selection", reason=missing)
 
     estimator = ModelEstimator(EnergyModel(degree=4), length_m=L)
     fitted = estimator.fit(X, Y)
-    assert is_regressor(estimator)
-    fresh = clone(fitted)
+    assert base.is_regressor(estimator)
+    fresh = base.clone(fitted)
     assert fresh.get_params() == estimator.get_params()
     assert not hasattr(fresh, "model_")
-    assert fitted.score(X, Y) == pytest.approx(r2_score(Y, fitted.predict(X)))
-    scores = cross_val_score(ModelEstimator("linear"), X, Y, cv=3)
+    assert fitted.score(X, Y) == pytest.approx(metrics.r2_score(Y, fitted.predict(X)))
+    scores = selection.cross_val_score(ModelEstimator("linear"), X, Y, cv=3)
     assert scores.shape == (3,)
-    assert np.all(cross_val_score(estimator, X, Y, cv=3) > scores)
+    assert np.all(selection.cross_val_score(estimator, X, Y, cv=3) > scores)
     options = {"model": ["linear", EnergyModel(4)]}
-    found = GridSearchCV(ModelEstimator(length_m=L), options, cv=3).fit(X, Y)
+    found = selection.GridSearchCV(ModelEstimator(length_m=L), options, cv=3).fit(X, Y)
     assert found.best_estimator_.model == EnergyModel(4)
 
 

@@ -137,13 +137,13 @@ def test_cortex_m_gives_the_golden_vectors(
 
 
 def test_steps_on_a_cortex_m_give_the_golden_history_in_c_and_rust(
-    fitted: dict[str, Model], tmp_path: Path
+    fitted: dict[str, Model], products: Path, tmp_path: Path
 ) -> None:
     core, model = "cortex-m4", with_time(fitted["energy6"])
     folder = written(model, tmp_path, "c", "single")
     run_on_board(linked(folder, core, folder / "neck.c", folder / "neck_check.c"), core)
     written(model, folder / "neck", "rust", "single")
-    library = rust_library(folder, "3", "single", steps=True)
+    library = rust_library(folder, products, "3", "single", steps=True)
     run_on_board(linked(folder, core, folder / "neck_check.c", library), core)
     header, lib = folder / "neck.h", folder / "neck" / "src" / "lib.rs"
     stated = {
@@ -160,8 +160,13 @@ def test_steps_on_a_cortex_m_give_the_golden_history_in_c_and_rust(
             assert 0.3 * int(limit) < deep <= int(limit)
 
 
-def rust_library(folder: Path, level: str, precision: str, *, steps: bool = False) -> Path:
-    """The exported crate in `folder`/neck and the example of ecm-poly, to link with C."""
+def rust_library(
+    folder: Path, products: Path, level: str, precision: str, *, steps: bool = False
+) -> Path:
+    """The exported crate in `folder`/neck and the example of ecm-poly, to link with C.
+
+    What the crates depend on is compiled once a session, in `products`.
+    """
     need_rust_target(THUMB)
     source = (CORTEX / "firmware.rs").read_text(encoding="utf-8")
     if steps:
@@ -178,12 +183,12 @@ def rust_library(folder: Path, level: str, precision: str, *, steps: bool = Fals
         need_program("cargo"), "build", "--release", "--offline", "--target", THUMB,
         cwd=folder,
         env={
-            **os.environ, "CARGO_TARGET_DIR": str(folder / "target"),
+            **os.environ, "CARGO_TARGET_DIR": str(products / "firmware"),
             "CARGO_PROFILE_RELEASE_OPT_LEVEL": level, "RUSTFLAGS": "-D warnings",
         },
     )  # fmt: skip
     assert built.returncode == 0, built.stderr
-    return folder / "target" / THUMB / "release" / "libfirmware.a"
+    return Path(shutil.copy(products / "firmware" / THUMB / "release" / "libfirmware.a", folder))
 
 
 @pytest.mark.parametrize(
@@ -191,12 +196,12 @@ def rust_library(folder: Path, level: str, precision: str, *, steps: bool = Fals
     [("cubic", "single"), ("cubic", "double"), ("energy6", "single"), ("energy6", "double")],
 )
 def test_rust_on_a_cortex_m_gives_the_golden_vectors_of_the_c(
-    fitted: dict[str, Model], name: str, precision: str, tmp_path: Path
+    fitted: dict[str, Model], name: str, precision: str, products: Path, tmp_path: Path
 ) -> None:
     core = "cortex-m4"
     folder = written(fitted[name], tmp_path, "c", precision)
     written(fitted[name], tmp_path / "neck", "rust", precision)
-    library = rust_library(folder, "3", precision)
+    library = rust_library(folder, products, "3", precision)
     run_on_board(linked(folder, core, folder / "neck_check.c", library), core)
     run_on_board(linked(folder, core, CORTEX / "example.c", library), core)
     counted = run_on_board(linked(folder, core, CORTEX / "count.c", library), core)
@@ -210,7 +215,7 @@ def test_rust_on_a_cortex_m_gives_the_golden_vectors_of_the_c(
 
 @pytest.mark.parametrize("level", ["0", "1", "3", "s"])
 def test_rust_in_single_precision_has_no_double_arithmetic(
-    fitted: dict[str, Model], level: str, tmp_path: Path
+    fitted: dict[str, Model], level: str, products: Path, tmp_path: Path
 ) -> None:
     nm = need_program("arm-none-eabi-nm")
     double = re.compile(r"__aeabi_(d|\w+2d)|__\w+df|__extendsf")
@@ -218,7 +223,7 @@ def test_rust_in_single_precision_has_no_double_arithmetic(
     for precision in ("single", "double") if level == "3" else ("single",):
         folder = written(fitted["energy4"], tmp_path / precision, "c", precision)
         written(fitted["energy4"], folder / "neck", "rust", precision)
-        library = rust_library(folder, level, precision)
+        library = rust_library(folder, products, level, precision)
         program = linked(folder, "cortex-m4", folder / "neck_check.c", library)
         found[precision] = double.findall(done(nm, program).stdout)
     assert found.pop("single") == []
@@ -346,6 +351,9 @@ def test_a_polynomial_of_any_shape_is_a_crate(
     model = fit_model(as_table(columns), f"poly:{degree}")
     folder = written(model, tmp_path, "rust", precision)
     assert not (folder / "src" / "evaluation").exists()
+    oldest = re.search(r'^rust-version = "\S+"$', (ROOT / "Cargo.toml").read_text("utf-8"), re.M)
+    assert oldest is not None
+    assert oldest.group() in (folder / "Cargo.toml").read_text("utf-8").splitlines()
     environment = {
         **os.environ, "CARGO_TARGET_DIR": str(tmp_path / "target"), "RUSTFLAGS": "-D warnings",
     }  # fmt: skip

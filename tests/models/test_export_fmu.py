@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ecm.errors import ComputationError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import as_table
 from ecm.models import fit_model
@@ -170,4 +171,5 @@ def test_without_a_compiler_the_sources_are_exported_and_it_is_said(
     monkeypatch.setenv("PATH", "")
     exported = export_files(fitted("energy4"), "fmu", "neck")
     assert any("no binary" in note for note in exported.notes)
-    assert shared_library({"a.c": ""}, ["a.c"], WINDOWS) is None
+    with pytest.raises(ComputationError, match="no C compiler"):
+        shared_library({"a.c": ""}, ["a.c"], WINDOWS)

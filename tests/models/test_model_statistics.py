@@ -200,10 +200,10 @@ def test_the_energy_fit_is_numpys_generalised_least_squares() -> None:
 
 
 def test_scikit_learn_gives_the_same_polynomials() -> None:
-    pytest.importorskip("sklearn", reason="scikit-learn is not installed (extra learn)")
-    from sklearn.decomposition import TruncatedSVD  # noqa: PLC0415 - optional
-    from sklearn.linear_model import LinearRegression, Ridge  # noqa: PLC0415 - optional
-    from sklearn.preprocessing import PolynomialFeatures  # noqa: PLC0415 - optional
+    missing = "scikit-learn is not installed (extra learn)"
+    decomposition = pytest.importorskip("sklearn.decomposition", reason=missing)
+    linear_model = pytest.importorskip("sklearn.linear_model", reason=missing)
+    preprocessing = pytest.importorskip("sklearn.preprocessing", reason=missing)
 
     table = campaign(seed=3).measured()
     poses, wrenches = table.poses.copy(), table.wrenches.copy()
@@ -212,18 +212,20 @@ def test_scikit_learn_gives_the_same_polynomials() -> None:
 
     def features(points: F) -> F:
         unit = 2.0 * (points - lower) / (upper - lower) - 1.0
-        return np.asarray(PolynomialFeatures(3).fit_transform(unit))
+        return np.asarray(preprocessing.PolynomialFeatures(3).fit_transform(unit))
 
     size = np.abs(wrenches).max(axis=0)
-    plain = LinearRegression(fit_intercept=False).fit(features(poses), wrenches)
+    plain = linear_model.LinearRegression(fit_intercept=False).fit(features(poses), wrenches)
     ours = _native.PolynomialModel.fit(poses, wrenches, 3)
     assert np.all(np.abs(ours.predict(poses) - plain.predict(features(poses))) < 1e-9 * size)
-    ridge = Ridge(alpha=0.3, fit_intercept=False, solver="svd").fit(features(poses), wrenches)
+    ridge = linear_model.Ridge(alpha=0.3, fit_intercept=False, solver="svd").fit(
+        features(poses), wrenches
+    )
     ours = _native.PolynomialModel.fit(poses, wrenches, 3, method="ridge", ridge=0.3)
     assert np.all(np.abs(ours.predict(test) - ridge.predict(features(test))) < 1e-9 * size)
-    svd = TruncatedSVD(40, algorithm="arpack", tol=1e-13, random_state=0)
+    svd = decomposition.TruncatedSVD(40, algorithm="arpack", tol=1e-13, random_state=0)
     scores = svd.fit_transform(features(poses))
-    component = LinearRegression(fit_intercept=False).fit(scores, wrenches)
+    component = linear_model.LinearRegression(fit_intercept=False).fit(scores, wrenches)
     threshold = singular_threshold("rank:40", poses, wrenches, 3)
     ours = _native.PolynomialModel.fit(poses, wrenches, 3, method="pcr", threshold=threshold)
     expected = component.predict(scores)
@@ -284,7 +286,12 @@ def test_the_one_standard_error_rule_takes_the_small_model() -> None:
     assert choice.error[0] > 2.0 * choice.error[1]
     assert choice.coefficients[1] == 22
     # Degree and b the same way: a smaller error has to be worth its coefficients.
-    degrees = choose_model(table, ["linear", "quadratic", "cubic"], folds=5)
+    told: list[tuple[int, int, str]] = []
+    degrees = choose_model(
+        table, ["linear", "quadratic", "cubic"], folds=5, progress=lambda *at: told.append(at)
+    )
+    assert [at[:2] for at in told] == [(i, 15) for i in range(15)]
+    assert told[-1][2] == "cubic"
     within = degrees.error <= degrees.error.min() + degrees.standard_error[degrees.error.argmin()]
     assert degrees.chosen == int(np.argmax(within))
     cuts = [PolynomialModel(3, pcr=b) for b in (0.01, 0.1, 0.5, 2.0)]

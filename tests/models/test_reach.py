@@ -124,7 +124,13 @@ def test_poses_beyond_the_fem_are_said(neck_physics: PhysicsMap, tmp_path: Path)
     (said,) = predict(Model(base=neck_physics), far).warnings
     assert said.startswith("2 of 3 poses turn further than the FEM behind the physics, 0.8")
     assert "reach_rad=1.30" in said
+    # Each far row carries the error, the others that of the base.
+    predicted = predict(Model(base=neck_physics), far)
     wrenches = neck_physics.predict(poses)
+    sd, force = predicted["sd_fy_N"], np.linalg.norm(wrenches[:, :3], axis=1)
+    assert sd[0] == pytest.approx(neck_physics.error[1])
+    assert sd[1] == pytest.approx(np.hypot(neck_physics.error[1], 0.0096 * force[1]), rel=0.05)
+    assert sd[1] / force[1] > sd[2] / force[2]
     both = far.with_columns(dict(zip(WRENCH, wrenches.T.copy(), strict=True)))
     assert said in compare(Model(base=neck_physics), both).warnings
     assert not predict(Model(base=physics()), far).warnings

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from release.version import oldest_rust
 from support.neck import ROOT
 from support.programs import need_program, need_rust_target
 
@@ -58,6 +59,21 @@ def test_every_dependency_has_a_licence_of_deny_toml(packages: list[dict[str, An
 def test_every_dependency_comes_from_the_registry(packages: list[dict[str, Any]]) -> None:
     registry = "registry+https://github.com/rust-lang/crates.io-index"
     assert {p["source"] for p in packages} == {None, registry}
+
+
+def test_no_dependency_needs_a_newer_compiler_than_is_promised(
+    packages: list[dict[str, Any]],
+) -> None:
+    def parts(version: str) -> tuple[int, ...]:
+        return tuple(int(part) for part in version.split("."))
+
+    promised = parts(oldest_rust())
+    newer = {
+        p["name"]: p["rust_version"]
+        for p in packages
+        if parts(p["rust_version"] or "0") > (*promised, 99)
+    }
+    assert newer == {}
 
 
 @pytest.mark.parametrize("crate", [c.name for c in PUBLISHED])

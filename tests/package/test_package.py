@@ -14,7 +14,7 @@ import pytest
 
 import ecm
 from ecm.cli.app import COMMANDS, file_of
-from support.neck import csv_text, neck_columns
+from support.neck import ROOT, csv_text, neck_columns
 
 
 @pytest.mark.parametrize("name", ecm.__all__)
@@ -127,3 +127,23 @@ def test_blas_has_one_thread_inside_a_function_and_its_own_after() -> None:
         THREADS,
     )
     assert done == ["[1]", *in_a_process(THREADS)]
+
+
+def test_a_step_is_one_line_and_its_error_comes_out_whole() -> None:
+    """`make demo` and the set-up run everything through scripts/step."""
+
+    def step(script: str) -> subprocess.CompletedProcess[str]:
+        command = [ROOT / "scripts" / "step", "A step", "sh", "-c", script]
+        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+
+    quiet = step("echo loud; echo louder >&2")
+    assert (quiet.returncode, quiet.stderr) == (0, "")
+    assert quiet.stdout.split() == ["A", "step", "0", "s"]
+    failed = step("echo first; echo second >&2; exit 3")
+    assert failed.returncode == 3
+    for line in ("A step", "failed after", "first", "second", "failed (3): sh -c"):
+        assert line in failed.stdout
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    demo = makefile[makefile.index("\n$(VENV)/.demo:") :].split("\n\n")[0]
+    assert "--group build --group demo" in demo
+    assert "--group dev" not in demo

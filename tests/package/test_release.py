@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import yaml
 
-from release import check, foreign, version, wheels
+from release import check, foreign, size, version, wheels, wine
 from support.neck import ROOT
 
 if sys.version_info >= (3, 11):
@@ -109,6 +110,72 @@ def test_a_wheel_is_refused_that_does_not_keep_its_tag(
     with pytest.raises(RuntimeError, match=r"linux_x86_64\.whl was built.*manylinux_2_28_x86_64"):
         wheels.build("x86_64-unknown-linux-gnu", tmp_path)
     assert list(tmp_path.iterdir()) == []
+
+
+NEEDS = 'The following external shared libraries are required by the wheel: { "libc.so": null%s }'
+
+
+@pytest.mark.parametrize(
+    ("tag", "words", "kept"),
+    [
+        ("manylinux_2_28_x86_64", 'is consistent with the following platform tag: "%s"', True),
+        (
+            "manylinux_2_28_x86_64",
+            'is consistent with the following platform tag: "linux%s"',
+            False,
+        ),
+        ("musllinux_1_2_x86_64", NEEDS, True),
+        ("musllinux_1_2_x86_64", NEEDS.replace("null", 'null, "libz.so": null'), False),
+    ],
+)
+def test_a_wheel_that_needs_more_than_its_tag_allows_is_a_failure(
+    tag: str, words: str, kept: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def show(command: list[str], **settings: Any) -> SimpleNamespace:
+        # The C library of this machine is no text that auditwheel could read as musl's.
+        assert ("--ldpaths" in command) == tag.startswith("musl")
+        return SimpleNamespace(
+            stdout=words.replace("%s", "" if "null" in words else tag), stderr=""
+        )
+
+    monkeypatch.setattr(wheels.subprocess, "run", show)
+    wheel = tmp_path / f"ecm_stiffness-0.1.0-cp310-abi3-{tag}.whl"
+    if kept:
+        wheels.audit(wheel)
+    else:
+        with pytest.raises(RuntimeError, match="ecm_stiffness"):
+            wheels.audit(wheel)
+
+
+@pytest.mark.parametrize(
+    ("megabytes", "seconds", "kept"), [(59.0, 0.2, True), (60.2, 0.2, False), (59.0, 0.3, False)]
+)
+def test_an_install_beyond_its_promise_is_a_failure(
+    megabytes: float, seconds: float, kept: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+
+    def download(wheel: Path, python: str, folder: Path) -> float:
+        asked.append(python)
+        return megabytes
+
+    monkeypatch.setattr(size, "_download", download)
+    monkeypatch.setattr(size, "_run", lambda command, forget: (seconds, seconds))
+    monkeypatch.setattr(size.venv, "create", lambda *given, **named: None)
+    monkeypatch.setattr(size.subprocess, "run", lambda *given, **named: None)
+    if kept:
+        assert size.words(tmp_path / "a.whl").startswith("download 59.0 MB on 3.10, ")
+    else:
+        with pytest.raises(RuntimeError, match=r"at most 60 MB, 1\.0 s and 0\.25 s"):
+            size.words(tmp_path / "a.whl")
+    assert set(size.PYTHONS) <= set(asked)
+
+
+def test_every_complex_function_of_windows_has_a_definition() -> None:
+    names, code = wine.complex_numbers()
+    defined = set(re.findall(r"(own_\w+)\(", code))
+    assert {"cabs", "crealf", "cexpl", "cpowf"} <= set(names)
+    assert set(names.values()) == defined
 
 
 def test_figures_of_another_machine_that_differ_are_a_failure(tmp_path: Path) -> None:

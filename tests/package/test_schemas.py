@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -103,12 +104,24 @@ def test_the_summary_of_a_job_fits_its_schema(quick_job: Path) -> None:
     assert problems("identify", summary) == []
 
 
-def test_the_figures_of_a_head_fit_its_schema() -> None:
+def test_what_ecm_head_writes_fits_its_schema(
+    tmp_path: Path, ecm_command: Callable[..., Done], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The command with a loop that is done already: the true one takes minutes."""
+    need_packages("mujoco")
     model = fit_model(full_table(), "linear")
     still = Record("still", *np.zeros((2, 1, 6)), np.full((1, 4), 9.0), np.zeros(1), ((0, 1),))
-    loop = HeadLoop(full_table(), model, model, ("payload",), still, still)
-    plain = json.loads(json.dumps({"schema": 1, "seed": 0, "hidden": "payload", **loop.to_dict()}))
-    assert problems("head", plain) == []
+    loop = HeadLoop(full_table(), model, model, ("hysteresis",), still, still)
+    command = import_module("ecm.cli.head")
+    monkeypatch.setattr(command, "fem_neck", lambda *given, **named: None)
+    monkeypatch.setattr(command, "Bench", lambda *given: None)
+    monkeypatch.setattr(command, "run_loop", lambda bench, **named: loop)
+    written = tmp_path / "head.json"
+    done = ecm_command("head", "--out", tmp_path, "--hide", "hysteresis", "--json", written)
+    assert done.code == 0, done.err
+    assert problems("head", json.loads(written.read_text(encoding="utf-8"))) == []
+    assert {"campaign.csv", "before.json", "after.json"} <= {f.name for f in tmp_path.iterdir()}
+    assert f"next: ecm compare {tmp_path}/after.json" in done.out
 
 
 def test_what_does_not_fit_is_noticed(folder: Path) -> None:

@@ -19,7 +19,7 @@ import pytest
 from ecm.models import PhysicsMap
 from support.jobs import copy_cases
 from support.neck import ROOT
-from support.pages import blocks, follow, run
+from support.pages import Block, blocks, follow, run, run_apart, run_here
 
 PAGE = ROOT / "docs" / "tutorial.md"
 OWN = ROOT / "docs" / "own_effect.md"
@@ -29,12 +29,23 @@ OTHERS = (21, 22, 23)
 """Taken as they come; what they hide is not looked at."""
 
 
+def run_again(block: Block, folder: Path, where: str) -> str:
+    """Run a block of a page that is also run as it stands: plain commands in this process."""
+    return (run_apart if "if [" in block.text else run_here)(block, folder, where)
+
+
+def run_python_apart(block: Block, folder: Path, where: str) -> str:
+    """Run commands in this process, but Python, which may register effects, in one of its own."""
+    return (run_apart if block.language == "python" else run_here)(block, folder, where)
+
+
 def measured(folder: Path, seed: int | None = None) -> str:
     """What the page's last block prints after all but the plan, with that seed instead."""
     page = blocks(PAGE)[2:]
-    if seed is not None:
-        page = [replace(b, text=b.text.replace(SEED, f"--seed {seed} ")) for b in page]
-    return follow(page, PAGE.name, folder) or ""
+    if seed is None:
+        return follow(page, PAGE.name, folder) or ""
+    page = [replace(b, text=b.text.replace(SEED, f"--seed {seed} ")) for b in page]
+    return follow(page, PAGE.name, folder, run_again) or ""
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +81,7 @@ def test_an_effect_of_ones_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, quick_job: Path, neck_physics: PhysicsMap
 ) -> None:
     copy_cases(quick_job, tmp_path / "candidates.parts")
-    follow(blocks(OWN), OWN.name, tmp_path)
+    follow(blocks(OWN), OWN.name, tmp_path, run_python_apart)
     ask = ["ecm", "predict", "better.json", "measured.csv", "--out", "predicted.csv"]
     with pytest.raises(AssertionError, match="unknown effect 'hose'"):
         run(ask, tmp_path, OWN.name)
@@ -93,7 +104,7 @@ def test_what_the_paper_s_protocol_cannot_test_a_diagnosable_plan_names(
 ) -> None:
     folder = tmp_path / "page"
     shutil.copytree(planned, folder)
-    follow(blocks(DESIGNS), DESIGNS.name, folder)
+    follow(blocks(DESIGNS), DESIGNS.name, folder, run_again)
 
     def said(name: str) -> tuple[dict[str, Any], set[str]]:
         found = json.loads((folder / name).read_text(encoding="utf-8"))
@@ -116,14 +127,14 @@ def test_the_next_experiment_is_measured_and_tells_a_class_apart(
 ) -> None:
     folder = tmp_path / "next"
     shutil.copytree(planned, folder)
-    for command in (
-        "new rig",
-        "campaign plan.csv --rig rig.toml --hide face_tilt=1 --seed 1 --out first.csv",
-        "diagnose neck.toml first.csv --json first.json --next next.csv",
-        "campaign next.csv --rig rig.toml --hide first.csv --seed 2 --out second.csv",
-        "diagnose neck.toml first.csv second.csv --json joint.json",
-    ):
-        run(["ecm", *command.split()], folder, command)
+    commands = """
+ecm new rig
+ecm campaign plan.csv --rig rig.toml --hide face_tilt=1 --seed 1 --out first.csv
+ecm diagnose neck.toml first.csv --json first.json --next next.csv
+ecm campaign next.csv --rig rig.toml --hide first.csv --seed 2 --out second.csv
+ecm diagnose neck.toml first.csv second.csv --json joint.json
+"""
+    run_here(Block("sh", "", commands.strip(), 0), folder, "the next experiment")
     first, joint = (
         json.loads((folder / name).read_text(encoding="utf-8"))
         for name in ("first.json", "joint.json")

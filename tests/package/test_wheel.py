@@ -10,7 +10,7 @@ from pathlib import Path
 from zipfile import ZipFile
 
 from ecm.models import PhysicsMap
-from support.jobs import QUICK, copy_cases
+from support.jobs import copy_cases, write_smaller
 from support.neck import ROOT
 
 
@@ -53,12 +53,7 @@ def test_the_wheel_installs_and_identifies_without_rust(
         timeout=600,
         env={**os.environ, "PYTHONPATH": ""},
     )
-    small = QUICK.read_text(encoding="utf-8")
-    for usual, less in (("\nn = 240", "\nn = 110"), ("n_test = 40", "n_test = 10"),
-                        ("\nn = 100", "\nn = 88")):  # fmt: skip
-        assert usual in small
-        small = small.replace(usual, less)
-    (tmp_path / "quick.toml").write_text(small, encoding="utf-8")
+    write_smaller(tmp_path / "quick.toml", n=110, n_test=10, design=88)
     copy_cases(quick_job, tmp_path / "out" / "stages")  # the campaigns solve their own poses
     done = subprocess.run(
         [clean / "bin" / "ecm", "identify", "quick.toml", "--out", "out"],

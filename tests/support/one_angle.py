@@ -25,7 +25,7 @@ def cycles(rows: int = 400) -> tuple[F, F]:
     return time, 0.5 * (0.6 + 0.4 * np.sin(0.37 * phase + 0.3)) * np.sin(phase)
 
 
-def one_angle(kind: str, seed: int = 0) -> Table:  # noqa: PLR0912
+def one_angle(kind: str, seed: int = 0) -> Table:  # noqa: PLR0912 - one branch an effect
     """Four cycles of a spring with one effect; the id of the effect, or "" for none."""
     time, angle = cycles()
     columns: dict[str, F] = {}

@@ -17,8 +17,8 @@ from pathlib import Path
 
 from support.neck import ROOT
 
-CACHING = ("io", "fem", "models", "rig")
-"""Rooms that write to the cache folder, and what they compute with beside the native module."""
+CACHING = ("io", "fem", "models/physics", "rig")
+"""What writes to the cache folder, and what it computes with beside the native module."""
 _WEEK_S = 7 * 24 * 3600.0
 
 

@@ -14,12 +14,14 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 from starlette.testclient import TestClient
 
 from ecm.cli.campaign import paced
@@ -107,6 +109,9 @@ def test_the_loop_by_its_routes_and_the_script_that_repeats_it(app: App, tmp_pat
         added = state["model"]
         assert client.post("/api/undo", json={}).json()["model"] != added
         assert client.post("/api/redo", json={}).json()["model"] == added
+        frozen = step(client, app, "refit", freeze=["fts_drift"])["fit"]["effects"]
+        assert [(effect["id"], effect["frozen"]) for effect in frozen] == [("fts_drift", True)]
+        assert step(client, app, "export", to="c", force=True)["export"]["files"]
         script = client.get("/files/script.sh").text
         state = client.get("/api/state").json()
     _same_bytes_by(script, app.session, tmp_path)
@@ -202,6 +207,42 @@ def test_logs_that_are_dropped_together_become_runs_of_one_table(app: App, tmp_p
     assert sorted(set(table.column("run"))) == [0, 1]
 
 
+def test_a_matlab_file_is_listed_and_imported(app: App, tmp_path: Path) -> None:
+    x = np.linspace(-1.0, 1.0, 20)
+    savemat(
+        tmp_path / "rig.mat",
+        {"stroke_x_mm": x, "cell": 10 * x, "q": np.tile([1.0, 0, 0, 0], (20, 1))},
+    )
+    with client_of(app) as client:
+        assert client.get("/api/view/log").status_code == 400
+        assert upload(client, tmp_path / "rig.mat", "rig.mat").status_code == 200
+        columns = {item["name"]: item for item in client.get("/api/view/log").json()["columns"]}
+        assert columns["cell"] == {
+            "name": "cell", "range": [-10.0, 10.0], "unit": "", "standard": "", "quantity": "",
+        }  # fmt: skip
+        assert (columns["stroke_x_mm"]["standard"], columns["stroke_x_mm"]["unit"]) == ("x_m", "mm")
+        state = step(client, app, "import", map=["fx_N=cell:N"], rotation="wxyz")
+    assert {"x_m", "fx_N", "theta_x_rad"} <= state["imported"]["columns"].keys()
+    assert state["check"]["rows"] == 20
+
+
+def test_a_parquet_file_is_a_table_and_stands_in_the_script(app: App, tmp_path: Path) -> None:
+    pyarrow = pytest.importorskip("pyarrow")
+    rows = read_table(table(tmp_path / "stage.csv"))
+    columns = {name: rows.column(name) for name in ("x_m", "fx_N", "time_s")}
+    import_module("pyarrow.parquet").write_table(pyarrow.table(columns), tmp_path / "rig.parquet")
+    with client_of(app) as client:
+        assert upload(client, tmp_path / "rig.parquet", "rig.parquet").status_code == 200
+        state = finished(client, app)
+        assert state["data"] == [{"file": "upload-1.parquet", "name": "rig.parquet"}]
+        assert (state["check"]["rows"], state["dropped"]) == (24, ["rig.parquet"])
+        listed = {item["name"]: item for item in client.get("/api/view/log").json()["columns"]}
+        assert listed["x_m"]["standard"] == "x_m"
+        poses = client.get("/api/view/poses").json()
+        assert poses["columns"]["x_m"] == pytest.approx(columns["x_m"], rel=1e-5)
+        assert "upload-1.parquet" in client.get("/files/script.sh").text
+
+
 def test_looking_keeps_redo_and_undo_keeps_an_opened_truth(app: App, tmp_path: Path) -> None:
     data = sealed_table(tmp_path / "stage.csv")
     app.session.add_table(data, "stage.csv")
@@ -252,8 +293,29 @@ def test_readings_of_a_running_campaign_are_there_as_they_come(app: App) -> None
         found = client.get("/api/live").json()
         assert (found["row"], found["columns"]["x_m"]) == ([1, 2], [0.1, 0.1])
         assert found["force_N"] == [5.0, 5.0]
+        with journal.open("a", encoding="utf-8") as file:
+            file.write(line[len("0.1,0.") :] + "\n")
+        found = client.get("/api/live?after=2").json()
+        assert (found["row"], "plan" in found) == ([3], False)
+        for wrong in ("-1", "9" * 5000):
+            assert client.get(f"/api/live?after={wrong}").status_code == 400
         app.session.end(step.number, "cancelled", "", 0.0)
-        assert client.get("/api/live").json() == {"plan": None}
+        assert client.get("/api/live").json() == {"step": None}
+
+
+def test_of_a_growing_journal_only_what_is_new_is_read(app: App) -> None:
+    step = app.session.begin("example", {"name": "neck"})
+    measured = app.session.folder / "data-1.journal.csv"
+    line = ",".join(["0.1"] * len(HEADER.split(",")))
+    measured.write_text(f"# campaign 1\n{HEADER}\n{line}\n", encoding="utf-8")
+    assert app.readings.after(step, 0)["row"] == [1]
+    assert len(app.session.journal.read().steps) == 1
+    for path in (measured, app.session.journal.path):
+        path.write_bytes(b"x" * path.stat().st_size)  # not read again
+    with measured.open("a", encoding="utf-8") as file:
+        file.write(f"{line}\n")
+    assert app.readings.after(step, 0)["row"] == [1, 2]
+    assert len(app.session.journal.read().steps) == 1
 
 
 def test_a_reading_takes_as_long_as_a_person_needs_to_see_it(

@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import json
 import signal
+import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
+import uvicorn
 
+from ecm.effects import get_effect, unregister
 from ecm.io.columns import POSE, WRENCH
+from ecm.workflow.app.serve import begin
+from ecm.workflow.app.server import App, application
 from support.chromium import Page, open_chromium
 from support.neck import LENGTH_M, STIFFNESS, csv_text, neck_rows
 
@@ -36,8 +43,39 @@ def drifting_table(path: Path) -> Path:
     return path
 
 
+def unexplained_table(path: Path) -> Path:
+    """One axis, each pose twice; the force follows the square of a column of one's own."""
+    random = np.random.default_rng(3)
+    x, own = np.tile(random.uniform(-1e-3, 1e-3, 45), 2), np.tile(random.standard_normal(45), 2)
+    force = 1e4 * x + 0.5 * own**2 + 0.02 * random.standard_normal(90)
+    rows = np.column_stack([x, force, 30.0 * np.arange(90), np.arange(90) % 45, own]).tolist()
+    lines = [",".join(map(repr, row)) for row in rows]
+    text = "\n".join([f"x_m,fx_N,time_s,pose_id,{HOSTILE}", *lines, ""])
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
 @contextmanager
-def served(*arguments: str | Path) -> Iterator[str]:
+def served(*tables: Path, folder: Path) -> Iterator[str]:
+    """A session served by this process, which has imported all already; yields its address."""
+    with closing(App.of(folder)) as app, socket.create_server(("127.0.0.1", 0)) as listening:
+        app.views._pool = ThreadPoolExecutor(1)  # type: ignore[assignment]
+        begin(app, tables)
+        port = listening.getsockname()[1]
+        server = uvicorn.Server(
+            uvicorn.Config(application(app, port=port, token="secret"), log_level="error")
+        )
+        thread = threading.Thread(target=server.run, args=([listening],))
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{port}/?token=secret"
+        finally:
+            server.should_exit = server.force_exit = True
+            thread.join()
+
+
+@contextmanager
+def served_by_the_command(*arguments: str | Path) -> Iterator[str]:
     """`ecm app` of these arguments; yields its address."""
     server = subprocess.Popen(
         [sys.executable, "-m", "ecm.cli", "app", "--no-open", *map(str, arguments)],
@@ -61,27 +99,59 @@ def page() -> Iterator[Page]:
         yield opened
 
 
-def test_the_loop_by_clicks_down_to_a_lower_rung(page: Page, tmp_path: Path) -> None:
+_OTHER_TAB = """fetch("/api/redo", {method: "POST", body: "{}",
+  headers: {"content-type": "application/json"}}).then(answer => answer.status)"""
+_DRAWN = "!document.querySelector('#main .waiting[role=status]')"
+ALL_STAGES = ("data", "model", "fails", "missing", "add", "next", "out")
+_PREVIEW = """(() => {
+  const drawn = () => document.querySelectorAll(".panel canvas")[1].toDataURL();
+  const before = drawn();
+  document.querySelector(".effects li").dispatchEvent(new MouseEvent("mouseenter"));
+  const frame = new Promise(done => requestAnimationFrame(() => setTimeout(done)));
+  return frame.then(() => drawn() !== before);
+})()"""
+
+
+def test_the_loop_by_clicks_and_keys_down_to_a_lower_rung(page: Page, tmp_path: Path) -> None:
     data = drifting_table(tmp_path / "stage.csv")
-    with served(data, "--session", tmp_path / "session") as address:
+    with served_by_the_command(data, "--session", tmp_path / "session") as address:
         page.open(address)
         page.click(".warning button")  # a warning about the column of one's own
         page.click("#to-model")
         page.click("[name=kind][value=linear]")
+        page.click("#curve")
         page.click("#fit")
+        page.until("document.querySelector('#main .ladder circle, #main .ladder rect') !== null")
+        assert "how many poses are enough" in page.text().lower()
         page.click("#to-fails")
         page.until("document.querySelectorAll('.panel canvas, .space canvas').length > 6")
+        for kind in ("wrench", "pose", "noise"):
+            page.click(f"[name=kind-of-residual][value={kind}]")
+            label = page.js("document.querySelector('.panel canvas[tabindex]').ariaLabel")
+            assert {"wrench": "[N]", "pose": "[mm]", "noise": "[times the noise]"}[kind] in label
         page.click("#to-missing")
         page.until("!!document.querySelector('[data-add=fts_drift]')")
-        page.click("#diagnose")
-        page.click(".effects .named [data-add=fts_drift]")
+        assert page.js(_PREVIEW)  # before it is added
+        assert "Record temperature_degC" in page.text()
+        page.tab_to("#diagnose")
+        page.keys("Enter")
+        page.tab_to(".effects .named [data-add=fts_drift]")
+        page.keys("Enter")
         page.until("document.documentElement.dataset.stage === 'add'")
         page.until("document.querySelectorAll('#main table tbody tr').length >= 3")
         rungs = _state(page)["rungs"]
         assert [rung["name"] for rung in rungs] == ["linear", "+ fts_drift"]
         history = rungs[-1]["report"]["history"]
         assert history[-1]["held_out"] < 0.9 * history[0]["held_out"]
-        page.js("location.hash = 'out'")
+        added = page.text()
+        assert "N/s" in added
+        assert "95\u00a0%" in added
+        assert "yes: p = " in added
+        page.tab_to("#undo")
+        page.keys("Enter")  # while the comparison may still be computed
+        page.until("document.querySelectorAll('#main table tbody tr').length === 1")
+        _next_and_out_by_keys(page)
+        page.js(_OTHER_TAB)
         page.until("document.querySelector('#script').textContent.includes('--add fts_drift')")
         page.js("document.querySelector('.skip').click()")
         page.until("document.activeElement.id === 'main' && location.hash === '#out'")
@@ -89,7 +159,37 @@ def test_the_loop_by_clicks_down_to_a_lower_rung(page: Page, tmp_path: Path) -> 
         page.until(f"document.querySelector('#main').textContent.includes({json.dumps(HOSTILE)})")
         assert page.js("document.title") == "Data – ECM"
         assert page.js("document.querySelectorAll('#main img').length") == 0
+        _every_stage_on_a_phone(page)
     assert page.problems() == []
+
+
+def _next_and_out_by_keys(page: Page) -> None:
+    """From the base model with its verdict to the files of a controller, with keys alone."""
+    page.tab_to("nav [href='#next']")
+    page.keys("Enter")
+    page.until("document.documentElement.dataset.stage === 'next'")
+    page.tab_to("#to-out")
+    page.keys("Enter")
+    page.until("document.documentElement.dataset.stage === 'out'")
+    page.tab_to("#main [name=language]:checked")
+    page.keys("ArrowRight")
+    assert page.js("document.querySelector('[name=language]:checked').value") == "rust"
+    page.tab_to("#export")
+    page.keys("Enter")
+    page.until("!!document.querySelector('.files a')")
+    page.tab_to(".files a")
+    assert page.js("document.activeElement.pathname").startswith("/files/export-")
+
+
+def _every_stage_on_a_phone(page: Page) -> None:
+    """No stage is wider than a phone, and a screen reader has a name for each control."""
+    page.size(360, 740)
+    for stage in ALL_STAGES:
+        page.js(f"location.hash = '{stage}'")
+        page.until(_DRAWN)
+        assert page.unnamed() == [], stage
+        assert page.js("document.documentElement.scrollWidth") <= 360, stage
+    page.size(1280, 900)
 
 
 _DROP = """
@@ -107,7 +207,7 @@ input.dispatchEvent(new Event("change"));
 def test_files_that_are_dropped_together_become_runs_with_their_description(
     page: Page, tmp_path: Path
 ) -> None:
-    with served("--session", tmp_path / "session") as address:
+    with served(folder=tmp_path / "session") as address:
         page.open(address)
         page.until("!!document.querySelector('#file')")
         page.js(f"(() => {{{_DROP}}})()")
@@ -118,6 +218,73 @@ def test_files_that_are_dropped_together_become_runs_with_their_description(
         state = _state(page)
         assert [item["name"] for item in state["data"]] == ["a.csv", "length.toml"]
         assert state["check"]["rows"] == 40
+
+
+_PICK = """(name, what, unit) => {
+  const menu = document.querySelector(`[aria-label="What ${name} is"]`);
+  menu.value = what;
+  menu.dispatchEvent(new Event("change"));
+  const other = document.querySelector(`[aria-label="Unit of ${name}"]`);
+  other.value = unit;
+  other.dispatchEvent(new Event("change"));
+}"""
+
+
+def test_columns_that_no_name_tells_are_chosen_on_the_page(page: Page, tmp_path: Path) -> None:
+    data = tmp_path / "cell.csv"
+    rows = "".join(f"{1000 * k},{0.002 * k + 1e-5 * (k % 3)}\n" for k in range(20))
+    data.write_text(f"load_lb,deflection_in\n{rows}", encoding="utf-8")
+    with served(data, folder=tmp_path / "session") as address:
+        page.open(address)
+        page.until("!!document.querySelector('#to-model')")
+        page.until("document.querySelectorAll('#main select').length > 4")
+        assert page.js("document.querySelector('#to-model').disabled")
+        page.js(f"({_PICK})('load_lb', 'fx_N', 'lbf')")
+        page.click("#import")  # a deflection along no axis
+        page.until("!!document.querySelector('#trouble')")
+        assert "Say so in the list below." in page.text()
+        page.until("document.querySelector('[aria-label=\"Unit of load_lb\"]').value === 'lbf'")
+        page.js(f"({_PICK})('deflection_in', 'x_m', 'in')")
+        page.click("#import")
+        page.click("#to-model")
+        page.until("document.querySelector('[value=energy6]').disabled")
+        page.click("#fit")
+        page.click("#to-fails")
+        page.until("document.querySelectorAll('.panel canvas').length === 2")
+        assert page.js("document.querySelectorAll('#main .error').length") == 0
+        check = _state(page)["check"]
+        assert [item["role"] for item in check["columns"]] == ["pose", "wrench"]
+    assert page.problems() == []
+
+
+def test_an_unknown_cause_comes_with_the_draft_of_an_effect_that_runs(
+    page: Page, tmp_path: Path
+) -> None:
+    data = unexplained_table(tmp_path / "stage.csv")
+    with served(data, folder=tmp_path / "session") as address:
+        page.open(address)
+        page.click(".warning button")
+        page.click("#to-model")
+        page.click("#fit")
+        page.until("!!document.querySelector('#to-fails')")
+        page.js("location.hash = 'missing'")
+        page.click("#diagnose")
+        page.until("!!document.querySelector('#unknown pre')")
+        assert page.js("document.querySelector('#verdict').dataset.verdict") == "unknown"
+        assert "an unknown cause" in page.js("document.querySelector('nav').textContent")
+        said = page.js("document.querySelector('#unknown').innerText")
+        follows = next(line for line in said.splitlines() if line.startswith("It follows: "))
+        assert HOSTILE in follows
+        draft = page.js("document.querySelector('#unknown pre').textContent")
+        assert draft == _state(page)["diagnosis"]["unknown"]["skeleton"]
+        assert page.js("document.querySelector('#unknown a').download") == "my_effect.py"
+        assert page.unnamed() == []
+    exec(compile(draft, "my_effect.py", "exec"), {})
+    try:
+        assert get_effect("my_effect").id == "my_effect"
+    finally:
+        unregister("my_effect")
+    assert page.problems() == []
 
 
 _DEPTH = """import("/page/depth.js").then(({picture}) => {
@@ -139,7 +306,7 @@ _DEPTH = """import("/page/depth.js").then(({picture}) => {
 def test_the_nearest_surface_is_seen_in_whatever_order_two_are_drawn(
     page: Page, tmp_path: Path
 ) -> None:
-    with served("--session", tmp_path / "session") as address:
+    with served(folder=tmp_path / "session") as address:
         page.open(address)
         page.until("!!document.documentElement.dataset.stage")
         assert json.loads(page.js(_DEPTH)) == [["slope", "wall"]] * 2
@@ -148,7 +315,7 @@ def test_the_nearest_surface_is_seen_in_whatever_order_two_are_drawn(
 def test_a_finger_and_the_keys_alone_mark_rows_and_go_on(page: Page, tmp_path: Path) -> None:
     data = drifting_table(tmp_path / "stage.csv")
     marked = "document.querySelector('#marked-rows')?.textContent ?? ''"
-    with served(data, "--session", tmp_path / "session") as address:
+    with served(data, folder=tmp_path / "session") as address:
         page.open(address)
         page.tab_to(".warning button")
         page.keys("Enter")
@@ -163,6 +330,12 @@ def test_a_finger_and_the_keys_alone_mark_rows_and_go_on(page: Page, tmp_path: P
         page.until(f"({marked}).startsWith('2 rows marked')")
         page.keys("Escape")
         page.until(f"({marked}) === ''")
+        before = page.js(_AT_REST)
+        _drag(page, "right")  # a menu
+        _drag(page, "middle")
+        assert page.js(_AT_REST) == before
+        _drag(page, "left")
+        assert page.js(_AT_REST) != before
         page.tab_to(".panel canvas:last-child")
         page.keys("ArrowRight", " ")
         page.until(f"({marked}).startsWith('1 row marked')")
@@ -186,6 +359,28 @@ def test_a_finger_and_the_keys_alone_mark_rows_and_go_on(page: Page, tmp_path: P
         page.until(f"({marked}).startsWith('80 rows marked')")
         page.size(1280, 900)
     assert page.problems() == []
+
+
+_AT_REST = """new Promise(done => {
+  const seen = () => document.querySelector(".space canvas").toDataURL();
+  let last = "";
+  const look = () => {
+    const now = seen();
+    if (now === last) done(now);
+    else { last = now; setTimeout(look, 300); }
+  };
+  look();
+})"""
+
+
+def _drag(page: Page, button: str) -> None:
+    """Drag the picture in space with a button of the mouse."""
+    left, top, width, height = page.box(".space")
+    for kind, x in (("mousePressed", 0.3), ("mouseMoved", 0.5), ("mouseReleased", 0.5)):
+        page.call(
+            "Input.dispatchMouseEvent",
+            type=kind, x=left + x * width, y=top + 0.9 * height, button=button, clickCount=1,
+        )  # fmt: skip
 
 
 def _state(page: Page) -> dict:  # type: ignore[type-arg]

@@ -28,16 +28,16 @@ from support.jobs import QUICK, copy_cases, identify, identify_command
 from support.neck import Done
 from support.report_pages import open_page
 
-HALF = 140
+HALF = 120
 
 
 def test_the_results_are_there_and_hang_together(quick_job: Path) -> None:
     summary = json.loads((quick_job / "summary.json").read_text())
     counts = summary["simulate"]["counts"]
-    assert counts["kept"] == 240
+    assert counts["kept"] == 180
     assert counts["drawn"] > counts["screened"] >= counts["solved"] >= counts["kept"]
     with (quick_job / "simulated.csv").open() as file:
-        assert sum(1 for _ in csv.reader(file)) == 241
+        assert sum(1 for _ in csv.reader(file)) == 181
     degrees = {row["degree"]: row for row in summary["select"]["table_two"]["degrees"]}
     for component in (1, 2):
         assert degrees[2]["rmse"][component] > 3.0 * degrees[3]["rmse"][component]
@@ -57,7 +57,7 @@ def test_the_hidden_effect_is_found_and_the_error_falls(quick_job: Path) -> None
 
 
 def test_a_killed_run_goes_on_and_ends_the_same_on_one_thread(
-    quick_job: Path, tmp_path: Path
+    quick_job: Path, quick_config: Path, tmp_path: Path
 ) -> None:
     """It begins with half of the cases of the other job, and solves the rest."""
     out = tmp_path / "killed"
@@ -65,7 +65,7 @@ def test_a_killed_run_goes_on_and_ends_the_same_on_one_thread(
     one = ("--threads", "1", "--quiet")
     for how, kept in ((signal.SIGINT, HALF + 1), (signal.SIGKILL, HALF + 3)):
         with subprocess.Popen(
-            identify_command(QUICK, out, *one),
+            identify_command(quick_config, out, *one),
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         ) as run:  # fmt: skip
             try:
@@ -78,7 +78,7 @@ def test_a_killed_run_goes_on_and_ends_the_same_on_one_thread(
             assert run.returncode == 130, errors
             assert "Traceback" not in errors
     before = {path: path.stat().st_mtime_ns for path in chunks(out)}
-    identify(QUICK, out, *one)
+    identify(quick_config, out, *one)
     for name in ("summary.json", "model.json", "simulated.csv", "measured-d.csv"):
         assert (out / name).read_bytes() == (quick_job / name).read_bytes(), name
     assert before == {path: path.stat().st_mtime_ns for path in before}, "chunks were solved again"

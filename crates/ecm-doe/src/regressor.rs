@@ -144,7 +144,7 @@ impl Model {
 
 /// Rows over which I-optimality averages: h and K over the workspace.
 ///
-/// Of at most [`REGION_POSES`] evenly chosen `points`: the rows of h, and those of its change over
+/// The rows of h at up to [`REGION_POSES`] evenly chosen `points`, and those of its change over
 /// half the range of each of the d coordinates, each weighing 1/d. Their mean variance is that of h
 /// plus that of K times half the range.
 ///

@@ -253,7 +253,7 @@ impl FemResults {
         self.column(py, |r| r.determinant)
     }
 
-    /// Of the symmetric part of K_s with lengths over L.
+    /// Smallest eigenvalue of the symmetric part of K_s with lengths over L.
     #[getter]
     fn smallest_eigenvalue<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.column(py, |r| r.smallest_eigenvalue)

@@ -25,9 +25,10 @@ def compare(options: Options, session: Session) -> None:
     model = open_model(options.model, session, table)
     if model.base.kind != "physics":
         prepare_physics(table, session)
-    with session.working(f"comparing with {len(table)} rows"):
-        result = compare_model(model, table, seed=session.seed)
-        document = result.to_dict()  # makes the parts that are made when they are asked for
+    with session.working(f"comparing with {len(table)} rows") as tell:
+        result = compare_model(model, table, seed=session.seed, progress=tell)
+        result.complete(tell)
+        document = result.to_dict()
     warnings = [*result.warnings, *table.warnings]
     constant = never_excited(table)
     session.write_json({**document, "never_excited": list(constant), "warnings": warnings})

@@ -61,10 +61,15 @@ class Console:
         return self._bar(title) if sys.stderr.isatty() else _lines(title)
 
     @contextmanager
-    def working(self, title: str) -> Iterator[None]:
-        """Say how long a work goes on that cannot tell its progress, after two seconds and on."""
+    def working(self, title: str) -> Iterator[Callable[..., None]]:
+        """Say how long work has taken: first after two seconds, then again.
+
+        The block gets a callback (done, total[, step]); what it was told last is said too, with
+        the time left.
+        """
+        steps = _Steps()
         if self.quiet:
-            yield
+            yield steps.tell
             return
         ended = threading.Event()
         # On a terminal one line counts the seconds; elsewhere each is a line of its own.
@@ -76,8 +81,9 @@ class Console:
             while not ended.wait(wait):
                 wait = 1.0 if alone else _LINE_EVERY_S
                 if self._progress is None:
-                    so_far = _duration(time.monotonic() - start)
-                    sys.stderr.write(f"{begin}{title}: {so_far} so far{end}")
+                    now = time.monotonic()
+                    so_far = f"{_duration(now - start)} so far"
+                    sys.stderr.write(f"{begin}{steps.line(title, so_far, now)}{end}")
                     sys.stderr.flush()
                     shown = alone
             if shown and self._progress is None:
@@ -87,7 +93,7 @@ class Console:
         thread = threading.Thread(target=say, daemon=True)
         thread.start()
         try:
-            yield
+            yield steps.tell
         finally:
             ended.set()
             thread.join()
@@ -164,10 +170,43 @@ class _Phase:
 
     def left(self, now: float) -> str:
         """', 12 s left' at the speed so far."""
+        seconds = self.seconds_left(now)
+        return f", {_duration(seconds)} left" if seconds > 0.0 else ""
+
+    def seconds_left(self, now: float) -> float:
+        """Seconds to the end at the speed so far; 0 where nothing tells them."""
         gained = self._done - self.first
         if not (self._total and gained > 0 and self._done < self._total):
-            return ""
-        return f", {_duration((now - self.start) * (self._total - self._done) / gained)} left"
+            return 0.0
+        return (now - self.start) * (self._total - self._done) / gained
+
+
+class _Steps:
+    """The step that a work is at, as it was told last."""
+
+    def __init__(self) -> None:
+        self._phase, self._words, self._at = _Phase(), "", (0, 0)
+        self._since = self._expected = 0.0
+
+    def tell(self, done: int, total: int, *words: Any) -> None:
+        """Take the part that is done, the whole, and the name of the step that begins."""
+        self._phase.begins(done, total)
+        self._words, self._at = ", ".join(map(str, words)), (done, total)
+        self._since = time.monotonic()
+        self._expected = self._phase.seconds_left(self._since)
+
+    def line(self, title: str, so_far: str, now: float) -> str:
+        """The line that is shown, with the time left where a step has ended."""
+        done, total = self._at
+        if not total:
+            return f"{title}: {so_far}"
+        what = ", ".join(filter(None, (title, self._words, so_far)))
+        if not self._expected:
+            return f"{what}: {done} of {total}"
+        # A step that lasts longer than was expected may well last as long again.
+        taken = now - self._since
+        left = max(self._expected - taken, taken)
+        return f"{what}: {done} of {total}, {_duration(left)} left"
 
 
 def _lines(title: str) -> Callable[..., None]:

@@ -34,12 +34,10 @@ def diagnose(options: Options, session: Session) -> None:
     table = table.with_length(model.known_length_m)
     if options.next_plan is not None:
         check_plan(options.next_plan, table)
-    with session.working(f"diagnosing {len(table)} rows"):
-        progress = session.progress("diagnose")
-        stages = STAGES if progress is None else watched(STAGES, progress)
+    with session.working(f"diagnosing {len(table)} rows") as tell:
+        stages = watched(STAGES, tell)
         result = diagnose_model(model, table, seed=session.seed, stages=stages)
         document = result.to_dict()
-        session.close()
     document["warnings"] = [*document["warnings"], *table.warnings]
     session.write_json(document)
     if session.report is not None:

@@ -16,16 +16,17 @@ def export(options: Options, session: Session) -> None:
     """Run `ecm export`."""
     check_output_directory(options.out)
     load_installed()
-    exported = export_model(
-        open_model(options.model, session),
-        options.to.value,
-        options.out,
-        name=options.name,
-        precision=options.precision.value,
-        loop=LoopSettings(options.mass, options.inertia, options.delay, options.dt),
-        adapt=None if options.adapt is None else AdaptSettings(tuple(options.adapt.split(","))),
-        force=options.force,
-    )
+    with session.working(f"exporting {options.model}"):
+        exported = export_model(
+            open_model(options.model, session),
+            options.to.value,
+            options.out,
+            name=options.name,
+            precision=options.precision.value,
+            loop=LoopSettings(options.mass, options.inertia, options.delay, options.dt),
+            adapt=None if options.adapt is None else AdaptSettings(tuple(options.adapt.split(","))),
+            force=options.force,
+        )
     session.on_interrupt(f"complete: {options.out}. Run the same command again for the rest.")
     session.write_json(
         {

@@ -36,8 +36,9 @@ def fit(options: Options, session: Session) -> None:
             raise InputError("--model choose tries PCR thresholds itself; leave out --pcr")
         if table.meta.length_m is None:
             session.print("energies are left out: no [mechanism] length_m in the data's TOML")
-        with session.working(f"choosing among models of {len(table)} rows"):
-            choice = choose_model(table, default_candidates(table), seed=session.seed)
+        with session.working(f"choosing among models of {len(table)} rows") as tell:
+            candidates = default_candidates(table)
+            choice = choose_model(table, candidates, seed=session.seed, progress=tell)
         for sentence in choice.sentences():
             session.print(sentence)
         specification, name = choice.best, choice.best.alias
@@ -51,10 +52,8 @@ def fit(options: Options, session: Session) -> None:
             stable=options.stable,
             weights=cast("Weights", options.weights),
         )
-    with session.working("errors on held-out rows"):
-        progress = session.progress("held-out fits")
-        summary = fit_summary(model, table, specification, seed=session.seed, progress=progress)
-        session.close()
+    with session.working("errors on held-out rows") as tell:
+        summary = fit_summary(model, table, specification, seed=session.seed, progress=tell)
     summary["choice"] = None if choice is None else choice.to_dict()
     summary["curve"] = None
     if options.curve:

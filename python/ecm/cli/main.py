@@ -50,7 +50,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     return reported(lambda: _invoke(arguments))
 
 
-def reported(work: Callable[[], int]) -> int:  # noqa: PLR0911
+def reported(work: Callable[[], int]) -> int:  # noqa: PLR0911 - a code per kind of error
     """Return the exit code of work; an exception is printed as a message and has a code, too."""
     debug = bool(os.environ.get("ECM_DEBUG"))
     try:

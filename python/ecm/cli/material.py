@@ -22,9 +22,10 @@ def fit(options: Options, session: Session) -> None:
         for mode in ("uniaxial", "equibiaxial", "pure_shear")
         for path in getattr(options, mode) or ()
     ]
-    fitted = fit_material(
-        tests, options.model, terms=options.terms, use=use, poisson_ratio=options.poisson_ratio
-    )
+    with session.working("fitting the material"):
+        fitted = fit_material(
+            tests, options.model, terms=options.terms, use=use, poisson_ratio=options.poisson_ratio
+        )
     for warning in fitted.warnings:
         session.warn(warning)
     modulus = fitted.material.young_modulus_Pa

@@ -18,13 +18,14 @@ def refit(options: Options, session: Session) -> None:
     table = session.read(options.data, need="fit")
     load_installed()
     before = open_model(options.model, session, table)
-    with session.working(f"fitting {len(table)} rows"):
+    with session.working(f"fitting {len(table)} rows") as tell:
         fitted = refit_model(
             before,
             table,
             add=options.add or (),
             remove=options.remove or (),
             freeze=options.freeze or (),
+            progress=tell,
         )
     with session.working("errors of the new model"):
         summary = refit_summary(fitted)
@@ -33,7 +34,7 @@ def refit(options: Options, session: Session) -> None:
         session.print(line)
     if not options.force:
         # Without an effect a model errs more: that was asked for.
-        with saved_by_force(options.out):
+        with session.working("errors of both models"), saved_by_force(options.out):
             refuse_worse(fitted, table, before=None if options.remove else before)
     fitted.save(options.out)
     session.print(f"{options.out}: written")

@@ -79,7 +79,7 @@ def run_outliers(table: Table, inputs: Sequence[str], outputs: Sequence[str]) ->
 
 
 def _miss(of: tuple[F, F], by: tuple[F, F]) -> float:
-    """Return the root mean square by which a cubic through `by` misses `of`."""
+    """Return the root mean square error at `of` of a cubic that is fitted to `by`."""
     low, high = float(by[0].min()), float(by[0].max())
     span = max(high - low, 1e-300)
     curve = np.polynomial.Polynomial.fit(by[0], by[1], min(_DEGREE, len(by[0]) - 1))

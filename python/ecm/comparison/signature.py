@@ -7,7 +7,8 @@ import numpy as np
 from ecm.comparison.residuals import features
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
-from ecm.regression.f_test import orthonormal
+from ecm.regression.blocks import in_threads
+from ecm.regression.f_test import explained_by_span
 from ecm.regression.rows import Rows
 
 _COVARIATES = ("time_s", "temperature_degC", "sensor_temperature_degC", "dwell_s", "approach")
@@ -55,16 +56,17 @@ def signature_shares(
         own = [j for j, name in enumerate(names) if covariate in name.split("*")]
         if own:
             named[covariate] = _spread(values[:, own])
-    shares = {}
-    for name, columns in named.items():
+
+    def share(columns: F) -> float | None:
         z = np.einsum("nij,njk->nik", whitener, columns)
         z = (z * root[:, None, None]).reshape(n * m, -1)
         if z.shape[1] >= n * m // 2:
-            continue
-        basis = orthonormal(z)
-        beyond = float(((basis.T @ y) ** 2).sum()) - scale * basis.shape[1]
-        shares[name] = float(np.clip(beyond / total, 0.0, 1.0))
-    return shares
+            return None
+        explained, rank = explained_by_span(z, y)
+        return float(np.clip((explained - scale * rank) / total, 0.0, 1.0))
+
+    shares = zip(named, in_threads(share, named.values()), strict=True)
+    return {name: value for name, value in shares if value is not None}
 
 
 def _spread(values: F) -> F:

@@ -195,7 +195,7 @@ def _turned(degrees: int) -> Callable[[F, I], list[_Visit]]:
 
 
 def _relative_remounts(visits: Iterable[_Visit]) -> list[_Visit]:
-    """Remounts from the mounting that the plan has reached: for the rig the turns add up."""
+    """Give each remount as a turn from the one before it, because the rig adds them up."""
     reached = 0
     rows = []
     for visit in visits:

@@ -100,7 +100,12 @@ _UNLOAD = _Row(kind="unloaded", action="unload")
 
 
 def diagnosable_plan(
-    candidates: Table, chosen: Design, visits: int | None = None, *, seed: int = 0
+    candidates: Table,
+    chosen: Design,
+    visits: int | None = None,
+    *,
+    seed: int = 0,
+    dwells_s: Sequence[float] = DWELLS_S,
 ) -> Table:
     """Plan that separates the effects: repeats, both sides of approach, several dwell times.
 
@@ -119,6 +124,8 @@ def diagnosable_plan(
         Number of visits, at least m; by default 2 m.
     seed
         Seed of the random generator.
+    dwells_s
+        Rests before a reading; the longest as long as the mechanism will be at rest in its use.
 
     Returns
     -------
@@ -155,7 +162,7 @@ def diagnosable_plan(
     again = rng.permutation(m)
     legs += [(int(again[j % m]), "initial") for j in range(n - len(legs))]
     legs = [legs[i] for i in rng.permutation(n)]
-    dwells = np.resize(np.asarray(DWELLS_S), n)[rng.permutation(n)]
+    dwells = np.resize(np.asarray(dwells_s), n)[rng.permutation(n)]
     rows = [_UNLOAD]
     for i, (pose, approach) in enumerate(legs):
         if i and i % _UNLOAD_EVERY == 0:

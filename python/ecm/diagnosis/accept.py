@@ -56,16 +56,23 @@ class AcceptanceCheck:
     @property
     def accepted(self) -> bool:
         """Whether all conditions hold."""
+        return (
+            self.passes_alone
+            and self.chosen_share >= self.settings.chosen_share
+            and self.robust
+            and self.own_seen
+        )
+
+    @property
+    def passes_alone(self) -> bool:
+        """Whether the conditions hold that ask neither for its class nor for bootstraps."""
         limits = self.settings
         return (
             self.p_holm < limits.level
             and self.delta_bic > limits.least_bic
             and self.held_out_fall > limits.held_out_errors
-            and self.chosen_share >= limits.chosen_share
-            and self.robust
             and self.explained_in_bounds > limits.kept_within_bounds
             and self.correction_over_range <= limits.most_of_range
-            and self.own_seen
         )
 
 
@@ -104,6 +111,9 @@ def accept(
         pairs: dict[int, tuple[AcceptanceCheck, tuple[str, ...]]] = {}
         strength = [_delta_bic(problem, chosen, item) for item in chosen]
         for i in sorted(range(len(chosen)), key=strength.__getitem__):
+            # What fails by itself needs no bootstraps; those of the last one are reported.
+            if len(chosen) > 1 and not _passes_alone(problem, chosen, chosen[i]):
+                break
             pairs[i] = _checked(problem, chosen, chosen[i], seed, class_of)
             if not pairs[i][0].accepted:
                 break
@@ -114,7 +124,7 @@ def accept(
                 tuple(members for _, members in in_order),
                 tuple(check for check, _ in in_order),
             )
-        checks = (pairs[i][0],)
+        checks = (pairs[i][0],) if i in pairs else ()
         chosen = (*chosen[:i], *chosen[i + 1 :])
     return Accepted(checks=checks)
 
@@ -123,6 +133,12 @@ def _delta_bic(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -
     """Return the fall of BIC by one effect beside the other chosen ones."""
     others = [other for other in chosen if other is not item]
     return next(one.delta_bic for one in rank(problem, others) if one.id == item.id)
+
+
+def _passes_alone(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> bool:
+    """Whether an effect passes all that asks neither for its class nor for bootstraps."""
+    nothing: dict[str, float] = {}
+    return acceptance_check(problem, chosen, item, (), 0, winners=nothing).passes_alone
 
 
 def _checked(

@@ -16,9 +16,10 @@ from scipy.linalg.lapack import dtrtri
 
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.io.arrays import F
+from ecm.regression.blocks import in_threads
 from ecm.regression.normal_equations import RIDGE, NormalEquations
 
-_AT_ONCE = 50
+_AT_ONCE = 25
 
 
 def selection_shares(
@@ -46,8 +47,8 @@ def selection_shares(
     blocks = [_Block.of(problem.normal, known, same) for same in _by_size(tried)]
     ids = [c.id for block in blocks for c in block.candidates]
     won = dict.fromkeys(ids, 0)
-    for weights in _drawn(len(problem.normal.squares), draws, seed):
-        falls = _falls(weights, known, blocks, problem)
+    drawn = _drawn(len(problem.normal.squares), draws, seed)
+    for falls in in_threads(lambda weights: _falls(weights, known, blocks, problem), drawn):
         best = falls.argmax(axis=1)
         for i in best[falls.max(axis=1) > 0.0].tolist():
             won[ids[i]] += 1

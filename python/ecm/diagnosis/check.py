@@ -13,6 +13,7 @@ from ecm.diagnosis.statements import reversed_sign, time_unit
 from ecm.diagnosis.suspect_rows import SuspectRows, suspect_rows, whole_turns
 from ecm.diagnosis.to_json import fields_json
 from ecm.effects import effects_for
+from ecm.effects.length import missing_length
 from ecm.io.columns import POSE, TEXT, WRENCH, is_standard
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.regression.correlation import correlation_time
@@ -69,11 +70,7 @@ def by_reason(listed: Sequence[NotTestable]) -> list[tuple[str, str, str]]:
     >>> by_reason([NotTestable("ageing", "no time", "time_s"), NotTestable("set", "no time", "")])
     [('ageing, set', 'no time', 'time_s')]
     """
-    groups: dict[str, list[NotTestable]] = {}
-    for item in listed:
-        groups.setdefault(item.reason, []).append(item)
-    ordered = sorted(groups.values(), key=lambda items: -len(items))
-    shown = ordered if len(ordered) <= _MOST_LINES else ordered[: _MOST_LINES - 1]
+    shown, others = _groups(listed)
     lines = [
         (
             ", ".join(item.id for item in items),
@@ -82,7 +79,7 @@ def by_reason(listed: Sequence[NotTestable]) -> list[tuple[str, str, str]]:
         )
         for items in shown
     ]
-    rest = [item for items in ordered[len(shown) :] for item in items]
+    rest = [item for items in others for item in items]
     if rest:
         reasons = "; ".join(dict.fromkeys(item.reason for item in rest))
         records = "; ".join(dict.fromkeys(item.record for item in rest if item.record))
@@ -90,15 +87,34 @@ def by_reason(listed: Sequence[NotTestable]) -> list[tuple[str, str, str]]:
     return lines
 
 
+def _groups(
+    listed: Sequence[NotTestable],
+) -> tuple[list[list[NotTestable]], list[list[NotTestable]]]:
+    """Effects of the same reason, the most frequent first: with a line each, and the others."""
+    groups: dict[str, list[NotTestable]] = {}
+    for item in listed:
+        groups.setdefault(item.reason, []).append(item)
+    ordered = sorted(groups.values(), key=lambda items: -len(items))
+    own = len(ordered) if len(ordered) <= _MOST_LINES else _MOST_LINES - 1
+    return ordered[:own], ordered[own:]
+
+
 def lines_by_reason(listed: Sequence[NotTestable]) -> list[str]:
-    """The groups of `by_reason` as lines; of a long group the first names and their number."""
+    """The groups of `by_reason` as lines; of a long group the first names and their number.
+
+    The last line has each remaining effect beside what it needs.
+    """
+    shown, others = _groups(listed)
     lines = []
-    for ids, reason, record in by_reason(listed):
+    for ids, reason, record in by_reason(listed)[: len(shown)]:
         names = ids.split(", ")
         some = ", ".join(names[:_MOST_NAMES])
         if len(names) > _MOST_NAMES:
             some += f" and {len(names) - _MOST_NAMES} more (all in --json)"
         lines.append(f"  {reason}: {some} -> {record}")
+    if others:
+        pairs = [f"{', '.join(i.id for i in items)} -> {items[0].record}" for items in others]
+        lines.append(f"  each for its own reason (--json): {'; '.join(pairs)}")
     return lines
 
 
@@ -323,7 +339,7 @@ def _effects(
     testable: list[str] = []
     not_testable: list[NotTestable] = []
     for effect in effects_for((*table.pose_columns, *table.wrench_columns)):
-        missing = effect.missing(table)
+        missing = effect.missing(table) or missing_length(effect, table)
         if missing is not None:
             not_testable.append(NotTestable(effect.id, missing.reason, missing.record))
         elif constant:

@@ -12,8 +12,9 @@ from ecm.diagnosis.accept import Accepted
 from ecm.diagnosis.confusion import widened_class
 from ecm.diagnosis.gate import Gate, Leftover, residual_after
 from ecm.diagnosis.problem import Problem
+from ecm.diagnosis.readings import WrongStatement
 from ecm.diagnosis.stated_numbers import ratio_warning
-from ecm.diagnosis.statements import WrongStatement, find_wrong_statement, reversed_sign
+from ecm.diagnosis.statements import find_wrong_statement, reversed_sign
 from ecm.diagnosis.unexplained import Unknown, describe_residual
 from ecm.diagnosis.whiteness import Pattern, explains_more, find_pattern
 from ecm.io.arrays import F
@@ -72,7 +73,9 @@ def verdict(
     white
         Function that looks for a pattern before `none` or a name is said.
     """
-    wrong = _wrong_statement(problem, accepted) if gate.rejected else None
+    # A polynomial takes in most wrong readings: its gate does not see them.
+    asked = gate.rejected or problem.base.kind == "polynomial"
+    wrong = _wrong_statement(problem, accepted) if asked else None
     if wrong is not None:
         unknown = describe(problem, problem.response, (), gate.structure)
         said = replace(

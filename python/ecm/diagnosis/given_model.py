@@ -3,7 +3,8 @@
 The model is judged as it stands, by the same comparison as `ecm compare`. Where it errs, the same
 kind of model is fitted to these rows. If that brings the error down, the form of the model is right
 and its numbers are not: another specimen, another scale, other frames. If not, its form is too
-plain, or an effect is missing; the base that names are against tells which.
+plain, or an effect is missing; the base that names are against tells which. Where another reading
+of the table (`ecm.diagnosis.given_readings`) makes the model fit as it stands, the table is wrong.
 """
 
 from __future__ import annotations
@@ -17,7 +18,9 @@ import numpy as np
 from ecm.comparison.comparison import Comparison, compare
 from ecm.comparison.structure import StructureTest, structure_test
 from ecm.diagnosis.decision import Decision
+from ecm.diagnosis.given_readings import reading_of_given_model
 from ecm.diagnosis.held_out import held_out_rms
+from ecm.diagnosis.readings import WrongStatement
 from ecm.diagnosis.to_json import fields_json
 from ecm.effects import Effect
 from ecm.errors import EcmError
@@ -31,12 +34,15 @@ from ecm.regression.noise import Noise, whiteners
 from ecm.regression.thinning import spread_rows
 
 if TYPE_CHECKING:
+    from ecm.diagnosis.settings import DiagnosisSettings
     from ecm.io.table import Table
     from ecm.models.model import Model
 
 Answer = Literal["fits", "numbers", "form", "effect", "table"]
 _MOST_ROWS = 1000
 """Rows that a refit of the same kind uses."""
+_FAR = 2.0
+"""A model that errs so many times as much as a base fitted to the rows lacks something."""
 _SCALED = 0.25
 """One factor explains a misfit where it leaves at most this share of its squares."""
 
@@ -89,6 +95,8 @@ class GivenModel:
     """Whether the base is the model itself, with E and nu fitted to these rows."""
     scale: float | None = field(metadata={"optional": True})
     """The wrench of these data over that of the model, where one factor explains the misfit."""
+    statement: WrongStatement | None = field(default=None, metadata={"optional": True})
+    """Another reading of the table with which the model fits as it stands."""
 
     @property
     def missing(self) -> bool:
@@ -110,6 +118,8 @@ class GivenModel:
             own = self.base == self.name
             other = f"{self.base} fitted to them" if own else f"another base, {self.base}"
             text += f"; names are against {other}, which errs {self.base_errors}"
+        if self.statement is not None:
+            return f"{text}. The table looks misread: {self.statement.sentence()}."
         return f"{text}.{self._advice()}"
 
     def _advice(self) -> str:
@@ -154,6 +164,7 @@ def judge_given_model(
         Noise of the rows, where the user gave it.
     """
     problem, prepared = decision.problem, decision.prepared
+    settings = problem.settings
     result = compare(model, prepared.table, noise=noise)
     same = isinstance(model.base, PhysicsMap) and isinstance(problem.base, PhysicsMap)
     noise, scored = result.noise, problem.scored
@@ -162,12 +173,18 @@ def judge_given_model(
         None if problem.noise.is_residual else held_out_rms(problem, ()),
         dict(zip(problem.base.outputs, of_base.tolist(), strict=True)),
     )
+    as_given = Errors(
+        None if noise.is_residual else result.whitened_rms,
+        {c.name: c.rmse for c in result.components},
+    )
+    missing = result.missing or _far_behind(as_given, base_errors, settings)
     again, after = None, None
     still = decision.gate.rejected
-    if result.missing and not same:
+    if missing and not same:
         again = refit_of_kind(model, prepared.unexplained, noise)
         still = again is None or _structure(again, noise).found
     refitted = _errors(again, noise) if again is not None else base_errors if same else None
+    still = still or (refitted is not None and _far_behind(refitted, base_errors, settings))
     accepted = [item.effect for item in decision.accepted.effects]
     # An effect of the base's columns has no meaning for a model of fewer.
     alike = (model.inputs, model.outputs) == (problem.base.inputs, problem.base.outputs)
@@ -176,27 +193,32 @@ def judge_given_model(
         after = None if fit is None else _errors(fit, noise)
     # Of the same form as the base, what the base lacks the model lacks as well.
     lacks_the_same = alike and model.base.name == problem.base.name and decision.verdict != "none"
-    answer = _answer(result.missing, refitted is not None and not still, decision)
+    answer = _answer(missing, refitted is not None and not still, decision)
     if decision.unknown is not None and decision.unknown.slow_noise is not None:
         answer = "fits"
     elif lacks_the_same:
         answer = "effect"
-    if result.missing and decision.unknown is not None and decision.unknown.misread:
+    misread = decision.unknown is not None and decision.unknown.misread
+    statement = None
+    if missing and not misread:
+        most = max(settings.most_left_error, _FAR * (base_errors.over_noise or 0.0))
+        statement = reading_of_given_model(
+            model, prepared.table, noise, most, settings.mended_share
+        )
+    if missing and (misread or statement is not None):
         answer = "table"
     return GivenModel(
         name=model.name,
         answer=answer,
         gate=result.structure,
-        as_given=Errors(
-            None if noise.is_residual else result.whitened_rms,
-            {c.name: c.rmse for c in result.components},
-        ),
-        refitted=refitted if result.missing else None,
+        as_given=as_given,
+        refitted=refitted if missing else None,
         with_effects=after,
         base=problem.base.name,
         base_errors=base_errors,
         is_base=same,
         scale=_scale(model, prepared.table, result) if answer == "numbers" else None,
+        statement=statement,
     )
 
 
@@ -251,6 +273,16 @@ def _answer(missing: bool, fits_again: bool, decision: Decision) -> Answer:
         return "numbers"
     # What the base does not lack either is no effect.
     return "form" if decision.verdict == "none" else "effect"
+
+
+def _far_behind(given: Errors, base: Errors, settings: DiagnosisSettings) -> bool:
+    """Whether a model errs far beyond the noise and a base fitted to the rows does not.
+
+    With few rows of many columns no test of its residual can show what it lacks.
+    """
+    if given.over_noise is None or base.over_noise is None:
+        return False
+    return given.over_noise > max(settings.most_left_error, _FAR * base.over_noise)
 
 
 def _scale(model: Model, table: Table, result: Comparison) -> float | None:

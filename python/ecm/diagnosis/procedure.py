@@ -45,6 +45,7 @@ from ecm.models.physics.map import PhysicsMap
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.correlation import CorrelationTime, correlation_of_rest
 from ecm.regression.noise import Noise
+from ecm.regression.wild import naming_wild_readings
 
 if TYPE_CHECKING:
     from ecm.io.table import MetaLike, Table, TableLike
@@ -165,16 +166,17 @@ def diagnose(
     'none'
     """
     table = as_table(table, meta=meta, need="fit")
-    decision = find_missing(
-        model,
-        table,
-        seed=seed,
-        effects=effects,
-        noise=noise,
-        settings=settings,
-        stages=stages,
-    )
-    return report(decision, model, seed, noise=noise)
+    with naming_wild_readings(table):
+        decision = find_missing(
+            model,
+            table,
+            seed=seed,
+            effects=effects,
+            noise=noise,
+            settings=settings,
+            stages=stages,
+        )
+        return report(decision, model, seed, noise=noise)
 
 
 @one_blas_thread()

@@ -102,7 +102,7 @@ def report(
         refinements=refinements(problem, accepted),
         warnings=(
             *padding_sentences(prepared.padding),
-            *_warnings(problem, prepared),
+            *_warnings(problem, prepared, final),
             *negative_payload(final.effects if decision.answer else ()),
             *decision.warnings,
         ),
@@ -225,7 +225,7 @@ def _component_errors(
     )
 
 
-def _warnings(problem: Problem, prepared: Prepared) -> tuple[str, ...]:
+def _warnings(problem: Problem, prepared: Prepared, final: JointFit) -> tuple[str, ...]:
     own = (problem.table, problem.base.inputs, problem.base.outputs)
     warnings = [run.sentence() for run in run_outliers(*own)]
     if derived := derived_columns(*own):
@@ -244,7 +244,7 @@ def _warnings(problem: Problem, prepared: Prepared) -> tuple[str, ...]:
         warnings.append(late)
     if strange := modulus_warning(problem) or reversed_sign(*own):
         warnings.append(strange)
-    warnings += stated_numbers(problem)
+    warnings += stated_numbers(problem, final)
     if problem.noise.is_residual:
         warnings.append(
             "nothing is known of the noise: the spread of the base's own residual weighs the "

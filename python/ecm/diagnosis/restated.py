@@ -26,15 +26,17 @@ class Restatement:
     change: Change
     of_pose: bool
     """Whether the poses change, so that the columns of a base change as well."""
+    of_pose_unit: bool = False
+    """Whether the poses only get another size."""
 
 
-def restatements(length_m: float) -> Iterator[Restatement]:
+def restatements(length_m: float | None) -> Iterator[Restatement]:
     """Yield what users state wrongly, the simplest first.
 
     Parameters
     ----------
     length_m
-        Length of the mechanism, for origins at its other end.
+        Length of the mechanism, for positions from its other end; None where it is not known.
     """
     yield from _signs()
     yield from _units()
@@ -48,6 +50,7 @@ def restatements(length_m: float) -> Iterator[Restatement]:
 
 def _signs() -> Iterator[Restatement]:
     for words, signs in (
+        ("the wrench's sign looks reversed", [-1.0] * 6),
         ("the force's sign looks reversed", [-1.0] * 3 + [1.0] * 3),
         ("the torque's sign looks reversed", [1.0] * 3 + [-1.0] * 3),
     ):
@@ -75,12 +78,14 @@ def _units() -> Iterator[Restatement]:
     for unit, factor in forces.items():
         words = f"the force looks stated in {unit}, not N"
         yield Restatement(words, _scaled_wrench(np.array([factor] * 3 + [1.0] * 3)), False)
-    yield Restatement(
-        "the angles look stated in degrees, not rad", _scaled_angle(np.pi / 180), True
-    )
-    yield Restatement(
-        "the angles look divided by 57.3 once too often", _scaled_angle(180 / np.pi), True
-    )
+    for words, place, angle in (
+        ("the positions look stated in mm, not m", 1e-3, 1.0),
+        ("the positions look stated in cm, not m", 1e-2, 1.0),
+        ("the angles look stated in degrees, not rad", 1.0, np.pi / 180),
+        ("the angles look divided by 57.3 once too often", 1.0, 180 / np.pi),
+    ):
+        scaled = _scaled_pose(np.array([place] * 3 + [angle] * 3))
+        yield Restatement(words, scaled, True, of_pose_unit=True)
 
 
 def _turns(turns: Sequence[tuple[str, F]]) -> Iterator[Restatement]:
@@ -114,7 +119,7 @@ def _mirrors() -> Iterator[Restatement]:
     )  # fmt: skip
 
 
-def _points(length_m: float) -> Iterator[Restatement]:
+def _points(length_m: float | None) -> Iterator[Restatement]:
     yield Restatement(
         "the wrench looks stated in the axes of the top, not the base", _from_top, False
     )
@@ -129,12 +134,13 @@ def _points(length_m: float) -> Iterator[Restatement]:
         lambda p, h: (p, np.hstack([h[:, :3], h[:, 3:] + np.cross(p[:, :3], h[:, :3])])),
         False,
     )
-    along = np.array([length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
-    yield Restatement(
-        "the positions look measured from the rest pose, not from the base",
-        lambda p, h: (p + along, h),
-        True,
-    )
+    if length_m is not None:
+        along = np.array([length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
+        yield Restatement(
+            "the positions look measured from the rest pose, not from the base",
+            lambda p, h: (p + along, h),
+            True,
+        )
 
 
 def _rotations() -> Iterator[Restatement]:
@@ -185,9 +191,8 @@ def _scaled_wrench(factors: F) -> Change:
     return lambda poses, wrench: (poses, wrench * factors)
 
 
-def _scaled_angle(factor: float) -> Change:
-    scale = np.array([1.0] * 3 + [factor] * 3)
-    return lambda poses, wrench: (poses * scale, wrench)
+def _scaled_pose(factors: F) -> Change:
+    return lambda poses, wrench: (poses * factors, wrench)
 
 
 def _turned_wrench(force: F, torque: F) -> Change:

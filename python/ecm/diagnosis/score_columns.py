@@ -11,10 +11,12 @@ from scipy import special
 from ecm.diagnosis.settings import DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
 from ecm.effects.few.forms import FORMS
+from ecm.effects.length import UNKNOWN_LENGTH
 from ecm.effects.thinned import jacobian_of
-from ecm.errors import InputError
 from ecm.io.arrays import F
+from ecm.regression.blocks import in_threads
 from ecm.regression.f_test import explained_by_span
+from ecm.regression.rows import UnknownLength
 
 _ROUNDING = 1e-9
 
@@ -145,12 +147,8 @@ def all_score_columns(
                 ScoreColumns(v, score_columns(rows, whitener, v), lacking is not None)
                 for v in variants
             ]
-        except InputError:
-            if rows.has_length:
-                raise
-            untestable[effect.id] = Missing(
-                "the mechanism's length is not known", "[mechanism] length_m"
-            )
+        except UnknownLength:
+            untestable.setdefault(effect.id, UNKNOWN_LENGTH)
     return columns, untestable
 
 
@@ -166,8 +164,8 @@ def _leading_shapes(
     """Return the shape of each effect that explains most of the response beyond the base."""
     y = _rest_of_response(response, projection)
     best: dict[str, tuple[float, ScoreColumns]] = {}
-    for item in every:
-        gain = projection.explained(item.columns, y)
+    gains = in_threads(lambda item: projection.explained(item.columns, y), every)
+    for item, gain in zip(every, gains, strict=True):
         if item.effect.id not in best or gain > best[item.effect.id][0]:
             best[item.effect.id] = (gain, item)
     return [item for _, item in best.values()]
@@ -221,8 +219,8 @@ def _not_absorbed(
     most = settings.absorbed_by_physics if physics else settings.absorbed_share
     kept: list[ScoreColumns] = []
     absorbed: dict[str, Missing] = {}
-    for item in every:
-        share = projection.absorbed(item.columns)
+    shares = in_threads(lambda item: projection.absorbed(item.columns), every)
+    for item, share in zip(every, shares, strict=True):
         own = getattr(item.effect, "most_absorbed", None)
         if share <= (own or (settings.absorbed_share if item.imitates else most)):
             kept.append(item)

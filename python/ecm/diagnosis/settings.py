@@ -173,10 +173,10 @@ class DiagnosisSettings(Checked):
         9.0, above=0.0, doc="The same over declared noise; over assumed noise there is no limit."
     )
     most_left_error: float = setting(
-        3.0,
+        2.2,
         above=1.0,
-        doc="Largest error after the accepted effects, over the noise, for a name; what they "
-        "explain is a part.",
+        doc="Largest error after the accepted effects, over the noise, for a name: a little more "
+        "than a noise that was stated half as large. Beyond it they explain a part only.",
     )
     most_left_of_error: float = setting(
         0.5,

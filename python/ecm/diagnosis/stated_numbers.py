@@ -1,4 +1,4 @@
-"""Numbers of the description that the rows contradict: E, nu and the noise."""
+"""Numbers of the description that the rows contradict: E, nu, the length and the noise."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from scipy import special
 
 from ecm.diagnosis.problem import Problem
 from ecm.io.mechanism import Mechanism
-from ecm.models.joint_fit import FittedEffect
+from ecm.models.joint_fit import FittedEffect, JointFit
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.physics.rod import stated_rod
 from ecm.regression.noise import declared_noise
@@ -19,6 +19,11 @@ from ecm.regression.repeats import repeat_cells
 _LEAST_CHANGE = 0.05
 """Share by which E must differ from the stated value to be said."""
 _LEAST_NU = 0.02
+_LEAST_LENGTH = 0.03
+"""Share by which the length at rest must differ from the stated one to be said."""
+_STEPS_TO_REST = 20
+_RESTS = 1e-9
+"""Last step to the rest over the length."""
 _DEVIATIONS = 4.0
 _QUIET = 0.5
 """Variance over the declared one below which the declared noise is called too large."""
@@ -27,10 +32,50 @@ _FAR = 3.0
 """Error at the bound of nu, over the noise and over that beyond it, from which nu is wrong."""
 
 
-def stated_numbers(problem: Problem) -> list[str]:
-    """Return what these rows say of E, nu and the noise where it is not what was stated."""
+def stated_numbers(problem: Problem, final: JointFit) -> list[str]:
+    """Return what these rows say of E, nu, length and noise where it is not what was stated.
+
+    Parameters
+    ----------
+    final
+        Fit of the base together with the accepted effects.
+    """
     noise = _repeats(problem) or _quiet(problem)
-    return [words for words in (_elasticity(problem), noise) if words]
+    return [words for words in (_elasticity(problem), _length(final), noise) if words]
+
+
+def _length(final: JointFit) -> str:
+    """Return that an energy rests at another length than the stated one.
+
+    An energy of the wrong length fits as well, since its origin is shifted along the axis. But the
+    straight body then carries no force at another length than the stated one.
+    """
+    base, stated = final.base, final.base.length_m
+    if base.kind != "energy" or stated is None:
+        return ""
+    along = final.rows.table.column("x_m")
+    # From within the rows: far outside an energy of high degree means nothing.
+    rest = np.array([[np.median(along), 0.0, 0.0, 0.0, 0.0, 0.0]])
+    for _ in range(_STEPS_TO_REST):
+        wrench, stiffness = base.wrench_and_stiffness(rest)
+        if not stiffness[0, 0, 0] > 0.0:
+            return ""
+        step = float(wrench[0, 0] / stiffness[0, 0, 0])
+        rest[0, 0] -= step
+        if not np.isfinite(step) or abs(step) < _RESTS * stated:
+            break
+    if not along.min() <= rest[0, 0] <= along.max():
+        return ""
+    terms = base.columns(rest)[0, 0]
+    force_sd = np.sqrt(terms @ final.covariance[: len(terms), : len(terms)] @ terms)
+    change, sd = float(rest[0, 0]) - stated, float(force_sd / stiffness[0, 0, 0])
+    if abs(change) < max(_LEAST_LENGTH * stated, _DEVIATIONS * sd):
+        return ""
+    return (
+        f"by these rows the straight body carries no force at a length of {rest[0, 0]:.4g} m, "
+        f"stated as {stated:.4g} m: the length or the origin of the positions along the axis is "
+        "likely wrong, or something pulls or presses on it"
+    )
 
 
 def _elasticity(problem: Problem) -> str:

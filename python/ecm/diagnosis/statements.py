@@ -3,25 +3,27 @@
 A frame that is turned by 90 degrees, a reversed torque or degrees for radians leave an error that
 effects can imitate in part. Each other reading (`ecm.diagnosis.restated`) is fitted by the same
 base; one that brings the error down to a third, and far below what the accepted effects leave, is
-named as what it is.
+named as what it is. A polynomial takes in most wrong readings. Where no length is stated, so that
+nothing else serves as base, an energy without symmetry is asked: any elastic body has one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ecm._native import EnergyModel
 from ecm.diagnosis.problem import Candidate, Problem
-from ecm.diagnosis.restated import Restatement, restatements
-from ecm.diagnosis.restated_points import moved_points
-from ecm.errors import EcmError, ModelError
-from ecm.io.arrays import F
+from ecm.diagnosis.readings import WrongStatement, best_readings
+from ecm.diagnosis.restated import Restatement
+from ecm.errors import EcmError
+from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import as_table
 from ecm.models.joint_fit import joint_fit
-from ecm.models.maps import StiffnessMap
+from ecm.models.maps import EnergyMap, StiffnessMap
 from ecm.regression.folds import is_pose_row
 
 if TYPE_CHECKING:
@@ -29,29 +31,12 @@ if TYPE_CHECKING:
 
 _ROWS = 150
 """Rows on which the readings are compared; the best is checked on all."""
-_EQUAL = 1.5
-"""Readings that leave up to so many times the least squares are said as well."""
-_MOST_SAID = 2
 _LEAST_T = 6.0
 """A slope counts from so many standard deviations."""
-
-
-@dataclass(frozen=True)
-class WrongStatement:
-    """A reading of the table that fits far better than the one that was stated."""
-
-    what: str
-    error_before: float
-    """Error of the base over the noise, as stated."""
-    error_after: float
-    """The same with the other reading."""
-
-    def sentence(self) -> str:
-        """Return what looks wrong, and what it rests on."""
-        return (
-            f"{self.what}: with that mended the error falls from {self.error_before:.3g} to "
-            f"{self.error_after:.3g} times the noise"
-        )
+_BETTER = 0.5
+"""Share of the error of the polynomial that an energy may leave, where it errs more than noise."""
+_GENERAL_TERMS = {4: 209, 3: 83, 2: 27}
+"""Terms of an energy without symmetry by its degree."""
 
 
 def find_wrong_statement(
@@ -67,88 +52,94 @@ def find_wrong_statement(
         Whitened rms of the base alone, and with the accepted effects.
     """
     settings, base, table = problem.settings, problem.base, problem.table
-    length = problem.rows.length_m if problem.rows.has_length else None
-    if before < settings.least_wrong_error or length is None or base.kind == "polynomial":
-        return None
     if not table.has(*POSE, *WRENCH):
         return None
-    best = _best_readings(problem, length)
-    if not best:
+    if base.kind == "polynomial":
+        return _of_any_elastic_body(problem, before)
+    length = problem.rows.length_m if problem.rows.has_length else None
+    if before < settings.least_wrong_error or length is None:
         return None
-    poses, wrench = best[0].change(table.matrix(POSE), table.wrenches)
+    rows = _compared_rows(problem)
+    poses, wrench = table.matrix(POSE)[rows], table.wrenches[rows]
+    for body in _bodies(base):
+        best = best_readings(body, poses, wrench, length, settings.mended_share)
+        mended = _error(problem, body, best[0]) if best else None
+        if mended is None or mended > settings.mended_share * before:
+            continue
+        if not effects or mended <= 0.5 * after:
+            return WrongStatement(" or ".join(item.words for item in best), before, mended)
+    return None
+
+
+def _bodies(base: StiffnessMap) -> list[StiffnessMap]:
+    """Return the base, and after a symmetric energy that of a body whose ends differ."""
+    if not isinstance(base, EnergyMap) or base.model.symmetry != "alike":
+        return [base]
+    own = base.model
+    terms: dict[str, Any] = {
+        "length_m": own.length_m, "degree": own.degree, "symmetry": "revolution"
+    }  # fmt: skip
+    count = EnergyModel.regressor(np.array([[own.length_m, *[0.0] * 5]]), scale=own.scale, **terms)
+    zeros = np.zeros(count.shape[2])
+    unlike = EnergyModel.from_coefficients(scale=own.scale, coefficients=zeros, **terms)
+    return [base, EnergyMap(unlike)]
+
+
+def _of_any_elastic_body(problem: Problem, before: float) -> WrongStatement | None:
+    """Try the readings where no length is stated: one that gives the wrench an energy is right."""
+    settings, table, rows = problem.settings, problem.table, _compared_rows(problem)
+    degrees = [d for d, terms in _GENERAL_TERMS.items() if 2 * terms <= 6 * len(rows)]
+    poses, wrench = table.matrix(POSE)[rows], table.wrenches[rows]
+    # The origin along the axis is free in an energy with all terms; it only gives a scale.
+    length = float(np.linalg.norm(poses[:, :3].mean(axis=0)))
+    if not degrees or not length > 0.0:
+        return None
+
+    def energy(poses: F, wrench: F) -> StiffnessMap:
+        return EnergyMap(
+            EnergyModel.fit(poses, wrench, length_m=length, degree=degrees[0], symmetry="general")
+        )
+
+    as_stated = _error(problem, energy(poses, wrench), None)
+    most = max(settings.most_left_error, _BETTER * before)
+    if as_stated is None or as_stated < settings.least_wrong_error:
+        return None
+    best = best_readings(energy(poses, wrench), poses, wrench, None, settings.mended_share)
+    upright = [item for item in best if not _falls(*item.change(poses, wrench))]
+    for item in (upright or best)[:1]:
+        mended = _error(problem, energy(*item.change(poses, wrench)), item)
+        if mended is not None and mended <= min(settings.mended_share * as_stated, most):
+            words = " or ".join(one.words for one in upright or best)
+            return WrongStatement(words, as_stated, mended)
+    return None
+
+
+def _falls(poses: F, wrench: F) -> bool:
+    """Whether a load falls where its coordinate grows."""
     columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, wrench.T, strict=True))
+    return bool(reversed_sign(as_table(columns), POSE, WRENCH))
+
+
+def _compared_rows(problem: Problem) -> I:
+    rows = np.flatnonzero(problem.scored & (problem.weights > 0.0))
+    return rows[np.linspace(0, len(rows) - 1, min(_ROWS, len(rows))).astype(np.int64)]
+
+
+def _error(problem: Problem, base: StiffnessMap, reading: Restatement | None) -> float | None:
+    """Return the whitened rms that a base leaves of a reading; None where it cannot be fitted."""
+    table = problem.table
+    if reading is not None:
+        poses, wrench = reading.change(table.matrix(POSE), table.wrenches)
+        columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, wrench.T, strict=True))
+        table = table.with_columns(columns)
     try:
-        fit = joint_fit(base, (), table.with_columns(columns), problem.noise)
+        fit = joint_fit(base, (), table, problem.noise)
     except (EcmError, np.linalg.LinAlgError):
         return None
     squares = (fit.whitened**2).sum(axis=1)[problem.scored]
     # Some bad rows shall not decide.
     kept = np.sort(squares)[: max(1, int(0.98 * len(squares)))]
-    mended = float(np.sqrt(kept.mean() / fit.whitened.shape[1]))
-    if mended > settings.mended_share * before or (effects and mended > 0.5 * after):
-        return None
-    return WrongStatement(" or ".join(item.words for item in best), before, mended)
-
-
-def _best_readings(problem: Problem, length_m: float) -> list[Restatement]:
-    """Return the readings that leave the least, the simplest first; none where none helps."""
-    base = problem.base
-    rows = np.flatnonzero(problem.scored & (problem.weights > 0.0))
-    rows = rows[np.linspace(0, len(rows) - 1, min(_ROWS, len(rows))).astype(np.int64)]
-    poses, wrench = problem.table.matrix(POSE)[rows], problem.table.wrenches[rows]
-    as_stated = _columns(base, poses)
-    if as_stated is None:
-        return []
-    now = _misfit(as_stated, wrench)
-
-    def left_by(poses: F, wrench: F) -> F:
-        columns = _columns(base, poses)
-        if columns is None:
-            raise ModelError("no such pose")
-        return _rest(columns, wrench)
-
-    left: list[tuple[float, Restatement]] = []
-    listed = [*restatements(length_m), *moved_points(length_m, poses, wrench, left_by)]
-    for item in listed:
-        try:
-            own_poses, own_wrench = item.change(poses, wrench)
-        except EcmError:
-            continue
-        columns = _columns(base, own_poses) if item.of_pose else as_stated
-        if columns is not None:
-            left.append((_misfit(columns, own_wrench), item))
-    least = min(value for value, _ in left)
-    if least > problem.settings.mended_share**2 * now:
-        return []
-    return [item for value, item in left if value <= _EQUAL * least][:_MOST_SAID]
-
-
-def _columns(base: StiffnessMap, poses: F) -> tuple[F, F] | None:
-    """Return the wrench (n, 6) and its derivative (n, 6, k) to the coefficients; None: no pose."""
-    try:
-        poses = np.ascontiguousarray(poses)
-        found = base.predict(poses), base.columns(poses)
-    except EcmError:
-        return None
-    return found if all(np.isfinite(part).all() for part in found) else None
-
-
-def _misfit(base: tuple[F, F], wrench: F) -> float:
-    """Return the share of the squares of force and of torque that the base leaves."""
-    return float((_rest(base, wrench) ** 2).mean())
-
-
-def _rest(base: tuple[F, F], wrench: F) -> F:
-    """Return (6 n,) what the fitted base leaves, over the rms of force and of torque."""
-    predicted, columns = base
-    size = np.repeat([np.sqrt((part**2).mean()) for part in (wrench[:, :3], wrench[:, 3:])], 3)
-    size = np.where(size > 0.0, size, 1.0)
-    y = ((wrench - predicted) / size).ravel()
-    z = (columns / size[:, None]).reshape(len(y), -1)
-    norms = np.sqrt((z**2).sum(axis=0))
-    z = z / np.where(norms > 0.0, norms, 1.0)
-    theta = np.linalg.lstsq(z, y, rcond=1e-10)[0]
-    return np.asarray(y - z @ theta)
+    return float(np.sqrt(kept.mean() / fit.whitened.shape[1]))
 
 
 def reversed_sign(table: Table, inputs: Sequence[str], outputs: Sequence[str]) -> str:

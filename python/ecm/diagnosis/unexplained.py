@@ -11,8 +11,8 @@ from ecm.comparison.residuals import covariates, factors, features
 from ecm.diagnosis.ard import ard_relevance
 from ecm.diagnosis.effect_template import effect_template
 from ecm.diagnosis.problem import Candidate, Problem
+from ecm.diagnosis.readings import WrongStatement
 from ecm.diagnosis.search import rank
-from ecm.diagnosis.statements import WrongStatement
 from ecm.diagnosis.whiteness import Pattern
 from ecm.io.arrays import F
 from ecm.regression.slow_noise import SlowNoise

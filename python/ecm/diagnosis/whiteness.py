@@ -96,19 +96,15 @@ def _periods(problem: Problem, left: F, counted: B) -> list[Pattern]:
     outputs = problem.base.outputs
     share = 1.0 - problem.base_block.shape[2] / problem.size
     load = np.einsum("nij,nj->ni", problem.whitener[counted], problem.rows.wrench[counted])
-    series = [
-        (outputs[j].rsplit("_", 1)[0], left[:, j], np.ones(n), n) for j in range(len(outputs))
-    ]
-    series.append(("the stiffness", (load * left).sum(axis=1), (load**2).sum(axis=1), left.size))
+    series = [(outputs[j].rsplit("_", 1)[0], left[:, j], np.ones(n)) for j in range(len(outputs))]
+    series.append(("the stiffness", (load * left).sum(axis=1), (load**2).sum(axis=1)))
     found = []
-    for words, along, weight, size in series:
+    for words, along, weight in series:
         explained = _explained(cosine, sine, along, weight)
         best = int(np.argmax(explained))
-        total = float((left**2).sum()) if size == left.size else float(along @ along)
-        rest = max(total - float(explained[best]), 1e-300)
         # Two columns of one frequency; each frequency is a test. The base took its part before.
-        freedom = max(0.0, size * share - 2.0)
-        single = float((1.0 + explained[best] / rest) ** (-0.5 * freedom))
+        freedom = max(0.0, n * share - 2.0)
+        single = _chance(cosine[:, best], sine[:, best], along, weight, freedom)
         period = float(1.0 / turns[best])
         unit = " s" if name == "time_s" else " rows"
         strength = np.sqrt(max(0.0, explained[best] - 2.0) / left.size)
@@ -132,6 +128,27 @@ def _explained(cosine: F, sine: F, along: F, weight: F) -> F:
     a, b = along @ cosine, along @ sine
     det = np.maximum(cc * ss - cs**2, 1e-12 * cc * ss + 1e-300)
     return np.asarray((ss * a**2 - 2.0 * cs * a * b + cc * b**2) / det)
+
+
+def _chance(cosine: F, sine: F, along: F, weight: F, freedom: float) -> float:
+    """Return the chance that rows that err independently follow one frequency as much.
+
+    Each row counts once, whatever its components share, and with the size of its own rest: where a
+    base leaves much, rows under large loads err more and are the heaviest in the sums as well.
+    """
+    root = np.sqrt(np.maximum(weight, 1e-300))
+    columns = root[:, None] * np.stack([cosine, sine], axis=1)
+    y = along / root
+    gram = columns.T @ columns
+    theta = np.linalg.lstsq(gram, columns.T @ y, rcond=None)[0]
+    rest = y - columns @ theta
+    own = columns * rest[:, None]
+    alike = gram * float(rest @ rest) / len(y)
+    ratios = [
+        float(np.linalg.lstsq(spread, gram @ theta, rcond=None)[0] @ gram @ theta)
+        for spread in (alike, own.T @ own)
+    ]
+    return float((1.0 + min(ratios) / len(y)) ** (-0.5 * freedom))
 
 
 def _neighbours(problem: Problem, left: F, counted: B) -> list[Pattern]:

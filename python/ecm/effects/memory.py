@@ -36,7 +36,9 @@ def slipping(steps: F, limit: float) -> F:
     """
     state, states = 0.0, []
     for step in steps.tolist():
-        state = min(max(state + step, -limit), limit)
+        state += step
+        # Comparisons take half the time of min and max.
+        state = limit if state > limit else -limit if state < -limit else state
         states.append(state)
     return np.array(states)
 
@@ -51,6 +53,6 @@ def play(loads: F, width: float) -> F:
     """
     state, states = 0.0, []
     for low, high in zip((loads - width).tolist(), (loads + width).tolist(), strict=True):
-        state = min(max(state, low), high)
+        state = low if state < low else high if state > high else state
         states.append(state)
     return np.array(states)

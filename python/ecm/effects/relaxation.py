@@ -80,6 +80,9 @@ class StressRelaxation(LinearEffect):
             # Over the static load: a soft adhesive carries several times that while it is moved.
             names = ("over_static", "over_static_second")[: self.branches]
             self.parameters = tuple(Parameter(name, "1", 0.1, -0.5, 50.0) for name in names)
+        elif self.branches == 2:
+            names = ("g", "g_second")
+            self.parameters = tuple(Parameter(name, "1", 0.02, -0.2, 1.0) for name in names)
 
     @property
     def branches(self) -> int:
@@ -100,7 +103,7 @@ class StressRelaxation(LinearEffect):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Time constants that the dwell times or the samples can distinguish.
 
-        An effect that has two branches keeps two.
+        An effect that has two branches keeps two, and of a campaign of poses its form.
         """
         if is_continuous(table) and self.branches == 2:
             pairs = itertools.combinations(time_constants(table)[::2], 2)
@@ -117,6 +120,8 @@ class StressRelaxation(LinearEffect):
             )
         dwell = table.measured().column("dwell_s")
         low, high = max(float(dwell.min()), 0.1), float(dwell.max())
+        if self.branches == 2:
+            return self._pairs(low, high)
         plain = [StressRelaxation(float(t)) for t in np.geomspace(low, high, 4)]
         if not (table.has("time_s") and table.has("approach")):
             return tuple(plain)
@@ -125,6 +130,15 @@ class StressRelaxation(LinearEffect):
         frame = _frame(table)
         visits = [StressRelaxation(float(t), path="visits", frame=frame) for t in taus]
         return (plain[1], visits[2], *plain[:1], *plain[2:], *visits[:2], *visits[3:])
+
+    def _pairs(self, low: float, high: float) -> tuple[Effect, ...]:
+        """The same form with two time constants, apart by more than one step of them."""
+        taus = np.geomspace(low, 4.0 * high if self.path else high, 5).tolist()
+        return tuple(
+            replace(self, tau_s=fast, second_tau_s=slow)
+            for i, fast in enumerate(taus)
+            for slow in taus[i + 2 :]
+        )
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Time constants between these and their neighbours, one at a time."""
@@ -151,13 +165,13 @@ class StressRelaxation(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """exp(-d / tau) h, or the convolution, one column per branch."""
+        taus = [self.tau_s, self.second_tau_s][: self.branches]
+        if not self.overstress and self.path:
+            return np.stack([over_visits(rows, tau, self.frame) for tau in taus], axis=2)
         if not self.overstress:
             dwell = rows.table.column("dwell_s")
-            if self.path:
-                return over_visits(rows, self.tau_s, self.frame)[:, :, None]
-            decay = np.exp(-np.where(np.isfinite(dwell), dwell, np.inf) / self.tau_s)
-            return np.asarray((decay[:, None] * rows.wrench)[:, :, None])
-        taus = [self.tau_s, self.second_tau_s][: self.branches]
+            rests = np.where(np.isfinite(dwell), dwell, np.inf)[:, None] / np.asarray(taus)
+            return np.asarray(np.exp(-rests)[:, None, :] * rows.wrench[:, :, None])
         if self.frame == "middle":
             if self.overstress == "linear":
                 driven = mid_frame(rows.poses, rows.length_m) * rest_stiffness(rows).along

@@ -38,9 +38,9 @@ class Simulated:
 
     Examples
     --------
-    >>> pairs = simulate(Mechanism(), 2, seed=1)
+    >>> pairs = simulate(Mechanism(), 1, seed=1)
     >>> pairs.poses.shape, bool((pairs.smallest_eigenvalue > 0.0).all())
-    ((2, 6), True)
+    ((1, 6), True)
     """
 
     wrenches: F

@@ -31,6 +31,28 @@ class RawTable:
 
 def raw_table(data: Any, source: str, first_row: int = 0) -> RawTable:
     """Return names and cells of a dict, a data frame, an xarray Dataset or a record array."""
+    named = named_columns(data, source)
+    for name, column in named.items():
+        if column.ndim != 1:
+            raise InputError(f"{source}: column '{name}' has shape {column.shape}, expected (N,)")
+    lengths = {name: len(column) for name, column in named.items()}
+    if len(set(lengths.values())) > 1:
+        raise InputError(f"{source}: the columns have different lengths: {lengths}")
+    size = next(iter(lengths.values()), 0)
+    rows = range(first_row, first_row + size)
+    return RawTable(tuple(named), tuple(named.values()), rows, "row")
+
+
+def named_columns(data: Any, source: str) -> dict[str, NDArray[Any]]:
+    """Return the columns of a data frame or the like by name, whatever their shape.
+
+    Examples
+    --------
+    >>> named_columns({"x": [1.0, 2.0]}, "dict")
+    {'x': array([1., 2.])}
+    """
+    if hasattr(data, "collect") and hasattr(data, "lazy"):  # polars, not computed yet
+        data = data.collect()
     if hasattr(data, "data_vars") and hasattr(data, "coords"):  # xarray
         names = [*data.coords, *data.data_vars]
         values = [np.asarray(data[name]) for name in names]
@@ -55,11 +77,4 @@ def raw_table(data: Any, source: str, first_row: int = 0) -> RawTable:
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
         raise InputError(f"{source}: the column name '{repeated[0]}' is repeated; rename one")
-    for name, column in zip(names, values, strict=True):
-        if column.ndim != 1:
-            raise InputError(f"{source}: column '{name}' has shape {column.shape}, expected (N,)")
-    lengths = {name: len(column) for name, column in zip(names, values, strict=True)}
-    if len(set(lengths.values())) > 1:
-        raise InputError(f"{source}: the columns have different lengths: {lengths}")
-    size = len(values[0]) if values else 0
-    return RawTable(tuple(names), tuple(values), range(first_row, first_row + size), "row")
+    return dict(zip(names, values, strict=True))

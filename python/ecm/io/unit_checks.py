@@ -80,8 +80,9 @@ def _guess_length(name: str, values: F, limit: float) -> str:
     if largest / 1e3 > limit:
         return "no plausible position in metres. Check the unit and the frame."
     return (
-        "expected metres: these look like millimetres. Divide by 1000, or give "
-        f"{name} = {{ column = ..., scale = 1e-3 }} in [columns]."
+        "expected metres: these look like millimetres. Divide by 1000, give "
+        f"{name} = {{ column = ..., scale = 1e-3 }} in [columns], or import the log with "
+        f"--map {name}=COLUMN:mm."
     )
 
 
@@ -89,6 +90,7 @@ def _guess_angle(name: str, values: F, _: float) -> str:
     if float(np.max(np.abs(values))) > 720.0:
         return "no plausible rotation vector in radians. Check the unit."
     return (
-        "expected radians: these look like degrees. Multiply by pi/180, or give "
-        f"{name} = {{ column = ..., scale = 0.017453292519943295 }} in [columns]."
+        "expected radians: these look like degrees. Multiply by pi/180, give "
+        f"{name} = {{ column = ..., scale = 0.017453292519943295 }} in [columns], or import the "
+        f"log with --map {name}=COLUMN:deg."
     )

@@ -18,7 +18,6 @@ from ecm.io.csv import write_csv
 from ecm.io.description import FileMeta, Meta, read_meta
 from ecm.io.interrupts import uninterrupted
 from ecm.io.leave_out import row_ranges, shown_ranges
-from ecm.io.raw_table import raw_table
 from ecm.io.table import Table, as_table
 from ecm.logs.containers import is_hdf5, read_hdf5, read_matlab, read_numpy, read_parquet_log
 from ecm.logs.conversion import (
@@ -28,8 +27,9 @@ from ecm.logs.conversion import (
     standard_columns,
     unwrap_angle,
 )
-from ecm.logs.log import Log, log_of_arrays
+from ecm.logs.log import Log
 from ecm.logs.mapping import propose
+from ecm.logs.objects import log_of_object
 from ecm.logs.rosbag import is_bag, read_bag
 from ecm.logs.sources import UserChoices
 from ecm.logs.text import read_text_log
@@ -164,7 +164,7 @@ def import_log(
     >>> log.table["theta_x_rad"].round(4)
     array([ 0.    , -0.1745])
     """
-    raw, source, digest = _read(log, topics)
+    raw, source, digest = read_log(log, topics)
     if axis not in ("", "x", "y", "z"):
         raise InputError(f"--axis {axis}: expected x, y or z")
     choices = UserChoices(dict(columns or {}), rotation, given_units(units), axis)
@@ -200,10 +200,10 @@ def import_log(
     return ImportedLog(table, described, source, every)
 
 
-def _read(log: Any, topics: Sequence[str]) -> tuple[Log, str, str]:
-    """The log, its name for messages, and the sha256 of its file."""
+def read_log(log: Any, topics: Sequence[str]) -> tuple[Log, str, str]:
+    """Return the log, its name for messages, and the sha256 of its file."""
     if not isinstance(log, (str, Path)):
-        return _of_object(log), type(log).__name__, ""
+        return log_of_object(log), type(log).__name__, ""
     path = Path(log)
     if not path.exists():
         raise InputError(f"{path}: this log does not exist. Check the path.")
@@ -222,17 +222,6 @@ def _read(log: Any, topics: Sequence[str]) -> tuple[Log, str, str]:
     if reader is None:
         reader = read_hdf5 if is_hdf5(path) else read_text_log
     return reader(path), str(path), digest
-
-
-def _of_object(log: Any) -> Log:
-    """A dict of arrays, a data frame, or a Dataset of xarray."""
-    source = type(log).__name__
-    if hasattr(log, "data_vars") and hasattr(log, "coords"):  # xarray
-        return log_of_arrays({str(n): log[n].values for n in (*log.coords, *log.data_vars)}, source)
-    if isinstance(log, Mapping):
-        return log_of_arrays({str(name): values for name, values in log.items()}, source)
-    raw = raw_table(log, source)
-    return log_of_arrays(dict(zip(raw.names, raw.columns, strict=True)), source)
 
 
 def _file(table: Mapping[str, NDArray[Any]], file: FileMeta) -> FileMeta:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH, is_standard, likely_name
 from ecm.logs.log import Log, unique_name
-from ecm.logs.names import Named, Reading, read_name
+from ecm.logs.names import DIMENSION, Named, Reading, read_name, trailing_units
 from ecm.logs.rotation_columns import rotation_of
 from ecm.logs.sources import (
     ColumnMap,
@@ -36,8 +37,7 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
     InputError
         For what has two readings; the message gives both and the option that decides.
     """
-    named = {name: read_name(name, log.units.get(name, "")) for name in _renamed(log)}
-    named = dict(zip(log.columns, named.values(), strict=True))
+    named = _read_names(log)
     found: dict[str, Source] = {}
     for standard, choice in choices.columns.items():
         found[standard] = chosen_source(standard, choice, log, named, choices)
@@ -74,9 +74,32 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
     return ColumnMap(found, rotation, own_names)
 
 
+def _read_names(log: Log) -> dict[str, Named]:
+    """The readings of every column; arrays state units at the end of their name: position_mm."""
+    named: dict[str, Named] = {}
+    for name, shown in zip(log.columns, _renamed(log), strict=True):
+        own = read_name(shown, log.units.get(name, ""))
+        repeated = re.fullmatch(r"(.*)_[2-9]", name)
+        if repeated is not None and repeated[1] in named and not _is_pose_or_wrench(own):
+            own = named[repeated[1]]  # a name that is there twice is asked about
+        units = trailing_units(name.rpartition(".")[0])[1] if shown != name else {}
+        stated = tuple(r for r in own.readings if DIMENSION.get(r.quantity) in units)
+        if own.unit is None and stated:
+            own = Named(stated, units[DIMENSION[stated[0].quantity]])
+        named[name] = own
+    return named
+
+
+def _is_pose_or_wrench(named: Named) -> bool:
+    return any(_standard(reading, "x") is not None for reading in named.readings)
+
+
 def _renamed(log: Log) -> list[str]:
-    """The names with components of whole arrays written out: wrench.4 as torque.y."""
+    """Names without that of a struct around all; of arrays by component: wrench.4 as torque.y."""
     names = []
+    whole = {name.partition(".")[0] for name in log.columns}
+    inner = [name.partition(".")[2] for name in log.columns]
+    begin = len(next(iter(whole))) + 1 if len(whole) == 1 and all(map(_is_word, inner)) else 0
     of_poses = {n: part for stem in _stems(log) for n, part in _pose_parts(log, stem).items()}
     for name in log.columns:
         stem, dot, index = name.rpartition(".")
@@ -90,10 +113,14 @@ def _renamed(log: Log) -> list[str]:
             first, second = ("force", "torque") if group == "wrench" else ("position", "rotation")
             names.append(f"{first if int(index) < 3 else second}.{'xyz'[int(index) % 3]}")
         elif size == 3 and index.isdigit() and not stem[-1:].isdigit():
-            names.append(f"{stem}.{'xyz'[int(index)]}")
+            names.append(f"{trailing_units(stem)[0][begin:]}_{'xyz'[int(index)]}")
         else:
-            names.append(name)
+            names.append(name[begin:])
     return names if len(set(names)) == len(names) else list(log.columns)
+
+
+def _is_word(name: str) -> bool:
+    return name[:1].isalpha()
 
 
 def _stems(log: Log) -> list[str]:
@@ -137,6 +164,11 @@ def _settled(
     return left
 
 
+def standard_of(reading: Reading) -> str | None:
+    """Return the standard name that a reading tells by itself; None where an axis is missing."""
+    return _standard(reading, "")
+
+
 def _standard(reading: Reading, axis: str) -> str | None:
     """Standard name of a reading; None where its axis is not known."""
     if reading.quantity == "standard":
@@ -159,8 +191,14 @@ def _ask_axis(name: str, reading: Reading, source: str) -> None:
         what = "displacement" if reading.quantity == "position" else reading.quantity
         raise InputError(
             f"{source}: column '{name}' is a {what} without an axis: along (or about) the "
-            "mechanism's own axis, which is x, or across it? Say --axis x, or --axis y or z"
+            "mechanism's own axis, which is x, or across it? Say --axis x, or --axis y or z; where "
+            f'several have none, each by itself: --map "{_likely(reading)}={name}"'
         )
+
+
+def _likely(reading: Reading) -> str:
+    """A standard name of a reading without an axis, for an example."""
+    return _STANDARD["rotvec" if reading.quantity == "rotation" else reading.quantity][0]
 
 
 def _own_name(name: str) -> str:

@@ -58,7 +58,7 @@ _WORDS = {
     "force": "f force load kraft",
     "torque": "m torque moment tau trq mom drehmoment",
     "rotvec": "theta rotvec rv rodrigues axisangle",
-    "rotation": "r rot rotation angle ang euler winkel deviation",
+    "rotation": "r rot rotation angle ang euler winkel deviation phi alpha",
     "quaternion": "q quat quaternion orientation ori",
     "matrix": "r rot rotation matrix dcm",
     "time": "t time timestamp stamp timestamps elapsed zeit clock",
@@ -78,9 +78,11 @@ _IGNORED = frozenset(
     {"pose", "tool", "tcp", "tip", "top", "platform", "marker", "rigid", "body", "ft", "fts", "ati"}
     | {"sensor", "measured", "actual", "meas", "robot", "ee", "end", "effector", "wrench", "msg"}
     | {"transform", "data", "value", "raw", "mean", "avg", "signal", "channel", "ch", "stamped"}
-    | {"joint", "the", "of", "in", "about", "component"}
+    | {"joint", "the", "of", "in", "about", "component", "wxyz", "xyzw"}
 )
 """Words that say where or how something was measured, not what."""
+_SIDES = frozenset({"r", "l", "right", "left"})
+"""Last words that say which of two limbs: ankle_angle_r."""
 _NOT_MEASURED = frozenset(
     {"error", "err", "limit", "commanded", "command", "cmd", "target", "desired", "setpoint"}
     | {"reference", "ref", "std", "sd", "sigma", "variance", "max", "min", "bias", "tare", "arm"}
@@ -121,21 +123,54 @@ def read_name(name: str, unit_word: str = "") -> Named:
         name, unit = comma[1], unit or find_unit(comma[2])
     tokens = _tokens(name)
     last = tokens[-1] if len(tokens) > 1 else ""
-    if _NOT_MEASURED.intersection(tokens) or is_other_unit(unit_word) or is_other_unit(last):
+    if is_other_unit(unit_word) or is_other_unit(last):
         return Named(())
     for size in (2, 1):
         found = find_unit("".join(tokens[-size:])) if len(tokens) > size else None
-        readings = _readings(tokens[:-size]) if found is not None else ()
-        fitting = tuple(r for r in readings if found and DIMENSION[r.quantity] == found.dimension)
+        if found is None or _NOT_MEASURED.intersection(tokens[:-size]):
+            continue
+        readings = _readings(tokens[:-size])
+        fitting = tuple(r for r in readings if DIMENSION[r.quantity] == found.dimension)
         if fitting:
-            return Named(fitting, found)
+            return Named(fitting, found)  # time_min is in minutes, fx_min is a smallest force
+    if _NOT_MEASURED.intersection(tokens):
+        return Named(())
     readings = _readings(tokens)
     outer = re.match(r"[^./]*[./](?=.*[A-Za-z])", name)
-    if not readings and outer is not None:  # log.t of a struct, /rig/ft/force.x of a topic
+    if not readings and outer is not None and not _is_axis(name[outer.end() :]):
+        # log.t of a struct, /rig/ft/force.x of a topic; gyro.x is no position
         return read_name(name[outer.end() :], unit.word if unit is not None else unit_word)
     if unit is not None:
         readings = tuple(r for r in readings if DIMENSION[r.quantity] == unit.dimension)
     return Named(readings, unit)
+
+
+def trailing_units(name: str) -> tuple[str, dict[str, Unit]]:
+    """Return the name of an array without the units at its end, and these by dimension.
+
+    Examples
+    --------
+    >>> name, units = trailing_units("Wrench [N, N mm]")
+    >>> name, {dimension: unit.word for dimension, unit in units.items()}
+    ('Wrench', {'force': 'N', 'torque': 'Nmm'})
+    >>> trailing_units("position_mm")[0], trailing_units("force")
+    ('position', ('force', {}))
+    """
+    bracket = re.fullmatch(r"(.*?)[\s_]*[\[(]\s*([^\[\]()]*?)\s*[\])]\s*", name)
+    if bracket is not None and bracket[1]:
+        given = [find_unit(word) for word in bracket[2].split(",")]
+        return bracket[1], {unit.dimension: unit for unit in given if unit is not None}
+    units: dict[str, Unit] = {}
+    while True:
+        cut = re.fullmatch(r"(.*[A-Za-z0-9])[\s_.-]+([A-Za-z°µ]+)", name)
+        found = find_unit(cut[2]) if cut is not None else None
+        if cut is None or found is None or found.dimension in units:
+            return name, units
+        name, units[found.dimension] = cut[1], found
+
+
+def _is_axis(name: str) -> bool:
+    return name.strip().lower() in ("x", "y", "z")
 
 
 def _tokens(name: str) -> list[str]:
@@ -155,6 +190,8 @@ def _readings(tokens: list[str]) -> tuple[Reading, ...]:
             return (Reading("euler", token),)
         if token in ("adduction", "varus", "flexion"):
             return (Reading("clinical", _CLINICAL[token]),)
+    if len(tokens) > 1 and tokens[-1] in _SIDES:
+        tokens = tokens[:-1]
     stem, part = _split_axis(tokens)
     if stem in ("", "own") and part in ("x", "y", "z"):
         position = (Reading("position", part),)

@@ -13,6 +13,10 @@ from ecm.io.extras import require
 from ecm.logs.log import Log
 from ecm.logs.streams import Stream, join_streams
 
+_NEXT = (
+    " A file that was cut off is mended by `ros2 bag reindex` or `mcap recover`; messages that are "
+    "not of ROS 2 have to be saved as CSV or Parquet."
+)
 Sample = tuple[str, dict[str, float]]
 """Frame or joint set of a sample, and its numbers by name."""
 
@@ -50,11 +54,11 @@ def read_bag(path: Path, topics: Sequence[str] = ()) -> Log:
             found = {c.topic: c.msgtype for c in reader.connections}
             streams = _streams(reader, used)
     except (OSError, ValueError, KeyError, RuntimeError) as error:
-        raise InputError(f"{path}: no readable bag: {error}") from None
+        raise InputError(f"{path}: no readable bag: {error}{_NEXT}") from None
     except Exception as error:  # rosbags has errors of its own without a common class
         if not type(error).__module__.startswith("rosbags"):
             raise
-        raise InputError(f"{path}: no readable bag: {error}") from None
+        raise InputError(f"{path}: no readable bag: {error}{_NEXT}") from None
     if topics:
         _check_topics(topics, streams, path)
         streams = [s for s in streams if s.name in topics or s.name.split(":")[0] in topics]

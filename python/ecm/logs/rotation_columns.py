@@ -68,6 +68,9 @@ def _word(kind: str, columns: Sequence[str], named: Mapping[str, Named], source:
     """Word of a group of columns; InputError where it has two readings."""
     parts = "".join(_part(named[name], kind) for name in columns)
     shown = ", ".join(columns)
+    orders = {word for word in ("wxyz", "xyzw") if word in columns[0].lower()}
+    if kind == "quaternion" and len(orders) == 1 and "w" not in parts:
+        return orders.pop()
     if kind == "quaternion" and "w" in parts:
         return "wxyz" if parts == "wxyz" else "xyzw"
     if kind == "matrix" and len(parts) == 18:

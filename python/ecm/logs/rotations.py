@@ -1,4 +1,4 @@
-"""Rotations as logs write them, to rotation vectors: R is the orientation of the top frame.
+"""Rotations as logs write them, to rotation vectors and back: R is that of the top frame.
 
 | word | columns | R |
 |---|---|---|
@@ -17,6 +17,7 @@ of a left one.
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import numpy as np
 
@@ -113,10 +114,58 @@ def _vectors(word: str, values: F) -> F:
         turned = matrices if word == "rows" else matrices.transpose(0, 2, 1)
         return np.asarray(Rotation.from_matrix(turned).as_rotvec())
     if word.startswith("grood"):
-        side = -1.0 if word.endswith("right") else 1.0
-        signs = np.array([-1.0, side, -side])
-        return np.asarray(Rotation.from_euler("XYZ", values * signs).as_rotvec())
+        return np.asarray(Rotation.from_euler("XYZ", values * _signs(word)).as_rotvec())
     return np.asarray(Rotation.from_euler(word, values).as_rotvec())
+
+
+def rotation_columns(word: str, vectors: F) -> dict[str, F]:
+    """Return what a log would hold, as columns, from rotation vectors (N, 3) in rad.
+
+    Angles are in rad: those of Grood and Suntay and of three different axes have the middle one
+    between -pi/2 and pi/2. Quaternions have a scalar part of at least 0.
+
+    Where the middle angle leaves the other two undetermined (a gimbal lock), the third is 0, and
+    scipy warns.
+
+    Raises
+    ------
+    InputError
+        An unknown word.
+
+    Examples
+    --------
+    >>> knee = rotation_columns("grood-suntay-right", np.array([[-0.5, 0.0, 0.0]]))
+    >>> [(name, float(angle[0].round(3)) + 0.0) for name, angle in knee.items()]
+    [('flexion_rad', 0.5), ('adduction_rad', 0.0), ('internal_rotation_rad', 0.0)]
+    """
+    check_rotation_word(word)
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - scipy takes long to load
+
+    turn = Rotation.from_rotvec(vectors)
+    if word == "rotvec":
+        names, values = ["rx_rad", "ry_rad", "rz_rad"], vectors
+    elif word in ("wxyz", "xyzw"):
+        names = [f"q{letter}" for letter in word]
+        values = turn.as_quat(canonical=True)[:, ["xyzw".index(letter) for letter in word]]
+    elif word in ("rows", "columns"):
+        pairs = [(i, j) for i in range(3) for j in range(3)]
+        pairs = pairs if word == "rows" else [(j, i) for i, j in pairs]
+        names = [f"r{i + 1}{j + 1}" for i, j in pairs]
+        values = turn.as_matrix()[:, [i for i, _ in pairs], [j for _, j in pairs]]
+    elif word.startswith("grood"):
+        names = ["flexion_rad", "adduction_rad", "internal_rotation_rad"]
+        values = turn.as_euler("XYZ") * _signs(word)
+    else:
+        names = [f"euler{i + 1}_{axis}_rad" for i, axis in enumerate(word)]
+        sequence: Any = word  # checked above
+        values = turn.as_euler(sequence)
+    return dict(zip(names, np.asarray(values).T, strict=True))
+
+
+def _signs(word: str) -> F:
+    """Signs of Rx, Ry and Rz in flexion, adduction and internal rotation."""
+    side = -1.0 if word.endswith("right") else 1.0
+    return np.array([-1.0, side, -side])
 
 
 def _shorter(values: F) -> F:

@@ -85,10 +85,12 @@ def chosen_source(
     standard: str, choice: str, log: Log, named: Mapping[str, Named], choices: UserChoices
 ) -> Source:
     """The source that --map gives: a column, or a column and its unit."""
-    column, colon, word = column_like(choice, log), "", ""
-    if column not in log.columns:
-        column, colon, word = choice.rpartition(":")
-        column = column_like(column if colon else choice, log)
+    column, colon, word = choice.rpartition(":")
+    whole = choice in log.columns
+    # Of the columns F and FN, F:N means the first.
+    if whole or (column not in log.columns and column_like(choice, log) in log.columns):
+        column, colon, word = choice, "", ""
+    column = column_like(column if colon else choice, log)
     if column not in log.columns:
         raise InputError(
             f"--map {standard}={choice}: the log has no column '{column}', "

@@ -58,7 +58,7 @@ class Stream:
         late = float(np.median(self.received_s - self.time_s))
         return (
             f"{self.name}: {len(self.time_s)} samples at {rate}, largest gap {gap:.3g} s, written "
-            f"{1e3 * late:.3g} ms after their stamp"
+            f"{round(1e3 * late, 3) + 0.0:.3g} ms after their stamp"
         )
 
 

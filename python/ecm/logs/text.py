@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import re
 from collections.abc import Callable, Sequence
@@ -32,7 +33,7 @@ _COMMENT = re.compile(r"^\s*(#|%|//|!|\*)")
 def read_text_log(path: Path) -> Log:
     """Read a text file of numbers; InputError where no rows of numbers are found."""
     lines = _decoded(path).splitlines()
-    kept = [line for line in lines if line.strip() and not _COMMENT.match(line)]
+    kept = [line for line in lines if line.strip(' \t;,|"') and not _COMMENT.match(line)]
     comments = [line for line in lines if _COMMENT.match(line)]
     word, split, begin, width = _layout(kept[:_SAMPLE], path)
     comma = word != "commas" and has_decimal_comma(kept[begin:], split, path)
@@ -45,20 +46,32 @@ def read_text_log(path: Path) -> Log:
         notes.append(f"{begin} line(s) above the numbers")
     if not above and not _named_by_comment(comments, split, width):
         notes.append("no line of names: the columns are called column_1, column_2, ...")
+    if above and _counts_rows(above[-1], names, columns):
+        del columns[names[0]]
+        notes.append("the first column has no name and counts the rows: it was left aside")
     if bad:
         notes.append(f"{bad} line(s) do not have {width} cells and were left out")
     return Log(columns, text, units, tuple(notes))
 
 
+def _counts_rows(header: Sequence[str], names: Sequence[str], columns: dict[str, F]) -> bool:
+    """Whether the first column is the number of the row, as data frames are written."""
+    values = columns.get(names[0])
+    unnamed = len(header) == len(names) > 1 and not header[0].strip(' "')
+    return unnamed and values is not None and bool(np.all(np.diff(values) == 1.0))
+
+
 def _decoded(path: Path) -> str:
     raw = path.read_bytes()
-    for encoding in ("utf-16",) if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8-sig",):
-        try:
-            return raw.decode(encoding)
-        except UnicodeDecodeError:
-            break
+    wide = raw[:2] in (b"\xff\xfe", b"\xfe\xff")
+    with contextlib.suppress(UnicodeDecodeError):
+        if wide or b"\0" not in raw[:65536]:
+            return raw.decode("utf-16" if wide else "utf-8-sig")
     if b"\0" in raw[:65536]:
-        raise InputError(f"{path}: a binary file of a kind that is not known here")
+        raise InputError(
+            f"{path}: a binary file of a kind that is not known here. Save the log, or the sheet "
+            "of a workbook, as CSV, Parquet, MAT, HDF5 or NPZ."
+        )
     return raw.decode("latin-1")
 
 
@@ -114,7 +127,7 @@ def _header(
     rows = without_numbers or rows
     unit_row: list[str] = []
     if len(rows) > 1 and _is_unit_row(rows[-1]):
-        unit_row = rows.pop()
+        unit_row = [cell.strip().strip('"') for cell in rows.pop()]
     if rows:
         names = rows[-1]
         if len(rows) > 1 and len(set(names)) < len(names):  # Force, , over X, Y, Z

@@ -73,7 +73,7 @@ def fit_summary(
         else:
             sentences.append(
                 f"{column}: rmse {rmse:.3g} {unit_of(column)} on the fitted rows, "
-                f"{100.0 * share:.2g} % of its spread"
+                f"{_percent(share)} of its spread"
             )
     pose_error = fitted.training["pose_error"]
     sentences.append(pose_error["sentence"])
@@ -166,13 +166,18 @@ def _shares(
     }
 
 
+def _percent(share: float) -> str:
+    # `g` alone would say 1e+02 % of 99.8 %.
+    return f"{float(f'{100.0 * share:.2g}'):g} %"
+
+
 def _told(how: str, shares: dict[str, float]) -> list[str]:
     """The held-out errors in words: a number for what was predicted, a sentence for the rest."""
     usable = {column: share for column, share in shares.items() if share < _USELESS}
     lost = [column for column in shares if column not in usable]
     sentences = []
     if usable:
-        listed = ", ".join(f"{column} {share:.2f}" for column, share in usable.items())
+        listed = ", ".join(f"{column} {_percent(share)}" for column, share in usable.items())
         sentences.append(f"{how}, share of the spread: {listed}")
     if lost:
         sentences.append(

@@ -23,6 +23,41 @@ from ecm.regression.noise import Noise, whiteners
 from ecm.regression.rows import Rows
 
 
+def wrench_variances(base: StiffnessMap, covariance: F, poses: F) -> F:
+    """(N, m) variances of the wrench at poses (N, n) from those of the coefficients, in N and N m.
+
+    Examples
+    --------
+    >>> import ecm
+    >>> x = np.linspace(-1e-3, 1e-3, 9)
+    >>> model = ecm.fit({"x_m": x, "fx_N": 1e4 * x + 0.1 * np.sin(9e4 * x)}, "linear")
+    >>> wrench_variances(model.base, model.covariance, np.zeros((2, 1))).shape
+    (2, 1)
+    """
+    if isinstance(base, PolynomialMap):
+        shares = _OwnVariances.of(base, covariance)
+        return np.concatenate([np.zeros((0, len(base.outputs))), *in_blocks(
+            len(poses), lambda block: shares.at(np.ascontiguousarray(poses[block])))])  # fmt: skip
+
+    def of_block(block: slice) -> F:
+        return variances_of(base.columns(np.ascontiguousarray(poses[block])), covariance)
+
+    blocks = in_blocks(len(poses), of_block)
+    return np.concatenate([np.zeros((0, len(base.outputs))), *blocks])
+
+
+def variances_of(columns: F, covariance: F) -> F:
+    """(N, m) c' P c of columns c (N, m, k), by one product of two matrices.
+
+    Examples
+    --------
+    >>> variances_of(np.ones((1, 1, 2)), np.diag([1.0, 4.0]))
+    array([[5.]])
+    """
+    images = (columns.reshape(-1, columns.shape[2]) @ covariance).reshape(columns.shape)
+    return np.asarray(np.einsum("nmk,nmk->nm", images, columns))
+
+
 def leverages(base: StiffnessMap, covariance: F, noise: Noise, poses: F) -> F:
     """(N,) leverage of poses (N, 6)."""
     known = {} if base.length_m is None else {"length_m": base.length_m}
@@ -56,7 +91,7 @@ class _OwnVariances:
     blocks: tuple[F, ...]
     """(k, k) covariances that are no multiple of one before."""
     outputs: tuple[tuple[int, float], ...]
-    """Of each output: number of its block, and the factor on it."""
+    """Number of each output's block, and the factor on it."""
 
     @staticmethod
     def of(base: PolynomialMap, covariance: F) -> _OwnVariances:

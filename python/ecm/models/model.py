@@ -12,12 +12,14 @@ import numpy as np
 
 from ecm._native import convert_stiffness
 from ecm.effects import Effect, Missing, Rows, effects_for, get_effect
+from ecm.effects.length import missing_length
 from ecm.effects.thinned import correction_of
 from ecm.errors import InputError
 from ecm.io.arrays import B, F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta, Scene
 from ecm.io.extras import require
+from ecm.io.steps import Progress, Steps
 from ecm.io.table import Table, TableLike, as_table
 from ecm.models import file
 from ecm.models.controller import Controller
@@ -25,7 +27,7 @@ from ecm.models.fit_report import correlations_of, fit_report
 from ecm.models.folding import folded
 from ecm.models.history import FitRecord, RecordedFit, fit_records
 from ecm.models.joint_fit import FittedEffect, best_shape, joint_fit
-from ecm.models.leverage import leverages
+from ecm.models.leverage import leverages, variances_of, wrench_variances
 from ecm.models.maps import StiffnessMap, central_differences
 from ecm.models.plots import history_figure
 from ecm.models.pose_error import pose_error, report_rows
@@ -42,6 +44,9 @@ from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import without_zero_readings
 from ecm.regression.noise import Noise
 from ecm.regression.thinning import HOW, RowsUsed, spread_rows
+
+_NOISE, _FORM, _ALL, _RECORD = "noise", "form of {}", "all values together", "errors"
+"""Steps of a fit with effects."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -179,8 +184,7 @@ class Model:
         if self.covariance is None:
             return None
         poses = data if isinstance(data, np.ndarray) else Rows(data, self.base).poses
-        columns = self.base.columns(np.ascontiguousarray(poses))
-        variance = np.einsum("nmk,kl,nml->nm", columns, self.covariance, columns)
+        variance = wrench_variances(self.base, self.covariance, poses)
         return np.asarray(np.sqrt(np.maximum(variance, 0.0) + self.base.error**2))
 
     def reading_sd(self, poses: F) -> F | None:
@@ -224,7 +228,7 @@ class Model:
             return None
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         variances = [
-            np.einsum("nmk,kl,nml->nm", slope, self.covariance, slope)
+            variances_of(slope, self.covariance)
             for slope in central_differences(self.base.columns, poses, 1e-5)
         ]
         return np.asarray(np.sqrt(np.maximum(np.stack(variances, axis=2), 0.0)))
@@ -438,7 +442,12 @@ class Model:
                 raise InputError(f"the model has no effect {id}; it has: {listed}")
 
     def fit(
-        self, table: TableLike, *, noise: Noise | None = None, most_rows: int = MANY_ROWS
+        self,
+        table: TableLike,
+        *,
+        noise: Noise | None = None,
+        most_rows: int = MANY_ROWS,
+        progress: Progress | None = None,
     ) -> Model:
         """Refit the base's coefficients and all effects that are not frozen, jointly.
 
@@ -453,6 +462,8 @@ class Model:
         most_rows
             Of a larger table so many rows are fitted, spread over runs, time and poses, and the
             fit report says so; what depends on earlier rows is computed on all of them.
+        progress
+            Called with the part that is done, the whole, and the step that begins.
 
         Raises
         ------
@@ -467,13 +478,20 @@ class Model:
             total, table = len(table), table.thinned(spread_rows(table, most_rows))
             fitted_rows = RowsUsed(total, len(table), HOW, "the errors of the values are theirs")
             training["rows_used"] = fitted_rows.to_dict()
+        free = [item.id for item in self.effects if not item.frozen]
+        steps = Steps(
+            {_NOISE: 1, **{_FORM.format(id): 6 for id in free}, _ALL: 6, _RECORD: 5}, progress
+        )
+        steps.begin(_NOISE)
         used = noise
         if used is None:
             used = noise_for(self.base, table, self.noise, same_rows=same_rows)
         shaped = self
         for position, item in enumerate(self.effects):
             if not item.frozen:
+                steps.begin(_FORM.format(item.id))
                 shaped = shaped._best_shape(position, table, used)
+        steps.begin(_ALL)
         joint = joint_fit(shaped.base, shaped.effects, table, used, freeze_base=freeze_base)
         if any(item.effect.shape.get("overstress") == "linear" for item in joint.effects):
             # Such a branch follows it, also in a controller, which has no table.
@@ -494,6 +512,7 @@ class Model:
             previous=self.previous if self.changed else self,
             changed=False,
         )
+        steps.begin(_RECORD)
         shown = report_rows(table)
         errors = table.matrix(self.outputs)[shown] - fitted.predict(table)[shown]
         training["pose_error"] = pose_error(fitted, table.select(shown), errors).to_dict()
@@ -506,7 +525,8 @@ class Model:
         """The model whose effect at this position has its best shape, with values zero."""
         item = self.effects[position]
         (plain,) = effects_for((*self.inputs, *self.outputs), (item.effect,))
-        lacking = plain.missing(table if table.whole is None else table.whole)
+        whole = (table if table.whole is None else table.whole).with_length(self.known_length_m)
+        lacking = plain.missing(whole) or missing_length(plain, whole)
         if lacking is not None:
             raise InputError(
                 f"{table.source}: effect {item.id} cannot be fitted, {lacking.reason}; "

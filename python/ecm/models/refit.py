@@ -7,8 +7,10 @@ from typing import Any
 
 from ecm.effects.protocol import Effect
 from ecm.errors import InputError
+from ecm.io.steps import Progress
 from ecm.io.table import MetaLike, TableLike, as_table
 from ecm.models.model import Model
+from ecm.regression.wild import naming_wild_readings
 
 
 def refit(
@@ -19,6 +21,7 @@ def refit(
     add: Sequence[str | Effect] = (),
     remove: Sequence[str] = (),
     freeze: Sequence[str] = (),
+    progress: Progress | None = None,
 ) -> Model:
     """Fit a model again to a table, with an effect more or less.
 
@@ -36,6 +39,8 @@ def refit(
         Ids of effects that it has and shall not have.
     freeze
         Ids of effects whose values are kept.
+    progress
+        Called with the part that is done, the whole, and the step that begins.
 
     Returns
     -------
@@ -66,7 +71,10 @@ def refit(
             "refit: nothing to change; give add, remove or freeze "
             "(--add EFFECT, --remove EFFECT, --freeze NAME)"
         )
-    return model.remove(*remove).add(*add).freeze(*freeze).fit(as_table(table, meta=meta))
+    changed = model.remove(*remove).add(*add).freeze(*freeze)
+    rows = as_table(table, meta=meta)
+    with naming_wild_readings(rows):
+        return changed.fit(rows, progress=progress)
 
 
 def refit_summary(model: Model) -> dict[str, Any]:

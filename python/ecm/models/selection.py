@@ -18,6 +18,7 @@ from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.extras import require
+from ecm.io.steps import Progress
 from ecm.io.table import Table
 from ecm.models.cross_validation import random_folds
 from ecm.models.energy import EnergyModel
@@ -123,6 +124,7 @@ def choose_model(
     *,
     folds: int = 10,
     seed: int = 0,
+    progress: Progress | None = None,
 ) -> ModelChoice:
     """Grouped cross-validation with the one-standard-error rule.
 
@@ -136,6 +138,8 @@ def choose_model(
         Number of parts; at most the number of groups.
     seed
         Seed of the random generator.
+    progress
+        Called with the number of fits that are done, of all, and the candidate that begins.
 
     Raises
     ------
@@ -161,10 +165,13 @@ def choose_model(
     fold = random_folds(measured, row_groups(measured), folds, seed)
     whitener = _whitener(measured)
     error, spread, sizes = [], [], []
-    for candidate in listed:
+    parts = int(fold.max()) + 1
+    for place, candidate in enumerate(listed):
         squares, size = [], 0
         try:
-            for part in range(int(fold.max()) + 1):
+            for part in range(parts):
+                if progress is not None:
+                    progress(place * parts + part, len(listed) * parts, candidate.title)
                 fitted = fit_rows(measured.select(np.flatnonzero(fold != part)), candidate)
                 size = free_coefficients(fitted.base)
                 test = np.flatnonzero(fold == part)

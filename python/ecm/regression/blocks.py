@@ -6,7 +6,7 @@ The blocks do not depend on the number of threads, and neither do the bits of a 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
@@ -17,6 +17,7 @@ from ecm.io.arrays import F, I
 from ecm.io.table import Table
 
 T = TypeVar("T")
+U = TypeVar("U")
 
 MANY_ROWS = 10_000
 """From this many rows on a fit starts from a part of them, and folds share one linearisation."""
@@ -27,11 +28,23 @@ _BLOCK = 4096
 def in_blocks(rows: int, work: Callable[[slice], T]) -> list[T]:
     """Results of `work` for each block of rows, in order; several blocks are shared by threads."""
     blocks = [slice(start, min(start + _BLOCK, rows)) for start in range(0, rows, _BLOCK)]
-    if len(blocks) < 2:
-        return [work(block) for block in blocks]
+    return in_threads(work, blocks)
+
+
+def in_threads(work: Callable[[U], T], items: Iterable[U]) -> list[T]:
+    """Results of `work` for each item, in order; the items are shared by the cores.
+
+    Examples
+    --------
+    >>> in_threads(abs, [-1, 2])
+    [1, 2]
+    """
+    items = list(items)
+    if len(items) < 2:
+        return [work(item) for item in items]
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     with ThreadPoolExecutor(cores) as pool:
-        return list(pool.map(work, blocks))
+        return list(pool.map(work, items))
 
 
 def triangles_of_folds(fold: I, triangle: Callable[[I], F]) -> list[F]:

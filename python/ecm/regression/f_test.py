@@ -178,7 +178,7 @@ class Beside:
     residual: F
     """(n, m) weighted, the fitted columns projected out."""
     span: Span
-    """Of the weighted columns beside the fitted ones."""
+    """What the weighted columns reach beside the fitted ones."""
     basis: F
     """(n m, k) orthonormal, of the weighted fitted columns."""
     size: int

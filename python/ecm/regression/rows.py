@@ -16,6 +16,17 @@ from ecm.io.columns import WRENCH
 from ecm.io.table import Table
 from ecm.regression.approach import pose_before
 
+
+class UnknownLength(InputError):
+    """The mechanism's length is needed and neither the map nor the table's description tells it.
+
+    Examples
+    --------
+    >>> issubclass(UnknownLength, InputError)
+    True
+    """
+
+
 BodyChange = Callable[[dict[str, float]], dict[str, float]]
 """A change of a body: `young_modulus_Pa`, `poisson_ratio`, `length_m`, `diameter_m` by name."""
 
@@ -206,7 +217,7 @@ class Rows:
         if length is None:
             length = self.table.meta.length_m
         if length is None:
-            raise InputError(
+            raise UnknownLength(
                 f"{self.table.source}: the mechanism's length is not known; "
                 "give [mechanism] length_m in the data's TOML"
             )

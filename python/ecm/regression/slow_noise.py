@@ -14,13 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ecm.io.arrays import F, I
+from ecm.regression.blocks import in_threads
 
 _DRAWS, _SEED = 199, 11
 _TIMES, _SHARES = 6, (0.4, 0.7, 0.9, 0.97, 0.995)
 _LEAST_ROWS = 30
-"""Of fewer rows slow noise explains anything."""
-_MOST_NUMBERS = 8_000_000
-"""Filtered numbers that are held at once."""
+"""Slow noise can explain any residual of fewer rows."""
+_MOST_NUMBERS = 4_000_000
+"""Filtered numbers that a thread holds at once."""
 
 
 @dataclass(frozen=True)
@@ -146,8 +147,9 @@ def _deviances(
     at_once = max(1, _MOST_NUMBERS // everything.size)
     size, b = n * m, series.base.shape[2]
     null, beside = np.empty((len(grid), r)), np.empty((len(grid), len(blocks), r))
-    penalty = np.array([len(block) for block in blocks]) * np.log(size)
-    for start in range(0, len(grid), at_once):
+    penalty = np.array([len(block) for block in blocks]).reshape(-1, 1) * np.log(size)
+
+    def fill(start: int) -> None:
         part = grid[start : start + at_once]
         innovations, log_determinant = _filtered(series.steps, part, everything)
         for g, flat in enumerate(innovations):
@@ -156,9 +158,11 @@ def _deviances(
             squares = (rest[:, -r:] ** 2).sum(axis=0)
             level = m * log_determinant[g]
             null[start + g] = size * np.log(squares / size) + level
-            for i, gain in enumerate(_gains(rest[:, :-r], rest[:, -r:], blocks)):
-                left = np.maximum(squares - gain, 1e-12 * squares)
-                beside[start + g, i] = size * np.log(left / size) + level + penalty[i]
+            gains = _gains(rest[:, :-r], rest[:, -r:], blocks)
+            left = np.maximum(squares - gains, 1e-12 * squares)
+            beside[start + g] = size * np.log(left / size) + level + penalty
+
+    in_threads(fill, range(0, len(grid), at_once))
     return null, beside
 
 
@@ -182,14 +186,17 @@ def _filtered(steps: F, grid: F, values: F) -> tuple[F, F]:
     return out.reshape(len(grid), n * m, q), log_determinant
 
 
-def _gains(columns: F, responses: F, blocks: Sequence[tuple[int, ...]]) -> list[F]:
-    """Return the squares of each response (s, r) that each block of columns (s, k) explains."""
+def _gains(columns: F, responses: F, blocks: Sequence[tuple[int, ...]]) -> F:
+    """Return (b, r) the squares of each response (s, r) that each block of columns explains."""
     vectors = columns.T @ responses
-    gains = []
-    for block in blocks:
-        take = np.array(block, dtype=np.int64)
-        among = columns[:, take]
-        own = among.T @ among
-        own = own + 1e-10 * np.diag(np.maximum(np.diag(own), 1e-200))
-        gains.append(np.asarray((vectors[take] * np.linalg.solve(own, vectors[take])).sum(axis=0)))
+    gains = np.empty((len(blocks), responses.shape[1]))
+    sizes = np.array([len(block) for block in blocks], dtype=np.int64)
+    for k in np.unique(sizes).tolist():
+        which = np.flatnonzero(sizes == k)
+        take = np.array([blocks[i] for i in which.tolist()], dtype=np.int64)
+        among = np.swapaxes(columns[:, take], 0, 1)
+        own = np.swapaxes(among, 1, 2) @ among
+        ridge = 1e-10 * np.maximum(np.einsum("bii->bi", own), 1e-200)
+        own += ridge[:, :, None] * np.eye(k)
+        gains[which] = (vectors[take] * np.linalg.solve(own, vectors[take])).sum(axis=1)
     return gains

@@ -264,7 +264,7 @@ def render_page(title: str, lead: str, sections: Sequence[Section]) -> str:
 
 def _packed(text: str) -> str:
     """Compress text to characters that neither end a script nor stand for anything in HTML."""
-    return base64.b64encode(gzip.compress(text.encode("utf-8"), mtime=0)).decode("ascii")
+    return base64.b64encode(gzip.compress(text.encode("utf-8"), 6, mtime=0)).decode("ascii")
 
 
 @cache

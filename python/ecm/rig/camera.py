@@ -88,7 +88,7 @@ class Optics:
         return np.asarray(fitted, dtype=np.float64)
 
     def independent_sd(self) -> tuple[float, float]:
-        """Standard deviations of `rigid` for LEDs of 1 m error each, all seen: 1, rad/m."""
+        """Errors of the fitted pose per metre of error of each LED, all seen: m/m and rad/m."""
         flat = rigid_design(self.places_m).reshape(-1, 6)
         variance = np.diag(np.linalg.inv(flat.T @ flat))
         return float(np.sqrt(variance[:3].mean())), float(np.sqrt(variance[3:].mean()))

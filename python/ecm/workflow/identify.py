@@ -247,7 +247,7 @@ def select(job: Job, train: tuple[F, F], test: tuple[F, F]) -> dict[str, Design]
 
 
 def _design(job: Job, poses: F, name: str, **search: Any) -> Design:
-    """One design of the job for its last polynomial, kept as the stage of that name."""
+    """Return a design for the job's highest degree; it is kept as the stage of that name."""
     settings = job.config.design
     model = f"poly:{job.config.select.degrees[-1]}"
 

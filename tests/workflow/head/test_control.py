@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ecm import as_table, fit_model
+from ecm.errors import ComputationError, InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.models import Model
@@ -24,7 +25,7 @@ from ecm.workflow.head.compiled import CompiledController, compile_controller, e
 from ecm.workflow.head.experiment import Robot
 from ecm.workflow.head.motions import Motions
 from ecm.workflow.head.observer import static_slope
-from ecm.workflow.head.settings import Control, HeadSettings, Tendons
+from ecm.workflow.head.settings import Body, Control, HeadSettings, PoseSensor, Tendons
 from ecm.workflow.head.tendons import tendon_lengths, tendon_matrix
 from support.head import closed_neck, neck_pairs, statics
 from support.neck import LENGTH_M
@@ -139,6 +140,14 @@ def test_the_motors_do_not_wait_for_an_error_of_force(library: Path) -> None:
     assert Robot(SETTINGS, neck, library).run(nod).figures().tracking_deg < 0.3
 
 
+def test_a_heavy_head_stands_still_in_its_softest_direction(library: Path) -> None:
+    neck, settings = closed_neck(), replace(SETTINGS, body=Body(mass_kg=4.5))
+    motion = Motions(statics(neck), settings, LENGTH_M).set_points(((-0.08, 0.1, 0.1),))
+    record = Robot(settings, neck, library).run(motion)
+    assert np.degrees(record.reached[-1200:, 3:].std(axis=0)).max() < 0.07
+    assert record.figures().settled_deg < 0.05
+
+
 def test_the_observer_finds_a_push_through_late_readings(library: Path) -> None:
     neck = closed_neck()
     control = replace(SETTINGS, control=Control(compensation=1.0))
@@ -146,6 +155,20 @@ def test_the_observer_finds_a_push_through_late_readings(library: Path) -> None:
     plain = Robot(SETTINGS, neck, library).run(motion).figures()
     better = Robot(control, neck, library).run(motion).figures()
     assert better.settled_deg < 0.4 * plain.settled_deg
+
+
+def test_readings_later_than_the_controller_remembers_are_refused(library: Path) -> None:
+    late = PoseSensor(delay_s=0.2)
+    settings = replace(SETTINGS, sensor=late, control=Control(dt_s=5e-4))
+    with pytest.raises(InputError, match=r"delay_s 0.2 is 400 steps of 0.0005 s.*remembers 255"):
+        CompiledController(library, settings, closed_neck().rest, LENGTH_M)
+
+
+def test_a_missing_compiler_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(ComputationError, match=r"controller is C code: no C compiler \(cc, gcc"):
+        compile_controller(None, tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_constant_curvature_is_compiled_as_an_energy_that_equals_it() -> None:

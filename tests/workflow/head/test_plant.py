@@ -51,7 +51,7 @@ def test_the_memory_goes_on_like_that_of_the_rig() -> None:
     elastic = neck.energy.predict(poses)
     memory = neck.memory()
     stepped = np.stack([memory.step(p, h, 0.05) for p, h in zip(poses, elastic, strict=True)])
-    relaxing = RELAXATION.carried(elastic, time, np.zeros(len(time), dtype=bool))
+    relaxing = RELAXATION.along(poses, elastic, time, np.zeros(len(time), dtype=bool))
     states = HYSTERESIS.states(
         [(poses[:1], False)] + [(poses[i : i + 2], False) for i in range(len(poses) - 1)],
         neck.length_m,
@@ -63,6 +63,23 @@ def test_the_memory_goes_on_like_that_of_the_rig() -> None:
     memory.rest(1e5)
     late = memory.step(poses[-1], elastic[-1], 0.05)
     assert np.allclose(late, HYSTERESIS.wrench(states[-1], rest, neck.length_m), atol=1e-9)
+
+
+def test_a_step_that_fails_leaves_nothing_of_the_neck_in_mujoco(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plant = HeadPlant(SETTINGS, closed_neck())
+
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(plant, "_passive", stopped)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            plant.step(np.zeros(4))
+        assert plant.library.get_mjcb_passive() is None
+    finally:
+        plant.library.set_mjcb_passive(None)
 
 
 def test_a_warm_neck_is_softer() -> None:

@@ -12,7 +12,7 @@ from ecm.io.mechanism import Mechanism
 from ecm.workflow.head import table as module
 from ecm.workflow.head.experiment import Record
 from ecm.workflow.head.settings import HeadSettings
-from ecm.workflow.head.table import WITHOUT, Bench, table_lines
+from ecm.workflow.head.table import BY_SHAPE, WITHOUT, Bench, table_lines
 from support.head import closed_neck
 
 
@@ -48,8 +48,10 @@ def test_the_table_shows_medians_with_their_range_and_falls() -> None:
     def result(seed: int, settled: float) -> dict[str, object]:
         names = (
             WITHOUT,
+            BY_SHAPE,
             "set points",
             "saccade",
+            "nod 0.5 Hz",
             "nod 1.5 Hz",
             "push",
             "payload",
@@ -60,11 +62,22 @@ def test_the_table_shows_medians_with_their_range_and_falls() -> None:
         ).figures()
         own = figures.to_dict() | {"settled_mm": settled, "fallen": seed == 2}
         motions = [own | {"motion": name} for name in names]
-        return {"row": "energy6, 50 poses", "seed": seed, "motions": motions}
+        margins = {"delay_margin_s": 0.01 + 0.001 * seed, "delay_margin_shape_s": 0.02}
+        return {"row": "energy6, 50 poses", "seed": seed, "motions": motions, **margins}
 
-    lines = table_lines([result(seed, 0.5 + 0.1 * seed) for seed in range(5)])
-    assert len(lines) == 3
-    assert "| energy6, 50 poses (fell with 1 of 5 seeds) | 5 | 0.70 (0.52 to 0.88) |" in lines[2]
+    def set_points(seed: int) -> dict[str, object]:
+        whole = result(seed, 0.2)
+        return {"row": whole["row"], "seed": seed, "motions": whole["motions"][:3]}  # type: ignore[index]
+
+    lines = table_lines([result(seed, 0.4 + 0.1 * seed) for seed in range(5)])
+    assert len(lines) == 7
+    assert "| energy6, 50 poses (fell with 1 of 5 seeds) | 5 | 0.60 (0.42 to 0.78) |" in lines[2]
+    assert "| 2 |" in lines[2]  # seeds 0 and 1 are within 0.5 mm and 0.2 degrees
+    assert "| 12 (10 to 14) | 20 (20 to 20) |" in lines[6]
+    # A seed that only went to the set points is in the first table alone.
+    more = table_lines([*(result(seed, 0.4) for seed in range(3)), set_points(3)])
+    assert more[2].startswith("| energy6, 50 poses (fell with 1 of 4 seeds) | 4 |")
+    assert more[6].startswith("| energy6, 50 poses (fell with 1 of 3 seeds) | 3 |")
 
 
 def test_a_bench_goes_on_where_it_was_stopped(
@@ -76,13 +89,15 @@ def test_a_bench_goes_on_where_it_was_stopped(
         def one(self, row, seed, motions, push):  # type: ignore[no-untyped-def]
             assert len(motions) == (2 if seed < 1 else 1)
             called.append((row, seed))
-            return {"row": row, "seed": seed, "motions": []}
+            return {"row": row, "seed": seed, "motions": [{}] * (len(motions) + 2)}
 
     monkeypatch.setattr(module, "Motions", lambda *arguments: _NoMotions())
     bench = Quick(closed_neck(), HeadSettings(), Mechanism(), tmp_path)
     bench.run([0], ["no model (PD)"], full=1)
     bench.run([0, 1], ["no model (PD)", "energy6, 50 poses"], full=1)
     assert len(called) == len(set(called)) == 4
+    bench.run([1], ["no model (PD)"], full=1)
+    assert len(called) == 4
     assert len(bench.results()) == 4
     assert all(json.loads(path.read_bytes()) for path in tmp_path.glob("*.json"))
 

@@ -10,7 +10,7 @@ pub(crate) struct Element {
     pub smallest_jacobian: f64,
     /// By component, then node.
     pub force: [[f64; PAD]; 3],
-    /// Of the pressure equations.
+    /// Residual of the pressure equations.
     pub volume: [f64; 4],
     /// `[a][i][k][b]`, valid for b ≥ 4 ⌊a / 4⌋.
     stiffness: [[[[f64; PAD]; 3]; 3]; 10],

@@ -41,7 +41,7 @@ pub fn regressor(
 /// The terms of an energy, ready to give the six rows of Φ of any pose.
 pub(crate) struct Regressor {
     length_m: f64,
-    /// Of the symmetry and of the groups.
+    /// Columns of the symmetry and of the groups.
     parts: [Columns; 2],
 }
 

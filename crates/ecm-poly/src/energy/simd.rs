@@ -46,7 +46,7 @@ impl Levels {
 pub(crate) struct SimdPlan<'a, R, const B: usize> {
     /// Undeformed length (m).
     pub(super) length_m: R,
-    /// Of the highest degree in q.
+    /// Powers up to the highest degree in q.
     pub(super) levels: Levels,
     /// Powers of θ_x, a and b of each lane; unused lanes have coefficients 0.
     pub(super) powers: [[u8; 3]; B],

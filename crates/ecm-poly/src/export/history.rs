@@ -39,7 +39,7 @@ const DTS: [f64; 7] = [0.0, 1e-3, 0.1, 1e-3, 1.0, 20.0, 3600.0];
 type Said = Option<(Vec<f64>, Vec<f64>)>;
 
 impl History {
-    /// Of a model of six pose and six wrench columns, or of one and one.
+    /// The history of a model of six pose and six wrench columns, or of one and one.
     pub fn new(
         model: &Model,
         effects: &Effects<f64>,

@@ -84,7 +84,7 @@ impl Triangle {
         }
     }
 
-    /// Of the rows of several triangles (columns, columns), row-major, which stand for `rows` rows.
+    /// The triangle of the rows of several (columns, columns), row-major, which stand for `rows` rows.
     pub fn of_parts<P: AsRef<[f64]>>(
         parts: impl IntoIterator<Item = P>,
         columns: usize,

@@ -59,7 +59,10 @@ class Options:
         float | None, typer.Option("--mass", metavar="KG", help="Platform and load, for a loop.")
     ] = None
     inertia: Annotated[
-        float | None, typer.Option("--inertia", metavar="KGM2", help="Of the same, about any axis.")
+        float | None,
+        typer.Option(
+            "--inertia", metavar="KGM2", help="Moment of inertia of the same, about any axis."
+        ),
     ] = None
     delay: Annotated[
         float, typer.Option("--delay", metavar="S", help="Longest, from pose to wrench.")

@@ -33,7 +33,8 @@ class Options:
         str, typer.Option("--axis", metavar="x|y|z", help="Axis of names without one.")
     ] = ""
     topics: Annotated[
-        list[str] | None, typer.Option("--topic", metavar="NAME", help="Of a bag; repeat it.")
+        list[str] | None,
+        typer.Option("--topic", metavar="NAME", help="A topic of a bag; repeat it."),
     ] = None
     meta: Annotated[
         Path | None,

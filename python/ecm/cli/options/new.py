@@ -38,7 +38,7 @@ class Options:
     ] = None
     dof: Annotated[
         Dof,
-        typer.Option("--dof", metavar="1|3|6", help="Of data: one angle, three, or all columns."),
+        typer.Option("--dof", metavar="1|3|6", help="Columns of data: one angle, three, or all."),
     ] = Dof.six
 
 

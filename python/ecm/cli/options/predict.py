@@ -36,6 +36,14 @@ class Options:
     leverage: Annotated[
         bool, typer.Option("--leverage", help="Add the columns leverage and extrapolates (0, 1).")
     ] = False
+    rotation: Annotated[
+        str,
+        typer.Option(
+            "--rotation",
+            metavar="WORD",
+            help="Add the rotation as wxyz, rows, ZYX, grood-suntay-right or other words (rad).",
+        ),
+    ] = ""
 
 
 predict = command("predict", Options, tables=True)

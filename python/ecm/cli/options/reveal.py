@@ -1,14 +1,18 @@
-"""The options of `ecm reveal`."""
+"""`ecm reveal`: the sealed truth of a simulated campaign."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import ecm
 from ecm.cli.command import command
+
+if TYPE_CHECKING:
+    from ecm.cli.session import Session
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,4 +26,11 @@ class Options:
     ] = None
 
 
-reveal = command("reveal", Options)
+def print_truth(options: Options, session: Session) -> None:
+    """Run `ecm reveal`."""
+    revealed = ecm.reveal(options.data, options.answer)
+    session.write_json(revealed.to_dict())
+    session.print(revealed.text())
+
+
+reveal = command(print_truth, Options)

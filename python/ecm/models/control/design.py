@@ -32,9 +32,9 @@ class LoopSettings:
     """
 
     mass_kg: float | None = None
-    """Of the platform and what it carries; default: by the mechanism's own frequency."""
+    """Mass of the platform and what it carries; default: by the mechanism's own frequency."""
     inertia_kg_m2: float | None = None
-    """About any axis through the origin of the top frame; default: as the mass."""
+    """Inertia about any axis through the origin of the top frame; default: as the mass."""
     delay_s: float = 0.003
     """Longest time between the reading of a pose and the moment from which its wrench acts."""
     dt_s: float = 0.001
@@ -174,7 +174,7 @@ def design_loop(
     rates = _rates(gains, modes, softness, delays).min(axis=1)
     holds = rates > 0.0
     for factor in (0.8, 1.25):
-        holds &= _worst(gains, modes, softness, factor).min(axis=1) > 0.0
+        holds &= _bears(gains, modes, softness, factor).all(axis=1)
     any_held = bool(holds.any())
     critical = _critical(modes[holds]) if any_held else critical
     return ControlLoop(
@@ -219,18 +219,23 @@ def _critical(modes: C) -> C:
     return np.asarray(flat[flat.imag >= 0.0])  # the others are their conjugates
 
 
-def _worst(gains: Gains, modes: C, softness: tuple[float, ...], factor: float = 1.0) -> F:
-    """Least rate of each mode with all gains times a factor, without delay and with all of it."""
-    changed = replace(gains, factor=factor)
-    return _rates(changed, modes, softness[::2], (0, gains.delay_steps))
+def _bears(gains: Gains, modes: C, softness: tuple[float, ...], factor: float = 1.0) -> B:
+    """Whether each mode bears all gains times a factor, without delay and with all of it."""
+    flat = modes.ravel()
+    bears = np.ones(flat.shape, dtype=np.bool_)
+    for share in softness[::2]:
+        for delay in (0, gains.delay_steps):
+            changed = replace(gains, factor=factor, delay_steps=delay)
+            bears &= changed.is_stable(flat, share * flat)
+    return np.asarray(bears.reshape(modes.shape))
 
 
 def _merit(gains: Gains, modes: C, softness: tuple[float, ...]) -> tuple[float, float]:
     """Shares of the modes that are held and that bear more and less gain, then the least rate."""
-    rates = _worst(gains, modes, softness)
+    rates = _rates(gains, modes, softness[::2], (0, gains.delay_steps))
     bears = rates > 0.0
     for factor in (1.0 / _MARGIN, _MARGIN):
-        bears &= _worst(gains, modes, softness, factor) > 0.0
+        bears &= _bears(gains, modes, softness, factor)
     return float((rates > 0.0).mean() + bears.mean()), float(rates.min())
 
 
@@ -242,7 +247,7 @@ def _gain_margin(gains: Gains, modes: C, softness: tuple[float, ...]) -> tuple[f
         while bad - good > 0.03:
             middle = 0.5 * (good + bad)
             factor = float(np.exp(way * middle))
-            if _worst(gains, modes, softness, factor).min() > 0.0:
+            if _bears(gains, modes, softness, factor).all():
                 good = middle
             else:
                 bad = middle
@@ -252,7 +257,7 @@ def _gain_margin(gains: Gains, modes: C, softness: tuple[float, ...]) -> tuple[f
 
 def _delay_margin(gains: Gains, modes: C, softness: tuple[float, ...]) -> float:
     def holds(steps: int) -> bool:
-        return bool(_worst(gains.later(steps), modes, softness).min() > 0.0)
+        return bool(_bears(gains.later(steps), modes, softness).all())
 
     more = 0
     while more < 100 and holds(gains.delay_steps + more + 1):

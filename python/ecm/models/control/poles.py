@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.io.arrays import F
+from ecm.io.arrays import B, F
 
 C = NDArray[np.complex128]
 
@@ -65,6 +65,23 @@ class Gains:
         """
         radius = np.abs(np.linalg.eigvals(_companion(self._polynomial(model, plant)))).max(axis=1)
         return np.asarray(-np.log(radius) / self.dt_s)
+
+    def is_stable(self, model: C | F, plant: C | F) -> B:
+        """Whether every error falls: (N,), the sign of `decay_per_s` in a tenth of its time.
+
+        The recursion of Schur and Cohn: with a_n the constant term of the monic polynomial p and
+        p* the one with conjugate coefficients in reverse order, all roots of p lie inside the unit
+        circle where |a_n| < 1 and those of (p - a_n p*) / z do.
+        """
+        polynomial = self._polynomial(model, plant)
+        stable = np.ones(len(polynomial), dtype=np.bool_)
+        while polynomial.shape[1] > 1:
+            last = polynomial[:, -1:]
+            stable &= np.abs(last[:, 0]) < 1.0
+            last = np.where(stable[:, None], last, 0.0)  # the others are decided
+            reduced = (polynomial - last * polynomial[:, ::-1].conj())[:, :-1]
+            polynomial = reduced / (1.0 - np.abs(last) ** 2)
+        return stable
 
     def _polynomial(self, model: C | F, plant: C | F) -> C:
         """(N, d + 5) coefficients of the characteristic polynomial, highest power first.

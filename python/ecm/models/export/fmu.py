@@ -6,13 +6,14 @@ import hashlib
 import io
 import platform
 import sys
+from contextlib import suppress
 from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
 
-from ecm.errors import InputError
+from ecm.errors import ComputationError, InputError
 from ecm.models.export.compiler import LINUX, WINDOWS, shared_library
 from ecm.models.export.source import Files, Source
 from ecm.models.folding import poses_in_domain
@@ -64,9 +65,8 @@ def fmu(source: Source) -> Files:
         archive: dict[str, str | bytes] = {f"sources/{path}": text for path, text in files.items()}
         compiled = (f"{source.name}.c", f"fmi{major}.c")
         for folder, name, commands in _platforms(major, source.name):
-            library = shared_library(files, compiled, commands)
-            if library is not None:
-                archive[f"binaries/{folder}/{name}"] = library
+            with suppress(ComputationError):  # the sources go into the archive all the same
+                archive[f"binaries/{folder}/{name}"] = shared_library(files, compiled, commands)
                 made.add("Windows" if name.endswith("dll") else "this machine")
         if major == 2:
             archive["modelDescription.xml"] = _description_2(

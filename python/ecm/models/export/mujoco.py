@@ -16,7 +16,7 @@ from ecm.models.folding import poses_in_domain
 from ecm.models.model import Model
 
 MASS_KG, INERTIA_KG_M2 = 0.1, 1e-4
-"""Of the platform where neither is stated."""
+"""Mass and inertia of the platform where neither is stated."""
 _LARGEST_STEP_S = 2e-3
 """MuJoCo's own default."""
 

@@ -35,7 +35,7 @@ from ecm.models.physics.rod import RodBody, scaled_rod, stated_rod
 
 Progress = Callable[[int, int, str], object] | None
 _CANDIDATES_OF_A_WIDE_POSE = 2
-"""Of the poses that a rod takes beyond 0.8 rad a load holds the neck in every second one."""
+"""A load holds the neck in every second pose that a rod takes beyond 0.8 rad."""
 _FEWEST_POSES = 20
 _SCREEN = 12
 """Number of the screening among the parts of a build; the bodies have 0 to 11."""

@@ -21,9 +21,9 @@ NECK_BENDING_NM2 = 0.657
 NECK_LENGTH_M = 0.1034
 NOISE = (37e-6, 6e-4, 0.3, 0.010)
 """Standard deviations of the rig: m, rad, N, N m."""
-_DRAWS = 4096
+_DRAWS = 256  # solved together; the poses do not depend on it
 _CANDIDATES = 800
-_MOST_DRAWS = 200 * _DRAWS
+_MOST_DRAWS = 800_000
 _DEGREE = 6
 
 

@@ -6,8 +6,9 @@ export function sized(canvas, draw) {
     const {clientWidth: width, clientHeight: height} = canvas.parentElement;
     const ratio = Math.min(2, devicePixelRatio || 1);
     if (!width || !height) return;
-    canvas.width = Math.round(width * ratio);
-    canvas.height = Math.round(height * ratio);
+    const [w, h] = [Math.round(width * ratio), Math.round(height * ratio)];
+    // A new size takes new memory: only where it has changed.
+    if (canvas.width !== w || canvas.height !== h) [canvas.width, canvas.height] = [w, h];
     const context = canvas.getContext("2d");
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     draw(context, width, height);
@@ -16,12 +17,27 @@ export function sized(canvas, draw) {
   return fit;
 }
 
+// A layer to write pixels into, kept for each size: a new one for every picture takes tens of ms.
+const layers = new Map();
+function layerOf(width, height) {
+  const key = `${width} ${height}`, kept = layers.get(key);
+  if (kept) {
+    kept.pixels.fill(0);
+    return kept;
+  }
+  if (layers.size > 3) layers.delete(layers.keys().next().value);
+  const canvas = new OffscreenCanvas(width, height), on = canvas.getContext("2d", {willReadFrequently: true});
+  const picture = on.createImageData(width, height);
+  const layer = {canvas, pixels: new Uint32Array(picture.data.buffer), show: () => on.putImageData(picture, 0, 0)};
+  layers.set(key, layer);
+  return layer;
+}
+
 // Squares of `size` CSS pixels written into a layer directly: a few ms for 20,000 of them, where
 // one call for each would take half a second. x(i), y(i): CSS pixels; ink(i): [r, g, b].
 export function stamp(context, indices, {x, y, ink, size}) {
   const {canvas} = context, ratio = context.getTransform().a, {width, height} = canvas;
-  const layer = new OffscreenCanvas(width, height), on = layer.getContext("2d", {willReadFrequently: true});
-  const picture = on.createImageData(width, height), pixels = new Uint32Array(picture.data.buffer);
+  const layer = layerOf(width, height), {pixels} = layer;
   const side = Math.max(2, Math.round(size * ratio));
   for (const i of indices) {
     const left = Math.round(x(i) * ratio) - (side >> 1), top = Math.round(y(i) * ratio) - (side >> 1);
@@ -30,8 +46,8 @@ export function stamp(context, indices, {x, y, ink, size}) {
     for (let v = Math.max(0, top); v < Math.min(height, top + side); v += 1)
       for (let u = Math.max(0, left); u < Math.min(width, left + side); u += 1) pixels[v * width + u] = value;
   }
-  on.putImageData(picture, 0, 0);
-  context.drawImage(layer, 0, 0, width / ratio, height / ratio);
+  layer.show();
+  context.drawImage(layer.canvas, 0, 0, width / ratio, height / ratio);
 }
 
 export function tip(text, event) {

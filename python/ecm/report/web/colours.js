@@ -8,6 +8,8 @@ export function colours() {
 }
 
 export const rgb = hex => [1, 3, 5].map(i => parseInt(hex.slice(i, i + 2), 16));
+// A colour that lets so much of the ground through that `share` of its own is left.
+export const faded = (colour, ground, share) => colour.map((v, k) => share * v + (1 - share) * ground[k]);
 export const css = ([r, g, b], alpha = 1) =>
   `rgb(${r | 0} ${g | 0} ${b | 0} / ${alpha})`;
 

@@ -32,9 +32,10 @@ export function workspace(view, rows, columns, values, {title, unit, forces = fa
     const frames = view.frames.map(frame => ({name: frame.name, origin: mm(frame.origin_m),
       axes: frame.axes, size: 300 * profile.length}));
     const lines = [];
-    for (const i of full ? (at.length ? at : some) : []) {
+    for (const [k, i] of (full ? (at.length ? at : some) : []).entries()) {
       const here = pose.map(values => values[i]);
-      bodies.push(inMm(bent(profile, here), scale(values[i]), 1));
+      // Of bodies that were not asked for, one is solid: four in one place hide each other.
+      bodies.push(inMm(bent(profile, here), scale(values[i]), at.length || k === 0 ? 1 : 0.4));
       frames.push({name: "", origin: [x[i], y[i], z[i]], axes: axesOf(here.slice(3)), size: 180 * profile.length});
       if (force) lines.push({from: [x[i], y[i], z[i]], colour: css(scale(largest)),
         to: [x, y, z].map((values_, k) => values_[i] + force.scale * force.columns[k][i])});
@@ -44,7 +45,12 @@ export function workspace(view, rows, columns, values, {title, unit, forces = fa
       text: i => `row ${rows[i]}: ${title} ${number(values[i])} ${unit}; at ${number(x[i])}, `
         + `${number(y[i])}, ${number(z[i])} mm`}});
   }
-  onMark(show);
+  // The panels are drawn first: a brush is seen there at once.
+  let asked = false;
+  onMark(() => {
+    if (!asked) requestAnimationFrame(() => setTimeout(() => { asked = false; show(); }));
+    asked = true;
+  });
   show();
   return el("div", {}, drawn.node,
     el("div", {class: "scale", role: "img", "aria-label": `Colours from 0 to ${number(largest)} ${unit}`},

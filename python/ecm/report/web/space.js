@@ -1,13 +1,13 @@
 // Bodies, frames and points in space on a canvas: turned by a drag, a finger or the arrow keys.
 
-import {colours, css, rgb} from "./colours.js";
+import {colours, css, faded, rgb} from "./colours.js";
 import {sized, stamp, tip} from "./canvas.js";
 import {lit, normalsOf, picture} from "./depth.js";
 import {button, el} from "./dom.js";
 import {marked} from "./selection.js";
 
-const AXES = ["#d0460f", "#008f67", "#2a78c2"];
-const WHILE_TURNING = 4000, MANY = 3000;
+const AXES = ["#d0460f", "#00996e", "#2a66c8"];
+const WHILE_TURNING = 4000, MANY = 1500;
 const START = {turn: -0.75, lift: 0.32, zoom: 1};
 const VIEWS = [START, {turn: 0, lift: 0, zoom: 1}, {turn: -Math.PI / 2, lift: 0, zoom: 1}, {turn: 0, lift: 1.5, zoom: 1}];
 const FAINT = 0.3, ROOM = 0.006;  // of what lies behind a body; room of a point on its surface, of the whole
@@ -16,7 +16,7 @@ const REST_MS = 150, SHARP = 2, STILL = 4, TOUCH = 24, MOUSE = 12;
 // scene: {points: {x, y, z, row, colour, text}, bodies: [{points, triangles, colour, alpha}],
 // frames: [{origin, axes, name, size}], lines: [{from, to, colour}]}, all lengths in mm.
 export function space(name, {onpick = () => {}, onbox = null} = {}) {
-  const canvas = el("canvas", {tabindex: "0", role: "img", "aria-label": `${name}. Arrow keys turn, plus and minus `
+  const canvas = el("canvas", {tabindex: "0", role: "application", "aria-roledescription": "figure", "aria-label": `${name}. Arrow keys turn, plus and minus `
     + "zoom, Home looks from the start. N and P go from row to row, space marks, escape clears."});
   const live = el("p", {class: "hidden", "aria-live": "polite"});
   const boxes = button("Mark a box", () => marking(!place.classList.contains("marking")), {"aria-pressed": "false"});
@@ -53,13 +53,12 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
     for (const body of scene.bodies) body.normals = normalsOf(body);
     const all = [...scene.bodies.flatMap(body => body.points),
       ...scene.frames.flatMap(({origin, axes, size}) => axes.map(axis => origin.map((v, m) => v + size * axis[m])))];
-    const {points} = scene;
-    if (points) for (let i = 0; i < points.x.length; i += 1) all.push([points.x[i], points.y[i], points.z[i]]);
+    if (scene.points) all.push(...outermost(scene.points));
     const low = [0, 1, 2].map(i => all.reduce((m, p) => Math.min(m, p[i]), Infinity));
     const high = [0, 1, 2].map(i => all.reduce((m, p) => Math.max(m, p[i]), -Infinity));
     centre = low.map((v, i) => (v + high[i]) / 2);
     reach = Math.hypot(...low.map((v, i) => high[i] - v)) || 1;
-    extent = all.length > 2000 ? all.filter((_, i) => i % Math.ceil(all.length / 2000) === 0) : all;
+    extent = all;
     // What is seen from the start lies in the middle of the picture.
     const at = extent.map(projection(0, 0, START, 1)), middle = k =>
       (Math.min(...at.map(point => point[k])) + Math.max(...at.map(point => point[k]))) / 2;
@@ -144,8 +143,8 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
       for (const [x, y] of on) disc(context, x, y, palette.second, palette.ink, 5.5);
     } else {
       const at = {x: item => item[0], y: item => item[1]}, second = rgb(palette.second), wash = rgb(palette.wash);
-      const faint = colour => colour.map((v, k) => FAINT * v + (1 - FAINT) * wash[k]);
-      stamp(context, off, {...at, ink: ([, , i, behind]) => behind ? faint(points.colour[i]) : points.colour[i], size: 2.2});
+      const ink = ([, , i, behind]) => behind ? faded(points.colour[i], wash, FAINT) : points.colour[i];
+      stamp(context, off, {...at, ink, size: 2.2});
       if (on.length) stamp(context, on, {...at, ink: () => second, size: 3.4});
     }
     const here = cursor >= 0 && shown.find(([, , i]) => i === cursor);
@@ -242,6 +241,27 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
   });
   canvas.addEventListener("blur", () => { cursor = -1; ask(); });
   return {node, set, redraw: ask};
+}
+
+// Those of many points that bound all: the outermost in directions over the whole sphere.
+const DIRECTIONS = Array.from({length: 100}, (_, k) => {
+  const up = 1 - (2 * k + 1) / 100, side = Math.sqrt(1 - up * up), turn = 2.39996 * k;  // a golden spiral
+  return [up, side * Math.cos(turn), side * Math.sin(turn)];
+});
+const bounds = new WeakMap();  // by the column of x: it stays the same while rows are marked
+function outermost({x, y, z}) {
+  if (!bounds.has(x)) {
+    const corners = DIRECTIONS.map(([a, b, c]) => {
+      let best = 0, most = -Infinity;
+      for (let i = 0; i < x.length; i += 1) {
+        const at = a * x[i] + b * y[i] + c * z[i];
+        if (at > most) [best, most] = [i, at];
+      }
+      return best;
+    });
+    bounds.set(x, x.length ? [...new Set(corners)].map(i => [x[i], y[i], z[i]]) : []);
+  }
+  return bounds.get(x);
 }
 
 // A line that is faint where a body lies before it.

@@ -83,16 +83,7 @@ class Film:
 
     def write(self, path: Path) -> None:
         """Write an animated GIF."""
-        pillow = require("PIL.Image", "robot", "--film")
-        frames = [pillow.fromarray(image).quantize(96) for image in self.images]
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            frames[0].save(
-                path, format="GIF", save_all=True, append_images=frames[1:],
-                duration=round(1000.0 / FRAMES_PER_S), loop=0,
-            )  # fmt: skip
-        except OSError as error:
-            raise ComputationError(f"{path}: the film cannot be written: {error}") from None
+        write_gif(path, self.images, FRAMES_PER_S)
 
     def close(self) -> None:
         """Release the graphics context."""
@@ -157,6 +148,26 @@ def write_film(
     finally:
         film.close()
     return len(film.images)
+
+
+def write_gif(path: Path, images: Sequence[NDArray[np.uint8]], frames_per_s: float) -> None:
+    """Write images (height, width, 3) as an animated GIF.
+
+    Raises
+    ------
+    ComputationError
+        The file cannot be written.
+    """
+    pillow = require("PIL.Image", "robot", "--film")
+    frames = [pillow.fromarray(image).quantize(96) for image in images]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        frames[0].save(
+            path, format="GIF", save_all=True, append_images=frames[1:],
+            duration=round(1000.0 / frames_per_s), loop=0,
+        )  # fmt: skip
+    except OSError as error:
+        raise ComputationError(f"{path}: the film cannot be written: {error}") from None
 
 
 def gl_context(width: int, height: int) -> Any:

@@ -36,7 +36,7 @@ def measure(unit: str, rig: RigScale) -> float:
 
 
 def check_size(truth: TrueEffect, strength: float, size: float, rig: RigScale) -> None:
-    """CannotHide where the requested strength needs a size that nothing real has."""
+    """Raise CannotHide where the requested strength needs a size beyond that of real things."""
     largest = truth.limit.share * measure(truth.unit, rig)
     if abs(size) <= largest:
         return

@@ -38,6 +38,8 @@ class _Job:
     number: int
     process: subprocess.Popen[bytes]
     begun_s: float
+    automatic: bool = False
+    """It began without a click, to show the result of the step before."""
     ended_by: str = ""
     """`cancelled` or `interrupted`, where the process is killed."""
 
@@ -52,6 +54,8 @@ class Jobs:
     def __init__(self, session: Session) -> None:
         self.session = session
         self._lock = threading.RLock()
+        self._free = threading.Condition(self._lock)
+        self._waiting = False
         self._job: _Job | None = None
         self._threads: list[threading.Thread] = []
         self._closed = False
@@ -61,7 +65,7 @@ class Jobs:
     def start(
         self, verb: str, request: dict[str, Any], then: tuple[str, dict[str, Any]] | None = None
     ) -> int:
-        """Begin a step and return its number.
+        """Begin a step and return its number; one that began without a click may end first.
 
         Parameters
         ----------
@@ -84,6 +88,8 @@ class Jobs:
 
     def alone(self, change: Callable[[], T]) -> T:
         """Change the session while no step is computed, and none can begin.
+
+        As in `start`, a step that began without a click may end first.
 
         Raises
         ------
@@ -112,10 +118,24 @@ class Jobs:
             self._ends.append(end)
             self.settle()
 
+    def busy(self) -> bool:
+        """Whether a person's step is computed or waits for its turn: a request is refused then."""
+        job = self._job
+        # Between the end of the automatic step and the turn of the one that waits there is no job.
+        return self._waiting or (job is not None and not job.automatic)
+
     def _require_none(self) -> None:
+        """Refuse a request while a step is computed; one may wait for an automatic step."""
         self.settle()
-        if self._job is not None:
+        if self.busy():
             raise Busy("another step is being computed: wait for it, or cancel it")
+        if self._job is not None:
+            self._waiting = True
+            try:
+                self._free.wait_for(lambda: self._job is None)
+            finally:
+                self._waiting = False
+            self.settle()
         if self._closed:
             raise Busy("the server is being ended")
 
@@ -147,6 +167,8 @@ class Jobs:
             "done": None,
             "total": None,
             "left": "",
+            "automatic": job.automatic,
+            "waiting": self._waiting,
         }
         for line in reversed(_tail(self.session.log(job.number, "err")).splitlines()):
             match = _PROGRESS.match(line)
@@ -162,7 +184,12 @@ class Jobs:
         return found
 
     def _begin(
-        self, verb: str, request: dict[str, Any], then: tuple[str, dict[str, Any]] | None = None
+        self,
+        verb: str,
+        request: dict[str, Any],
+        then: tuple[str, dict[str, Any]] | None = None,
+        *,
+        automatic: bool = False,
     ) -> int:
         step = self.session.begin(verb, request)
         try:
@@ -170,7 +197,7 @@ class Jobs:
         except (OSError, ValueError) as error:  # no memory, or a text that is no argument
             self._end(step.number, "failed", str(error), 0.0)
             raise InputError(f"the command cannot be run: {error}") from None
-        self._job = job = _Job(step.number, process, time.time())
+        self._job = job = _Job(step.number, process, time.time(), automatic)
         if then is None and verb in _FOLLOWED_BY:
             then = self.session.following(step) or (_FOLLOWED_BY[verb], {})
         thread = threading.Thread(target=self._wait, args=(job, then), daemon=True)
@@ -222,13 +249,14 @@ class Jobs:
                 finally:
                     if not following:
                         self._job = None
+                        self._free.notify_all()
 
     def _follow(self, status: str, then: tuple[str, dict[str, Any]] | None) -> bool:
         """Begin the step that follows; False where there is none, or a warning is open."""
         if status != "done" or then is None or self._closed or self._ends:
             return False
         with suppress(InputError, DiskError):
-            self._begin(*then)
+            self._begin(*then, automatic=then[0] in _FOLLOWED_BY.values())
             return True
         return False
 

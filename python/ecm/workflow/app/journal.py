@@ -10,6 +10,7 @@ import json
 import os
 import threading
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -111,6 +112,9 @@ class Journal:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._lock = threading.Lock()
+        self._records: list[dict[str, Any]] = []
+        self._read_to = 0
+        """Bytes of the file that are in `_records`."""
         self._require_own()
 
     def _require_own(self) -> None:
@@ -145,17 +149,37 @@ class Journal:
     def read(self) -> History:
         """Return the history; a line that a kill has cut is left out."""
         history = History()
-        try:
-            content = self.path.read_bytes()
-        except FileNotFoundError:
-            return history
-        for line in content.split(b"\n"):
-            try:
-                record = json.loads(line)
-            except ValueError:
-                continue
+        for record in self._all():
             history.take(record)
         return history
+
+    def _all(self) -> list[dict[str, Any]]:
+        """Return the records; of the file, only what is new is read."""
+        with self._lock:
+            try:
+                with self.path.open("rb") as file:
+                    if file.seek(0, os.SEEK_END) < self._read_to:  # another file of this name
+                        self._forget()
+                    file.seek(self._read_to)
+                    content = file.read()
+            except FileNotFoundError:
+                self._forget()
+                return []
+            whole = content.rfind(b"\n") + 1
+            self._records += _records(content[:whole])
+            self._read_to += whole
+            return self._records + _records(content[whole:])
+
+    def _forget(self) -> None:
+        self._records, self._read_to = [], 0
+
+
+def _records(lines: bytes) -> list[dict[str, Any]]:
+    found = []
+    for line in lines.split(b"\n"):
+        with suppress(ValueError):  # a line that a kill has cut
+            found.append(json.loads(line))
+    return found
 
 
 def _ends_line(file: Any) -> bool:

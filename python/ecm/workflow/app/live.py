@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -22,34 +23,70 @@ def measuring(history: History) -> Step | None:
     return None
 
 
-def readings(folder: Path, step: Step) -> dict[str, Any]:
-    """Return poses and size of the force of the readings so far, whole lines only.
+class Readings:
+    """The readings of the campaign that runs; each is read from the disk once.
 
     Parameters
     ----------
     folder
         The session folder.
-    step
-        The campaign.
-
-    Returns
-    -------
-    dict
-        `row` from 1, `columns` by name, and `force_N` as the sensor reads it, with its zero.
     """
-    path = journal_path(folder / step.outputs[0])
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
-    except OSError:  # not begun, or at its end
-        lines = []
-    names = lines[1].strip().split(",") if len(lines) > 1 else []
-    rows = [line.strip().split(",") for line in lines[2:] if line.endswith("\n")]
-    cells = [dict(zip(names, map(float, row), strict=True)) for row in rows]
-    return {
-        "row": list(range(1, len(cells) + 1)),
-        "columns": {
-            name: [float(f"{cell[own]:.6g}") for cell in cells]
-            for name, own in zip(POSE, POSE_NAMES, strict=True)
-        },
-        "force_N": [math.hypot(*(cell[name] for name in _FORCE)) for cell in cells],
-    }
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._lock = threading.Lock()
+        self._begin("")
+
+    def _begin(self, campaign: str) -> None:
+        self._campaign = campaign
+        self._read_to = 0
+        self._header: list[str] = []
+        self._rows: list[list[float]] = []
+        """Pose and size of the force of each reading."""
+
+    def after(self, step: Step, row: int) -> dict[str, Any]:
+        """Return poses and size of the force of the readings after a row, whole lines only.
+
+        Parameters
+        ----------
+        step
+            The campaign.
+        row
+            Number of the last row that is known already; 0 for none.
+
+        Returns
+        -------
+        dict
+            `row` from 1, `columns` by name, and `force_N` as the sensor reads it, with its zero.
+        """
+        with self._lock:
+            if step.outputs[0] != self._campaign:
+                self._begin(step.outputs[0])
+            self._read()
+            new = self._rows[row:]
+        return {
+            "row": list(range(row + 1, row + 1 + len(new))),
+            "columns": {name: [of[k] for of in new] for k, name in enumerate(POSE)},
+            "force_N": [of[-1] for of in new],
+        }
+
+    def _read(self) -> None:
+        path = journal_path(self._folder / self._campaign)
+        try:
+            with path.open("rb") as file:
+                file.seek(self._read_to)
+                content = file.read()
+        except OSError:  # not begun, or at its end
+            return
+        whole = content.rfind(b"\n") + 1
+        self._read_to += whole
+        for line in content[:whole].decode("utf-8").splitlines():
+            cells = line.split(",")
+            if line.startswith("#"):
+                continue
+            if not self._header:
+                self._header = cells
+                continue
+            cell = dict(zip(self._header, map(float, cells), strict=True))
+            pose = [float(f"{cell[name]:.6g}") for name in POSE_NAMES]
+            self._rows.append([*pose, math.hypot(*(cell[name] for name in _FORCE))])

@@ -7,6 +7,11 @@ from pathlib import Path
 
 from ecm.errors import InputError
 
+if sys.platform == "win32":
+    import msvcrt
+else:
+    import fcntl
+
 
 class FolderLock:
     """The lock of a folder, held until `release` or the end of the process.
@@ -21,12 +26,8 @@ class FolderLock:
         self._file = (folder / ".lock").open("a+b")
         try:
             if sys.platform == "win32":
-                import msvcrt  # noqa: PLC0415
-
                 msvcrt.locking(self._file.fileno(), msvcrt.LK_NBLCK, 1)
             else:
-                import fcntl  # noqa: PLC0415
-
                 fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             self._file.close()

@@ -19,7 +19,7 @@ from ecm.report.web import WEB
 from ecm.workflow.app.disk import DiskError, sentence, writing
 from ecm.workflow.app.guard import REPORT_POLICY, Guard
 from ecm.workflow.app.jobs import Busy, Jobs
-from ecm.workflow.app.live import measuring, readings
+from ecm.workflow.app.live import Readings, measuring
 from ecm.workflow.app.lock import FolderLock
 from ecm.workflow.app.session import INCOMING, Session
 from ecm.workflow.app.views import NEED_MODEL, SHOWN, Views
@@ -46,6 +46,7 @@ class App:
     session: Session
     jobs: Jobs
     views: Views
+    readings: Readings
     lock: FolderLock
     most_bytes: int = MOST_BYTES
 
@@ -61,7 +62,7 @@ class App:
         session = Session(folder)
         lock = FolderLock(folder)
         session.recover()
-        return App(session, Jobs(session), Views(folder), lock)
+        return App(session, Jobs(session), Views(folder), Readings(folder), lock)
 
     def close(self) -> None:
         """End the processes."""
@@ -148,24 +149,29 @@ class _Routes:
             return _json({"error": f"no view; there are {', '.join(SHOWN)}"}, 404)
         history = self.app.session.journal.read()
         files = self.app.session.files(history)
-        if not files.data or (name in NEED_MODEL and files.model is None):
+        data = files.dropped[:1] if name == "log" else files.data
+        if not data or (name in NEED_MODEL and files.model is None):
             raise InputError("nothing to show yet: it needs a table, and most views a model")
         model = files.model if name in NEED_MODEL else None
-        now = ",".join([*files.data, *([] if model is None else [model])])
+        now = ",".join([*data, *([] if model is None else [model])])
         if request.query_params.get("of", now) != now:
             raise Busy("the session has changed in the meantime")
-        path = await asyncio.to_thread(self.app.views.file, name, files.data, model)
+        path = await asyncio.to_thread(self.app.views.file, name, data, model)
         return _file(path)
 
-    async def live(self, _request: Any) -> Any:
-        """The plan of the campaign that runs, and its readings so far."""
-        folder = self.app.session.folder
+    async def live(self, request: Any) -> Any:
+        """The readings of the campaign that runs after a row; before the first, its plan, too."""
         step = measuring(self.app.session.journal.read())
         if step is None:
-            return _json({"plan": None})
-        path = await asyncio.to_thread(self.app.views.file, "plan", [step.argv[1]], None)
-        found = await asyncio.to_thread(readings, folder, step)
-        return _json({"plan": json.loads(path.read_bytes()), **found})
+            return _json({"step": None})
+        after = request.query_params.get("after", "0")
+        if not (after.isdecimal() and len(after) < 10):
+            raise InputError(f"after {after!r}: expected the number of a row")
+        found = await asyncio.to_thread(self.app.readings.after, step, int(after))
+        if int(after) == 0:
+            path = await asyncio.to_thread(self.app.views.file, "plan", [step.argv[1]], None)
+            found["plan"] = json.loads(path.read_bytes())
+        return _json({"step": step.number, **found})
 
     async def log(self, request: Any) -> Any:
         number = request.path_params["number"]
@@ -216,7 +222,7 @@ class _Routes:
         name = request.query_params.get("name", "")
         if not name or len(name) > 255:
             raise InputError("the file has no name, or one of more than 255 characters")
-        if self.app.jobs.progress() is not None:
+        if self.app.jobs.busy():
             raise Busy("a step is being computed: wait for it, or cancel it")
         session, size = self.app.session, 0
         with writing(session.folder / INCOMING, name):

@@ -1,16 +1,7 @@
-"""The session folder: every table, model and result is an ordinary file in it.
-
-steps.jsonl     the journal
-upload-N.csv    a table that was dropped; its own name is in the journal only
-model-N.json, fit-N.json, compare-N.html …   what step N wrote
-logs/           what the commands printed
-views/          what the page draws, computed from the files above; may be deleted
-"""
+"""Changes of a session: steps that begin and end, tables that are brought in, undo and redo."""
 
 from __future__ import annotations
 
-import json
-import shlex
 import shutil
 import time
 from collections.abc import Sequence
@@ -19,28 +10,22 @@ from typing import Any
 
 from ecm.errors import InputError
 from ecm.io.cache import write_atomically
-from ecm.workflow.app.demo import DEMO_FILES, PLAN, RIG, write_demo
+from ecm.workflow.app.contents import Contents
+from ecm.workflow.app.demo import PLAN, write_demo
 from ecm.workflow.app.disk import writing
-from ecm.workflow.app.journal import DATA, History, Journal, Step
+from ecm.workflow.app.journal import DATA, History, Step
+from ecm.workflow.app.script import script_of
+from ecm.workflow.app.state import state_of
 from ecm.workflow.app.steps import Files, command_of
-from ecm.workflow.app.uploads import LOGS, TRUTH, copy_beside, sealed_description, suffix_of
+from ecm.workflow.app.uploads import LOGS, copy_beside, sealed_description, suffix_of
 
 INCOMING = ".ecm-incoming-"
 """Begin of the name of a file that is on its way here."""
 INTERRUPTED = "the server was stopped in the middle of it"
-_SCRIPT = """#!/bin/sh
-# The steps of this session as commands. They write the same files, byte for byte:
-#   sh script.sh NEW_FOLDER
-set -e
-from=$(cd "$(dirname "$0")" && pwd)
-to=${1:?"give a new folder: sh script.sh NEW_FOLDER"}
-[ -f "$from/steps.jsonl" ] || { echo "put this script into the session folder" >&2; exit 1; }
-mkdir "$to"
-"""
 
 
-class Session:
-    """A session folder.
+class Session(Contents):
+    """A session folder that is worked on.
 
     Parameters
     ----------
@@ -48,13 +33,6 @@ class Session:
         Made where it is not there.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "views").mkdir(exist_ok=True)
-        self.journal = Journal(folder / "steps.jsonl")
-
-    # --- what happens ------------------------------------------------------
     def recover(self) -> list[int]:
         """Mark the steps that a killed server has left as interrupted; return their numbers."""
         left = [s.number for s in self.journal.read().steps.values() if s.status == "running"]
@@ -165,8 +143,8 @@ class Session:
     def accept(self, warning: str) -> None:
         """Record that the person takes responsibility for a warning of the check."""
         history = self.journal.read()
-        step = self._check_step(history)
-        if step is None or warning not in self._pending(history, step):
+        step = self.check_step(history)
+        if step is None or warning not in self.pending(history, step):
             raise InputError("no such warning in the check of these tables")
         self.journal.append(event="accept", number=step.number, warning=warning)
 
@@ -182,100 +160,13 @@ class Session:
             raise InputError("nothing to redo")
         self.journal.append(event="redo")
 
-    # --- what is there -----------------------------------------------------
-    def files(self, history: History) -> Files:
-        """Return the files that count now."""
-        changed = history.last(*DATA)
-        data = [] if changed is None else list(changed.inputs["data_after"])
-        dropped = history.last("upload")
-        logs = [] if dropped is None else dropped.inputs.get("dropped_after", dropped.outputs[:1])
-        model = history.last("fit", "refit", data=data)
-        of_model = {"data": data, "model": None if model is None else _model(model)}
-        found = history.last("diagnose", **of_model)
-        answered = history.last("diagnose", data=data)
-        written = [] if found is None else found.outputs
-        plan = next((name for name in written if name.endswith(".csv")), None)
-        sealed = next((d for d in data if self._beside(d, TRUTH).is_file()), None)
-        return Files(
-            data=data,
-            model=None if model is None else _model(model),
-            answer=None if answered is None else answered.outputs[0],
-            next_plan=plan if plan and (self.folder / plan).is_file() else None,
-            dropped=logs,
-            described=frozenset(d for d in logs if self._beside(d, ".toml").is_file()),
-            sealed=sealed,
-            simulated=sealed is not None and (self.folder / RIG).is_file(),
-        )
-
     def state(self) -> dict[str, Any]:
         """Return all that the page shows; it depends on the files of the folder only."""
-        history = self.journal.read()
-        files = self.files(history)
-        check = self._check_step(history)
-        model = history.last("fit", "refit", data=files.data)
-        of_model = {"data": files.data, "model": files.model}
-        compared = history.last("compare", **of_model) if files.model else None
-        found = history.last("diagnose", **of_model) if files.model else None
-        exported = history.last("export", **of_model) if files.model else None
-        return {
-            "schema": 1,
-            "version": history.records,
-            "folder": self.folder.resolve().name,
-            "simulated": files.simulated,
-            "sealed": files.sealed is not None,
-            "next_plan": files.next_plan,
-            "data": [{"file": name, "name": _own_name(history, name)} for name in files.data],
-            "dropped": [_own_name(history, name) for name in files.dropped],
-            "imported": self._result(history.last("import")),
-            "check": self._result(check),
-            "pending": [] if check is None else self._pending(history, check),
-            "model": files.model,
-            "fit": self._result(model),
-            "compare": self._result(compared),
-            "diagnosis": self._result(found),
-            "export": self._result(exported),
-            "truth": self._result(self._opened(history, files)),
-            "rungs": [self._rung(history, step) for step in self._rungs(history, files)],
-            "undo": history.can_undo(),
-            "redo": bool(history.undone),
-            "steps": [self._step(history, step) for step in history.steps.values()],
-            "files": self.downloads(history),
-        }
-
-    def downloads(self, history: History | None = None) -> list[str]:
-        """Return the names that may be asked for: outputs of finished steps, and the script.
-
-        Sealed truths are not among them; `reveal` opens one.
-        """
-        history = self.journal.read() if history is None else history
-        names = ["script.sh", "steps.jsonl"]
-        for step in history.steps.values():
-            for name in step.outputs if step.status == "done" else []:
-                path = self.folder / name
-                if path.is_dir():
-                    inside = sorted(p for p in path.rglob("*") if p.is_file())
-                    names += [p.relative_to(self.folder).as_posix() for p in inside]
-                elif path.is_file() and not name.endswith(TRUTH):
-                    names.append(name)
-        return names
+        return state_of(self)
 
     def script(self) -> str:
         """Return the commands of the steps that count, as a shell script."""
-        history = self.journal.read()
-        steps = [history.steps[number] for number in history.active]
-        given = [name for step in steps if not step.argv for name in step.outputs]
-        given += [name for name in DEMO_FILES if (self.folder / name).is_file()]
-        lines = [f'cp "$from"/{shlex.quote(name)} "$to"/' for name in dict.fromkeys(given)]
-        lines.append('cd "$to"')
-        lines += [shlex.join(["ecm", *step.argv]) for step in steps if step.argv]
-        return _SCRIPT + "\n".join(lines) + "\n"
-
-    def log(self, number: int, kind: str) -> bytes:
-        """Return what the command of a step printed: `out` or `err`."""
-        try:
-            return (self.folder / "logs" / f"{number}.{kind}").read_bytes()
-        except OSError:
-            return b""
+        return script_of(self)
 
     # --- parts -------------------------------------------------------------
     def _begin(
@@ -330,106 +221,15 @@ class Session:
             number += 1
         return number
 
-    def _opened(self, history: History, files: Files) -> Step | None:
-        """Return the last step that opened the truth of these tables; undo does not close it."""
-        sealed = {self._truth(name) for name in files.data} - {None}
-        for step in reversed(history.steps.values()):
-            opened = step.verb == "reveal" and step.status == "done"
-            if opened and self._truth(step.argv[1]) in sealed:
-                return step
-        return None
-
-    def _truth(self, table: str) -> bytes | None:
-        path = self._beside(table, TRUTH)
-        return path.read_bytes() if path.is_file() else None
-
     def _require_checked(self, history: History) -> None:
-        check = self._check_step(history)
+        check = self.check_step(history)
         if check is None:
             raise InputError("check the tables first: nothing goes on until the check passes")
-        pending = self._pending(history, check)
+        pending = self.pending(history, check)
         if pending:
             raise InputError(f"a warning of the check is open: {pending[0]}")
-
-    def _check_step(self, history: History) -> Step | None:
-        return history.last("check", data=self.files(history).data)
-
-    def _pending(self, history: History, check: Step) -> list[str]:
-        document = self._result(check) or {}
-        taken = {warning for number, warning in history.accepted if number == check.number}
-        return [text for text in document.get("warnings", []) if text not in taken]
-
-    def _result(self, step: Step | None) -> Any:
-        """Return the JSON document of a step, with its number."""
-        if step is None:
-            return None
-        name = next((n for n in step.outputs if _is_report(n)), None)
-        try:
-            document = json.loads((self.folder / str(name)).read_bytes())
-        except (OSError, ValueError):
-            return None
-        return {**document, "step": step.number}
-
-    def _rungs(self, history: History, files: Files) -> list[Step]:
-        """Return the fits of these data that count, from the last base on."""
-        rungs: list[Step] = []
-        for number in history.active:
-            step = history.steps[number]
-            if step.verb == "fit" and step.inputs["data"] == files.data:
-                rungs = [step]
-            elif step.verb == "refit" and step.inputs["data"] == files.data:
-                rungs.append(step)
-        return rungs
-
-    def _rung(self, history: History, step: Step) -> dict[str, Any]:
-        compared = history.last("compare", data=step.inputs["data"], model=_model(step))
-        document = self._result(compared) or {}
-        request = step.request
-        return {
-            "step": step.number,
-            "model": _model(step),
-            "name": request.get("model") or " ".join(
-                f"{sign} {name}"
-                for option, sign in (("add", "+"), ("remove", "−"), ("freeze", "frozen"))
-                for name in request.get(option, [])
-            ),
-            "train": document.get("whitened_rms"),
-            "rmse": document.get("rmse"),
-            "report": self._result(step),
-        }  # fmt: skip
-
-    def _step(self, history: History, step: Step) -> dict[str, Any]:
-        return {
-            "number": step.number,
-            "verb": step.verb,
-            "command": shlex.join(["ecm", *step.argv]) if step.argv else "",
-            "name": step.request.get("name", ""),
-            "status": step.status,
-            "message": step.message,
-            "seconds": step.seconds,
-            "counts": step.number in history.active,
-        }
-
-    def _beside(self, table: str, suffix: str) -> Path:
-        return (self.folder / table).with_suffix(suffix)
 
 
 def _kept(verb: str, request: dict[str, Any], files: Files) -> list[str]:
     """Return the tables to which a step adds one; none where it replaces them."""
     return files.data if verb == "campaign" or (verb == "import" and request.get("more")) else []
-
-
-def _model(step: Step) -> str:
-    return step.outputs[0]
-
-
-def _is_report(name: str) -> bool:
-    return name.endswith(".json") and not name.startswith("model-")
-
-
-def _own_name(history: History, table: str) -> str:
-    """Return the name under which a table was dropped, else that of its file."""
-    for step in history.steps.values():
-        if table in step.outputs:
-            return str(step.request.get("name") or table)
-    return table

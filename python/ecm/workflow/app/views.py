@@ -1,4 +1,4 @@
-"""What the page draws, computed from files of the session in a process of its own.
+"""The views of the page: kept as files, and computed in a process of their own.
 
 A view depends on files that never change once a step has written them, so it is kept in `views/`
 and computed once.
@@ -9,24 +9,21 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from ecm.errors import InputError
-from ecm.io.arrays import F, I
-from ecm.io.cache import hash_of, write_json
+from ecm.io.cache import hash_of
 from ecm.workflow.app.disk import writing
 
-MOST_ROWS = 20_000
-"""Rows that a view holds; of more, every k-th, and the view says so."""
+SHOWN = ("poses", "residuals", "effects", "log")
+"""Those that the page may ask for by name."""
+NEED_MODEL = ("residuals", "effects")
 _INTERRUPTED = 130
 
 
@@ -58,7 +55,7 @@ class Views:
                 pool = self._process(broken)
                 try:
                     with writing(path, f"the view {name}"):
-                        pool.submit(compute_view, name, path, tables, of_model).result()
+                        pool.submit(_compute, name, path, tables, of_model).result()
                     break
                 except BrokenProcessPool:  # killed, or out of memory
                     broken = pool
@@ -101,161 +98,8 @@ def _end_with(life: Connection) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def compute_view(name: str, path: Path, tables: Sequence[Path], model: Path | None) -> None:
-    """Compute a view and write it."""
-    write_json(path, VIEWS[name](tables, model))
+def _compute(name: str, path: Path, tables: Sequence[Path], model: Path | None) -> None:
+    """Compute a view and write it; called in the other process."""
+    from ecm.workflow.app.view_data import compute_view  # noqa: PLC0415 - the server needs no numerics
 
-
-def poses(tables: Sequence[Path], _model: Path | None) -> dict[str, Any]:
-    """Return the measured poses and wrenches, the outline of the body, and a line about it."""
-    from ecm.io.columns import POSE, WRENCH  # noqa: PLC0415 - the server does not need them
-    from ecm.io.table import read_table  # noqa: PLC0415
-    from ecm.report.mechanism import view_of  # noqa: PLC0415
-
-    table = read_table(list(tables))
-    rows = _thinned(len(table))
-    columns = [name for name in (*POSE, *WRENCH) if table.has(name)]
-    return {
-        "row": (rows + 1).tolist(),
-        "columns": {name: _short(table.column(name)[rows]) for name in columns},
-        **view_of(table.meta),
-        "said": _said(len(rows), len(table)),
-    }
-
-
-def residuals(tables: Sequence[Path], model: Path | None) -> dict[str, Any]:
-    """Return the residual of each measured pose in its unit, over the noise, and as a pose."""
-    from ecm.comparison.comparison import compare  # noqa: PLC0415
-    from ecm.comparison.residual_points import residual_points  # noqa: PLC0415
-    from ecm.effects import load_installed  # noqa: PLC0415
-    from ecm.io.columns import unit_of  # noqa: PLC0415
-    from ecm.io.table import read_table  # noqa: PLC0415
-    from ecm.models import load_model  # noqa: PLC0415
-
-    load_installed()
-    table = read_table(list(tables), need="fit")
-    fitted = load_model(Path(str(model)))
-    result = compare(fitted, table)
-    maps, points = result.where(), residual_points(result, MOST_ROWS)
-    kinds: dict[str, dict[str, Any]] = {
-        "noise": {
-            "label": "over its noise",
-            "unit": "times the noise",
-            "columns": list(maps.outputs),
-            "values": _columns(points.over_noise),
-            "floor": [1.0] * len(maps.outputs),
-        },
-        "wrench": {
-            "label": "as wrench",
-            "unit": "",
-            "columns": list(maps.outputs),
-            "units": [unit_of(name) for name in maps.outputs],
-            "values": _columns(points.physical),
-            "floor": [component.floor for component in result.components],
-        },
-    }
-    pose = _pose_error(result.pose_error, points.row)
-    if pose is not None:
-        kinds["pose"] = pose
-    return {
-        "row": points.row.tolist(),
-        "size": _short(points.size),
-        "variables": {name: _short(values) for name, values in points.variables.items()},
-        "follows": [list(item) for item in maps.follows[:10]],
-        "strongest": [
-            name for name in maps.strongest(len(maps.variables)) if name in points.variables
-        ],
-        "kinds": kinds,
-        "sentence": maps.sentence(),
-        "worst": maps.worst(),
-        "said": points.sentence,
-    }
-
-
-def effects(tables: Sequence[Path], model: Path | None) -> dict[str, Any]:
-    """Return what each effect would explain of the residual, with its own sentence."""
-    from ecm.diagnosis.preview import preview_effects  # noqa: PLC0415
-    from ecm.effects import get_effect, load_installed  # noqa: PLC0415
-    from ecm.io.table import read_table  # noqa: PLC0415
-    from ecm.models import load_model  # noqa: PLC0415
-
-    load_installed()
-    table = read_table(list(tables), need="fit")
-    previews = preview_effects(load_model(Path(str(model))), table)
-    at = _thinned(len(previews.row))
-    return {
-        "row": previews.row[at].tolist(),
-        "effects": {
-            item.id: {
-                "share": item.share,
-                "what": get_effect(item.id).physics,
-                "side": get_effect(item.id).side,
-                "values": _columns(item.explained[at]),
-            }
-            for item in previews.effects
-        },
-    }
-
-
-def plan(tables: Sequence[Path], _model: Path | None) -> dict[str, Any]:
-    """Return the poses of a plan, and the outline of the body."""
-    from ecm.io.columns import POSE  # noqa: PLC0415 - the server does not need them
-    from ecm.io.table import read_table  # noqa: PLC0415
-    from ecm.report.mechanism import view_of  # noqa: PLC0415
-
-    table = read_table(list(tables), need="predict")
-    columns = {name: _short(table.column(name)) for name in POSE if table.has(name)}
-    return {**view_of(table.meta), "columns": columns}
-
-
-VIEWS: dict[str, Callable[[Sequence[Path], Path | None], dict[str, Any]]] = {
-    "poses": poses,
-    "residuals": residuals,
-    "effects": effects,
-    "plan": plan,
-}
-SHOWN = ("poses", "residuals", "effects")
-"""Those that the page may ask for by name."""
-NEED_MODEL = ("residuals", "effects")
-
-
-def _pose_error(found: Any, row: I) -> dict[str, Any] | None:
-    """Return the pose error of these rows (from 1) as a kind of residual; None without one."""
-    sizes = [
-        ("position", "mm", found.position_mm, found.noise_mm),
-        ("rotation", "deg", found.rotation_deg, found.noise_deg),
-    ]
-    known = [item for item in sizes if item[2] is not None]
-    if not known:
-        return None
-    place = {number: i for i, number in enumerate(found.row.tolist())}
-    at = [place.get(number) for number in row.tolist()]
-    return {
-        "label": "as pose error",
-        "unit": "",
-        "columns": [name for name, _, _, _ in known],
-        "units": [unit for _, unit, _, _ in known],
-        "values": [
-            [None if i is None else float(f"{values[i]:.6g}") for i in at]
-            for _, _, values, _ in known
-        ],
-        "floor": [floor for _, _, _, floor in known],
-        "said": found.sentence(),
-    }
-
-
-def _thinned(rows: int) -> I:
-    return np.arange(0, rows, -(-rows // MOST_ROWS) or 1, dtype=np.int64)
-
-
-def _said(shown: int, total: int) -> str:
-    return "" if shown == total else f"{shown} of {total} rows are drawn."
-
-
-def _short(values: F) -> list[float | None]:
-    """Return numbers of six digits: a page draws no more."""
-    return [float(f"{v:.6g}") if np.isfinite(v) else None for v in np.asarray(values, float)]
-
-
-def _columns(values: F) -> list[list[float | None]]:
-    return [_short(column) for column in np.asarray(values).T]
+    compute_view(name, path, tables, model)

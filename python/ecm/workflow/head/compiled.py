@@ -1,28 +1,29 @@
-"""The controller in C: the code of `ecm export` and `code/control_step.c`, compiled and loaded."""
+"""The controller in C: the code of `ecm export` and the files of `code/`, compiled and loaded."""
 
 from __future__ import annotations
 
 import ctypes
 import hashlib
-import shutil
-import subprocess
 from importlib.resources import files
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from ecm.errors import ComputationError
+from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F
+from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.table import as_table
 from ecm.models import EnergyModel, Model, fit_model
 from ecm.models.export import export_files
+from ecm.models.export.compiler import shared_library
 from ecm.workflow.head.observer import Observer, design_observer
 from ecm.workflow.head.settings import HeadSettings
 
 _D = ctypes.c_double
+_HISTORY = 256
+"""Poses that the C code remembers: HISTORY of head.h."""
 
 
 class Settings(ctypes.Structure):
@@ -45,7 +46,7 @@ class State(ctypes.Structure):
     _fields_ = (
         ("pose", _D * 6), ("twist", _D * 6), ("unknown", _D * 6), ("forces", _D * 4),
         ("sum", _D * 4), ("drive", _D * 4),
-        ("history", _D * (256 * 6)), ("steps", ctypes.c_int64),
+        ("history", _D * (_HISTORY * 6)), ("steps", ctypes.c_int64),
         ("limited", ctypes.c_int32), ("reserved", ctypes.c_int32), ("wrench", _D * 6),
     )  # fmt: skip
 
@@ -75,38 +76,27 @@ def compile_controller(model: Model | None, folder: Path) -> Path:
     ComputationError
         No C compiler, or one that fails.
     """
-    step = (files("ecm.workflow.head") / "code" / "control_step.c").read_text(encoding="utf-8")
-    sources = {"control_step.c": step}
-    flags = ["-DNO_NECK"]
+    code = files("ecm.workflow.head") / "code"
+    sources = {
+        item.name: item.read_text(encoding="utf-8")
+        for item in sorted(code.iterdir(), key=lambda item: item.name)
+        if item.name.endswith((".c", ".h"))
+    }
+    options = ["-DNO_NECK"]
     if model is not None:
         exported = export_files(model, "c", "neck").files
         sources |= {name: str(exported[name]) for name in ("neck.h", "neck.c")}
-        flags = ["-DNECK_STEPS"] if "neck_step" in sources["neck.h"] else []
-    text = "".join(sources.values()) + "".join(flags)
+        options = ["-DNECK_STEPS"] if "neck_step" in sources["neck.h"] else []
+    text = "".join(sources.values()) + "".join(options)
     library = folder / f"head-{hashlib.sha256(text.encode()).hexdigest()[:32]}.so"
     if library.exists():
         return library
-    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-    if compiler is None:
-        raise ComputationError(
-            "the head's controller is C code, and no C compiler (cc, gcc, clang) was found; "
-            "install one"
-        )
-    folder.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(dir=folder) as build:
-        for name, source in sources.items():
-            (Path(build) / name).write_text(source, encoding="utf-8")
-        names = [name for name in sources if name.endswith(".c")]
-        done = subprocess.run(
-            [
-                compiler, "-std=c99", "-O2", "-fPIC", "-shared", *flags, *names, "-lm",
-                "-o", "all.so",
-            ],
-            cwd=build, capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        if done.returncode != 0:
-            raise ComputationError(f"{compiler} cannot compile the controller: {done.stderr[:300]}")
-        (Path(build) / "all.so").replace(library)
+    names = [name for name in sources if name.endswith(".c")]
+    try:
+        binary = shared_library(sources, names, options=[*options, "-lm"])
+    except ComputationError as error:
+        raise ComputationError(f"the head's controller is C code: {error}") from None
+    write_atomically(library, binary)
     return library
 
 
@@ -193,10 +183,22 @@ class CompiledController:
 
 
 def c_settings(settings: HeadSettings, length_m: float, observer: Observer) -> Settings:
-    """Settings of the C code."""
+    """Settings of the C code.
+
+    Raises
+    ------
+    InputError
+        Readings are later than the controller remembers poses.
+    """
     control, sensor, body, tendons = (
         settings.control, settings.sensor, settings.body, settings.tendons,
     )  # fmt: skip
+    delay_steps = round(sensor.delay_s / control.dt_s)
+    if delay_steps >= _HISTORY:
+        raise InputError(
+            f"delay_s {sensor.delay_s:g} is {delay_steps} steps of {control.dt_s:g} s: the "
+            f"controller remembers {_HISTORY - 1}; take a longer dt_s"
+        )
     return Settings(
         dt=control.dt_s,
         mass=body.mass_kg,
@@ -216,7 +218,7 @@ def c_settings(settings: HeadSettings, length_m: float, observer: Observer) -> S
         length=length_m,
         damping=tendons.motor_damping_N_s_m,
         speed_share=control.speed_share,
-        delay_steps=round(sensor.delay_s / control.dt_s),
+        delay_steps=delay_steps,
         feedback=int(control.bandwidth_rad_s > 0.0),
     )
 

@@ -14,6 +14,7 @@ from ecm.workflow.head.compiled import CompiledController
 from ecm.workflow.head.motions import Motion
 from ecm.workflow.head.neck_wrench import TrueNeck
 from ecm.workflow.head.plant import HeadPlant
+from ecm.workflow.head.plugin import NeckPlugin
 from ecm.workflow.head.sensing import PoseReadings
 from ecm.workflow.head.settings import HeadSettings
 
@@ -151,6 +152,8 @@ class Robot:
         Whether the controller is told what the true neck remembers; the model is then its energy.
     more_delay_s
         Delay of the readings that the controller does not expect.
+    plugin
+        The neck's energy as MuJoCo's plugin, which is faster; None: through Python.
     """
 
     settings: HeadSettings
@@ -158,6 +161,7 @@ class Robot:
     library: Path
     knows_the_truth: bool = False
     more_delay_s: float = 0.0
+    plugin: NeckPlugin | None = None
 
     def run(self, motion: Motion, seed: int = 0, plant: HeadPlant | None = None) -> Record:
         """Carry out a motion; a head that falls ends it.
@@ -173,7 +177,7 @@ class Robot:
         """
         settings = self.settings
         dt = settings.control.dt_s
-        plant = plant or HeadPlant(settings, self.neck, seed=seed)
+        plant = plant or HeadPlant(settings, self.neck, seed=seed, plugin=self.plugin)
         length = self.neck.length_m
         controller = CompiledController(self.library, settings, motion.poses[0], length)
         readings = PoseReadings(settings.sensor, dt, seed, self.more_delay_s)

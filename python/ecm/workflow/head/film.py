@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.errors import ComputationError
 from ecm.io.arrays import F
 from ecm.io.extras import require
-from ecm.rig.arm.film import centre_line, gl_context
+from ecm.rig.arm.film import centre_line, gl_context, write_gif
 from ecm.rig.frames import rotation
 from ecm.workflow.head.experiment import Record
 from ecm.workflow.head.neck_wrench import TrueNeck
@@ -21,7 +20,7 @@ from ecm.workflow.head.plant import HeadPlant
 from ecm.workflow.head.settings import HeadSettings
 
 WIDTH, HEIGHT = 340, 400
-"""Of the picture of one controller."""
+"""Pixels of the picture of one controller."""
 FRAMES_PER_S = 12
 _NECK = np.array([0.55, 0.75, 0.95, 1.0], dtype=np.float32)
 _WANTED = np.array([0.2, 0.7, 0.3, 0.35], dtype=np.float32)
@@ -53,23 +52,15 @@ def write_film(
     ComputationError
         This machine cannot draw without a screen.
     """
-    pillow = require("PIL.Image", "robot", "--film")
+    require("PIL.Image", "robot", "--film")
     views = _Views(settings, neck, records)
     try:
         every = max(1, round(faster / FRAMES_PER_S / settings.control.dt_s))
         images = [views.image(i) for i in range(0, len(records[0][1].reached), every)]
     finally:
         views.close()
-    frames = [pillow.fromarray(image).quantize(96) for image in images]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        frames[0].save(
-            path, format="GIF", save_all=True, append_images=frames[1:],
-            duration=round(1000.0 / FRAMES_PER_S), loop=0,
-        )  # fmt: skip
-    except OSError as error:
-        raise ComputationError(f"{path}: the film cannot be written: {error}") from None
-    return len(frames)
+    write_gif(path, images, FRAMES_PER_S)
+    return len(images)
 
 
 class _Views:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ecm.designs import DesignSettings, diagnosable_plan, optimal_design, plain_plan
+from ecm.effects.protocol import Effect
+from ecm.effects.relaxation import StressRelaxation
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
@@ -20,6 +23,7 @@ from ecm.rig import CampaignOptions, PlantTable, RigSettings, run_campaign
 from ecm.workflow.head.compiled import compile_controller, exportable
 from ecm.workflow.head.experiment import Robot
 from ecm.workflow.head.neck_wrench import TrueNeck
+from ecm.workflow.head.plugin import build_plugin
 from ecm.workflow.head.settings import HeadSettings
 
 _RIG = RigSettings(plant=PlantTable(room_cycle_degC=4.0))
@@ -28,6 +32,12 @@ _MIDDLE_M = 0.006
 """How far the tendons and the head press the neck at the middle of its workspace."""
 _WORKSPACE = np.array([0.0035, 0.007, 0.007, 0.22, 0.26, 0.26])
 """Half of the box of poses that are worth measuring."""
+FORMS: dict[str, Effect] = {"stress_relaxation": StressRelaxation(1.0, second_tau_s=30.0)}
+"""Forms of effects that are fitted here: a head moves within a second and rests for minutes, which
+one time constant cannot follow."""
+DWELLS_S = (0.5, 2.0, 8.0, 30.0, 120.0)
+"""Rests before a reading where effects of time are looked for. After 30 s a slow chain carries
+so much that it would be taken for static stiffness."""
 _EFFECTS = ("stress_relaxation", "hysteresis", "temperature_modulus")
 
 
@@ -97,8 +107,10 @@ def measured(
         chosen = optimal_design(poses, row.poses, design)
     except InputError:
         chosen = optimal_design(poses, row.poses, replace(design, model="energy4"))
-    plan = (diagnosable_plan if row.plan == "diagnosable" else plain_plan)(
-        candidates, chosen, seed=seed
+    plan = (
+        diagnosable_plan(candidates, chosen, seed=seed, dwells_s=DWELLS_S)
+        if row.plan == "diagnosable"
+        else plain_plan(candidates, chosen, seed=seed)
     )
     options = CampaignOptions(source=neck, folder=folder, threads=1)
     return run_campaign(plan, _RIG, hide=neck.hidden(), seed=seed, options=options)
@@ -107,10 +119,14 @@ def measured(
 def identified(row: Identified, table: Table, mechanism: Mechanism) -> Model:
     """Return the fitted model of a row."""
     kind = PhysicsModel(mechanism) if row.model == "physics" else row.model
-    model = fit_model(table, kind)
-    for effect in row.effects:
-        model = model.add(effect)
-    return model.fit(table) if row.effects else model
+    return with_effects(fit_model(table, kind), row.effects, table)
+
+
+def with_effects(model: Model, effects: Sequence[str], table: Table) -> Model:
+    """Return the model fitted again with effects (ids), in the forms of `FORMS`."""
+    for effect in effects:
+        model = model.add(FORMS.get(effect, effect))
+    return model.fit(table) if effects else model
 
 
 def robot(
@@ -135,14 +151,15 @@ def robot(
         Body of the neck.
     """
     row = ROWS[name]
+    plugin = build_plugin(neck.energy, folder)
     if row.model == "truth":
         library = compile_controller(true_model(neck), folder)
-        return Robot(settings, neck, library, knows_the_truth=True)
+        return Robot(settings, neck, library, knows_the_truth=True, plugin=plugin)
     model = None
     if row.model:
         model = identified(row, measured(neck, row, seed, mechanism), mechanism)
         model = exportable(model, _workspace_poses(neck))
-    return Robot(settings, neck, compile_controller(model, folder))
+    return Robot(settings, neck, compile_controller(model, folder), plugin=plugin)
 
 
 def true_model(neck: TrueNeck) -> Model:

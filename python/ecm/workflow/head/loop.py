@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from ecm.diagnosis import diagnose
@@ -17,9 +18,10 @@ from ecm.io.table import Table
 from ecm.models import Model, fit_model
 from ecm.workflow.head.compiled import compile_controller
 from ecm.workflow.head.experiment import Figures, Record, Robot
-from ecm.workflow.head.identification import Identified, measured
+from ecm.workflow.head.identification import Identified, measured, true_model, with_effects
 from ecm.workflow.head.motions import Motion
 from ecm.workflow.head.neck_wrench import HYSTERESIS, RELAXATION, TEMPERATURE
+from ecm.workflow.head.plugin import build_plugin
 from ecm.workflow.head.table import Bench
 
 HIDDEN = {
@@ -113,18 +115,26 @@ def run_loop(
     say("diagnosis")
     answer = diagnose(before, table, seed=seed, effects=effects).to_dict()["answer"]
     named = tuple(members[0] for members in answer)
-    after = before
-    for effect in named:
-        after = after.add(effect).fit(table)
+    after = with_effects(before, named, table)
     say("the head with the model that has it")
     return HeadLoop(table, before, after, named, missed, _run(bench, after, motion, seed))
 
 
-def _run(bench: Bench, model: Model, motion: Motion, seed: int) -> Record:
-    library = compile_controller(model, bench.folder)
+def run_told(bench: Bench, motion: Motion, seed: int) -> Record:
+    """Carry out a motion as `run_loop` does, the controller told the true neck and its memory."""
+    library = compile_controller(true_model(bench.neck), bench.folder)
+    return replace(_robot(bench, library), knows_the_truth=True).run(motion, seed)
+
+
+def _robot(bench: Bench, library: Path) -> Robot:
     # Without integral: it would take away at rest what the model misses, and hide it.
     control = replace(bench.settings.control, integral_per_s=0.0)
-    return Robot(replace(bench.settings, control=control), bench.neck, library).run(motion, seed)
+    plugin = build_plugin(bench.neck.energy, bench.folder)
+    return Robot(replace(bench.settings, control=control), bench.neck, library, plugin=plugin)
+
+
+def _run(bench: Bench, model: Model, motion: Motion, seed: int) -> Record:
+    return _robot(bench, compile_controller(model, bench.folder)).run(motion, seed)
 
 
 def _error(figures: Figures) -> str:

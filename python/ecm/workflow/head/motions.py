@@ -24,7 +24,7 @@ SET_POINTS_RAD = (
 )  # fmt: skip
 """Rotation vectors (turn about the neck, to the front, to the side) over the workspace."""
 _MOVE_S, _HOLD_S = 0.7, 2.0
-"""Of a set point: three time constants of the integral, so that 5 % of an error are left."""
+"""Move to a set point, and stay: three time constants of the integral leave 5 % of an error."""
 _NODES = 7
 MEASURED_S = 0.3
 """Length of the end of a hold over which the settled error is averaged."""

@@ -20,6 +20,7 @@ from ecm.io.mechanism import Mechanism
 from ecm.rig import Hidden
 from ecm.rig.elastic import UNIFORM, Anchors, Progress, Smooth, solve_cached
 from ecm.rig.fem_source import FemSource
+from ecm.rig.frames import rotation
 from ecm.rig.physics.material import Hysteresis, Relaxation, Temperature
 from ecm.rig.physics.true_effect import Conditions
 
@@ -103,7 +104,10 @@ class NeckMemory:
             else:
                 self._friction = effect
         self._length = neck.length_m
-        self._stiffness = neck.energy.stiffness(neck.rest[None])[0]
+        stiffness = neck.energy.stiffness(neck.rest[None])[0]
+        self._held = np.zeros((6, 6))  # wrench of friction per state
+        if self._friction is not None:
+            self._held = self._friction.wrench(np.eye(6), stiffness, neck.length_m).T
         self._before: tuple[F, F] | None = None
         self._chains: F = np.zeros((3, 6))
         self._slip: F = np.zeros(6)
@@ -118,10 +122,15 @@ class NeckMemory:
 
     def step(self, pose: F, elastic: F, dt: float) -> F:
         """(6,) what is added to the elastic wrench (6,) at a pose, dt after the step before."""
+        section = elastic
+        if self._relaxation is not None:
+            # Stress turns with the body: chains are loaded by the resultants of the middle section.
+            to_top = _top_from_section(pose)
+            section = np.asarray(np.linalg.solve(to_top, elastic), dtype=np.float64)
         if self._before is None:
-            self._before = pose.copy(), elastic.copy()
-        moved, loaded = pose - self._before[0], elastic - self._before[1]
-        self._before = pose.copy(), elastic.copy()
+            self._before = pose.copy(), section.copy()
+        moved, loaded = pose - self._before[0], section - self._before[1]
+        self._before = pose.copy(), section.copy()
         added: F = (self._factor - 1.0) * elastic
         if self._relaxation is not None:
             if dt != self._dt:
@@ -131,10 +140,10 @@ class NeckMemory:
                 self._gain = (share * times / dt * -np.expm1(-dt / times))[:, None]
                 self._dt = dt
             self._chains = self._decay * self._chains + self._gain * loaded
-            added = added + self._factor * self._chains.sum(axis=0)
+            added = added + self._factor * (to_top @ self._chains.sum(axis=0))
         if self._friction is not None:
             self._slip = self._friction.state_after(self._slip, moved, self._length)
-            added = added + self._friction.wrench(self._slip, self._stiffness, self._length)
+            added = added + self._held @ self._slip
         return added
 
     def rest(self, seconds: float) -> None:
@@ -142,6 +151,19 @@ class NeckMemory:
         if self._relaxation is not None:
             times = np.asarray(self._relaxation.times_s)
             self._chains = np.exp(-seconds / times)[:, None] * self._chains
+
+
+def _top_from_section(pose: F) -> F:
+    """(6, 6) from resultants of the middle section, in its axes, to the wrench at the top.
+
+    The section is turned by half of the rotation and stands half way to the top.
+    """
+    axes = rotation(0.5 * pose[None, 3:])[0]
+    x, y, z = 0.5 * pose[:3]
+    found = np.zeros((6, 6))
+    found[:3, :3] = found[3:, 3:] = axes
+    found[3:, :3] = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]) @ axes
+    return found
 
 
 def fem_neck(

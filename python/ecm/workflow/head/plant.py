@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from ecm.errors import ComputationError
 from ecm.io.arrays import F
 from ecm.io.extras import require
 from ecm.workflow.head.neck_wrench import TrueNeck
+from ecm.workflow.head.plugin import NeckPlugin
 from ecm.workflow.head.scene import scene_text
 from ecm.workflow.head.settings import HeadSettings
 from ecm.workflow.head.tendons import tendon_lengths
@@ -31,6 +33,8 @@ class HeadPlant:
         Of the noise of the force sensors.
     free
         Without tendons and damping: the head on the neck alone.
+    plugin
+        The neck's energy as MuJoCo's plugin; without it MuJoCo asks Python for the same wrench.
     """
 
     def __init__(
@@ -40,16 +44,24 @@ class HeadPlant:
         *,
         seed: int = 0,
         free: bool = False,
+        plugin: NeckPlugin | None = None,
     ) -> None:
         self.library: Any = require("mujoco", "robot", "The head")
         self.settings = settings
-        self.model: Any = self.library.MjModel.from_xml_string(scene_text(settings, neck.length_m))
+        if plugin is not None:
+            plugin.load(self.library)
+        scene = scene_text(settings, neck.length_m, plugin.plugin if plugin is not None else "")
+        self._passive = None if plugin is not None else self._neck_force
+        self.model: Any = self.library.MjModel.from_xml_string(scene)
         self.data: Any = self.library.MjData(self.model)
+        # Views of MuJoCo's arrays: to ask for one costs more than to use it.
+        self._qpos, self._applied = self.data.qpos, self.data.qfrc_applied
+        self._lengths = self.data.ten_length
         self._energy = neck.energy
         self.memory = neck.memory()
         self._rest = neck.rest
         stiffness = np.diag(neck.energy.stiffness(neck.rest[None])[0])
-        self._damping = np.zeros(6) if free else settings.damping_s * stiffness
+        self.model.dof_damping[4:] = np.zeros(6) if free else settings.damping_s * stiffness
         tendons = settings.tendons
         if free:
             self.model.tendon_stiffness[:] = 0.0
@@ -61,7 +73,6 @@ class HeadPlant:
         self._axes = np.zeros(9)
         self._stage_pose = np.zeros(6)
         self._added = np.zeros(6)
-        self._push = np.zeros(6)
         self.at(neck.rest)
 
     @property
@@ -89,7 +100,6 @@ class HeadPlant:
     @property
     def pose(self) -> F:
         """(6,) pose of the head."""
-        self._read_pose()
         return np.array(self._pose)
 
     @property
@@ -105,7 +115,7 @@ class HeadPlant:
     @property
     def forces_N(self) -> F:
         """(4,) true forces of the tendons."""
-        return np.asarray(np.maximum(0.0, self._k * (self.data.ten_length - self._slack)))
+        return np.asarray(np.maximum(0.0, self._k * (self._lengths - self._slack)))
 
     def measured_forces_N(self) -> F:
         """(4,) forces as their sensors read them."""
@@ -132,32 +142,36 @@ class HeadPlant:
         settings, data = self.settings, self.data
         tendons, dt = settings.tendons, settings.plant_step_s
         largest = tendons.rate_N_per_s * settings.control.dt_s
-        self._command += np.clip(commands_N - self._command, -largest, largest)
+        self._command += _within(commands_N - self._command, -largest, largest)
         measured = self.measured_forces_N()
         error = self._command - measured
-        self._sum = np.clip(
-            self._sum + tendons.force_rate_per_s * settings.control.dt_s * error, -30.0, 30.0
-        )
+        more = tendons.force_rate_per_s * settings.control.dt_s * error
+        self._sum = _within(self._sum + more, -30.0, 30.0)
         wanted = self._command + tendons.force_gain * error + self._sum + drive_N
         # A stuck motor is pushed to where friction gives way, in the direction of the error.
         self._error += (error - self._error) * settings.control.dt_s / tendons.friction_lag_s
         stuck = tendons.friction_share * tendons.friction_N
         wanted += stuck * np.tanh(self._error / tendons.friction_error_N)
-        wanted = np.clip(wanted, 0.0, 2.0 * tendons.most_N)
+        wanted = _within(wanted, 0.0, 2.0 * tendons.most_N)
         share = dt / tendons.current_lag_s
-        decay = float(np.exp(-share))
+        decay = math.exp(-share)
         mean = (1.0 - decay) / share
-        self._push = np.zeros(6) if push is None else push
-        elastic = self._energy.predict(self.pose[None])[0]
+        elastic = self._energy.predict(self._pose[None])[0]
         self._added = self.memory.step(self._pose, elastic, settings.control.dt_s)
-        self.library.set_mjcb_passive(self._neck_force)
-        for _ in range(self._substeps):
-            data.qfrc_applied[:4] = wanted + mean * (self._current - wanted)
-            self._current = wanted + decay * (self._current - wanted)
-            self.library.mj_step(self.model, data)
-        self.library.set_mjcb_passive(None)
+        self._apply(-self._added if push is None else push - self._added)
+        if self._passive is not None:
+            self.library.set_mjcb_passive(self._passive)
+        try:
+            for _ in range(self._substeps):
+                self._applied[:4] = wanted + mean * (self._current - wanted)
+                self._current = wanted + decay * (self._current - wanted)
+                self.library.mj_step(self.model, data)
+        finally:  # it would act in every other model of this process
+            if self._passive is not None:
+                self.library.set_mjcb_passive(None)
         self._read_pose()
-        healthy = np.isfinite(data.qpos).all() and np.linalg.norm(self._pose[3:]) < _TOO_FAR_RAD
+        turn = self._pose[3:]
+        healthy = turn @ turn < _TOO_FAR_RAD**2 and math.isfinite(self._qpos.sum())
         if not healthy:
             raise ComputationError(f"the head has fallen at {self.time_s:.2f} s")
         return measured
@@ -176,20 +190,29 @@ class HeadPlant:
         return float(0.5 * velocity @ momentum + weight + stored)
 
     def _neck_force(self, model: Any, data: Any) -> None:
-        """Add the neck's wrench on the head; MuJoCo calls this at each stage of a step."""
+        """Add the neck's wrench on the head, as the plugin does; MuJoCo calls it at each stage."""
         del model
-        pose, axes = self._stage_pose, self._axes.reshape(3, 3)
+        pose = self._stage_pose
         pose[:3] = data.qpos[4:7]
         self.library.mju_quat2Vel(pose[3:], data.qpos[7:11], 1.0)
         if not np.isfinite(data.qpos).all():
             return  # an exception cannot pass MuJoCo; `step` finds that the head has fallen
+        wrench = self._energy.predict(pose[None])[0]
         self.library.mju_quat2Mat(self._axes, data.qpos[7:11])
-        wrench = self._push - self._added - self._energy.predict(pose[None])[0]
-        wrench[:3] -= self._damping[:3] * data.qvel[4:7]
-        wrench[3:] -= self._damping[3:] * (axes @ data.qvel[7:10])
-        data.qfrc_passive[4:7] += wrench[:3]
-        data.qfrc_passive[7:10] += wrench[3:] @ axes  # a free joint's moment is in body axes
+        data.qfrc_passive[4:7] -= wrench[:3]
+        data.qfrc_passive[7:10] -= wrench[3:] @ self._axes.reshape(3, 3)  # in axes of the body
+
+    def _apply(self, wrench: F) -> None:
+        """Let a wrench (6,) act on the head until the next call, turning with the head."""
+        self.library.mju_quat2Mat(self._axes, self._qpos[7:11])
+        self._applied[4:7] = wrench[:3]
+        self._applied[7:] = wrench[3:] @ self._axes.reshape(3, 3)
 
     def _read_pose(self) -> None:
-        self._pose[:3] = self.data.qpos[4:7]
-        self.library.mju_quat2Vel(self._pose[3:], self.data.qpos[7:11], 1.0)
+        self._pose[:3] = self._qpos[4:7]
+        self.library.mju_quat2Vel(self._pose[3:], self._qpos[7:11], 1.0)
+
+
+def _within(values: F, low: float, high: float) -> F:
+    """Clip without the checks of `np.clip`, which cost more than the rest of a step's motors."""
+    return np.asarray(np.minimum(np.maximum(values, low), high))

@@ -2,7 +2,8 @@
 
 The head is a free body whose frame is the top frame of the neck. A motor is a mass that slides
 along its tendon's spool; the tendon runs from it through the guide to the head and only pulls. The
-neck is no body: its wrench is applied to the head (`plant.py`).
+neck is no body: its wrench acts between base and head, by the plugin of `ecm export --to mujoco` or
+as a passive force of the caller (`plant.py`).
 
 MuJoCo's implicit integrators are implicit in velocity only: a spring in the XML is integrated no
 better than one that is applied, and with both the energy of the free head grows by half in a
@@ -19,13 +20,15 @@ _REEL_M = 0.05
 """Distance from a guide to its motor."""
 
 
-def scene_text(settings: HeadSettings, length_m: float) -> str:
+def scene_text(settings: HeadSettings, length_m: float, plugin: str = "") -> str:
     """MJCF of head, tendons and motors.
 
     Parameters
     ----------
     length_m
         Undeformed length of the neck: where the head starts.
+    plugin
+        Name of MuJoCo's plugin that is the neck; empty: none.
     """
     body, tendons = settings.body, settings.tendons
     guides, anchors = tendons.guides_m, tendons.anchors_m
@@ -52,9 +55,15 @@ def scene_text(settings: HeadSettings, length_m: float) -> str:
         f"    </spatial>\n"
         for i in range(4)
     )
+    neck = (
+        f'  <extension><plugin plugin="{plugin}"><instance name="neck">'
+        '<config key="top" value="top"/></instance></plugin></extension>\n'
+        if plugin
+        else ""
+    )
     return f"""<mujoco model="head">
   <compiler angle="radian" autolimits="true"/>
-  <option timestep="{settings.plant_step_s:.17g}" gravity="{_numbers(settings.gravity_m_s2)}"
+{neck}  <option timestep="{settings.plant_step_s:.17g}" gravity="{_numbers(settings.gravity_m_s2)}"
     integrator="RK4"><flag contact="disable" autoreset="disable"/></option>
   <visual><global offwidth="960" offheight="720"/></visual>
   <default><geom contype="0" conaffinity="0"/></default>
@@ -69,6 +78,7 @@ def scene_text(settings: HeadSettings, length_m: float) -> str:
     <geom type="cylinder" fromto="-0.02 0 0 0 0 0" size="0.085" rgba="0.4 0.4 0.42 1"/>
 {fixed}{motors}    <body name="head" pos="{length_m:.17g} 0 0">
       <freejoint name="head"/>
+      <site name="top"/>
       <inertial pos="{_numbers(body.centre_m)}" mass="{body.mass_kg:.9g}" \
 diaginertia="{_numbers(body.inertia_kg_m2)}"/>
       <geom type="cylinder" fromto="0 0 0 0.01 0 0" size="0.08" rgba="0.4 0.4 0.42 1" mass="0"/>

@@ -62,18 +62,18 @@ class Tendons(Checked):
     twist_rad: float = setting(
         0.6, low=-1.5, high=1.5, doc="Turn of a guide against its anchor, to both sides in turn."
     )
-    stiffness_N_m: float = setting(6e4, low=1.0, high=1e9, doc="Of a tendon, N/m.")
+    stiffness_N_m: float = setting(6e4, low=1.0, high=1e9, doc="Stiffness of a tendon, N/m.")
     friction_N: float = setting(
         1.5, low=0.0, high=1e3, doc="Coulomb friction of guide and gear at the tendon, N."
     )
     motor_mass_kg: float = setting(0.5, low=1e-3, high=1e3, doc="Rotor at the tendon, kg.")
     motor_damping_N_s_m: float = setting(
-        300.0, low=0.0, high=1e6, doc="Of the motor's own speed loop at the tendon, N s/m."
+        300.0, low=0.0, high=1e6, doc="Gain of the motor's own speed loop at the tendon, N s/m."
     )
     current_lag_s: float = setting(1e-3, low=1e-4, high=1.0, doc="Lag of the current loop, s.")
     force_gain: float = setting(0.5, low=0.0, high=100.0, doc="Gain of the force loop.")
     force_rate_per_s: float = setting(
-        30.0, low=0.0, high=1e4, doc="Integral gain of the force loop, 1/s."
+        10.0, low=0.0, high=1e4, doc="Integral gain of the force loop, 1/s."
     )
     force_noise_N: float = setting(
         0.1, low=0.0, high=1e3, doc="White noise of a tendon's force sensor, N."
@@ -137,7 +137,7 @@ class Control(Checked):
 
     dt_s: float = setting(1e-3, low=1e-4, high=0.01, doc="Time between two steps, s.")
     bandwidth_rad_s: float = setting(
-        30.0, low=0.0, high=1e3, doc="Of the feedback along the tendons, rad/s; 0: none."
+        30.0, low=0.0, high=1e3, doc="Bandwidth of the feedback along the tendons, rad/s; 0: none."
     )
     unknown_N: float = setting(
         10.0, low=1e-3, high=1e4, doc="Random walk of the unknown force in a second, N."

@@ -1,7 +1,8 @@
 // Stage 5: the ladder of errors, its parameters, undo, and the sealed truth.
 
+import {busy} from "./api.js";
 import {chart} from "./chart.js";
-import {column, effectName, parameterName, unitText} from "./columns.js";
+import {column, effectName, parameterName, quantity} from "./columns.js";
 import {button, el, number, table} from "./dom.js";
 import {help, term} from "./help.js";
 
@@ -9,24 +10,34 @@ export function draw(root, state, app) {
   const rungs = rungsOf(state);
   root.append(el("p", {class: "lead"}, sentence(rungs)),
     el("div", {class: "split"},
-      el("section", {"aria-label": "Parameters"}, el("h3", {}, "Effects in the model"),
-        ...parameters(state, app), state.sealed ? sealed(state, app) : null),
       el("section", {"aria-label": "The ladder of errors"}, el("h3", {}, "The ladder of errors", help("held out")),
         chart({title: `Error over noise of each fit: ${rungs.map(rung => `${rung.name} ${number(rung.train)}`).join(", ")}`,
           labels: rungs.map(rung => rung.name), floor: 1, yTitle: "error [times the noise]",
           lines: [{name: "fitted rows", values: rungs.map(rung => rung.train), colour: "mark"},
             {name: "held out", values: rungs.map(rung => rung.held), colour: "second", dash: "7 5", square: true}]}),
         table("The rungs of the ladder, in times the noise", ["fit", "fitted rows", "held out", el("span", {}, "is the change real?", help("is the change real?"))],
-          rungs.map(rung => [rung.name, rung.train, rung.held, rung.test])))),
-    compare(state));
+          rungs.map(rung => [rung.name, rung.train, rung.held, rung.test]))),
+      el("section", {class: "stack", "aria-label": "Parameters"}, el("h3", {}, "Effects in the model"),
+        ...parameters(state, app), state.sealed ? sealed(state, app) : null, compare(state))),
+    el("div", {class: "row"}, button(rungs.length < 2 ? "What is missing?" : "What else is missing?", () => app.go("missing"),
+      {id: "to-missing", class: "first"}), button("To the results", () => app.go("out"), {id: "to-out"})));
 }
 
 // The history of the last fit knows held-out errors; without one there is the base only.
 function rungsOf(state) {
   const history = state.fit?.history ?? [];
   if (history.length) return history.map(item => ({name: effectName(item.name), train: item.train,
-    held: item.held_out, test: typeof item.test === "string" ? item.test : ""}));
+    held: item.held_out, test: real(item.test ?? "")}));
   return state.rungs.map(item => ({name: effectName(item.name), train: item.train, held: null, test: ""}));
+}
+
+// The server's test of a change, with the answer first.
+function real(test) {
+  const found = /^chi2 falls by (\S+) with (\d+) parameters more \(F = \S+, p = (\S+), BIC falls by (\S+)\)$/.exec(test);
+  if (!found) return test.replace("chi2", "χ²");
+  const [, fall, more, p, bic] = found;
+  return `${Number(p) < 0.01 ? "yes" : "not sure"}: p = ${number(Number(p), 2)}; χ² falls by ${fall} for ${more} `
+    + `${more === "1" ? "parameter" : "parameters"} more, BIC by ${bic}`;
 }
 
 function sentence(rungs) {
@@ -40,19 +51,24 @@ function sentence(rungs) {
 }
 
 function parameters(state, app) {
-  const effects = state.fit?.effects ?? [], off = Boolean(state.running);
+  const effects = state.fit?.effects ?? [], off = busy(state);
   if (!effects.length) return [el("div", {class: "waiting"}, "No effect has been added yet.")];
   return effects.map(effect => el("div", {class: "card"},
     el("h3", {}, effectName(effect.id), effect.frozen ? el("span", {class: "tag"}, "frozen") : null),
-    effect.parameters.map(p => el("p", {}, el("span", {class: "soft"}, `${parameterName(p.name)} `),
-      el("span", {class: "value"}, number(p.value), " ",
-        el("small", {}, p.sd ? `± ${number(p.sd, 2)} ` : "", unitText(p.unit), help("plus minus"))),
-      p.sd ? el("span", {class: "soft"}, ` 95 %: ${number(p.value - 1.96 * p.sd)} to ${number(p.value + 1.96 * p.sd)}`) : null)),
+    effect.parameters.map(parameter),
     el("div", {class: "row"},
       button("Remove", () => app.step("refit", {remove: [effect.id]}),
         {disabled: off, "aria-label": `Remove ${effectName(effect.id)}`}),
       effect.frozen ? null : el("span", {}, button("Freeze", () => app.step("refit", {freeze: [effect.id]}),
         {disabled: off, "aria-label": `Freeze ${effectName(effect.id)}`}), help("frozen")))));
+}
+
+function parameter({name, value: own, sd: spread, unit}) {
+  const [value, words] = quantity(own, unit), [sd] = quantity(spread, unit);
+  return el("p", {}, el("span", {class: "soft"}, `${parameterName(name)} `),
+    el("span", {class: "value"}, number(value), " ",
+      el("small", {}, sd ? `± ${number(sd, 2)} ` : "", words, help("plus minus"))),
+    sd ? el("span", {class: "soft"}, ` 95\u00a0%: ${number(value - 1.96 * sd)} to ${number(value + 1.96 * sd)}`) : null);
 }
 
 // Two rungs beside each other, component by component.
@@ -82,12 +98,14 @@ function sealed(state, app) {
   if (state.truth) {
     const {effects, score} = state.truth;
     node.append(el("p", {id: "truth"}, "Hidden was: ", el("strong", {}, effects.map(effect => {
-      const size = effect.parameters?.size;
-      return effectName(effect.id) + (size !== undefined ? ` (${number(size)} ${unitText(effect.parameters.unit ?? "")})` : "");
+      const {size, unit} = effect.parameters ?? {};
+      if (size === undefined) return effectName(effect.id);
+      const [value, words] = quantity(size, unit ?? "1");
+      return `${effectName(effect.id)} (${number(value)}${unit && unit !== "1" ? ` ${words}` : ""})`;
     }).join(", ") || "nothing"), score ? `. The diagnosis was ${score.correct ? "right" : "wrong"}.` : "."));
   } else {
     node.append(el("p", {}, "What the simulated rig hid. Opening it shows the answer for good: diagnose first."),
-      button("Open the sealed truth", () => app.step("reveal"), {id: "reveal", disabled: Boolean(state.running)}));
+      button("Open the sealed truth", () => app.step("reveal"), {id: "reveal", disabled: busy(state)}));
   }
   return node;
 }

@@ -23,6 +23,9 @@ export async function idle() {
   while ((await get("/api/state")).running) await new Promise(resolve => setTimeout(resolve, 200));
 }
 
+// Whether a step is computed that a person has begun. A click waits for the end of any other one.
+export const busy = state => Boolean(state.running) && !state.running.automatic;
+
 // A view depends on the tables and the model only: it is fetched once for each of them.
 const views = new Map();
 

@@ -1,5 +1,7 @@
 // Columns as people write them: theta_x_rad is the angle θx in degrees, x_m a length in mm.
 
+import {number} from "./dom.js";
+
 const SHOWN = {m: ["mm", 1e3], rad: ["deg", 180 / Math.PI], N: ["N", 1], Nm: ["N m", 1],
   s: ["s", 1], degC: ["°C", 1], Pa: ["Pa", 1]};
 const WORDS = {theta: "θ", tau: "τ"};
@@ -21,16 +23,31 @@ export function label(name) {
   return unit ? `${words} [${unit}]` : words;
 }
 
+const POLYNOMIAL = {1: "linear", 3: "cubic"};
+
 // Names of columns and effects in a sentence of the server, as words.
-export const readable = text => String(text ?? "").replaceAll("->", "→").replace(
+export const readable = text => String(text ?? "").replaceAll("->", "→").replace("kept as covariates", "kept as possible causes").replace(
   /\b[a-z][a-z0-9_]*_(?:Nm|N|m|rad|s|degC|Pa)\b/g, name => column(name).words)
-  .replace(/\b[a-z0-9-]+(?:[_+][a-z0-9_+-]+)+\b/g,
-    name => /^(tau|theta)_[xyz]$/.test(name) ? column(name).words : effectName(name));
+  .replace(/\bpoly:(\d)\b/g, (_, degree) => POLYNOMIAL[degree] ?? `polynomial of degree ${degree}`)
+  .replace(/\d+(?:\.\d+)?e[+-]\d+/g, text => number(Number(text)))
+  .replace(/\b[a-z][a-z0-9-]*(?:[_+][a-z0-9_+-]+)+\b/g,
+    name => /^(tau|theta)_[xyz]$/.test(name) ? column(name).words : effectName(name))
+  .replace(/\bkg m2\b/g, "kg\u00a0m²").replaceAll("N m", "N\u00a0m").replace(/(\d) (?=(?:N|mm|deg|rad|kg|s)\b|%)/g, "$1\u00a0");
+
+// Whether a checked table has columns of the pose and of the wrench.
+export const measured = check => ["pose", "wrench"].every(role => check.columns.some(item => item.role === role));
 
 export const effectName = id => id.replace(/^fts_/, "sensor ").replaceAll("_", " ").replace(/\+(?=\S)/g, " + ").trim();
 
-// modulus_at_strain_0p1 is "modulus at strain 0.1".
-export const parameterName = name => name.replaceAll("_", " ").replace(/(\d)p(?=\d)/g, "$1.");
+// Letters of formulas in words; modulus_at_strain_0p1 is "modulus at strain 0.1".
+const LETTERS = {g: "share that relaxes", c: "lag of the pose", eta: "share of the stiffness that is lost",
+  beta: "change of the stiffness per kelvin", alpha: "change of the stiffness per second"};
+export const parameterName = name => LETTERS[name] ?? name.replaceAll("_", " ").replace(/(\d)p(?=\d)/g, "$1.")
+  .replace(/\btau ([xyz])\b/g, "τ$1");
 
-// A unit of the server; a bare number has none.
-export const unitText = unit => unit === "1" ? "" : unit.replaceAll("^2", "²");
+// A value of the server in the unit of the page, as [number, unit]; a share has no unit.
+const LENGTH_AND_ANGLE = {m: SHOWN.m, rad: SHOWN.rad, "1": ["(no unit)", 1]};
+export function quantity(value, unit) {
+  const [words, scale] = LENGTH_AND_ANGLE[unit] ?? [unit.replaceAll("^2", "²"), 1];
+  return [value === null || value === undefined ? value : value * scale, words];
+}

@@ -1,32 +1,31 @@
 // Stage 1: a table is dropped, read, drawn beside the mechanism, and checked.
 
-import {idle, post, upload, view} from "./api.js";
-import {column, label, readable} from "./columns.js";
+import {busy, idle, post, upload, view} from "./api.js";
+import {column, label, measured, readable} from "./columns.js";
 import {button, el, number, table, waiting} from "./dom.js";
 import {term} from "./help.js";
 import {live, measures} from "./live.js";
+import {mapping} from "./mapping.js";
 import {workspace} from "./scene.js";
-
-const ROTATIONS = [["", "guess"], ["rotvec", "rotation vector"], ["wxyz", "quaternion w x y z"], ["xyzw", "quaternion x y z w"],
-  ["xyz", "angles about fixed x, y, z"], ["XYZ", "angles about turning x, y, z"], ["zyx", "angles about fixed z, y, x"],
-  ["ZYX", "angles about turning z, y, x"]];
 
 export async function draw(root, state, app) {
   if (measures(state)) root.append(live());
-  else if (!state.data.length) root.append(empty(state, app));
+  else if (!state.data.length && !state.dropped.length) root.append(empty(state, app));
   if (state.check) root.append(...checkResult(state, app));
-  if (!state.check && !measures(state) && (state.data.length || state.dropped.length))
-    root.append(state.running ? waiting("The table is being read and checked …") : mapping(state, app));
+  if (!state.check && !measures(state) && state.running && (state.data.length || state.dropped.length))
+    root.append(waiting("The table is being read and checked …"));
+  const unread = !state.running && (!state.check || !measured(state.check));
+  if (state.dropped.length && unread) root.append(mapping(state, app));
   if (state.imported) root.append(imported(state.imported));
-  if (state.check && state.imported) root.append(el("details", {}, el("summary", {}, "Read the columns in another way"), mapping(state, app)));
+  if (state.dropped.length && !unread) root.append(otherwise(state, app));
   if (state.data.length && state.check) await picture(root, state);
-  if (state.data.length) root.append(el("details", {}, el("summary", {}, "Bring in another table"), dropZone(state, app)));
+  if (state.data.length || state.dropped.length) root.append(el("details", {}, el("summary", {}, "Bring in another table"), dropZone(state, app)));
 }
 
 function empty(state, app) {
   const example = (name, text, style = "") => button(text, () => app.step("example", {name}),
-    {class: style, id: `example-${name}`, disabled: Boolean(state.running)});
-  return el("div", {}, dropZone(state, app), state.dropped.length ? null : el("div", {class: "cards"},
+    {class: style, id: `example-${name}`, disabled: busy(state)});
+  return el("div", {}, dropZone(state, app), el("div", {class: "cards"},
     el("div", {class: "card"}, el("h3", {}, "No data yet?"),
       el("p", {}, "Begin with the example: a soft neck, a measured campaign of about 90 rows, and one hidden effect to find."),
       el("div", {class: "row"}, example("neck", "Open the neck", "first"))),
@@ -68,8 +67,10 @@ function dropZone(state, app) {
 
 function checkResult(state, app) {
   const {check} = state, open = state.pending.length, parts = [];
-  parts.push(el("p", {class: "lead"}, open
-    ? `${open} ${open === 1 ? "warning" : "warnings"} to look at before going on.`
+  const bare = !measured(check);
+  parts.push(el("p", {class: "lead"}, bare ? "No column is known as a pose and none as a wrench, or one of the two is missing: say below what the "
+    + "columns are."
+    : open ? `${open} ${open === 1 ? "warning" : "warnings"} to look at before going on.`
     : `The check passes: ${check.rows} rows, ${check.columns.length} columns, ${check.repeated_poses} poses measured more `
       + `than once; ${check.testable.length} effects can be tested.`));
   for (const warning of check.warnings) {
@@ -80,14 +81,19 @@ function checkResult(state, app) {
   }
   for (const remark of check.remarks ?? []) parts.push(el("p", {class: "soft"}, readable(remark)));
   parts.push(el("div", {class: "row"}, button("Go on to the model", () => app.go("model"),
-    {class: "first", id: "to-model", disabled: open > 0})));
+    {class: "first", id: "to-model", disabled: open > 0 || bare})));
   return parts;
 }
 
 async function picture(root, state) {
-  const wait = waiting("Drawing the poses …"), {check} = state;
+  const {check} = state, found = el("section", {"aria-label": "Columns"}, el("h3", {}, "Columns"), columns(check));
+  if (!measured(check)) {
+    root.append(found);
+    return;
+  }
+  const wait = waiting("Drawing the poses …");
   const side = el("section", {"aria-label": "Measured poses"}, el("h3", {}, "Measured poses, beside the ", term("frames")), wait);
-  root.append(el("div", {class: "split"}, side, el("section", {"aria-label": "Columns"}, el("h3", {}, "Columns"), columns(check))));
+  root.append(el("div", {class: "split"}, side, found));
   const poses = await view("poses", state), force = ["fx_N", "fy_N", "fz_N"].map(name => poses.columns[name]);
   const has = force.every(Boolean), any = Object.keys(poses.columns)[0];
   const size = has ? force[0].map((v, i) => Math.hypot(v, force[1][i], force[2][i])) : poses.columns[any] ?? [];
@@ -99,7 +105,7 @@ async function picture(root, state) {
 }
 
 function columns(check) {
-  const role = {standard: "known", own: "your own: offered as a cause", suspect: "looks misspelt"};
+  const role = {covariate: "your own: offered as a cause"};
   return table("What was found; values in the units shown", ["column", "from", "to", "distinct values", "what it is"],
     check.columns.map(c => {
       const {scale} = column(c.name), of = v => typeof v === "number" ? number(v * scale) : v;
@@ -107,28 +113,17 @@ function columns(check) {
     }));
 }
 
+// The file is read for its columns when somebody asks for them.
+function otherwise(state, app) {
+  const node = el("details", {ontoggle: () => {
+    if (node.children.length === 1) node.append(mapping(state, app));
+  }}, el("summary", {}, "Read the columns in another way"));
+  return node;
+}
+
 function imported(found) {
   return el("details", {open: true}, el("summary", {}, `How the columns of ${found.source} were read`),
     table("The table of the session, in metres, radians, N and N m", ["column", "read from"],
       Object.entries(found.columns).map(([name, from]) => [name, from])),
     el("ul", {}, (found.notes ?? []).map(text => el("li", {}, readable(text)))));
-}
-
-function mapping(state, app) {
-  const field = (id, text, hint) => [el("label", {for: id}, text), el("input", {id, placeholder: hint})];
-  const map = el("textarea", {id: "map", rows: 4, cols: 40, placeholder: "x_m=Position X:mm\nfx_N=Force 1"});
-  const value = id => document.getElementById(id).value.trim();
-  const rotation = el("select", {id: "rotation"}, ROTATIONS.map(([name, text]) => el("option", {value: name}, text)));
-  const run = () => app.step("import", {
-    map: map.value.split("\n").map(line => line.trim()).filter(Boolean),
-    units: value("units"), rotation: rotation.value,
-  });
-  return el("section", {"aria-label": "Columns of your own"}, el("h3", {}, "Read the columns"),
-    state.dropped.length > 1 ? el("p", {id: "dropped"}, `${state.dropped.length} files, read in the same way and joined as runs: `
-      + `${state.dropped.join(", ")}.`) : null,
-    el("p", {}, "Names and units are guessed. What you state here goes first: one column a line, as NAME=COLUMN:UNIT."),
-    el("div", {class: "row"}, el("label", {for: "map"}, "Columns"), map),
-    el("div", {class: "row"}, ...field("units", "Units where unstated", "mm,deg,N,N mm"),
-      el("label", {for: "rotation"}, "Rotation"), rotation),
-    button("Import", run, {class: "first", id: "import", disabled: Boolean(state.running)}));
 }

@@ -3,7 +3,7 @@
 import {view} from "./api.js";
 import {button, el, table, waiting} from "./dom.js";
 import {label, readable} from "./columns.js";
-import {help, term} from "./help.js";
+import {help} from "./help.js";
 import {residualPanels} from "./panels.js";
 import {workspace} from "./scene.js";
 import {mark} from "./selection.js";
@@ -22,8 +22,7 @@ export async function draw(root, state, app) {
       {title: "largest residual", unit: "times the noise", name: "Measured poses, coloured by residual"}));
   root.append(el("div", {class: "split"},
     el("div", {class: "sticky"}, el("h3", {}, "In the workspace"), place),
-    el("section", {"aria-label": "Residuals over a variable"}, el("h3", {}, term("residual", "Residual"),
-      " over every variable"), panels.node)),
+    el("section", {"aria-label": "Residuals over a variable"}, el("h3", {}, "Residual over every variable", help("residual")), panels.node)),
   worst(residuals),
   el("div", {class: "row"}, button("What is missing?", () => app.go("missing"), {class: "first", id: "to-missing"})));
   panels.show();
@@ -35,8 +34,8 @@ function figures(state, residuals) {
     el("div", {class: "value"}, size, " ", el("small", {}, unit)), el("div", {class: "soft"}, text, help(name)));
   return el("div", {class: "cards values"},
     value(error.toFixed(2), "times the noise", "error of the model", "over noise"),
-    pose ? value(pose.position_mm.median.toFixed(2), "mm, median", "position that is off", "as pose error") : null,
-    pose ? value(pose.rotation_deg.median.toFixed(2), "deg, median", "rotation that is off", "as pose error") : null,
+    pose?.position_mm ? value(pose.position_mm.median.toFixed(2), "mm, median", "position that is off", "as pose error") : null,
+    pose?.rotation_deg ? value(pose.rotation_deg.median.toFixed(2), "deg, median", "rotation that is off", "as pose error") : null,
     value(String(state.compare.rows), "rows", "measured poses compared", "pose"));
 }
 

@@ -21,7 +21,7 @@ const TERMS = {
   "not testable": "The table lacks what would show this effect. Recording it makes it testable.",
   "plus minus": "Standard deviation of the fitted value: the true one lies within twice this in "
     + "about 95 of 100 repetitions.",
-  "is the change real?": "p is the chance of such a fall by accident: below 0.01 the change is real. chi2 is the sum "
+  "is the change real?": "p is the chance of such a fall by accident: below 0.01 the change is real. χ² is the sum "
     + "of squared residuals over noise; BIC weighs the fall against the number of new parameters.",
   "frozen": "Its parameters keep their values when the model is fitted again.",
   "sealed": "The simulated rig hid an effect. Its name lies in a sealed file, so that you can test "
@@ -31,6 +31,8 @@ const TERMS = {
   "readings": "The force as the sensor reads it, its zero included. The table corrects for that at the end.",
   "chance": "Probability that the verdict is right after this experiment.",
   "controller": "The model as source code for a real-time computer.",
+  "correlation": "How far an error of one value is made up by another, from -1 to 1: near either end only a "
+    + "combination of the two is known.",
   "energy": "The wrench is the slope of an energy: a sum of products of the pose's coordinates, so "
     + "that pushing round a loop gives no work for free.",
   "physics": "Finite elements of the described body; modulus and Poisson's ratio are fitted.",
@@ -51,7 +53,7 @@ export function help(term) {
     node.style.top = `${below ? box.bottom + 8 : box.top - node.offsetHeight - 8}px`;
   };
   const hide = () => { tip().hidden = true; };
-  return el("button", {type: "button", class: "help", "aria-label": `${term}: ${TERMS[term]}`,
+  return el("button", {type: "button", class: "help", "aria-label": `Help on ${term}`, "aria-description": TERMS[term],
     onmouseenter: show, onfocus: show, onclick: show, onmouseleave: hide, onblur: hide,
     onkeydown: event => { if (event.key === "Escape") hide(); }}, "?");
 }

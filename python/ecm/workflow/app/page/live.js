@@ -2,13 +2,14 @@
 
 import {get} from "./api.js";
 import {axesOf, bent, profileOf} from "./bend.js";
-import {colours, rgb, scaleOf} from "./colours.js";
+import {colours, faded, rgb, scaleOf} from "./colours.js";
 import {el, number} from "./dom.js";
 import {term} from "./help.js";
 import {mm, POSE} from "./scene.js";
 import {bodyColour, space} from "./space.js";
 
 const EVERY_MS = 150;
+const PLANNED = 0.7;  // of the grey of a planned pose: three times as light or dark as the ground
 
 export const measures = state => state.running !== null
   && (state.steps.find(step => step.number === state.running.step)?.command ?? "").startsWith("ecm campaign ");
@@ -18,15 +19,17 @@ export function live() {
   const drawn = space("Planned poses, and the readings of the simulated rig as they come");
   const node = el("section", {"aria-label": "Readings as they come"},
     el("h3", {}, "The simulated rig measures, ", term("readings", "reading by reading")), count, drawn.node);
-  let seen = -1;
+  let known = null;
   const look = async () => {
-    if (seen >= 0 && !node.isConnected) return;
-    const found = await get("/api/live").catch(() => ({plan: null}));
-    if (found.plan && found.row.length !== seen) {
-      seen = found.row.length;
-      drawn.set(sceneOf(found));
+    if (known && !node.isConnected) return;
+    const found = await get(`/api/live?after=${known ? known.row.length : 0}`).catch(() => ({step: null}));
+    if (found.step !== null && (found.plan || found.step !== known.step)) known = found.plan ? found : null;
+    else if (found.step !== null) join(known, found);
+    if (found.step !== null && known && (found.plan || found.row.length)) {
+      drawn.set(sceneOf(known));
+      const seen = known.row.length;
       if (seen) count.textContent = `${seen} ${seen === 1 ? "reading" : "readings"} so far; the last force is `
-        + `${number(found.force_N.at(-1))} N. Faint points are planned.`;
+        + `${number(known.force_N.at(-1))} N. Faint points are planned.`;
     }
     setTimeout(look, EVERY_MS);
   };
@@ -34,9 +37,17 @@ export function live() {
   return node;
 }
 
+// The server sends what is new.
+function join(known, found) {
+  known.row.push(...found.row);
+  known.force_N.push(...found.force_N);
+  for (const name of POSE) known.columns[name].push(...found.columns[name]);
+}
+
 function sceneOf({plan, row, columns, force_N: force}) {
   const profile = profileOf(plan), n = row.length, of = (source, k) => mm(source.columns[POSE[k]]);
-  const scale = scaleOf(Math.max(1e-9, ...force)), planned = rgb(colours().line);
+  const scale = scaleOf(Math.max(1e-9, ...force)), {soft, wash} = colours();
+  const planned = faded(rgb(soft), rgb(wash), PLANNED);
   const [x, y, z] = [0, 1, 2].map(k => [...of(plan, k), ...of({columns}, k)]);
   const body = (pose, colour, alpha) => {
     const {points, triangles} = bent(profile, pose);

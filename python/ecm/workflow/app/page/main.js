@@ -1,6 +1,6 @@
 // The loop: polls the state of the session folder, and shows one of the seven stages.
 
-import {get, post} from "./api.js";
+import {busy, get, post} from "./api.js";
 import {button, el, waiting} from "./dom.js";
 import {forget, mark} from "./selection.js";
 import {stages} from "./stages.js";
@@ -9,16 +9,21 @@ const main = document.getElementById("main");
 const WORK = {example: "Preparing the example", campaign: "Measuring on the simulated rig", import: "Importing", check: "Checking the table",
   fit: "Fitting the model", refit: "Fitting with the change", compare: "Comparing model and data",
   diagnose: "Testing every effect", export: "Writing the controller", reveal: "Opening the sealed truth"};
-let state = null, shown = "", lost = false, marksOf = "", wasRunning = null;
+let state = null, shown = "", lost = false, acting = false, marksOf = "", wasRunning = null;
 
 export const app = {
   go: id => { location.hash = id; },
+  // One click at a time: the second of a double click does nothing.
   async act(work) {
+    if (acting) return;
+    acting = true;
     say("");
     try {
       await work();
     } catch (error) {
       say(error.message, true);
+    } finally {
+      acting = false;
     }
     await refresh();
   },
@@ -70,7 +75,7 @@ function drawRunning() {
   if (node.hidden) {
     node.replaceChildren(el("div", {class: "what"}, el("strong", {}), el("div", {class: "soft"})),
       el("progress", {"aria-label": "progress"}),
-      button("Cancel", () => app.act(() => post("/api/cancel")), {id: "cancel"}));
+      button("Cancel", cancel, {id: "cancel"}));
     node.hidden = false;
   }
   const what = WORK[step?.verb] ?? step?.verb ?? "";
@@ -79,11 +84,14 @@ function drawRunning() {
   node.querySelector("strong").textContent = what;
   const count = running.total ? `${running.done} of ${running.total}` : "";
   node.querySelector(".soft").textContent = [running.what, count, `${Math.round(running.seconds)} s so far`,
-    running.left].filter(Boolean).join(", ");
+    running.left, running.waiting ? "your click comes next" : ""].filter(Boolean).join(", ");
   const bar = node.querySelector("progress");
   if (running.total) { bar.max = running.total; bar.value = running.done; }
   else bar.removeAttribute("value");
 }
+
+// Also while a click waits.
+const cancel = () => post("/api/cancel").then(refresh, error => say(error.message, true));
 
 function announce(text) {
   document.getElementById("announced").textContent = text;
@@ -91,7 +99,7 @@ function announce(text) {
 
 function drawTools() {
   document.getElementById("folder").replaceChildren(el("span", {}, "Session folder: "), state.folder);
-  const off = Boolean(state.running);
+  const off = busy(state);
   document.getElementById("tools").replaceChildren(
     button("Undo", () => app.act(() => post("/api/undo")),
       {id: "undo", disabled: !state.undo || off, title: "Take the last change of data or model back"}),
@@ -99,12 +107,19 @@ function drawTools() {
       {id: "redo", disabled: !state.redo || off, title: "Bring back what was undone"}));
 }
 
+// The server's words name options of the command line; the page has a list of the columns.
+function advice({verb, message}) {
+  if (!state.dropped.length) return message;
+  if (verb === "check" && !state.check) return `${message}\nOr say below what the columns are, and import it.`;
+  return verb === "import" ? message.replace(/\s*\b(Say it once|Say which|Name what is one|Say --)[^]*$/, "\nSay so in the list below.") : message;
+}
+
 // What to do after a step that did not end well.
 function trouble() {
   const last = state.steps.at(-1);
   if (!last || state.running) return null;
   const words = {
-    failed: `${WORK[last.verb] ?? last.verb}: this did not work.\n${last.message}\n`,
+    failed: `${WORK[last.verb] ?? last.verb}: this did not work.\n${advice(last)}\n`,
     cancelled: `${WORK[last.verb] ?? last.verb}: cancelled. Nothing was changed.\n`,
     interrupted: `${WORK[last.verb] ?? last.verb}: cut off (${last.message}). All else is kept.\n`,
   }[last.status];

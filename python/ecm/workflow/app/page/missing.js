@@ -1,7 +1,7 @@
 // Stage 4: the verdict, and every effect with what it would explain.
 
-import {view} from "./api.js";
-import {effectName, parameterName, readable, unitText} from "./columns.js";
+import {busy, view} from "./api.js";
+import {effectName, parameterName, quantity, readable} from "./columns.js";
 import {button, el, number, waiting} from "./dom.js";
 import {term} from "./help.js";
 import {residualPanels} from "./panels.js";
@@ -10,7 +10,7 @@ const FIRST = 8;
 
 export async function draw(root, state, app) {
   const found = state.diagnosis;
-  root.append(found ? verdict(found, state) : ask(state, app));
+  root.append(found ? verdict(found, state, app) : ask(state, app));
   const wait = waiting("Computing what each effect would explain …");
   root.append(wait);
   const [effects, residuals] = await Promise.all([view("effects", state), view("residuals", state)]);
@@ -35,10 +35,10 @@ function ask(state, app) {
   return el("div", {class: "lead"}, el("p", {}, "No verdict yet. The diagnosis tests every effect alone and "
     + "in sets, on rows and on held-out poses."),
   button("Diagnose", () => app.step("diagnose"),
-    {class: "first", id: "diagnose", disabled: Boolean(state.running)}));
+    {class: "first", id: "diagnose", disabled: busy(state)}));
 }
 
-function verdict(found, state) {
+function verdict(found, state, app) {
   const {before, after} = found.held_out ?? {};
   const rests = [
     `${found.ranking.length} effects tested, ${found.not_testable.length} not testable with this table`,
@@ -49,14 +49,16 @@ function verdict(found, state) {
     before && after && found.effects.length
       ? `error on held-out poses ${before.toFixed(2)} → ${after.toFixed(2)} times the noise` : null,
   ].filter(Boolean);
-  const unknown = found.unknown;
+  const unknown = found.unknown, inside = new Set((state.fit?.effects ?? []).map(effect => effect.id));
+  const named = found.verdict === "named" ? found.answer.flat().filter(id => !inside.has(id)) : [];
   return el("div", {}, el("div", {class: "lead", id: "verdict", "data-verdict": found.verdict},
-    el("strong", {}, term("verdict", "Verdict")), el("p", {}, readable(found.sentence))),
+    el("strong", {}, term("verdict", "Verdict")), el("p", {}, readable(found.sentence)), named.length === 0 ? null
+    : button(`Add ${named.map(effectName).join(" and ")}`, () => add(app, named), {id: "add-named", class: "first", disabled: busy(state)})),
   el("p", {class: "rests"}, "It rests on: ", rests.join("; "), "."),
   found.warnings.map(text => el("div", {class: "warning"}, text)),
   (found.look_alikes ?? []).map(item => el("p", {class: "rests"},
     `${effectName(item.id)} looks the same as ${item.what}. To tell them apart: ${item.apart}.`)),
-  unknown ? own(unknown, state) : null);
+  unknown ? own(unknown) : null);
 }
 
 // An unknown: what it follows, and a file to begin with.
@@ -73,9 +75,15 @@ function own(unknown) {
         + "(docs/own_effect.md), and start ecm app again: it is then ranked like all others.")] : null);
 }
 
+function add(app, ids) {
+  app.go("add");
+  return app.step("refit", {add: ids});
+}
+
 function list(effects, found, state, app, look) {
   const named = new Set((found?.answer ?? []).flat());
   const ranks = new Map((found?.ranking ?? []).map(item => [item.id, item]));
+  const alike = id => [...new Set((found?.confusable ?? []).filter(set => set.includes(id)).flat())].filter(other => other !== id);
   const inside = new Set((state.fit?.effects ?? []).map(effect => effect.id));
   const items = Object.entries(effects.effects).map(([id, item], i) => [named.has(id) || i < FIRST, entry(id, item)]);
   const few = items.filter(([large]) => large), rest = items.filter(([large]) => !large);
@@ -85,7 +93,7 @@ function list(effects, found, state, app, look) {
       group(rest, "Effects that explain less")) : null);
 
   function entry(id, item) {
-    const rank = ranks.get(id), share = Math.max(0, item.share);
+    const rank = ranks.get(id), like = alike(id), share = Math.max(0, item.share);
     const fill = el("i");
     fill.style.width = `${Math.min(100, 100 * share)}%`;
     const node = el("li", {class: named.has(id) ? "named" : "", onmouseenter: () => look(id, node),
@@ -95,16 +103,22 @@ function list(effects, found, state, app, look) {
       el("span", {class: "tag"}, item.side === "measurement"
         ? "of the measurement" : "of the mechanism"),
       el("div", {class: "soft"}, item.what),
-      rank ? el("small", {class: "soft"}, `${parameterName(rank.parameter ?? "size")} ${number(rank.size)} ± `
-        + `${[number(rank.sd), unitText(rank.unit)].filter(Boolean).join(" ")}; chance of this by accident ${number(rank.p, 2)}`) : null,
+      rank ? el("small", {class: "soft"}, tested(rank)) : null,
+      like.length ? el("div", {class: "soft alike"}, `This table cannot tell it from ${like.map(effectName).join(", ")}.`) : null,
       el("div", {class: "gain", role: "img",
         "aria-label": `explains ${Math.round(100 * share)} percent of the squared residual`},
       el("b", {}, fill), `${(100 * share).toFixed(share < 0.1 ? 1 : 0)} %`)),
-    button(inside.has(id) ? "Added" : "Add", () => { app.go("add"); return app.step("refit", {add: [id]}); },
+    button(inside.has(id) ? "Added" : "Add", () => add(app, [id]),
       {"data-add": id, "aria-label": `Add ${effectName(id)} and fit again`, class: named.has(id) ? "first" : "",
-        disabled: Boolean(state.running) || inside.has(id)}));
+        disabled: busy(state) || inside.has(id)}));
     return node;
   }
+}
+
+function tested({parameter, size, sd, unit, p}) {
+  const [value, words] = quantity(size, unit);
+  return `${parameterName(parameter ?? "size")} ${number(value)} ± ${number(quantity(sd, unit)[0])} ${words}; `
+    + `chance of this by accident ${number(p, 2)}`;
 }
 
 // Values of an effect on the rows of the residuals, in the unit shown; null as a pose error.
@@ -122,9 +136,14 @@ function explanation(effects, residuals) {
   };
 }
 
-function untestable(items) {
+export function untestable(items) {
   if (!items?.length) return null;
+  const needs = new Map();  // effects that lack the same are one line
+  for (const {id, reason, record} of items) {
+    const key = `${reason}. Record ${record}`;
+    needs.set(key, {reason, record, ids: [...needs.get(key)?.ids ?? [], id]});
+  }
   return el("details", {open: true}, el("summary", {}, el("strong", {}, `Not testable with this table (${items.length})`)),
-    el("ul", {}, items.map(item => el("li", {}, el("strong", {}, effectName(item.id)),
-      `: ${item.reason}. Record `, el("code", {}, item.record)))));
+    el("ul", {}, [...needs.values()].map(({ids, reason, record}) => el("li", {}, el("strong", {}, ids.map(effectName).join(", ")),
+      `: ${reason}. Record `, el("code", {}, record)))));
 }

@@ -1,6 +1,6 @@
 // Stage 2: kind and size of the model, the fit and its report.
 
-import {view} from "./api.js";
+import {busy, view} from "./api.js";
 import {chart} from "./chart.js";
 import {column, label, readable} from "./columns.js";
 import {button, el, number, table} from "./dom.js";
@@ -17,23 +17,28 @@ const KINDS = [
   ["choose", "Choose for me", "Fits all kinds, keeps the one that predicts held-out poses best. Takes longest."],
 ];
 
+const OF_SIX = ["physics", "energy4", "energy6", "energy6-general"];
+const TERM = {physics: "physics", energy4: "energy", energy6: "energy", "energy6-general": "energy", choose: "held out"};
+
 // What a person has picked stays picked when the page is drawn again.
 let picked = null;
 
 export async function draw(root, state, app) {
-  const now = picked ?? state.rungs[0]?.name ?? await usual(state);
+  const {six, length} = await known(state);
+  const now = picked ?? state.rungs[0]?.name ?? (six && length ? "energy6" : "linear");
   const curve = el("input", {type: "checkbox", id: "curve"});
   const kinds = el("div", {class: "cards kinds", role: "radiogroup", "aria-label": "Kind of model"},
     KINDS.map(([name, title, what]) => el("label", {class: `card ${name === now ? "chosen" : ""}`},
-      el("input", {type: "radio", name: "kind", value: name, checked: name === now,
+      el("input", {type: "radio", name: "kind", value: name, checked: name === now, disabled: OF_SIX.includes(name) && !six,
         onchange: event => {
           picked = name;
           for (const card of kinds.children) card.classList.toggle("chosen", card === event.target.parentElement);
-        }}), " ", el("strong", {}, title), el("div", {class: "soft"}, what))));
+        }}), " ", el("span", {}, el("strong", {}, title), TERM[name] ? help(TERM[name]) : null), el("div", {class: "soft"}, what,
+        OF_SIX.includes(name) && !six ? el("em", {}, " Needs all six columns of the pose.") : null))));
   const fit = () => app.step("fit",
     {model: kinds.querySelector(":checked")?.value ?? now, curve: curve.checked});
   root.append(kinds, el("div", {class: "row"},
-    button("Fit", fit, {class: "first", id: "fit", disabled: Boolean(state.running)}),
+    button("Fit", fit, {class: "first", id: "fit", disabled: busy(state)}),
     el("label", {for: "curve"}, curve, " also say how many poses are enough"), help("learning curve")));
   if (state.compare) {
     root.append(el("p", {class: "lead"}, readable(state.compare.sentence)),
@@ -44,10 +49,9 @@ export async function draw(root, state, app) {
 }
 
 // An energy needs six coordinates and the length of the mechanism.
-async function usual(state) {
+async function known(state) {
   const {columns, length_m} = await view("poses", state);
-  const all = POSE.every(name => columns[name]) && !state.check.padding.length;
-  return all && length_m ? "energy6" : "linear";
+  return {six: POSE.every(name => columns[name]) && !state.check.padding.length, length: Boolean(length_m)};
 }
 
 function report(fit) {
@@ -74,9 +78,13 @@ function report(fit) {
 function trusted(values, covariance) {
   const names = Object.keys(values);
   const correlated = (i, j) => covariance[i][j] / Math.sqrt(covariance[i][i] * covariance[j][j]);
-  const strongest = i => names.length < 2 || !covariance ? null
-    : names.flatMap((_, j) => j === i ? [] : [correlated(i, j)]).sort((a, b) => Math.abs(b) - Math.abs(a))[0];
-  return table("Fitted values, ± standard deviation", ["value of", "fitted", "±", "largest correlation", "trust"],
+  const strongest = i => {
+    if (names.length < 2 || !covariance) return null;
+    const [j, size] = names.flatMap((_, j) => j === i ? [] : [[j, correlated(i, j)]])
+      .sort((a, b) => Math.abs(b[1]) - Math.abs(a[1]))[0];
+    return `${number(size, 2)} with ${column(names[j]).words}`;
+  };
+  return table("Fitted values, ± standard deviation", ["value of", "fitted", "±", el("span", {}, "largest correlation", help("correlation")), "trust"],
     names.map((name, i) => {
       const {value, sd} = values[name], share = Math.abs(sd / value);
       return [label(name), number(value, 4), number(sd, 2), strongest(i),

@@ -1,12 +1,14 @@
 // Stage 6: the experiments that would tell more, with their minutes and chances.
 
+import {busy} from "./api.js";
 import {effectName, readable} from "./columns.js";
 import {button, el} from "./dom.js";
 import {help} from "./help.js";
 import {live, measures} from "./live.js";
+import {untestable} from "./missing.js";
 
 export function draw(root, state, app) {
-  const found = state.diagnosis, running = Boolean(state.running);
+  const found = state.diagnosis, off = busy(state);
   if (measures(state)) root.append(live());
   if (found.next_experiment.length) {
     root.append(el("ol", {class: "effects", "aria-label": "Experiments, the best first"},
@@ -20,11 +22,12 @@ export function draw(root, state, app) {
     root.append(el("div", {class: "row"},
       el("a", {href: `/files/${state.next_plan}`, download: true}, "Download the plan (CSV)"),
       state.simulated ? button("Run it on the simulated rig", () => app.step("campaign"),
-        {class: "first", id: "campaign", disabled: running}) : null),
+        {class: "first", id: "campaign", disabled: off}) : null),
     el("p", {class: "hint"}, state.simulated
       ? "The readings of the rig are drawn as they come, and become another run of the table. Then fit again."
       : "Measure the plan on your rig, then drop the new table under “Data” as another run of the same data."));
   }
+  root.append(...[untestable(found.not_testable)].filter(Boolean));
   root.append(button("To the results", () => app.go("out"), {id: "to-out"}));
 }
 

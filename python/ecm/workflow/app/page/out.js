@@ -1,5 +1,7 @@
 // Stage 7: files, the exported controller, and the commands that do the same.
 
+import {busy} from "./api.js";
+import {readable} from "./columns.js";
 import {button, choices, copy, el} from "./dom.js";
 import {help} from "./help.js";
 
@@ -22,8 +24,8 @@ export async function draw(root, state, app) {
     el("h3", {}, "Controller", help("controller")),
     el("div", {class: "row"}, choices("Language", "language", [["c", "C"], ["rust", "Rust"], ["mujoco", "MuJoCo"]],
       value => { to = value; }),
-    button("Export", () => app.step("export", {to}), {class: "first", id: "export", disabled: Boolean(state.running)})),
-    el("ul", {}, (state.export?.sentences ?? []).map(text => el("li", {}, text))),
+    button("Export", () => app.step("export", {to}), {class: "first", id: "export", disabled: busy(state)})),
+    ...controller(state, link),
     el("h3", {}, "The same as commands"),
     el("p", {}, el("code", {}, "sh script.sh NEW_FOLDER"), ", saved in the session folder, writes the same files, byte for byte."), script,
     button("Copy the commands", event => copy(script.textContent, said => { event.target.textContent = said; }),
@@ -32,6 +34,15 @@ export async function draw(root, state, app) {
       el("ul", {}, state.files.map(name => el("li", {}, link(name), el("span", {class: "soft"}, ` ${meaning(name)}`))))));
   const response = await fetch("/files/script.sh", {cache: "no-store"});
   script.textContent = await response.text();
+}
+
+// The files of the last export, and what it says of them.
+function controller(state, link) {
+  if (!state.export) return [];
+  const folder = `export-${state.export.step}/`;
+  return [el("ul", {class: "files", "aria-label": "Files of the controller"}, state.files.filter(name => name.startsWith(folder))
+    .map(name => el("li", {}, link(name, name.slice(folder.length))))),
+  el("ul", {}, state.export.sentences.map(text => el("li", {}, readable(text))))];
 }
 
 const address = name => `/files/${name.split("/").map(encodeURIComponent).join("/")}`;

@@ -11,7 +11,7 @@ const FONT = "12px system-ui, DejaVu Sans, sans-serif";
 // data: {x, y, xTitle, yTitle, title, floor, row, onesided}; brush(indices, done) is told the marked.
 export function panel({onbrush, say}) {
   const base = el("canvas", {"aria-hidden": "true"});
-  const over = el("canvas", {tabindex: "0", role: "img"});
+  const over = el("canvas", {tabindex: "0", role: "application", "aria-roledescription": "figure"});
   const node = el("figure", {class: "panel"}, base, over);
   let data = null, low = [0, 0], high = [1, 1], width = 0, height = 0;
   let preview = null, chosen = [], box = null, cursor = -1, order = null, asked = false;
@@ -114,6 +114,10 @@ export function panel({onbrush, say}) {
     if (!data) return;
     const palette = colours();
     context.font = FONT;
+    context.save();
+    context.beginPath();
+    context.rect(LEFT - 5, TOP - 5, w - LEFT - RIGHT + 10, h - TOP - BOTTOM + 10);
+    context.clip();
     if (preview) {
       if (preview.length > MANY) dots(context, data.x, preview, null, palette.second, 0);
       else {
@@ -122,8 +126,9 @@ export function panel({onbrush, say}) {
         preview.forEach((v, i) => v !== null && plus(context, px(data.x[i]), py(v)));
       }
     }
+    if (chosen.length) dots(context, data.x, data.y, chosen, palette.second, 4.2);
+    context.restore();
     if (chosen.length) {
-      dots(context, data.x, data.y, chosen, palette.second, 4.2);
       bars(context, chosen.map(i => data.y[i]), palette.second);
     }
     if (cursor >= 0) {

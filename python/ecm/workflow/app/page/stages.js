@@ -1,7 +1,7 @@
 // The seven stages in their order; each needs the one before.
 
 import * as add from "./add.js";
-import {effectName} from "./columns.js";
+import {effectName, measured} from "./columns.js";
 import * as data from "./data.js";
 import * as fails from "./fails.js";
 import * as missing from "./missing.js";
@@ -9,11 +9,11 @@ import * as model from "./model.js";
 import * as next from "./next.js";
 import * as out from "./out.js";
 
-const checked = state => Boolean(state.check) && state.pending.length === 0;
+const checked = state => Boolean(state.check) && measured(state.check) && state.pending.length === 0;
 const fitted = state => Boolean(state.model);
 const verdict = state => !state.diagnosis ? "not asked yet"
   : state.diagnosis.verdict === "named" ? state.diagnosis.answer.map(set => set.map(effectName).join(" + ")).join(" or ")
-    : state.diagnosis.verdict;
+    : {none: "nothing", unknown: "an unknown cause", ambiguous: "several look alike"}[state.diagnosis.verdict];
 
 export const stages = [
   {id: "data", title: "Data", draw: data.draw, open: () => true, needs: "",

@@ -1,0 +1,126 @@
+"""What is in a session folder: the tables and the model that count now, and the results.
+
+steps.jsonl     the journal
+upload-N.csv    a table that was dropped; its own name is in the journal only
+model-N.json, fit-N.json, compare-N.html …   what step N wrote
+logs/           what the commands printed
+views/          what the page draws, computed from the files above; may be deleted
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from ecm.workflow.app.demo import RIG
+from ecm.workflow.app.journal import DATA, History, Journal, Step
+from ecm.workflow.app.steps import Files
+from ecm.workflow.app.uploads import TRUTH
+
+
+class Contents:
+    """The files of a session folder, as its journal explains them.
+
+    Parameters
+    ----------
+    folder
+        Made where it is not there.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "views").mkdir(exist_ok=True)
+        self.journal = Journal(folder / "steps.jsonl")
+
+    def files(self, history: History) -> Files:
+        """Return the files that count now."""
+        changed = history.last(*DATA)
+        data = [] if changed is None else list(changed.inputs["data_after"])
+        dropped = history.last("upload")
+        logs = [] if dropped is None else dropped.inputs.get("dropped_after", dropped.outputs[:1])
+        model = history.last("fit", "refit", data=data)
+        of_model = {"data": data, "model": None if model is None else model_of(model)}
+        found = history.last("diagnose", **of_model)
+        answered = history.last("diagnose", data=data)
+        written = [] if found is None else found.outputs
+        plan = next((name for name in written if name.endswith(".csv")), None)
+        sealed = next((d for d in data if self._beside(d, TRUTH).is_file()), None)
+        return Files(
+            data=data,
+            model=None if model is None else model_of(model),
+            answer=None if answered is None else answered.outputs[0],
+            next_plan=plan if plan and (self.folder / plan).is_file() else None,
+            dropped=logs,
+            described=frozenset(d for d in logs if self._beside(d, ".toml").is_file()),
+            sealed=sealed,
+            simulated=sealed is not None and (self.folder / RIG).is_file(),
+        )
+
+    def downloads(self, history: History | None = None) -> list[str]:
+        """Return the names that may be asked for: outputs of finished steps, and the script.
+
+        Sealed truths are not among them; `reveal` opens one.
+        """
+        history = self.journal.read() if history is None else history
+        names = ["script.sh", "steps.jsonl"]
+        for step in history.steps.values():
+            for name in step.outputs if step.status == "done" else []:
+                path = self.folder / name
+                if path.is_dir():
+                    inside = sorted(p for p in path.rglob("*") if p.is_file())
+                    names += [p.relative_to(self.folder).as_posix() for p in inside]
+                elif path.is_file() and not name.endswith(TRUTH):
+                    names.append(name)
+        return names
+
+    def log(self, number: int, kind: str) -> bytes:
+        """Return what the command of a step printed: `out` or `err`."""
+        try:
+            return (self.folder / "logs" / f"{number}.{kind}").read_bytes()
+        except OSError:
+            return b""
+
+    def check_step(self, history: History) -> Step | None:
+        return history.last("check", data=self.files(history).data)
+
+    def pending(self, history: History, check: Step) -> list[str]:
+        document = self.result(check) or {}
+        taken = {warning for number, warning in history.accepted if number == check.number}
+        return [text for text in document.get("warnings", []) if text not in taken]
+
+    def result(self, step: Step | None) -> Any:
+        """Return the JSON document of a step, with its number."""
+        if step is None:
+            return None
+        name = next((n for n in step.outputs if _is_report(n)), None)
+        try:
+            document = json.loads((self.folder / str(name)).read_bytes())
+        except (OSError, ValueError):
+            return None
+        return {**document, "step": step.number}
+
+    def opened(self, history: History, files: Files) -> Step | None:
+        """Return the last step that opened the truth of these tables; undo does not close it."""
+        sealed = {self._truth(name) for name in files.data} - {None}
+        for step in reversed(history.steps.values()):
+            opened = step.verb == "reveal" and step.status == "done"
+            if opened and self._truth(step.argv[1]) in sealed:
+                return step
+        return None
+
+    def _truth(self, table: str) -> bytes | None:
+        path = self._beside(table, TRUTH)
+        return path.read_bytes() if path.is_file() else None
+
+    def _beside(self, table: str, suffix: str) -> Path:
+        return (self.folder / table).with_suffix(suffix)
+
+
+def model_of(step: Step) -> str:
+    return step.outputs[0]
+
+
+def _is_report(name: str) -> bool:
+    return name.endswith(".json") and not name.startswith("model-")

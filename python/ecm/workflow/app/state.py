@@ -1,0 +1,97 @@
+"""What the page shows of a session: one JSON document, from the files of its folder only."""
+
+from __future__ import annotations
+
+import shlex
+from typing import Any
+
+from ecm.workflow.app.contents import Contents, model_of
+from ecm.workflow.app.journal import History, Step
+from ecm.workflow.app.steps import Files
+
+
+def state_of(contents: Contents) -> dict[str, Any]:
+    """Return all that the page shows; it depends on the files of the folder only."""
+    history = contents.journal.read()
+    files = contents.files(history)
+    check = contents.check_step(history)
+    model = history.last("fit", "refit", data=files.data)
+    of_model = {"data": files.data, "model": files.model}
+    compared = history.last("compare", **of_model) if files.model else None
+    found = history.last("diagnose", **of_model) if files.model else None
+    exported = history.last("export", **of_model) if files.model else None
+    return {
+        "schema": 1,
+        "version": history.records,
+        "folder": contents.folder.resolve().name,
+        "simulated": files.simulated,
+        "sealed": files.sealed is not None,
+        "next_plan": files.next_plan,
+        "data": [{"file": name, "name": _own_name(history, name)} for name in files.data],
+        "dropped": [_own_name(history, name) for name in files.dropped],
+        "imported": contents.result(history.last("import")),
+        "check": contents.result(check),
+        "pending": [] if check is None else contents.pending(history, check),
+        "model": files.model,
+        "fit": contents.result(model),
+        "compare": contents.result(compared),
+        "diagnosis": contents.result(found),
+        "export": contents.result(exported),
+        "truth": contents.result(contents.opened(history, files)),
+        "rungs": [_rung(contents, history, step) for step in _rungs(history, files)],
+        "undo": history.can_undo(),
+        "redo": bool(history.undone),
+        "steps": [_step(history, step) for step in history.steps.values()],
+        "files": contents.downloads(history),
+    }
+
+
+def _rungs(history: History, files: Files) -> list[Step]:
+    """Return the fits of these data that count, from the last base on."""
+    rungs: list[Step] = []
+    for number in history.active:
+        step = history.steps[number]
+        if step.verb == "fit" and step.inputs["data"] == files.data:
+            rungs = [step]
+        elif step.verb == "refit" and step.inputs["data"] == files.data:
+            rungs.append(step)
+    return rungs
+
+
+def _rung(contents: Contents, history: History, step: Step) -> dict[str, Any]:
+    compared = history.last("compare", data=step.inputs["data"], model=model_of(step))
+    document = contents.result(compared) or {}
+    request = step.request
+    return {
+        "step": step.number,
+        "model": model_of(step),
+        "name": request.get("model") or " ".join(
+            f"{sign} {name}"
+            for option, sign in (("add", "+"), ("remove", "−"), ("freeze", "frozen"))
+            for name in request.get(option, [])
+        ),
+        "train": document.get("whitened_rms"),
+        "rmse": document.get("rmse"),
+        "report": contents.result(step),
+    }  # fmt: skip
+
+
+def _step(history: History, step: Step) -> dict[str, Any]:
+    return {
+        "number": step.number,
+        "verb": step.verb,
+        "command": shlex.join(["ecm", *step.argv]) if step.argv else "",
+        "name": step.request.get("name", ""),
+        "status": step.status,
+        "message": step.message,
+        "seconds": step.seconds,
+        "counts": step.number in history.active,
+    }
+
+
+def _own_name(history: History, table: str) -> str:
+    """Return the name under which a table was dropped, else that of its file."""
+    for step in history.steps.values():
+        if table in step.outputs:
+            return str(step.request.get("name") or table)
+    return table

@@ -1,0 +1,178 @@
+"""What each view of the page holds, computed from tables and a model of the session."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ecm.comparison.comparison import compare
+from ecm.comparison.residual_points import residual_points
+from ecm.diagnosis.preview import preview_effects
+from ecm.effects import get_effect, load_installed
+from ecm.io.arrays import F, I
+from ecm.io.cache import write_json
+from ecm.io.columns import POSE, WRENCH, unit_of
+from ecm.io.table import read_table
+from ecm.logs.listing import list_columns
+from ecm.models import load_model
+from ecm.report.mechanism import view_of
+
+MOST_ROWS = 20_000
+"""Rows that a view holds; of more, every k-th, and the view says so."""
+
+
+def compute_view(name: str, path: Path, tables: Sequence[Path], model: Path | None) -> None:
+    """Compute a view and write it."""
+    write_json(path, VIEWS[name](tables, model))
+
+
+def poses(tables: Sequence[Path], _model: Path | None) -> dict[str, Any]:
+    """Return the measured poses and wrenches, the outline of the body, and a line about it."""
+    table = read_table(list(tables))
+    rows = _thinned(len(table))
+    columns = [name for name in (*POSE, *WRENCH) if table.has(name)]
+    return {
+        "row": (rows + 1).tolist(),
+        "columns": {name: _short(table.column(name)[rows]) for name in columns},
+        **view_of(table.meta),
+        "said": _said(len(rows), len(table)),
+    }
+
+
+def residuals(tables: Sequence[Path], model: Path | None) -> dict[str, Any]:
+    """Return the residual of each measured pose in its unit, over the noise, and as a pose."""
+    load_installed()
+    table = read_table(list(tables), need="fit")
+    fitted = load_model(Path(str(model)))
+    result = compare(fitted, table)
+    maps, points = result.where(), residual_points(result, MOST_ROWS)
+    kinds: dict[str, dict[str, Any]] = {
+        "noise": {
+            "label": "over its noise",
+            "unit": "times the noise",
+            "columns": list(maps.outputs),
+            "values": _columns(points.over_noise),
+            "floor": [1.0] * len(maps.outputs),
+        },
+        "wrench": {
+            "label": "as wrench",
+            "unit": "",
+            "columns": list(maps.outputs),
+            "units": [unit_of(name) for name in maps.outputs],
+            "values": _columns(points.physical),
+            "floor": [component.floor for component in result.components],
+        },
+    }
+    pose = _pose_error(result.pose_error, points.row)
+    if pose is not None:
+        kinds["pose"] = pose
+    return {
+        "row": points.row.tolist(),
+        "size": _short(points.size),
+        "variables": {name: _short(values) for name, values in points.variables.items()},
+        "follows": [list(item) for item in maps.follows[:10]],
+        "strongest": [
+            name for name in maps.strongest(len(maps.variables)) if name in points.variables
+        ],
+        "kinds": kinds,
+        "sentence": maps.sentence(),
+        "worst": maps.worst(),
+        "said": points.sentence,
+    }
+
+
+def effects(tables: Sequence[Path], model: Path | None) -> dict[str, Any]:
+    """Return what each effect would explain of the residual, with its own sentence."""
+    load_installed()
+    table = read_table(list(tables), need="fit")
+    previews = preview_effects(load_model(Path(str(model))), table)
+    at = _thinned(len(previews.row))
+    return {
+        "row": previews.row[at].tolist(),
+        "effects": {
+            item.id: {
+                "share": item.share,
+                "what": get_effect(item.id).physics,
+                "side": get_effect(item.id).side,
+                "values": _columns(item.explained[at]),
+            }
+            for item in previews.effects
+        },
+    }
+
+
+def plan(tables: Sequence[Path], _model: Path | None) -> dict[str, Any]:
+    """Return the poses of a plan, and the outline of the body."""
+    table = read_table(list(tables), need="predict")
+    columns = {name: _short(table.column(name)) for name in POSE if table.has(name)}
+    return {**view_of(table.meta), "columns": columns}
+
+
+def log(files: Sequence[Path], _model: Path | None) -> dict[str, Any]:
+    """Return the columns of the first of the files that were dropped, for a person to name them."""
+    return {
+        "columns": [
+            {
+                "name": column.name,
+                "range": _short(np.array([column.low, column.high])),
+                "unit": column.unit,
+                "standard": column.standard,
+                "quantity": column.quantity,
+            }
+            for column in list_columns(files[0])
+        ]
+    }
+
+
+VIEWS: dict[str, Callable[[Sequence[Path], Path | None], dict[str, Any]]] = {
+    "poses": poses,
+    "residuals": residuals,
+    "effects": effects,
+    "plan": plan,
+    "log": log,
+}
+
+
+def _pose_error(found: Any, row: I) -> dict[str, Any] | None:
+    """Return the pose error of these rows (from 1) as a kind of residual; None without one."""
+    sizes = [
+        ("position", "mm", found.position_mm, found.noise_mm),
+        ("rotation", "deg", found.rotation_deg, found.noise_deg),
+    ]
+    known = [item for item in sizes if item[2] is not None]
+    if not known:
+        return None
+    place = {number: i for i, number in enumerate(found.row.tolist())}
+    at = [place.get(number) for number in row.tolist()]
+    return {
+        "label": "as pose error",
+        "unit": "",
+        "columns": [name for name, _, _, _ in known],
+        "units": [unit for _, unit, _, _ in known],
+        "values": [
+            [None if i is None else float(f"{values[i]:.6g}") for i in at]
+            for _, _, values, _ in known
+        ],
+        "floor": [floor for _, _, _, floor in known],
+        "said": found.sentence(),
+    }
+
+
+def _thinned(rows: int) -> I:
+    return np.arange(0, rows, -(-rows // MOST_ROWS) or 1, dtype=np.int64)
+
+
+def _said(shown: int, total: int) -> str:
+    return "" if shown == total else f"{shown} of {total} rows are drawn."
+
+
+def _short(values: F) -> list[float | None]:
+    """Return numbers of six digits: a page draws no more."""
+    return [float(f"{v:.6g}") if np.isfinite(v) else None for v in np.asarray(values, float)]
+
+
+def _columns(values: F) -> list[list[float | None]]:
+    return [_short(column) for column in np.asarray(values).T]

@@ -1,0 +1,156 @@
+"""Names, units and containers as other programs write them: units of arrays, labels, empty rows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import ecm
+from ecm import import_log
+from ecm.io.columns import POSE, WRENCH
+from ecm.logs.objects import log_of_object
+
+N = 40
+PLACE = np.random.default_rng(1).uniform(-0.02, 0.02, (N, 3))
+TURN = np.random.default_rng(2).uniform(-0.3, 0.3, (N, 3))
+WXYZ = Rotation.from_rotvec(TURN).as_quat()[:, [3, 0, 1, 2]]
+LOAD = np.random.default_rng(3).uniform(-5.0, 5.0, (N, 6))
+
+
+def check_all(imported: Any) -> None:
+    table = imported.table
+    assert np.allclose(table.matrix(POSE), np.hstack([PLACE, TURN]), atol=1e-12)
+    assert np.allclose(table.matrix(WRENCH), LOAD, atol=1e-12)
+
+
+def test_units_at_the_end_of_the_names_of_arrays() -> None:
+    arrays = {
+        "log": 1,
+        "position_mm": 1e3 * PLACE,
+        "quat_wxyz": WXYZ,
+        "F_N": LOAD[:, :3],
+        "M_Nmm": 1e3 * LOAD[:, 3:],
+        "t_min": np.arange(N) / 60.0,
+    }
+    imported = import_log(arrays)
+    check_all(imported)
+    assert np.allclose(imported.table["time_s"], np.arange(N))
+    both = {"pose_mm_deg": np.hstack([1e3 * PLACE, np.degrees(TURN)]), "Wrench [N, N mm]":
+            LOAD * [1, 1, 1, 1e3, 1e3, 1e3]}  # fmt: skip
+    check_all(import_log(both, rotation="rotvec"))
+
+
+def test_the_smallest_value_of_a_force_is_no_time() -> None:
+    imported = import_log({"x_m": PLACE[:, 0], "fx_N": LOAD[:, 0], "fy_min": LOAD[:, 1]})
+    assert not imported.table.has("time_s")
+    assert not imported.table.has("fy_N")
+
+
+@pytest.mark.parametrize("name", ["psi", "gyro", "Data.acc", "imu/mag"])
+def test_three_numbers_of_something_else_are_no_position(name: str) -> None:
+    columns: dict[str, Any] = {"fx_N": LOAD[:, 0], name: PLACE}
+    imported = import_log(columns)
+    assert not imported.table.has("x_m")
+    columns = {"fx_N": LOAD[:, 0]} | {f"{name}.{axis}": PLACE[:, 0] for axis in "xyz"}
+    assert not import_log(columns).table.has("x_m")
+
+
+def test_components_of_a_struct_are_read_without_its_name() -> None:
+    columns = {f"bench3.{axis}": PLACE[:, i] for i, axis in enumerate("xyz")}
+    columns |= {f"bench3.f{axis}": LOAD[:, i] for i, axis in enumerate("xyz")}
+    table = import_log(columns, units=["mm", "N"]).table
+    assert np.allclose(table["y_m"], 1e-3 * PLACE[:, 1])
+    assert np.allclose(table["fz_N"], LOAD[:, 2])
+
+
+def test_rows_without_any_cell_and_the_number_of_the_row(tmp_path: Path) -> None:
+    rows = "".join(f"{i};{0.1 * i:.1f};{i}\n".replace(".", ",") for i in range(9))
+    path = tmp_path / "log.csv"
+    path.write_text(";x [mm];Fx [N]\n" + rows + ";;\n\n; ;\n", encoding="utf-8-sig")
+    imported = import_log(path)
+    assert len(imported.table) == 9
+    assert imported.table.covariates == ()
+    assert any("counts the rows" in note for note in imported.notes)
+    assert np.allclose(imported.table["x_m"], 1e-4 * np.arange(9))
+
+
+def test_a_row_of_units_in_quotes_and_a_side_of_the_body(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    rows = "".join(f'"{i}","{i}","{i}"\n' for i in range(9))
+    head = '"Time","ankle_angle_r","Ankle Moment Right"\n"(s)","(deg)","(N mm)"\n'
+    path.write_text(f'"Specimen","7"\n\n{head}{rows}')
+    table = import_log(path, axis="z").table
+    assert np.allclose(table["theta_z_rad"], np.radians(np.arange(9)))
+    assert np.allclose(table["tau_z_Nm"], 1e-3 * np.arange(9))
+
+
+def test_a_workbook_is_refused_with_what_to_save(tmp_path: Path) -> None:
+    (tmp_path / "log.xlsx").write_bytes(b"PK\x03\x04" + bytes(300))
+    with pytest.raises(ecm.InputError, match=r"log.xlsx: a binary file .* sheet of a workbook"):
+        import_log(tmp_path / "log.xlsx")
+
+
+def test_several_columns_without_an_axis_are_to_be_named_each() -> None:
+    columns = {"AP Force": LOAD[:, 0], "ML Force": LOAD[:, 1], "x [mm]": PLACE[:, 0]}
+    with pytest.raises(ecm.InputError, match='--map "fx_N=AP Force"'):
+        import_log(columns, units=["SI"])
+
+
+def test_a_name_that_is_there_twice_is_asked_about(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    rows = "".join(f"{i},{i},{2 * i}\n" for i in range(9))
+    path.write_text("phi/deg,torque [N mm],torque [N mm]\n" + rows)
+    with pytest.raises(ecm.InputError, match=r"both be tau_z_Nm.*--map \"tau_z_Nm=torque"):
+        import_log(path, axis="z")
+    chosen = import_log(path, axis="z", columns={"tau_z_Nm": "torque [N mm]_2:N mm"})
+    assert np.allclose(chosen.table["tau_z_Nm"], 2e-3 * np.arange(9))
+    assert np.allclose(chosen.table["theta_z_rad"], np.radians(np.arange(9)))
+
+
+def test_a_column_and_its_unit_go_before_a_column_that_reads_alike() -> None:
+    columns = {"x [mm]": np.arange(9.0), "F": np.arange(9.0), "FN": np.ones(9)}
+    table = import_log(columns, columns={"fx_N": "F:kN"}).table
+    assert np.allclose(table["fx_N"], 1e3 * np.arange(9))
+    table = import_log(columns, columns={"fx_N": "F:N"}).table
+    assert np.allclose(table["fx_N"], np.arange(9))
+
+
+def test_labels_and_units_of_an_xarray_dataset() -> None:
+    xarray = pytest.importorskip("xarray")
+    data = xarray.Dataset(
+        {
+            "position": (("time", "axis"), 1e3 * PLACE, {"units": "mm"}),
+            "orientation": (("part", "time"), WXYZ.T),
+            "force": (("time", "axis"), LOAD[:, :3], {"units": "N"}),
+            "torque": (("axis", "time"), 1e3 * LOAD[:, 3:].T, {"units": "N mm"}),
+        },
+        coords={
+            "time": ("time", np.arange(N) / 60.0, {"units": "min"}),
+            "axis": ["x", "y", "z"],
+            "part": ["w", "x", "y", "z"],
+        },
+    )
+    imported = import_log(data)
+    check_all(imported)
+    assert np.allclose(imported.table["time_s"], np.arange(N))
+
+
+def test_labels_of_bytes_and_of_several_types_name_components() -> None:
+    xarray = pytest.importorskip("xarray")
+    for labels in (np.array([b"x", b"y", b"z"]), np.array(["x", "y", 3], dtype=object)):
+        sizes = {"force": (("axis", "time"), LOAD[:, :3].T)}
+        columns = log_of_object(xarray.Dataset(sizes, coords={"axis": labels})).columns
+        names = [f"force.{'xyz'[i] if labels[2] != 3 or i < 2 else 3}" for i in range(3)]
+        assert np.array_equal(np.array([columns[name] for name in names]).T, LOAD[:, :3])
+
+
+def test_frames_of_polars_with_arrays_in_their_cells_and_not_yet_computed() -> None:
+    polars = pytest.importorskip("polars")
+    frame = polars.DataFrame({"pose": np.hstack([PLACE, WXYZ]), "wrench": LOAD})
+    for each in (frame, frame.lazy()):
+        check_all(import_log(each, rotation="wxyz", units=["SI"]))
+    assert len(ecm.Table(polars.DataFrame({"x_m": PLACE[:, 0]}).lazy())) == N

@@ -1,0 +1,28 @@
+"""Work that is shared by the cores."""
+
+from __future__ import annotations
+
+import os
+from threading import Barrier
+
+import pytest
+
+from ecm.regression.blocks import in_threads
+
+
+def test_items_are_worked_on_at_once_and_come_back_in_order(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1}, raising=False)
+    both = Barrier(2, timeout=10.0)  # each waits for the other
+
+    def work(item: int) -> int:
+        both.wait()
+        return 10 * item
+
+    assert in_threads(work, [4, 3]) == [40, 30]
+
+
+def test_an_error_of_an_item_is_raised() -> None:
+    with pytest.raises(ZeroDivisionError):
+        in_threads(lambda item: 1 // item, [1, 0, 1])
