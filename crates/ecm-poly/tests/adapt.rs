@@ -301,6 +301,38 @@ fn standing_for_hours_keeps_the_covariance_and_what_nothing_tells() {
     }
 }
 
+/// Variance of the mass after a minute in which nothing is told, from none at all.
+fn walked<R: Real>(adapter: &Adapter<R, 11>) -> f64 {
+    let mut state = adapter.init();
+    state.covariance = [[R::ZERO; 11]; 11];
+    let reading = Reading {
+        pose: Pose::from_array(&[
+            R::from_f64(0.1),
+            R::ZERO,
+            R::ZERO,
+            R::ZERO,
+            R::ZERO,
+            R::ZERO,
+        ])
+        .unwrap(),
+        wrench: [R::ZERO; 6],
+        predicted: [R::ZERO; 6],
+        stiffness: [[R::ZERO; 6]; 6],
+        branches: [[R::ZERO; 6]; 2],
+    };
+    for _ in 0..3000 {
+        adapter.step(&mut state, &reading, R::from_f64(0.02));
+    }
+    state.covariance[1][1].to_f64()
+}
+
+#[test]
+fn slow_walks_are_not_lost_in_single_precision() {
+    let (double, single) = (walked(&adapter()), walked(&adapter().narrowed::<f32>()));
+    assert!(double > 1e-7, "{double}");
+    assert!((single / double - 1.0).abs() < 0.01, "{single} {double}");
+}
+
 #[test]
 fn a_saved_state_goes_on_with_the_same_bits() {
     let (adapter, mut plant, model) = (adapter(), Plant::new(), neck());

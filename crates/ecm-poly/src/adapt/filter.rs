@@ -160,21 +160,23 @@ impl<R: Real, const N: usize> Adapter<R, N> {
     /// A walk of dt seconds that forgets: θ̃ ← f θ̃, variance (1 − f²) of the start.
     fn grow(&self, state: &mut State<R, N>, dt: R) {
         let hours = dt / R::from_u16(3600);
-        let kept: [R; N] = core::array::from_fn(|i| {
+        let lost: [R; N] = core::array::from_fn(|i| {
             let prior = &self.priors[i];
             let rate = prior.walk * prior.walk * hours / (R::TWO * prior.sd * prior.sd);
             match prior.sd > R::ZERO {
-                true => R::ONE - Decay::new(rate).lost,
-                false => R::ONE,
+                true => Decay::new(rate).lost,
+                false => R::ZERO,
             }
         });
+        let kept = lost.map(|x| R::ONE - x);
         for i in 0..N {
             let prior = &self.priors[i];
             for j in 0..N {
                 state.covariance[i][j] = kept[i] * kept[j] * state.covariance[i][j];
             }
-            let lost = (R::ONE - kept[i]) * (R::ONE + kept[i]);
-            state.covariance[i][i] += lost * prior.sd * prior.sd;
+            // 1 - kept^2 without the 1, which would swallow slow walks in single precision.
+            let grown = lost[i] * (R::TWO - lost[i]);
+            state.covariance[i][i] += grown * prior.sd * prior.sd;
             for part in &mut state.model.cross[i] {
                 *part = part.map(|x| kept[i] * x);
             }

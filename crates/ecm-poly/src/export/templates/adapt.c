@@ -275,22 +275,24 @@ static real clamped(const settings_t *s, int32_t i, real value)
 static void grow(const settings_t *s, state_t *x, real dt)
 {
     const real hours = dt / R(3600);
-    real kept[N];
+    real lost[N], kept[N];
     for (int32_t i = 0; i < N; i++) {
         const @NAME@_prior *prior = &s->priors[i];
-        kept[i] = R(1);
+        lost[i] = R(0);
         if (prior->sd > R(0)) {
-            real lost, left;
-            decay(prior->walk * prior->walk * hours / (R(2) * prior->sd * prior->sd), &lost, &left);
-            kept[i] = R(1) - lost;
+            real left;
+            decay(prior->walk * prior->walk * hours / (R(2) * prior->sd * prior->sd), &lost[i],
+                  &left);
         }
+        kept[i] = R(1) - lost[i];
     }
     for (int32_t i = 0; i < N; i++) {
         const real sd = s->priors[i].sd;
         for (int32_t j = 0; j < N; j++) {
             x->covariance[i][j] = kept[i] * kept[j] * x->covariance[i][j];
         }
-        x->covariance[i][i] += (R(1) - kept[i]) * (R(1) + kept[i]) * sd * sd;
+        /* 1 - kept^2 without the 1, which would swallow slow walks in single precision. */
+        x->covariance[i][i] += lost[i] * (R(2) - lost[i]) * sd * sd;
         for (int32_t k = 0; k < PARTS; k++) {
             for (int32_t a = 0; a < 6; a++) {
                 x->cross[i][k][a] = kept[i] * x->cross[i][k][a];
