@@ -57,10 +57,7 @@ pub fn export_with_effects(
             .unwrap_or("")
             .to_string()
     };
-    let real = match precision {
-        Precision::Single => "float",
-        Precision::Double => "double",
-    };
+    let real = precision.in_c();
     let (header, (source, numbers)) = match &model {
         Model::Polynomial(model) => (include_str!("templates/polynomial.h"), polynomial(model)?),
         Model::Energy(model) => (
@@ -146,10 +143,6 @@ impl Steps {
         let row = |values: &[f64]| list(values.iter().map(|&x| real(x)));
         let factorials: Vec<f64> = (0..10).map(inverse_factorial).collect();
         let branch = |of: fn(&Branch<f64>) -> f64| row(&effects.branches.map(|b| of(&b)));
-        let epsilon = match precision {
-            Precision::Single => f64::from(f32::EPSILON),
-            Precision::Double => f64::EPSILON,
-        };
         let number = |x: f64| format!("{x:e}");
         let stack = ((numbers + 340) * precision.size() + 800).next_multiple_of(16);
         let ahead = stack + (STATE_NUMBERS + 52) * precision.size();
@@ -198,7 +191,7 @@ impl Steps {
                 ("LARGESTINPUTS", &row(&ranges.map(|r| r[1]))),
                 ("DAMPING", &row(&effects.damping)),
                 ("FACTORIALS", &row(&factorials)),
-                ("EPSILON", &number(epsilon)),
+                ("EPSILON", &number(precision.epsilon())),
             ],
         );
         Self {

@@ -80,10 +80,7 @@ impl History {
         precision: Precision,
         mut step: impl FnMut(&[f64], f64, &Inputs<f64>) -> Said,
     ) -> Result<Self, ModelError> {
-        let rounded = |x: f64| match precision {
-            Precision::Single => f64::from(x as f32),
-            Precision::Double => x,
-        };
+        let rounded = |x: f64| precision.rounded(x);
         let (mut steps, mut largest) = (Vec::new(), [0.0_f64; 2]);
         for i in 0..2 * points.len() {
             let pose = points[i / 2].clone();

@@ -30,6 +30,38 @@ impl Precision {
             Precision::Double => 8,
         }
     }
+
+    /// The type's name in C.
+    pub(crate) fn in_c(self) -> &'static str {
+        match self {
+            Precision::Single => "float",
+            Precision::Double => "double",
+        }
+    }
+
+    /// The type's name in Rust.
+    pub(crate) fn in_rust(self) -> &'static str {
+        match self {
+            Precision::Single => "f32",
+            Precision::Double => "f64",
+        }
+    }
+
+    /// Distance from 1 to the next number.
+    pub(crate) fn epsilon(self) -> f64 {
+        match self {
+            Precision::Single => f64::from(f32::EPSILON),
+            Precision::Double => f64::EPSILON,
+        }
+    }
+
+    /// The nearest number of the type.
+    pub(crate) fn rounded(self, x: f64) -> f64 {
+        match self {
+            Precision::Single => f64::from(x as f32),
+            Precision::Double => x,
+        }
+    }
 }
 
 /// One file of an export.

@@ -46,10 +46,7 @@ pub fn export_with_effects(
 ) -> Result<Vec<SourceFile>, ModelError> {
     let name = crate_name(name)?;
     let model = Model::from_document(document)?;
-    let real = match precision {
-        Precision::Single => "f32",
-        Precision::Double => "f64",
-    };
+    let real = precision.in_rust();
     let plain = matches!(&model, Model::Polynomial(p) if !is_cubic(p));
     if effects.is_some() && plain {
         return Err(ModelError::Setting {

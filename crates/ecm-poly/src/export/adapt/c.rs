@@ -7,12 +7,12 @@ use std::vec::Vec;
 use serde_json::{Map, Value};
 
 use super::history::History;
-use super::{Settings, chosen, list, table};
+use super::{Settings, chosen, common_keys, file, list};
 use crate::adapt::{CELLS, PARTS};
 use crate::error::ModelError;
 use crate::export::model::{Model, identifier};
-use crate::export::terms::half_turn_squared;
-use crate::export::{Precision, SourceFile, filled};
+use crate::export::terms::{half_turn_squared, inverse_factorial};
+use crate::export::{Precision, SourceFile};
 
 /// The files, beside those of the model that `name` names as well.
 ///
@@ -29,10 +29,6 @@ pub fn export(
     let kept = chosen(settings);
     let count = kept.len();
     let real = |x: &f64| format!("R({x:e})");
-    let (kind, epsilon) = match precision {
-        Precision::Single => ("float", f64::from(f32::EPSILON)),
-        Precision::Double => ("double", f64::EPSILON),
-    };
     let places: Vec<String> = (kept.iter().enumerate())
         .map(|(i, item)| format!("    {name}_parameter_{} = {i},\n", item.1.name()))
         .collect();
@@ -42,22 +38,19 @@ pub fn export(
             list(&[p.start, p.sd, p.low, p.high, p.walk, p.jumps], real)
         )
     });
-    let noise = &settings.noise;
-    let pair = |values: &[f64]| list(values, real);
     let numbers = 3 * count + count * count + 6 * PARTS * count + 6 * CELLS + 91;
     let stack = (numbers + 3 * count * count + 80 * count + 600) * precision.size() + 1600;
-    let factorials = (0..10u32).map(|k| 1.0 / (1..=k).map(f64::from).product::<f64>());
-    let factorials: Vec<f64> = factorials.collect();
+    let factorials: Vec<f64> = (0..10).map(inverse_factorial).collect();
     let golden = |x: &f64| format!("(({name}_adapt_real){x:e})");
-    let common = [
+    let mut keys = common_keys(settings, &history, real, ("{", "}", golden));
+    keys.extend([
         ("DECAY", include_str!("../templates/decay.c").to_string()),
         (
             "GUARD",
             format!("ECM_EXPORT_{}_ADAPT_H", name.to_uppercase()),
         ),
-        ("REAL", kind.to_string()),
+        ("REAL", precision.in_c().to_string()),
         ("NAME", name.clone()),
-        ("COUNT", count.to_string()),
         ("PARTS", PARTS.to_string()),
         ("CELLS", CELLS.to_string()),
         (
@@ -67,14 +60,7 @@ pub fn export(
         ("PLACES", places.concat()),
         ("KINDS", list(&kept, |item| (item.1 as u8).to_string())),
         ("PRIORS", priors),
-        ("WRENCHSD", pair(&noise.wrench)),
-        ("POSESD", pair(&noise.pose)),
-        ("NOISETIME", real(&noise.time_s)),
-        ("MODELSD", pair(&noise.model)),
-        ("REACH", pair(&noise.reach)),
-        ("GRAVITY", pair(&settings.gravity)),
-        ("INTERVAL", real(&settings.interval_s)),
-        ("EPSILON", format!("{epsilon:e}")),
+        ("EPSILON", format!("{:e}", precision.epsilon())),
         ("HALFTURN", half_turn_squared(precision)),
         ("FACTORIALS", list(&factorials, real)),
         (
@@ -82,21 +68,8 @@ pub fn export(
             (numbers * precision.size() + 4 * (CELLS + 5)).to_string(),
         ),
         ("STACK", stack.next_multiple_of(16).to_string()),
-        ("READINGS", history.readings.len().to_string()),
-        ("READINGLIST", table(&history.readings, "{", "}", golden)),
-        ("OUTCOMES", list(&history.outcomes, u8::to_string)),
-        ("VALUES", table(&history.values, "{", "}", golden)),
-        ("VARIANCES", table(&history.variances, "{", "}", golden)),
-        ("TOLERANCE", golden(&history.tolerance)),
-    ];
-    let keys: Vec<(&str, &str)> = common
-        .iter()
-        .map(|(key, text)| (*key, text.as_str()))
-        .collect();
-    let file = |suffix: &str, template: &str| SourceFile {
-        path: format!("{name}{suffix}"),
-        text: filled(template, &keys),
-    };
+    ]);
+    let file = |suffix: &str, template| file(format!("{name}{suffix}"), template, &keys);
     Ok(std::vec![
         file("_adapt.h", include_str!("../templates/adapt.h")),
         file("_adapt.c", include_str!("../templates/adapt.c")),

@@ -38,10 +38,7 @@ impl History {
         precision: Precision,
     ) -> Result<Self, ModelError> {
         let points = Golden::new(model, precision)?.points;
-        let rounded = |x: f64| match precision {
-            Precision::Single => f64::from(x as f32),
-            Precision::Double => x,
-        };
+        let rounded = |x: f64| precision.rounded(x);
         let kept = chosen(settings);
         let mut state = settings.init();
         let mut truth = settings.init();
