@@ -91,7 +91,7 @@ def suspect_rows(table: Table) -> list[SuspectRows]:
     """
     if not is_continuous(table):
         return []
-    numbers = _numbers(table)
+    numbers = table.numbers_in_file
     found: list[SuspectRows] = []
     names = (*table.pose_columns, *table.wrench_columns)
     for rows in _runs(table):
@@ -163,17 +163,12 @@ def whole_turns(table: Table) -> list[str]:
         jumps = [rows[1:][np.abs(np.diff(values[rows])) > _TURN] for rows in _runs(table)]
         at = np.concatenate(jumps)
         if len(at):
-            rows = shown_ranges(_numbers(table)[at].tolist())
+            rows = shown_ranges(table.numbers_in_file[at].tolist())
             sentences.append(
                 f"{name} jumps by a whole turn at row(s) {rows}: one rotation written in two ways. "
                 "ecm import unwraps a single angle; effects of rate and lag would see a motion."
             )
     return sentences
-
-
-def _numbers(table: Table) -> I:
-    """(N,) numbers of the rows from 1, those of the table's file."""
-    return table.row_numbers + 1 if table.file_rows is None else table.file_rows
 
 
 def _runs(table: Table) -> Iterator[I]:

@@ -232,6 +232,11 @@ class Table:
         """(N,) numbers of the rows from 0; those of a thinned table are the places in its whole."""
         return np.arange(len(self), dtype=np.int64) if self.places is None else self.places
 
+    @property
+    def numbers_in_file(self) -> I:
+        """(N,) numbers of the rows from 1, as the table's file counts them."""
+        return self.row_numbers + 1 if self.file_rows is None else self.file_rows
+
     def thinned(self, rows: ArrayLike) -> Table:
         """Return the rows of growing row numbers, which keep the history of all rows.
 

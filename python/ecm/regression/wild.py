@@ -58,9 +58,8 @@ def _wildest(table: Table) -> str | None:
         row = int(np.argmax(size))
         if middle > 0.0 and size[row] > most * middle:
             most = float(size[row] / middle)
-            numbers = table.row_numbers + 1 if table.file_rows is None else table.file_rows
             found = (
-                f"row {numbers[row]}, column '{name}': found {values[row]:g}, {most:.2g} times the "
-                "middle of the column"
+                f"row {table.numbers_in_file[row]}, column '{name}': found {values[row]:g}, "
+                f"{most:.2g} times the middle of the column"
             )
     return found
