@@ -116,8 +116,11 @@ def _of_any_elastic_body(problem: Problem, before: float) -> WrongStatement | No
 
 def _falls(poses: F, wrench: F) -> bool:
     """Whether a load falls where its coordinate grows."""
-    columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, wrench.T, strict=True))
-    return bool(reversed_sign(as_table(columns), POSE, WRENCH))
+    return bool(reversed_sign(as_table(_named(poses, wrench)), POSE, WRENCH))
+
+
+def _named(poses: F, wrench: F) -> dict[str, F]:
+    return dict(zip((*POSE, *WRENCH), np.hstack([poses, wrench]).T, strict=True))
 
 
 def _compared_rows(problem: Problem) -> I:
@@ -129,9 +132,7 @@ def _error(problem: Problem, base: StiffnessMap, reading: Restatement | None) ->
     """Return the whitened rms that a base leaves of a reading; None where it cannot be fitted."""
     table = problem.table
     if reading is not None:
-        poses, wrench = reading.change(table.matrix(POSE), table.wrenches)
-        columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, wrench.T, strict=True))
-        table = table.with_columns(columns)
+        table = table.with_columns(_named(*reading.change(table.matrix(POSE), table.wrenches)))
     try:
         fit = joint_fit(base, (), table, problem.noise)
     except (EcmError, np.linalg.LinAlgError):
