@@ -88,25 +88,26 @@ def predict(
 
 def _with_reach(model: Model, poses: F, sd: F | None) -> F | None:
     """(N, m) standard deviation with the error of a physics base beyond the turns of its FEM."""
-    far = _beyond(model, poses)
-    if not isinstance(model.base, PhysicsMap) or not far.any():
+    found = _far(model, poses)
+    if found is None:
         return sd
-    known = np.broadcast_to(model.base.error, (len(poses), 6)) if sd is None else sd
-    turned = np.linalg.norm(poses[:, 3:], axis=1) / model.base.reach_rad
-    share = np.where(far, _ERROR_AT * (turned / 1.5) ** _GROWTH, 0.0)[:, None]
-    wrench = model.base.predict(poses)
+    base, turned, far = found
+    known = np.broadcast_to(base.error, (len(poses), 6)) if sd is None else sd
+    share = np.where(far, _ERROR_AT * (turned / base.reach_rad / 1.5) ** _GROWTH, 0.0)[:, None]
+    wrench = base.predict(poses)
     size = np.repeat(
         [np.linalg.norm(part, axis=1) for part in (wrench[:, :3], wrench[:, 3:])], 3, 0
     )
     return np.asarray(np.hypot(known, share * size.T))
 
 
-def _beyond(model: Model, poses: F) -> B:
-    """(N,) whether a pose turns further than the FEM behind a physics base."""
-    if not isinstance(model.base, PhysicsMap) or not len(poses):
-        return np.zeros(len(poses), dtype=np.bool_)
+def _far(model: Model, poses: F) -> tuple[PhysicsMap, F, B] | None:
+    """A physics base, the turns (N,), and which are beyond its FEM; None where none is."""
+    if not isinstance(model.base, PhysicsMap):
+        return None
     turned = np.linalg.norm(poses[:, 3:], axis=1)
-    return np.asarray(turned > _REACH_MARGIN * model.base.reach_rad)
+    far = turned > _REACH_MARGIN * model.base.reach_rad
+    return (model.base, turned, far) if far.any() else None
 
 
 def _stiffness_columns(model: Model, poses: F, kind: StiffnessKind) -> dict[str, F]:
@@ -130,13 +131,13 @@ def beyond_reach(model: Model, poses: F) -> list[str]:
     >>> beyond_reach(ecm.fit({"y_m": y, "fy_N": 3000.0 * y}, "linear"), y[:, None])
     []
     """
-    far = _beyond(model, poses)
-    if not isinstance(model.base, PhysicsMap) or not far.any():
+    found = _far(model, poses)
+    if found is None:
         return []
-    turned = np.linalg.norm(poses[:, 3:], axis=1)
+    base, turned, far = found
     return [
         f"{int(far.sum())} of {len(poses)} poses turn further than the FEM behind the physics, "
-        f"{model.base.reach_rad:.2f} rad: at 1.5 times that it errs by 1 %, at twice by 2 to 5 %. "
+        f"{base.reach_rad:.2f} rad: at 1.5 times that it errs by 1 %, at twice by 2 to 5 %. "
         f"Build it wider: physics_map(mechanism, reach_rad={turned.max():.2f}), or give the TOML "
         "of the mechanism as MODEL"
     ]
