@@ -8,7 +8,6 @@ error and choose the degree.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -20,6 +19,7 @@ from ecm.io.arrays import B, F
 from ecm.io.cache import Stage
 from ecm.io.material import Material
 from ecm.io.mechanism import Mechanism
+from ecm.io.steps import Progress
 from ecm.models.physics.body_fits import (
     LENGTH_M,
     SHEAR_MODULUS_PA,
@@ -33,7 +33,6 @@ from ecm.models.physics.family import PhysicsFamily, compressibility, poisson_ra
 from ecm.models.physics.poses import ROTATION_LIMIT_RAD, spread_poses, workspace_poses
 from ecm.models.physics.rod import RodBody, scaled_rod, stated_rod
 
-Progress = Callable[[int, int, str], object] | None
 _CANDIDATES_OF_A_WIDE_POSE = 2
 """A load holds the neck in every second pose that a rod takes beyond 0.8 rad."""
 _FEWEST_POSES = 20
@@ -93,7 +92,7 @@ def build_family(
     *,
     stage: Stage | None = None,
     threads: int = 0,
-    progress: Progress = None,
+    progress: Progress | None = None,
 ) -> PhysicsFamily:
     """Solve nine bodies by FEM and fit the family; finished bodies are kept in `stage`.
 
@@ -177,7 +176,13 @@ class _Solver:
     threads: int
 
     def run(
-        self, index: int, s: float, x: float, poses: F, progress: Progress, counts: tuple[int, int]
+        self,
+        index: int,
+        s: float,
+        x: float,
+        poses: F,
+        progress: Progress | None,
+        counts: tuple[int, int],
     ) -> Solved:
         """Solve one body; `counts` are the poses solved before, and all."""
         done, total = counts

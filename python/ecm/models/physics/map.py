@@ -23,9 +23,10 @@ from ecm.io.arrays import F
 from ecm.io.cache import Stage, cache_directory, hash_of, write_atomically
 from ecm.io.columns import POSE
 from ecm.io.mechanism import Mechanism
+from ecm.io.steps import Progress
 from ecm.io.table import Table
 from ecm.models.maps import EnergyMap, SixAxisMap, Symmetry
-from ecm.models.physics.build import BuildSettings, Progress, build_family, shape_of
+from ecm.models.physics.build import BuildSettings, build_family, shape_of
 from ecm.models.physics.family import PARAMETERS, PhysicsFamily, check_parameters
 from ecm.models.physics.poses import MARGIN, ROTATION_LIMIT_RAD
 from ecm.models.physics.rod import stated_rod
@@ -281,7 +282,7 @@ def physics_map(
     *,
     threads: int = 0,
     cache: Path | None = None,
-    progress: Progress = None,
+    progress: Progress | None = None,
     settings: BuildSettings | None = None,
     reach_rad: float = 0.0,
 ) -> PhysicsMap:
