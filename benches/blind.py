@@ -36,9 +36,10 @@ from blind_parts.print_table import write_table
 from blind_parts.second import second_answer
 from blind_parts.sets import ALL_SETS, ARM, Set, balanced, each_of, sets_of
 from blind_parts.simple import simple_answers
-from blind_parts.workers import cores, run_all
+from blind_parts.workers import run_all
 from ecm import _native
 from ecm.io.cache import write_atomically
+from ecm.io.cores import own_cores
 
 _SEEDS_EVERY = 15
 """The same data are analysed with twenty seeds in one of so many rounds of a tier."""
@@ -153,7 +154,9 @@ def main() -> int:
         metavar="S",
         help="instead: each effect of --source once at strength S",
     )
-    parser.add_argument("--workers", type=int, default=cores(), help="processes; default: cores")
+    parser.add_argument(
+        "--workers", type=int, default=own_cores(), help="processes; default: cores"
+    )
     parser.add_argument(
         "--simple-every",
         type=int,

@@ -27,8 +27,9 @@ from blind import code_hash
 from blind_parts.other_bodies import BODIES
 from blind_parts.other_sets import OtherSet, answer_of, other_sets
 from blind_parts.other_table import table_text
-from blind_parts.workers import cores, run_all
+from blind_parts.workers import run_all
 from ecm.io.cache import write_atomically
+from ecm.io.cores import own_cores
 
 
 def run_one(case: OtherSet, folder: Path) -> None:
@@ -47,7 +48,9 @@ def main() -> int:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--sets", type=int, default=240)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--workers", type=int, default=cores(), help="processes; default: cores")
+    parser.add_argument(
+        "--workers", type=int, default=own_cores(), help="processes; default: cores"
+    )
     parser.add_argument("--seconds", type=float, default=np.inf, help="begin no set after that")
     parser.add_argument("--table", action="store_true", help="only print what is there")
     parser.add_argument("--code", help="go on with the sets of that hash of the code")

@@ -5,7 +5,6 @@ The blocks do not depend on the number of threads, and neither do the bits of a 
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
@@ -14,6 +13,7 @@ import numpy as np
 
 from ecm._native import merged_triangle
 from ecm.io.arrays import F, I
+from ecm.io.cores import own_cores
 from ecm.io.table import Table
 
 T = TypeVar("T")
@@ -42,8 +42,7 @@ def in_threads(work: Callable[[U], T], items: Iterable[U]) -> list[T]:
     items = list(items)
     if len(items) < 2:
         return [work(item) for item in items]
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    with ThreadPoolExecutor(cores) as pool:
+    with ThreadPoolExecutor(own_cores()) as pool:
         return list(pool.map(work, items))
 
 

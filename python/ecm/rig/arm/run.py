@@ -6,11 +6,11 @@ the position phase by the arm's own encoders, times of the phases, and the reaso
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ecm.io.cache import write_json
+from ecm.io.cores import own_cores
 from ecm.rig.arm.campaign import RobotCampaign
 from ecm.rig.arm.controller_model import require_library
 from ecm.rig.arm.scene import mujoco
@@ -85,5 +85,4 @@ def write_record(campaign: RobotCampaign, out: Path) -> None:
 
 
 def _processes(setting: int, threads: int) -> int:
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return setting or threads or min(cores or 1, _MOST_PROCESSES)
+    return setting or threads or min(own_cores(), _MOST_PROCESSES)
