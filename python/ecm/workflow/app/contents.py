@@ -82,8 +82,8 @@ class Contents:
         except OSError:
             return b""
 
-    def check_step(self, history: History) -> Step | None:
-        return history.last("check", data=self.files(history).data)
+    def check_step(self, history: History, files: Files) -> Step | None:
+        return history.last("check", data=files.data)
 
     def pending(self, history: History, check: Step) -> list[str]:
         document = self.result(check) or {}

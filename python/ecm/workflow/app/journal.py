@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from ecm.errors import InputError
+from ecm.workflow.app.appended import AppendedFile
 from ecm.workflow.app.disk import writing
 
 DATA = ("upload", "example", "import", "campaign")
@@ -112,9 +113,7 @@ class Journal:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._lock = threading.Lock()
-        self._records: list[dict[str, Any]] = []
-        self._read_to = 0
-        """Bytes of the file that are in `_records`."""
+        self._forget()
         self._require_own()
 
     def _require_own(self) -> None:
@@ -157,21 +156,18 @@ class Journal:
         """Return the records; of the file, only what is new is read."""
         with self._lock:
             try:
-                with self.path.open("rb") as file:
-                    if file.seek(0, os.SEEK_END) < self._read_to:  # another file of this name
-                        self._forget()
-                    file.seek(self._read_to)
-                    content = file.read()
+                anew, whole, under_way = self._file.read()
             except FileNotFoundError:
                 self._forget()
                 return []
-            whole = content.rfind(b"\n") + 1
-            self._records += _records(content[:whole])
-            self._read_to += whole
-            return self._records + _records(content[whole:])
+            if anew:
+                self._records.clear()
+            self._records += _records(whole)
+            return self._records + _records(under_way)
 
     def _forget(self) -> None:
-        self._records, self._read_to = [], 0
+        self._file = AppendedFile(self.path)
+        self._records: list[dict[str, Any]] = []
 
 
 def _records(lines: bytes) -> list[dict[str, Any]]:

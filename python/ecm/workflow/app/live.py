@@ -10,6 +10,7 @@ from typing import Any
 from ecm.io.columns import POSE
 from ecm.rig.journal import journal_path
 from ecm.rig.readings import POSE_NAMES
+from ecm.workflow.app.appended import AppendedFile
 from ecm.workflow.app.journal import History, Step
 
 _FORCE = ("sensor_fx_N", "sensor_fy_N", "sensor_fz_N")
@@ -39,7 +40,7 @@ class Readings:
 
     def _begin(self, campaign: str) -> None:
         self._campaign = campaign
-        self._read_to = 0
+        self._file = AppendedFile(journal_path(self._folder / campaign))
         self._header: list[str] = []
         self._rows: list[list[float]] = []
         """Pose and size of the force of each reading."""
@@ -71,16 +72,13 @@ class Readings:
         }
 
     def _read(self) -> None:
-        path = journal_path(self._folder / self._campaign)
         try:
-            with path.open("rb") as file:
-                file.seek(self._read_to)
-                content = file.read()
+            anew, whole, _ = self._file.read()
         except OSError:  # not begun, or at its end
             return
-        whole = content.rfind(b"\n") + 1
-        self._read_to += whole
-        for line in content[:whole].decode("utf-8").splitlines():
+        if anew:
+            self._header, self._rows = [], []
+        for line in whole.decode("utf-8").splitlines():
             cells = line.split(",")
             if line.startswith("#"):
                 continue

@@ -143,7 +143,7 @@ class Session(Contents):
     def accept(self, warning: str) -> None:
         """Record that the person takes responsibility for a warning of the check."""
         history = self.journal.read()
-        step = self.check_step(history)
+        step = self.check_step(history, self.files(history))
         if step is None or warning not in self.pending(history, step):
             raise InputError("no such warning in the check of these tables")
         self.journal.append(event="accept", number=step.number, warning=warning)
@@ -222,7 +222,7 @@ class Session(Contents):
         return number
 
     def _require_checked(self, history: History) -> None:
-        check = self.check_step(history)
+        check = self.check_step(history, self.files(history))
         if check is None:
             raise InputError("check the tables first: nothing goes on until the check passes")
         pending = self.pending(history, check)

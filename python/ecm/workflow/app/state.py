@@ -14,7 +14,7 @@ def state_of(contents: Contents) -> dict[str, Any]:
     """Return all that the page shows; it depends on the files of the folder only."""
     history = contents.journal.read()
     files = contents.files(history)
-    check = contents.check_step(history)
+    check = contents.check_step(history, files)
     model = history.last("fit", "refit", data=files.data)
     of_model = {"data": files.data, "model": files.model}
     compared = history.last("compare", **of_model) if files.model else None
