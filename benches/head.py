@@ -20,8 +20,9 @@ from pathlib import Path
 
 import numpy as np
 
-from blind_parts.workers import cores, run_all
+from blind_parts.workers import run_all
 from ecm.io.cache import cache_directory
+from ecm.io.cores import own_cores
 from ecm.io.mechanism import Mechanism
 from ecm.workflow.head.allocation import largest_turns, uncontrolled
 from ecm.workflow.head.compiled import CompiledController
@@ -131,7 +132,7 @@ def main() -> None:
     parser.add_argument("--step-s", type=float, default=1e-3, help="step of the plant")
     parser.add_argument("--steps", type=int, default=0)
     parser.add_argument("--loop", action="store_true", help="miss, measure, name, hit")
-    parser.add_argument("--workers", type=int, default=cores())
+    parser.add_argument("--workers", type=int, default=own_cores())
     parser.add_argument("--docs", type=Path, help="page to write into, such as docs/head.md")
     parser.add_argument("--workspace", action="store_true", help="what four tendons can hold")
     given = parser.parse_args()
