@@ -1,6 +1,6 @@
 """A model that keeps itself right, beside a plant with other physics: drift, payload, false alarms.
 
-    .venv/bin/python benches/adapt.py [--runs 200] [--minutes 60] [--rate 50]
+    .venv/bin/python benches/adapt.py [--runs 200] [--first 1000] [--minutes 60]
 
 The plant is the FEM-based physics of the neck (energy of degree 7), the model an `energy6` fitted
 to 200 noisy rows of it. Noise of one reading: 0.3 N, 15 mN m, 37 um, 0.4 mrad. Each run has its own
@@ -36,6 +36,9 @@ FALL = 0.1
 OUTSIDE = 2.5758
 """Standard deviations of the 99 % region."""
 DIAGNOSE = OUTCOMES.index("diagnose")
+KINDS = ["free", "circle", "steps", "stand"]
+EVERY_S = 10
+"""Time between two moments at which the parameters are compared with the truth."""
 
 
 def pose_at(bend: F, twist: F, press: F) -> F:
@@ -85,12 +88,13 @@ def motion(kind: str, times: F, random: np.random.Generator) -> F:
     return pose_at(0.45 * np.column_stack([a, b]), 0.2 * twist, 1e-3 * press)
 
 
-def ordinary(minutes: float, rate: float, random: np.random.Generator) -> F:
-    """(N, 6) poses of an hour's work: free motion, circles, steps and standing, in minutes each."""
+def ordinary(
+    minutes: float, rate: float, random: np.random.Generator
+) -> tuple[F, NDArray[np.str_]]:
+    """(N, 6) poses of an hour's work, and what it does in each minute (M,), one of `KINDS`."""
     times = np.arange(int(60 * rate)) / rate
-    kinds = ["free", "circle", "steps", "stand"]
-    chosen = [kinds[0], *random.choice(kinds, int(minutes) - 1, p=[0.4, 0.2, 0.2, 0.2])]
-    return np.vstack([motion(kind, times, random) for kind in chosen])
+    chosen = [KINDS[0], *random.choice(KINDS, int(minutes) - 1, p=[0.4, 0.2, 0.2, 0.2])]
+    return np.vstack([motion(kind, times, random) for kind in chosen]), np.asarray(chosen)
 
 
 def weight(poses: F, mass: float, centre: F) -> F:
@@ -117,7 +121,7 @@ def readings(truth: F, poses: F, random: np.random.Generator) -> tuple[F, F]:
 def settings(model: Model, truth: StiffnessMap) -> AdaptSettings:
     """What a user states: noise, and the model's error on held-out poses."""
     random = np.random.default_rng(99)
-    poses = ordinary(4, 5.0, random)
+    poses, _ = ordinary(4, 5.0, random)
     error = model.predict(poses) - truth.predict(poses)
     force, torque = (
         float(np.sqrt((error[:, part] ** 2).mean())) for part in (slice(3), slice(3, 6))
@@ -141,19 +145,21 @@ class Hour:
     """Largest error of 10 s over the noise floor, after the first minute."""
     static: list[float]
     """The same of the model that is not adapted, in the last ten minutes."""
-    outside: list[F]
+    outside: list[NDArray[np.bool_]]
     """(M, p) whether a parameter is outside its 99 % region, every 10 s after the first minute."""
+    kinds: list[NDArray[np.str_]]
+    """(M,) what it does at these moments."""
     alarms: int
     """Runs that ended with `diagnose`."""
 
 
-def hour(adapter: Adapter, truth: StiffnessMap, runs: int, minutes: float, rate: float) -> Hour:
+def hour(adapter: Adapter, truth: StiffnessMap, runs: range, minutes: float, rate: float) -> Hour:
     """Ordinary motion while the modulus falls and the zero wanders."""
-    found = Hour([], [], [], 0)
-    every, start = int(10 * rate), int(60 * rate)
-    for run in range(runs):
+    found = Hour([], [], [], [], 0)
+    every, start = int(EVERY_S * rate), int(60 * rate)
+    for run in runs:
         random = np.random.default_rng([7, run])
-        poses = ordinary(minutes, rate, random)
+        poses, kinds = ordinary(minutes, rate, random)
         times = np.arange(len(poses)) / rate
         scale = 1.0 - FALL * times / 3600.0
         begin = random.standard_normal(6) * np.repeat([0.5, 0.02], 3)
@@ -185,8 +191,9 @@ def hour(adapter: Adapter, truth: StiffnessMap, runs: int, minutes: float, rate:
                 exact_values[:, j] = zeros[at, j - 5]
         away = np.abs(values - exact_values) > OUTSIDE * spreads
         found.outside.append(away[late])
+        found.kinds.append(np.repeat(kinds, 60 // EVERY_S)[late])
         found.alarms += int(DIAGNOSE in outcomes)
-        print(f"hour {run + 1} of {runs}", file=sys.stderr, flush=True)
+        print(f"hour: seed {run} of {runs}", file=sys.stderr, flush=True)
     return found
 
 
@@ -199,20 +206,21 @@ def report_hour(found: Hour, names: list[str]) -> None:
         f"not adapted, last ten minutes: {np.median(found.static):.2f}"
     )
     print(f"runs that ended with `diagnose`: {found.alarms} of {len(ratio)}")
-    outside = np.asarray(found.outside)
-    print("share outside the 99 % region: of all moments; of runs, at their end; of runs, ever")
+    outside, kinds = np.asarray(found.outside), np.asarray(found.kinds)
+    print("runs in which a parameter is outside its 99 % region:")
+    print("  at the end; at the mean and at the worst moment; ever; at moments of each motion")
     for j, name in enumerate(names):
         one = outside[:, :, j]
-        print(
-            f"  {name:12s} {100 * one.mean():6.2f} % {100 * one[:, -1].mean():6.2f} % "
-            f"{100 * one.any(axis=1).mean():6.2f} %"
-        )
+        shares = [one[:, -1].mean(), one.mean(), one.mean(axis=0).max(), one.any(axis=1).mean()]
+        by_kind = [f"{kind} {100 * one[kinds == kind].mean():.2f}" for kind in KINDS]
+        sizes = " ".join(f"{100 * share:5.2f}" for share in shares)
+        print(f"  {name:10s} {sizes} ({' '.join(by_kind)}) %")
 
 
-def nothing_but(adapter: Adapter, truth: StiffnessMap, runs: int, rate: float, kind: str) -> None:
+def nothing_but(adapter: Adapter, truth: StiffnessMap, runs: range, rate: float, kind: str) -> None:
     """Ten minutes of one motion about the rest pose and nothing else, with 0.93 of the modulus."""
     values, spreads, alarms = [], [], 0
-    for run in range(runs):
+    for run in runs:
         random = np.random.default_rng([13, run])
         poses = motion(kind, np.arange(int(600 * rate)) / rate, random)
         seen, measured = readings(0.93 * truth.predict(poses), poses, random)
@@ -225,15 +233,15 @@ def nothing_but(adapter: Adapter, truth: StiffnessMap, runs: int, rate: float, k
     print(
         f"nothing but `{kind}` for 10 min: modulus 0.93 found as {min(values):.3f} to "
         f"{max(values):.3f}, median sd {np.median(spreads):.4f}, outside the 99 % region in "
-        f"{away.sum()} of {runs}, `diagnose` in {alarms}"
+        f"{away.sum()} of {len(runs)}, `diagnose` in {alarms}"
     )
 
 
-def friction(adapter: Adapter, truth: StiffnessMap, runs: int, rate: float) -> None:
+def friction(adapter: Adapter, truth: StiffnessMap, runs: range, rate: float) -> None:
     """Dry friction that no parameter has: its share of the runs that end with `diagnose`."""
     for size in (0.3, 1.0, 3.0):
         alarms, delays = 0, []
-        for run in range(runs):
+        for run in runs:
             random = np.random.default_rng([17, run])
             poses = motion("free", np.arange(int(300 * rate)) / rate, random)
             wrench = truth.predict(poses)
@@ -246,16 +254,16 @@ def friction(adapter: Adapter, truth: StiffnessMap, runs: int, rate: float) -> N
                 alarms += 1
                 delays.append(mark[0] / rate)
         print(
-            f"friction of {size} N in 5 min of free motion: `diagnose` in {alarms} of {runs}, "
+            f"friction of {size} N in 5 min of free motion: `diagnose` in {alarms} of {len(runs)}, "
             f"after {np.median(delays or [np.nan]):.0f} s (median)"
         )
 
 
-def put_on(adapter: Adapter, truth: StiffnessMap, runs: int, kind: str, what: str) -> None:
+def put_on(adapter: Adapter, truth: StiffnessMap, runs: range, kind: str, what: str) -> None:
     """A payload of 0.5 kg, or the same wrench as a jump of the zero, 20 s after the start."""
     rate, centre = 100.0, np.array([0.03, 0.01, -0.01])
     found, told, within, jumped, delays = [], 0, 0, 0, []
-    for run in range(runs):
+    for run in runs:
         random = np.random.default_rng([11, run])
         times = np.arange(int(24 * rate)) / rate
         # A minute's work first, so that the zero is known as well as it can be.
@@ -289,7 +297,7 @@ def put_on(adapter: Adapter, truth: StiffnessMap, runs: int, kind: str, what: st
     print(
         f"{what} while it moves as `{kind}`: mass after 2 s {np.mean(found):.3f} kg, rms error "
         f"{np.sqrt(np.mean((np.asarray(found) - exact) ** 2)):.3f}; stated sd < 0.1 kg in {told}, "
-        f"truth in the 99 % region in {within}, noticed in {jumped} of {runs}, "
+        f"truth in the 99 % region in {within}, noticed in {jumped} of {len(runs)}, "
         f"after {np.median(delays or [np.nan]):.2f} s"
     )
     if weak:
@@ -300,19 +308,21 @@ def main() -> None:
     """Print all figures."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--runs", type=int, default=200)
+    parser.add_argument("--first", type=int, default=1000, help="seed of the first run")
     parser.add_argument("--minutes", type=float, default=60)
     parser.add_argument("--rate", type=float, default=50)
     given = parser.parse_args()
+    runs = range(given.first, given.first + given.runs)
     truth = physics_map(Mechanism())
     model = fit_model(training(truth, 3), "energy6")
     adapter = model.controller().adapt(settings(model, truth))
     for kind in ("circle", "small", "stand"):
-        nothing_but(adapter, truth, given.runs, given.rate, kind)
-    friction(adapter, truth, given.runs, given.rate)
+        nothing_but(adapter, truth, runs, given.rate, kind)
+    friction(adapter, truth, runs, given.rate)
     for what in ("payload", "zero"):
         for kind in ("stand", "circle", "steps", "free"):
-            put_on(adapter, truth, given.runs, kind, what)
-    found = hour(adapter, truth, given.runs, given.minutes, given.rate)
+            put_on(adapter, truth, runs, kind, what)
+    found = hour(adapter, truth, runs, given.minutes, given.rate)
     report_hour(found, list(adapter.values))
 
 

@@ -1,11 +1,12 @@
 """Ten minutes of a motion never seen, stepped at 1 kHz in exported C, of a rig with hidden memory.
 
-    .venv/bin/python benches/controller_rig.py [--minutes 10] [--seed 0] [--without EFFECT]
+    .venv/bin/python benches/controller_rig.py [--minutes 10] [--seed 0 1 2] [--diagnose]
 
 The plant is that of the simulated rig: a closed-form mechanism with two relaxing chains of section
 resultants, Bouc-Wen friction and an Arrhenius modulus, formulas other than those of the effects.
 One campaign, a log of ten minutes at 20 Hz, is fitted as a user does: a static model, then `refit`
-with the three effects, relaxation with two branches. The model is exported, compiled, and told the
+with the three effects, relaxation with two branches; with `--diagnose` in rounds of `diagnose` and
+`refit`, which are told of no effect. The model is exported, compiled, and told the
 measured poses and temperatures of another motion. Error over noise: rms of reading less prediction
 over the noise of a reading (sensor, and pose noise through the stiffness), for all components
 together and for each.
@@ -17,12 +18,13 @@ import argparse
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.diagnosis import diagnose
 from ecm.effects.relaxation import StressRelaxation
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import FileMeta, Instrument, Meta
@@ -38,6 +40,8 @@ from support.stand_in import L, stiffness, wrench
 
 F = NDArray[np.float64]
 EFFECTS = (StressRelaxation(1.0, "elastic", 30.0), "hysteresis", "temperature_modulus")
+ROUNDS = 5
+"""The most rounds of `diagnose` and `refit`."""
 POSE_SD = np.repeat([37e-6, 6e-4], 3)
 WRENCH_SD = np.repeat([0.3, 0.015], 3)
 NOISE = Noise(37e-6, 6e-4, 0.3, 0.015, source="declared")
@@ -141,6 +145,25 @@ def identified(log: Table) -> tuple[Model, Model]:
     return static, refit(static, log, add=EFFECTS)
 
 
+def diagnosed(log: Table, seed: int) -> tuple[Model, Model]:
+    """The same models, the second with what `diagnose` names until it names nothing new."""
+    static = model = fit_model(log, "energy6")
+    for _ in range(ROUNDS):
+        found = diagnose(model, log, seed=seed)
+        print(f"  {found.sentence()}", flush=True)
+        richer = {item.id: item.shape for item in found.refinements if item.kept}
+        named = {members[0] for members in found.answer} - {item.id for item in model.effects}
+        add = [
+            replace(item.effect, **richer.get(item.id, {}))
+            for item in found.effects
+            if item.id in named
+        ]
+        if not add:
+            break
+        model = refit(model, log, add=add)
+    return static, model
+
+
 def stepped_in_c(model: Model, log: Table, folder: Path) -> F:
     """(N, 6) wrenches of the exported steps along a log."""
     for path, text in export_files(model, "c", "neck").files.items():
@@ -169,7 +192,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--rate", type=float, default=1000.0, help="steps a second")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seed", type=int, nargs="+", default=[0])
+    parser.add_argument("--diagnose", action="store_true", help="let `diagnose` name the effects")
     parser.add_argument("--without", choices=("relaxation", "friction", "temperature"))
     options = parser.parse_args()
     rig = Rig()
@@ -177,17 +201,19 @@ def main() -> None:
         part = getattr(rig, options.without)
         changed = part.resized(0.0) if options.without != "temperature" else part.resized(1e-12)
         rig = Rig(**{**rig.__dict__, options.without: changed})
-    log = readings(rig, 600.0, 20.0, options.seed, fine=5)
-    static, model = identified(log)
-    print(model.fit_report())
-    fast = readings(rig, 60.0 * options.minutes, options.rate, options.seed + 1)
-    with tempfile.TemporaryDirectory() as name:
-        found = stepped_in_c(model, fast, Path(name))
     names = " ".join(name.rsplit("_", 1)[0] for name in WRENCH)
-    print(f"error over noise, {options.minutes:g} min at {options.rate:g} Hz: all, {names}")
-    for label, said in (("static model", static.predict(fast.poses)), ("stepped in C", found)):
-        whole, each = over_noise(fast.wrenches - said, fast, static)
-        print(f"  {label}: {whole:.3f}  " + " ".join(f"{x:.2f}" for x in each))
+    for seed in options.seed:
+        print(f"seed {seed}", flush=True)
+        log = readings(rig, 600.0, 20.0, 2 * seed, fine=5)
+        static, model = diagnosed(log, seed) if options.diagnose else identified(log)
+        print(model.fit_report())
+        fast = readings(rig, 60.0 * options.minutes, options.rate, 2 * seed + 1)
+        with tempfile.TemporaryDirectory() as name:
+            found = stepped_in_c(model, fast, Path(name))
+        print(f"error over noise, {options.minutes:g} min at {options.rate:g} Hz: all, {names}")
+        for label, said in (("static model", static.predict(fast.poses)), ("stepped in C", found)):
+            whole, each = over_noise(fast.wrenches - said, fast, static)
+            print(f"  {label}: {whole:.3f}  " + " ".join(f"{x:.2f}" for x in each), flush=True)
 
 
 if __name__ == "__main__":
