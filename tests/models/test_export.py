@@ -6,7 +6,6 @@ import ctypes
 import json
 import os
 import re
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -24,21 +23,22 @@ from ecm.io.table import as_table
 from ecm.models import Model, fit_model
 from ecm.models.export import TARGETS, export_files
 from support.campaigns import campaign
+from support.cortex_m import (
+    BOARDS,
+    CORTEX,
+    WARNINGS,
+    linked,
+    run_on_board,
+    rust_library,
+    stated_stack,
+)
 from support.exports import done, written
 from support.models import with_time
 from support.neck import ROOT, Done
-from support.programs import need_program, need_rust_target
+from support.programs import need_program
 
 F = NDArray[np.float64]
 Command = Callable[..., Done]
-CORTEX = Path(__file__).parent / "cortex_m"
-WARNINGS = ["-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror"]
-COUNTED = ["-DMODEL=neck", '-DHEADER="neck.h"', '-DGOLDEN="neck_golden.h"']
-THUMB = "thumbv7em-none-eabihf"
-BOARDS = {
-    "cortex-m4": ("mps2-an386", ["-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16"]),
-    "cortex-m7": ("mps2-an500", ["-mcpu=cortex-m7", "-mfpu=fpv5-d16"]),
-}
 
 
 @pytest.fixture(scope="module")
@@ -82,36 +82,6 @@ def test_the_c_loop_holds_the_platform(
         assert reason in ran.stdout
 
 
-def linked(folder: Path, core: str, *sources: object, level: str = "-O2") -> Path:
-    """A firmware of these sources, the start-up code and `neck.h`."""
-    program = folder / "firmware.elf"
-    built = done(
-        need_program("arm-none-eabi-gcc"), "-std=c99", level, *WARNINGS, "-mthumb", "-DQUIET",
-        "-mfloat-abi=hard", *BOARDS[core][1], *COUNTED, f"-I{folder}", "-nostartfiles",
-        "-Wl,--gc-sections,-z,noexecstack", "-T", CORTEX / "mps2.ld",
-        CORTEX / "startup.c", *sources, "-o", program,
-    )  # fmt: skip
-    assert (built.returncode, built.stderr) == (0, "")
-    return program
-
-
-def run_on_board(program: Path, core: str) -> str:
-    ran = done(
-        need_program("qemu-system-arm"), "-M", BOARDS[core][0], "-nographic", "-monitor", "none",
-        "-serial", "none", "-icount", "shift=0",
-        "-semihosting-config", "enable=on,target=native", "-kernel", program,
-    )  # fmt: skip
-    assert ran.returncode == 0, ran.stderr
-    return ran.stdout + ran.stderr
-
-
-def stated_stack(file: Path) -> int:
-    """Bytes that the code promises not to exceed."""
-    found = re.search(r"at most (\d+) bytes", file.read_text(encoding="utf-8"))
-    assert found is not None
-    return int(found.group(1))
-
-
 @pytest.mark.parametrize("core", list(BOARDS))
 @pytest.mark.parametrize("name", ["cubic", "energy4", "energy6"])
 def test_cortex_m_gives_the_golden_vectors(
@@ -143,7 +113,7 @@ def test_steps_on_a_cortex_m_give_the_golden_history_in_c_and_rust(
     folder = written(model, tmp_path, "c", "single")
     run_on_board(linked(folder, core, folder / "neck.c", folder / "neck_check.c"), core)
     written(model, folder / "neck", "rust", "single")
-    library = rust_library(folder, products, "3", "single", steps=True)
+    library = rust_library(folder, products, "3", "single", "steps.rs")
     run_on_board(linked(folder, core, folder / "neck_check.c", library), core)
     header, lib = folder / "neck.h", folder / "neck" / "src" / "lib.rs"
     stated = {
@@ -158,37 +128,6 @@ def test_steps_on_a_cortex_m_give_the_golden_history_in_c_and_rust(
         assert step < 1.5 * static
         for deep, limit in zip((stack, counted[11]), stated[code.suffix], strict=True):
             assert 0.3 * int(limit) < deep <= int(limit)
-
-
-def rust_library(
-    folder: Path, products: Path, level: str, precision: str, *, steps: bool = False
-) -> Path:
-    """The exported crate in `folder`/neck and the example of ecm-poly, to link with C.
-
-    What the crates depend on is compiled once a session, in `products`.
-    """
-    need_rust_target(THUMB)
-    source = (CORTEX / "firmware.rs").read_text(encoding="utf-8")
-    if steps:
-        source += (CORTEX / "steps.rs").read_text(encoding="utf-8")
-    example = ROOT / "crates" / "ecm-poly" / "examples" / "controller.rs"
-    source = source.replace("EXAMPLE", str(example))
-    source = source.replace("REAL", "f32" if precision == "single" else "f64")
-    (folder / "lib.rs").write_text(source, encoding="utf-8")
-    manifest = (CORTEX / "firmware.toml").read_text(encoding="utf-8")
-    manifest = manifest.replace("CRATES", str(ROOT / "crates"))
-    (folder / "Cargo.toml").write_text(manifest, encoding="utf-8")
-    shutil.copy(ROOT / "Cargo.lock", folder / "Cargo.lock")
-    built = done(
-        need_program("cargo"), "build", "--release", "--offline", "--target", THUMB,
-        cwd=folder,
-        env={
-            **os.environ, "CARGO_TARGET_DIR": str(products / "firmware"),
-            "CARGO_PROFILE_RELEASE_OPT_LEVEL": level, "RUSTFLAGS": "-D warnings",
-        },
-    )  # fmt: skip
-    assert built.returncode == 0, built.stderr
-    return Path(shutil.copy(products / "firmware" / THUMB / "release" / "libfirmware.a", folder))
 
 
 @pytest.mark.parametrize(

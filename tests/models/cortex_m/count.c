@@ -1,13 +1,17 @@
 /* Instructions and stack of one call. Under `qemu -icount shift=0` an instruction takes 1 ns of virtual
  * time, and SysTick counts it at 25 MHz: 40 instructions a tick. Compile with -DMODEL=name.
- * Prints for h, then for h and K, with -DSTEPS also for a step of 1 ms and one ahead: the least and the most
- * instructions over the golden poses, and the most bytes of stack. */
+ * Prints for h, then for h and K, with -DSTEPS also for a step of 1 ms and one ahead, with -DADAPT for a reading
+ * that waits, and for two that make an interval: the least and the most instructions over the golden poses, and
+ * the most bytes of stack. */
 #include <stdint.h>
 
 #define JOIN2(a, b) a##b
 #define JOIN(a, b) JOIN2(a, b)
 #include HEADER
 #include GOLDEN
+#ifdef ADAPT
+#include ADAPT
+#endif
 
 #define SYSTICK ((volatile uint32_t *)0xE000E010u)
 
@@ -23,12 +27,23 @@ static void number(uint32_t n)
     say(" ");
 }
 
-enum { CALLS = 10, POSES = 16, PAINTED = 4096 };
+enum { CALLS = 10, POSES = 16, PAINTED = 8192 };
 
 static JOIN(MODEL, _real) h[6], k[36];
 #ifdef STEPS
 static JOIN(MODEL, _state) state;
 enum { LAST = 4 };
+#elif defined ADAPT
+static JOIN(MODEL, _adapt_state) state;
+static int32_t outcomes[2];
+enum { LAST = 4 };
+
+/* A reading of this pose, without noise. */
+static int32_t read_one(int pose, JOIN(MODEL, _real) dt)
+{
+    const JOIN(MODEL, _real) *p = JOIN(MODEL, _golden_p)[pose], *w = JOIN(MODEL, _golden_h)[pose];
+    return JOIN(MODEL, _adapt)(&state, 0, p, w, dt, w, JOIN(MODEL, _golden_k)[pose], 0);
+}
 #else
 enum { LAST = 2 };
 #endif
@@ -41,6 +56,13 @@ static void __attribute__((noinline)) call(int what, int pose)
 #ifdef STEPS
     if (what == 3) JOIN(MODEL, _step)(&state, p, (JOIN(MODEL, _real))1e-3, 0, h, k);
     if (what == 4) JOIN(MODEL, _predict_ahead)(&state, p, 1, (JOIN(MODEL, _real))1e-3, 0, h, 0);
+#endif
+#ifdef ADAPT
+    static int other;
+    if (what == 3) outcomes[0] |= read_one(pose, (JOIN(MODEL, _real))1e-6);
+    /* An interval of 0.1 s at poses that change, so that nothing is held for want of a way. */
+    if (what == 4) read_one(pose, (JOIN(MODEL, _real))0.04);
+    if (what == 4) outcomes[1] = read_one((pose + (other += 5)) % POSES, (JOIN(MODEL, _real))0.07);
 #endif
 }
 
@@ -70,6 +92,9 @@ int main(void)
 #ifdef STEPS
     JOIN(MODEL, _init)(&state, JOIN(MODEL, _golden_p)[0]);
 #endif
+#ifdef ADAPT
+    JOIN(MODEL, _adapt_init)(&state, 0);
+#endif
     for (int what = 1; what <= LAST; what++) {
         uint32_t least = UINT32_MAX, most = 0, stack = 0;
         for (int pose = 0; pose < POSES; pose++) {
@@ -83,6 +108,10 @@ int main(void)
         number(most);
         number(4u * stack + 128u);
     }
+#ifdef ADAPT
+    number((uint32_t)outcomes[0]);
+    number((uint32_t)outcomes[1]);
+#endif
     say("\n");
     return 0;
 }

@@ -1,0 +1,81 @@
+"""Firmware of a Cortex-M, from exported C or Rust, and QEMU that runs it."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from pathlib import Path
+
+from support.exports import done
+from support.neck import ROOT
+from support.programs import need_program, need_rust_target
+
+CORTEX = Path(__file__).parents[1] / "models" / "cortex_m"
+"""Start-up code, counts and the glue between C and Rust."""
+WARNINGS = ["-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror"]
+COUNTED = ["-DMODEL=neck", '-DHEADER="neck.h"', '-DGOLDEN="neck_golden.h"']
+THUMB = "thumbv7em-none-eabihf"
+BOARDS = {
+    "cortex-m4": ("mps2-an386", ["-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16"]),
+    "cortex-m7": ("mps2-an500", ["-mcpu=cortex-m7", "-mfpu=fpv5-d16"]),
+}
+
+
+def linked(folder: Path, core: str, *sources: object, level: str = "-O2") -> Path:
+    """A firmware of these sources, the start-up code and `neck.h`."""
+    program = folder / "firmware.elf"
+    built = done(
+        need_program("arm-none-eabi-gcc"), "-std=c99", level, *WARNINGS, "-mthumb", "-DQUIET",
+        "-mfloat-abi=hard", *BOARDS[core][1], *COUNTED, f"-I{folder}", "-nostartfiles",
+        "-Wl,--gc-sections,-z,noexecstack", "-T", CORTEX / "mps2.ld",
+        CORTEX / "startup.c", *sources, "-o", program,
+    )  # fmt: skip
+    assert (built.returncode, built.stderr) == (0, "")
+    return program
+
+
+def run_on_board(program: Path, core: str) -> str:
+    ran = done(
+        need_program("qemu-system-arm"), "-M", BOARDS[core][0], "-nographic", "-monitor", "none",
+        "-serial", "none", "-icount", "shift=0",
+        "-semihosting-config", "enable=on,target=native", "-kernel", program,
+    )  # fmt: skip
+    assert ran.returncode == 0, ran.stderr
+    return ran.stdout + ran.stderr
+
+
+def stated_stack(file: Path) -> int:
+    """Bytes that the code promises not to exceed."""
+    found = re.search(r"at most (\d+) bytes", file.read_text(encoding="utf-8"))
+    assert found is not None
+    return int(found.group(1))
+
+
+def rust_library(folder: Path, products: Path, level: str, precision: str, *parts: str) -> Path:
+    """The exported crate in `folder`/neck and the example of ecm-poly, to link with C.
+
+    `parts` are files beside `firmware.rs` that give C more of the crate's functions. What the
+    crates depend on is compiled once a session, in `products`.
+    """
+    need_rust_target(THUMB)
+    files = [CORTEX / part for part in ("firmware.rs", *parts)]
+    source = "".join(file.read_text(encoding="utf-8") for file in files)
+    example = ROOT / "crates" / "ecm-poly" / "examples" / "controller.rs"
+    source = source.replace("EXAMPLE", str(example))
+    source = source.replace("REAL", "f32" if precision == "single" else "f64")
+    (folder / "lib.rs").write_text(source, encoding="utf-8")
+    manifest = (CORTEX / "firmware.toml").read_text(encoding="utf-8")
+    manifest = manifest.replace("CRATES", str(ROOT / "crates"))
+    (folder / "Cargo.toml").write_text(manifest, encoding="utf-8")
+    shutil.copy(ROOT / "Cargo.lock", folder / "Cargo.lock")
+    built = done(
+        need_program("cargo"), "build", "--release", "--offline", "--target", THUMB,
+        cwd=folder,
+        env={
+            **os.environ, "CARGO_TARGET_DIR": str(products / "firmware"),
+            "CARGO_PROFILE_RELEASE_OPT_LEVEL": level, "RUSTFLAGS": "-D warnings",
+        },
+    )  # fmt: skip
+    assert built.returncode == 0, built.stderr
+    return Path(shutil.copy(products / "firmware" / THUMB / "release" / "libfirmware.a", folder))
