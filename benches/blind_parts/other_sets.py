@@ -20,12 +20,12 @@ from blind_parts.other_bodies import BODIES, Body, stated_model
 from blind_parts.other_hidden import FOREIGN, KNOWN, STATEMENTS, Law, Made
 from blind_parts.strength import Strength
 from ecm.diagnosis import diagnose
-from ecm.diagnosis.base import choose_base
 from ecm.diagnosis.check import check
 from ecm.errors import EcmError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table, as_table
 from ecm.models import Model, fit_model
+from ecm.models.base_choice import choose_base
 
 F = NDArray[np.float64]
 KINDS = ("nothing", "known", "statement", "foreign", "nothing", "known", "statement", "known",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy import optimize, special
@@ -35,6 +36,7 @@ from ecm.diagnosis.result import (
 from ecm.diagnosis.search import Ranked, estimate
 from ecm.diagnosis.stated_numbers import negative_payload, stated_numbers
 from ecm.diagnosis.statements import reversed_sign, time_unit
+from ecm.diagnosis.unexplained import misread_table
 from ecm.models.history import Ceiling, ceiling_rms
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.model import Model
@@ -70,9 +72,13 @@ def report(
     )
     ceiling = ceiling_rms(problem.fit, problem.table, problem.noise)
     tested = tuple(effect.id for effect in tested_noise(problem, prepared.effects))
+    given = judge_given_model(model, decision, noise=noise)
+    if given.statement is not None and decision.verdict in ("none", "unknown"):
+        # The base has taken in what the given model shows to be misread: its `none` is none.
+        decision = replace(decision, verdict="unknown", unknown=misread_table(given.statement))
     return Diagnosis(
         seed=seed,
-        model=judge_given_model(model, decision, noise=noise),
+        model=given,
         base=BaseSummary(problem.base.kind, problem.base_error),
         noise=NoiseSummary(problem.noise, decision.noise_effects, tested),
         gate=decision.gate,
