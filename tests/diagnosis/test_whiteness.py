@@ -87,6 +87,21 @@ def test_neighbours_in_a_column_that_err_alike() -> None:
     assert pattern.variable in ("theta_x_rad", "tau_x_Nm")
 
 
+def test_neighbours_in_speed_that_err_alike() -> None:
+    """Visits in a random order, each reached at another speed: a saw in it that no column shows."""
+
+    def saw(t: np.ndarray, p: np.ndarray, h: np.ndarray) -> np.ndarray:
+        step = np.diff(p, axis=0, prepend=p[:1]) / np.diff(t, prepend=t[0] - 1.0)[:, None]
+        speed = np.sqrt(((step / np.sqrt((step**2).mean(axis=0))) ** 2).sum(axis=1))
+        return np.outer(np.sign(np.sin(12.0 * speed)), 0.8 * NOISE)
+
+    problem = problem_of(measured(4, rows=300, change=saw))
+    pattern = find_pattern(problem)
+    assert pattern is not None
+    assert pattern.variable == "speed"
+    assert pattern.words == "readings next to each other in speed err alike"
+
+
 def test_white_noise_has_no_pattern() -> None:
     """At most one of forty, at a level of one in a hundred."""
     alarms = 0

@@ -32,7 +32,7 @@ def naming_wild_readings(table: Table) -> Iterator[None]:
     ...     with naming_wild_readings(table):
     ...         raise ModelError("the rotation vector is longer than pi")
     ... except InputError as error:
-    ...     print(str(error)[:34], "...", str(error)[-51:])
+    ...     print(str(error)[:34], "...", str(error)[-50:])
     table: row 2, column 'fx_N': found ... What failed: the rotation vector is longer than pi
     """
     try:
