@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from blind_parts.miss_kinds import MISSES
 from blind_parts.other_bodies import BODIES, Body, stated_model
 from blind_parts.other_hidden import FOREIGN, KNOWN, STATEMENTS, Law, Made
 from blind_parts.strength import Strength
@@ -106,7 +107,7 @@ def table_of(case: OtherSet, folder: Path) -> tuple[Table, dict[str, Any]]:
     h = made.wrenches
     sd = NOISE * np.repeat([np.sqrt((h[:, j : j + 3] ** 2).mean()) for j in (0, 3)], 3)
     sd = np.where(sd > 0.0, sd, 1.0)
-    law = {**KNOWN, **FOREIGN}.get(case.name)
+    law = {**KNOWN, **FOREIGN, **MISSES}.get(case.name)
     if law is not None:
         h = h + _sized(law[0], case, made, sd)
     h = h + sd * random.standard_normal(h.shape)
