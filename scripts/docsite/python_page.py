@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Iterator
+from dataclasses import MISSING, Field, fields, is_dataclass
 from importlib import import_module
 from typing import Any
 
@@ -48,7 +49,22 @@ def _entry(room: str, name: str, thing: Any) -> Iterator[str]:
         yield f"The same as `{home}`.\n"
     yield _docstring(inspect.getdoc(thing) or "")
     if inspect.isclass(thing):
+        yield from _settings(thing)
         yield from _members(thing)
+
+
+def _settings(cls: type) -> Iterator[str]:
+    """What each field of a class of settings means, unless the docstring says it."""
+    if not is_dataclass(cls) or "Parameters" in _TITLE.findall(inspect.getdoc(cls) or ""):
+        return
+    found = [item for item in fields(cls) if item.init and "limits" in item.metadata]
+    if found:
+        rows = [_row(f"`{it.name}`", it.metadata["limits"].doc, _default(it)) for it in found]
+        yield "\n".join(["| field | meaning | default |", "|---|---|---|", *rows, ""])
+
+
+def _default(item: Field[Any]) -> str:
+    return "" if item.default is MISSING else f"`{_value(item.default)}`"
 
 
 def _members(cls: type) -> Iterator[str]:
@@ -60,27 +76,57 @@ def _members(cls: type) -> Iterator[str]:
         if name.startswith("_") or not text or not (callable(inner) or isinstance(inner, property)):
             continue
         call = "" if isinstance(inner, property) else "()"
-        rows.append(f"| `{name}{call}` | {' '.join(text.split(chr(10) * 2)[0].split())} |")
+        rows.append(_row(f"`{name}{call}`", " ".join(text.split("\n\n")[0].split())))
     if rows:
-        yield "\n".join(["| member | meaning |", "|---|---|", *(_cell(row) for row in rows), ""])
+        yield "\n".join(["| member | meaning |", "|---|---|", *rows, ""])
 
 
-def _cell(row: str) -> str:
-    before, middle, after = row[:2], row[2:-2], row[-2:]
-    name, bar, text = middle.partition(" | ")
-    return before + name + bar + text.replace("|", "\\|") + after
+def _row(*cells: str) -> str:
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
 def _signature(thing: Any) -> str:
     try:
-        text = str(inspect.signature(thing))
+        signature = inspect.signature(thing)
     except (TypeError, ValueError):
         return ""
-    text = re.sub(r"'([^']*)'", r"\1", text).replace("<factory>", "...")
+    parameters = [_parameter(item) for item in signature.parameters.values()]
+    returned = _word(signature.return_annotation)
+    text = str(signature.replace(parameters=parameters, return_annotation=returned))
     if len(text) < 80:
         return text
     inside, _, returned = text[1:].rpartition(")")
     return "(\n" + "".join(f"    {part},\n" for part in _split(inside)) + f"){returned}"
+
+
+class _Word:
+    """Text that a signature shows as it is, without quotes."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    def __repr__(self) -> str:
+        return self.text
+
+
+def _word(annotation: Any) -> Any:
+    return _Word(annotation.strip("'\"")) if isinstance(annotation, str) else annotation
+
+
+def _parameter(item: inspect.Parameter) -> inspect.Parameter:
+    default = item.default
+    if default is not inspect.Parameter.empty:
+        default = _Word(_value(default))
+    return item.replace(annotation=_word(item.annotation), default=default)
+
+
+def _value(default: Any) -> str:
+    """A default as one would write it; a record of defaults is its class, a function its name."""
+    if inspect.isroutine(default):
+        return str(default.__name__)
+    if is_dataclass(default) and not isinstance(default, type):
+        return f"{type(default).__name__}({'' if default == type(default)() else '...'})"
+    return repr(default).replace("<factory>", "...")
 
 
 def _split(text: str) -> list[str]:

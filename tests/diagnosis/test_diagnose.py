@@ -204,7 +204,7 @@ def test_the_report_is_that_of_the_interface() -> None:
 
 
 def lists_of_the_interface(report: dict[str, Any]) -> None:
-    """Keys and types of the lists beside the verdict, as interfaces.md has them."""
+    """Keys and types of the lists beside the verdict."""
     for step in report["rmse"].values():
         assert set(step) == set(WRENCH)
         assert all(isinstance(value, float) for value in step.values())

@@ -130,11 +130,15 @@ class Comparison:
     row: I
     """(N,) rows in the table, from 0."""
     compared: _Compared
-    structure: StructureTest
-    """Whether the residual holds more than chance."""
     warnings: tuple[str, ...] = ()
     rows_used: RowsUsed | None = None
     """Rows of a large table that noise, references and maps rest on; None where they are all."""
+
+    @cached_property
+    def structure(self) -> StructureTest:
+        """Whether the residual holds more than chance; tested when it is asked for."""
+        made = self.compared
+        return _structure(made.model, made.table, made.predicted, made.chosen, self.noise)
 
     @cached_property
     def references(self) -> ReferenceModels | None:
@@ -177,6 +181,7 @@ class Comparison:
         """
         steps = Steps(_STEPS, progress)
         for name, make in (
+            ("structure of the errors", lambda: self.structure),
             ("pose errors", lambda: self.pose_error),
             ("reference models", lambda: self.references),
             ("residual maps", self.where),
@@ -412,7 +417,6 @@ def compare(
         )
         for j, name in enumerate(model.outputs)
     )
-    steps.begin("structure of the errors")
     return Comparison(
         model=model.name,
         rows=int(scored.sum()),
@@ -432,7 +436,6 @@ def compare(
             *beyond_reach(model, rows.poses[scored]),
         ),
         compared=_Compared(model, table, predicted, chosen),
-        structure=_structure(model, table, predicted, chosen, noise),
         rows_used=_rows_used(len(table), len(chosen), len(model.outputs)),
     )
 

@@ -1,4 +1,4 @@
-"""The result of a diagnosis: it prints, plots, and becomes a report (interfaces.md) or a table."""
+"""The result of a diagnosis: it prints, plots, and becomes a report or a table."""
 
 from __future__ import annotations
 
@@ -259,7 +259,7 @@ class Diagnosis:
         return figure.update_layout(title=self._headline(), xaxis_title="fall of BIC")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the report of interfaces.md."""
+        """Return the JSON report (docs/schemas/diagnose.json)."""
         partial = [item.id for item in self.effects] if self.verdict == "unknown" else []
         document = {"schema": 1, "seed": self.seed, "sentence": self.sentence()}
         return (

@@ -77,7 +77,7 @@ class StiffnessMap(Protocol):
         """(N, n) poses to (N, m) wrenches."""
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
-        """(N, m, n) stiffness of the kind (conventions.md)."""
+        """(N, m, n) stiffness: `partial`, `generalised` or `screw` (docs/explain/mechanics.md)."""
 
     def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
         """(N, m) wrenches and (N, m, n) stiffnesses in one call."""
@@ -93,7 +93,7 @@ class StiffnessMap(Protocol):
         """(k,) lower and upper limits of the coefficients; None where there are none."""
 
     def other_body(self, change: BodyChange) -> BaseMap | None:
-        """The map of a changed body (regression/rows.py); None where it knows one body only."""
+        """The map of a changed body; None where it knows one body only."""
 
     def document(self) -> dict[str, Any]:
         """The map as part of a model file."""
@@ -244,7 +244,7 @@ class EnergyMap(SixAxisMap):
 
     Source
     ------
-    conventions.md, "Mid-frame coordinates".
+    docs/explain/energies.md.
 
     Examples
     --------

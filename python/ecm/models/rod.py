@@ -120,7 +120,7 @@ class ConstantCurvatureMap(_Backbone):
 
 
 def _wrench_of(poses: F, force: F) -> F:
-    """(N, 6, k) h of generalised forces Q in mid-frame coordinates (conventions.md)."""
+    """(N, 6, k) h of generalised forces Q in mid-frame coordinates."""
     theta = np.ascontiguousarray(poses[:, 3:])
     half = rotation_matrices(0.5 * theta)
     f = half @ force[:, :3]
