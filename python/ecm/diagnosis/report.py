@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Future
+from dataclasses import replace
 
 import numpy as np
 from scipy import optimize, special
@@ -36,6 +37,7 @@ from ecm.diagnosis.result import (
 from ecm.diagnosis.search import Ranked, estimate
 from ecm.diagnosis.stated_numbers import negative_payload, stated_numbers
 from ecm.diagnosis.statements import reversed_sign, time_unit
+from ecm.diagnosis.unexplained import misread_table
 from ecm.models.history import Ceiling, ceiling_rms
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.model import Model
@@ -62,7 +64,12 @@ def report(
         Noise of the rows, where the user gave it.
     """
     with beside(lambda: judge_given_model(model, decision, noise=noise)) as judged:
-        return _report(decision, model, seed, judged)
+        made = _report(decision, model, seed, judged)
+    statement = made.model.statement
+    if statement is None or made.verdict not in ("none", "unknown"):
+        return made
+    # The base has taken in what the given model shows to be misread: its `none` is none.
+    return replace(made, verdict="unknown", unknown=misread_table(statement))
 
 
 def _report(decision: Decision, model: Model, seed: int, judged: Future[GivenModel]) -> Diagnosis:

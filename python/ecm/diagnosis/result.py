@@ -198,6 +198,8 @@ class Diagnosis:
             near = f"; nearest is {nearest.id} ({nearest.share:.0%})" if nearest else ""
             words = self.unknown.words if self.unknown else ""
             if self.unknown is not None and self.unknown.misread:
+                if self.model.statement is not None:  # said of the model already
+                    return "Mend that first: a base that is fitted to these rows takes it in."
                 first = "Something is stated wrongly"
                 if self.unknown.statement is not None:
                     first = "The table looks misread"

@@ -23,6 +23,7 @@ from ecm.io.arrays import F
 from ecm.io.cache import Stage, cache_directory, hash_of, write_atomically
 from ecm.io.columns import POSE
 from ecm.io.mechanism import Mechanism
+from ecm.io.quaternion_order import ORDERS, likely_order, read_in_other_order
 from ecm.io.steps import Progress
 from ecm.io.table import Table
 from ecm.models.maps import EnergyMap, SixAxisMap, Symmetry
@@ -364,10 +365,18 @@ def physics_map(
 
 
 def reach_of(table: Table) -> float:
-    """Rotation, rad, that 98 % of the rows do not exceed; 0 without rotation columns."""
+    """Rotation, rad, that 98 % of the rows do not exceed; 0 without rotation columns.
+
+    Of quaternions that were read in the wrong order, that of the right one: no FEM shall run for
+    half turns that never were.
+    """
     if not table.has(*POSE[3:]):
         return 0.0
-    return float(np.quantile(np.linalg.norm(table.matrix(POSE[3:]), axis=1), 0.98))
+    vectors = table.matrix(POSE[3:])
+    meant = likely_order(vectors)
+    if meant:
+        vectors = read_in_other_order(vectors, ORDERS[meant])
+    return float(np.quantile(np.linalg.norm(vectors, axis=1), 0.98))
 
 
 def _read(path: Path) -> PhysicsFamily | None:
