@@ -46,14 +46,6 @@ TARGETS = {
 }
 
 
-# Stripped anyway, so without debug information. Optimised as a whole, a function that two crates
-# have is there once.
-SMALLER = {
-    f"CARGO_PROFILE_RELEASE_{name}": value
-    for name, value in (("DEBUG", "false"), ("CODEGEN_UNITS", "1"), ("LTO", "fat"))
-}
-
-
 def build(target: str, out: Path) -> Path:
     """Build the wheel of a target into a folder, and check the name it got.
 
@@ -99,13 +91,11 @@ def audit(wheel: Path) -> None:
 
 
 def _run(command: list[str]) -> None:
+    # Stripped anyway, so without debug information; in one unit each crate becomes smaller.
+    smaller = {"CARGO_PROFILE_RELEASE_DEBUG": "false", "CARGO_PROFILE_RELEASE_CODEGEN_UNITS": "1"}
+    variables = {**os.environ, **smaller}
     done = subprocess.run(
-        command,
-        cwd=ROOT,
-        env={**os.environ, **SMALLER},
-        capture_output=True,
-        text=True,
-        check=False,
+        command, cwd=ROOT, env=variables, capture_output=True, text=True, check=False
     )
     if done.returncode != 0:
         raise RuntimeError(f"{' '.join(command)}\n{done.stdout}{done.stderr}")
