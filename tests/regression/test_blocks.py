@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from threading import Barrier
+from threading import Barrier, Event
 
 import pytest
 
@@ -37,3 +37,13 @@ def test_a_work_goes_on_beside_the_block_and_its_error_is_raised_where_it_is_ask
         pass
     with pytest.raises(ZeroDivisionError):
         failed.result()
+
+
+def test_who_is_interrupted_does_not_wait_for_the_work_beside() -> None:
+    end = Event()
+    try:
+        with pytest.raises(KeyboardInterrupt), beside(lambda: end.wait(10.0)) as work:
+            raise KeyboardInterrupt
+        assert not work.done()
+    finally:
+        end.set()

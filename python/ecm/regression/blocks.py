@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
+from threading import Thread
 from typing import TypeVar
 
 import numpy as np
@@ -58,8 +59,17 @@ def beside(work: Callable[[], T]) -> Iterator[Future[T]]:
     >>> total.result() + other
     50
     """
-    with ThreadPoolExecutor(1) as pool:
-        yield pool.submit(work)
+    done: Future[T] = Future()
+
+    def run() -> None:
+        try:
+            done.set_result(work())
+        except BaseException as error:  # raised where the result is asked for
+            done.set_exception(error)
+
+    # A daemon: who is interrupted does not wait for it.
+    Thread(target=run, daemon=True).start()
+    yield done
 
 
 def triangles_of_folds(fold: I, triangle: Callable[[I], F]) -> list[F]:
