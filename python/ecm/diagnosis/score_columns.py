@@ -251,8 +251,9 @@ def robust_weights(response: F, blocks: Sequence[F], outlier_chance: float) -> F
     """Return (N,) weights: rows that no column explains and no Gaussian gives count less."""
     n, m = response.shape
     design = np.concatenate(blocks, axis=2)
-    norms = np.sqrt((design**2).sum(axis=(0, 1)))
-    flat = (design / np.where(norms > 0.0, norms, 1.0)).reshape(n * m, -1)
+    norms = np.sqrt(np.einsum("nmk,nmk->k", design, design))
+    design /= np.where(norms > 0.0, norms, 1.0)
+    flat = design.reshape(n * m, -1)
     if flat.shape[1] >= n * m // 2:
         flat = flat[:, : blocks[0].shape[2]]
     limit = float(special.chdtri(m, outlier_chance))

@@ -247,9 +247,11 @@ class Span:
     """
 
     columns: F
-    """(r, q) of length one."""
+    """(r, q), none without length."""
+    norms: F
+    """(q,) their lengths."""
     factor: F
-    """(rank, rank) upper triangle of the pivoted Cholesky factor of their products."""
+    """(rank, rank) upper triangle of the pivoted Cholesky factor of products of unit columns."""
     order: I
     """(rank,) columns in the order of the factor."""
 
@@ -258,13 +260,15 @@ class Span:
         """Decompose columns (r, q); those without length are left out."""
         norms = np.sqrt(np.einsum("ij,ij->j", columns, columns))
         keep = norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)
-        scaled = columns / norms if keep.all() else columns[:, keep] / norms[keep]
+        if not keep.all():
+            columns, norms = columns[:, keep], norms[keep]
         if not keep.any():
-            return Span(scaled, np.zeros((0, 0)), np.zeros(0, dtype=np.int64))
+            return Span(columns, norms, np.zeros((0, 0)), np.zeros(0, dtype=np.int64))
         # The pivoted Cholesky factor of the normal equations shows dependent columns in any order
         # and costs a quarter of an orthonormal basis.
-        factor, order, rank, _ = lapack.dpstrf(_products(scaled), tol=_DEPENDENT**2)
-        return Span(scaled, factor[:rank, :rank], order[:rank] - 1)
+        products = _products(columns) / np.outer(norms, norms)
+        factor, order, rank, _ = lapack.dpstrf(products, tol=_DEPENDENT**2)
+        return Span(columns, norms, factor[:rank, :rank], order[:rank] - 1)
 
     @property
     def rank(self) -> int:
@@ -275,7 +279,7 @@ class Span:
         """(b,) sum of squares of each response (r, b) in the span."""
         if self.rank == 0:
             return np.zeros(responses.shape[1])
-        along = (self.columns.T @ responses)[self.order]
+        along = (self.columns.T @ responses / self.norms[:, None])[self.order]
         projected = solve_triangular(self.factor, along, trans="T", check_finite=False)
         return np.asarray((projected**2).sum(axis=0))
 
