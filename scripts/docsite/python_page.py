@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 import re
+import textwrap
 from collections.abc import Iterator
 from dataclasses import MISSING, Field, fields, is_dataclass
 from importlib import import_module
-from typing import Any
+from itertools import pairwise
+from typing import Any, get_origin
 
 ROOMS = (
     "ecm",
@@ -34,7 +37,7 @@ def page(room: str) -> str:
     parts = [f"# {room}\n", _text(inspect.getdoc(module) or "")]
     for name in module.__all__:
         thing = getattr(module, name)
-        if callable(thing):
+        if callable(thing) and get_origin(thing) is None:
             parts += [f"\n## {name}\n", *_entry(room, name, thing)]
         elif not name.startswith("_"):
             parts += [f"\n## {name}\n", f"```python\n{name} = {_short(thing)}\n```\n"]
@@ -49,18 +52,33 @@ def _entry(room: str, name: str, thing: Any) -> Iterator[str]:
         yield f"The same as `{home}`.\n"
     yield _docstring(inspect.getdoc(thing) or "")
     if inspect.isclass(thing):
-        yield from _settings(thing)
+        yield from _fields(thing)
         yield from _members(thing)
 
 
-def _settings(cls: type) -> Iterator[str]:
-    """What each field of a class of settings means, unless the docstring says it."""
+def _fields(cls: type) -> Iterator[str]:
+    """What each field of a dataclass means, unless the docstring says it."""
     if not is_dataclass(cls) or "Parameters" in _TITLE.findall(inspect.getdoc(cls) or ""):
         return
-    found = [item for item in fields(cls) if item.init and "limits" in item.metadata]
-    if found:
-        rows = [_row(f"`{it.name}`", it.metadata["limits"].doc, _default(it)) for it in found]
+    meaning = _meanings(cls)
+    found = [item for item in fields(cls) if item.init and meaning.get(item.name)]
+    rows = [_row(f"`{item.name}`", meaning[item.name], _default(item)) for item in found]
+    if rows:
         yield "\n".join(["| field | meaning | default |", "|---|---|---|", *rows, ""])
+
+
+def _meanings(cls: type) -> dict[str, str]:
+    """The text below each field in the source, else that of its `setting`."""
+    found = {
+        item.name: item.metadata["limits"].doc for item in fields(cls) if "limits" in item.metadata
+    }
+    for kind in reversed([kind for kind in cls.__mro__ if is_dataclass(kind)]):
+        body = ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0].body  # type: ignore[attr-defined]
+        for item, below in pairwise(body):
+            match item, below:
+                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(ast.Constant(str(text))):
+                    found[name] = " ".join(text.split())
+    return found
 
 
 def _default(item: Field[Any]) -> str:

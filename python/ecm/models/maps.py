@@ -183,7 +183,7 @@ class PolynomialMap(MapDefaults):
         return np.asarray(self.model.coefficients.T.ravel())
 
     def predict(self, poses: F) -> F:
-        """(N, n) to (N, m)."""
+        """(N, n) poses to (N, m) wrenches."""
         return self.model.predict(np.ascontiguousarray(poses), self._turns)
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
@@ -276,15 +276,15 @@ class EnergyMap(SixAxisMap):
         return np.asarray(self.model.coefficients)
 
     def predict(self, poses: F) -> F:
-        """(N, 6) to (N, 6)."""
+        """(N, 6) poses to (N, 6) wrenches."""
         return self.model.predict(np.ascontiguousarray(poses))
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
-        """(N, 6, 6)."""
+        """(N, 6, 6) stiffness."""
         return self.model.stiffness(np.ascontiguousarray(poses), cast(StiffnessKind, kind))
 
     def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
-        """(N, 6) and (N, 6, 6)."""
+        """(N, 6) wrenches and (N, 6, 6) stiffnesses."""
         return self.model.wrench_and_stiffness(
             np.ascontiguousarray(poses), cast(StiffnessKind, kind)
         )

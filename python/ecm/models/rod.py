@@ -56,7 +56,7 @@ class _Backbone(SixAxisMap):
         return replace(self, parameters=np.asarray(coefficients, dtype=np.float64))
 
     def predict(self, poses: F) -> F:
-        """(N, 6) to (N, 6)."""
+        """(N, 6) poses to (N, 6) wrenches."""
         raise NotImplementedError
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
@@ -111,7 +111,7 @@ class ConstantCurvatureMap(_Backbone):
         return _wrench_of(poses, force)
 
     def predict(self, poses: F) -> F:
-        """(N, 6) to (N, 6)."""
+        """(N, 6) poses to (N, 6) wrenches."""
         return np.asarray(self.columns(poses) @ self.parameters)
 
     def document(self) -> dict[str, Any]:

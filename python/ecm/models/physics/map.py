@@ -116,15 +116,15 @@ class PhysicsMap(SixAxisMap):
         return abs(self.factor) * self.own_error
 
     def predict(self, poses: F) -> F:
-        """(N, 6) to (N, 6)."""
+        """(N, 6) poses to (N, 6) wrenches."""
         return self.factor * self.surrogate.predict(poses)
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
-        """(N, 6, 6)."""
+        """(N, 6, 6) stiffness."""
         return self.factor * self.surrogate.stiffness(poses, kind)
 
     def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
-        """(N, 6) and (N, 6, 6)."""
+        """(N, 6) wrenches and (N, 6, 6) stiffnesses."""
         wrench, stiffness = self.surrogate.wrench_and_stiffness(poses, kind)
         return self.factor * wrench, self.factor * stiffness
 
