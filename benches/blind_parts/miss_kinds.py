@@ -15,6 +15,15 @@ from blind_parts.rod import Rod, cross, turn
 F = NDArray[np.float64]
 
 
+def _moved(m: Made, motion: F) -> F:
+    """The change of the wrench where the body's end, or its foot, has moved by so much."""
+    section, held = m.body.section, m.at.held
+    assert section is not None
+    assert held is not None
+    poses = m.poses - motion
+    return Rod(section).solve(poses, np.zeros(len(poses)), held).wrench - m.wrenches
+
+
 def _bumper(m: Made) -> F:
     """A rubber block under one side of the rim: a power of its depth, along its own direction."""
     azimuth = m.random.uniform(0.0, 2.0 * np.pi)
@@ -49,17 +58,20 @@ def _permanent_set(m: Made) -> F:
     size = np.linalg.norm(away / np.where(away.std(axis=0) > 0.0, away.std(axis=0), 1.0), axis=1)
     flow = away * np.clip(size - np.quantile(size, 0.7), 0.0, None)[:, None] ** 2
     total = np.cumsum(np.vstack([np.zeros((1, 6)), flow[:-1]]), axis=0)
-    shifted = m.poses - 0.002 * total / max(float(np.abs(total).max()), 1e-12)
-    section, held = m.body.section, m.at.held
-    assert section is not None
-    assert held is not None
-    return Rod(section).solve(shifted, np.zeros(len(shifted)), held).wrench - m.wrenches
+    return _moved(m, 0.002 * total / max(float(np.abs(total).max()), 1e-12))
 
 
 def _debonding(m: Made) -> F:
-    """A glued foot that opens under tension: all grows softer, the more the harder it is pulled."""
-    pull = m.wrenches[:, 0] / np.sqrt((m.wrenches[:, 0] ** 2).mean())
-    return -m.wrenches * np.maximum(0.0, np.tanh(pull))[:, None]
+    """A glued foot that opens under tension: it lifts, and tilts with the moment there."""
+    force, moment = m.wrenches[:, :3], m.wrenches[:, 3:]
+    at_foot = moment + cross(m.poses[:, :3], force)
+    pull = np.maximum(0.0, force[:, 0] / np.sqrt((force[:, 0] ** 2).mean()))
+    tilt = np.tanh(pull)[:, None] * at_foot / np.sqrt((at_foot**2).mean())
+    foot = np.zeros_like(m.poses)
+    foot[:, 0] = 1e-4 * pull
+    foot[:, 4:] = 1e-3 * tilt[:, 1:]
+    foot[:, :3] += cross(foot[:, 3:], m.poses[:, :3])
+    return _moved(m, foot)
 
 
 def _small_beside_larger(m: Made) -> F:

@@ -126,6 +126,9 @@ def table_of(case: OtherSet, folder: Path) -> tuple[Table, dict[str, Any]]:
     if case.repeats:
         first = case.rows - case.repeats
         columns["pose_id"] = np.r_[np.arange(first), np.arange(case.repeats)].astype(float)
+    if case.name in MISSES:  # friction is testable where each way to a pose is known
+        ids = columns.setdefault("pose_id", np.arange(case.rows).astype(float))
+        columns["approach"] = ["initial", *(str(int(one)) for one in ids[:-1])]
     meta: dict[str, Any] = {"mechanism": mechanism} if mechanism else {}
     if case.declared:
         meta["instrument"] = {
