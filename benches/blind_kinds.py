@@ -43,7 +43,7 @@ def sets(each: int, seed: int) -> list[OtherSet]:
                 OtherSet(
                     seed=seed,
                     index=1000 * number + i,
-                    kind="known",
+                    kind="miss",
                     name=name,
                     body=rods[i % len(rods)],
                     strength=(1.0, 3.0)[i // 2 % 2],

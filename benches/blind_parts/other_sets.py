@@ -107,7 +107,7 @@ def table_of(case: OtherSet, folder: Path) -> tuple[Table, dict[str, Any]]:
     h = made.wrenches
     sd = NOISE * np.repeat([np.sqrt((h[:, j : j + 3] ** 2).mean()) for j in (0, 3)], 3)
     sd = np.where(sd > 0.0, sd, 1.0)
-    law = {**KNOWN, **FOREIGN, **MISSES}.get(case.name)
+    law = (MISSES if case.kind == "miss" else {**KNOWN, **FOREIGN}).get(case.name)
     if law is not None:
         h = h + _sized(law[0], case, made, sd)
     h = h + sd * random.standard_normal(h.shape)
@@ -126,7 +126,7 @@ def table_of(case: OtherSet, folder: Path) -> tuple[Table, dict[str, Any]]:
     if case.repeats:
         first = case.rows - case.repeats
         columns["pose_id"] = np.r_[np.arange(first), np.arange(case.repeats)].astype(float)
-    if case.name in MISSES:  # friction is testable where each way to a pose is known
+    if case.kind == "miss":  # friction is testable where each way to a pose is known
         ids = columns.setdefault("pose_id", np.arange(case.rows).astype(float))
         columns["approach"] = ["initial", *(str(int(one)) for one in ids[:-1])]
     meta: dict[str, Any] = {"mechanism": mechanism} if mechanism else {}
