@@ -28,8 +28,8 @@ demo: build-demo
 test: test-rust test-python
 
 docs: build
-	@$(STEP) "Pages of the crates by rustdoc" $(CARGO) doc --release --quiet --no-deps \
-	  -p ecm-se3 -p ecm-poly -p ecm-fem -p ecm-doe
+	@$(STEP) "Pages of the crates by rustdoc" env RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release \
+	  --quiet --no-deps -p ecm-se3 -p ecm-poly -p ecm-fem -p ecm-doe
 	@$(STEP) "Site of the documentation" env PYTHONPATH=scripts $(BIN)/python -m docsite target/doc
 	@echo "Open site/index.html in a browser."
 

@@ -129,14 +129,17 @@ def main() -> None:
     parser.add_argument("--full", type=int, default=5, help="seeds below it carry out every motion")
     parser.add_argument("--out", type=Path, default=Path("out/head"))
     parser.add_argument("--rows", type=int, nargs="*", default=range(len(ROWS)))
-    parser.add_argument("--step-s", type=float, default=1e-3, help="step of the plant")
+    parser.add_argument(
+        "--step-s", type=float, help="step of the plant; default 1 ms, with --loop that of ecm head"
+    )
     parser.add_argument("--steps", type=int, default=0)
     parser.add_argument("--loop", action="store_true", help="miss, measure, name, hit")
     parser.add_argument("--workers", type=int, default=own_cores())
     parser.add_argument("--docs", type=Path, help="page to write into, such as docs/head.md")
     parser.add_argument("--workspace", action="store_true", help="what four tendons can hold")
     given = parser.parse_args()
-    bench = bench_in(given.out, given.step_s)
+    step_s = given.step_s or (HeadSettings().plant_step_s if given.loop else 1e-3)
+    bench = bench_in(given.out, step_s)
     rows = [list(ROWS)[i] for i in given.rows]
     instead: tuple[str, list[str]] | None = None
     if given.workspace:
@@ -155,7 +158,7 @@ def main() -> None:
         print(f"\r{done} done, about {left_s / 60:.0f} min left ", end="", file=sys.stderr)
 
     tasks = [(seed, row) for seed in range(*given.seeds) for row in rows]
-    work = partial(one_file, given.out, given.step_s, given.full)
+    work = partial(one_file, given.out, step_s, given.full)
     failed = run_all(tasks, work, workers=given.workers, progress=progress)
     lines = table_lines(bench.results())
     print("\n".join(lines))

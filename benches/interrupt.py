@@ -97,9 +97,13 @@ def prepare(folder: Path) -> None:
 
 
 def results(folder: Path) -> dict[str, bytes]:
-    """The files of a folder without its cache and without times, which a job's report draws."""
+    """The files of a folder without its cache and without what depends on the clock.
+
+    These are times, a job's report, which draws them, and the parts of a simulation, which are cut
+    where some seconds have passed; the table that they make up is compared.
+    """
     found = {name: text for name, text in files(folder).items() if not name.startswith("cache/")}
-    timed = ("times", "job/report.html")
+    timed = ("times", "job/report.html", ".parts/")
     return {name: text for name, text in found.items() if not any(t in name for t in timed)}
 
 

@@ -13,7 +13,6 @@ from blind_parts.data import Data
 from blind_parts.once import Work
 from blind_parts.sets import Set
 from ecm.diagnosis import DiagnosisSettings, Stages, diagnose, find_missing
-from ecm.diagnosis.base import choose_base
 from ecm.diagnosis.held_out import held_out_rms
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.procedure import STAGES
@@ -22,6 +21,7 @@ from ecm.diagnosis.settings import DEFAULTS
 from ecm.effects import Effect, all_effects
 from ecm.effects.registry import with_shape
 from ecm.models import Model
+from ecm.models.base_choice import choose_base
 from ecm.models.joint_fit import joint_fit
 from ecm.regression.folds import distinct_rows, rows_without_zero_readings
 from ecm.regression.noise import declared_noise

@@ -16,12 +16,12 @@ from blind_parts.rod_tables import rod_table
 from blind_parts.sets import Set
 from blind_parts.strange import STRANGE, Law, smooth_misfit
 from blind_parts.strength import Strength
-from ecm.diagnosis.base import choose_base
 from ecm.effects import Rows
 from ecm.io.cache import cache_directory
 from ecm.io.columns import WRENCH
 from ecm.io.table import Table, read_table
 from ecm.models import Model, PhysicsMap
+from ecm.models.base_choice import choose_base
 from ecm.models.maps import StiffnessMap
 from ecm.regression.noise import declared_noise
 from ecm.rig import Campaign, Hidden, RigSettings, fem_source

@@ -16,16 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from blind_parts.miss_kinds import MISSES
 from blind_parts.other_bodies import BODIES, Body, stated_model
 from blind_parts.other_hidden import FOREIGN, KNOWN, STATEMENTS, Law, Made
 from blind_parts.strength import Strength
 from ecm.diagnosis import diagnose
-from ecm.diagnosis.base import choose_base
 from ecm.diagnosis.check import check
 from ecm.errors import EcmError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table, as_table
 from ecm.models import Model, fit_model
+from ecm.models.base_choice import choose_base
 
 F = NDArray[np.float64]
 KINDS = ("nothing", "known", "statement", "foreign", "nothing", "known", "statement", "known",
@@ -106,7 +107,7 @@ def table_of(case: OtherSet, folder: Path) -> tuple[Table, dict[str, Any]]:
     h = made.wrenches
     sd = NOISE * np.repeat([np.sqrt((h[:, j : j + 3] ** 2).mean()) for j in (0, 3)], 3)
     sd = np.where(sd > 0.0, sd, 1.0)
-    law = {**KNOWN, **FOREIGN}.get(case.name)
+    law = (MISSES if case.kind == "miss" else {**KNOWN, **FOREIGN}).get(case.name)
     if law is not None:
         h = h + _sized(law[0], case, made, sd)
     h = h + sd * random.standard_normal(h.shape)
@@ -125,6 +126,9 @@ def table_of(case: OtherSet, folder: Path) -> tuple[Table, dict[str, Any]]:
     if case.repeats:
         first = case.rows - case.repeats
         columns["pose_id"] = np.r_[np.arange(first), np.arange(case.repeats)].astype(float)
+    if case.kind == "miss":  # friction is testable where each way to a pose is known
+        ids = columns.setdefault("pose_id", np.arange(case.rows).astype(float))
+        columns["approach"] = ["initial", *(str(int(one)) for one in ids[:-1])]
     meta: dict[str, Any] = {"mechanism": mechanism} if mechanism else {}
     if case.declared:
         meta["instrument"] = {

@@ -13,11 +13,11 @@ from blind_parts.data import Data
 from blind_parts.once import Work, only_the_answer
 from blind_parts.sets import Set
 from ecm.diagnosis import DiagnosisSettings, Stages, find_missing
-from ecm.diagnosis.base import choose_base
 from ecm.diagnosis.decision import Decision
 from ecm.diagnosis.problem import Problem
 from ecm.diagnosis.search import rank
 from ecm.effects import Rows
+from ecm.models.base_choice import choose_base
 from ecm.models.noise_estimate import declared_or_fitted, estimate_noise
 from ecm.regression.noise import Noise
 

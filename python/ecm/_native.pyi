@@ -443,7 +443,7 @@ class EnergyModel:
     def symmetry(self) -> str: ...
 
 def seal_model(document: str) -> str:
-    """A model document (JSON text, interfaces.md) checked, and sealed with its sha256."""
+    """A model document (JSON text) checked, and sealed with its sha256."""
 
 def open_model(text: str) -> dict[str, Any]:
     """The document of a model file; ModelError when its sum, version, kind or a range is wrong."""

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 import re
+import textwrap
 from collections.abc import Iterator
+from dataclasses import MISSING, Field, fields, is_dataclass
 from importlib import import_module
-from typing import Any
+from itertools import pairwise
+from typing import Any, get_origin
 
 ROOMS = (
     "ecm",
@@ -33,7 +37,7 @@ def page(room: str) -> str:
     parts = [f"# {room}\n", _text(inspect.getdoc(module) or "")]
     for name in module.__all__:
         thing = getattr(module, name)
-        if callable(thing):
+        if callable(thing) and get_origin(thing) is None:
             parts += [f"\n## {name}\n", *_entry(room, name, thing)]
         elif not name.startswith("_"):
             parts += [f"\n## {name}\n", f"```python\n{name} = {_short(thing)}\n```\n"]
@@ -48,7 +52,37 @@ def _entry(room: str, name: str, thing: Any) -> Iterator[str]:
         yield f"The same as `{home}`.\n"
     yield _docstring(inspect.getdoc(thing) or "")
     if inspect.isclass(thing):
+        yield from _fields(thing)
         yield from _members(thing)
+
+
+def _fields(cls: type) -> Iterator[str]:
+    """What each field of a dataclass means, unless the docstring says it."""
+    if not is_dataclass(cls) or "Parameters" in _TITLE.findall(inspect.getdoc(cls) or ""):
+        return
+    meaning = _meanings(cls)
+    found = [item for item in fields(cls) if item.init and meaning.get(item.name)]
+    rows = [_row(f"`{item.name}`", meaning[item.name], _default(item)) for item in found]
+    if rows:
+        yield "\n".join(["| field | meaning | default |", "|---|---|---|", *rows, ""])
+
+
+def _meanings(cls: type) -> dict[str, str]:
+    """The text below each field in the source, else that of its `setting`."""
+    found = {
+        item.name: item.metadata["limits"].doc for item in fields(cls) if "limits" in item.metadata
+    }
+    for kind in reversed([kind for kind in cls.__mro__ if is_dataclass(kind)]):
+        body = ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0].body  # type: ignore[attr-defined]
+        for item, below in pairwise(body):
+            match item, below:
+                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(ast.Constant(str(text))):
+                    found[name] = " ".join(text.split())
+    return found
+
+
+def _default(item: Field[Any]) -> str:
+    return "" if item.default is MISSING else f"`{_value(item.default)}`"
 
 
 def _members(cls: type) -> Iterator[str]:
@@ -60,27 +94,57 @@ def _members(cls: type) -> Iterator[str]:
         if name.startswith("_") or not text or not (callable(inner) or isinstance(inner, property)):
             continue
         call = "" if isinstance(inner, property) else "()"
-        rows.append(f"| `{name}{call}` | {' '.join(text.split(chr(10) * 2)[0].split())} |")
+        rows.append(_row(f"`{name}{call}`", " ".join(text.split("\n\n")[0].split())))
     if rows:
-        yield "\n".join(["| member | meaning |", "|---|---|", *(_cell(row) for row in rows), ""])
+        yield "\n".join(["| member | meaning |", "|---|---|", *rows, ""])
 
 
-def _cell(row: str) -> str:
-    before, middle, after = row[:2], row[2:-2], row[-2:]
-    name, bar, text = middle.partition(" | ")
-    return before + name + bar + text.replace("|", "\\|") + after
+def _row(*cells: str) -> str:
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
 def _signature(thing: Any) -> str:
     try:
-        text = str(inspect.signature(thing))
+        signature = inspect.signature(thing)
     except (TypeError, ValueError):
         return ""
-    text = re.sub(r"'([^']*)'", r"\1", text).replace("<factory>", "...")
+    parameters = [_parameter(item) for item in signature.parameters.values()]
+    returned = _word(signature.return_annotation)
+    text = str(signature.replace(parameters=parameters, return_annotation=returned))
     if len(text) < 80:
         return text
     inside, _, returned = text[1:].rpartition(")")
     return "(\n" + "".join(f"    {part},\n" for part in _split(inside)) + f"){returned}"
+
+
+class _Word:
+    """Text that a signature shows as it is, without quotes."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    def __repr__(self) -> str:
+        return self.text
+
+
+def _word(annotation: Any) -> Any:
+    return _Word(annotation.strip("'\"")) if isinstance(annotation, str) else annotation
+
+
+def _parameter(item: inspect.Parameter) -> inspect.Parameter:
+    default = item.default
+    if default is not inspect.Parameter.empty:
+        default = _Word(_value(default))
+    return item.replace(annotation=_word(item.annotation), default=default)
+
+
+def _value(default: Any) -> str:
+    """A default as one would write it; a record of defaults is its class, a function its name."""
+    if inspect.isroutine(default):
+        return str(default.__name__)
+    if is_dataclass(default) and not isinstance(default, type):
+        return f"{type(default).__name__}({'' if default == type(default)() else '...'})"
+    return repr(default).replace("<factory>", "...")
 
 
 def _split(text: str) -> list[str]:

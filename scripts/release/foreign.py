@@ -61,7 +61,7 @@ def use_on_musl(wheel: Path, folder: Path) -> str:
     python = musl.build(folder / "musl")
     site = folder / "musl-site"
     _install(wheel, site, musl.VERSION, ["musllinux_1_2_x86_64", "musllinux_1_1_x86_64"])
-    return _run([str(python), str(USE)], folder, {"PYTHONPATH": str(site)})
+    return _run([*python, str(USE)], folder, {"PYTHONPATH": str(site)})
 
 
 def use_on_windows(wheel: Path, folder: Path) -> str:

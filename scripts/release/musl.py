@@ -18,36 +18,50 @@ exec musl-gcc "$@"
 """
 
 
-def build(folder: Path) -> Path:
-    """Build a Python below a folder, and return its program.
+def build(folder: Path) -> list[str]:
+    """Build a Python below a folder, and return the words that start it.
 
-    It has what numpy and scipy import, `ctypes` among it, and neither zlib nor ssl.
+    It has what numpy and scipy import, `ctypes` and `zlib` among it, and no ssl. It runs with the
+    musl of Debian 13: their wheels need 1.2.4 (relative relocations in a table of their own), and
+    end without a word with the 1.2.3 of Debian 12.
     """
     program = folder / f"python/bin/python{VERSION}"
+    command = [str(folder / "debian/usr/lib/x86_64-linux-musl/libc.so"), str(program)]
     if program.exists():
-        return program
+        return command
     apt = debian.apt(folder)
-    for command in (["download", "libffi-dev"], ["source", "--download-only", f"python{VERSION}"]):
-        subprocess.run([*apt, *command], cwd=folder, check=True, capture_output=True, text=True)
-    debian.extract(folder, folder / "libffi")
-    here = folder / "libffi/usr"
-    flags = f"-I{here / 'include/x86_64-linux-gnu'}"
-    library = here / "lib/x86_64-linux-gnu/libffi_pic.a"
+    sources = ["source", "--download-only", "zlib", f"python{VERSION}"]
+    for words in (["download", "libffi-dev", "musl"], sources):
+        subprocess.run([*apt, *words], cwd=folder, check=True, capture_output=True, text=True)
+    debian.extract(folder, folder / "debian")
     compiler = folder / "cc"
     compiler.write_text(COMPILER, encoding="utf-8")
     compiler.chmod(0o755)
-    (archive,) = folder.glob("python*.orig.tar.xz")
-    with tarfile.open(archive) as files:
-        files.extractall(folder / "source", filter="data")
-    (source,) = (folder / "source").iterdir()
-    variables = {
-        **os.environ, "CC": str(compiler), "CFLAGS": "-O1", "LIBFFI_CFLAGS": flags,
-        "LIBFFI_LIBS": str(library), "PKG_CONFIG_LIBDIR": "/nonexistent",
+    zlib, ffi = folder / "zlib", folder / "debian/usr"
+    variables = {"CC": str(compiler), "CFLAGS": "-O1 -fPIC"}
+    _make(folder, "zlib", variables, ["--static", f"--prefix={zlib}"])
+    variables |= {
+        "CFLAGS": "-O1", "PKG_CONFIG_LIBDIR": "/nonexistent",
+        "LIBFFI_CFLAGS": f"-I{ffi / 'include/x86_64-linux-gnu'}",
+        "LIBFFI_LIBS": str(ffi / "lib/x86_64-linux-gnu/libffi_pic.a"),
+        "ZLIB_CFLAGS": f"-I{zlib / 'include'}", "ZLIB_LIBS": str(zlib / "lib/libz.a"),
     }  # fmt: skip
+    _make(folder, "python", variables, ["--quiet", f"--prefix={folder / 'python'}", *WITHOUT])
+    return command
+
+
+def _make(folder: Path, name: str, variables: dict[str, str], options: list[str]) -> None:
+    """Unpack the sources of a Debian package, build and install them."""
+    (archive,) = folder.glob(f"{name}*.orig.tar.?z")
+    with tarfile.open(archive) as files:
+        files.extractall(folder / f"source-{name}", filter="data")
+    (source,) = (folder / f"source-{name}").iterdir()
+    environment = {**os.environ, **variables}
     for words in (
-        ["./configure", "--quiet", f"--prefix={folder / 'python'}", *WITHOUT],
+        ["./configure", *options],
         ["make", "-s", f"-j{os.cpu_count() or 1}"],
         ["make", "-s", "install"],
     ):
-        subprocess.run(words, cwd=source, env=variables, check=True, capture_output=True, text=True)
-    return program
+        subprocess.run(
+            words, cwd=source, env=environment, check=True, capture_output=True, text=True
+        )

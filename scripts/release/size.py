@@ -8,8 +8,12 @@ import subprocess
 import sys
 import time
 import venv
+from email import message_from_bytes
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from zipfile import ZipFile
+
+from packaging.requirements import Requirement
 
 PIP = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
 RUNS = 7
@@ -61,9 +65,20 @@ def _download(wheel: Path, python: str, folder: Path) -> float:
         made_for += ["--abi", abi]
     for policy in ("manylinux_2_28", "manylinux_2_27", "manylinux_2_17", "manylinux2014"):
         made_for += ["--platform", f"{policy}_x86_64"]
-    get = [*PIP, "download", *made_for, "--dest", str(folder), str(wheel)]
+    get = [*PIP, "download", *made_for, "--dest", str(folder), *requirements(wheel, python)]
     subprocess.run(get, check=True, capture_output=True, text=True)
-    return _bytes(folder) / 1e6
+    return (_bytes(folder) + wheel.stat().st_size) / 1e6
+
+
+def requirements(wheel: Path, python: str) -> list[str]:
+    """What a wheel needs on one Python; pip would ask for those of the Python that it runs in."""
+    with ZipFile(wheel) as files:
+        (name,) = (name for name in files.namelist() if name.endswith(".dist-info/METADATA"))
+        lines = message_from_bytes(files.read(name)).get_all("Requires-Dist", [])
+    there = {"python_version": python, "python_full_version": f"{python}.0", "extra": ""}
+    found = [Requirement(line) for line in lines]
+    kept = [item for item in found if item.marker is None or item.marker.evaluate(there)]
+    return [f"{item.name}{item.specifier}" for item in kept]
 
 
 def _bytes(folder: Path) -> int:

@@ -358,6 +358,28 @@ def test_omnibus_is_level_under_nothing_and_sees_structure() -> None:
     assert omnibus_test(structured, design, fitted).p < 1e-6
 
 
+def test_omnibus_of_many_rows_and_columns_is_that_of_least_squares() -> None:
+    """The rows are worked on in blocks; two columns depend on others."""
+    random = np.random.default_rng(2)
+    n, m, q = 2500, 2, 70
+    design, fitted = random.standard_normal((n, m, q)), random.standard_normal((n, m, 3))
+    design[:, :, 5] = design[:, :, 6] - 2.0 * fitted[:, :, 1]
+    design[:, :, 7] = 0.0
+    response, weights = random.standard_normal((n, m)), random.uniform(0.5, 1.0, n)
+    root = np.repeat(np.sqrt(weights), m)
+
+    def left(columns: np.ndarray) -> float:
+        flat = columns.reshape(n * m, -1) * root[:, None]
+        y = response.ravel() * root
+        return float(((y - flat @ np.linalg.lstsq(flat, y, rcond=1e-10)[0]) ** 2).sum())
+
+    test = omnibus_test(response, design, fitted, weights)
+    rest = left(np.concatenate([fitted, design], axis=2))
+    assert (test.dof, test.dof_error) == (q - 2, n * m - 3 - (q - 2))
+    assert test.rest == pytest.approx(rest, rel=1e-10)
+    assert test.explained == pytest.approx(left(fitted) - rest, rel=1e-9)
+
+
 def test_held_out_squares_are_those_of_a_refit_without_the_fold() -> None:
     random = np.random.default_rng(1)
     design, response = random.standard_normal((60, 2, 3)), random.standard_normal((60, 2))

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from ecm.diagnosis import diagnose
-from ecm.diagnosis.base import choose_base
 from ecm.diagnosis.held_out import held_out_squares
 from ecm.diagnosis.problem import assemble
 from ecm.effects import all_effects
+from ecm.models.base_choice import choose_base
 from ecm.regression.folds import without_zero_readings
 from support.campaigns import campaign, model
 

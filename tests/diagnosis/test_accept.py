@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from ecm.diagnosis import DiagnosisSettings, diagnose
 from ecm.diagnosis import accept as accept_module
 from ecm.diagnosis.accept import AcceptanceCheck, acceptance_check
-from ecm.diagnosis.base import choose_base
 from ecm.diagnosis.bootstrap import selection_shares
 from ecm.diagnosis.problem import Candidate, Problem, assemble
 from ecm.diagnosis.search import rank, search
@@ -22,6 +21,7 @@ from ecm.effects import Rows, all_effects, get_effect
 from ecm.io.columns import WRENCH
 from ecm.io.description import FileMeta
 from ecm.io.table import Table
+from ecm.models.base_choice import choose_base
 from ecm.regression.folds import folds, held_out_by, is_pose_row, row_groups
 from ecm.regression.noise import declared_noise, whiteners
 from ecm.regression.normal_equations import NormalEquations

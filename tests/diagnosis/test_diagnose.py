@@ -17,7 +17,6 @@ import pytest
 from ecm.comparison import compare
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.diagnosis.accept import acceptance_check
-from ecm.diagnosis.base import choose_base
 from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.search import rank
 from ecm.effects import Rows, all_effects, get_effect
@@ -26,6 +25,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument
 from ecm.io.table import Table
 from ecm.models import fit_model
+from ecm.models.base_choice import choose_base
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from support.campaigns import campaign, found_in, model, physics, plan
 from support.stand_in import L, StandIn
@@ -204,7 +204,7 @@ def test_the_report_is_that_of_the_interface() -> None:
 
 
 def lists_of_the_interface(report: dict[str, Any]) -> None:
-    """Keys and types of the lists beside the verdict, as interfaces.md has them."""
+    """Keys and types of the lists beside the verdict."""
     for step in report["rmse"].values():
         assert set(step) == set(WRENCH)
         assert all(isinstance(value, float) for value in step.values())

@@ -295,3 +295,70 @@ def test_loads_that_are_all_zero_are_not_read_otherwise() -> None:
     given = diagnose(fit_model(stiff, "linear"), unloaded, effects=[]).model
     assert given.answer != "table"
     assert given.statement is None
+
+
+def planar(seed: int, rows: int = 150) -> Table:
+    """Three columns of a plane: springs that stiffen, of which two belong together."""
+    random = np.random.default_rng(seed)
+    u = random.uniform(-1.0, 1.0, (rows, 3))
+    stiffness = np.array([[60.0, 0.0, 0.0], [0.0, 20.0, -8.0], [0.0, -8.0, 12.0]])
+    h = u @ stiffness + 6.0 * u**3 + 0.3 * random.standard_normal((rows, 3))
+    names = ("x_m", "y_m", "theta_z_rad", "fx_N", "fy_N", "tau_z_Nm")
+    values = np.hstack([u * [2e-3, 5e-3, 0.2], h * [1.0, 1.0, 0.03]])
+    instrument = replace(INSTRUMENT, torque_sd_Nm=0.009)
+    return as_table(dict(zip(names, values.T, strict=True)), meta=Meta(instrument=instrument))
+
+
+def test_a_table_that_only_the_given_model_shows_to_be_misread_is_not_said_to_lack_nothing() -> (
+    None
+):
+    """Three columns: the base is a polynomial, which takes in a reversed sign on one axis."""
+    given = fit_model(planar(0, rows=300), "cubic")
+    right = planar(8)
+    assert diagnose(given, right, effects=["payload"]).model.answer == "fits"
+    wrong = right.with_columns({"fy_N": -right.column("fy_N")})
+    found = diagnose(given, wrong, effects=["payload"])
+    assert found.sentence().count("The table looks misread: the sign of fy looks reversed") == 1
+    assert "Nothing is missing" not in found.sentence()
+    assert found.verdict == "unknown"
+    assert found.unknown is not None
+    assert found.unknown.misread
+    assert "Nothing is missing" not in "\n".join(paragraphs(found.to_dict()))
+
+
+def rough(seed: int, rows: int = 40) -> Table:
+    """Readings that scatter many times as much as the instruments are said to."""
+    table, random = measured(seed, rows=rows), np.random.default_rng([seed, 2])
+    scatter = random.standard_normal((rows, 6)) * [6.0, 6.0, 6.0, 0.2, 0.2, 0.2]
+    return table.with_columns(dict(zip(WRENCH, (table.wrenches + scatter).T, strict=True)))
+
+
+def test_an_error_many_times_the_noise_is_never_said_to_fit() -> None:
+    table = rough(3)
+    given = model("linear")
+    for each in (given, fit_model(table.with_meta(Meta(instrument=INSTRUMENT)), "linear")):
+        found = diagnose(each, table.with_meta(Meta(instrument=INSTRUMENT)), effects=["payload"])
+        assert found.model.as_given.over_noise is not None
+        assert found.model.as_given.over_noise > 5.0
+        assert "fits these data" not in found.sentence()
+
+
+@pytest.mark.parametrize("rows", [40, 50, 60])
+def test_compare_says_what_diagnose_says_of_a_form_that_is_too_plain(rows: int) -> None:
+    """Few rows of six columns: no test of the residual sees what a linear model lacks."""
+    table = measured(3, rows=rows)
+    given = fit_model(table, "linear")
+    found, compared = diagnose(given, table, effects=["payload"]), compare(given, table)
+    assert found.model.answer == "form"
+    assert compared.missing
+    assert "noise is likely too small" not in compared.sentence()
+    assert "something is missing in the model" in compared.sentence()
+
+
+def test_a_wild_reading_does_not_hide_what_failed() -> None:
+    columns = {"y_m": np.arange(12.0) / 1e3, "fy_N": np.append(np.arange(1.0, 12.0), 1e9)}
+    with (
+        pytest.raises(InputError, match=r"row 12, .*What failed: 3 rows are too few"),
+        naming_wild_readings(as_table(columns)),
+    ):
+        raise ModelError("3 rows are too few for 4 coefficients")

@@ -11,7 +11,6 @@ import pytest
 
 from ecm.diagnosis import DiagnosisSettings, diagnose
 from ecm.diagnosis.accept import acceptance_check
-from ecm.diagnosis.base import choose_base
 from ecm.diagnosis.problem import Problem, assemble
 from ecm.diagnosis.search import rank
 from ecm.diagnosis.settings import DEFAULTS
@@ -22,6 +21,7 @@ from ecm.io.columns import WRENCH
 from ecm.io.description import Instrument
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
+from ecm.models.base_choice import choose_base
 from ecm.models.file import effect_document, effect_of
 from ecm.models.joint_fit import FittedEffect
 from ecm.models.worse import refuse_worse

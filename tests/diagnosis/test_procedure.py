@@ -9,7 +9,6 @@ import pytest
 
 from ecm.diagnosis import Diagnosis, DiagnosisSettings, Stages, diagnose, find_missing
 from ecm.diagnosis.accept import accept
-from ecm.diagnosis.base import choose_base
 from ecm.diagnosis.classify import classify, verdict
 from ecm.diagnosis.gate import gate, leftover
 from ecm.diagnosis.preparation import prepare
@@ -17,6 +16,7 @@ from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.report import report
 from ecm.diagnosis.search import rank, search
 from ecm.errors import InputError
+from ecm.models.base_choice import choose_base
 from support.campaigns import campaign, model
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from ecm.diagnosis import diagnose
-from ecm.diagnosis.base import choose_base
 from ecm.diagnosis.preparation import prepare
 from ecm.diagnosis.problem import Problem, assemble
 from ecm.diagnosis.whiteness import find_pattern
@@ -15,6 +14,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
+from ecm.models.base_choice import choose_base
 from support.campaigns import campaign, model, workspace_poses
 from support.one_angle import META as ONE_ANGLE
 from support.one_angle import cycles, spring
@@ -85,6 +85,21 @@ def test_neighbours_in_a_column_that_err_alike() -> None:
     pattern = find_pattern(problem_of(measured(4, rows=300, change=saw)))
     assert pattern is not None
     assert pattern.variable in ("theta_x_rad", "tau_x_Nm")
+
+
+def test_neighbours_in_speed_that_err_alike() -> None:
+    """Visits in a random order, each reached at another speed: a saw in it that no column shows."""
+
+    def saw(t: np.ndarray, p: np.ndarray, h: np.ndarray) -> np.ndarray:
+        step = np.diff(p, axis=0, prepend=p[:1]) / np.diff(t, prepend=t[0] - 1.0)[:, None]
+        speed = np.sqrt(((step / np.sqrt((step**2).mean(axis=0))) ** 2).sum(axis=1))
+        return np.outer(np.sign(np.sin(12.0 * speed)), 0.8 * NOISE)
+
+    problem = problem_of(measured(4, rows=300, change=saw))
+    pattern = find_pattern(problem)
+    assert pattern is not None
+    assert pattern.variable == "speed"
+    assert pattern.words == "readings next to each other in speed err alike"
 
 
 def test_white_noise_has_no_pattern() -> None:

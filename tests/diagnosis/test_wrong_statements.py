@@ -63,6 +63,14 @@ def inverse(poses: F) -> F:
     return np.hstack([-turns.apply(poses[:, :3]), turns.as_rotvec()])
 
 
+def quaternion_read(poses: F, written: str) -> F:
+    """Four numbers with the scalar last that are read with the scalar first, or the reverse."""
+    four = Rotation.from_rotvec(poses[:, 3:]).as_quat(scalar_first=written == "wxyz")
+    return np.hstack(
+        [poses[:, :3], Rotation.from_quat(four, scalar_first=written != "wxyz").as_rotvec()]
+    )
+
+
 def about_the_base(p: F, h: F) -> F:
     return np.hstack([h[:, :3], h[:, 3:] + np.cross(p[:, :3], h[:, :3])])
 
@@ -81,6 +89,8 @@ def about_the_base(p: F, h: F) -> F:
         (lambda p, h: (inverse(p), h), "the pose looks inverted"),
         (lambda p, h: (p * [1, 1, 1, -1, -1, -1], h), "the rotation looks transposed"),
         (lambda p, h: (euler(p), h), "Euler angles in the order xyz"),
+        (lambda p, h: (quaternion_read(p, "xyzw"), h), "a quaternion as wxyz, which is xyzw"),
+        (lambda p, h: (quaternion_read(p, "wxyz"), h), "a quaternion as xyzw, which is wxyz"),
         (lambda p, h: (p * [1, 1, 1, *[np.pi / 180] * 3], h), "57.3 once too often"),
     ],
 )  # fmt: skip
@@ -130,6 +140,7 @@ def test_a_reversed_wrench_is_said_without_a_body_and_without_a_length() -> None
         (lambda p, h: (inverse(p), h), "the pose looks inverted"),
         (lambda p, h: (p * [1, 1, 1, -1, -1, -1], h), "the rotation looks transposed"),
         (lambda p, h: (euler(p), h), "Euler angles in the order xyz"),
+        (lambda p, h: (quaternion_read(p, "xyzw"), h), "a quaternion as wxyz, which is xyzw"),
         (lambda p, h: (p, h), ""),
         (lambda p, h: (in_axes(p, turned("y", 90)), in_axes(h, turned("y", 90))), ""),
     ],

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ecm.diagnosis.base import choose_base
 from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.search import all_needed, delta_chi2, rank, search
 from ecm.effects import Rows, all_effects
@@ -28,6 +27,7 @@ from ecm.effects.slip import PlatformSlip
 from ecm.io.columns import POSE
 from ecm.io.description import Meta
 from ecm.io.table import Table
+from ecm.models.base_choice import choose_base
 from ecm.regression.approach import order_of_visits, pose_before
 from ecm.regression.f_test import explained_by_span
 from ecm.regression.folds import without_zero_readings

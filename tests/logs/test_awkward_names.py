@@ -13,6 +13,7 @@ import ecm
 from ecm import import_log
 from ecm.io.columns import POSE, WRENCH
 from ecm.logs.objects import log_of_object
+from ecm.models.selection import default_candidates
 
 N = 40
 PLACE = np.random.default_rng(1).uniform(-0.02, 0.02, (N, 3))
@@ -154,3 +155,19 @@ def test_frames_of_polars_with_arrays_in_their_cells_and_not_yet_computed() -> N
     for each in (frame, frame.lazy()):
         check_all(import_log(each, rotation="wxyz", units=["SI"]))
     assert len(ecm.Table(polars.DataFrame({"x_m": PLACE[:, 0]}).lazy())) == N
+
+
+def test_a_column_with_empty_cells_is_asked_for_with_its_range() -> None:
+    """It said nan to nan."""
+    load = np.linspace(-3.0, 4.0, N)
+    load[[5, 9]] = np.nan
+    with pytest.raises(ecm.InputError, match=r"Fx: -3 to 4, in N or in gf\?"):
+        import_log({"x_mm": PLACE[:, 0], "Fx": load})
+    with pytest.raises(ecm.InputError, match=r"Fx: no numbers, in N or in gf\?"):
+        import_log({"x_mm": PLACE[:, 0], "Fx": np.full(N, np.nan)})
+
+
+def test_choosing_a_model_of_one_angle_says_which_models_there_are() -> None:
+    table = ecm.as_table({"theta_z_rad": TURN[:, 2], "tau_z_Nm": LOAD[:, 3]})
+    with pytest.raises(ecm.InputError, match=r"poly:D, D up to 6 \(9 of one pose column\)"):
+        default_candidates(table)

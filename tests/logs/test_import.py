@@ -18,6 +18,8 @@ from scipy.spatial.transform import Rotation
 import ecm
 from ecm import import_log
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Meta
+from ecm.io.frames import Frames
 from ecm.logs.rotations import rotation_columns, to_rotation_vectors
 from support.neck import Done
 
@@ -167,6 +169,28 @@ def test_predictions_come_with_the_angles_of_a_knee(
         units=["SI"],
     )
     np.testing.assert_allclose(back.table["theta_x_rad"], truth["theta_x_rad"], atol=1e-9)
+
+
+@pytest.mark.parametrize(("written", "stated"), [("xyzw", "wxyz"), ("wxyz", "xyzw")])
+def test_a_quaternion_in_the_other_order_is_told_at_once(
+    truth: dict[str, F], written: str, stated: str
+) -> None:
+    """A body whose base is clamped is turned little; it stood half a turn away."""
+    small = truth | dict(zip(POSE[3:], (0.5 * pose(truth)[:, 3:]).T, strict=True))
+    four = Rotation.from_rotvec(pose(small)[:, 3:]).as_quat(scalar_first=written == "wxyz")
+    log = {name: small[name] for name in ("time_s", *POSE[:3], *WRENCH)}
+    log |= {f"quat{i}": column for i, column in enumerate(four.T)}
+    wrong = import_log(log, rotation=f"{stated}:quat0,quat1,quat2,quat3")
+    words = f"in the order {stated}, which are {written}"
+    assert any(words in note for note in wrong.notes)
+    assert any(words in warning for warning in ecm.check(wrong.table).warnings)
+    right = import_log(log, rotation=f"{written}:quat0,quat1,quat2,quat3")
+    assert not any("quaternion" in note for note in right.notes)
+    same(right.table, small)
+    # A robot that sees the tool half a turn away says so in [frames].
+    frames = Frames(base_from_robot=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    turned = import_log(log, rotation=f"{stated}:quat0,quat1,quat2,quat3", meta=Meta(frames=frames))
+    assert not any("in the order" in note for note in turned.notes)
 
 
 @pytest.mark.parametrize("side", ["right", "left"])

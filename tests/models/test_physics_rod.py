@@ -15,7 +15,8 @@ from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
 from ecm.models import PhysicsMap, physics_map
 from ecm.models.joint_fit import joint_fit
-from ecm.models.physics.build import BuildSettings, shape_of
+from ecm.models.physics.build import BuildSettings, build_family, shape_of
+from ecm.models.physics.family import PARAMETERS, PhysicsFamily
 from ecm.models.physics.rod import stated_rod
 from ecm.models.rod import RodMap
 from ecm.regression.noise import Noise
@@ -47,6 +48,17 @@ def poses_of(wrenches: F, mechanism: Mechanism = ROD) -> F:
 def wrenches(count: int, seed: int) -> F:
     high = np.array([30.0, 40.0, 40.0, 1.0, 2.5, 2.5])
     return np.random.default_rng(seed).uniform(-high, high, (count, 6))
+
+
+def test_a_family_that_is_read_again_gives_the_bits_of_the_built_one() -> None:
+    """A job that was interrupted goes on with the family of its cache: the same figures."""
+    built = build_family(shape_of(ROD), BuildSettings(poses=30, test_poses=8))
+    read = PhysicsFamily.from_dict(built.to_dict())
+    poses = poses_of(wrenches(20, 3))
+    values = dict(zip(PARAMETERS, (0.65e6, 0.47, 0.1, 0.0653), strict=True))
+    for name in PARAMETERS:
+        expected = built.derivative(values, name).predict(poses)
+        np.testing.assert_array_equal(read.derivative(values, name).predict(poses), expected)
 
 
 def test_it_is_the_rod_that_was_stated(rod: PhysicsMap) -> None:

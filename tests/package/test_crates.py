@@ -117,6 +117,28 @@ def test_no_public_signature_has_a_type_of_faer() -> None:
                 assert shown.search(source.read_text(encoding="utf-8")) is None, source
 
 
+CLOSED = {
+    "StiffnessKind": "three stiffnesses, by their definition",
+    "Constraint": "a node is free, moves with the platform, or is held",
+    "Precision": "float and double, the two types of exported code",
+    "Outcome": "numbers of the exported C",
+    "Parameter": "numbers of the exported C",
+}
+"""Public enums that another crate may match in full."""
+
+
+def test_enums_that_may_grow_are_matched_with_a_rest() -> None:
+    enum = re.compile(r"((?:^(?:#\[|//).*\n)*)^pub enum (\w+)", re.M)
+    found: dict[str, bool] = {}
+    for crate in PUBLISHED:
+        for source in crate.glob("src/**/*.rs"):
+            if "bin" not in source.parts:
+                for head, name in enum.findall(source.read_text(encoding="utf-8")):
+                    found[name] = "#[non_exhaustive]" in head
+    assert len(found) > 20
+    assert {name for name, grows in found.items() if not grows} == set(CLOSED)
+
+
 @pytest.mark.parametrize("features", ["", "binary", "alloc"])
 def test_ecm_poly_builds_for_a_cortex_m(features: str) -> None:
     need_rust_target("thumbv7em-none-eabihf")

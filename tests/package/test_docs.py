@@ -32,6 +32,8 @@ OPTION = re.compile(r"(?<!\S)--[a-z][a-z-]*")
 TEST = re.compile(r"(?<![\w/])(?:(test_\w+)(…?)(?!\w|\.py)|([a-z]+(?:_[a-z]+)+)…)")
 FUNCTION = re.compile(r"^\s*(?:def|fn) (\w+)\(", re.MULTILINE)
 
+PAGE = re.compile(r"(?<![\w*{}./-])[\w./-]*\w\.md\b")
+
 WRITTEN = ("demo/", "out/", "examples/control.rs")
 """What commands write: folders of results, and a file of the exported crate."""
 ELSEWHERE = {
@@ -124,6 +126,17 @@ def code(text: str) -> str:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_files_that_a_page_names_exist(page: Path) -> None:
     assert sorted(set(missing_files(page, page.read_text(encoding="utf-8")))) == []
+
+
+def test_pages_that_the_code_names_exist() -> None:
+    missing = set()
+    for path in [*(ROOT / "python").rglob("*.py*"), *(ROOT / "crates").rglob("*.rs")]:
+        if path.suffix in (".py", ".pyi", ".rs"):
+            for name in PAGE.findall(path.read_text(encoding="utf-8")):
+                near = [folder for folder in path.parents if folder.is_relative_to(ROOT)]
+                if not any((folder / name).exists() for folder in near):
+                    missing.add(f"{path.relative_to(ROOT)}: {name}")
+    assert sorted(missing) == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -45,6 +45,29 @@ def test_every_error_is_there_with_its_exit_code() -> None:
     assert found["MissingExtra"][1:3] == ["`InputError`", "2"]
 
 
+def test_defaults_are_written_as_in_a_call() -> None:
+    page = python_page.page("ecm.diagnosis")
+    assert "held_out: str = 'blocks'," in page
+    assert "settings: DiagnosisSettings = DiagnosisSettings()," in page
+    assert "assemble: Callable[..., Problem] = assemble," in page
+    assert " at 0x" not in "".join(python_page.page(room) for room in python_page.ROOMS)
+
+
+def test_a_field_has_its_meaning_unless_the_docstring_says_it() -> None:
+    found = {row[0]: row[1:] for row in rows(python_page.page("ecm.diagnosis"))}
+    assert found["`least_bic`"] == ["Fall of BIC that a name needs.", "`6.0`"]
+    page = python_page.page("ecm")
+    described = page.split("\n## Mechanism\n")[1].split("\n## ")[0]
+    assert "| `poisson_ratio` | 0.49 for rubber | `0.49` |" in described
+    compared = page.split("\n## Comparison\n")[1].split("\n## ")[0]
+    assert "| `row` | (N,) rows in the table, from 0. |" in compared
+    assert "| `criterion` |" not in page.split("\n## DesignSettings\n")[1].split("\n## ")[0]
+
+
+def test_the_name_of_a_type_is_shown_as_what_it_stands_for() -> None:
+    assert "Shape = dict[str, float | str]" in python_page.page("ecm.effects")
+
+
 @pytest.mark.parametrize("room", python_page.ROOMS)
 def test_every_public_name_is_there_with_its_docstring(room: str) -> None:
     page = python_page.page(room)

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from zipfile import ZipFile
 
 import pytest
 import yaml
@@ -169,6 +170,19 @@ def test_an_install_beyond_its_promise_is_a_failure(
         with pytest.raises(RuntimeError, match=r"at most 60 MB, 1\.0 s and 0\.25 s"):
             size.words(tmp_path / "a.whl")
     assert set(size.PYTHONS) <= set(asked)
+
+
+def test_the_download_is_that_of_the_python_it_is_for(tmp_path: Path) -> None:
+    wheel = tmp_path / "ecm_stiffness-0.1.0-cp310-abi3-any.whl"
+    extra = 'jinja2; extra == "report"'
+    with ZipFile(wheel, "w") as files:
+        lines = [f"Requires-Dist: {line}" for line in (*PROJECT["dependencies"], extra)]
+        files.writestr("ecm_stiffness-0.1.0.dist-info/METADATA", "\n".join(lines))
+    old, new = (size.requirements(wheel, python) for python in ("3.10", "3.14"))
+    assert {"numpy<2.2,>=1.26", "tomli>=2"} <= set(old)
+    assert "numpy>=1.26" in new
+    assert not {"jinja2", "tomli>=2"} & set(new)
+    assert sum(line.startswith("numpy") for line in old) == 1
 
 
 def test_every_complex_function_of_windows_has_a_definition() -> None:

@@ -71,6 +71,14 @@ def test_what_is_run_exists() -> None:
         assert (ROOT / folder).is_dir(), folder
 
 
+def test_a_link_of_rustdoc_that_leads_nowhere_stops_a_change() -> None:
+    docs = read(ROOT / ".github/workflows/docs.yml")
+    assert "pull_request" in docs[True]  # what YAML makes of the key `on`
+    assert {"run": "make docs"} in docs["jobs"]["build"]["steps"]
+    recipe = (ROOT / "Makefile").read_text(encoding="utf-8").split("\ndocs:")[1].split("\n\n")[0]
+    assert re.search(r'RUSTDOCFLAGS="-D warnings" \$\(CARGO\) doc', recipe)
+
+
 def test_a_wheel_of_each_promised_target_is_built_and_published_after_its_trial() -> None:
     release = read(ROOT / ".github/workflows/release.yml")["jobs"]
     built = set(release["linux"]["strategy"]["matrix"]["target"])

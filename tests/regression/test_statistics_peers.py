@@ -15,7 +15,6 @@ from statsmodels.stats.multitest import multipletests
 
 from ecm import _native
 from ecm.diagnosis.accept import acceptance_check
-from ecm.diagnosis.base import choose_base
 from ecm.diagnosis.noise_effects import _score
 from ecm.diagnosis.problem import Problem, assemble
 from ecm.diagnosis.search import delta_bic, delta_chi2, rank
@@ -23,6 +22,7 @@ from ecm.effects import Rows, all_effects, get_effect
 from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models import fit_model
+from ecm.models.base_choice import choose_base
 from ecm.models.joint_fit import joint_fit
 from ecm.regression.f_test import lack_of_fit, omnibus_test
 from ecm.regression.noise import Noise, declared_noise

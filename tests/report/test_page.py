@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from plotly.subplots import make_subplots
 
 from ecm.comparison import compare
 from ecm.comparison.page import write_comparison
@@ -212,3 +215,36 @@ def test_the_figures_of_a_job_draw_some_of_many_rows_and_say_so() -> None:
     assert f" {len(drawn)} of 20000 rows are drawn" in draw.drawn_sentence(values)
     assert draw.drawn_sentence(values[:1000]) == ""
     assert len(draw.pose_cloud(values[:1000])["data"][0]["x"]) == 1000
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 7])
+def test_panels_lie_where_plotly_puts_subplots(n: int) -> None:
+    """Worked out here: plotly's own objects take half a second to load and to check."""
+    names = [f"component {i}" for i in range(n)]
+    layout = draw.component_layout(names, None)
+    columns = min(3, n)
+    rows = -(-n // columns)
+    expected = make_subplots(
+        rows=rows,
+        cols=columns,
+        subplot_titles=[f"<b>{name}</b>" for name in names],
+        horizontal_spacing=0.075,
+        vertical_spacing=0.26 / rows,
+    ).to_dict()["layout"]
+    for i in range(n):
+        for axis in "xy":
+            name = f"{axis}axis{i + 1}" if i else f"{axis}axis"
+            assert layout[name]["anchor"] == expected[name]["anchor"]
+            assert layout[name]["domain"] == pytest.approx(expected[name]["domain"])
+        for key, value in expected["annotations"][i].items():
+            if key != "font":
+                assert layout["annotations"][i][key] == pytest.approx(value)
+
+
+def test_a_page_is_drawn_without_the_objects_of_plotly() -> None:
+    code = (
+        "import sys, ecm.report.figures as draw\n"
+        "draw.component_layout(['fx', 'fy'], None)\n"
+        "assert not any(name.startswith('plotly') for name in sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

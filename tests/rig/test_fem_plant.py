@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from ecm.io.arrays import F
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import read_table
 from ecm.rig import Campaign, CampaignOptions, RigSettings, run_campaign
-from ecm.rig.elastic import COS2, SIN2, UNIFORM, Elastic
+from ecm.rig.elastic import COS2, SIN2, UNIFORM, Anchors, Elastic, solve_cached
 from ecm.rig.fem_source import FemSource
 from ecm.rig.frames import displaced, turn_wrench
 from support.stand_in import plan_of, some_poses
@@ -24,6 +25,37 @@ NECK: dict[str, Any] = {
     "young_modulus_Pa": 0.65e6,
     "poisson_ratio": 0.49,
 }
+
+
+@dataclass(frozen=True)
+class _Strided:
+    """A solver whose arrays do not lie row by row in memory."""
+
+    length_m: float = 0.1034
+
+    def key(self) -> str:
+        return "strided"
+
+    def solve(self, poses: F, grade: str, progress: object = None) -> Anchors:
+        random = np.random.default_rng(0)
+        wrenches = random.standard_normal((6, len(poses))).T
+        stiffness = np.swapaxes(random.standard_normal((len(poses), 6, 6)), 1, 2)
+        return Anchors(poses, wrenches, stiffness, ("solved",) * len(poses))
+
+    def surrogate(self, anchors: Anchors) -> None:
+        return None
+
+
+def test_anchors_of_a_file_give_the_bits_of_the_solved_ones(tmp_path: Path) -> None:
+    poses = some_poses(200)
+    near = poses + 0.01 * np.random.default_rng(1).standard_normal(poses.shape)
+    solved, read = (
+        Elastic(solve_cached(_Strided(), poses, UNIFORM, tmp_path)).wrench(np.arange(200), near)
+        for _ in range(2)
+    )
+    np.testing.assert_array_equal(read, solved)
+
+
 REST = np.array([[0.1034, 0.0, 0.0, 0.0, 0.0, 0.0]])
 
 

@@ -9,6 +9,7 @@ use ecm_poly::normalise::{ranges, to_unit};
 
 /// A model whose coefficients enter linearly.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Model {
     /// All monomials of the normalised coordinates up to a degree; one row a pose.
     Polynomial {

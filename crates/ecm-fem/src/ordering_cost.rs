@@ -14,6 +14,7 @@ use std::time::Instant;
 
 /// Elimination order of the unknowns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Ordering {
     /// Geometric nested dissection, the order of every solve.
     NestedDissection,

@@ -3,7 +3,7 @@
 //! Node a follows x_a = r + R (X_a − X_top), so δx_a = δr + δφ × d_a with
 //! d_a = R (X_a − X_top). The wrench is h = (Σ f_a, Σ d_a × f_a). Its tangent by
 //! (δr, δφ) has, beside the nodes' stiffness, the geometric term Σ [f_a]× [d_a]× in
-//! the rotation block: K_s − K_sᵀ = −[τ]× there.
+//! the rotation block: `K_s − K_sᵀ = −[τ]×` there.
 
 use crate::mesh::Mesh;
 use crate::tensor::{Mat3, apply, cross, norm, product, skew, transpose};

@@ -2,7 +2,7 @@
 //!
 //! Straight rod along x, clamped at its base; strains from the force n and the moment
 //! m in section axes: v = (1 + n_x/EA, n_y/GA, n_z/GA), u = (m_x/GJ, m_y/EI, m_z/EI);
-//! r' = R v, R' = R [u]×. The dead tip wrench determines the stress state once the tip
+//! r' = R v, `R' = R [u]×`. The dead tip wrench determines the stress state once the tip
 //! position is known, m(s) = τ + (r_tip − r(s)) × f, so shooting is on three numbers
 //! (Antman, Nonlinear Problems of Elasticity, ch. 8).
 

@@ -90,12 +90,16 @@ pub fn norm(v: [f64; 3]) -> f64 {
 /// Eigenvalues of a symmetric matrix, smallest first, by Jacobi's rotations: accurate to rounding
 /// also where they are equal. Not a number where an entry is not finite.
 pub fn symmetric_eigenvalues(a: &Mat3) -> [f64; 3] {
+    if !a.iter().flatten().all(|entry| entry.is_finite()) {
+        return [f64::NAN; 3];
+    }
     let mut m = *a;
     // Convergence is quadratic: six sweeps are more than any matrix needs.
     for _ in 0..6 {
-        let off = m[0][1] * m[0][1] + m[0][2] * m[0][2] + m[1][2] * m[1][2];
-        let diagonal = m[0][0] * m[0][0] + m[1][1] * m[1][1] + m[2][2] * m[2][2];
-        if off <= 1e-34 * diagonal {
+        // No squares: those of very small or large entries are zero or infinite.
+        let off = m[0][1].abs() + m[0][2].abs() + m[1][2].abs();
+        let diagonal = m[0][0].abs() + m[1][1].abs() + m[2][2].abs();
+        if off <= 1e-17 * diagonal {
             break;
         }
         for (p, q, r) in [(0, 1, 2), (0, 2, 1), (1, 2, 0)] {

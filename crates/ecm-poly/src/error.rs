@@ -145,7 +145,7 @@ pub fn checked_poses(name: &'static str, rows: &[Vec6<f64>]) -> Result<Vec<Pose<
                 column: component,
                 value,
             },
-            PoseError::BeyondPi { .. } => ModelError::Rotation { name, row, source },
+            _ => ModelError::Rotation { name, row, source },
         })?);
     }
     Ok(poses)

@@ -98,6 +98,7 @@ impl PosePolynomial {
 // Both are used in place: a box would put a pointer into the 1 kHz loop.
 #[allow(clippy::large_enum_variant)]
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub enum PoseModel {
     /// A symmetric energy, also of kind `physics`.
     Energy(EnergyModel),

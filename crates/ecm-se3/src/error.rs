@@ -6,6 +6,7 @@ use crate::linear::{Mat3, Vec3};
 
 /// Six numbers that are no pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum PoseError {
     /// A number that is NaN or infinite.
     NotFinite {

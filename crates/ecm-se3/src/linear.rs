@@ -40,7 +40,7 @@ pub fn cross<R: Real>(a: &Vec3<R>, b: &Vec3<R>) -> Vec3<R> {
     ]
 }
 
-/// [a]×, the matrix with [a]× b = a × b.
+/// `[a]×`, the matrix with `[a]× b = a × b`.
 #[inline(always)]
 pub fn skew<R: Real>(a: &Vec3<R>) -> Mat3<R> {
     let o = R::ZERO;

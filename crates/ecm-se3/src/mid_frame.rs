@@ -56,7 +56,7 @@ impl<R: Real> MidFrame<R> {
         [c[0] - self.length_m, c[1], c[2], t[0], t[1], t[2]]
     }
 
-    /// ∂q/∂p, (6, 6): [[Aᵀ, Aᵀ [r]× W], [0, I]].
+    /// ∂q/∂p, (6, 6): `[[Aᵀ, Aᵀ [r]× W], [0, I]]`.
     pub fn jacobian(&self) -> Mat6<R> {
         let zero = crate::linear::diagonal(R::ZERO);
         from_blocks(
@@ -67,7 +67,7 @@ impl<R: Real> MidFrame<R> {
         )
     }
 
-    /// G = ∂c/∂θ = Aᵀ [r]× W.
+    /// `G = ∂c/∂θ = Aᵀ [r]× W`.
     #[inline(always)]
     fn position_slope(&self) -> Mat3<R> {
         transposed_product(
@@ -120,7 +120,7 @@ impl<R: Real> MidFrame<R> {
 
     /// H = ∂²U/∂p², symmetric, from Q = ∂U/∂q and ∂²U/∂q².
     ///
-    /// H_rr = A U_cc Aᵀ, H_rθ = A (U_cc G + U_cθ) − [f]× W,
+    /// H_rr = A U_cc Aᵀ, `H_rθ = A (U_cc G + U_cθ) − [f]× W`,
     /// H_θθ = U_θθ + U_θc G + Gᵀ U_cθ + Gᵀ U_cc G + ∂²(Q_c · Aᵀ r)/∂θ².
     #[inline]
     pub fn hessian(&self, generalised: &Vec6<R>, second: &Mat6<R>) -> Mat6<R> {

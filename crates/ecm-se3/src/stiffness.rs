@@ -2,7 +2,7 @@
 //!
 //! K = ∂h/∂p (partial, the paper's); H = ∂(f, Jᵀτ)/∂p (generalised, the Hessian of the
 //! stored energy); K_s = K diag(I, J⁻¹) (screw, in rotation increments of base axes), whose
-//! rotation block has K_s − K_sᵀ = −[τ]× where the mechanism is conservative.
+//! rotation block has `K_s − K_sᵀ = −[τ]×` where the mechanism is conservative.
 
 use crate::jacobian::{left_jacobian_from, left_jacobian_inverse_from, torque_derivative_from};
 use crate::linear::{
@@ -103,7 +103,7 @@ fn rotation_columns_times<R: Real>(m: &Mat6<R>, j: &Mat3<R>) -> Mat6<R> {
     )
 }
 
-/// The skew part of K_s that is due to the load: −[τ]×/2 in its rotation block.
+/// The skew part of K_s that is due to the load: `−[τ]×/2` in its rotation block.
 ///
 /// K_s minus this is symmetric for a conservative mechanism; what remains skew measures
 /// noise and effects that are not conservative.

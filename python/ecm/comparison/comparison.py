@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ecm.comparison.behind import FAR_BEYOND_NOISE, held_out_error_of_base, is_far_behind
 from ecm.comparison.reference_models import ReferenceModels, fit_reference_models
 from ecm.comparison.residual_figures import residual_figure
 from ecm.comparison.residual_maps import WORST, ResidualMaps, residual_maps_of
 from ecm.comparison.residuals import residuals, residuals_by_block
 from ecm.comparison.run_outliers import run_outliers
-from ecm.comparison.structure import StructureTest, structure_test
+from ecm.comparison.structure import NOTHING_FOLLOWS, StructureTest, structure_test
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import unit_of
@@ -129,11 +130,15 @@ class Comparison:
     row: I
     """(N,) rows in the table, from 0."""
     compared: _Compared
-    structure: StructureTest
-    """Whether the residual holds more than chance."""
     warnings: tuple[str, ...] = ()
     rows_used: RowsUsed | None = None
     """Rows of a large table that noise, references and maps rest on; None where they are all."""
+
+    @cached_property
+    def structure(self) -> StructureTest:
+        """Whether the residual holds more than chance; tested when it is asked for."""
+        made = self.compared
+        return _structure(made.model, made.table, made.predicted, made.chosen, self.noise)
 
     @cached_property
     def references(self) -> ReferenceModels | None:
@@ -176,6 +181,7 @@ class Comparison:
         """
         steps = Steps(_STEPS, progress)
         for name, make in (
+            ("structure of the errors", lambda: self.structure),
             ("pose errors", lambda: self.pose_error),
             ("reference models", lambda: self.references),
             ("residual maps", self.where),
@@ -217,9 +223,12 @@ class Comparison:
                 f"{self.whitened_rms:.2f} times {floor}."
             )
         if not self.missing:
+            return f"{self.model} errs {self.whitened_rms:.2f} times {floor}, {NOTHING_FOLLOWS}."
+        behind = self._error_of_base_ahead
+        if behind is not None:
             return (
-                f"{self.model} errs {self.whitened_rms:.2f} times {floor}, but nothing in it "
-                f"{follows}: that noise is likely too small."
+                f"{self.model} errs {self.whitened_rms:.2f} times {floor}, a base fitted to these "
+                f"rows {behind:.2f} times on held-out ones: something is missing in the model."
             )
         if self.excess_low <= 0.0:
             return (
@@ -233,8 +242,26 @@ class Comparison:
 
     @property
     def missing(self) -> bool:
-        """Whether the model lacks something on these rows: its residual holds structure."""
-        return self.structure.found
+        """Whether the model lacks something on these rows.
+
+        Its residual holds structure, or it errs far beyond the noise and a base that is fitted to
+        these rows does not.
+        """
+        return self.structure.found or self._error_of_base_ahead is not None
+
+    @cached_property
+    def _error_of_base_ahead(self) -> float | None:
+        """Error over the noise of a base that leaves the model far behind; None where none does.
+
+        Fitted only where the model errs far beyond the noise and no test sees why.
+        """
+        known = not self.noise.is_residual and self.whitened_rms > FAR_BEYOND_NOISE
+        if self.structure.found or not known:
+            return None
+        made = self.compared
+        error = held_out_error_of_base(made.model, _some(made.table, made.chosen), self.noise)
+        ahead = error is not None and is_far_behind(self.whitened_rms, error)
+        return error if ahead else None
 
     def where(self) -> ResidualMaps:
         """Return residual maps, signature shares, residual stiffness and the worst rows."""
@@ -390,7 +417,6 @@ def compare(
         )
         for j, name in enumerate(model.outputs)
     )
-    steps.begin("structure of the errors")
     return Comparison(
         model=model.name,
         rows=int(scored.sum()),
@@ -410,7 +436,6 @@ def compare(
             *beyond_reach(model, rows.poses[scored]),
         ),
         compared=_Compared(model, table, predicted, chosen),
-        structure=_structure(model, table, predicted, chosen, noise),
         rows_used=_rows_used(len(table), len(chosen), len(model.outputs)),
     )
 

@@ -54,7 +54,7 @@ class ResidualMaps:
     size: F
     """(N,) root mean square of the row's residual, whitened by its full covariance."""
     shares: Mapping[str, float]
-    """Share of the residual's squares beyond chance, by signature (effects.md)."""
+    """Share of the residual's squares beyond chance, by signature."""
     follows: tuple[tuple[str, str, float], ...]
     """Variable, component and the share of that component's squares, strongest first."""
     stiffness: F | None

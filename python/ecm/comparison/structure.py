@@ -21,6 +21,11 @@ from ecm.regression.rows import Rows
 
 LEVEL = 0.01
 """Chance of a wrong rejection."""
+NOTHING_FOLLOWS = (
+    "but nothing in it follows the pose, the order or another column: that noise is likely too "
+    "small, or these rows are too few to show what is missing"
+)
+"""What is said of an error beyond the noise without structure."""
 LEAST_STRENGTH = 0.15
 """Structure weaker than this, in units of the noise, does not count: no base is better."""
 

@@ -182,7 +182,7 @@ def _pose_ids(candidates: Table) -> F:
 def outer_poses(poses: F) -> I:
     """For each pose the nearest pose from which it is approached from outside, or -1.
 
-    The side of approach is a = sign((p - p_from) M (p - p0)) (interfaces.md); home gives +1,
+    The side of approach is a = sign((p - p_from) M (p - p0)); home gives +1,
     so a pose with (p - p_from) M (p - p0) < 0 gives the other side.
     """
     rest = np.zeros(6)

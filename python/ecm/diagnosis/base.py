@@ -1,9 +1,8 @@
-"""The base that effects are named against: one that cannot absorb them."""
+"""Another base than the first, where the body has unlike ends."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,39 +10,14 @@ from ecm.diagnosis.decision import Decision
 from ecm.diagnosis.held_out import held_out_rms
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.errors import ModelError
-from ecm.io.columns import POSE, WRENCH
-from ecm.models.by_degree import energy_of_unlike_ends, polynomial, symmetric_energy
-from ecm.models.fit import fit_model
+from ecm.models.by_degree import energy_of_unlike_ends
 from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import StiffnessMap
-from ecm.models.physics.map import FREE, PhysicsMap
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-    from ecm.models.model import Model
 
 _FAR = 2.0
 """Error over the noise, with all that was named, from which the body is doubted."""
 _BETTER = 0.5
 """Share of the error that another body must leave at most to be taken instead."""
-
-
-def choose_base(model: Model, table: Table) -> StiffnessMap:
-    """Choose physics where there is a body, else a symmetric energy, else a polynomial.
-
-    E and nu of the physics are free; L and D enter only as effects. Degrees are chosen by
-    generalised cross-validation. A rod that was fitted is no physics base: its sections absorbed a
-    part of the missing effect, and with fixed ratios they would need an effect of their own.
-    """
-    if isinstance(model.base, PhysicsMap):
-        return model.base if model.base.family is None else model.base.with_free(*FREE)
-    body = table.meta.body()
-    full = table.has(*POSE, *WRENCH)
-    if full and body is not None and body.has_body:
-        return fit_model(table, "physics").base
-    if full and table.meta.length_m is not None:
-        return symmetric_energy(table)
-    return polynomial(table)
 
 
 def base_of_unlike_ends(problem: Problem, named: Sequence[Candidate]) -> StiffnessMap | None:

@@ -15,6 +15,7 @@ from ecm.diagnosis.to_json import fields_json
 from ecm.effects import effects_for
 from ecm.effects.length import missing_length
 from ecm.io.columns import POSE, TEXT, WRENCH, is_standard
+from ecm.io.quaternion_order import order_warning
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.regression.correlation import correlation_time
 from ecm.regression.repeats import noise_source, repeated_poses
@@ -302,8 +303,10 @@ def _sampling(table: Table) -> list[str]:
 
 
 def _misread(table: Table) -> list[str]:
-    """Return what looks wrong with the signs and the time of a table."""
+    """Return what looks wrong with the signs, the time and the rotations of a table."""
     said = [time_unit(table), reversed_sign(table, table.pose_columns, table.wrench_columns)]
+    if table.has(*POSE[3:]):
+        said.append(order_warning(table.matrix(POSE[3:])))
     return [words for words in said if words]
 
 

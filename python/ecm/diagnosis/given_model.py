@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from ecm.comparison.behind import is_far_behind
 from ecm.comparison.comparison import Comparison, compare
-from ecm.comparison.structure import StructureTest, structure_test
+from ecm.comparison.structure import NOTHING_FOLLOWS, StructureTest, structure_test
 from ecm.diagnosis.decision import Decision
 from ecm.diagnosis.given_readings import reading_of_given_model
 from ecm.diagnosis.held_out import held_out_rms
@@ -38,11 +39,11 @@ if TYPE_CHECKING:
     from ecm.io.table import Table
     from ecm.models.model import Model
 
-Answer = Literal["fits", "numbers", "form", "effect", "table"]
+Answer = Literal["fits", "numbers", "form", "effect", "table", "noise"]
 _MOST_ROWS = 1000
 """Rows that a refit of the same kind uses."""
 _FAR = 2.0
-"""A model that errs so many times as much as a base fitted to the rows lacks something."""
+"""A reading may leave so many times the error of a base fitted to the rows."""
 _SCALED = 0.25
 """One factor explains a misfit where it leaves at most this share of its squares."""
 
@@ -77,8 +78,8 @@ class GivenModel:
 
     name: str
     answer: Answer
-    """It fits; its numbers are wrong; its form is too plain; an effect is missing; or the table is
-    stated wrongly."""
+    """It fits; its numbers are wrong; its form is too plain; an effect is missing; the table is
+    stated wrongly; or it errs far beyond the noise, of which nothing shows the reason."""
     gate: StructureTest
     """Test of its residual as it stands."""
     as_given: Errors
@@ -101,7 +102,7 @@ class GivenModel:
     @property
     def missing(self) -> bool:
         """Whether the model lacks something on these rows, as it stands."""
-        return self.answer != "fits"
+        return self.answer not in ("fits", "noise")
 
     def to_dict(self) -> dict[str, Any]:
         """Return the part of the report."""
@@ -112,6 +113,8 @@ class GivenModel:
         """Return what is wrong with the model, in plain words."""
         if self.missing:
             text = f"{self.name}, as it stands, errs {self.as_given} on these data"
+        elif self.answer == "noise":
+            text = f"{self.name} errs {self.as_given} on these data, {NOTHING_FOLLOWS}"
         else:
             text = f"{self.name} fits these data: it errs {self.as_given}"
         if not self.is_base:
@@ -124,7 +127,7 @@ class GivenModel:
 
     def _advice(self) -> str:
         """Return what to do, after a space; empty where nothing is to be done to the model."""
-        if self.answer in ("fits", "table"):
+        if self.answer in ("fits", "table", "noise"):
             return ""
         if self.refitted is None:
             return {
@@ -198,14 +201,17 @@ def judge_given_model(
         answer = "fits"
     elif lacks_the_same:
         answer = "effect"
+    elif not missing and (as_given.over_noise or 0.0) > settings.most_left_error:
+        answer = "noise" if decision.verdict == "none" else "effect"
     misread = decision.unknown is not None and decision.unknown.misread
+    doubted = missing or answer in ("effect", "noise")
     statement = None
-    if missing and not misread:
+    if doubted and not misread:
         most = max(settings.most_left_error, _FAR * (base_errors.over_noise or 0.0))
         statement = reading_of_given_model(
             model, prepared.table, noise, most, settings.mended_share
         )
-    if missing and (misread or statement is not None):
+    if doubted and (misread or statement is not None):
         answer = "table"
     return GivenModel(
         name=model.name,
@@ -276,13 +282,10 @@ def _answer(missing: bool, fits_again: bool, decision: Decision) -> Answer:
 
 
 def _far_behind(given: Errors, base: Errors, settings: DiagnosisSettings) -> bool:
-    """Whether a model errs far beyond the noise and a base fitted to the rows does not.
-
-    With few rows of many columns no test of its residual can show what it lacks.
-    """
+    """Whether a model errs far beyond the noise and a base fitted to the rows does not."""
     if given.over_noise is None or base.over_noise is None:
         return False
-    return given.over_noise > max(settings.most_left_error, _FAR * base.over_noise)
+    return is_far_behind(given.over_noise, base.over_noise, settings.most_left_error)
 
 
 def _scale(model: Model, table: Table, result: Comparison) -> float | None:

@@ -121,7 +121,7 @@ def _distinct(
     for value, item in left:
         own = item.change(poses, wrench)
         if not any(
-            np.isclose(value, other, rtol=1e-9)
+            abs(value - other) <= 1e-8 + 1e-9 * abs(other)
             and all(np.allclose(a, b) for a, b in zip(own, one.change(poses, wrench), strict=True))
             for other, one in kept
         ):

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ecm.diagnosis.base import choose_base
 from ecm.diagnosis.preparation import prepare
 from ecm.diagnosis.problem import Candidate, Problem, assemble
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import load_installed
 from ecm.io.arrays import F, I
 from ecm.io.table import Table
+from ecm.models.base_choice import choose_base
 from ecm.models.model import Model
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.normal_equations import projected_out

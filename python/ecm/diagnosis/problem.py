@@ -214,7 +214,7 @@ def assemble(
         projected = projection.basis.reshape(*response.shape, -1) / projection.root[:, None, None]
         base_block = base_block[:, :, :0]
     design = np.concatenate([base_block, *(one.columns for one in kept)], axis=2)
-    norms = np.sqrt((design**2).sum(axis=(0, 1)))
+    norms = np.sqrt(np.einsum("nmk,nmk->k", design, design))
     norms = np.where(norms > 0.0, norms, 1.0)
     design /= norms
     ends = base_block.shape[2] + np.cumsum([one.columns.shape[2] for one in kept], dtype=np.int64)

@@ -22,7 +22,7 @@ from functools import wraps
 from typing import TYPE_CHECKING, Any
 
 from ecm.diagnosis.accept import Accepted, accept, fullest_forms
-from ecm.diagnosis.base import base_of_unlike_ends, choose_base, leaves_far_less
+from ecm.diagnosis.base import base_of_unlike_ends, leaves_far_less
 from ecm.diagnosis.classify import Verdict, classify, modulus_warning, verdict
 from ecm.diagnosis.decision import Decision
 from ecm.diagnosis.gate import Gate, Leftover, gate, leftover, residual_after
@@ -40,6 +40,7 @@ from ecm.diagnosis.whiteness import Pattern, find_pattern
 from ecm.effects import Effect
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import as_table
+from ecm.models.base_choice import choose_base
 from ecm.models.by_degree import symmetric_energy
 from ecm.models.physics.map import PhysicsMap
 from ecm.regression.blas import one_blas_thread

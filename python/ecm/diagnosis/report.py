@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Future
+from dataclasses import replace
 
 import numpy as np
 from scipy import optimize, special
@@ -15,7 +17,7 @@ from ecm.diagnosis.classify import modulus_warning
 from ecm.diagnosis.confusion import confusable_pairs
 from ecm.diagnosis.decision import Decision
 from ecm.diagnosis.detection_limits import detection_limits, least_strength_seen
-from ecm.diagnosis.given_model import judge_given_model
+from ecm.diagnosis.given_model import GivenModel, judge_given_model
 from ecm.diagnosis.held_out import held_out_by_fold, held_out_rms, kind_of
 from ecm.diagnosis.next_experiment import next_experiments
 from ecm.diagnosis.noise_effects import tested_noise
@@ -35,9 +37,11 @@ from ecm.diagnosis.result import (
 from ecm.diagnosis.search import Ranked, estimate
 from ecm.diagnosis.stated_numbers import negative_payload, stated_numbers
 from ecm.diagnosis.statements import reversed_sign, time_unit
+from ecm.diagnosis.unexplained import misread_table
 from ecm.models.history import Ceiling, ceiling_rms
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.model import Model
+from ecm.regression.blocks import beside
 from ecm.regression.derived import derived_columns
 from ecm.regression.f_test import FTest
 from ecm.regression.folds import held_out_by
@@ -59,6 +63,17 @@ def report(
     noise
         Noise of the rows, where the user gave it.
     """
+    with beside(lambda: judge_given_model(model, decision, noise=noise)) as judged:
+        made = _report(decision, model, seed, judged)
+    statement = made.model.statement
+    if statement is None or made.verdict not in ("none", "unknown"):
+        return made
+    # The base has taken in what the given model shows to be misread: its `none` is none.
+    return replace(made, verdict="unknown", unknown=misread_table(statement))
+
+
+def _report(decision: Decision, model: Model, seed: int, judged: Future[GivenModel]) -> Diagnosis:
+    """Return the report; it waits at its end for the answer about the model that was given."""
     problem, prepared = decision.problem, decision.prepared
     accepted = decision.accepted.effects
     final = joint_fit(
@@ -72,7 +87,6 @@ def report(
     tested = tuple(effect.id for effect in tested_noise(problem, prepared.effects))
     return Diagnosis(
         seed=seed,
-        model=judge_given_model(model, decision, noise=noise),
         base=BaseSummary(problem.base.kind, problem.base_error),
         noise=NoiseSummary(problem.noise, decision.noise_effects, tested),
         gate=decision.gate,
@@ -106,6 +120,7 @@ def report(
             *negative_payload(final.effects if decision.answer else ()),
             *decision.warnings,
         ),
+        model=judged.result(),
     )
 
 

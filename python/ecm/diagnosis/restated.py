@@ -10,6 +10,7 @@ import numpy as np
 
 from ecm._native import rotation_matrices, rotation_vectors
 from ecm.io.arrays import F
+from ecm.io.quaternion_order import ORDERS, read_in_other_order
 
 Change = Callable[[F, F], tuple[F, F]]
 """(poses (N, 6), wrenches (N, 6)) as stated -> the same as they may have been meant."""
@@ -150,6 +151,9 @@ def _rotations() -> Iterator[Restatement]:
         lambda p, h: (np.hstack([p[:, :3], -p[:, 3:]]), h),
         True,
     )
+    for stated, meant in ORDERS.items():
+        words = f"the rotation looks read from a quaternion as {stated}, which is {meant}"
+        yield Restatement(words, _of_quaternion(stated), True)
     for order in itertools.permutations(range(3)):
         name = "".join("xyz"[j] for j in order)
         words = f"the rotation columns look like Euler angles in the order {name}"
@@ -235,6 +239,14 @@ def _to_top(poses: F, wrench: F) -> tuple[F, F]:
 def _inverted(poses: F, wrench: F) -> tuple[F, F]:
     back = np.einsum("nji,nj->ni", _matrices(poses), poses[:, :3])
     return np.hstack([-back, -poses[:, 3:]]), wrench
+
+
+def _of_quaternion(stated: str) -> Change:
+    """The same four numbers with the scalar at the other end."""
+    return lambda poses, wrench: (
+        np.hstack([poses[:, :3], read_in_other_order(poses[:, 3:], stated)]),
+        wrench,
+    )
 
 
 def _of_euler(order: tuple[int, ...]) -> Change:

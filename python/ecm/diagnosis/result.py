@@ -1,4 +1,4 @@
-"""The result of a diagnosis: it prints, plots, and becomes a report (interfaces.md) or a table."""
+"""The result of a diagnosis: it prints, plots, and becomes a report or a table."""
 
 from __future__ import annotations
 
@@ -198,6 +198,8 @@ class Diagnosis:
             near = f"; nearest is {nearest.id} ({nearest.share:.0%})" if nearest else ""
             words = self.unknown.words if self.unknown else ""
             if self.unknown is not None and self.unknown.misread:
+                if self.model.statement is not None:  # said of the model already
+                    return "Mend that first: a base that is fitted to these rows takes it in."
                 first = "Something is stated wrongly"
                 if self.unknown.statement is not None:
                     first = "The table looks misread"
@@ -257,7 +259,7 @@ class Diagnosis:
         return figure.update_layout(title=self._headline(), xaxis_title="fall of BIC")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the report of interfaces.md."""
+        """Return the JSON report (docs/schemas/diagnose.json)."""
         partial = [item.id for item in self.effects] if self.verdict == "unknown" else []
         document = {"schema": 1, "seed": self.seed, "sentence": self.sentence()}
         return (

@@ -132,23 +132,27 @@ def all_score_columns(
     rows: Rows, whitener: F, effects: Sequence[Effect]
 ) -> tuple[list[ScoreColumns], dict[str, Missing]]:
     """Return every variant of every effect that has columns, and what cannot be tested."""
-    columns: list[ScoreColumns] = []
-    untestable: dict[str, Missing] = {}
     table = rows.whole.table
-    for effect in effects:
+
+    def of_effect(effect: Effect) -> tuple[list[ScoreColumns], Missing | None]:
         lacking = effect.missing(table)
-        if lacking is not None:
-            untestable[effect.id] = lacking
         if effect.kind == "noise" or (lacking is not None and not lacking.imitates):
-            continue
+            return [], lacking
         variants = effect.variants(table) if lacking is None else (effect,)
         try:
-            columns += [
+            return [
                 ScoreColumns(v, score_columns(rows, whitener, v), lacking is not None)
                 for v in variants
-            ]
+            ], lacking
         except UnknownLength:
-            untestable.setdefault(effect.id, UNKNOWN_LENGTH)
+            return [], lacking or UNKNOWN_LENGTH
+
+    columns: list[ScoreColumns] = []
+    untestable: dict[str, Missing] = {}
+    for effect, (own, lacking) in zip(effects, in_threads(of_effect, effects), strict=True):
+        columns += own
+        if lacking is not None:
+            untestable[effect.id] = lacking
     return columns, untestable
 
 
@@ -183,11 +187,11 @@ def _refined_shapes(
     """Return better shapes between the best of a coarse grid and its neighbours."""
     y = _rest_of_response(response, projection)
     table = rows.whole.table
-    added: list[ScoreColumns] = []
-    for id in dict.fromkeys(item.effect.id for item in every if not item.imitates):
+
+    def refined(id: str) -> ScoreColumns | None:
         own = [item for item in every if item.effect.id == id]
         if not any(item.effect.refined(table, 0) for item in own):
-            continue
+            return None
         gains = [projection.explained(item.columns, y) for item in own]
         best, first = max(zip(gains, own, strict=True), key=lambda pair: pair[0])
         start = first
@@ -197,9 +201,10 @@ def _refined_shapes(
                 gain = projection.explained(trial.columns, y)
                 if gain > best:
                     best, first = gain, trial
-        if first is not start:
-            added.append(first)
-    return added
+        return None if first is start else first
+
+    ids = dict.fromkeys(item.effect.id for item in every if not item.imitates)
+    return [item for item in in_threads(refined, ids) if item is not None]
 
 
 def _rest_of_response(response: F, projection: Projection) -> F:
@@ -246,8 +251,9 @@ def robust_weights(response: F, blocks: Sequence[F], outlier_chance: float) -> F
     """Return (N,) weights: rows that no column explains and no Gaussian gives count less."""
     n, m = response.shape
     design = np.concatenate(blocks, axis=2)
-    norms = np.sqrt((design**2).sum(axis=(0, 1)))
-    flat = (design / np.where(norms > 0.0, norms, 1.0)).reshape(n * m, -1)
+    norms = np.sqrt(np.einsum("nmk,nmk->k", design, design))
+    design /= np.where(norms > 0.0, norms, 1.0)
+    flat = design.reshape(n * m, -1)
     if flat.shape[1] >= n * m // 2:
         flat = flat[:, : blocks[0].shape[2]]
     limit = float(special.chdtri(m, outlier_chance))

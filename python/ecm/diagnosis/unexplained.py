@@ -48,6 +48,17 @@ class Unknown:
     """Noise that stays alike along time, which gives as much as any effect would."""
 
 
+def misread_table(statement: WrongStatement) -> Unknown:
+    """Return the description of a table of which another reading fits far better.
+
+    Examples
+    --------
+    >>> misread_table(WrongStatement("the sign of fy looks reversed", 40.0, 1.0)).misread
+    True
+    """
+    return Unknown((), {}, statement.sentence(), None, "", statement, misread=True)
+
+
 def describe_residual(
     problem: Problem, residual: F, chosen: Sequence[Candidate], total: float
 ) -> Unknown:

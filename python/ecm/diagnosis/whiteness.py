@@ -15,12 +15,13 @@ import numpy as np
 from scipy import special
 
 from ecm.comparison.dependence import dependence_variables
-from ecm.comparison.structure import other_columns
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import delta_chi2
 from ecm.io.arrays import B, F
+from ecm.io.columns import JOINTS
 from ecm.regression.approach import order_of_visits
 from ecm.regression.f_test import omnibus_test
+from ecm.regression.speed import speeds
 
 _LEAST_ROWS = 24
 _MOST_PERIODS = 1500
@@ -153,10 +154,10 @@ def _chance(cosine: F, sine: F, along: F, weight: F, freedom: float) -> float:
 
 def _neighbours(problem: Problem, left: F, counted: B) -> list[Pattern]:
     """Return, for each column, how alike the residuals of neighbouring values are."""
-    variables = dict(dependence_variables(problem.rows))
-    speeds = other_columns(problem.rows)
-    if speeds.shape[1]:
-        variables["speed"] = np.sqrt((speeds**2).sum(axis=1))
+    table = problem.table
+    variables = dict(dependence_variables(problem.rows)) | speeds(table)
+    driven = [n for n in table.columns if n in JOINTS or n.startswith("tendon")]
+    variables |= {name: np.nan_to_num(table.column(name)) for name in driven}
     found = []
     for name, values in variables.items():
         own = values[counted]

@@ -48,7 +48,7 @@ def generalised(poses: F, wrenches: F) -> F:
 
 
 def wrench_of(poses: F, generalised: F) -> F:
-    """(N, 6) wrench at the poses of generalised forces Q = (Q_c, Q_theta) (conventions.md)."""
+    """(N, 6) wrench at the poses of generalised forces Q = (Q_c, Q_theta)."""
     half_angle = np.ascontiguousarray(0.5 * poses[:, 3:])
     half = rotation_matrices(half_angle)
     force = np.einsum("nij,nj->ni", half, generalised[:, :3])

@@ -58,7 +58,7 @@ class ViscousDamping(LinearEffect):
         Parameter("rotation", "N m s/rad", 0.05, 0.0, 1e3),
     )
     outside = LookAlike(
-        "anything that grows with speed: a delay between pose and force, air, a filter",
+        "anything that grows with speed: a delay between pose and force, slow friction, a filter",
         "two speeds through the same poses, and a cross-correlation of the raw stream",
     )
     signature = "sign of the velocity, not conservative"

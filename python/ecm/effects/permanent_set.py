@@ -41,7 +41,7 @@ class PermanentSet(LinearEffect):
     physics = "After large poses the mechanism rests a little on the side to which it was bent."
     parameters = (Parameter("share", "1", 5e-3, 0.0, 0.5),)
     outside = LookAlike(
-        "anything that shifts the rest pose for good: a slipped clamp, a moved target, creep",
+        "anything that shifts the rest pose for good: a slipped clamp, a moved target, swelling",
         "the home pose after every sample, with a look at clamp and target",
     )
     signature = "the wrench at home grows after large poses"

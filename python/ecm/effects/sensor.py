@@ -88,7 +88,7 @@ class FtsDrift(LinearEffect):
     physics = "The sensor's zero creeps with time, the same at home as at any pose."
     parameters = _six("rate", "/s", 1e-4, 3e-6)
     outside = LookAlike(
-        "anything linear in time in the sensor's axes: a cable that settles, a warm-up",
+        "anything that grows with time in the sensor's axes: a warm-up, a body that swells",
         "the unloaded zero every ten poses",
     )
     signature = "body axes, monotone in t, the same at home, not conservative"

@@ -99,7 +99,7 @@ class MarkerMotion(LinearEffect):
     physics = "The marker of the base moves, and all poses seem to move with it."
     parameters = twist("marker")
     outside = LookAlike(
-        "any slow or sudden motion of a target: a warm bracket, a loose screw, a sagging table",
+        "any motion between target and body: a warm bracket, a loose screw, swelling, a set",
         "watch the base target alone for an hour",
     )
     signature = "follows -K_s times a motion in base axes, stiff axes first; grows or jumps with t"

@@ -63,7 +63,7 @@ _ALIASES = {
 
 
 def is_standard(name: str) -> bool:
-    """Whether a column of this name has a meaning here (interfaces.md)."""
+    """Whether a column of this name has a meaning here (docs/columns.md)."""
     return name in _STANDARD or name in _STIFFNESS or _TENDON.fullmatch(name) is not None
 
 

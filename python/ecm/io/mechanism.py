@@ -43,14 +43,8 @@ SOLVER_VERSION = 4
 class Mechanism(Checked):
     """An elastic body between two rigid plates. The default is the neck of the paper.
 
-    Parameters
-    ----------
-    builtin, length_m, radius_m, inner_radius_m, waist_radius_m, disc_count
-        Shape; each field below states its meaning, unit and range.
-    young_modulus_Pa, poisson_ratio, material, density_kg_m3
-        Material: neo-Hookean, or another model as `material`.
-    mesh_file, quality
-        Mesh or CAD file instead of a builtin shape, and the element size.
+    Its shape is `builtin` with its dimensions, or a mesh or CAD file. Its material is neo-Hookean,
+    or another model as `material`. Each field states its meaning, unit and range.
 
     Raises
     ------

@@ -18,6 +18,7 @@ from ecm.io.csv import write_csv
 from ecm.io.description import FileMeta, Meta, read_meta
 from ecm.io.interrupts import uninterrupted
 from ecm.io.leave_out import row_ranges, shown_ranges
+from ecm.io.quaternion_order import ORDERS, order_warning
 from ecm.io.table import Table, as_table
 from ecm.logs.containers import is_hdf5, read_hdf5, read_matlab, read_numpy, read_parquet_log
 from ecm.logs.conversion import (
@@ -171,6 +172,11 @@ def import_log(
     mapped = propose(raw, choices, source)
     given = read_meta(meta) if isinstance(meta, Path) else meta or Meta()
     table, words, notes, usable = standard_columns(raw, mapped, source)
+    if mapped.rotation is not None and mapped.rotation.word in ORDERS and given.frames.empty:
+        # With [frames] the tool may well be half a turn away from the top.
+        vectors = np.column_stack([table[name] for name in POSE[3:]])
+        doubt = order_warning(vectors, mapped.rotation.word)
+        notes += [doubt] if doubt else []
     unwrap_angle(table, notes)
     time_notes = begin_time_at_zero(table)
     notes += drop_columns_with_gaps(table, words, {*POSE, *mapped.columns})

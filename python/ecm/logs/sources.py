@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from ecm.errors import InputError
 from ecm.io.columns import is_standard
 from ecm.io.toml import did_you_mean
@@ -160,8 +162,9 @@ def ask_units(found: Mapping[str, Source], log: Log, source: str) -> None:
         dimension = _dimension(standard)
         first, second = _SI[dimension], _USUAL[dimension]
         words[dimension] = second
-        low, high = float(log.columns[column].min()), float(log.columns[column].max())
-        lines.append(f"  {column}: {low:.4g} to {high:.4g}, in {first} or in {second}?")
+        known = log.columns[column][np.isfinite(log.columns[column])]
+        extent = f"{known.min():.4g} to {known.max():.4g}" if len(known) else "no numbers"
+        lines.append(f"  {column}: {extent}, in {first} or in {second}?")
     other = ",".join(words.values())
     raise InputError(
         f"{source}: no unit is stated for {len(without)} column(s):\n"

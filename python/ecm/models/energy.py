@@ -53,7 +53,7 @@ class EnergyModel(ModelSpecification):
 
     Source
     ------
-    conventions.md, "Mid-frame coordinates".
+    docs/explain/energies.md.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Model files: JSON with a checksum (interfaces.md)."""
+"""Model files: JSON with a checksum (docs/schemas/model.json)."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def fit_model(
         spread: each component over its own standard deviation (energies), which for polynomials
         is the paper's ordinary least squares. auto: noise for energies, spread for polynomials.
     zero_at_home, stable
-        No wrench, and a stable rest, at the undeformed pose (constraints.py).
+        No wrench, and a stable rest, at the undeformed pose.
 
     Returns
     -------

@@ -64,7 +64,7 @@ class _Learned(MapDefaults):
         return partial_to(kind, slope, poses, cast(StiffnessMap, self))
 
     def predict(self, poses: F) -> F:
-        """(N, n) to (N, m)."""
+        """(N, n) poses to (N, m) wrenches."""
         refuse_long_rotations(poses, self.inputs)
         value = self._value(self._scaled(poses))
         return np.asarray(value * self.output_scale[1] + self.output_scale[0])

@@ -77,7 +77,7 @@ class StiffnessMap(Protocol):
         """(N, n) poses to (N, m) wrenches."""
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
-        """(N, m, n) stiffness of the kind (conventions.md)."""
+        """(N, m, n) stiffness: `partial`, `generalised` or `screw` (docs/explain/mechanics.md)."""
 
     def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
         """(N, m) wrenches and (N, m, n) stiffnesses in one call."""
@@ -93,7 +93,7 @@ class StiffnessMap(Protocol):
         """(k,) lower and upper limits of the coefficients; None where there are none."""
 
     def other_body(self, change: BodyChange) -> BaseMap | None:
-        """The map of a changed body (regression/rows.py); None where it knows one body only."""
+        """The map of a changed body; None where it knows one body only."""
 
     def document(self) -> dict[str, Any]:
         """The map as part of a model file."""
@@ -183,7 +183,7 @@ class PolynomialMap(MapDefaults):
         return np.asarray(self.model.coefficients.T.ravel())
 
     def predict(self, poses: F) -> F:
-        """(N, n) to (N, m)."""
+        """(N, n) poses to (N, m) wrenches."""
         return self.model.predict(np.ascontiguousarray(poses), self._turns)
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
@@ -244,7 +244,7 @@ class EnergyMap(SixAxisMap):
 
     Source
     ------
-    conventions.md, "Mid-frame coordinates".
+    docs/explain/energies.md.
 
     Examples
     --------
@@ -276,15 +276,15 @@ class EnergyMap(SixAxisMap):
         return np.asarray(self.model.coefficients)
 
     def predict(self, poses: F) -> F:
-        """(N, 6) to (N, 6)."""
+        """(N, 6) poses to (N, 6) wrenches."""
         return self.model.predict(np.ascontiguousarray(poses))
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
-        """(N, 6, 6)."""
+        """(N, 6, 6) stiffness."""
         return self.model.stiffness(np.ascontiguousarray(poses), cast(StiffnessKind, kind))
 
     def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
-        """(N, 6) and (N, 6, 6)."""
+        """(N, 6) wrenches and (N, 6, 6) stiffnesses."""
         return self.model.wrench_and_stiffness(
             np.ascontiguousarray(poses), cast(StiffnessKind, kind)
         )

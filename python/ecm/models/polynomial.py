@@ -43,7 +43,7 @@ class PolynomialModel(ModelSpecification):
         Largest sum of exponents in a term, 1 to 6; of a single pose column up to 9.
     pcr
         Threshold of principal component regression: a number b, or `"b/sqrtN"`, `"rank:R"` or
-        `"press"` (pcr.py). None: ordinary least squares.
+        `"press"` (docs/models.md). None: ordinary least squares.
 
     Source
     ------

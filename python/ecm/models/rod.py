@@ -56,7 +56,7 @@ class _Backbone(SixAxisMap):
         return replace(self, parameters=np.asarray(coefficients, dtype=np.float64))
 
     def predict(self, poses: F) -> F:
-        """(N, 6) to (N, 6)."""
+        """(N, 6) poses to (N, 6) wrenches."""
         raise NotImplementedError
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
@@ -111,7 +111,7 @@ class ConstantCurvatureMap(_Backbone):
         return _wrench_of(poses, force)
 
     def predict(self, poses: F) -> F:
-        """(N, 6) to (N, 6)."""
+        """(N, 6) poses to (N, 6) wrenches."""
         return np.asarray(self.columns(poses) @ self.parameters)
 
     def document(self) -> dict[str, Any]:
@@ -120,7 +120,7 @@ class ConstantCurvatureMap(_Backbone):
 
 
 def _wrench_of(poses: F, force: F) -> F:
-    """(N, 6, k) h of generalised forces Q in mid-frame coordinates (conventions.md)."""
+    """(N, 6, k) h of generalised forces Q in mid-frame coordinates."""
     theta = np.ascontiguousarray(poses[:, 3:])
     half = rotation_matrices(0.5 * theta)
     f = half @ force[:, :3]

@@ -17,6 +17,7 @@ from ecm.effects import Rows
 from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.degrees import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
 from ecm.io.extras import require
 from ecm.io.steps import Progress
 from ecm.io.table import Table
@@ -109,7 +110,9 @@ def default_candidates(table: Table) -> list[ModelSpecification]:
     if table.pose_columns != POSE or table.wrench_columns != WRENCH:
         raise InputError(
             "--model choose needs all six pose and wrench columns: its errors are over the noise "
-            "of a row; name a model instead"
+            "of a row. Of fewer columns take --model linear, quadratic, cubic or poly:D, D up to "
+            f"{POLYNOMIAL_DEGREES[1]} ({MOST_OF_ONE_INPUT} of one pose column), and compare their "
+            "held-out shares, which ecm fit prints"
         )
     candidates: list[ModelSpecification] = [PolynomialModel(degree) for degree in (1, 2, 3)]
     candidates += [PolynomialModel(3, "press"), PolynomialModel(3, "0.01/sqrtN")]

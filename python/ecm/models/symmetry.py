@@ -43,7 +43,7 @@ def symmetry_of(stiffness: F, poses: F, wrenches: F) -> Symmetry:
 
     Source
     ------
-    Deutschmann et al., equation (10); conventions.md, "Left Jacobian and work".
+    Deutschmann et al., equation (10); docs/explain/mechanics.md.
 
     Examples
     --------

@@ -13,9 +13,12 @@ from scipy import special
 from scipy.linalg import lapack, solve_triangular
 
 from ecm.io.arrays import F, I
+from ecm.regression.blocks import in_blocks
 
 _DEPENDENT = 1e-5
 """A column is dependent where this share or less is orthogonal to the others."""
+_MANY = 64
+"""Products of fewer columns take less time than threads do."""
 _DRAWS, _SEED = 201, 7
 """Draws of signs, the first of them the signs as they are."""
 
@@ -193,7 +196,12 @@ class Beside:
         z = (design * root[:, None, None]).reshape(n * m, q)
         basis = orthonormal((fitted * root[:, None, None]).reshape(n * m, -1))
         y = y - basis @ (basis.T @ y)
-        z = z - basis @ (basis.T @ z)
+        along = basis.T @ z
+
+        def project_out(part: slice) -> None:
+            z[part] -= basis[part] @ along
+
+        in_blocks(len(z), project_out)
         return Beside(y.reshape(n, m), Span.of(z), basis, int((root > 0.0).sum()) * m)
 
     def omnibus_test(self) -> FTest:
@@ -239,24 +247,28 @@ class Span:
     """
 
     columns: F
-    """(r, q) of length one."""
+    """(r, q), none without length."""
+    norms: F
+    """(q,) their lengths."""
     factor: F
-    """(rank, rank) upper triangle of the pivoted Cholesky factor of their products."""
+    """(rank, rank) upper triangle of the pivoted Cholesky factor of products of unit columns."""
     order: I
     """(rank,) columns in the order of the factor."""
 
     @staticmethod
     def of(columns: F) -> Span:
         """Decompose columns (r, q); those without length are left out."""
-        norms = np.sqrt((columns**2).sum(axis=0))
+        norms = np.sqrt(np.einsum("ij,ij->j", columns, columns))
         keep = norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)
-        scaled = columns[:, keep] / norms[keep]
+        if not keep.all():
+            columns, norms = columns[:, keep], norms[keep]
         if not keep.any():
-            return Span(scaled, np.zeros((0, 0)), np.zeros(0, dtype=np.int64))
+            return Span(columns, norms, np.zeros((0, 0)), np.zeros(0, dtype=np.int64))
         # The pivoted Cholesky factor of the normal equations shows dependent columns in any order
         # and costs a quarter of an orthonormal basis.
-        factor, order, rank, _ = lapack.dpstrf(scaled.T @ scaled, tol=_DEPENDENT**2)
-        return Span(scaled, factor[:rank, :rank], order[:rank] - 1)
+        products = _products(columns) / np.outer(norms, norms)
+        factor, order, rank, _ = lapack.dpstrf(products, tol=_DEPENDENT**2)
+        return Span(columns, norms, factor[:rank, :rank], order[:rank] - 1)
 
     @property
     def rank(self) -> int:
@@ -267,9 +279,17 @@ class Span:
         """(b,) sum of squares of each response (r, b) in the span."""
         if self.rank == 0:
             return np.zeros(responses.shape[1])
-        along = (self.columns.T @ responses)[self.order]
+        along = (self.columns.T @ responses / self.norms[:, None])[self.order]
         projected = solve_triangular(self.factor, along, trans="T", check_finite=False)
         return np.asarray((projected**2).sum(axis=0))
+
+
+def _products(columns: F) -> F:
+    """Return columns.T @ columns (q, q); of many columns the rows are shared by the cores."""
+    if columns.shape[1] < _MANY:
+        return np.asarray(columns.T @ columns)
+    parts = in_blocks(len(columns), lambda part: columns[part].T @ columns[part])
+    return np.asarray(sum(parts[1:], parts[0]))
 
 
 def explained_by_span(columns: F, response: F) -> tuple[float, int]:

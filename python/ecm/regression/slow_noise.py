@@ -188,14 +188,13 @@ def _filtered(steps: F, grid: F, values: F) -> tuple[F, F]:
 
 def _gains(columns: F, responses: F, blocks: Sequence[tuple[int, ...]]) -> F:
     """Return (b, r) the squares of each response (s, r) that each block of columns explains."""
-    vectors = columns.T @ responses
+    products, vectors = columns.T @ columns, columns.T @ responses
     gains = np.empty((len(blocks), responses.shape[1]))
     sizes = np.array([len(block) for block in blocks], dtype=np.int64)
     for k in np.unique(sizes).tolist():
         which = np.flatnonzero(sizes == k)
         take = np.array([blocks[i] for i in which.tolist()], dtype=np.int64)
-        among = np.swapaxes(columns[:, take], 0, 1)
-        own = np.swapaxes(among, 1, 2) @ among
+        own = products[take[:, :, None], take[:, None, :]]
         ridge = 1e-10 * np.maximum(np.einsum("bii->bi", own), 1e-200)
         own += ridge[:, :, None] * np.eye(k)
         gains[which] = (vectors[take] * np.linalg.solve(own, vectors[take])).sum(axis=1)

@@ -22,7 +22,7 @@ def naming_wild_readings(table: Table) -> Iterator[None]:
     ------
     InputError
         Naming row, column and value, where one reading is a thousand times the middle of its
-        column; else the failure itself goes on.
+        column, and then the failure, which it may not be to blame for; else the failure goes on.
 
     Examples
     --------
@@ -30,10 +30,10 @@ def naming_wild_readings(table: Table) -> Iterator[None]:
     >>> table = as_table({"x_m": [0.0, 1e-3, 2e-3], "fx_N": [1.0, 1e9, 2.0]})
     >>> try:
     ...     with naming_wild_readings(table):
-    ...         raise ModelError("the rotation vector of row 1 is longer than pi")
+    ...         raise ModelError("the rotation vector is longer than pi")
     ... except InputError as error:
-    ...     print(str(error)[:63])
-    table: row 2, column 'fx_N': found 1e+09, 5e+08 times the middl
+    ...     print(str(error)[:34], "...", str(error)[-50:])
+    table: row 2, column 'fx_N': found ... What failed: the rotation vector is longer than pi
     """
     try:
         yield
@@ -44,7 +44,7 @@ def naming_wild_readings(table: Table) -> Iterator[None]:
         raise InputError(
             f"{table.source}: {said}, at most {_TIMES:g} times can be computed with. Mend it, or "
             'leave the row out: wild = "ROW" under [leave_out] of the description (rows are '
-            "counted from 1 below the header)"
+            f"counted from 1 below the header). What failed: {error}"
         ) from error
 
 

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from ecm.io.arrays import F, I
-from ecm.io.extras import require
 
 INK = "#1c2430"
 # Wong's palette, distinct for colour-blind readers; order by darkness for print.
@@ -80,22 +79,34 @@ def _panels(
     """Layout of n panels, at most three in a row; `panel_axes` says which axes a trace uses."""
     columns = min(3, n)
     rows = -(-n // columns)
-    figure = require("plotly.subplots", "report", "A figure of several panels").make_subplots(
-        rows=rows,
-        cols=columns,
-        specs=[[{} if i * columns + j < n else None for j in range(columns)] for i in range(rows)],
-        subplot_titles=[f"<b>{title}</b>" for title in titles] or None,
-        horizontal_spacing=0.075,
-        vertical_spacing=0.26 / rows,
-    )
-    grid = figure.to_dict()["layout"]
+    across, down = 0.075, 0.26 / rows
+    width, height = (1.0 - across * (columns - 1)) / columns, (1.0 - down * (rows - 1)) / rows
     layout = _layout(**settings)
-    layout["annotations"] = [{**a, "font": {}} for a in grid.get("annotations", ())]
+    layout["annotations"] = []
     for i in range(n):
-        for letter, axis_titles in (("x", x_titles), ("y", y_titles)):
-            name = panel_axes(i)[f"{letter}axis"].replace(letter, f"{letter}axis")
-            layout[name] = _axis(axis_titles[i], **grid[name])
+        left = (i % columns) * (width + across)
+        bottom = (rows - 1 - i // columns) * (height + down)
+        axes = panel_axes(i)
+        xaxis, yaxis = (axes[f"{letter}axis"].replace(letter, f"{letter}axis") for letter in "xy")
+        layout[xaxis] = _axis(x_titles[i], anchor=axes["yaxis"], domain=[left, left + width])
+        layout[yaxis] = _axis(y_titles[i], anchor=axes["xaxis"], domain=[bottom, bottom + height])
+        if titles:
+            layout["annotations"].append(_panel_title(titles[i], left + width / 2, bottom + height))
     return layout
+
+
+def _panel_title(title: str, x: float, y: float) -> dict[str, Any]:
+    return {
+        "text": f"<b>{title}</b>",
+        "x": x,
+        "y": y,
+        "xref": "paper",
+        "yref": "paper",
+        "xanchor": "center",
+        "yanchor": "bottom",
+        "showarrow": False,
+        "font": {},
+    }
 
 
 def _edge_titles(n: int, x_title: str, y_title: str) -> tuple[list[str], list[str]]:

@@ -66,6 +66,11 @@ class Anchors:
     stiffness: F
     status: tuple[str, ...]
 
+    def __post_init__(self) -> None:
+        # In the order in which a file gives them back: sums of another one end in other bits.
+        for name in ("poses", "wrenches", "stiffness"):
+            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name)))
+
 
 class Elastic:
     """h(p) and K(p) near the anchors."""

@@ -1,4 +1,4 @@
-"""SE(3) for many rows at once: poses are (N, 6) position and rotation vector (conventions.md)."""
+"""SE(3) for many rows at once: poses are (N, 6) position and rotation vector."""
 
 from __future__ import annotations
 

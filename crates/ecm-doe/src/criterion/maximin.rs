@@ -32,7 +32,7 @@ pub struct MaximinSettings {
     pub n: usize,
     /// Starts: of the exchange, or farthest-point designs of which the search takes the best.
     pub starts: usize,
-    /// Search: thousands of swaps in each of the [`CHAINS`] chains; 0: default.
+    /// Search: thousands of swaps in each of the four chains; 0: default.
     pub iterations: usize,
     /// Seed of the random generator.
     pub seed: u64,

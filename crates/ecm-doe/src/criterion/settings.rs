@@ -15,14 +15,14 @@ pub enum Method {
     Search,
 }
 
-/// Settings of [`d_optimal`].
+/// Settings of [`d_optimal`](crate::d_optimal).
 #[derive(Debug, Clone)]
 pub struct DSettings {
     /// Design size: with the included poses, without the poses measured before.
     pub n: usize,
     /// Number of independent starts.
     pub starts: usize,
-    /// Search: disturbances in each of the [`CHAINS`] chains; else swaps per start. 0: default.
+    /// Search: disturbances in each of the four chains; else swaps per start. 0: default.
     pub iterations: usize,
     /// Seed of the random generator.
     pub seed: u64,

@@ -2,6 +2,7 @@
 
 /// Which rule; weights sum to 1/6, the volume of the unit tetrahedron.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Rule {
     /// Four points, exact to degree 2 (Hammer and Stroud 1956): the rule of
     /// CalculiX' C3D10, and enough for P2/P1 on straight elements.

@@ -79,6 +79,7 @@ impl Model {
 
 /// How much a material changes its volume.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Volume {
     /// Bulk modulus κ, Pa.
     BulkModulusPa(f64),

@@ -102,6 +102,7 @@ impl Quality {
 
 /// Outline of the solid.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Profile {
     /// r(x) = radius.
     Cylinder {

@@ -9,7 +9,7 @@ use super::error;
 use super::stepper::effects_of;
 use crate::errors::ModelError;
 
-/// A model document (JSON text, interfaces.md) checked, and sealed with its sha256.
+/// A model document (JSON text) checked, and sealed with its sha256.
 #[pyfunction]
 pub fn seal_model(document: &str) -> PyResult<String> {
     ecm_poly::seal_model(document).map_err(error)

@@ -114,7 +114,8 @@ class Nodes:
         free = values.reshape(3, 3, -1) / np.exp(POWER * self.x)[None, :, None]
         by_t = np.linalg.solve(in_t, free.reshape(3, -1)).reshape(free.shape)
         swapped = np.linalg.solve(in_x, np.swapaxes(by_t, 0, 1).reshape(3, -1))
-        return np.asarray(np.swapaxes(swapped.reshape(free.shape), 0, 1))
+        # In the order in which the cache gives it back: sums of another one end in other bits.
+        return np.ascontiguousarray(np.swapaxes(swapped.reshape(free.shape), 0, 1))
 
 
 def noise_whiteners(poses: F, stiffness: F) -> F:

@@ -23,6 +23,7 @@ from ecm.io.arrays import F
 from ecm.io.cache import Stage, cache_directory, hash_of, write_atomically
 from ecm.io.columns import POSE
 from ecm.io.mechanism import Mechanism
+from ecm.io.quaternion_order import ORDERS, likely_order, read_in_other_order
 from ecm.io.steps import Progress
 from ecm.io.table import Table
 from ecm.models.maps import EnergyMap, SixAxisMap, Symmetry
@@ -115,15 +116,15 @@ class PhysicsMap(SixAxisMap):
         return abs(self.factor) * self.own_error
 
     def predict(self, poses: F) -> F:
-        """(N, 6) to (N, 6)."""
+        """(N, 6) poses to (N, 6) wrenches."""
         return self.factor * self.surrogate.predict(poses)
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
-        """(N, 6, 6)."""
+        """(N, 6, 6) stiffness."""
         return self.factor * self.surrogate.stiffness(poses, kind)
 
     def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
-        """(N, 6) and (N, 6, 6)."""
+        """(N, 6) wrenches and (N, 6, 6) stiffnesses."""
         wrench, stiffness = self.surrogate.wrench_and_stiffness(poses, kind)
         return self.factor * wrench, self.factor * stiffness
 
@@ -364,10 +365,18 @@ def physics_map(
 
 
 def reach_of(table: Table) -> float:
-    """Rotation, rad, that 98 % of the rows do not exceed; 0 without rotation columns."""
+    """Rotation, rad, that 98 % of the rows do not exceed; 0 without rotation columns.
+
+    Of quaternions that were read in the wrong order, that of the right one: no FEM shall run for
+    half turns that never were.
+    """
     if not table.has(*POSE[3:]):
         return 0.0
-    return float(np.quantile(np.linalg.norm(table.matrix(POSE[3:]), axis=1), 0.98))
+    vectors = table.matrix(POSE[3:])
+    meant = likely_order(vectors)
+    if meant:
+        vectors = read_in_other_order(vectors, ORDERS[meant])
+    return float(np.quantile(np.linalg.norm(vectors, axis=1), 0.98))
 
 
 def _read(path: Path) -> PhysicsFamily | None:

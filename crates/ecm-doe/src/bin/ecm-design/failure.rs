@@ -12,7 +12,7 @@ pub enum Failure {
 }
 
 impl Failure {
-    /// The exit code of interfaces.md.
+    /// The exit code, as that of the command `ecm`.
     pub fn code(&self) -> u8 {
         match self {
             Self::Input(_) => 2,

@@ -286,6 +286,10 @@ impl Job {
                     .collect();
                 Model::energy(&poses, degree, symmetry, length_m).map_err(input)
             }
+            _ => Err(Failure::Input(format!(
+                "--model {}: no design can be searched for it, expected a polynomial or an energy",
+                args.model
+            ))),
         }
     }
 

@@ -1,0 +1,33 @@
+"""The base that a table is held against: one that cannot take in what a model may lack."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ecm.io.columns import POSE, WRENCH
+from ecm.models.by_degree import polynomial, symmetric_energy
+from ecm.models.fit import fit_model
+from ecm.models.physics.map import FREE, PhysicsMap
+
+if TYPE_CHECKING:
+    from ecm.io.table import Table
+    from ecm.models.maps import StiffnessMap
+    from ecm.models.model import Model
+
+
+def choose_base(model: Model, table: Table) -> StiffnessMap:
+    """Choose physics where there is a body, else a symmetric energy, else a polynomial.
+
+    E and nu of the physics are free; L and D enter only as effects. Degrees are chosen by
+    generalised cross-validation. A rod that was fitted is no physics base: its sections absorbed a
+    part of the missing effect, and with fixed ratios they would need an effect of their own.
+    """
+    if isinstance(model.base, PhysicsMap):
+        return model.base if model.base.family is None else model.base.with_free(*FREE)
+    body = table.meta.body()
+    full = table.has(*POSE, *WRENCH)
+    if full and body is not None and body.has_body:
+        return fit_model(table, "physics").base
+    if full and table.meta.length_m is not None:
+        return symmetric_energy(table)
+    return polynomial(table)
