@@ -154,7 +154,7 @@ def diagnosed(log: Table, seed: int) -> tuple[Model, Model]:
         richer = {item.id: item.shape for item in found.refinements if item.kept}
         named = {members[0] for members in found.answer} - {item.id for item in model.effects}
         add = [
-            replace(item.effect, **richer.get(item.id, {}))
+            replace(item.effect, **richer[item.id]) if item.id in richer else item.effect
             for item in found.effects
             if item.id in named
         ]
