@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from ecm.io.arrays import B, F
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, STIFFNESS, WRENCH
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.models.model import Model
@@ -21,6 +21,8 @@ _ERROR_AT, _GROWTH = 0.01, 3.5
 
 Above what was measured on the neck (docs/models.md): 0.74 % there, 2.2 % at twice, 5.2 % at 2.5.
 """
+_WIDE_ERRS_FROM_RAD, _WIDE_ERROR_AT_RAD = 1.2, 1.8
+"""A family of a wide workspace errs by 0.1 % up to the first, and by that share at the second."""
 _MARGIN = 0.1
 """A pose is outside the training data beyond this share of the range of a column."""
 
@@ -54,7 +56,7 @@ def predict(
     Table
         The table with the predicted wrench (N, N m), `sd_` columns where the model knows its
         standard deviation, and a warning where poses are outside the training data. Poses that turn
-        further than the FEM behind a physics base have its error in their `sd_` columns.
+        far have the error of a physics base in their `sd_` columns.
 
     Examples
     --------
@@ -87,13 +89,17 @@ def predict(
 
 
 def _with_reach(model: Model, poses: F, sd: F | None) -> F | None:
-    """(N, m) standard deviation with the error of a physics base beyond the turns of its FEM."""
-    found = _far(model, poses)
+    """(N, m) standard deviation with the error of a physics base at large turns."""
+    found = _turned(model, poses)
     if found is None:
         return sd
-    base, turned, far = found
+    base, turned = found
+    errs = turned > min(_REACH_MARGIN * base.reach_rad, _WIDE_ERRS_FROM_RAD)
+    if not errs.any():
+        return sd
     known = np.broadcast_to(base.error, (len(poses), 6)) if sd is None else sd
-    share = np.where(far, _ERROR_AT * (turned / base.reach_rad / 1.5) ** _GROWTH, 0.0)[:, None]
+    at = min(1.5 * base.reach_rad, _WIDE_ERROR_AT_RAD)
+    share = np.where(errs, _ERROR_AT * (turned / at) ** _GROWTH, 0.0)[:, None]
     wrench = base.predict(poses)
     size = np.repeat(
         [np.linalg.norm(part, axis=1) for part in (wrench[:, :3], wrench[:, 3:])], 3, 0
@@ -101,13 +107,11 @@ def _with_reach(model: Model, poses: F, sd: F | None) -> F | None:
     return np.asarray(np.hypot(known, share * size.T))
 
 
-def _far(model: Model, poses: F) -> tuple[PhysicsMap, F, B] | None:
-    """A physics base, the turns (N,), and which are beyond its FEM; None where none is."""
-    if not isinstance(model.base, PhysicsMap):
+def _turned(model: Model, poses: F) -> tuple[PhysicsMap, F] | None:
+    """A physics base that is FEM's, and the turns of the poses (N,); None for other bases."""
+    if not isinstance(model.base, PhysicsMap) or model.base.family is None:
         return None
-    turned = np.linalg.norm(poses[:, 3:], axis=1)
-    far = turned > _REACH_MARGIN * model.base.reach_rad
-    return (model.base, turned, far) if far.any() else None
+    return model.base, np.linalg.norm(poses[:, 3:], axis=1)
 
 
 def _stiffness_columns(model: Model, poses: F, kind: StiffnessKind) -> dict[str, F]:
@@ -131,10 +135,13 @@ def beyond_reach(model: Model, poses: F) -> list[str]:
     >>> beyond_reach(ecm.fit({"y_m": y, "fy_N": 3000.0 * y}, "linear"), y[:, None])
     []
     """
-    found = _far(model, poses)
+    found = _turned(model, poses)
     if found is None:
         return []
-    base, turned, far = found
+    base, turned = found
+    far = turned > _REACH_MARGIN * base.reach_rad
+    if not far.any():
+        return []
     return [
         f"{int(far.sum())} of {len(poses)} poses turn further than the FEM behind the physics, "
         f"{base.reach_rad:.2f} rad: at 1.5 times that it errs by 1 %, at twice by 2 to 5 %. "
