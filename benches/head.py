@@ -1,6 +1,6 @@
 """The tables of docs/head.md: nine controllers, seven motions, two kinds of sensors, some seeds.
 
-    .venv/bin/python benches/head.py --seeds 20 --full 5 --workers 2 --docs docs/head.md
+    .venv/bin/python benches/head.py --seeds 20 --full 20 --workers 2 --docs docs/head.md
 
 Each row and seed is one file below --out and is not run again, so that the command goes on where it
 was stopped. `--rows` takes a part. Instead of the tables, `--steps N` measures the worst step of N,
