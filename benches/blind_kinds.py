@@ -25,7 +25,7 @@ import numpy as np
 from blind import code_hash
 from blind_parts.miss_kinds import MISSES
 from blind_parts.other_bodies import BODIES
-from blind_parts.other_sets import OtherSet, answer_of
+from blind_parts.other_sets import OtherSet, run_one, set_file
 from blind_parts.workers import run_all
 from ecm.io.cache import write_atomically
 from ecm.io.cores import own_cores
@@ -97,16 +97,6 @@ def table(results: list[dict[str, Any]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def run_one(case: OtherSet, folder: Path) -> None:
-    """Run a set and write its file; in whichever process."""
-    result = answer_of(case, folder.parent)
-    write_atomically(_file(case, folder), json.dumps(result))
-
-
-def _file(case: OtherSet, folder: Path) -> Path:
-    return folder / f"{case.seed}-{case.index:04d}.json"
-
-
 def main() -> int:
     """Run what is missing, then print and write the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -118,7 +108,7 @@ def main() -> int:
     folder = given.out / f"sets-{code_hash()}"
     folder.mkdir(parents=True, exist_ok=True)
     cases = sets(given.each, given.seed)
-    todo = [case for case in cases if not _file(case, folder).exists()]
+    todo = [case for case in cases if not set_file(case, folder).exists()]
     run_all(
         todo,
         partial(run_one, folder=folder),
@@ -128,7 +118,7 @@ def main() -> int:
             f"\r{done}/{len(todo)} sets ", end="", file=sys.stderr, flush=True
         ),
     )
-    text = table([json.loads(_file(case, folder).read_text()) for case in cases])
+    text = table([json.loads(set_file(case, folder).read_text()) for case in cases])
     print(f"\nSeed {given.seed}.\n\n{text}")
     write_atomically(given.out / "table.md", text)
     return 0

@@ -25,21 +25,11 @@ import numpy as np
 
 from blind import code_hash
 from blind_parts.other_bodies import BODIES
-from blind_parts.other_sets import OtherSet, answer_of, other_sets
+from blind_parts.other_sets import other_sets, run_one, set_file
 from blind_parts.other_table import table_text
 from blind_parts.workers import run_all
 from ecm.io.cache import write_atomically
 from ecm.io.cores import own_cores
-
-
-def run_one(case: OtherSet, folder: Path) -> None:
-    """Run a set and write its file; in whichever process."""
-    result = answer_of(case, folder.parent)
-    write_atomically(_file(case, folder), json.dumps(result))
-
-
-def _file(case: OtherSet, folder: Path) -> Path:
-    return folder / f"{case.seed}-{case.index:04d}.json"
 
 
 def main() -> int:
@@ -58,7 +48,7 @@ def main() -> int:
     folder = given.out / f"sets-{given.code or code_hash()}"
     folder.mkdir(parents=True, exist_ok=True)
     cases = other_sets(given.sets, given.seed)
-    todo = [] if given.table else [case for case in cases if not _file(case, folder).exists()]
+    todo = [] if given.table else [case for case in cases if not set_file(case, folder).exists()]
     if todo:
         for body in BODIES.values():
             # Solids are solved once, before several processes ask for them.
@@ -76,7 +66,9 @@ def main() -> int:
             flush=True,
         ),
     )
-    found = [json.loads(_file(c, folder).read_text()) for c in cases if _file(c, folder).exists()]
+    found = [
+        json.loads(set_file(c, folder).read_text()) for c in cases if set_file(c, folder).exists()
+    ]
     text, met = table_text(found)
     print(f"\nSets: {len(found)} of {len(cases)}, seed {given.seed}.\n\n{text}")
     write_atomically(given.out / "table.md", text)

@@ -5,6 +5,7 @@ Everything of a set follows from its number and the seed; its truth is fixed bef
 
 from __future__ import annotations
 
+import json
 import re
 import time
 from dataclasses import asdict, dataclass
@@ -23,6 +24,7 @@ from blind_parts.strength import Strength
 from ecm.diagnosis import diagnose
 from ecm.diagnosis.check import check
 from ecm.errors import EcmError
+from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table, as_table
 from ecm.models import Model, fit_model
@@ -217,6 +219,16 @@ def given_model(table: Table, mechanism: dict[str, Any]) -> Model:
 
 
 # --- answer and score ---------------------------------------------------------------------------
+def run_one(case: OtherSet, folder: Path) -> None:
+    """Run a set and write its file; in whichever process."""
+    write_atomically(set_file(case, folder), json.dumps(answer_of(case, folder.parent)))
+
+
+def set_file(case: OtherSet, folder: Path) -> Path:
+    """Where the result of a set is kept."""
+    return folder / f"{case.seed}-{case.index:04d}.json"
+
+
 def answer_of(case: OtherSet, folder: Path) -> dict[str, Any]:
     """Diagnose a set; its file."""
     table, mechanism = table_of(case, folder)

@@ -180,7 +180,9 @@ def judge_given_model(
         None if noise.is_residual else result.whitened_rms,
         {c.name: c.rmse for c in result.components},
     )
-    missing = result.missing or _far_behind(as_given, base_errors, settings)
+    # `result.missing` fits a base of its own where neither of the others says so.
+    far = _far_behind(as_given, base_errors, settings)
+    missing = result.structure.found or far or result.missing
     again, after = None, None
     still = decision.gate.rejected
     if missing and not same:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ecm.comparison.behind import FAR_BEYOND_NOISE
 from ecm.io.settings import Checked, setting
 
 
@@ -173,7 +174,7 @@ class DiagnosisSettings(Checked):
         9.0, above=0.0, doc="The same over declared noise; over assumed noise there is no limit."
     )
     most_left_error: float = setting(
-        2.2,
+        FAR_BEYOND_NOISE,
         above=1.0,
         doc="Largest error after the accepted effects, over the noise, for a name: a little more "
         "than a noise that was stated half as large. Beyond it they explain a part only.",
