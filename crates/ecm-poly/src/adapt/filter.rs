@@ -197,10 +197,7 @@ impl<R: Real, const N: usize> Adapter<R, N> {
     /// that is right; and the mean share of the variance that is no noise.
     fn surprise(&self, seen: &Seen<R, N>, told: &Told<R, N>) -> (R, R) {
         let mut total = told.total;
-        add_diagonal(&mut total, |a| {
-            let sd = self.noise.model[a / 3];
-            R::from_u16(ALLOWED) * sd * sd
-        });
+        add_diagonal(&mut total, |a| R::from_u16(ALLOWED) * seen.parts.whole[a]);
         let innovation = &seen.innovations[0];
         let surprise = dot(innovation, &Factor::new(&total).solve(innovation));
         let sum = (0..6).fold(R::ZERO, |sum, a| {

@@ -12,7 +12,9 @@
 //!   the sum and the difference of the halves over 2, x ← x + P (H₊ᵀ S⁻¹ ν₊ − H₋ᵀ S⁻¹ ν₋), whose mean
 //!   has no noise in it, whatever the noise that is stated. P follows this gain in Joseph's form.
 //! - **Error of the model** is [`ModelError`]: random numbers that are alike at like poses, whose
-//!   covariance with the parameters is kept. The part that changes on the way counts, with
+//!   covariance with the parameters is kept. It grows towards the rim of the fitted domain and beyond it
+//!   ([`Noise::rim`]), so that a pose at which nothing holds the model neither draws a parameter nor
+//!   counts as an alarm. The part that changes on the way counts, with
 //!   φ = e^(−way/reach), as (1 − φ)/(1 + φ) of one: standing still is no proof.
 //! - **Excitation.** A parameter that multiplies the model's wrench is held while the information of a
 //!   block about it, the others following, is in the mean of 200 blocks less than what the noise of
@@ -35,6 +37,9 @@
 //!         time_s: 0.0,
 //!         model: [0.02, 1e-3],
 //!         reach: [0.01, 0.2],
+//!         rim: 3.0,
+//!         middle: [0.1, 0.0, 0.0, 0.0, 0.0, 0.0],
+//!         per_half_range: [0.0, 100.0, 100.0, 5.0, 2.5, 2.5],
 //!     },
 //!     gravity: [-9.81, 0.0, 0.0],
 //!     interval_s: 0.1,

@@ -18,6 +18,7 @@ enum {
     JUMPS = 3,
     WINDOW = 100,
     ALLOWED = 3,
+    FARTHEST = 4,
     MOST = 16
 };
 
@@ -31,6 +32,9 @@ const settings_t @NAME@_adapt_defaults = {
     @NOISETIME@,
     {@MODELSD@},
     {@REACH@},
+    @RIM@,
+    {@MIDDLE@},
+    {@PERHALFRANGE@},
     {@GRAVITY@},
     @INTERVAL@};
 
@@ -345,13 +349,29 @@ static int32_t visit(const settings_t *s, state_t *x, const real *pose)
 typedef struct {
     real columns[2][N][6], nu[2][6], noise[6][6], of_pose[6][6];
     int32_t places[AT_ONCE];
-    real weights[AT_ONCE][6], shared[N][6], variance[6], rest[6];
+    real weights[AT_ONCE][6], shared[N][6], variance[6], rest[6], whole[6];
 } seen_t;
+
+/* 1 + (rim - 1) q^6: the error at a pose over that in the middle, with q = 1 at the rim. */
+static real away_from_middle(const settings_t *s, const real *pose)
+{
+    real q = R(0), cube;
+    for (int32_t i = 0; i < 6; i++) {
+        const real part = (pose[i] - s->middle[i]) * s->per_half_range[i];
+        const real size = part < R(0) ? -part : part;
+        q = size > q ? size : q;
+    }
+    q = q < R(FARTHEST) ? q : R(FARTHEST);
+    cube = q * q * q;
+    return R(1) + (s->model_rim - R(1)) * (cube * cube);
+}
 
 static void see_parts(const settings_t *s, const state_t *x, const real *pose, int32_t cell, seen_t *seen)
 {
+    const real alike = R(5) / R(8), grown = away_from_middle(s, pose);
     for (int32_t k = 0; k < AT_ONCE; k++) {
-        const real turn = k >= 1 && k <= 3 ? R(7) / R(4) * pose[2 + k] / s->reach[1] : R(5) / R(8);
+        const real here = k == 0 ? alike : alike * grown;
+        const real turn = k >= 1 && k <= 3 ? R(7) / R(4) * pose[2 + k] / s->reach[1] : here;
         seen->places[k] = k < 4 ? k : 4 + cell;
         for (int32_t a = 0; a < 6; a++) {
             seen->weights[k][a] = turn * s->model_sd[a / 3];
@@ -362,7 +382,8 @@ static void see_parts(const settings_t *s, const state_t *x, const real *pose, i
         for (int32_t k = 0; k < AT_ONCE; k++) {
             seen->variance[a] += seen->weights[k][a] * seen->weights[k][a];
         }
-        seen->rest[a] = s->model_sd[a / 3] * s->model_sd[a / 3] / R(5);
+        seen->whole[a] = (grown * s->model_sd[a / 3]) * (grown * s->model_sd[a / 3]);
+        seen->rest[a] = seen->whole[a] / R(5);
         for (int32_t i = 0; i < N; i++) {
             seen->shared[i][a] = R(0);
             for (int32_t k = 0; k < AT_ONCE; k++) {
@@ -419,7 +440,7 @@ static real surprise_of(const settings_t *s, const seen_t *seen, real total[6][6
         for (int32_t b = 0; b < 6; b++) {
             e[a][b] = total[a][b];
         }
-        e[a][a] += R(ALLOWED) * s->model_sd[a / 3] * s->model_sd[a / 3];
+        e[a][a] += R(ALLOWED) * seen->whole[a];
         *alike += R(1) - seen->noise[a][a] / e[a][a];
     }
     *alike /= R(6);
