@@ -479,6 +479,8 @@ fn survives<R: Real>(adapter: &Adapter<R, 11>, rows: &[Row]) {
             .chain(state.covariance.as_flattened())
             .chain(state.model.cross.as_flattened().as_flattened())
             .chain(state.excitation.as_flattened())
+            .chain(state.information.as_flattened())
+            .chain([&state.of_noise])
             .chain(sums);
         assert!(
             numbers

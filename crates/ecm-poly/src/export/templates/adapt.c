@@ -14,6 +14,7 @@ enum {
     AT_ONCE = 5,
     STILL = 1000,
     EXCITED_OVER = 200,
+    TOLD = 10,
     SUSPECTS = 3,
     JUMPS = 3,
     WINDOW = 100,
@@ -205,6 +206,7 @@ void @NAME@_adapt_init(state_t *state, const settings_t *settings)
         state->excitation[i][1] = R(1);
         for (int32_t j = 0; j < N; j++) {
             state->covariance[i][j] = R(0);
+            state->information[i][j] = R(0);
         }
         state->covariance[i][i] = s->priors[i].sd * s->priors[i].sd;
         for (int32_t k = 0; k < PARTS; k++) {
@@ -228,6 +230,7 @@ void @NAME@_adapt_init(state_t *state, const settings_t *settings)
     clear(&state->block[0]);
     clear(&state->block[1]);
     state->time_s = R(0);
+    state->of_noise = R(0);
     state->window[0] = R(0);
     state->window[1] = R(0);
     for (int32_t i = 0; i < 4; i++) {
@@ -449,8 +452,43 @@ static real surprise_of(const settings_t *s, const seen_t *seen, real total[6][6
     return dot6(seen->nu[0], solved);
 }
 
-/* Takes parameters that follow the model out of the gains while the readings tell less of them than
- * noise seems to; and in a block that has not moved, or has no two halves. */
+/* Whether too little is told of a parameter, the others following: by the blocks, each along its own
+ * covariance, less than noise seems to tell; or by all of them along the present one, less than ten times that. */
+static int32_t is_held(const state_t *x, int32_t i)
+{
+    const real own = x->covariance[i][i];
+    real along[N], told = R(0);
+    if (kind_of[i] != 0 && kind_of[i] < 11) {
+        return 0;
+    }
+    for (int32_t j = 0; j < N; j++) {
+        along[j] = own > R(0) ? x->covariance[j][i] / own : R(0);
+    }
+    for (int32_t j = 0; j < N; j++) {
+        for (int32_t k = 0; k < N; k++) {
+            told += along[j] * x->information[j][k] * along[k];
+        }
+    }
+    return x->excitation[i][0] < x->excitation[i][1] || !(told > R(TOLD) * x->of_noise);
+}
+
+/* Adds the information of a block, mean over the last of them. */
+static void inform(state_t *x, const seen_t *seen, real e[6][6], real of_noise)
+{
+    for (int32_t i = 0; i < N; i++) {
+        real one[6], other[6];
+        solve(e, seen->columns[0][i], one);
+        solve(e, seen->columns[1][i], other);
+        for (int32_t j = 0; j < N; j++) {
+            const real told = dot6(one, seen->columns[0][j]) - dot6(other, seen->columns[1][j]);
+            x->information[i][j] += (told - x->information[i][j]) / R(EXCITED_OVER);
+        }
+    }
+    x->of_noise += (of_noise - x->of_noise) / R(EXCITED_OVER);
+}
+
+/* Takes parameters that follow the model out of the gains while the readings tell too little of them, and
+ * in a block that has not moved, or has no two halves. */
 static void hold(state_t *x, const seen_t *seen, real e[6][6], int32_t told_apart,
                  real g[2][N][6])
 {
@@ -460,6 +498,9 @@ static void hold(state_t *x, const seen_t *seen, real e[6][6], int32_t told_apar
         real solved[6];
         solve(e, seen->of_pose[a], solved);
         of_noise += solved[a];
+    }
+    if (told_apart) {
+        inform(x, seen, e, of_noise);
     }
     for (int32_t i = 0; i < N; i++) {
         const real own = x->covariance[i][i];
@@ -490,7 +531,7 @@ static void hold(state_t *x, const seen_t *seen, real e[6][6], int32_t told_apar
             x->excitation[i][0] += (information - x->excitation[i][0]) / R(EXCITED_OVER);
         }
         x->excitation[i][1] += (of_noise - x->excitation[i][1]) / R(EXCITED_OVER);
-        held[i] = x->excitation[i][0] < x->excitation[i][1];
+        held[i] = is_held(x, i);
     }
     for (int32_t i = 0; i < N; i++) {
         for (int32_t j = 0; j < N; j++) {
@@ -629,7 +670,8 @@ static void update(const settings_t *s, state_t *x, seen_t *seen, real apart, in
 static int32_t is_sound(const settings_t *s, const state_t *x)
 {
     int32_t sound = all_finite(x->values, N) && all_finite(x->covariance[0], N * N) &&
-                    all_finite(x->excitation[0], 2 * N) && all_finite(x->cross[0][0], 6 * PARTS * N);
+                    all_finite(x->excitation[0], 2 * N) && all_finite(x->information[0], N * N) &&
+                    is_finite(x->of_noise) && all_finite(x->cross[0][0], 6 * PARTS * N);
     for (int32_t i = 0; i < N; i++) {
         const real sd = s->priors[i].sd, variance = x->covariance[i][i];
         sound = sound && variance >= R(0) && variance <= R(MOST) * sd * sd;

@@ -66,7 +66,9 @@ typedef struct {
     @NAME@_adapt_real cross[@COUNT@][@PARTS@][6], centres[@CELLS@][6];
     uint32_t visits[@CELLS@];
     /* information and seeming information of noise: a parameter with less of the first is held */
-    @NAME@_adapt_real excitation[@COUNT@][2], window[2];
+    @NAME@_adapt_real excitation[@COUNT@][2];
+    /* the same of all parameters together, for their present covariance */
+    @NAME@_adapt_real information[@COUNT@][@COUNT@], of_noise, window[2];
     uint32_t counts[4], held;
 } @NAME@_adapt_state;
 
