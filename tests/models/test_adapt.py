@@ -126,7 +126,8 @@ def test_a_wide_circle_about_rest_draws_no_modulus(adapter: Adapter) -> None:
 
 @pytest.mark.parametrize("what", ["payload", "zero"])
 def test_half_a_kilogram_is_found_and_told_from_the_zero(adapter: Adapter, what: str) -> None:
-    # The model is wrong by 0.15 N in the middle and 0.38 N at the rim: a second goes by until the jump is certain.
+    # The model is wrong by 0.15 N in the middle and 0.38 N at the rim: a second goes by until the
+    # jump is certain.
     poses = moving(44.0, 3, 0.5)
     true, on = wrench(poses), int(40 * RATE)
     load = weight(poses, 0.5)
