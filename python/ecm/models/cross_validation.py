@@ -121,6 +121,7 @@ def cross_validate(
             measured, fold, fitted, lambda done, total, _: told(done, total)
         )
     told(0, count)
+    reached = 0.0
 
     def part_told(done: float, total: float, words: str) -> None:
         # A fit counts each of its steps anew.
@@ -128,7 +129,6 @@ def cross_validate(
         reached = max(reached, part + done / total)
         told(reached, count)
 
-    reached = 0.0
     for part in range(count):
         test = measured.select(np.flatnonzero(fold == part))
         if maps is None:
