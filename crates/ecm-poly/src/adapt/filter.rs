@@ -22,8 +22,8 @@ const WINDOW: u32 = 100;
 /// Bounds as those of a normal number: of one block, and of a window (1 in 10⁶).
 const BLOCK_BOUND: u16 = 5;
 const WINDOW_BOUND: [u16; 2] = [19, 4];
-/// The tests allow twice the stated error of the model: this much variance beside the one in it.
-const ALLOWED: u16 = 3;
+/// The tests allow twice the stated variance of the model's error: this much beside the one in it.
+const ALLOWED: u16 = 1;
 /// A variance beyond this many times that of the start is no result.
 const MOST: u16 = 16;
 
@@ -193,7 +193,7 @@ impl<R: Real, const N: usize> Adapter<R, N> {
         }
     }
 
-    /// νᵀ S⁻¹ ν with twice the error of the model, chi-square with six degrees of freedom where
+    /// νᵀ S⁻¹ ν with twice the variance of the model's error, chi-square with six degrees of freedom where
     /// that is right; and the mean share of the variance that is no noise.
     fn surprise(&self, seen: &Seen<R, N>, told: &Told<R, N>) -> (R, R) {
         let mut total = told.total;

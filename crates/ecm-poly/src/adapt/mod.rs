@@ -21,8 +21,8 @@
 //!   the pose alone would seem to tell, and while that of these blocks together, the others following as
 //!   they do now, is less than ten times as much: along a direction that is told so little, the noise
 //!   multiplies the estimate by a random factor. What no reading excites keeps its value; its variance returns to that of the start.
-//! - **Innovations.** A block beyond 5 standard deviations, with twice the stated error of the
-//!   model, is left out. Three in a row are a jump: the covariance of those parameters that may jump is
+//! - **Innovations.** A block beyond 5 standard deviations, with twice the stated variance of the
+//!   model's error, is left out. Three in a row are a jump: the covariance of those parameters that may jump is
 //!   opened. Where that does not explain the readings, or the mean of 100 blocks leaves chi-square, it is
 //!   no drift: [`Outcome::Diagnose`], and everything is held until [`State::resume`].
 //! - **Bounds** are projections in the metric of the covariance.

@@ -18,7 +18,7 @@ enum {
     SUSPECTS = 3,
     JUMPS = 3,
     WINDOW = 100,
-    ALLOWED = 3,
+    ALLOWED = 1,
     FARTHEST = 4,
     MOST = 16
 };
@@ -434,7 +434,7 @@ static void tell(const state_t *x, seen_t *seen, real g[N][6], real total[6][6])
     }
 }
 
-/* nu' S^-1 nu with twice the model's error, and the mean share of the variance that is no noise */
+/* nu' S^-1 nu with twice the variance of the model's error, and the mean share of the variance that is no noise */
 static real surprise_of(const settings_t *s, const seen_t *seen, real total[6][6], real *alike)
 {
     real e[6][6], solved[6];
