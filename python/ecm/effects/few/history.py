@@ -227,6 +227,7 @@ class FtsDrift(_ZeroEffect):
     signature = "linear in time"
     needs = "time (time_s)"
     requires = (needs_varying("time_s", 1.0),)
+    rivals = {"growing_load": "zero_every_ten_poses"}
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """On each wrench column."""
