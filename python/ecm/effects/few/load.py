@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ecm.effects.few.history import FtsDrift
-from ecm.effects.protocol import Effect, LookAlike
+from ecm.effects.few.history import CourseEffect
+from ecm.effects.protocol import Effect, LookAlike, needs_varying
 from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.regression.rows import Rows
 
 
 @dataclass(eq=False)
-class GrowingLoad(FtsDrift):
+class GrowingLoad(CourseEffect):
     """b t on each wrench column of rows with the mechanism: the sensor itself stays.
 
     Six columns tell the two apart by the axes, which turn with the sensor. Fewer need readings with
@@ -28,7 +28,8 @@ class GrowingLoad(FtsDrift):
         "readings with the sensor unloaded, at the start and at the end",
     )
     signature = "linear in time, zero without the mechanism"
-    side = "physics"
+    needs = "time (time_s)"
+    requires = (needs_varying("time_s", 1.0),)
     rivals = {"fts_drift": "zero_every_ten_poses"}
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
