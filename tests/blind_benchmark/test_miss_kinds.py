@@ -6,7 +6,7 @@ from pathlib import Path
 
 from blind_kinds import outcome, sets
 from blind_parts.miss_kinds import UNSAID
-from blind_parts.other_sets import given_model, table_of
+from blind_parts.other_sets import OtherSet, given_model, table_of
 from ecm.diagnosis import Diagnosis, diagnose
 
 
@@ -34,6 +34,19 @@ def test_friction_is_named_by_the_order_of_rows_where_no_approach_is_said(tmp_pa
     found, counts_as = diagnosed(UNSAID, 0, tmp_path)
     assert counts_as == "right", found.sentence()
     assert any("row before in time" in line for line in found.warnings)
+
+
+def test_a_trace_of_the_load_before_is_no_friction(tmp_path: Path) -> None:
+    """Friction by the order of rows explains a part of it, and the load before far more."""
+    case = OtherSet(
+        seed=2, index=2, kind="foreign", name="memory", body="soft", strength=3.0, rows=90,
+        repeats=0, declared=False,
+    )  # fmt: skip
+    table, mechanism = table_of(case, tmp_path)
+    found = diagnose(given_model(table, mechanism), table)
+    assert found.verdict == "unknown", found.sentence()
+    assert found.unknown is not None
+    assert "of the reading before" in found.unknown.words
 
 
 def test_a_small_effect_of_time_is_named_beside_a_larger_one_of_the_pose(tmp_path: Path) -> None:
