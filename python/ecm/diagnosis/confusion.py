@@ -72,7 +72,6 @@ def confusion_class(
     gain = own - delta_bic(problem, others)
     rivals = _rivals(problem, {other.id for other in chosen})
     losses = own - delta_bic_of_each(problem, others, rivals)
-    alone = dict(zip(rivals, delta_bic_of_each(problem, (), rivals).tolist(), strict=True))
     later = _LaterRuns(problem, others, item)
 
     def is_member(rival: Candidate, loss: float) -> bool:
@@ -80,10 +79,8 @@ def confusion_class(
             loss < max(least_bic, settings.form_share * own)
             and separability(problem, item, rival, others) < settings.separable
         )
-        # The data cannot show the true form of an imitator: half of what one name explains, or of
-        # all that several do, is enough.
-        half = loss < 0.5 * gain or alone[rival] > 0.5 * own
-        alike = alike or (rival in problem.imitators and half)
+        # The data cannot show the true form of an imitator: half of the gain is enough.
+        alike = alike or (rival in problem.imitators and loss < 0.5 * gain)
         return (loss < least_bic or alike) and not later.refutes(rival)
 
     nearest = _nearest(
