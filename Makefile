@@ -19,13 +19,18 @@ WORKERS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 4 ? n : 4)))
 # The oldest compiler that the crates promise.
 OLDEST_RUST = $(shell sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
 
-.PHONY: demo test docs setup build build-demo test-rust test-python wheel release-check oldest-rust deny semver bench-diagnose bench-blind clean
+.PHONY: demo test docs setup build build-demo test-rust rust-beside test-python wheel release-check oldest-rust deny semver bench-diagnose bench-blind clean
 
 demo: build-demo
 	@$(BIN)/ecm identify examples/neck.toml --out demo
 	@echo "Open demo/report.html in a browser."
 
-test: test-rust test-python
+# The tests of the crates run beside those of Python: some of them use one core alone.
+test: build
+	@$(MAKE) --no-print-directory -j2 rust-beside test-python
+
+rust-beside:
+	@BESIDE=1 $(STEP) "Tests of the crates" $(MAKE) --no-print-directory test-rust
 
 docs: build
 	@$(STEP) "Pages of the crates by rustdoc" env RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release \

@@ -13,7 +13,7 @@ from ecm.cli import run
 from ecm.io.mechanism import Mechanism
 from ecm.models import PhysicsMap, physics_map
 from ecm.regression.blas import one_blas_thread
-from support.jobs import identify, write_smaller
+from support.jobs import identify_with_kept_fem, write_smaller
 from support.neck import ROOT, SHARED_DATA, Done, csv_text, neck_columns
 from support.products import cache_of_this_code, made_once
 
@@ -98,7 +98,7 @@ def quick_config(products: Path) -> Iterator[Path]:
 @pytest.fixture(scope="session")
 def quick_job(products: Path, quick_config: Path, neck_physics: PhysicsMap) -> Iterator[Path]:
     """Results of `ecm identify` of those settings on two threads."""
-    make = partial(identify, quick_config)
+    make = partial(identify_with_kept_fem, quick_config)
     with made_once(products, "quick", lambda out: make(out, "--threads", "2")) as job:
         yield job
 

@@ -620,7 +620,7 @@ def test_a_long_work_tells_its_step_and_the_time_left(
         tell(0, 4, "noise")
         until("fitting, noise, 0 s so far: 0 of 4\n")
         tell(3, 4, "all values")
-        until("fitting, all values, 0 s so far: 3 of 4, 0 s left\n")
+        until("fitting, all values, 0 s so far: 3 of 4, about 0 s left\n")
     with Console(quiet=True).working("fitting") as tell:
         tell(0, 4, "noise")
     assert capsys.readouterr().err == ""

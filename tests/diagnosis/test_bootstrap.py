@@ -70,5 +70,16 @@ def test_a_share_is_the_same_to_a_few_hundredths_whatever_the_seed(problem: Prob
         assert other["payload"] == pytest.approx(found[0]["payload"], abs=0.06)
 
 
+def test_no_more_draws_are_made_than_a_clear_share_needs(problem: Problem) -> None:
+    ids = [item.candidate.id for item in rank(problem)]
+    clear, in_doubt = ids[:1], ids[:8]
+    (share,) = selection_shares(problem, [], clear, 3).values()
+    assert share >= 0.99
+    assert selection_shares(problem, [], clear, 3, 400) == {clear[0]: share}
+    assert selection_shares(problem, [], clear, 3, 375) != {clear[0]: share}
+    all_draws = selection_shares(problem, [], in_doubt, 3)
+    assert all_draws != selection_shares(problem, [], in_doubt, 3, 400)
+
+
 def test_without_contenders_nobody_wins(problem: Problem) -> None:
     assert selection_shares(problem, [], set(), 0) == {}

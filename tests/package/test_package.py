@@ -132,9 +132,11 @@ def test_blas_has_one_thread_inside_a_function_and_its_own_after() -> None:
 def test_a_step_is_one_line_and_its_error_comes_out_whole() -> None:
     """`make demo` and the set-up run everything through scripts/step."""
 
-    def step(script: str) -> subprocess.CompletedProcess[str]:
+    def step(script: str, **more: str) -> subprocess.CompletedProcess[str]:
         command = [ROOT / "scripts" / "step", "A step", "sh", "-c", script]
-        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+        return subprocess.run(
+            command, capture_output=True, text=True, check=False, timeout=60, env=os.environ | more
+        )
 
     quiet = step("echo loud; echo louder >&2")
     assert (quiet.returncode, quiet.stderr) == (0, "")
@@ -143,6 +145,10 @@ def test_a_step_is_one_line_and_its_error_comes_out_whole() -> None:
     assert failed.returncode == 3
     for line in ("A step", "failed after", "first", "second", "failed (3): sh -c"):
         assert line in failed.stdout
+    beside = step("echo first; exit 3", BESIDE="1")  # its line comes when it is over
+    assert beside.returncode == 3
+    assert beside.stdout.split()[:4] == ["A", "step", "failed", "after"]
+    assert "first" in beside.stdout
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     demo = makefile[makefile.index("\n$(VENV)/.demo:") :].split("\n\n")[0]
     assert "--group build --group demo" in demo

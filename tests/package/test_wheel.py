@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -10,12 +11,12 @@ from pathlib import Path
 from zipfile import ZipFile
 
 from ecm.models import PhysicsMap
-from support.jobs import copy_cases, write_smaller
+from support.jobs import copy_fem
 from support.neck import ROOT
 
 
 def test_the_wheel_installs_and_identifies_without_rust(
-    tmp_path: Path, quick_job: Path, neck_physics: PhysicsMap
+    tmp_path: Path, quick_job: Path, quick_config: Path, neck_physics: PhysicsMap
 ) -> None:
     maturin = Path(sys.executable).parent / "maturin"
     subprocess.run(
@@ -53,10 +54,9 @@ def test_the_wheel_installs_and_identifies_without_rust(
         timeout=600,
         env={**os.environ, "PYTHONPATH": ""},
     )
-    write_smaller(tmp_path / "quick.toml", n=110, n_test=10, design=88)
-    copy_cases(quick_job, tmp_path / "out" / "stages")  # the campaigns solve their own poses
+    copy_fem(quick_job, tmp_path / "out", most=160)  # the other 20 pairs are left to the wheel
     done = subprocess.run(
-        [clean / "bin" / "ecm", "identify", "quick.toml", "--out", "out"],
+        [clean / "bin" / "ecm", "identify", quick_config, "--out", "out"],
         cwd=tmp_path,
         env=environment,
         capture_output=True,
@@ -65,8 +65,11 @@ def test_the_wheel_installs_and_identifies_without_rust(
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    assert (tmp_path / "out" / "summary.json").exists()
     assert (tmp_path / "out" / "model.json").exists()
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    own = json.loads((quick_job / "summary.json").read_text(encoding="utf-8"))
+    assert summary["simulate"]["counts"] == own["simulate"]["counts"]
+    assert summary["loop"]["diagnosis"]["answer"] == own["loop"]["diagnosis"]["answer"]
     # The plain install is light: the report is an extra, and the command says so.
     assert not (tmp_path / "out" / "report.html").exists()
     assert "ecm-stiffness[report]" in done.stdout + done.stderr

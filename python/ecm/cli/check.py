@@ -20,8 +20,8 @@ def check(options: Options, session: Session) -> None:
         _leave_out(options.data, session)
     table = session.read(options.data)
     load_installed()
-    with session.working(f"checking {len(table)} rows"):
-        result = check_table(table)
+    with session.working(f"checking {len(table)} rows") as tell:
+        result = check_table(table, progress=tell)
     session.write_json(result.to_dict())
     _print(result, session)
 

@@ -25,6 +25,9 @@ def _line_every_s() -> float:
 
 _LINE_EVERY_S = _line_every_s()
 _FIRST_LINE_S = min(2.0, _LINE_EVERY_S)
+_MOST_COUNTED = 100
+_LONGER = 0.2
+"""Least share of the time since the last word that a work still takes."""
 
 
 class Console:
@@ -157,10 +160,10 @@ class _Phase:
     """A phase of the work with a count of its own."""
 
     def __init__(self) -> None:
-        self.first = self._done = self._total = 0
+        self.first = self._done = self._total = 0.0
         self.start = time.monotonic()
 
-    def begins(self, done: int, total: int) -> bool:
+    def begins(self, done: float, total: float) -> bool:
         """Whether a new phase, with a new count, begins with this call."""
         new = total != self._total or done < self._done
         if new:
@@ -185,13 +188,13 @@ class _Steps:
     """The step that a work is at, as it was told last."""
 
     def __init__(self) -> None:
-        self._phase, self._words, self._at = _Phase(), "", (0, 0)
+        self._phase, self._words, self._at = _Phase(), "", (0.0, 0.0)
         self._since = self._expected = 0.0
 
-    def tell(self, done: int, total: int, *words: Any) -> None:
-        """Take the part that is done, the whole, and the name of the step that begins."""
+    def tell(self, done: float, total: float, *words: Any) -> None:
+        """Take the part that is done, the whole, and the name of the step that goes on."""
         self._phase.begins(done, total)
-        self._words, self._at = ", ".join(map(str, words)), (done, total)
+        self._words, self._at = ", ".join(filter(None, map(str, words))), (done, total)
         self._since = time.monotonic()
         self._expected = self._phase.seconds_left(self._since)
 
@@ -201,12 +204,18 @@ class _Steps:
         if not total:
             return f"{title}: {so_far}"
         what = ", ".join(filter(None, (title, self._words, so_far)))
-        if not self._expected:
-            return f"{what}: {done} of {total}"
-        # A step that lasts longer than was expected may well last as long again.
+        # Parts take unlike times, and one that lasts longer than was expected is not over at once.
         taken = now - self._since
-        left = max(self._expected - taken, taken)
-        return f"{what}: {done} of {total}, {_duration(left)} left"
+        left = max(self._expected - taken, _LONGER * taken) if self._expected else 0.0
+        if left:
+            what_left = f", about {_duration(left)} left"
+            done += (total - done) * taken / (taken + left)
+        else:
+            what_left = ""
+        # What is more than a few is easier to read as a share.
+        few = 1 < total <= _MOST_COUNTED
+        share = f"{int(self._at[0])} of {total:.0f}" if few else f"{100.0 * done / total:.0f} %"
+        return f"{what}: {share}{what_left}"
 
 
 def _lines(title: str) -> Callable[..., None]:

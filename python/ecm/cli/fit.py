@@ -44,21 +44,22 @@ def fit(options: Options, session: Session) -> None:
         specification, name = choice.best, choice.best.alias
     else:
         specification = _named(name, options.pcr, table, session)
-    with session.working(f"fitting {name} to {len(table)} rows"):
+    with session.working(f"fitting {name} to {len(table)} rows") as tell:
         model = fit_model(
             table,
             specification,
             zero_at_home=options.zero_at_home,
             stable=options.stable,
             weights=cast("Weights", options.weights),
+            progress=tell,
         )
     with session.working("errors on held-out rows") as tell:
         summary = fit_summary(model, table, specification, seed=session.seed, progress=tell)
     summary["choice"] = None if choice is None else choice.to_dict()
     summary["curve"] = None
     if options.curve:
-        with session.working("how many poses are enough"):
-            curve = learning_curve(table, specification, _SIZES, seed=session.seed)
+        with session.working("how many poses are enough") as tell:
+            curve = learning_curve(table, specification, _SIZES, seed=session.seed, progress=tell)
         summary["curve"] = curve.to_dict()
         for sentence in curve.sentences():
             session.print(sentence)

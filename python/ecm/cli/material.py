@@ -22,9 +22,14 @@ def fit(options: Options, session: Session) -> None:
         for mode in ("uniaxial", "equibiaxial", "pure_shear")
         for path in getattr(options, mode) or ()
     ]
-    with session.working("fitting the material"):
+    with session.working("fitting the material") as tell:
         fitted = fit_material(
-            tests, options.model, terms=options.terms, use=use, poisson_ratio=options.poisson_ratio
+            tests,
+            options.model,
+            terms=options.terms,
+            use=use,
+            poisson_ratio=options.poisson_ratio,
+            progress=tell,
         )
     for warning in fitted.warnings:
         session.warn(warning)

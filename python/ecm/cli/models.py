@@ -9,6 +9,7 @@ from ecm.cli.session import Session
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.mechanism import Mechanism
+from ecm.io.steps import Progress
 from ecm.io.table import Table
 from ecm.io.toml import read_toml
 from ecm.models import Model, PhysicsMap, load_model, physics_map
@@ -52,11 +53,11 @@ def read_mechanism(name: str) -> Mechanism:
     return Mechanism.from_dict(document["mechanism"], where, base=path.parent)
 
 
-def _late_progress(session: Session) -> Callable[[int, int, str], object]:
+def _late_progress(session: Session) -> Progress:
     """A progress bar that appears only when there is work to do."""
     bars: list[Callable[..., None] | None] = []
 
-    def show(done: int, total: int, phase: str) -> None:
+    def show(done: float, total: float, phase: str) -> None:
         if not bars:
             bars.append(session.progress("FEM of the body, kept for the next time"))
         if bars[0] is not None:

@@ -31,15 +31,17 @@ def predict(options: Options, session: Session) -> None:
         )
     kind: Any = options.stiffness_kind.value if options.stiffness else None
     model = open_model(options.model, session, table)
-    with session.working(f"predicting {len(table)} rows"):
-        predicted = predict_table(model, table, stiffness=kind, leverage=options.leverage)
+    with session.working(f"predicting {len(table)} rows") as tell:
+        predicted = predict_table(
+            model, table, stiffness=kind, leverage=options.leverage, progress=tell
+        )
     for warning in predicted.warnings[len(table.warnings) :]:
         session.warn(warning)
     if options.rotation:
         vectors = np.column_stack([predicted.column(name) for name in POSE[3:]])
         predicted = predicted.with_columns(rotation_columns(options.rotation, vectors))
-    with session.working(f"writing {options.out}"):
-        predicted.write(options.out)
+    with session.working(f"writing {options.out}") as tell:
+        predicted.write(options.out, progress=tell)
     new = [n for n, column in predicted.columns.items() if column is not table.columns.get(n)]
     session.write_json({"schema": 1, "rows": len(table), "columns": new})
     session.print(f"{options.out}: {len(table)} rows, {len(new)} predicted columns")

@@ -76,9 +76,13 @@ class Session(Console):
 
     def read(self, paths: Sequence[Path], need: Need | None = None) -> Table:
         """Read the measurement table of the command and print its warnings."""
-        with self.working("reading"):
+        with self.working("reading") as tell:
             table = read_table(
-                list(paths), meta=self.meta, skip_bad_rows=self.skip_bad_rows, need=need
+                list(paths),
+                meta=self.meta,
+                skip_bad_rows=self.skip_bad_rows,
+                need=need,
+                progress=tell,
             )
         for warning in brief(table.warnings, paths):
             self.warn(warning)

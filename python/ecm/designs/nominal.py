@@ -6,7 +6,7 @@ simulated wrenches among the candidates, or of the FEM of their `[mechanism]`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.mechanism import Mechanism
+from ecm.io.steps import Progress
 from ecm.io.table import Table
 from ecm.models import EnergyMap, Model, StiffnessMap, physics_map, surrogate_of
 from ecm.regression.noise import Noise, declared_noise, whiteners
@@ -97,7 +98,7 @@ def nominal_model(
     physics: bool = False,
     noise: Noise | None = None,
     threads: int = 0,
-    progress: Callable[[int, int, str], object] | None = None,
+    progress: Progress | None = None,
 ) -> NominalModel:
     """The nominal model of a table of candidates.
 
@@ -176,7 +177,7 @@ def _physics(
     body: Mechanism | None,
     model: Model | None,
     threads: int,
-    progress: Callable[[int, int, str], object] | None,
+    progress: Progress | None,
 ) -> StiffnessMap:
     """The physics map, whose E and (where it is tabulated) Poisson's ratio are unknown."""
     if model is not None:

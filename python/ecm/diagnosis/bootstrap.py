@@ -1,15 +1,16 @@
 """Group bootstrap: which effect comes first when groups of rows are drawn with replacement.
 
-A share near 0.8 is known to 0.05 from 60 draws and to 0.01 from 2000. A draw needs only the normal
-equations of base and chosen effects with every column, and those of each candidate by itself, so
-that many draws are solved at once.
+A share near 0.8 is known to 0.05 from 60 draws and to 0.01 from 2000. Where one effect wins nearly
+all of the first 400, no threshold is near and they suffice. A draw needs only the normal equations
+of base and chosen effects with every column, and those of each candidate by itself, so that many
+draws are solved at once.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 from scipy.linalg.lapack import dtrtri
@@ -20,6 +21,10 @@ from ecm.regression.blocks import in_threads
 from ecm.regression.normal_equations import RIDGE, NormalEquations
 
 _AT_ONCE = 25
+_FIRST_DRAWS = 400
+_CLEAR = 0.99
+"""Share of the first draws that is clear: where the true share is 0.9, so that a rival might have
+the 0.1 that makes it a member of the class, 396 of 400 are won with a chance of 1e-13."""
 
 
 def selection_shares(
@@ -36,7 +41,8 @@ def selection_shares(
     contenders
         Ids that may win.
     draws
-        Number of draws; default: that of the settings.
+        Most draws; default: that of the settings. After 400 no more are made where one contender
+        has won 99 % of them.
     """
     draws = problem.settings.bootstrap_draws if draws is None else draws
     fixed = [*problem.base_index, *(column for other in others for column in other.columns)]
@@ -48,11 +54,16 @@ def selection_shares(
     ids = [c.id for block in blocks for c in block.candidates]
     won = dict.fromkeys(ids, 0)
     drawn = _drawn(len(problem.normal.squares), draws, seed)
-    for falls in in_threads(lambda weights: _falls(weights, known, blocks, problem), drawn):
-        best = falls.argmax(axis=1)
-        for i in best[falls.max(axis=1) > 0.0].tolist():
-            won[ids[i]] += 1
-    return {id: count / draws for id, count in won.items() if count}
+    made = 0
+    for part in (islice(drawn, _FIRST_DRAWS // _AT_ONCE), drawn):
+        for falls in in_threads(lambda weights: _falls(weights, known, blocks, problem), part):
+            made += len(falls)
+            best = falls.argmax(axis=1)
+            for i in best[falls.max(axis=1) > 0.0].tolist():
+                won[ids[i]] += 1
+        if max(won.values()) >= _CLEAR * made:
+            break
+    return {id: count / made for id, count in won.items() if count}
 
 
 def _by_size(candidates: Sequence[Candidate]) -> list[list[Candidate]]:

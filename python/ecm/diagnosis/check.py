@@ -16,10 +16,14 @@ from ecm.effects import effects_for
 from ecm.effects.length import missing_length
 from ecm.io.columns import POSE, TEXT, WRENCH, is_standard
 from ecm.io.quaternion_order import order_warning
+from ecm.io.steps import Progress, Steps
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.regression.correlation import correlation_time
 from ecm.regression.repeats import noise_source, repeated_poses
 
+_COLUMNS, _TESTABLE, _REPEATS, _SUSPECT = (
+    "columns", "testable effects", "repeats", "rows that are no measurements",
+)  # fmt: skip
 _UNITS = ("degC", "Nm", "rad", "N", "m", "s")
 _STILL = 1e-12
 """A column that spans less than this share of its size is constant."""
@@ -235,7 +239,7 @@ def excitation_sentences(names: Sequence[str]) -> list[str]:
     ]
 
 
-def check(table: TableLike, *, meta: MetaLike = None) -> Check:
+def check(table: TableLike, *, meta: MetaLike = None, progress: Progress | None = None) -> Check:
     """Check columns, excitation, repeats and testable effects of a measurement table.
 
     Parameters
@@ -244,6 +248,8 @@ def check(table: TableLike, *, meta: MetaLike = None) -> Check:
         Measurements, as a table, a data frame, a dict or a file.
     meta
         Description of the data, as a dict of what the TOML beside it would hold, or that file.
+    progress
+        Called with the part that is done, the whole, and the step that goes on.
 
     Examples
     --------
@@ -253,6 +259,8 @@ def check(table: TableLike, *, meta: MetaLike = None) -> Check:
     ('assumed', ())
     """
     table = as_table(table, meta=meta)
+    steps = Steps({_COLUMNS: 2, _TESTABLE: 6, _REPEATS: 2, _SUSPECT: 2}, progress)
+    steps.begin(_COLUMNS)
     columns = tuple(_column(name, values) for name, values in table.columns.items())
     constant = never_excited(table)
     missing = [name for name in (*POSE, *WRENCH) if not table.has(name)]
@@ -264,8 +272,13 @@ def check(table: TableLike, *, meta: MetaLike = None) -> Check:
     groups = table.groups()
     padded = padding(table)
     testable, not_testable = _effects(
-        table.drop(*padded), [name for name in constant if name not in padded]
+        table.drop(*padded),
+        [name for name in constant if name not in padded],
+        steps.within(_TESTABLE),
     )
+    steps.begin(_REPEATS)
+    repeated, noise = repeated_poses(table), noise_source(table)
+    steps.begin(_SUSPECT)
     return Check(
         source=table.source,
         rows=len(table),
@@ -276,8 +289,8 @@ def check(table: TableLike, *, meta: MetaLike = None) -> Check:
         padding=padded,
         missing=tuple(missing),
         groups=None if groups is None else len(np.unique(groups)),
-        repeated_poses=repeated_poses(table),
-        noise=noise_source(table),
+        repeated_poses=repeated,
+        noise=noise,
         testable=testable,
         not_testable=not_testable,
         warnings=(*table.warnings, *_misread(table)),
@@ -336,12 +349,15 @@ def _is_constant(values: NDArray[np.float64]) -> bool:
 
 
 def _effects(
-    table: Table, constant: Sequence[str]
+    table: Table, constant: Sequence[str], progress: Progress | None
 ) -> tuple[tuple[str, ...], tuple[NotTestable, ...]]:
     """Return the ids that the table can test, and the others with reason and remedy."""
     testable: list[str] = []
     not_testable: list[NotTestable] = []
-    for effect in effects_for((*table.pose_columns, *table.wrench_columns)):
+    effects = effects_for((*table.pose_columns, *table.wrench_columns))
+    for i, effect in enumerate(effects):
+        if progress is not None:
+            progress(i, len(effects), "")
         missing = effect.missing(table) or missing_length(effect, table)
         if missing is not None:
             not_testable.append(NotTestable(effect.id, missing.reason, missing.record))

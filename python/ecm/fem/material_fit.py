@@ -15,6 +15,7 @@ from ecm._native import material_decode, material_start
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F
 from ecm.io.material import MODELS, TESTS, WITH_TERMS, Material
+from ecm.io.steps import Progress, Steps
 from ecm.io.toml import did_you_mean, read_text
 
 _STRESS_UNITS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6}
@@ -124,6 +125,8 @@ class MaterialFit:
     warnings: tuple[str, ...]
 
 
+_LONGER = 6
+"""A parameter more makes a fit so many times longer (measured)."""
 _LOOP = 0.05
 
 
@@ -167,6 +170,7 @@ def fit_material(
     terms: int = 2,
     use: tuple[float, float] = (0.5, 1.6),
     poisson_ratio: float = 0.49,
+    progress: Progress | None = None,
 ) -> MaterialFit:
     """Fit a material model to tests by least squares; every test has the same weight.
 
@@ -182,6 +186,8 @@ def fit_material(
         Uniaxial stretches that the mechanism reaches; a warning says where the tests do not.
     poisson_ratio
         Poisson's ratio, which these tests cannot show.
+    progress
+        Called with the part that is done, the whole, and the model that is fitted.
 
     Returns
     -------
@@ -210,14 +216,17 @@ def fit_material(
         raise InputError(f"no test: give at least one of {', '.join(TESTS)}")
     loops = _loop_warnings(tests)
     if model in MODELS:
-        fit = _fit(tests, model, terms, use, poisson_ratio)
+        told = Steps({model: 1}, progress).within(model)
+        fit = _fit(tests, model, terms, use, poisson_ratio, told)
         return replace(fit, warnings=(*loops, *fit.warnings))
     if model != "auto":
         raise InputError(f"model = '{model}': {did_you_mean(model, (*MODELS, 'auto'))}")
     fits = []
+    sizes = {name: len(material_start(name, 1.0, terms)) for name in MODELS}
+    steps = Steps({name: _LONGER**size for name, size in sizes.items()}, progress)
     for name in MODELS:
         try:
-            fits.append(_fit(tests, name, terms, use, poisson_ratio))
+            fits.append(_fit(tests, name, terms, use, poisson_ratio, steps.within(name)))
         except ComputationError:
             continue
     if not fits:
@@ -232,6 +241,7 @@ def _fit(
     terms: int,
     use: tuple[float, float],
     poisson_ratio: float,
+    progress: Progress | None,
 ) -> MaterialFit:
     """Fit one model, from several starts."""
     scales = [float(np.sqrt(np.mean(t.stress_Pa**2) * len(t.stretch))) for t in tests]
@@ -252,7 +262,7 @@ def _fit(
             return np.full(rows, np.inf)
         return np.concatenate(parts)
 
-    best = _minimise(misfit, start)
+    best = _minimise(misfit, start, progress)
     if best is None or not np.isfinite(best.cost):
         raise ComputationError(f"the fit of {model} does not converge: check units and columns")
     values = material_decode(model, best.x)
@@ -284,10 +294,12 @@ def _fit(
     return MaterialFit(material, names, values, sd, rms, aicc, covered, tuple(warnings))
 
 
-def _minimise(misfit: Callable[[F], F], start: F) -> Any:
+def _minimise(misfit: Callable[[F], F], start: F, progress: Progress | None) -> Any:
     """Return the best least-squares result of several starts; None where no start is finite."""
     best: Any = None
-    for shift in _START_SHIFTS:
+    for i, shift in enumerate(_START_SHIFTS):
+        if progress is not None:
+            progress(i, len(_START_SHIFTS), f"start {i + 1} of {len(_START_SHIFTS)}")
         guess = start.copy()
         guess[-1] += shift
         with np.errstate(over="ignore", invalid="ignore"):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from io import TextIOWrapper
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
@@ -16,25 +17,37 @@ from ecm.errors import InputError
 from ecm.io.cache import atomic
 from ecm.io.columns import TEXT, WHOLE
 from ecm.io.raw_table import Cells, RawTable
+from ecm.io.steps import Progress
 from ecm.io.toml import read_text
 
 _BLOCK = 4096
-"""Lines that are held as text at a time."""
+"""Rows that are held as text at a time."""
 
 
-def read_csv(path: Path, header_rows: int = 1, text: Collection[str | int] = TEXT) -> RawTable:
+def read_csv(
+    path: Path,
+    header_rows: int = 1,
+    text: Collection[str | int] = TEXT,
+    progress: Progress | None = None,
+) -> RawTable:
     """Read names and cells of a CSV file (UTF-8, comma).
 
     With `header_rows` = 0 the columns are called column_1, column_2, ...; with 2 the upper line
     names groups. Cells become numbers block by block where all of them are, except in the columns
-    of `text` (names, or numbers from 1). InputError for a missing, binary or empty file, another
-    separator, and repeated names.
+    of `text` (names, or numbers from 1). `progress` is told the bytes read, of all. InputError for
+    a missing, binary or empty file, another separator, and repeated names.
     """
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
+        with path.open("rb") as raw, TextIOWrapper(raw, "utf-8-sig", newline="") as file:
             if "\0" not in file.read(65536):
                 file.seek(0)
-                return _read(file, path, header_rows, text)
+                size = path.stat().st_size
+
+                def told() -> None:
+                    if progress is not None and size > 0:
+                        progress(min(raw.tell(), size), size, "")
+
+                return _read(file, path, header_rows, text, told)
     except (OSError, UnicodeDecodeError):
         pass
     read_text(path, "table (CSV)")  # raises what is wrong, in words
@@ -58,7 +71,11 @@ def _filled_lines(
 
 
 def _read(
-    file: Iterator[str], path: Path, header_rows: int, text: Collection[str | int]
+    file: Iterator[str],
+    path: Path,
+    header_rows: int,
+    text: Collection[str | int],
+    told: Callable[[], None],
 ) -> RawTable:
     top = list(islice(_filled_lines(file, path), header_rows))
     header = [[cell.strip() for cell in cells] for _, cells in top]
@@ -81,6 +98,7 @@ def _read(
             column.add(own)
         numbers.append(np.arange(first + 1, first + 1 + len(start)))
         first += len(start)
+        told()
         start = list(islice(file, _BLOCK))
     ragged: list[tuple[int, int]] = []
     lines = _filled_lines(chain(start, file), path, first)
@@ -91,6 +109,7 @@ def _read(
         if good:
             for column, *own in zip(columns, *(cells for _, cells in good), strict=True):
                 column.add(own)
+        told()
     places = np.concatenate(numbers)
     return RawTable(names, tuple(c.cells() for c in columns), places, "line", tuple(ragged))
 
@@ -202,12 +221,22 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def write_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write columns, complete or not at all; numbers with the digits that give them back."""
-    cells = [_cells(name, column) for name, column in columns.items()]
+def write_csv(
+    path: Path, columns: Mapping[str, NDArray[Any]], progress: Progress | None = None
+) -> None:
+    """Write columns, complete or not at all; numbers with the digits that give them back.
+
+    `progress` is told the rows that are written, of all.
+    """
+    rows = max(map(len, columns.values()), default=0)
     with atomic(path) as file:
         file.write((",".join(_quoted(name) for name in columns) + "\n").encode())
-        file.writelines((",".join(row) + "\n").encode() for row in zip(*cells, strict=True))
+        for start in range(0, rows, _BLOCK):
+            if progress is not None:
+                progress(start, rows, "")
+            block = slice(start, start + _BLOCK)
+            cells = [_cells(name, column[block]) for name, column in columns.items()]
+            file.writelines((",".join(row) + "\n").encode() for row in zip(*cells, strict=True))
 
 
 def _cells(name: str, column: NDArray[Any]) -> list[str]:

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import TypeVar
 
-Progress = Callable[[int, int, str], object]
-"""Called with the part that is done, the whole, and the name of the step that begins."""
+T = TypeVar("T")
+
+Progress = Callable[[float, float, str], object]
+"""Called with the part that is done, the whole, and the name of the step that goes on."""
+_MANY_PARTS = 20
+"""From so many parts on, doing one of them before costs little."""
 
 
 class Steps:
@@ -26,6 +31,14 @@ class Steps:
     >>> steps.begin("maps")
     >>> told
     [(0, 3, 'errors'), (2, 3, 'maps')]
+
+    A step that counts its own parts gets a callback of its own:
+
+    >>> steps = Steps({"read": 1, "fit": 3}, lambda *what: told.append(what))
+    >>> part = steps.within("fit")
+    >>> part(50, 100, "")
+    >>> told[-1]
+    (2.5, 4, 'fit')
     """
 
     def __init__(self, shares: Mapping[str, int], progress: Progress | None) -> None:
@@ -33,8 +46,45 @@ class Steps:
 
     def begin(self, name: str) -> None:
         """Tell that this step begins."""
-        if self._progress is None:
-            return
+        if self._progress is not None:
+            self._progress(self._before(name), sum(self._shares.values()), name)
+
+    def within(self, name: str) -> Progress | None:
+        """Begin this step and return what tells its own parts; None: nobody waits."""
+        progress = self._progress
+        if progress is None:
+            return None
+        self.begin(name)
+        before, share, whole = self._before(name), self._shares[name], sum(self._shares.values())
+
+        def part(done: float, total: float, words: str) -> None:
+            progress(before + share * done / total, whole, ", ".join(filter(None, (name, words))))
+
+        return part
+
+    def _before(self, name: str) -> int:
         names = list(self._shares)
-        done = sum(self._shares[before] for before in names[: names.index(name)])
-        self._progress(done, sum(self._shares.values()), name)
+        return sum(self._shares[before] for before in names[: names.index(name)])
+
+
+def after_a_part(
+    work: Callable[[int], T], whole: int, part: int, progress: Progress | None, words: str = ""
+) -> T:
+    """Result of a work that grows with a number, and that tells nothing before its end.
+
+    Where somebody waits and the whole is many times a part, the part is done before, so that its
+    time tells that of the whole.
+
+    Examples
+    --------
+    >>> told = []
+    >>> after_a_part(abs, 900, 10, lambda *w: told.append(w))
+    900
+    >>> told
+    [(0, 910, ''), (10, 910, '')]
+    """
+    if progress is not None and whole >= _MANY_PARTS * part:
+        progress(0, whole + part, words)
+        work(part)
+        progress(part, whole + part, words)
+    return work(whole)

@@ -27,6 +27,7 @@ from ecm.io.join import join_runs
 from ecm.io.leave_out import without_rows
 from ecm.io.parquet import read_parquet
 from ecm.io.raw_table import RawTable, raw_table
+from ecm.io.steps import Progress, Steps
 from ecm.io.toml import did_you_mean
 from ecm.io.validate import validated_columns
 
@@ -292,8 +293,10 @@ class Table:
         kind = self.columns["kind"]
         return self.select((kind == "pose") | (kind == ""))
 
-    def write(self, path: str | Path) -> None:
+    def write(self, path: str | Path, *, progress: Progress | None = None) -> None:
         """Write NAME.csv, whose numbers read back bit for bit, and NAME.toml where needed.
+
+        `progress` is told the rows that are written, of all.
 
         Each file appears complete or not at all. InputError for another suffix, and where a
         NAME.toml of another table, or that describes no table, exists.
@@ -311,7 +314,7 @@ class Table:
         with uninterrupted():
             if not self.meta.empty:
                 write_atomically(description, self.meta.beside(target).to_toml())
-            write_csv(target, self.columns)
+            write_csv(target, self.columns, progress)
 
 
 def check_description(path: Path) -> None:
@@ -337,6 +340,7 @@ def read_table(
     meta: MetaLike = None,
     skip_bad_rows: bool = False,
     need: Need | None = None,
+    progress: Progress | None = None,
 ) -> Table:
     """Read one or several measurement tables (CSV or Parquet); several become runs of one.
 
@@ -350,6 +354,8 @@ def read_table(
         Leave bad rows out and record them in `warnings` instead of refusing.
     need
         "fit" or "predict": check that the columns it needs exist.
+    progress
+        Called with the bytes that are read, those of all files, and the file.
 
     Returns
     -------
@@ -373,7 +379,9 @@ def read_table(
     if not files:
         raise InputError("no measurement table was given, expected at least one file")
     given = None if meta is None else as_meta(meta)
-    tables = [_read_one(path, given, skip_bad_rows) for path in files]
+    sizes = {str(path): path.stat().st_size if path.is_file() else 0 for path in files}
+    steps = Steps(sizes, progress if sum(sizes.values()) else None)
+    tables = [_read_one(path, given, skip_bad_rows, steps.within(str(path))) for path in files]
     table = tables[0] if len(tables) == 1 else _joined(tables)
     require_columns(table, need)
     return table
@@ -474,11 +482,19 @@ def unreadable_rows(path: Path, meta: MetaLike = None) -> I:
     return np.setdiff1d(kept, kept[index])
 
 
-def _read_one(path: Path, meta: Meta | None, skip_bad_rows: bool) -> Table:
-    return _checked(*_raw(path, meta), str(path), skip_bad_rows)
+_CELLS, _CHECKS = "numbers", "checks"
 
 
-def _raw(path: Path, meta: Meta | None) -> tuple[RawTable, Meta]:
+def _read_one(
+    path: Path, meta: Meta | None, skip_bad_rows: bool, progress: Progress | None
+) -> Table:
+    steps = Steps({_CELLS: 3, _CHECKS: 1}, progress)
+    raw, meta = _raw(path, meta, steps.within(_CELLS))
+    steps.begin(_CHECKS)
+    return _checked(raw, meta, str(path), skip_bad_rows)
+
+
+def _raw(path: Path, meta: Meta | None, progress: Progress | None = None) -> tuple[RawTable, Meta]:
     """Cells of one file, and its description: NAME.toml beside it unless one is given."""
     if meta is None:
         own = path.with_suffix(".toml")
@@ -486,7 +502,7 @@ def _raw(path: Path, meta: Meta | None) -> tuple[RawTable, Meta]:
     if path.suffix.lower() in (".parquet", ".pq"):
         return read_parquet(path), meta
     text = {*TEXT, *(own.column for name, own in meta.columns.items() if name in TEXT)}
-    return read_csv(path, meta.file.header_rows, text), meta
+    return read_csv(path, meta.file.header_rows, text, progress), meta
 
 
 def _checked(raw: RawTable, meta: Meta, source: str, skip_bad_rows: bool) -> Table:

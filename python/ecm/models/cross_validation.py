@@ -63,7 +63,7 @@ def cross_validate(
     grouped: bool = True,
     seed: int = 0,
     fitted: StiffnessMap | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Callable[[float, float], object] | None = None,
 ) -> CrossValidation:
     """Held-out errors of a model; groups of rows stay together unless asked otherwise.
 
@@ -89,7 +89,8 @@ def cross_validate(
         is not fitted anew for each fold: its equations without the fold are solved, for energies
         linearised at the fit to all rows.
     progress
-        Called with the number of folds that are done, and of all.
+        Called with the number of folds that are done, and of all; before it, of many rows, with
+        those that are read.
 
     Raises
     ------
@@ -112,24 +113,37 @@ def cross_validate(
     outputs = measured.wrench_columns
     truth = measured.matrix(outputs)
     residual = np.empty_like(truth)
+    count = int(fold.max()) + 1
+    told = progress or (lambda done, total: None)
     maps = None
     if len(measured) >= MANY_ROWS:
-        maps = specification.maps_without(measured, fold, fitted)
-    for part in range(int(fold.max()) + 1):
+        maps = specification.maps_without(
+            measured, fold, fitted, lambda done, total, _: told(done, total)
+        )
+    told(0, count)
+    reached = 0.0
+
+    def part_told(done: float, total: float, words: str) -> None:
+        # A fit counts each of its steps anew.
+        nonlocal reached
+        reached = max(reached, part + done / total)
+        told(reached, count)
+
+    for part in range(count):
         test = measured.select(np.flatnonzero(fold == part))
         if maps is None:
             train = measured.select(np.flatnonzero(fold != part))
-            predicted = fit_rows(train, specification).predict(test)
+            waiting = None if progress is None else part_told
+            predicted = fit_rows(train, specification, progress=waiting).predict(test)
         else:
             predicted = maps[part].predict(test.matrix(maps[part].inputs))
         residual[fold == part] = truth[fold == part] - predicted
-        if progress is not None:
-            progress(part + 1, int(fold.max()) + 1)
+        told(part + 1, count)
     rmse = np.sqrt((residual**2).mean(axis=0))
     return CrossValidation(
         rmse=dict(zip(outputs, rmse.tolist(), strict=True)),
         spread=dict(zip(outputs, truth.std(axis=0).tolist(), strict=True)),
-        folds=int(fold.max()) + 1,
+        folds=count,
         grouped=grouped,
     )
 

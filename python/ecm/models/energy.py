@@ -13,6 +13,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import F, I
 from ecm.io.degrees import ENERGY_DEGREES
 from ecm.io.settings import setting
+from ecm.io.steps import Progress, Steps
 from ecm.io.table import Table
 from ecm.models.errors_in_variables import Solved, fit_with_pose_noise, fits_without_folds
 from ecm.models.maps import SYMMETRIES, EnergyMap, StiffnessMap, Symmetry
@@ -26,6 +27,7 @@ GROUPS = ("unlike_ends", "handedness", "precurvature", "face_tilt", "anisotropy"
 _LOW, _HIGH = ENERGY_DEGREES
 
 
+_FEW, _ALL = "some of the rows", "all rows"
 _MOST_ROWS = 4000
 """Rows to which an energy of hundreds of terms is fitted at most."""
 _FEWEST_TRIED = 100
@@ -110,7 +112,9 @@ class EnergyModel(ModelSpecification):
             groups=self.groups,
         )
 
-    def fit_map(self, table: Table, weights: Weights) -> FittedMap:
+    def fit_map(
+        self, table: Table, weights: Weights, progress: Progress | None = None
+    ) -> FittedMap:
         """Errors in variables by the declared noise; with `weights` spread least squares."""
         family = _TermsOfEnergy(self, length_of(table, self.name))
         if self.symmetry == "general" and len(table) > _FEWEST_TRIED:
@@ -121,18 +125,27 @@ class EnergyModel(ModelSpecification):
             return FittedMap(EnergyMap(first), noise, np.asarray(first.covariance))
         few = few_rows(table)
         start: StiffnessMap = EnergyMap(family.by_spread(few))
-        if len(few) < len(table):
-            start = fit_with_pose_noise(few, start, noise, family).base
-        result = fit_with_pose_noise(table, start, noise, family, near=len(few) < len(table))
+        many = len(few) < len(table)
+        steps = Steps({_FEW: len(few) if many else 0, _ALL: len(table)}, progress)
+        if many:
+            told = steps.within(_FEW)
+            start = fit_with_pose_noise(few, start, noise, family, progress=told).base
+        told = steps.within(_ALL)
+        result = fit_with_pose_noise(table, start, noise, family, near=many, progress=told)
         return FittedMap(result.base, noise, result.covariance, result.residual_variance)
 
     def maps_without(
-        self, table: Table, fold: I, fitted: StiffnessMap | None
+        self,
+        table: Table,
+        fold: I,
+        fitted: StiffnessMap | None,
+        progress: Progress | None = None,
     ) -> list[StiffnessMap]:
         """One step from the fit to all rows."""
         family = _TermsOfEnergy(self, length_of(table, self.name))
         start = self.fit_map(table, "auto").base if fitted is None else fitted
-        return fits_without_folds(table, start, declared_noise(table), family, fold)
+        noise = declared_noise(table)
+        return fits_without_folds(table, start, noise, family, fold, progress)
 
     @staticmethod
     def map_from_document(document: dict[str, Any]) -> EnergyMap:

@@ -18,6 +18,7 @@ spread of the poses, however many rows there are (attenuation).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -28,6 +29,7 @@ from ecm._native import inverse_left_jacobians
 from ecm.effects import Rows
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE
+from ecm.io.steps import Progress
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
 from ecm.regression.blocks import in_blocks, triangles_of_folds
@@ -73,6 +75,8 @@ class AllRows:
 _MAX_ITERATIONS = 20
 _TOLERANCE = 0.01
 """The iteration ends when no coefficient changes by this share of its standard deviation."""
+_TYPICAL_PASSES, _TYPICAL_RATE = 6, 0.2
+"""Passes of an energy's fit, and the share of a change that the next pass makes."""
 _LARGEST_SHIFT = 6.0
 """Largest shift of a pose, in standard deviations of the pose noise."""
 
@@ -92,7 +96,13 @@ class NoisyPoseFit:
 
 
 def fit_with_pose_noise(
-    table: Table, start: StiffnessMap, noise: Noise, family: LinearFit, *, near: bool = False
+    table: Table,
+    start: StiffnessMap,
+    noise: Noise,
+    family: LinearFit,
+    *,
+    near: bool = False,
+    progress: Progress | None = None,
 ) -> NoisyPoseFit:
     """Maximum likelihood fit of the coefficients and the true poses.
 
@@ -108,7 +118,10 @@ def fit_with_pose_noise(
         Generalised least squares of the map's family.
     near
         Whether the start is near the result, as that of other rows of the same campaign.
+    progress
+        Called with the share that is done, by the number of passes that are likely needed.
     """
+    passes = _Passes(progress)
     base, rows = start, _NoisyRows.of(table, start)
     before, covariance, variance = base.coefficients, np.zeros((0, 0)), np.nan
     change = np.inf
@@ -120,7 +133,7 @@ def fit_with_pose_noise(
         def reduced(block: slice) -> Any:
             return rows.of_rows(block).reduced(base, noise, family, frame)  # noqa: B023
 
-        parts = in_blocks(len(table), reduced)
+        parts = in_blocks(len(table), reduced, passes.part)
         base, covariance, variance = family.solve(frame, parts, len(table))
         sd = np.sqrt(np.diag(covariance))
         changes = np.abs(base.coefficients - before) / np.where(sd > 0.0, sd, np.inf)
@@ -130,12 +143,45 @@ def fit_with_pose_noise(
         ahead = change * min(1.0, change / last) if near and step > 1 else change
         if ahead < _TOLERANCE or (change > last and change < 0.1):
             break
+        passes.ended(change, change / last)
         rows = rows.moved(base, noise)
     return NoisyPoseFit(base, covariance, variance, rows.poses, change < 0.1)
 
 
+class _Passes:
+    """Tells how far an iteration is: nobody knows its passes before its end, so they are judged."""
+
+    def __init__(self, progress: Progress | None) -> None:
+        self._progress, self._done = progress, 0
+        self._left, self._share = _TYPICAL_PASSES, 0.0
+
+    def part(self, done: float, rows: float, words: str) -> None:
+        """Take the rows that this pass has read."""
+        if self._progress is not None:
+            at = self._done + done / rows
+            self._share = max(self._share, at / (self._done + self._left))
+            self._progress(self._share, 1.0, f"pass {self._done + 1} of about {self._expected}")
+
+    def ended(self, change: float, ratio: float) -> None:
+        """Take the change of a pass, and over that of the pass before, where it is not the last."""
+        # Far from the end changes do not fall evenly yet.
+        near = change < 1.0 and ratio > 0.0
+        rate = min(max(ratio, 0.01), 0.9) if near else _TYPICAL_RATE
+        self._done += 1
+        self._left = max(1, math.ceil(math.log(_TOLERANCE / change) / math.log(rate)))
+
+    @property
+    def _expected(self) -> int:
+        return min(self._done + self._left, _MAX_ITERATIONS)
+
+
 def fits_without_folds(
-    table: Table, fitted: StiffnessMap, noise: Noise, family: LinearFit, fold: I
+    table: Table,
+    fitted: StiffnessMap,
+    noise: Noise,
+    family: LinearFit,
+    fold: I,
+    progress: Progress | None = None,
 ) -> list[StiffnessMap]:
     """Map without each fold, one step from a fit to all rows: true poses and weights are its own.
 
@@ -151,6 +197,8 @@ def fits_without_folds(
         Generalised least squares whose parts are triangles (c, c).
     fold
         (N,) number of each row's fold, from 0.
+    progress
+        Called with the rows that are read, of all.
     """
     rows = _NoisyRows.of(table, fitted).moved(fitted, noise)
     frame = family.frame(rows.poses)
@@ -158,7 +206,7 @@ def fits_without_folds(
     def triangle(own: I) -> F:
         return np.asarray(rows.of_rows(own).reduced(fitted, noise, family, frame))
 
-    parts = triangles_of_folds(fold, triangle)
+    parts = triangles_of_folds(fold, triangle, progress)
     counts = np.bincount(fold)
     return [
         family.solve(frame, parts[:i] + parts[i + 1 :], len(fold) - int(counts[i]))[0]

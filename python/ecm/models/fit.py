@@ -9,6 +9,7 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.columns import POSE
+from ecm.io.steps import Progress, Steps
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.models.constraints import constrained
 from ecm.models.leverage import leverages
@@ -28,6 +29,7 @@ def fit_model(
     weights: Weights = "auto",
     zero_at_home: bool = False,
     stable: bool = False,
+    progress: Progress | None = None,
 ) -> Model:
     """Fit a model to the measured rows of a table.
 
@@ -47,6 +49,8 @@ def fit_model(
         is the paper's ordinary least squares. auto: noise for energies, spread for polynomials.
     zero_at_home, stable
         No wrench, and a stable rest, at the undeformed pose.
+    progress
+        Called with the part of a step that is done, the whole step, and its name.
 
     Returns
     -------
@@ -75,7 +79,7 @@ def fit_model(
             f"model {specification.name}: weights are chosen for polynomials and energies only"
         )
     table = as_table(table, meta=meta)
-    fitted = fit_rows(table, specification, weights)
+    fitted = fit_rows(table, specification, weights, progress)
     if zero_at_home or stable:
         fitted = constrained(fitted, zero_at_home=zero_at_home, stable=stable)
     shown = table.measured()
@@ -85,7 +89,12 @@ def fit_model(
     return replace(fitted, training={**fitted.training, "pose_error": error.to_dict()})
 
 
-def fit_rows(table: Table, specification: ModelSpecification, weights: Weights = "auto") -> Model:
+def fit_rows(
+    table: Table,
+    specification: ModelSpecification,
+    weights: Weights = "auto",
+    progress: Progress | None = None,
+) -> Model:
     """Fit a model as `fit_model` does, without its pose error: for the many fits of a search.
 
     Examples
@@ -101,10 +110,10 @@ def fit_rows(table: Table, specification: ModelSpecification, weights: Weights =
     used = measured
     if specification.most_rows is not None:
         used = measured.select(spread_rows(measured, specification.most_rows))
-    return _model(specification.fit_map(used, weights), measured)
+    return _model(specification.fit_map(used, weights, progress), measured, progress)
 
 
-def _model(fitted: FittedMap, table: Table) -> Model:
+def _model(fitted: FittedMap, table: Table, progress: Progress | None) -> Model:
     """The model of a fit, its covariance widened where residuals exceed the stated noise."""
     base, covariance, training = fitted.base, fitted.covariance, training_of(table)
     variance = fitted.residual_variance
@@ -114,7 +123,8 @@ def _model(fitted: FittedMap, table: Table) -> Model:
             covariance = covariance * max(1.0, variance)
     if covariance is not None and fitted.noise.components is None and base.inputs == POSE:
         poses = np.ascontiguousarray(table.poses)
-        largest = leverages(base, covariance, fitted.noise, poses).max()
+        told = Steps({"leverages": 1}, progress).within("leverages")
+        largest = leverages(base, covariance, fitted.noise, poses, told).max()
         training["largest_leverage"] = float(largest)
     return Model(
         base=base,

@@ -26,7 +26,7 @@ _FOLDS = 10
 _HALVINGS = 25
 _USELESS = 3.0
 """Held-out errors beyond so many times the spread are no errors of a prediction."""
-Progress = Callable[[int, int], object] | None
+Progress = Callable[[float, float], object] | None
 
 
 def fit_summary(
@@ -51,7 +51,7 @@ def fit_summary(
     seed
         Seed of the random generator.
     progress
-        Called with the number of held-out fits that are done, and of all.
+        Called with the part of the held-out fits that is done, and the whole.
 
     Returns
     -------
@@ -134,8 +134,8 @@ def _held_out(
             return {"folds": folds, "sentences": _told(how, folds)}
         seeds = [seed + i for i in range(_HALVINGS)]
         check = partial(cross_validate, fitted=base)
-        own = _shares(table, model, check, 2, True, seeds)
-        random = _shares(table, model, check, 2, False, seeds)
+        own = _shares(table, model, check, 2, True, seeds, progress)
+        random = _shares(table, model, check, 2, False, seeds, progress)
     except EcmError:
         return None
     groups = ", ".join(table.meta.group)
@@ -156,9 +156,14 @@ def _shares(
     folds: int,
     grouped: bool,
     seeds: Sequence[int],
+    progress: Progress = None,
 ) -> dict[str, float]:
     """Held-out RMSE over the spread of each component that is excited, median over the seeds."""
-    results = [check(table, model, folds=folds, grouped=grouped, seed=seed) for seed in seeds]
+    results = []
+    for done, seed in enumerate(seeds):
+        if progress is not None:
+            progress(done, len(seeds))
+        results.append(check(table, model, folds=folds, grouped=grouped, seed=seed))
     return {
         column: float(np.median([result.rmse[column] for result in results])) / spread
         for column, spread in results[0].spread.items()

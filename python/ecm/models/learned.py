@@ -15,6 +15,7 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.extras import require
+from ecm.io.steps import Progress, after_a_part
 from ecm.io.table import Table
 from ecm.models.maps import MapDefaults, StiffnessMap, partial_to, refuse_long_rotations
 from ecm.models.noise_estimate import declared_or_fitted
@@ -28,6 +29,8 @@ from ecm.models.specification import (
 LEARNED = ("gp", "mlp")
 """Kinds of maps without columns of coefficients that a refit could change."""
 _HIDDEN = (32, 32)
+_STEPS, _FIRST_STEPS = 3000, 50
+"""Most steps of the network's fit, and those whose time tells that of all."""
 
 
 @dataclass(frozen=True)
@@ -225,7 +228,9 @@ class GaussianProcessModel(ModelSpecification):
         """Its matrices grow with the square of the rows, its time with the cube."""
         return 2000
 
-    def fit_map(self, table: Table, weights: Weights) -> FittedMap:
+    def fit_map(
+        self, table: Table, weights: Weights, progress: Progress | None = None
+    ) -> FittedMap:
         """Fit lengths and noise to at most 300 rows, the weights to all."""
         process, kernels = _sklearn("gaussian_process"), _sklearn("gaussian_process.kernels")
         shared, x, y = _standardised(table)
@@ -270,15 +275,22 @@ class NeuralNetworkModel(ModelSpecification):
         """Its steps go over all rows, thousands of times."""
         return 5000
 
-    def fit_map(self, table: Table, weights: Weights) -> FittedMap:
+    def fit_map(
+        self, table: Table, weights: Weights, progress: Progress | None = None
+    ) -> FittedMap:
         """Fit by L-BFGS with a little weight decay."""
         network = _sklearn("neural_network")
         shared, x, y = _standardised(table)
-        regressor = network.MLPRegressor(
-            hidden_layer_sizes=_HIDDEN, activation="tanh", solver="lbfgs", alpha=1e-4,
-            max_iter=3000, tol=1e-9, max_fun=20000, random_state=0,
-        )  # fmt: skip
-        fitted = _fitted(regressor, x, y)
+
+        def trained(steps: int) -> Any:
+            regressor = network.MLPRegressor(
+                hidden_layer_sizes=_HIDDEN, activation="tanh", solver="lbfgs", alpha=1e-4,
+                max_iter=steps, tol=1e-9, max_fun=20000, random_state=0,
+            )  # fmt: skip
+            return _fitted(regressor, x, y)
+
+        words = f"at most {_STEPS} steps"
+        fitted = after_a_part(trained, _STEPS, _FIRST_STEPS, progress, words)
         layers = zip(fitted.coefs_, fitted.intercepts_, strict=True)
         base = MlpMap(*shared, tuple((_array(m), _array(s)) for m, s in layers))
         return FittedMap(base, declared_or_fitted(base, table))

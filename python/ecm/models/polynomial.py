@@ -12,6 +12,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import F, I
 from ecm.io.degrees import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
 from ecm.io.settings import setting
+from ecm.io.steps import Progress, after_a_part
 from ecm.io.table import Table
 from ecm.models.errors_in_variables import AllRows, fit_with_pose_noise
 from ecm.models.maps import PolynomialMap, StiffnessMap
@@ -29,6 +30,8 @@ from ecm.regression.noise import declared_noise
 
 _ALIASES = {"linear": 1, "quadratic": 2, "cubic": 3}
 _LOW, _HIGH = POLYNOMIAL_DEGREES
+_PART = 5_000
+"""Rows whose fit tells the time of all."""
 _MOST_AT_ONCE = 100_000
 """Rows of fits that hold the columns of all rows; a cubic's take 0.5 GB then."""
 
@@ -90,7 +93,9 @@ class PolynomialModel(ModelSpecification):
         digits = name.removeprefix("poly:")
         return cls(int(digits)) if digits != name and digits.isdecimal() else None
 
-    def fit_map(self, table: Table, weights: Weights) -> FittedMap:
+    def fit_map(
+        self, table: Table, weights: Weights, progress: Progress | None = None
+    ) -> FittedMap:
         """Ordinary least squares or PCR; with `weights` noise generalised least squares."""
         if self.pcr is not None and weights == "noise":
             raise InputError(
@@ -107,15 +112,20 @@ class PolynomialModel(ModelSpecification):
             _check_rows(len(poses), "--weights noise of a polynomial", "fit an energy (energy6)")
         if isinstance(self.pcr, str) and self.pcr.strip().lower().startswith(("press", "rank")):
             _check_rows(len(poses), f"--pcr {self.pcr}", "give --pcr B/sqrtN")
-        model = PolynomialEvaluator.fit(
-            np.ascontiguousarray(poses),
-            np.ascontiguousarray(wrenches),
-            self.degree,
-            method="least_squares" if self.pcr is None else "pcr",
-            threshold=0.0
-            if self.pcr is None
-            else singular_threshold(self.pcr, poses, wrenches, self.degree),
-        )
+        threshold = 0.0
+        if self.pcr is not None:
+            threshold = singular_threshold(self.pcr, poses, wrenches, self.degree)
+
+        def solved(rows: int) -> PolynomialEvaluator:
+            return PolynomialEvaluator.fit(
+                np.ascontiguousarray(poses[:rows]),
+                np.ascontiguousarray(wrenches[:rows]),
+                self.degree,
+                method="least_squares" if self.pcr is None else "pcr",
+                threshold=threshold,
+            )
+
+        model = after_a_part(solved, len(poses), _PART, progress)
         base = PolynomialMap(model, inputs, outputs)
         if weights == "noise":
             noise = declared_noise(table)
@@ -123,7 +133,7 @@ class PolynomialModel(ModelSpecification):
             def solve(poses: F, wrenches: F, covariance: F) -> tuple[StiffnessMap, F, float]:
                 return fit_polynomial_gls(base, poses, wrenches, covariance)
 
-            result = fit_with_pose_noise(table, base, noise, AllRows(solve))
+            result = fit_with_pose_noise(table, base, noise, AllRows(solve), progress=progress)
             return FittedMap(result.base, noise, result.covariance, result.residual_variance)
         noise = declared_or_fitted(base, table)
         n, k = len(poses), len(model.coefficients)
@@ -133,7 +143,11 @@ class PolynomialModel(ModelSpecification):
         return FittedMap(base, noise, np.asarray(covariance, dtype=np.float64))
 
     def maps_without(
-        self, table: Table, fold: I, fitted: StiffnessMap | None
+        self,
+        table: Table,
+        fold: I,
+        fitted: StiffnessMap | None,
+        progress: Progress | None = None,
     ) -> list[StiffnessMap] | None:
         """Least squares of the other folds' rows; None with a threshold, which needs all rows."""
         if self.pcr is not None:
@@ -145,7 +159,7 @@ class PolynomialModel(ModelSpecification):
         def triangle(rows: I) -> F:
             return PolynomialEvaluator.triangle(poses[rows], wrenches[rows], *frame)
 
-        parts = triangles_of_folds(fold, triangle)
+        parts = triangles_of_folds(fold, triangle, progress)
         maps: list[StiffnessMap] = []
         for i, out in enumerate(np.bincount(fold).tolist()):
             others = parts[:i] + parts[i + 1 :]

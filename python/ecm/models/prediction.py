@@ -9,6 +9,7 @@ import numpy as np
 
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, STIFFNESS, WRENCH
+from ecm.io.steps import Progress
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
@@ -23,6 +24,8 @@ Above what was measured on the neck (docs/models.md): 0.74 % there, 2.2 % at twi
 """
 _WIDE_ERRS_FROM_RAD, _WIDE_ERROR_AT_RAD = 1.2, 1.8
 """A family of a wide workspace errs by 0.1 % up to the first, and by that share at the second."""
+_ROWS = 4 * 4096
+"""Rows whose stiffness is held at once."""
 _MARGIN = 0.1
 """A pose is outside the training data beyond this share of the range of a column."""
 
@@ -34,6 +37,7 @@ def predict(
     meta: MetaLike = None,
     stiffness: StiffnessKind | None = None,
     leverage: bool = False,
+    progress: Progress | None = None,
 ) -> Table:
     """Predict the wrench of a model at each pose of a table.
 
@@ -50,6 +54,8 @@ def predict(
         `generalised` (d(f, J'tau)/dp) or `screw` (in rotation increments of the base axes).
     leverage
         Add the columns `leverage`, where it is known, and `extrapolates` (0 or 1).
+    progress
+        Called with the rows that are done, of all.
 
     Returns
     -------
@@ -71,7 +77,25 @@ def predict(
     """
     table = as_table(table, meta=meta, need="predict")
     poses = table.matrix(model.inputs)
-    wrench = model.predict(table if model.effects else poses)
+    # Effects follow the history of all rows.
+    whole = model.predict(table) if model.effects else None
+    parts = []
+    for start in range(0, len(poses), _ROWS):
+        if progress is not None:
+            progress(start, len(poses), "")
+        block = slice(start, start + _ROWS)
+        wrench = model.predict(poses[block]) if whole is None else whole[block]
+        parts.append(_columns(model, poses[block], wrench, stiffness, leverage))
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    warnings = (*table.warnings, *_outside(model, table), *beyond_reach(model, poses))
+    predicted: Table = table.with_columns(columns)
+    return replace(predicted, warnings=warnings)
+
+
+def _columns(
+    model: Model, poses: F, wrench: F, stiffness: StiffnessKind | None, leverage: bool
+) -> dict[str, F]:
+    """What is predicted at poses (N, n), by column."""
     columns: dict[str, F] = {name: wrench[:, j] for j, name in enumerate(model.outputs)}
     sd = _with_reach(model, poses, model.predict_sd(poses))
     if sd is not None:
@@ -83,9 +107,7 @@ def predict(
         if known is not None:
             columns["leverage"] = known
         columns["extrapolates"] = model.extrapolates(poses).astype(np.float64)
-    warnings = (*table.warnings, *_outside(model, table), *beyond_reach(model, poses))
-    predicted: Table = table.with_columns(columns)
-    return replace(predicted, warnings=warnings)
+    return columns
 
 
 def _with_reach(model: Model, poses: F, sd: F | None) -> F | None:

@@ -26,6 +26,7 @@ from ecm._native import (
 from ecm.errors import ComputationError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.steps import Progress
 from ecm.io.table import Table
 from ecm.models.maps import SixAxisMap, StiffnessMap, central_differences, partial_to
 from ecm.models.noise_estimate import declared_or_fitted
@@ -221,7 +222,9 @@ class ConstantCurvatureModel(ModelSpecification):
 
     kind = "constant-curvature"
 
-    def fit_map(self, table: Table, weights: Weights) -> FittedMap:
+    def fit_map(
+        self, table: Table, weights: Weights, progress: Progress | None = None
+    ) -> FittedMap:
         """Least squares, each component over its own standard deviation."""
         length = length_of(table, self.name)
         spread = table.wrenches.std(axis=0)
@@ -251,10 +254,17 @@ class RodModel(ModelSpecification):
 
     kind = "rod"
 
-    def fit_map(self, table: Table, weights: Weights) -> FittedMap:
+    @property
+    def most_rows(self) -> int:
+        """Each step solves the rod of every row nine times, for four numbers."""
+        return 2000
+
+    def fit_map(
+        self, table: Table, weights: Weights, progress: Progress | None = None
+    ) -> FittedMap:
         """Gauss-Newton on the poses that the rod takes under the measured wrenches."""
         poses, wrenches = map(np.ascontiguousarray, (table.poses, table.wrenches))
-        base = fit_rod(poses, wrenches, length_of(table, self.name))
+        base = fit_rod(poses, wrenches, length_of(table, self.name), progress)
         return FittedMap(base, declared_or_fitted(base, table))
 
     @staticmethod
@@ -263,11 +273,12 @@ class RodModel(ModelSpecification):
         return RodMap(*_from_document(document, ROD_SECTIONS))
 
 
-def fit_rod(poses: F, wrenches: F, length: float) -> RodMap:
+def fit_rod(poses: F, wrenches: F, length: float, progress: Progress | None = None) -> RodMap:
     """Damped Gauss-Newton on the logarithms of the four section stiffnesses.
 
     On poses, not wrenches: `rod_poses` always answers, its inverse not. It starts from the
     stiffness at rest of an energy of degree 4, where lateral = 1/(L/GA + L^3/(12 EI)).
+    `progress` is told how often the rod was solved, of the most that it may be.
     """
     scale = np.array([length] * 3 + [1.0] * 3)
     start = EnergyModel.fit(poses, wrenches, length_m=length, degree=4)
@@ -285,7 +296,13 @@ def fit_rod(poses: F, wrenches: F, length: float) -> RodMap:
     shear = length / max(rest[1] - length**3 / (3.0 * bend), 0.05 * rest[1])
     logs = np.log([length / axial, shear, bend, length / torsion])
 
+    solved, most = 0, 1 + 9 * _FIT_ITERATIONS
+
     def residual(at: F) -> F:
+        nonlocal solved
+        if progress is not None:
+            progress(solved, most, f"step {solved // 9 + 1} of at most {_FIT_ITERATIONS}")
+        solved += 1
         return np.asarray((poses - RodMap(length, np.exp(at))._poses(wrenches)) / scale)
 
     now, damping = residual(logs), 1e-4

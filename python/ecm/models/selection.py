@@ -278,6 +278,7 @@ def learning_curve(
     tolerance: float = 0.05,
     held_out: float = 0.25,
     seed: int = 0,
+    progress: Progress | None = None,
 ) -> LearningCurve:
     """How many poses are enough for a model.
 
@@ -302,6 +303,8 @@ def learning_curve(
         Share of the poses that the error is measured on.
     seed
         Seed of the random generator.
+    progress
+        Called with the poses that were fitted so far, those of all fits, and those of the next.
 
     Raises
     ------
@@ -332,11 +335,15 @@ def learning_curve(
             f"{count - tests}, found {list(sizes)}"
         )
     errors = np.full((len(usable), draws), np.inf)
+    steps = 0
     for d in range(draws):
         order = np.random.default_rng([seed, d]).permutation(count)
         test = np.flatnonzero(np.isin(groups, order[:tests]))
         for s, n in enumerate(usable):
             rows = np.flatnonzero(np.isin(groups, order[tests : tests + n]))
+            if progress is not None:
+                progress(steps, draws * sum(usable), f"{n} poses")
+            steps += n
             try:
                 fitted = fit_rows(measured.select(rows), specification)
             except EcmError:

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
 from ecm.io.settings import Checked
+from ecm.io.steps import Progress
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
 from ecm.regression.noise import Noise
@@ -76,11 +77,17 @@ class ModelSpecification(Checked, ABC):
         return cls() if name == cls.kind else None
 
     @abstractmethod
-    def fit_map(self, table: Table, weights: Weights) -> FittedMap:
-        """Fit the map to a table that holds measured rows only."""
+    def fit_map(
+        self, table: Table, weights: Weights, progress: Progress | None = None
+    ) -> FittedMap:
+        """Fit the map to a table that holds measured rows only; `progress` is told the share."""
 
     def maps_without(
-        self, table: Table, fold: I, fitted: StiffnessMap | None
+        self,
+        table: Table,
+        fold: I,
+        fitted: StiffnessMap | None,
+        progress: Progress | None = None,
     ) -> list[StiffnessMap] | None:
         """Maps fitted without each fold of many rows, at the cost of one fit; None by default.
 
@@ -92,6 +99,8 @@ class ModelSpecification(Checked, ABC):
             (N,) number of each row's fold, from 0.
         fitted
             Map that was fitted to all rows, if there is one.
+        progress
+            Called with the rows that are read, of all.
         """
         return None
 

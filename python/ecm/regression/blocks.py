@@ -5,7 +5,7 @@ The blocks do not depend on the number of threads, and neither do the bits of a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from threading import Thread
@@ -16,6 +16,7 @@ import numpy as np
 from ecm._native import merged_triangle
 from ecm.io.arrays import F, I
 from ecm.io.cores import own_cores
+from ecm.io.steps import Progress
 from ecm.io.table import Table
 
 T = TypeVar("T")
@@ -27,10 +28,19 @@ _FEW_ROWS = 5_000
 _BLOCK = 4096
 
 
-def in_blocks(rows: int, work: Callable[[slice], T]) -> list[T]:
-    """Results of `work` for each block of rows, in order; several blocks are shared by threads."""
+def in_blocks(rows: int, work: Callable[[slice], T], progress: Progress | None = None) -> list[T]:
+    """Results of `work` for each block of rows, in order; several blocks are shared by threads.
+
+    `progress` is told the rows that are done, of all.
+    """
     blocks = [slice(start, min(start + _BLOCK, rows)) for start in range(0, rows, _BLOCK)]
-    return in_threads(work, blocks)
+    results = []
+    told = progress or (lambda done, total, words: None)
+    told(0, rows, "")
+    for block, result in zip(blocks, _in_threads(work, blocks), strict=True):
+        results.append(result)
+        told(block.stop, rows, "")
+    return results
 
 
 def in_threads(work: Callable[[U], T], items: Iterable[U]) -> list[T]:
@@ -41,11 +51,15 @@ def in_threads(work: Callable[[U], T], items: Iterable[U]) -> list[T]:
     >>> in_threads(abs, [-1, 2])
     [1, 2]
     """
-    items = list(items)
+    return list(_in_threads(work, list(items)))
+
+
+def _in_threads(work: Callable[[U], T], items: Sequence[U]) -> Iterator[T]:
     if len(items) < 2:
-        return [work(item) for item in items]
+        yield from map(work, items)
+        return
     with ThreadPoolExecutor(own_cores()) as pool:
-        return list(pool.map(work, items))
+        yield from pool.map(work, items)
 
 
 @contextmanager
@@ -72,7 +86,9 @@ def beside(work: Callable[[], T]) -> Iterator[Future[T]]:
     yield done
 
 
-def triangles_of_folds(fold: I, triangle: Callable[[I], F]) -> list[F]:
+def triangles_of_folds(
+    fold: I, triangle: Callable[[I], F], progress: Progress | None = None
+) -> list[F]:
     """(c, c) triangle of each fold's rows.
 
     Parameters
@@ -81,6 +97,8 @@ def triangles_of_folds(fold: I, triangle: Callable[[I], F]) -> list[F]:
         (N,) number of each row's fold, from 0.
     triangle
         Triangle of rows of one block, given by their index.
+    progress
+        Called with the rows that are read, of all.
     """
     count = int(fold.max()) + 1
 
@@ -92,7 +110,7 @@ def triangles_of_folds(fold: I, triangle: Callable[[I], F]) -> list[F]:
         ]
 
     parts: list[list[F]] = [[] for _ in range(count)]
-    for found in in_blocks(len(fold), of_block):
+    for found in in_blocks(len(fold), of_block, progress):
         for part, own in found:
             parts[part].append(own)
     return [merged_triangle(own) for own in parts]

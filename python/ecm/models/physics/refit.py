@@ -11,6 +11,7 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.mechanism import Mechanism
+from ecm.io.steps import Progress, Steps
 from ecm.io.table import Table
 from ecm.models.joint_fit import joint_fit
 from ecm.models.physics.map import PhysicsMap, physics_map, reach_of
@@ -18,6 +19,7 @@ from ecm.models.specification import FittedMap, ModelSpecification, Weights
 from ecm.regression.noise import Noise, declared_noise
 
 _REWEIGHTINGS = 5
+_WEIGHTING = f"weighting {{}} of at most {_REWEIGHTINGS}"
 _TOLERANCE = 0.01
 """Reweighting ends when no parameter changes by this share of its standard deviation."""
 _AT_BOUND = 1e-6
@@ -85,7 +87,12 @@ def physics_sentences(base: PhysicsMap, covariance: F) -> list[str]:
 
 
 def refit_physics(
-    base: PhysicsMap, table: Table, noise: Noise | None = None, *, free: Sequence[str] | None = None
+    base: PhysicsMap,
+    table: Table,
+    noise: Noise | None = None,
+    *,
+    free: Sequence[str] | None = None,
+    progress: Progress | None = None,
 ) -> PhysicsRefit:
     """Generalised least squares of the free parameters, within the tabulated range.
 
@@ -101,13 +108,18 @@ def refit_physics(
         Default: as the table declares.
     free
         Names among young_modulus_Pa, poisson_ratio, length_m, diameter_m; default those of `base`.
+    progress
+        Called with the number of weightings that are done, and the most that there may be.
     """
+    steps = Steps({_WEIGHTING.format(i): 1 for i in range(_REWEIGHTINGS + 1)}, progress)
     if base.family is not None:
         base = base.with_free(*(base.free if free is None else free))
     measured = table.measured()
     used = declared_noise(table) if noise is None else noise
+    steps.begin(_WEIGHTING.format(0))
     joint = joint_fit(base, (), measured, used)
-    for _ in range(_REWEIGHTINGS):
+    for i in range(_REWEIGHTINGS):
+        steps.begin(_WEIGHTING.format(i + 1))
         before = joint.base.coefficients
         joint = joint_fit(joint.base, (), measured, used)
         sd = np.sqrt(np.maximum(np.diag(joint.covariance), 0.0))
@@ -160,7 +172,9 @@ class PhysicsModel(ModelSpecification):
 
     kind = "physics"
 
-    def fit_map(self, table: Table, weights: Weights) -> FittedMap:
+    def fit_map(
+        self, table: Table, weights: Weights, progress: Progress | None = None
+    ) -> FittedMap:
         """Generalised least squares of the free parameters by the declared noise."""
         base = self.base
         if base is None:
@@ -172,7 +186,7 @@ class PhysicsModel(ModelSpecification):
                 )
             base = physics_map(body, threads=self.threads, reach_rad=reach_of(table))
         noise = declared_noise(table)
-        result = refit_physics(base, table, noise)
+        result = refit_physics(base, table, noise, progress=progress)
         return FittedMap(result.base, noise, result.covariance)
 
     @staticmethod

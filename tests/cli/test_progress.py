@@ -1,0 +1,170 @@
+"""Every long work tells how much of it is done, and the command how much time is left."""
+
+from __future__ import annotations
+
+import itertools
+import re
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ecm.cli import console
+from ecm.cli.console import Console
+from ecm.diagnosis.check import check
+from ecm.fem.material_fit import MaterialTest, fit_material
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.material import Material
+from ecm.io.table import Table, as_table, read_table
+from ecm.models import fit_model, parse_model, prediction
+from ecm.models.cross_validation import cross_validate
+from ecm.models.fit_summary import fit_summary
+from ecm.models.model import Model
+from ecm.models.selection import learning_curve
+from support.neck import Done
+
+Command = Callable[..., Done]
+Told = list[tuple[float, float, str]]
+
+
+def hinge(rows: int) -> Table:
+    """A log of one angle."""
+    t = 0.01 * np.arange(rows)
+    angle = 0.3 * np.sin(t)
+    noise = np.random.default_rng(1).normal(0.0, 0.01, rows)
+    return as_table({"theta_z_rad": angle, "tau_z_Nm": 2.0 * angle + angle**3 + noise, "time_s": t})
+
+
+def six(rows: int) -> Table:
+    """Random poses of a stiff spring with six coordinates."""
+    poses = np.random.default_rng(2).uniform(-0.01, 0.01, (rows, 6))
+    wrenches = poses * [2e4, 3e3, 3e3, 4.0, 9.0, 9.0] + 0.01 * np.sin(1e4 * poses)
+    poses[:, 0] += 0.1
+    columns = dict(zip((*POSE, *WRENCH), np.hstack([poses, wrenches]).T, strict=True))
+    return as_table(columns, meta={"mechanism": {"length_m": 0.1}})
+
+
+def rubber() -> MaterialTest:
+    """A uniaxial test."""
+    stretch = np.linspace(0.8, 1.6, 9)
+    solid = Material("neo_hookean", {"young_modulus_Pa": 6e5})
+    return MaterialTest("uniaxial", stretch, solid.nominal_stress("uniaxial", stretch))
+
+
+def held_out(told: Any) -> None:
+    """The summary of a fit, whose folds are ten fits."""
+    table, linear = hinge(300), parse_model("linear")
+    fit_summary(fit_model(table, "linear"), table, linear, progress=told)
+
+
+WORKS: dict[str, tuple[int, Callable[[Any], object]]] = {
+    # The least number of words, and the work.
+    "energy": (7, lambda told: fit_model(six(300), "energy4", progress=told)),
+    "energy of many rows": (9, lambda told: fit_model(six(10_000), "energy4", progress=told)),
+    "cubic of many rows": (2, lambda told: fit_model(hinge(100_000), "cubic", progress=told)),
+    "held-out rows": (10, held_out),
+    "held-out of many rows": (
+        4, lambda told: cross_validate(hinge(10_500), "cubic", progress=lambda *w: told(*w, "")),
+    ),
+    "poses": (6, lambda told: learning_curve(
+        six(100), "linear", [10, 20, 40], draws=2, progress=told)),
+    "check": (20, lambda told: check(hinge(300), progress=told)),
+    "material": (15, lambda told: fit_material([rubber()], progress=told)),
+    "rod": (3, lambda told: fit_model(six(20), "rod", progress=told)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WORKS)
+def test_a_work_counts_its_parts(name: str) -> None:
+    """From nothing done, never backwards within a whole, never beyond it."""
+    least, work = WORKS[name]
+    told: Told = []
+    work(lambda done, total, *words: told.append((done, total, "".join(words))))
+    assert len(told) >= least
+    assert told[0][0] == 0
+    for before, after in itertools.pairwise(told):
+        assert after[0] >= before[0] or after[0] == 0
+    assert all(0 <= done <= total for done, total, _ in told)
+
+
+def test_the_passes_of_an_energy_are_judged_by_their_changes() -> None:
+    told: Told = []
+    fit_model(six(300), "energy4", progress=lambda *words: told.append(words))
+    passes = [words for *_, words in told if "pass" in words]
+    assert passes[0] == "all rows, pass 1 of about 6"
+    last = re.fullmatch(r"all rows, pass (\d+) of about (\d+)", passes[-1])
+    assert last is not None
+    assert int(last[1]) == int(last[2])
+
+
+def test_files_are_counted_by_their_bytes_and_rows(tmp_path: Path) -> None:
+    table, read, written = hinge(20_000), list[Any](), list[Any]()
+    for name in ("a.csv", "b.csv"):
+        table.write(tmp_path / name, progress=lambda *words: written.append(words))
+    sizes = [(tmp_path / name).stat().st_size for name in ("a.csv", "b.csv")]
+    again = read_table(
+        [tmp_path / "a.csv", tmp_path / "b.csv"], progress=lambda *words: read.append(words)
+    )
+    assert np.array_equal(again["tau_z_Nm"][:20_000], table["tau_z_Nm"])
+    assert [done for done, *_ in written[:5]] == [0, 4096, 8192, 12288, 16384]
+    assert {total for _, total, _ in read} == {sum(sizes)}
+    done = [done for done, *_ in read]
+    assert done == sorted(done)
+    assert done[0] == 0
+    # The checks after the last byte are a quarter of a file's share.
+    assert done[-1] == sum(sizes) - 0.25 * sizes[1]
+    assert read[-1][2] == f"{tmp_path / 'b.csv'}, checks"
+
+
+def test_what_is_left_falls_while_one_part_lasts(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    steps = console._Steps()
+    assert steps.line("fitting", "1 s so far", 1.0) == "fitting: 1 s so far"
+    steps.tell(0, 1000, "")
+    assert steps.line("fitting", "9 s so far", 9.0) == "fitting, 9 s so far: 0 %"
+    now[0] = 10.0
+    steps.tell(250, 1000, "pass 1", "")
+    shown = {
+        10.0: "25 %, about 30 s left",
+        25.0: "62 %, about 15 s left",
+        39.0: "88 %, about 6 s left",  # not over at once
+        110.0: "88 %, about 20 s left",
+    }
+    for at, words in shown.items():
+        assert steps.line("fitting", "so far", at) == f"fitting, pass 1, so far: {words}"
+    steps.tell(500, 1000, "pass 2")
+    assert steps.line("fitting", "so far", 10.0).endswith("pass 2, so far: 50 %, about 10 s left")
+
+
+def test_predict_says_the_time_left(
+    ecm_command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table = hinge(400)
+    fit_model(table, "linear").save(tmp_path / "m.json")
+    table.write(tmp_path / "d.csv")
+    monkeypatch.setattr(console, "_FIRST_LINE_S", 0.02)
+    monkeypatch.setattr(console, "_LINE_EVERY_S", 0.02)
+    monkeypatch.setattr(prediction, "_ROWS", 40)
+    plain = Model.predict
+
+    def slow(self: Model, *args: Any, **more: Any) -> Any:
+        time.sleep(0.05)
+        return plain(self, *args, **more)
+
+    monkeypatch.setattr(Model, "predict", slow)
+    done = ecm_command(
+        "predict", tmp_path / "m.json", tmp_path / "d.csv", "--out", tmp_path / "p.csv"
+    )
+    assert done.code == 0
+    assert re.search(r"predicting 400 rows, \d s so far: \d+ %, about \d s left", done.err)
+    predicted = read_table(tmp_path / "p.csv")
+    assert np.array_equal(predicted["tau_z_Nm"], fit_model(table, "linear").predict(table)[:, 0])
+
+
+def test_nobody_waits_for_a_quiet_command() -> None:
+    with Console(quiet=True).working("reading") as tell:
+        tell(1, 2, "")
