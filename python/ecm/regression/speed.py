@@ -55,9 +55,9 @@ def rates(table: Table, values: F) -> F:
     Examples
     --------
     >>> from ecm import as_table
-    >>> table = as_table({"time_s": [0.0, 1.0, 1.0, 3.0], "x_m": [0.0, 2.0, 9.0, 6.0]})
+    >>> table = as_table({"time_s": [0.0, 1.0, 1.0, 3.0], "x_m": [0.0, 0.2, 0.9, 0.6]})
     >>> rates(table, table["x_m"])
-    array([2., 2., 2., 2.])
+    array([0.2, 0.2, 0.2, 0.2])
     """
     time, found = table.column("time_s"), np.zeros(values.shape)
     for order in order_of_visits(table):
