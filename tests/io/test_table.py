@@ -571,7 +571,9 @@ def test_copies_are_found_among_rows_of_equal_numbers() -> None:
 def test_runs_may_each_begin_at_time_zero(runs: list[int]) -> None:
     columns = {"x_m": [0.0, 1e-3, 2e-3, 3e-3], "fx_N": [0.0, 1.0, 2.0, 3.0], "run": runs}
     times = [0.0, 1.0, 0.0, 1.0] if runs[-1] else [0.0, 1.0, 2.0, 3.0]
-    table = as_table(columns | {"time_s": times})
+    own = np.array(times)
+    table = as_table(columns | {"time_s": own})
+    assert own.tolist() == times  # what was given stays as it is
     assert table.column("time_s").tolist() == [0.0, 1.0, 2.0, 3.0]
     assert ("begins again in 1 run" in "".join(table.warnings)) == bool(runs[-1])
 

@@ -69,6 +69,7 @@ def confusion_class(
     most = settings.most_in_class if most is None else most
     others = [other for other in chosen if other is not item]
     own = delta_bic(problem, chosen)
+    gain = own - delta_bic(problem, others)
     rivals = _rivals(problem, {other.id for other in chosen})
     losses = own - delta_bic_of_each(problem, others, rivals)
     later = _LaterRuns(problem, others, item)
@@ -78,8 +79,8 @@ def confusion_class(
             loss < max(least_bic, settings.form_share * own)
             and separability(problem, item, rival, others) < settings.separable
         )
-        # The data cannot show the true form of an imitator: half of what is explained is enough.
-        alike = alike or (rival in problem.imitators and loss < 0.5 * own)
+        # The data cannot show the true form of an imitator: half of the gain is enough.
+        alike = alike or (rival in problem.imitators and loss < 0.5 * gain)
         return (loss < least_bic or alike) and not later.refutes(rival)
 
     nearest = _nearest(

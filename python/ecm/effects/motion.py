@@ -8,26 +8,16 @@ from ecm.effects.protocol import LinearEffect, LookAlike, Missing, Parameter, ne
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, VELOCITY
 from ecm.io.table import Table
-from ecm.regression.approach import order_of_visits
 from ecm.regression.folds import is_continuous
 from ecm.regression.rows import Rows
+from ecm.regression.speed import rates
 
 
 def velocity(table: Table) -> F:
     """(N, 6) of the columns v_...; of a continuous table differences of the poses in each run."""
     if table.has(*VELOCITY):
         return table.matrix(VELOCITY)
-    return _slope(table, table.matrix(POSE))
-
-
-def _slope(table: Table, values: F) -> F:
-    """(N, 6) central differences over time within each run."""
-    time = table.column("time_s")
-    slopes = np.zeros_like(values)
-    for rows in order_of_visits(table):
-        if len(rows) > 2 and np.all(np.diff(time[rows]) > 0.0):
-            slopes[rows] = np.gradient(values[rows], time[rows], axis=0)
-    return slopes
+    return rates(table, table.matrix(POSE))
 
 
 def needs_velocity(table: Table) -> Missing | None:
@@ -97,7 +87,7 @@ class Inertia(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """Acceleration: a column of translation and one of rotation."""
-        return _translation_and_rotation(_slope(rows.table, velocity(rows.table)), rows)
+        return _translation_and_rotation(rates(rows.table, velocity(rows.table)), rows)
 
 
 class TimeSkew(LinearEffect):

@@ -1,4 +1,7 @@
-"""Quaternions whose scalar was read at the wrong end: a body near rest looks half a turn away."""
+"""Quaternions to rotation vectors and back, and those whose scalar was read at the wrong end.
+
+A body near rest looks half a turn away then.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,38 @@ _FAR = 2.0
 """Median turn, rad, from which poses of a clamped body are doubted."""
 _NEAR = 1.0
 """Median turn, rad, below which the other order is believed; nine tenths are below twice that."""
+
+
+def quaternions_of(vectors: F, order: str) -> F:
+    """Return unit quaternions (N, 4) of rotation vectors (N, 3), their scalar at least 0.
+
+    Examples
+    --------
+    >>> quaternions_of(np.array([[0.0, 0.0, np.pi / 2]]), "xyzw").round(4)
+    array([[0.    , 0.    , 0.7071, 0.7071]])
+    """
+    angle = np.linalg.norm(vectors, axis=1, keepdims=True)
+    scalar, vector = np.cos(0.5 * angle), 0.5 * np.sinc(angle / (2.0 * np.pi)) * vectors
+    sign = np.where(scalar < 0.0, -1.0, 1.0)
+    parts = [vector, scalar] if order == "xyzw" else [scalar, vector]
+    return np.asarray(sign * np.hstack(parts))
+
+
+def vectors_of(quaternions: F, order: str) -> F:
+    """Return rotation vectors (N, 3) of at most half a turn, rad, of quaternions (N, 4), any size.
+
+    Examples
+    --------
+    >>> vectors_of(np.array([[1.0, 0.0, 0.0, -1.0]]), "wxyz").round(4)
+    array([[ 0.    ,  0.    , -1.5708]])
+    """
+    last = order == "xyzw"
+    scalar = quaternions[:, 3:] if last else quaternions[:, :1]
+    vector = quaternions[:, :3] if last else quaternions[:, 1:]
+    turned = vector * np.where(scalar < 0.0, -1.0, 1.0)
+    size = np.linalg.norm(turned, axis=1, keepdims=True)
+    full = 2.0 * np.arctan2(size, np.abs(scalar))
+    return np.asarray(turned * np.divide(full, size, out=np.full_like(size, 2.0), where=size > 0.0))
 
 
 def read_in_other_order(vectors: F, stated: str) -> F:
@@ -29,15 +64,7 @@ def read_in_other_order(vectors: F, stated: str) -> F:
     >>> read_in_other_order(np.array([[np.pi, 0.0, 0.0]]), "xyzw").round(9) + 0.0
     array([[0., 0., 0.]])
     """
-    angle = np.linalg.norm(vectors, axis=1, keepdims=True)
-    w, v = np.cos(0.5 * angle), 0.5 * np.sinc(angle / (2.0 * np.pi)) * vectors
-    x, y, z = v[:, :1], v[:, 1:2], v[:, 2:]
-    # Four numbers in the stated order, then their parts in the other one.
-    scalar, vector = (z, [w, x, y]) if stated == "wxyz" else (x, [y, z, w])
-    turned = np.hstack(vector) * np.where(scalar < 0.0, -1.0, 1.0)
-    size = np.linalg.norm(turned, axis=1, keepdims=True)
-    full = 2.0 * np.arctan2(size, np.abs(scalar))
-    return np.asarray(turned * np.where(size > 0.0, full / np.where(size > 0.0, size, 1.0), 2.0))
+    return vectors_of(quaternions_of(vectors, stated), ORDERS[stated])
 
 
 def likely_order(vectors: F, stated: str = "") -> str:

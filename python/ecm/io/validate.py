@@ -239,7 +239,9 @@ def _check_time(columns: Columns, numbers: I, errors: RowErrors) -> list[str]:
     if "run" in columns:
         time, shifted = _following(time, columns["run"][rows])
         if shifted:
-            columns["time_s"][rows] = time
+            moved = columns["time_s"].copy()  # it may be the caller's own array
+            moved[rows] = time
+            columns["time_s"] = moved
             warnings = [
                 f"{errors.source}: time_s begins again in {shifted} run(s); each is taken as "
                 "following the one before at once (effects of time see no pause)"

@@ -24,6 +24,7 @@ import numpy as np
 from ecm._native import rotation_matrices, rotation_vectors
 from ecm.errors import InputError
 from ecm.io.arrays import B, F
+from ecm.io.quaternion_order import ORDERS, quaternions_of, vectors_of
 
 COUNT = {
     "rotvec": 3, "wxyz": 4, "xyzw": 4, "rows": 9, "columns": 9,
@@ -77,7 +78,7 @@ def to_rotation_vectors(word: str, values: F) -> tuple[F, B, str]:
     check_rotation_word(word)
     usable: B = np.asarray(np.isfinite(values).all(axis=1))
     note = ""
-    if word in ("wxyz", "xyzw"):
+    if word in ORDERS:
         size = np.linalg.norm(np.where(usable[:, None], values, 1.0), axis=1)
         usable &= size > _UNUSABLE
         off = usable & (np.abs(size - 1.0) > _NORM)
@@ -104,11 +105,10 @@ def to_rotation_vectors(word: str, values: F) -> tuple[F, B, str]:
 def _vectors(word: str, values: F) -> F:
     if word == "rotvec":
         return _shorter(values)
+    if word in ORDERS:
+        return vectors_of(values, word)
     from scipy.spatial.transform import Rotation  # noqa: PLC0415 - scipy takes long to load
 
-    if word in ("wxyz", "xyzw"):
-        scalar_last = values if word == "xyzw" else values[:, [1, 2, 3, 0]]
-        return np.asarray(Rotation.from_quat(scalar_last).as_rotvec())
     if word in ("rows", "columns"):
         matrices = values.reshape(-1, 3, 3)
         turned = matrices if word == "rows" else matrices.transpose(0, 2, 1)
@@ -144,9 +144,9 @@ def rotation_columns(word: str, vectors: F) -> dict[str, F]:
     turn = Rotation.from_rotvec(vectors)
     if word == "rotvec":
         names, values = ["rx_rad", "ry_rad", "rz_rad"], vectors
-    elif word in ("wxyz", "xyzw"):
+    elif word in ORDERS:
         names = [f"q{letter}" for letter in word]
-        values = turn.as_quat(canonical=True)[:, ["xyzw".index(letter) for letter in word]]
+        values = quaternions_of(vectors, word)
     elif word in ("rows", "columns"):
         pairs = [(i, j) for i in range(3) for j in range(3)]
         pairs = pairs if word == "rows" else [(j, i) for i, j in pairs]

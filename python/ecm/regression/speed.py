@@ -40,9 +40,31 @@ def speeds(table: Table) -> dict[str, F]:
         return _moving(recorded)
     if not table.has("time_s") or not table.pose_columns:
         return {}
-    way = {f"v_{name}": _rate(table, table.column(name)) for name in table.pose_columns}
-    found = _moving(way)
-    return found if is_continuous(table) else {n: v for n, v in found.items() if n == "speed"}
+    continuous = is_continuous(table)
+    rate = rates if continuous else _rate_of_way
+    found = _moving({f"v_{name}": rate(table, table.column(name)) for name in table.pose_columns})
+    return found if continuous else {n: v for n, v in found.items() if n == "speed"}
+
+
+def rates(table: Table, values: F) -> F:
+    """Return the change of values (N,) or (N, k) over time, by the rows on both sides in each run.
+
+    Rows of the same time have one rate, that of the first of them; a run of fewer than three
+    moments has none (0).
+
+    Examples
+    --------
+    >>> from ecm import as_table
+    >>> table = as_table({"time_s": [0.0, 1.0, 1.0, 3.0], "x_m": [0.0, 0.2, 0.9, 0.6]})
+    >>> rates(table, table["x_m"])
+    array([0.2, 0.2, 0.2, 0.2])
+    """
+    time, found = table.column("time_s"), np.zeros(values.shape)
+    for order in order_of_visits(table):
+        moments, first, number = np.unique(time[order], return_index=True, return_inverse=True)
+        if len(moments) > 2:
+            found[order] = np.gradient(values[order[first]], moments, axis=0)[number]
+    return found
 
 
 def _moving(velocities: dict[str, F]) -> dict[str, F]:
@@ -54,15 +76,11 @@ def _moving(velocities: dict[str, F]) -> dict[str, F]:
     return moving | {"speed": np.sqrt(np.square(scaled).sum(axis=0))}
 
 
-def _rate(table: Table, values: F) -> F:
-    """Return (N,) the change over time in each run; 0 where the time stands."""
-    time, rates = table.column("time_s"), np.zeros(len(table))
-    continuous = is_continuous(table)
+def _rate_of_way(table: Table, values: F) -> F:
+    """Return (N,) the change over time from the visit before; 0 where the time stands."""
+    time, found = table.column("time_s"), np.zeros(len(table))
     for order in order_of_visits(table):
-        if continuous and len(order) > 2 and np.all(np.diff(time[order]) > 0.0):
-            rates[order] = np.gradient(values[order], time[order])
-            continue
         step = np.diff(time[order])
         change = np.divide(np.diff(values[order]), step, out=np.zeros(len(step)), where=step > 0.0)
-        rates[order[1:]] = change
-    return rates
+        found[order[1:]] = change
+    return found

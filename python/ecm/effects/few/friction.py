@@ -27,6 +27,7 @@ from ecm.io.columns import unit_of
 from ecm.io.table import Table
 from ecm.regression.approach import order_of_visits
 from ecm.regression.rows import Rows
+from ecm.regression.speed import rates
 
 _SLIPS = (0.002, 0.03, 0.1, 0.3)
 """Paths to the slip that are tried, over the range of each pose column."""
@@ -56,14 +57,7 @@ def velocity_of(table: Table, name: str) -> F:
     """(N,) the column v_..., or differences of a pose column over time in each run."""
     if table.has(f"v_{name}"):
         return table.column(f"v_{name}")
-    time, values = table.column("time_s"), table.column(name)
-    slope = np.zeros(len(table))
-    for order in order_of_visits(table):
-        moments, first = np.unique(time[order], return_index=True)
-        if len(moments) > 2:
-            at = np.gradient(values[order][first], moments)
-            slope[order] = np.interp(time[order], moments, at)
-    return slope
+    return rates(table, table.column(name))
 
 
 @dataclass(eq=False)

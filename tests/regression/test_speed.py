@@ -1,0 +1,47 @@
+"""Velocities of poses: one rule, wherever they are used."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ecm.effects.few.friction import velocity_of
+from ecm.effects.motion import velocity
+from ecm.io.arrays import F
+from ecm.io.columns import POSE
+from ecm.io.table import Table, as_table
+from ecm.regression.speed import rates, speeds
+
+
+def log(time: F, run: F) -> Table:
+    """Samples of a motion along all six coordinates."""
+    poses = np.outer(np.sin(time + 3.0 * run), [1e-3, 2e-3, 3e-3, 0.1, 0.2, 0.3])
+    columns = dict(zip(POSE, poses.T, strict=True))
+    force = np.arange(len(time)) / 1e3
+    return as_table(
+        columns | {"time_s": time, "run": run, "fx_N": force},
+        meta={"file": {"kind": "continuous"}},
+    )
+
+
+@pytest.mark.parametrize("twice", [False, True])
+def test_all_who_need_velocities_have_the_same(twice: bool) -> None:
+    """Also where a stamp stands twice, which gave none to damping of a full table."""
+    time, run = np.tile(np.linspace(0.0, 6.0, 601), 2), np.repeat([0.0, 1.0], 601)
+    if twice:
+        time = np.insert(time, 100, time[100])
+        run = np.insert(run, 100, 0.0)
+    table = log(time, run)
+    expected = np.outer(np.cos(time + 3.0 * run), [1e-3, 2e-3, 3e-3, 0.1, 0.2, 0.3])
+    size = np.abs(expected).max(axis=0)
+    found = velocity(table)
+    assert (np.abs(found - expected) < 6e-3 * size).all()
+    each = np.stack([velocity_of(table, name) for name in POSE], axis=1)
+    assert np.array_equal(each, found)
+    known = speeds(table)
+    assert np.array_equal(np.stack([known[f"v_{name}"] for name in POSE], axis=1), found)
+
+
+def test_two_moments_tell_no_rate() -> None:
+    table = log(np.array([0.0, 1.0, 1.0]), np.zeros(3))
+    assert np.array_equal(rates(table, table["x_m"]), np.zeros(3))
