@@ -435,7 +435,7 @@ static void tell(const state_t *x, seen_t *seen, real g[N][6], real total[6][6])
 }
 
 /* nu' S^-1 nu with twice the variance of the model's error, and the mean share of the variance that is no noise */
-static real surprise_of(const settings_t *s, const seen_t *seen, real total[6][6], real *alike)
+static real surprise_of(const seen_t *seen, real total[6][6], real *alike)
 {
     real e[6][6], solved[6];
     *alike = R(0);
@@ -784,7 +784,7 @@ static int32_t close_block(const settings_t *s, state_t *x, const block_t *b, in
         seen.noise[a][a] += R(1) / n * s->wrench_sd[a / 3] * s->wrench_sd[a / 3];
     }
     tell(x, &seen, g, total);
-    surprise = surprise_of(s, &seen, total, &alike);
+    surprise = surprise_of(&seen, total, &alike);
     if (!(surprise <= bound)) {
         int32_t may_jump = 0;
         x->counts[1] += 1;
@@ -809,7 +809,7 @@ static int32_t close_block(const settings_t *s, state_t *x, const block_t *b, in
             }
         }
         tell(x, &seen, g, total);
-        surprise = surprise_of(s, &seen, total, &alike);
+        surprise = surprise_of(&seen, total, &alike);
         outcome = @NAME@_jumped;
         if (!(surprise <= bound)) {
             return outcome;
