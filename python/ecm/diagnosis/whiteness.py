@@ -176,7 +176,6 @@ def _neighbours(problem: Problem, left: F, counted: B) -> list[Pattern]:
                 f"readings next to each other in {name} err alike",
                 float(special.ndtr(-z)),
                 float(np.sqrt(shared)),
-                explained=shared * left.size,
             )
         )
     return found
