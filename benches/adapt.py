@@ -119,14 +119,26 @@ def readings(truth: F, poses: F, random: np.random.Generator) -> tuple[F, F]:
 
 
 def settings(model: Model, truth: StiffnessMap) -> AdaptSettings:
-    """What a user states: noise, and the model's error on held-out poses."""
-    random = np.random.default_rng(99)
-    poses, _ = ordinary(4, 5.0, random)
+    """What a user states: noise, and the model's error on rows as of the fit but not in it.
+
+    The error in the middle is that within 0.8 of the half range in each coordinate, that at the
+    rim of the rows beyond 0.9, where 1 + (rim - 1) q^6 has not yet come to its value at q = 1.
+    """
+    table = training(truth, 4)
+    poses = np.column_stack([table.columns[name] for name in POSE])
+    ranges = np.array([model.domain[name] for name in POSE])
+    q = (np.abs(poses - ranges.mean(axis=1)) / (0.5 * np.ptp(ranges, axis=1))).max(axis=1)
     error = model.predict(poses) - truth.predict(poses)
-    force, torque = (
-        float(np.sqrt((error[:, part] ** 2).mean())) for part in (slice(3), slice(3, 6))
+    (force, far_force), (torque, far_torque) = (
+        [float(np.sqrt((error[rows][:, part] ** 2).mean())) for rows in (q < 0.8, q > 0.9)]
+        for part in (slice(3), slice(3, 6))
     )
-    print(f"error of the model on held-out motions: {force:.3f} N, {1e3 * torque:.2f} mN m (rms)")
+    more = 0.5 * (far_force / force + far_torque / torque) - 1.0
+    rim = 1.0 + more / float((np.minimum(q[q > 0.9], 1.0) ** 6).mean())
+    print(
+        f"error of the model on held-out rows (rms): {force:.3f} N, {1e3 * torque:.2f} mN m in the "
+        f"middle, {rim:.1f} times that at the rim"
+    )
     return AdaptSettings(
         force_sd_N=FORCE,
         torque_sd_Nm=TORQUE,
@@ -134,6 +146,7 @@ def settings(model: Model, truth: StiffnessMap) -> AdaptSettings:
         rotation_sd_rad=ROTATION,
         model_force_sd_N=force,
         model_torque_sd_Nm=torque,
+        model_rim=rim,
     )
 
 

@@ -82,6 +82,14 @@ def _small_beside_larger(m: Made) -> F:
     return parts[0] / sizes[0] + parts[1] / (3.0 * sizes[1])
 
 
+def _softer_in_tension(m: Made) -> F:
+    """A body whose stiffness falls in proportion to its tension."""
+    pull = np.maximum(0.0, m.wrenches[:, :1]) / np.sqrt((m.wrenches[:, 0] ** 2).mean())
+    return -0.05 * pull * m.wrenches
+
+
+UNSAID = "hysteresis without `approach`"
+"""The kind whose tables do not say from where each pose was reached."""
 MISSES: dict[str, tuple[Law, tuple[str, ...]]] = {
     "stops and bumpers": (_bumper, ("contact_stop",)),
     "cables with slack": (_slack_cable, ("cable_drag",)),
@@ -90,5 +98,7 @@ MISSES: dict[str, tuple[Law, tuple[str, ...]]] = {
     "length": (KNOWN["length_error"][0], ("length_error",)),
     "hysteresis": (KNOWN["hysteresis"][0], ("hysteresis",)),
     "small beside larger": (_small_beside_larger, ("payload", "temperature_modulus")),
+    UNSAID: (KNOWN["hysteresis"][0], ("hysteresis",)),
+    "softer in tension": (_softer_in_tension, ("strain_stiffening",)),
 }
 """Law of each kind, and the names that are right."""

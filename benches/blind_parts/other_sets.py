@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from blind_parts.miss_kinds import MISSES
+from blind_parts.miss_kinds import MISSES, UNSAID
 from blind_parts.other_bodies import BODIES, Body, stated_model
 from blind_parts.other_hidden import FOREIGN, KNOWN, STATEMENTS, Law, Made
 from blind_parts.strength import Strength
@@ -130,7 +130,8 @@ def table_of(case: OtherSet, folder: Path) -> tuple[Table, dict[str, Any]]:
         columns["pose_id"] = np.r_[np.arange(first), np.arange(case.repeats)].astype(float)
     if case.kind == "miss":  # friction is testable where each way to a pose is known
         ids = columns.setdefault("pose_id", np.arange(case.rows).astype(float))
-        columns["approach"] = ["initial", *(str(int(one)) for one in ids[:-1])]
+        if case.name != UNSAID:
+            columns["approach"] = ["initial", *(str(int(one)) for one in ids[:-1])]
     meta: dict[str, Any] = {"mechanism": mechanism} if mechanism else {}
     if case.declared:
         meta["instrument"] = {

@@ -21,7 +21,7 @@ from support.one_angle import NOISE_NM, bouc_wen, one_angle, spring
 
 NAMED = (
     "hysteresis", "backlash", "stress_relaxation", "kink", "higher_degree", "mullins_softening",
-    "temperature_modulus", "fts_drift", "fts_offset", "unused_column",
+    "temperature_modulus", "fts_offset", "unused_column",
 )  # fmt: skip
 
 
@@ -53,6 +53,44 @@ def test_what_looks_like_another_is_in_a_class_of_two(kind: str) -> None:
     ((members),) = find_missing(ecm.fit(table, "cubic"), table).answer
     assert kind in members
     assert len(members) <= 2
+
+
+@pytest.mark.parametrize("kind", ["fts_drift", "growing_load"])
+def test_a_drift_and_a_growing_load_are_told_apart_by_readings_of_the_sensor_alone(
+    kind: str,
+) -> None:
+    """In single wrench columns both are the same number on every row with the mechanism."""
+    table = one_angle("fts_drift")
+    both = find_missing(ecm.fit(table, "cubic"), table).answer
+    assert both == (("fts_drift", "growing_load"),)
+    alone = np.arange(len(table)) % 20 == 0
+    drift = 0.05 * -np.expm1(-table["time_s"] / 200.0) if kind == "fts_drift" else 0.0
+    noise = NOISE_NM * np.random.default_rng(3).standard_normal(len(table))
+    rows = table.with_columns(
+        {
+            "kind": np.where(alone, "unloaded", "pose"),
+            "tau_z_Nm": np.where(alone, drift + noise, table["tau_z_Nm"]),
+        }
+    )
+    assert find_missing(ecm.fit(rows, "cubic"), rows).answer == ((kind,),)
+
+
+def test_swelling_in_three_columns_is_no_drift_of_the_sensor_alone() -> None:
+    """A body that pushes with the root of time, more so where it is bent."""
+    random = np.random.default_rng(4)
+    time = np.cumsum(random.uniform(10.0, 60.0, 90))
+    at = random.uniform(-1.0, 1.0, (90, 3)) * [4e-4, 5e-3, 0.06]
+    force = at @ np.array([[2e4, 0.0, 0.0], [0.0, 900.0, -60.0], [0.0, -60.0, 6.0]])
+    push = np.outer(np.sqrt(time / time[-1]), [0.05, 0.04, 2e-3]) * (1.0 + 3.0 * at[:, 2:])
+    names = ("fx_N", "fy_N", "tau_z_Nm")
+    force += push + 0.02 * random.standard_normal(force.shape) * [1.0, 1.0, 0.05]
+    columns = dict(zip(("x_m", "y_m", "theta_z_rad"), at.T, strict=True)) | {"time_s": time}
+    columns |= dict(zip(names, force.T, strict=True))
+    meta = {"instrument": {"force_sd_N": 0.02, "torque_sd_Nm": 1e-3, "pose_position_sd_m": 1e-9,
+                           "pose_rotation_sd_rad": 1e-9}}  # fmt: skip
+    table = ecm.Table(columns, meta)
+    ((*members,),) = find_missing(ecm.fit(table, "cubic"), table).answer
+    assert {"fts_drift", "growing_load"} <= set(members)
 
 
 def test_creep_under_a_load_that_is_held_is_relaxation() -> None:

@@ -117,7 +117,7 @@ def test_a_drift_between_repeats_is_no_noise_that_is_stated_wrongly() -> None:
         meta={"instrument": {"torque_sd_Nm": 0.01, "pose_rotation_sd_rad": 1e-6}},
     )
     found = diagnose(fit_model(table, "cubic"), table)
-    assert found.answer == (("fts_drift",),)
+    assert found.answer == (("fts_drift", "growing_load"),)
     assert not any("[instrument]" in words for words in found.warnings)
 
 

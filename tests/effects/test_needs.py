@@ -19,7 +19,7 @@ from support.full_table import full_table
 NEEDS: dict[str, tuple[str, ...]] = {
     "stress_relaxation": ("dwell_s",),
     "viscous_damping": (VELOCITY[0],),
-    "hysteresis": ("approach",),
+    "hysteresis": ("path",),
     "mullins_softening": ("time_s",),
     "permanent_set": ("time_s", "kind"),
     "temperature_modulus": ("temperature_degC",),
@@ -33,7 +33,7 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "fts_drift": ("time_s",),
     "fts_thermal_drift": ("sensor_temperature_degC",),
     "fts_saturation": ("fts_range",),
-    "fts_hysteresis": ("approach", "time_s"),
+    "fts_hysteresis": ("time_s",),
     "fts_quantisation": ("fts_resolution",),
     "marker_motion": ("time_s",),
     "time_skew": ("raw.parquet",),
@@ -50,6 +50,7 @@ SAID = {
     "kind": "home",
     "tendon1_N": "tendon1_N",
     "pose_id": "repeats",
+    "path": "approach, or time_s",
 }
 """What the record names in place of the column."""
 
@@ -77,9 +78,11 @@ def without(table: Table, name: str) -> Table:
         return table.with_meta(replace(meta, instrument=replace(meta.instrument, **{name: None})))
     if name == "raw.parquet":
         return table.with_meta(replace(meta, file=replace(meta.file, kind="static")))
-    if name.startswith("tendon"):
-        return table.drop(*(column for column in table.columns if column.startswith("tendon")))
-    return table.drop(name)
+    several = {
+        "path": ("approach", "time_s"),
+        "tendon1_N": tuple(column for column in table.columns if column.startswith("tendon")),
+    }
+    return table.drop(*several.get(name, (name,)))
 
 
 @pytest.mark.parametrize(("id", "name"), [(id, name) for id in NEEDS for name in NEEDS[id]])

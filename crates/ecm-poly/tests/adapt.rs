@@ -42,6 +42,9 @@ fn adapter() -> Adapter<f64, 11> {
             time_s: 0.0,
             model: [0.02, 1e-3],
             reach: [0.02, 0.3],
+            rim: 3.0,
+            middle: bent(0.0, 0.0),
+            per_half_range: [0.0, 0.0, 0.0, 5.0, 2.5, 2.5],
         },
         gravity: GRAVITY,
         interval_s: 0.1,
@@ -276,6 +279,41 @@ fn what_no_parameter_explains_asks_for_a_diagnosis_and_holds() {
     assert_eq!(state.held, 0);
 }
 
+/// Circles, and every half minute a few seconds twisted to 1.2 times the range.
+fn beyond_the_rim(time: f64) -> Vec6<f64> {
+    let mut pose = circle(time);
+    let since = time % 30.0 - 25.0;
+    if since > 0.0 {
+        pose[3] = 0.24 * (core::f64::consts::PI * since / 5.0).sin();
+    }
+    pose
+}
+
+#[test]
+fn a_model_that_errs_most_beyond_its_rim_asks_for_no_diagnosis_and_draws_nothing() {
+    let model = neck();
+    // 1.2 N and 40 mN m where it is twisted most, as the polynomial grows; 0.02 N and 1 mN m are stated.
+    let grown = |p: &Vec6<f64>| (p[3] / 0.24).powi(6);
+    for (rim, right) in [(20.0, true), (1.0, false)] {
+        let (mut adapter, mut plant) = (adapter(), Plant::new());
+        adapter.noise.rim = rim;
+        let mut state = adapter.init();
+        let mut alarm = false;
+        for i in 0..20_000 {
+            let pose = beyond_the_rim(0.01 * f64::from(i));
+            let mut reading = plant.read(&model, &pose);
+            reading.wrench[0] += 1.2 * grown(&pose);
+            reading.wrench[3] += 0.04 * grown(&pose);
+            alarm |= adapter.step(&mut state, &reading, 0.01) == Outcome::Diagnose;
+        }
+        assert_eq!(alarm, !right, "{rim}");
+        if right {
+            let torque = (state.values[8] / sd(&state, 8)).abs();
+            assert!(torque < 3.0, "{torque}");
+        }
+    }
+}
+
 #[test]
 fn standing_for_hours_keeps_the_covariance_and_what_nothing_tells() {
     let (adapter, model) = (adapter(), neck());
@@ -375,13 +413,16 @@ fn settings_name_what_is_wrong() {
         )
     };
     let text = r#"{"parameters": {"modulus": {"start": 1, "sd": 0.1, "low": 0.5, "high": 2, "walk": 0.1, "jumps": 0}},
-        "noise": {"wrench": [0.3, 0.015], "pose": [4e-5, 4e-4], "time_s": 0, "model": [0.02, 1e-3], "reach": [0.01, 0.2]},
+        "noise": {"wrench": [0.3, 0.015], "pose": [4e-5, 4e-4], "time_s": 0, "model": [0.02, 1e-3], "reach": [0.01, 0.2],
+            "rim": 3, "middle": [0.1, 0, 0, 0, 0, 0], "per_half_range": [0, 0, 0, 5, 2.5, 2.5]},
         "gravity": [-9.81, 0, 0], "interval_s": 0.1}"#;
     assert!(read(text).is_ok());
     for (from, to, named) in [
         ("modulus", "module", "module"),
         ("\"low\": 0.5", "\"low\": 1.5", "modulus"),
         ("0.3, 0.015", "0.0, 0.015", "noise"),
+        ("\"rim\": 3", "\"rim\": 0.5", "rim"),
+        ("0, 0, 0, 5, 2.5", "0, 0, 0, -5, 2.5", "per_half_range"),
         ("\"interval_s\": 0.1", "\"interval_s\": 0", "interval_s"),
         ("-9.81, 0, 0", "-9.81, 0", "gravity"),
     ] {
@@ -438,6 +479,8 @@ fn survives<R: Real>(adapter: &Adapter<R, 11>, rows: &[Row]) {
             .chain(state.covariance.as_flattened())
             .chain(state.model.cross.as_flattened().as_flattened())
             .chain(state.excitation.as_flattened())
+            .chain(state.information.as_flattened())
+            .chain([&state.of_noise])
             .chain(sums);
         assert!(
             numbers

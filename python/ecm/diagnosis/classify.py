@@ -122,8 +122,8 @@ def _pattern_instead(
     left: Leftover,
     white: Callable[[Problem], Pattern | None],
 ) -> Pattern | None:
-    """Return a pattern where nothing is accepted and no function of the pose is left, or where a
-    period in time explains more than what is accepted: names would imitate a part of it.
+    """Return a pattern where nothing is accepted and no function of the pose is left, or where it
+    explains more than what is accepted: names would imitate a part of it.
 
     A periodic motion gives every effect its period: beside what is accepted a pattern must be left.
     """

@@ -48,6 +48,11 @@ def squares_left_after(matrix: F, columns: Sequence[int], values: F, fixed: Sequ
     return max(total - float(cross @ solve(matrix[np.ix_(b, b)], cross)), 0.0)
 
 
+_LOST_BY_ONE, _LOST_BY_SHAPES = 0.5, 0.2
+"""Share of a gain that an effect which cannot be tested may lose in its plain form, or in the best
+of several shapes, and still be the cause."""
+
+
 def confusion_class(
     problem: Problem,
     chosen: Sequence[Candidate],
@@ -69,6 +74,7 @@ def confusion_class(
     most = settings.most_in_class if most is None else most
     others = [other for other in chosen if other is not item]
     own = delta_bic(problem, chosen)
+    gain = own - delta_bic(problem, others)
     rivals = _rivals(problem, {other.id for other in chosen})
     losses = own - delta_bic_of_each(problem, others, rivals)
     later = _LaterRuns(problem, others, item)
@@ -78,8 +84,10 @@ def confusion_class(
             loss < max(least_bic, settings.form_share * own)
             and separability(problem, item, rival, others) < settings.separable
         )
-        # The data cannot show the true form of an imitator: half of what is explained is enough.
-        alike = alike or (rival in problem.imitators and loss < 0.5 * own)
+        if rival in problem.imitators:
+            # The data cannot show its true form; one of several shapes comes nearer to it.
+            shaped = bool(problem.untestable[rival.id].forms)
+            alike = alike or loss < (_LOST_BY_SHAPES if shaped else _LOST_BY_ONE) * gain
         return (loss < least_bic or alike) and not later.refutes(rival)
 
     nearest = _nearest(

@@ -19,6 +19,7 @@ from ecm.diagnosis.decision import Decision
 from ecm.diagnosis.detection_limits import detection_limits, least_strength_seen
 from ecm.diagnosis.given_model import GivenModel, judge_given_model
 from ecm.diagnosis.held_out import held_out_by_fold, held_out_rms, kind_of
+from ecm.diagnosis.meaning import directions, path_taken
 from ecm.diagnosis.next_experiment import next_experiments
 from ecm.diagnosis.noise_effects import tested_noise
 from ecm.diagnosis.preparation import Prepared
@@ -113,11 +114,13 @@ def _report(decision: Decision, model: Model, seed: int, judged: Future[GivenMod
         upper_bound=upper_bound(decision.gate.smooth, problem.size),
         left_over=decision.left,
         look_alikes=_outside_causes(decision),
+        directions=(directions(final) or None) if decision.answer else None,
         refinements=refinements(problem, accepted),
         warnings=(
             *padding_sentences(prepared.padding),
             *_warnings(problem, prepared, final),
             *negative_payload(final.effects if decision.answer else ()),
+            *path_taken(problem.table, [id for members in decision.answer for id in members]),
             *decision.warnings,
         ),
         model=judged.result(),

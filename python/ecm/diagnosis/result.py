@@ -168,6 +168,8 @@ class Diagnosis:
     """What is left after the accepted effects."""
     look_alikes: tuple[OutsideCause, ...]
     """Causes outside the catalogue for each effect of the answer."""
+    directions: dict[str, str] | None = field(metadata={"optional": True})
+    """Whether the stiffness grows or falls, by effect; None where no id leaves that open."""
     refinements: tuple[Refinement, ...] = field(metadata={"json": "further"})
     """Richer forms of the accepted effects that were tried."""
     warnings: tuple[str, ...]
@@ -211,11 +213,15 @@ class Diagnosis:
             already = f" beside {listed}, which is a part of it," if listed else ""
             return f"Something is missing{already} that no known effect explains: {words}{near}."
         outside = {one.id: one.what.split(":")[0] for one in self.look_alikes}
+        directions = self.directions or {}
+
+        def name(id: str, single: bool) -> str:
+            said = [directions[id]] if id in directions else []
+            said += [f"or {outside[id]}"] if single and id in outside else []
+            return f"{id} ({'; '.join(said)})" if said else id
+
         names = " and ".join(
-            f"{members[0]} (or {outside[members[0]]})"
-            if len(members) == 1 and members[0] in outside
-            else " or ".join(members)
-            for members in self.answer
+            " or ".join(name(id, len(members) == 1) for id in members) for members in self.answer
         )
         return f"Missing: {names}; {self._fall()}."
 

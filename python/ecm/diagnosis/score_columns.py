@@ -138,7 +138,7 @@ def all_score_columns(
         lacking = effect.missing(table)
         if effect.kind == "noise" or (lacking is not None and not lacking.imitates):
             return [], lacking
-        variants = effect.variants(table) if lacking is None else (effect,)
+        variants = effect.variants(table) if lacking is None else lacking.forms or (effect,)
         try:
             return [
                 ScoreColumns(v, score_columns(rows, whitener, v), lacking is not None)

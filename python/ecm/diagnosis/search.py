@@ -174,9 +174,19 @@ def all_needed(problem: Problem, chosen: Sequence[Candidate]) -> bool:
         alone = total - delta_chi2(problem, others)
         if alone - item.parameters * np.log(problem.size) < settings.least_bic:
             return False
-        if others and alone < settings.material_share * total:
+        if others and alone < _material_share(problem, item, others) * total:
             return False
     return True
+
+
+def _material_share(problem: Problem, item: Candidate, others: Sequence[Candidate]) -> float:
+    """Return the share of all that is explained that an effect must explain beside others.
+
+    What the form of an effect of the pose leaves follows the pose: it is no effect of time.
+    """
+    settings = problem.settings
+    unlike = item.effect.kind == "time" and all(one.effect.kind == "pose" for one in others)
+    return settings.unlike_share if unlike else settings.material_share
 
 
 def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]:

@@ -80,6 +80,13 @@ class DiagnosisSettings(Checked):
         doc="Share of all that is explained that each further effect must explain: what the form "
         "of a first effect leaves (4 to 9 %) stays below.",
     )
+    unlike_share: float = setting(
+        0.02,
+        low=0.0,
+        high=1.0,
+        doc="The same for an effect of time beside effects of the pose, whose form leaves nothing "
+        "that follows time.",
+    )
     one_cause_share: float = setting(
         0.03,
         low=0.0,

@@ -44,7 +44,7 @@ class Pattern:
     period: float | None = field(default=None, metadata={"optional": True})
     """Period in the unit of the column."""
     explained: float = field(default=0.0, metadata={"json": ""})
-    """Sum of squares that the period explains, over the noise scale."""
+    """Sum of squares that it explains beyond chance, over the noise scale."""
 
 
 def find_pattern(problem: Problem) -> Pattern | None:
@@ -71,7 +71,7 @@ def find_pattern(problem: Problem) -> Pattern | None:
 
 
 def explains_more(pattern: Pattern | None, problem: Problem, effects: Sequence[Candidate]) -> bool:
-    """Whether a period in time explains more than the effects: then they imitate a part of it."""
+    """Whether a pattern explains more than the effects: then they imitate a part of it."""
     return pattern is not None and pattern.explained > delta_chi2(problem, effects)
 
 
@@ -202,9 +202,15 @@ def _memory(problem: Problem) -> list[Pattern]:
         flat = columns.reshape(*problem.response.shape, -1)
         test = omnibus_test(problem.response, flat, problem.base_block, problem.weights)
         if np.isfinite(test.F):
-            beyond = max(0.0, test.explained - test.dof * test.rest / test.dof_error)
-            strength = float(np.sqrt(beyond / problem.scale / problem.size))
+            chance = test.dof * test.rest / test.dof_error
+            explained = max(0.0, test.explained - chance) / problem.scale
             found.append(
-                Pattern("time_s", f"it follows the {words} of the reading before", test.p, strength)
+                Pattern(
+                    "time_s",
+                    f"it follows the {words} of the reading before",
+                    test.p,
+                    float(np.sqrt(explained / problem.size)),
+                    explained=explained,
+                )
             )
     return found

@@ -51,7 +51,7 @@ class Hysteresis(LinearEffect):
         "the same poses from both sides at half the speed, and after a rest of a minute",
     )
     signature = "odd in the side of approach, not conservative, zero mean for balanced approaches"
-    needs = "poses reached from both sides (approach), or a continuous test"
+    needs = "poses reached from both sides (approach, or the order of time_s)"
     kind = "time"
     rivals = {
         "stress_relaxation": "both_sides",
@@ -77,8 +77,8 @@ class Hysteresis(LinearEffect):
         lacking = needs_full(table) or (needs_time(table) if self.yield_m > 0.0 else None)
         if lacking is not None:
             return lacking
-        if not table.has("approach"):
-            return Missing("no column approach", "approach", absent=True)
+        if not table.has("approach") and not table.has("time_s"):
+            return Missing("no column approach", "approach, or time_s", absent=True)
         side = approach_sides(table)
         known = side[side != 0.0]
         if len(known) == 0:

@@ -97,7 +97,10 @@ class StrainStiffening(LinearEffect):
     """
 
     id = "strain_stiffening"
-    physics = "The material is stiffer at large strain, or stiffer in compression than in tension."
+    physics = (
+        "The stiffness follows the strain: stiffer or softer at large strain, or in tension than "
+        "in compression."
+    )
     parameters = listed(Parameter("modulus_at_strain_0p1", "1", 0.05, -2.0, 5.0))
     outside = LookAlike(
         "anything that curves the force: a soft stop, a folded wall, a scale that is not linear",

@@ -71,6 +71,8 @@ class Missing:
     imitates
         Whether its columns can be computed all the same, so that another effect may be named in
         its place.
+    forms
+        Shapes in which it imitates; empty: its plain form.
 
     Examples
     --------
@@ -82,6 +84,7 @@ class Missing:
     record: str
     absent: bool = False
     imitates: bool = False
+    forms: tuple[Effect, ...] = ()
 
 
 @dataclass(frozen=True)

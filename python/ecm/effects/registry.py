@@ -9,7 +9,7 @@ from types import ModuleType
 
 import numpy as np
 
-from ecm.effects.few import elastic
+from ecm.effects.few import elastic, load
 from ecm.effects.few.forms import FORMS, is_full
 from ecm.effects.protocol import (
     Effect,
@@ -54,7 +54,7 @@ _CATALOGUE: tuple[Effect, ...] = tuple(
     effect for group in _GROUPS for effect in import_module(f"ecm.effects.{group}").EFFECTS
 )
 _own: dict[str, Effect] = {}
-_FEW_ONLY = elastic.FORMS
+_FEW_ONLY = (*load.FORMS, *elastic.FORMS)
 """Effects that exist for tables of few columns only."""
 
 

@@ -234,7 +234,7 @@ class FtsHysteresis(LinearEffect):
         "load and unload dead weights without the mechanism",
     )
     signature = "odd in the side of approach, body axes, also without the mechanism"
-    needs = "loads reached from both sides (approach, time_s)"
+    needs = "loads reached from both sides (time_s, and approach where rows do not follow directly)"
     requires = (needs_time, Hysteresis().missing)
     side = "measurement"
     kind = "time"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -14,6 +14,7 @@ from ecm._native import Adapter as NativeAdapter
 from ecm._native import seal_model
 from ecm.errors import InputError
 from ecm.io.arrays import F
+from ecm.io.columns import POSE
 from ecm.models.time_effects import TimeEffects
 
 Outcome = Literal["waiting", "adapted", "left out", "jumped", "diagnose", "refused"]
@@ -74,13 +75,16 @@ class AdaptSettings:
     noise_time_s: float = 0.0
     """Time over which the noise stays alike, such as a camera's period; 0: white."""
     model_force_sd_N: float = 0.05
-    """Error of the model beside these parameters, N: `ecm compare`'s excess error."""
+    """Error of the model beside these parameters in the middle of its domain, N: the excess error
+    of `ecm compare` on rows that were not in the fit."""
     model_torque_sd_Nm: float = 2e-3
     """The same of the torque, N m."""
     reach_m: float = 0.02
     """Way over which the error of the model changes, m."""
     reach_rad: float = 0.3
     """The same of a rotation, rad."""
+    model_rim: float = 3.0
+    """Error of the model at the rim of its domain over that in the middle, 1 or more."""
     gravity_m_s2: tuple[float, float, float] = (-9.81, 0.0, 0.0)
     """Gravity in base axes."""
     interval_s: float = 0.1
@@ -118,15 +122,21 @@ class AdaptSettings:
             name for group, names in GROUPS.items() if group in self.groups for name in names
         )
 
-    def document(self, effects: TimeEffects, names: tuple[str, ...] = NAMES) -> dict[str, Any]:
-        """Settings of the compiled adapter; parameters that were not chosen are held."""
+    def document(
+        self, effects: TimeEffects, domain: Mapping[str, Sequence[float]]
+    ) -> dict[str, Any]:
+        """Settings of the compiled adapter; parameters that were not chosen are held.
+
+        `domain` is the range of each pose column that the model was fitted on.
+        """
+        ranges = [domain.get(name, (0.0, 0.0)) for name in POSE]
         branches = effects.document.get("branches", [])
         shares = [float(branch["share"]) for branch in branches]
         if "shares" in self.groups and not shares:
             raise InputError("adapt: shares: the model has no relaxing branch, leave them out")
         start = {"modulus": 1.0, **dict(zip(GROUPS["shares"], shares, strict=False))}
         parameters = {}
-        for name in names:
+        for name in NAMES:
             sd, walk, half_range, jumps = self._known(name)
             held = name not in self.names or (name in GROUPS["shares"] and name not in start)
             centre = start.get(name, 0.0)
@@ -146,6 +156,11 @@ class AdaptSettings:
                 "time_s": self.noise_time_s,
                 "model": [self.model_force_sd_N, self.model_torque_sd_Nm],
                 "reach": [self.reach_m, self.reach_rad],
+                "rim": self.model_rim,
+                "middle": [0.5 * (low + high) for low, high in ranges],
+                "per_half_range": [
+                    2.0 / (high - low) if high > low else 0.0 for low, high in ranges
+                ],
             },
             "gravity": list(self.gravity_m_s2),
             "interval_s": self.interval_s,
@@ -209,7 +224,7 @@ class Adapter:
     """
 
     def __init__(self, document: str, effects: TimeEffects, settings: AdaptSettings) -> None:
-        own = json.dumps(settings.document(effects))
+        own = json.dumps(settings.document(effects, json.loads(document).get("domain", {})))
         self._native = NativeAdapter(seal_model(document), json.dumps(effects.document), own)
         self._reference = float(effects.document.get("reference_degc", 0.0))
         self._chosen = [NAMES.index(name) for name in settings.names]

@@ -127,8 +127,8 @@ class Controller:
     def adapt(self, settings: AdaptSettings | None = None) -> Adapter:
         """Return this model with parameters that follow measured wrenches (docs/adapt.md).
 
-        It has a state of its own; this controller is not changed. Experimental: the stated `sd` is
-        too small, and a modulus followed on nothing but a small circle goes wrong unnoticed.
+        It has a state of its own; this controller is not changed. Where the motion does not tell a
+        parameter, it is held and its `sd` stays large.
         """
         return Adapter(self._document, self.effects, settings or AdaptSettings())
 

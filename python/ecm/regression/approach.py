@@ -11,11 +11,14 @@ from ecm.io.table import Table
 def pose_before(table: Table, rest_pose: F) -> F:
     """(N, 6) pose from which each row was approached; NaN where that is unknown.
 
-    `initial` is the rest pose; a pose_id is the mean measured pose of that id. The rows of a
-    thinned table keep the poses before them in the whole one.
+    `initial` is the rest pose; a pose_id is the mean measured pose of that id. Without the column
+    `approach` it is the row before in time, of the same run. The rows of a thinned table keep the
+    poses before them in the whole one.
     """
     if table.whole is not None:
         return pose_before(table.whole, rest_pose)[table.places]
+    if not table.has("approach"):
+        return _row_before(table)
     poses = table.poses
     before = np.full_like(poses, np.nan)
     approach = table.text("approach")
@@ -31,6 +34,18 @@ def pose_before(table: Table, rest_pose: F) -> F:
     return before
 
 
+def _row_before(table: Table) -> F:
+    """(N, 6) pose of the row before in time; NaN for the first of a run, or without times."""
+    poses = table.poses
+    before = np.full_like(poses, np.nan)
+    if table.has("time_s"):
+        held = table.text("kind") != "unloaded"
+        for order in order_of_visits(table):
+            visited = order[held[order]]
+            before[visited[1:]] = poses[visited[:-1]]
+    return before
+
+
 def approach_sides(table: Table, length_m: float | None = None) -> F:
     """Side from which each pose was approached: a = sign((p - p_from)' M (p - p0)).
 
@@ -39,7 +54,7 @@ def approach_sides(table: Table, length_m: float | None = None) -> F:
     Parameters
     ----------
     table
-        Measurements with the six pose columns and `approach`.
+        Measurements with the six pose columns and `approach`, or `time_s` in its place.
     length_m
         Length L of the mechanism in m; by default that of the table, else the median x.
 

@@ -56,6 +56,9 @@ impl<const N: usize> Adapter<f64, N> {
                 time_s: number(noise, "time_s")?,
                 model: list(noise, "model")?,
                 reach: list(noise, "reach")?,
+                rim: number(noise, "rim")?,
+                middle: list(noise, "middle")?,
+                per_half_range: list(noise, "per_half_range")?,
             },
             gravity: list(document, "gravity")?,
             interval_s: number(document, "interval_s")?,
@@ -84,6 +87,13 @@ impl<const N: usize> Adapter<f64, N> {
                 "noise",
                 format!("{noise:?}"),
                 "wrench and reach above 0, pose >= 0",
+            ));
+        }
+        if !(noise.rim >= 1.0 && not_below(&noise.per_half_range)) {
+            return Err(wrong(
+                "noise",
+                format!("{noise:?}"),
+                "rim 1 or more, per_half_range >= 0",
             ));
         }
         if !(not_below(&noise.model) && noise.time_s >= 0.0) {
@@ -122,6 +132,9 @@ impl<const N: usize> Adapter<f64, N> {
                 time_s: R::from_f64(self.noise.time_s),
                 model: pair(self.noise.model),
                 reach: pair(self.noise.reach),
+                rim: R::from_f64(self.noise.rim),
+                middle: self.noise.middle.map(R::from_f64),
+                per_half_range: self.noise.per_half_range.map(R::from_f64),
             },
             gravity: self.gravity.map(R::from_f64),
             interval_s: R::from_f64(self.interval_s),

@@ -22,8 +22,8 @@ const WINDOW: u32 = 100;
 /// Bounds as those of a normal number: of one block, and of a window (1 in 10⁶).
 const BLOCK_BOUND: u16 = 5;
 const WINDOW_BOUND: [u16; 2] = [19, 4];
-/// The tests allow twice the stated error of the model: this much variance beside the one in it.
-const ALLOWED: u16 = 3;
+/// The tests allow twice the stated variance of the model's error: this much beside the one in it.
+const ALLOWED: u16 = 1;
 /// A variance beyond this many times that of the start is no result.
 const MOST: u16 = 16;
 
@@ -193,14 +193,11 @@ impl<R: Real, const N: usize> Adapter<R, N> {
         }
     }
 
-    /// νᵀ S⁻¹ ν with twice the error of the model, chi-square with six degrees of freedom where
+    /// νᵀ S⁻¹ ν with twice the variance of the model's error, chi-square with six degrees of freedom where
     /// that is right; and the mean share of the variance that is no noise.
     fn surprise(&self, seen: &Seen<R, N>, told: &Told<R, N>) -> (R, R) {
         let mut total = told.total;
-        add_diagonal(&mut total, |a| {
-            let sd = self.noise.model[a / 3];
-            R::from_u16(ALLOWED) * sd * sd
-        });
+        add_diagonal(&mut total, |a| R::from_u16(ALLOWED) * seen.parts.whole[a]);
         let innovation = &seen.innovations[0];
         let surprise = dot(innovation, &Factor::new(&total).solve(innovation));
         let sum = (0..6).fold(R::ZERO, |sum, a| {
@@ -269,8 +266,8 @@ impl<R: Real, const N: usize> Adapter<R, N> {
         self.project(state);
     }
 
-    /// Takes parameters that follow the model out of the gains while the readings tell less of them,
-    /// the others following, than noise seems to; and in a block that has not moved, or has no two halves.
+    /// Takes parameters that follow the model out of the gains while the readings tell too little of them,
+    /// the others following; and in a block that has not moved, or has no two halves.
     fn hold(
         &self,
         state: &mut State<R, N>,
@@ -281,6 +278,9 @@ impl<R: Real, const N: usize> Adapter<R, N> {
     ) {
         // The trace of K Σ_p Kᵀ S⁻¹: what the noise of the pose adds to the information of h.
         let noise = (0..6).fold(R::ZERO, |sum, a| sum + factor.solve(&seen.of_pose[a])[a]);
+        if told_apart {
+            inform(state, seen, factor, noise);
+        }
         let mut held = [false; N];
         for i in 0..N {
             let own = state.covariance[i][i];
@@ -339,6 +339,8 @@ impl<R: Real, const N: usize> Adapter<R, N> {
             .iter()
             .chain(state.covariance.as_flattened())
             .chain(state.excitation.as_flattened())
+            .chain(state.information.as_flattened())
+            .chain([&state.of_noise])
             .chain(cross);
         numbers.all(|x| x.is_finite())
             && (0..N).all(|i| {
@@ -400,6 +402,26 @@ impl<R: Real, const N: usize> Adapter<R, N> {
         state.held = 1;
         Some(Outcome::Diagnose)
     }
+}
+
+/// Adds the information of a block to the mean over the last of them.
+fn inform<R: Real, const N: usize>(
+    state: &mut State<R, N>,
+    seen: &Seen<R, N>,
+    factor: &Factor<R>,
+    noise: R,
+) {
+    let over = R::from_u16(EXCITED_OVER);
+    let [mean, apart] = &seen.columns;
+    for i in 0..N {
+        let (one, other) = (factor.solve(&mean[i]), factor.solve(&apart[i]));
+        for j in 0..N {
+            let told = dot(&one, &mean[j]) - dot(&other, &apart[j]);
+            let place = &mut state.information[i][j];
+            *place += (told - *place) / over;
+        }
+    }
+    state.of_noise += (noise - state.of_noise) / over;
 }
 
 impl<R: Real, const N: usize> Seen<R, N> {

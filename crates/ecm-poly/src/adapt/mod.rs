@@ -12,13 +12,17 @@
 //!   the sum and the difference of the halves over 2, x ← x + P (H₊ᵀ S⁻¹ ν₊ − H₋ᵀ S⁻¹ ν₋), whose mean
 //!   has no noise in it, whatever the noise that is stated. P follows this gain in Joseph's form.
 //! - **Error of the model** is [`ModelError`]: random numbers that are alike at like poses, whose
-//!   covariance with the parameters is kept. The part that changes on the way counts, with
+//!   covariance with the parameters is kept. It grows towards the rim of the fitted domain and beyond it
+//!   ([`Noise::rim`]), so that a pose at which nothing holds the model neither draws a parameter nor
+//!   counts as an alarm. The part that changes on the way counts, with
 //!   φ = e^(−way/reach), as (1 − φ)/(1 + φ) of one: standing still is no proof.
 //! - **Excitation.** A parameter that multiplies the model's wrench is held while the information of a
 //!   block about it, the others following, is in the mean of 200 blocks less than what the noise of
-//!   the pose alone would seem to tell. What no reading excites keeps its value; its variance returns to that of the start.
-//! - **Innovations.** A block beyond 5 standard deviations, with twice the stated error of the
-//!   model, is left out. Three in a row are a jump: the covariance of those parameters that may jump is
+//!   the pose alone would seem to tell, and while that of these blocks together, the others following as
+//!   they do now, is less than ten times as much: along a direction that is told so little, the noise
+//!   multiplies the estimate by a random factor. What no reading excites keeps its value; its variance returns to that of the start.
+//! - **Innovations.** A block beyond 5 standard deviations, with twice the stated variance of the
+//!   model's error, is left out. Three in a row are a jump: the covariance of those parameters that may jump is
 //!   opened. Where that does not explain the readings, or the mean of 100 blocks leaves chi-square, it is
 //!   no drift: [`Outcome::Diagnose`], and everything is held until [`State::resume`].
 //! - **Bounds** are projections in the metric of the covariance.
@@ -35,6 +39,9 @@
 //!         time_s: 0.0,
 //!         model: [0.02, 1e-3],
 //!         reach: [0.01, 0.2],
+//!         rim: 3.0,
+//!         middle: [0.1, 0.0, 0.0, 0.0, 0.0, 0.0],
+//!         per_half_range: [0.0, 100.0, 100.0, 5.0, 2.5, 2.5],
 //!     },
 //!     gravity: [-9.81, 0.0, 0.0],
 //!     interval_s: 0.1,
@@ -75,6 +82,9 @@ use ecm_se3::{Pose, Real, Vec3, Vec6};
 
 use crate::stepper::{BRANCHES, State as StepperState};
 
+/// A parameter is told where the information is this many times what noise seems to add.
+const TOLD: u16 = 10;
+
 /// Which parameters are estimated, and how.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Adapter<R, const N: usize> {
@@ -110,6 +120,10 @@ pub struct State<R, const N: usize> {
     pub model: ModelError<R, N>,
     /// Mean information of each parameter's column, and what noise seems to add.
     pub excitation: [[R; 2]; N],
+    /// Mean of H₊ᵀ S⁻¹ H₊ − H₋ᵀ S⁻¹ H₋: what the last blocks tell of all parameters together.
+    pub information: [[R; N]; N],
+    /// Mean of what noise seems to add to it along a parameter.
+    pub of_noise: R,
     /// Sum of νᵀ S⁻¹ ν in the window, and how many independent blocks it is worth.
     pub window: [R; 2],
     /// Blocks in the window; in a row beyond the bound; jumps since a window passed; blocks in all.
@@ -171,17 +185,35 @@ impl<R: Real, const N: usize> Adapter<R, N> {
             at_last: [[R::ZERO; 6]; 1 + BRANCHES],
             model: ModelError::EMPTY,
             excitation: [[R::ZERO, R::ONE]; N],
+            information: [[R::ZERO; N]; N],
+            of_noise: R::ZERO,
             window: [R::ZERO; 2],
             counts: [0; 4],
             held: 0,
         }
     }
 
-    /// Whether a parameter is held, because the readings of the last time tell less of it than their noise
-    /// seems to; at the start until they tell something.
+    /// Whether a parameter is held, because the readings of the last time tell too little of it, the others
+    /// following: each block along the covariance of its time less than its noise seems to, or all together
+    /// along the present one less than ten times that. At the start until they tell something.
     pub fn is_held(&self, state: &State<R, N>, i: usize) -> bool {
+        if !self.parameters[i].follows_model() {
+            return false;
+        }
+        let own = state.covariance[i][i];
+        let along: [R; N] = core::array::from_fn(|j| match own > R::ZERO {
+            true => state.covariance[j][i] / own,
+            false => R::ZERO,
+        });
+        let mut told = R::ZERO;
+        for (one, row) in along.iter().zip(&state.information) {
+            for (x, other) in row.iter().zip(&along) {
+                told += *one * *x * *other;
+            }
+        }
+        let tells = told > R::from_u16(TOLD) * state.of_noise;
         let [information, of_noise] = state.excitation[i];
-        self.parameters[i].follows_model() && information < of_noise
+        information < of_noise || !tells
     }
 
     /// Takes one reading, dt (s) after the one before.

@@ -2,6 +2,8 @@
 //!
 //! δ(p) = σ (5/8 a₀ + 7/4 Σ θ_i a_i / reach + 5/8 a_cell(p)) + rest, each a of six numbers with standard
 //! deviation 1: one part for all poses, one that grows with each rotation, one for the neighbourhood of p.
+//! That of the neighbourhood and the rest grow towards the rim of the fitted domain, where no row on the far
+//! side holds the model.
 //! They are not estimated (Schmidt, Advances in Control Systems 3, 1966); their covariance with the
 //! parameters is kept, so that the same poses again and again are no new information. The rest has a
 //! fifth of the variance and changes on the way.
@@ -39,6 +41,8 @@ pub(super) struct Parts<R, const N: usize> {
     pub variance: Vec6<R>,
     /// Variance of the rest, which changes on the way.
     pub rest: Vec6<R>,
+    /// Variance that is stated for this pose.
+    pub whole: Vec6<R>,
 }
 
 impl<R: Real, const N: usize> ModelError<R, N> {
@@ -81,10 +85,12 @@ impl<R: Real, const N: usize> ModelError<R, N> {
         let alike = R::from_u16(5) / R::from_u16(8);
         let slope = R::from_u16(7) / R::from_u16(4);
         let places = [0, 1, 2, 3, 4 + cell];
+        let grown = noise.away_from_middle(pose);
         let weights: [Vec6<R>; AT_ONCE] = core::array::from_fn(|k| {
             let turn = match k {
+                0 => alike,
                 1..=3 => slope * pose[2 + k] / noise.reach[1],
-                _ => alike,
+                _ => alike * grown,
             };
             sd.map(|s| turn * s)
         });
@@ -100,13 +106,14 @@ impl<R: Real, const N: usize> ModelError<R, N> {
                 .iter()
                 .fold(R::ZERO, |sum, weight| sum + weight[a] * weight[a])
         });
-        let rest = sd.map(|s| s * s / R::from_u16(5));
+        let rest = sd.map(|s| (grown * s) * (grown * s) / R::from_u16(5));
         Parts {
             places,
             weights,
             shared,
             variance,
             rest,
+            whole: sd.map(|s| (grown * s) * (grown * s)),
         }
     }
 

@@ -5,6 +5,9 @@ use ecm_se3::{Mat3, Real, Vec3, Vec6};
 
 use crate::stepper::BRANCHES;
 
+/// Ranges from the middle at which the error stops to grow, so that all stays finite.
+const FARTHEST: u16 = 4;
+
 /// A named parameter. The measured wrench is linear in all of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
@@ -154,4 +157,29 @@ pub struct Noise<R> {
     pub model: [R; 2],
     /// Way (m, rad) over which the error of the model changes.
     pub reach: [R; 2],
+    /// Its error at the rim of the fitted domain over that in the middle, 1 or more.
+    pub rim: R,
+    /// Middle of the fitted domain (m, rad).
+    pub middle: Vec6<R>,
+    /// One over half the range of each coordinate (1/m, 1/rad); 0: it has no rim.
+    pub per_half_range: Vec6<R>,
+}
+
+impl<R: Real> Noise<R> {
+    /// 1 + (rim − 1) q⁶: the error at a pose over that in the middle, with q = 1 at the rim. It grows so
+    /// outside as well, as a polynomial does that nothing holds there.
+    pub(super) fn away_from_middle(&self, pose: &Vec6<R>) -> R {
+        let mut q = R::ZERO;
+        for i in 0..6 {
+            let part = (pose[i] - self.middle[i]) * self.per_half_range[i];
+            let part = if part < R::ZERO { -part } else { part };
+            if part > q {
+                q = part;
+            }
+        }
+        let far = R::from_u16(FARTHEST);
+        let q = if q < far { q } else { far };
+        let cube = q * q * q;
+        R::ONE + (self.rim - R::ONE) * (cube * cube)
+    }
 }

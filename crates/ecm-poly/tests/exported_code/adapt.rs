@@ -41,6 +41,9 @@ fn settings(payload: bool) -> Settings {
             time_s: 0.05,
             model: [2e-3, 2e-4],
             reach: [0.01, 0.2],
+            rim: 3.5,
+            middle: [0.1, 1e-3, 0.0, 0.0, 0.02, 0.0],
+            per_half_range: [0.0, 50.0, 50.0, 4.0, 2.0, 0.0],
         },
         gravity: [-9.81, 0.3, 0.0],
         interval_s: 0.1,
@@ -90,8 +93,12 @@ fn exported_c_follows_golden_readings() {
             ("R(1e-5)", "R(9e-5)"),
             ("R(5e-2),\n", "R(5e-1),\n"),
             ("R(2e-4)}", "R(9e-4)}"),
+            ("R(3.5e0),\n", "R(1e0),\n"),
+            ("R(1e-1), R(1e-3)", "R(1e-1), R(9e-3)"),
+            ("R(4e0), R(2e0)", "R(4e0), R(3e0)"),
             ("R(3e-1), R(0e0)}", "R(2e0), R(0e0)}"),
             ("x->excitation[i][0] <", "R(1e9) <"),
+            ("told > R(TOLD)", "told > R(1e9)"),
             ("R(100) / n", "R(1e30) / n"),
         ] {
             assert!(right.contains(from), "{from}");

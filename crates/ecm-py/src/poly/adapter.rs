@@ -17,7 +17,7 @@ use crate::errors::ModelError;
 /// All parameters; those that are not wanted have a standard deviation of 0.
 const N: usize = Parameter::ALL.len();
 /// Numbers of the adapter's own state.
-const NUMBERS: usize = 3 * N + N * N + N * PARTS * 6 + 2 * 32 + 1 + 24 + CELLS * 7 + 2 + 5;
+const NUMBERS: usize = 3 * N + 2 * N * N + 1 + N * PARTS * 6 + 2 * 32 + 1 + 24 + CELLS * 7 + 2 + 5;
 
 type Followed<'py> = (
     Bound<'py, PyArray2<f64>>,
@@ -228,6 +228,8 @@ impl Adapter {
         numbers.extend(s.model.centres.as_flattened());
         numbers.extend(s.model.visits.map(f64::from));
         numbers.extend(s.excitation.as_flattened());
+        numbers.extend(s.information.as_flattened());
+        numbers.push(s.of_noise);
         numbers.extend(s.window);
         numbers.extend(s.counts.map(f64::from));
         numbers.push(f64::from(s.held));
@@ -281,6 +283,8 @@ impl Adapter {
         for place in own.excitation.as_flattened_mut() {
             *place = take();
         }
+        own.information = core::array::from_fn(|_| core::array::from_fn(|_| take()));
+        own.of_noise = take();
         own.window = core::array::from_fn(|_| take());
         own.counts = core::array::from_fn(|_| take() as u32);
         own.held = take() as u32;

@@ -135,13 +135,12 @@ class MullinsSoftening(LinearEffect):
 
 
 @dataclass(eq=False)
-class _ZeroEffect(LinearEffect):
-    """A time course of the sensor's zero, on each wrench column by itself."""
+class CourseEffect(LinearEffect):
+    """A course of time, on each wrench column by itself."""
 
     outputs: str
     """Wrench columns with commas between them."""
 
-    side = "measurement"
     kind = "time"
     quantity = "rate"
     """What the parameter of a column is."""
@@ -159,7 +158,7 @@ class _ZeroEffect(LinearEffect):
         )
 
     def course(self, rows: Rows) -> F:
-        """(N,) the course of time of the zero."""
+        """(N,) the course of time."""
         raise NotImplementedError(f"effect {self.id} has no course")
 
     def columns(self, rows: Rows) -> F:
@@ -184,13 +183,14 @@ def _needs_two_zeros(table: Table) -> Missing | None:
 
 
 @dataclass(eq=False)
-class FtsOffset(_ZeroEffect):
+class FtsOffset(CourseEffect):
     """b on all rows, told from the model by unloaded readings; or b from one run on."""
 
     first_run: float
     """Run from which the zero is another one; negative: all rows."""
 
     id = "fts_offset"
+    side = "measurement"
     physics = "The sensor was zeroed wrongly: a constant wrench, in all rows or from one run on."
     outside = FullOffset.outside
     signature = "constant within a run"
@@ -218,15 +218,17 @@ class FtsOffset(_ZeroEffect):
 
 
 @dataclass(eq=False)
-class FtsDrift(_ZeroEffect):
+class FtsDrift(CourseEffect):
     """b t on each wrench column."""
 
     id = "fts_drift"
+    side = "measurement"
     physics = "The sensor's zero creeps with time, the same at any pose."
     outside = FullDrift.outside
     signature = "linear in time"
     needs = "time (time_s)"
     requires = (needs_varying("time_s", 1.0),)
+    rivals = {"growing_load": "zero_every_ten_poses"}
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """On each wrench column."""
@@ -238,12 +240,13 @@ class FtsDrift(_ZeroEffect):
 
 
 @dataclass(eq=False)
-class FtsThermalDrift(_ZeroEffect):
+class FtsThermalDrift(CourseEffect):
     """b (T - T0), T the temperature of the sensor."""
 
     reference_degC: float = optional(0.0)
 
     id = "fts_thermal_drift"
+    side = "measurement"
     physics = "The sensor's zero follows its temperature."
     outside = FullThermalDrift.outside
     signature = "follows the temperature of the sensor, not the load"

@@ -56,7 +56,11 @@ class Source:
         """Source code of the model by its path."""
         sealed = seal_model(json.dumps(self.inside.document()))
         steps = json.dumps(self.timed.document) if self.has_state else None
-        follows = None if self.adapt is None else json.dumps(self.adapt.document(self.timed))
+        follows = (
+            None
+            if self.adapt is None
+            else json.dumps(self.adapt.document(self.timed, self.inside.domain))
+        )
         return dict(
             export_model(
                 sealed,

@@ -38,7 +38,7 @@ pub fn export(
             list(&[p.start, p.sd, p.low, p.high, p.walk, p.jumps], real)
         )
     });
-    let numbers = 3 * count + count * count + 6 * PARTS * count + 6 * CELLS + 91;
+    let numbers = 3 * count + 2 * count * count + 6 * PARTS * count + 6 * CELLS + 92;
     let stack = (numbers + 3 * count * count + 80 * count + 600) * precision.size() + 1600;
     let factorials: Vec<f64> = (0..10).map(inverse_factorial).collect();
     let golden = |x: &f64| format!("(({name}_adapt_real){x:e})");

@@ -14,10 +14,12 @@ enum {
     AT_ONCE = 5,
     STILL = 1000,
     EXCITED_OVER = 200,
+    TOLD = 10,
     SUSPECTS = 3,
     JUMPS = 3,
     WINDOW = 100,
-    ALLOWED = 3,
+    ALLOWED = 1,
+    FARTHEST = 4,
     MOST = 16
 };
 
@@ -31,6 +33,9 @@ const settings_t @NAME@_adapt_defaults = {
     @NOISETIME@,
     {@MODELSD@},
     {@REACH@},
+    @RIM@,
+    {@MIDDLE@},
+    {@PERHALFRANGE@},
     {@GRAVITY@},
     @INTERVAL@};
 
@@ -201,6 +206,7 @@ void @NAME@_adapt_init(state_t *state, const settings_t *settings)
         state->excitation[i][1] = R(1);
         for (int32_t j = 0; j < N; j++) {
             state->covariance[i][j] = R(0);
+            state->information[i][j] = R(0);
         }
         state->covariance[i][i] = s->priors[i].sd * s->priors[i].sd;
         for (int32_t k = 0; k < PARTS; k++) {
@@ -224,6 +230,7 @@ void @NAME@_adapt_init(state_t *state, const settings_t *settings)
     clear(&state->block[0]);
     clear(&state->block[1]);
     state->time_s = R(0);
+    state->of_noise = R(0);
     state->window[0] = R(0);
     state->window[1] = R(0);
     for (int32_t i = 0; i < 4; i++) {
@@ -345,13 +352,29 @@ static int32_t visit(const settings_t *s, state_t *x, const real *pose)
 typedef struct {
     real columns[2][N][6], nu[2][6], noise[6][6], of_pose[6][6];
     int32_t places[AT_ONCE];
-    real weights[AT_ONCE][6], shared[N][6], variance[6], rest[6];
+    real weights[AT_ONCE][6], shared[N][6], variance[6], rest[6], whole[6];
 } seen_t;
+
+/* 1 + (rim - 1) q^6: the error at a pose over that in the middle, with q = 1 at the rim. */
+static real away_from_middle(const settings_t *s, const real *pose)
+{
+    real q = R(0), cube;
+    for (int32_t i = 0; i < 6; i++) {
+        const real part = (pose[i] - s->middle[i]) * s->per_half_range[i];
+        const real size = part < R(0) ? -part : part;
+        q = size > q ? size : q;
+    }
+    q = q < R(FARTHEST) ? q : R(FARTHEST);
+    cube = q * q * q;
+    return R(1) + (s->model_rim - R(1)) * (cube * cube);
+}
 
 static void see_parts(const settings_t *s, const state_t *x, const real *pose, int32_t cell, seen_t *seen)
 {
+    const real alike = R(5) / R(8), grown = away_from_middle(s, pose);
     for (int32_t k = 0; k < AT_ONCE; k++) {
-        const real turn = k >= 1 && k <= 3 ? R(7) / R(4) * pose[2 + k] / s->reach[1] : R(5) / R(8);
+        const real here = k == 0 ? alike : alike * grown;
+        const real turn = k >= 1 && k <= 3 ? R(7) / R(4) * pose[2 + k] / s->reach[1] : here;
         seen->places[k] = k < 4 ? k : 4 + cell;
         for (int32_t a = 0; a < 6; a++) {
             seen->weights[k][a] = turn * s->model_sd[a / 3];
@@ -362,7 +385,8 @@ static void see_parts(const settings_t *s, const state_t *x, const real *pose, i
         for (int32_t k = 0; k < AT_ONCE; k++) {
             seen->variance[a] += seen->weights[k][a] * seen->weights[k][a];
         }
-        seen->rest[a] = s->model_sd[a / 3] * s->model_sd[a / 3] / R(5);
+        seen->whole[a] = (grown * s->model_sd[a / 3]) * (grown * s->model_sd[a / 3]);
+        seen->rest[a] = seen->whole[a] / R(5);
         for (int32_t i = 0; i < N; i++) {
             seen->shared[i][a] = R(0);
             for (int32_t k = 0; k < AT_ONCE; k++) {
@@ -410,7 +434,7 @@ static void tell(const state_t *x, seen_t *seen, real g[N][6], real total[6][6])
     }
 }
 
-/* nu' S^-1 nu with twice the model's error, and the mean share of the variance that is no noise */
+/* nu' S^-1 nu with twice the variance of the model's error, and the mean share of the variance that is no noise */
 static real surprise_of(const settings_t *s, const seen_t *seen, real total[6][6], real *alike)
 {
     real e[6][6], solved[6];
@@ -419,7 +443,7 @@ static real surprise_of(const settings_t *s, const seen_t *seen, real total[6][6
         for (int32_t b = 0; b < 6; b++) {
             e[a][b] = total[a][b];
         }
-        e[a][a] += R(ALLOWED) * s->model_sd[a / 3] * s->model_sd[a / 3];
+        e[a][a] += R(ALLOWED) * seen->whole[a];
         *alike += R(1) - seen->noise[a][a] / e[a][a];
     }
     *alike /= R(6);
@@ -428,8 +452,43 @@ static real surprise_of(const settings_t *s, const seen_t *seen, real total[6][6
     return dot6(seen->nu[0], solved);
 }
 
-/* Takes parameters that follow the model out of the gains while the readings tell less of them than
- * noise seems to; and in a block that has not moved, or has no two halves. */
+/* Whether too little is told of a parameter, the others following: by the blocks, each along its own
+ * covariance, less than noise seems to tell; or by all of them along the present one, less than ten times that. */
+static int32_t is_held(const state_t *x, int32_t i)
+{
+    const real own = x->covariance[i][i];
+    real along[N], told = R(0);
+    if (kind_of[i] != 0 && kind_of[i] < 11) {
+        return 0;
+    }
+    for (int32_t j = 0; j < N; j++) {
+        along[j] = own > R(0) ? x->covariance[j][i] / own : R(0);
+    }
+    for (int32_t j = 0; j < N; j++) {
+        for (int32_t k = 0; k < N; k++) {
+            told += along[j] * x->information[j][k] * along[k];
+        }
+    }
+    return x->excitation[i][0] < x->excitation[i][1] || !(told > R(TOLD) * x->of_noise);
+}
+
+/* Adds the information of a block, mean over the last of them. */
+static void inform(state_t *x, const seen_t *seen, real e[6][6], real of_noise)
+{
+    for (int32_t i = 0; i < N; i++) {
+        real one[6], other[6];
+        solve(e, seen->columns[0][i], one);
+        solve(e, seen->columns[1][i], other);
+        for (int32_t j = 0; j < N; j++) {
+            const real told = dot6(one, seen->columns[0][j]) - dot6(other, seen->columns[1][j]);
+            x->information[i][j] += (told - x->information[i][j]) / R(EXCITED_OVER);
+        }
+    }
+    x->of_noise += (of_noise - x->of_noise) / R(EXCITED_OVER);
+}
+
+/* Takes parameters that follow the model out of the gains while the readings tell too little of them, and
+ * in a block that has not moved, or has no two halves. */
 static void hold(state_t *x, const seen_t *seen, real e[6][6], int32_t told_apart,
                  real g[2][N][6])
 {
@@ -439,6 +498,9 @@ static void hold(state_t *x, const seen_t *seen, real e[6][6], int32_t told_apar
         real solved[6];
         solve(e, seen->of_pose[a], solved);
         of_noise += solved[a];
+    }
+    if (told_apart) {
+        inform(x, seen, e, of_noise);
     }
     for (int32_t i = 0; i < N; i++) {
         const real own = x->covariance[i][i];
@@ -469,7 +531,7 @@ static void hold(state_t *x, const seen_t *seen, real e[6][6], int32_t told_apar
             x->excitation[i][0] += (information - x->excitation[i][0]) / R(EXCITED_OVER);
         }
         x->excitation[i][1] += (of_noise - x->excitation[i][1]) / R(EXCITED_OVER);
-        held[i] = x->excitation[i][0] < x->excitation[i][1];
+        held[i] = is_held(x, i);
     }
     for (int32_t i = 0; i < N; i++) {
         for (int32_t j = 0; j < N; j++) {
@@ -608,7 +670,8 @@ static void update(const settings_t *s, state_t *x, seen_t *seen, real apart, in
 static int32_t is_sound(const settings_t *s, const state_t *x)
 {
     int32_t sound = all_finite(x->values, N) && all_finite(x->covariance[0], N * N) &&
-                    all_finite(x->excitation[0], 2 * N) && all_finite(x->cross[0][0], 6 * PARTS * N);
+                    all_finite(x->excitation[0], 2 * N) && all_finite(x->information[0], N * N) &&
+                    is_finite(x->of_noise) && all_finite(x->cross[0][0], 6 * PARTS * N);
     for (int32_t i = 0; i < N; i++) {
         const real sd = s->priors[i].sd, variance = x->covariance[i][i];
         sound = sound && variance >= R(0) && variance <= R(MOST) * sd * sd;

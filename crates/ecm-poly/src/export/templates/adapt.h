@@ -47,6 +47,8 @@ typedef struct {
     @NAME@_adapt_real wrench_sd[2], pose_sd[2];     /* of one reading: N and N m, m and rad */
     @NAME@_adapt_real noise_time_s;                 /* over which noise stays alike */
     @NAME@_adapt_real model_sd[2], reach[2];        /* error of the model, and the way it holds */
+    @NAME@_adapt_real model_rim;                    /* error at the rim over that in the middle, >= 1 */
+    @NAME@_adapt_real middle[6], per_half_range[6]; /* of the fitted domain; 0: no rim */
     @NAME@_adapt_real gravity[3], interval_s;       /* base axes, m/s^2; s */
 } @NAME@_adapt_settings;
 
@@ -64,7 +66,9 @@ typedef struct {
     @NAME@_adapt_real cross[@COUNT@][@PARTS@][6], centres[@CELLS@][6];
     uint32_t visits[@CELLS@];
     /* information and seeming information of noise: a parameter with less of the first is held */
-    @NAME@_adapt_real excitation[@COUNT@][2], window[2];
+    @NAME@_adapt_real excitation[@COUNT@][2];
+    /* the same of all parameters together, for their present covariance */
+    @NAME@_adapt_real information[@COUNT@][@COUNT@], of_noise, window[2];
     uint32_t counts[4], held;
 } @NAME@_adapt_state;
 
