@@ -19,6 +19,7 @@ from ecm.fem.material_fit import MaterialTest, fit_material
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.material import Material
 from ecm.io.table import Table, as_table, read_table
+from ecm.logs.importing import import_log, read_log
 from ecm.models import fit_model, parse_model, prediction
 from ecm.models.cross_validation import cross_validate
 from ecm.models.fit_summary import fit_summary
@@ -117,6 +118,18 @@ def test_files_are_counted_by_their_bytes_and_rows(tmp_path: Path) -> None:
     # The checks after the last byte are a quarter of a file's share.
     assert done[-1] == sum(sizes) - 0.25 * sizes[1]
     assert read[-1][2] == f"{tmp_path / 'b.csv'}, checks"
+
+
+def test_the_first_rows_of_a_text_tell_the_time_of_all(tmp_path: Path) -> None:
+    rows = "".join(f"{i};0,{i};2,5\n" for i in range(50_000))
+    (tmp_path / "log.csv").write_text(f"time [s];angle [rad];torque [Nm]\n{rows}")
+    read, written = list[Any](), list[Any]()
+    log = read_log(tmp_path / "log.csv", [], lambda *words: read.append(words))
+    assert read == [(0, 52_000, ""), (2_000, 52_000, "")]
+    imported = import_log(log, axis="z")
+    assert imported.columns["tau_z_Nm"].tolist() == [2.5] * 50_000
+    imported.write(tmp_path / "t.csv", progress=lambda *words: written.append(words))
+    assert written[-1] == (49_152, 50_000, "")
 
 
 def test_what_is_left_falls_while_one_part_lasts(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,6 +8,7 @@ from ecm.cli.options.import_log import Options
 from ecm.cli.session import Session
 from ecm.errors import InputError
 from ecm.logs import import_log as import_any
+from ecm.logs.importing import read_log
 from ecm.logs.page import write_import
 
 
@@ -20,14 +21,14 @@ def import_log(options: Options, session: Session) -> None:
             "give it with --meta to copy what it says."
         )
     session.check_output(options.out, beside)
-    with session.working(f"reading {options.log}"):
+    topics = options.topics or []
+    with session.working(f"reading {options.log}") as tell:
         imported = import_any(
-            options.log,
+            read_log(options.log, topics, tell),
             columns=_pairs(options.columns or []),
             rotation=options.rotation,
             units=[word for word in options.units.split(",") if word.strip()],
             axis=options.axis,
-            topics=options.topics or [],
             meta=options.meta,
             leave_out=options.leave_out,
         )
@@ -40,7 +41,8 @@ def import_log(options: Options, session: Session) -> None:
     if options.out is None:
         session.print("\nNothing was written; --out table.csv writes the table.")
     else:
-        imported.write(options.out)
+        with session.working(f"writing {options.out}") as tell:
+            imported.write(options.out, progress=tell)
         session.print(f"\n{options.out} and {beside}: next ecm check {options.out}")
 
 

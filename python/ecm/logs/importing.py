@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from ecm.io.description import FileMeta, Meta, read_meta
 from ecm.io.interrupts import uninterrupted
 from ecm.io.leave_out import row_ranges, shown_ranges
 from ecm.io.quaternion_order import ORDERS, order_warning
+from ecm.io.steps import Progress
 from ecm.io.table import Table, as_table
 from ecm.logs.containers import is_hdf5, read_hdf5, read_matlab, read_numpy, read_parquet_log
 from ecm.logs.conversion import (
@@ -99,8 +101,11 @@ class ImportedLog:
             "notes": list(self.notes),
         }
 
-    def write(self, path: str | Path) -> None:
-        """Write NAME.csv and NAME.toml beside it, each complete or not at all."""
+    def write(self, path: str | Path, *, progress: Progress | None = None) -> None:
+        """Write NAME.csv and NAME.toml beside it, each complete or not at all.
+
+        `progress` is told the rows that are written, of all.
+        """
         target = Path(path)
         if target.resolve() == Path(self.source).resolve():
             raise InputError(f"{target} is the log itself; give the table another name")
@@ -108,7 +113,7 @@ class ImportedLog:
             raise InputError(f"{target}: tables are written as CSV; give a name that ends in .csv")
         with uninterrupted():
             write_atomically(target.with_suffix(".toml"), self.meta.to_toml())
-            write_csv(target, self.columns)
+            write_csv(target, self.columns, progress)
 
 
 def import_log(
@@ -128,7 +133,7 @@ def import_log(
     ----------
     log
         Path of a text file, Parquet, MAT, HDF5, NPZ, ROS bag or MCAP; or a dict of arrays, a
-        DataFrame of pandas, polars or Arrow, or a Dataset of xarray.
+        DataFrame of pandas, polars or Arrow, or a Dataset of xarray; or what `read_log` returned.
     columns
         Column of the log, `COLUMN` or `COLUMN:UNIT`, by the name that it gets.
     rotation
@@ -165,7 +170,7 @@ def import_log(
     >>> log.table["theta_x_rad"].round(4)
     array([ 0.    , -0.1745])
     """
-    raw, source, digest = read_log(log, topics)
+    raw, source, digest = log if isinstance(log, ReadLog) else read_log(log, topics)
     if axis not in ("", "x", "y", "z"):
         raise InputError(f"--axis {axis}: expected x, y or z")
     choices = UserChoices(dict(columns or {}), rotation, given_units(units), axis)
@@ -206,15 +211,25 @@ def import_log(
     return ImportedLog(table, described, source, every)
 
 
-def read_log(log: Any, topics: Sequence[str]) -> tuple[Log, str, str]:
-    """Return the log, its name for messages, and the sha256 of its file."""
+class ReadLog(NamedTuple):
+    """A log that is read, and where from."""
+
+    log: Log
+    source: str
+    """Name for messages."""
+    sha256: str
+    """Checksum of the file; empty where there is none."""
+
+
+def read_log(log: Any, topics: Sequence[str], progress: Progress | None = None) -> ReadLog:
+    """Return what `import_log` understands; `progress` is told the rows of a text, of all."""
     if not isinstance(log, (str, Path)):
-        return log_of_object(log), type(log).__name__, ""
+        return ReadLog(log_of_object(log), type(log).__name__, "")
     path = Path(log)
     if not path.exists():
         raise InputError(f"{path}: this log does not exist. Check the path.")
     if is_bag(path):
-        return read_bag(path, topics), str(path), ""
+        return ReadLog(read_bag(path, topics), str(path), "")
     if path.is_dir():
         raise InputError(f"{path}: a folder without metadata.yaml is no ROS 2 bag")
     if topics:
@@ -226,8 +241,8 @@ def read_log(log: Any, topics: Sequence[str]) -> tuple[Log, str, str]:
     }  # fmt: skip
     reader = readers.get(path.suffix.lower())
     if reader is None:
-        reader = read_hdf5 if is_hdf5(path) else read_text_log
-    return reader(path), str(path), digest
+        reader = read_hdf5 if is_hdf5(path) else partial(read_text_log, progress=progress)
+    return ReadLog(reader(path), str(path), digest)
 
 
 def _file(table: Mapping[str, NDArray[Any]], file: FileMeta) -> FileMeta:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ecm.errors import InputError
 from ecm.io.arrays import F
+from ecm.io.steps import Progress, after_a_part
 from ecm.logs.log import Log, seconds_of_dates, unique_name
 from ecm.logs.text_cells import (
     SEPARATORS,
@@ -27,11 +28,16 @@ from ecm.logs.units import find_unit, is_other_unit
 
 _SAMPLE = 400
 """Lines from which separator and first row of numbers are found."""
+_PART = 2000
+"""Rows whose time tells that of all."""
 _COMMENT = re.compile(r"^\s*(#|%|//|!|\*)")
 
 
-def read_text_log(path: Path) -> Log:
-    """Read a text file of numbers; InputError where no rows of numbers are found."""
+def read_text_log(path: Path, progress: Progress | None = None) -> Log:
+    """Read a text file of numbers; InputError where no rows of numbers are found.
+
+    `progress` is told the rows that are read, of all.
+    """
     lines = _decoded(path).splitlines()
     kept = [line for line in lines if line.strip(' \t;,|"') and not _COMMENT.match(line)]
     comments = [line for line in lines if _COMMENT.match(line)]
@@ -40,7 +46,12 @@ def read_text_log(path: Path) -> Log:
     remarks = begin > 0 and ends_with_remark(split(kept[begin - 1]), width)
     above = [of_width(split(line), width, remarks) for line in kept[:begin]]
     names, units = _header(above, comments, split, width)
-    columns, text, bad = _columns(kept[begin:], split, width, comma, names, remarks, units)
+
+    def read(rows: int) -> tuple[dict[str, F], dict[str, NDArray[np.object_]], int]:
+        lines = kept[begin : begin + rows]
+        return _columns(lines, split, width, comma, names, remarks, units)
+
+    columns, text, bad = after_a_part(read, len(kept) - begin, _PART, progress)
     notes = [f"text with {word}{' and decimal commas' if comma else ''}, {len(kept) - begin} rows"]
     if len(kept[:begin]) > bool(above) + bool(units):
         notes.append(f"{begin} line(s) above the numbers")
