@@ -282,12 +282,12 @@ def test_effects_lists_and_explains(tmp_path: Path, ecm_command: Command) -> Non
     assert one.code == 0
     assert "parameter" in one.out
     assert "confused with" in one.out
-    for line in ("needs: poses reached from both sides (approach)", "side: physics", "kind: time"):
+    for line in ("needs: poses reached from both sides (approach, ", "side: physics", "kind: time"):
         assert f"\n{line}" in one.out
     plain = ecm_command("effects", "fts_offset").out
     assert "\nneeds: nothing beside pose and wrench\nside: measurement" in plain
     effects = {effect["id"]: effect for effect in read(tmp_path / "e.json")["effects"]}
-    both = "poses reached from both sides (approach), or a continuous test"
+    both = "poses reached from both sides (approach, or the order of time_s)"
     assert effects["hysteresis"]["needs"] == both
     assert effects["fts_offset"]["needs"] == ""
     assert (effects["pose_noise"]["side"], effects["pose_noise"]["kind"]) == (
