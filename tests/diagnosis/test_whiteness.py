@@ -76,6 +76,17 @@ def test_what_depends_on_the_reading_before() -> None:
     assert "of the reading before" in pattern.words
 
 
+def test_errors_that_the_components_of_a_row_share_are_no_trace_of_the_reading_before() -> None:
+    """Six components that err together are one reading, not six."""
+
+    def shared(seed: int) -> Table:
+        random = np.random.default_rng([seed, 9])
+        return measured(seed, 90, lambda t, p, h: random.standard_normal((len(t), 1)) * 3.0 * NOISE)
+
+    found = [find_pattern(problem_of(shared(seed))) for seed in range(40)]
+    assert not [one.words for one in found if one is not None and "reading before" in one.words]
+
+
 def test_neighbours_in_a_column_that_err_alike() -> None:
     """A saw in the twist: no quadratic shows it."""
 

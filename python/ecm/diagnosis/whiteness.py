@@ -20,7 +20,7 @@ from ecm.diagnosis.search import delta_chi2
 from ecm.io.arrays import B, F
 from ecm.io.columns import JOINTS
 from ecm.regression.approach import order_of_visits
-from ecm.regression.f_test import omnibus_test
+from ecm.regression.f_test import Beside
 from ecm.regression.speed import speeds
 
 _LEAST_ROWS = 24
@@ -200,7 +200,8 @@ def _memory(problem: Problem) -> list[Pattern]:
         lagged = (lagged - values.mean(axis=0))[:, spread > 0.0] / spread[spread > 0.0]
         columns = np.einsum("nij,nq->niqj", problem.whitener, lagged)
         flat = columns.reshape(*problem.response.shape, -1)
-        test = omnibus_test(problem.response, flat, problem.base_block, problem.weights)
+        beside = Beside.of(problem.response, flat, problem.base_block, problem.weights)
+        test = beside.with_sign_chance(beside.omnibus_test())
         if np.isfinite(test.F):
             chance = test.dof * test.rest / test.dof_error
             explained = max(0.0, test.explained - chance) / problem.scale
