@@ -19,7 +19,7 @@ WORKERS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 4 ? n : 4)))
 # The oldest compiler that the crates promise.
 OLDEST_RUST = $(shell sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
 
-.PHONY: demo test docs setup build build-demo test-rust rust-beside test-python wheel release-check oldest-rust deny semver bench-diagnose bench-blind clean
+.PHONY: demo test docs setup build build-demo test-rust rust-beside test-python python-checks wheel release-check oldest-rust deny semver bench-diagnose bench-blind clean
 
 demo: build-demo
 	@$(BIN)/ecm identify examples/neck.toml --out demo
@@ -27,7 +27,7 @@ demo: build-demo
 
 # The tests of the crates run beside those of Python: some of them use one core alone.
 test: build
-	@$(MAKE) --no-print-directory -j2 rust-beside test-python
+	@$(MAKE) --no-print-directory -j2 rust-beside python-checks
 
 rust-beside:
 	@BESIDE=1 $(STEP) "Tests of the crates" $(MAKE) --no-print-directory test-rust
@@ -71,6 +71,9 @@ test-rust:
 	$(CARGO) test --release --workspace --exclude ecm-py --quiet
 
 test-python: build
+	@$(MAKE) --no-print-directory python-checks
+
+python-checks:
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
