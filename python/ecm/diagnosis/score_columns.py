@@ -15,7 +15,7 @@ from ecm.effects.length import UNKNOWN_LENGTH
 from ecm.effects.thinned import jacobian_of
 from ecm.io.arrays import F
 from ecm.regression.blocks import in_threads
-from ecm.regression.f_test import explained_by_span
+from ecm.regression.f_test import explained_by_span, orthonormal
 from ecm.regression.rows import UnknownLength
 
 _ROUNDING = 1e-9
@@ -45,11 +45,7 @@ class Projection:
     def of(block: F, root: F) -> Projection:
         """Return the projection for whitened base columns (N, m, b)."""
         flat = (block * root[:, None, None]).reshape(-1, block.shape[2])
-        if flat.shape[1] == 0:
-            return Projection(flat, root)
-        norms = np.sqrt((flat**2).sum(axis=0))
-        q, r = np.linalg.qr(flat / np.where(norms > 0.0, norms, 1.0))
-        return Projection(np.asarray(q[:, np.abs(np.diag(r)) > 1e-10]), root)
+        return Projection(orthonormal(flat, dependent=1e-10), root)
 
     def flat(self, columns: F) -> F:
         """Return (N m, k) weighted columns."""

@@ -15,6 +15,7 @@ from ecm.diagnosis.readings import WrongStatement
 from ecm.diagnosis.search import rank
 from ecm.diagnosis.whiteness import Pattern
 from ecm.io.arrays import F
+from ecm.regression.f_test import orthonormal
 from ecm.regression.slow_noise import SlowNoise
 
 
@@ -138,7 +139,7 @@ def _relevance(problem: Problem, left: F, values: F) -> dict[str, float]:
     varied = spread > 0.0
     variables = (variables - variables.mean(axis=0))[:, varied] / spread[varied]
     # Directions of the residual in which smooth functions see most.
-    basis, _ = np.linalg.qr(values[measured])
+    basis = orthonormal(values[measured])
     seen = basis @ (basis.T @ left[measured])
     _, _, axes = np.linalg.svd(seen, full_matrices=False)
     targets = left[measured] @ axes[: problem.settings.residual_directions].T

@@ -298,13 +298,31 @@ def explained_by_span(columns: F, response: F) -> tuple[float, int]:
     return float(span.explained(response[:, None])[0]), span.rank
 
 
-def orthonormal(columns: F) -> F:
-    """Orthonormal basis of the columns' span."""
+def orthonormal(columns: F, dependent: float = _DEPENDENT) -> F:
+    """Orthonormal basis of the columns' span.
+
+    Parameters
+    ----------
+    columns
+        (r, q); those without length, or that the others span, are left out.
+    dependent
+        A column is spanned by those before it where this share or less of it is beside them.
+
+    Examples
+    --------
+    >>> x = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0]])
+    >>> orthonormal(x).shape
+    (3, 2)
+    """
     norms = np.sqrt((columns**2).sum(axis=0))
     columns = columns[:, norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)]
     if columns.shape[1] == 0:
         return np.zeros((len(columns), 0))
     columns /= np.sqrt((columns**2).sum(axis=0))  # a copy already
     q, r = np.linalg.qr(columns)
-    # A dependent column leaves a direction of rounding errors: drop it.
-    return np.asarray(q[:, np.abs(np.diag(r)) > _DEPENDENT])
+    independent = np.abs(np.diag(r)) > dependent
+    if not independent.all():
+        # A dependent column gets a direction of rounding errors, which takes a part of those after
+        # it: the basis is made again without it.
+        q = np.linalg.qr(columns[:, independent])[0]
+    return np.asarray(q)

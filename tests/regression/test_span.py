@@ -1,0 +1,41 @@
+"""The basis of columns of which some are combinations of others."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ecm.diagnosis.score_columns import Projection
+from ecm.regression.f_test import omnibus_test, orthonormal
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_dependent_columns_take_nothing_from_those_after_them(seed: int) -> None:
+    """Their direction is one of rounding errors: dropped with what it took, the span was smaller,
+    by another part on each processor."""
+    random = np.random.default_rng(seed)
+    x = random.standard_normal((200, 30))
+    columns = np.concatenate(
+        [x[:, :10], x[:, :5] @ random.standard_normal((5, 6)), np.zeros((200, 1)), x[:, 10:]],
+        axis=1,
+    )
+    basis = orthonormal(columns)
+    assert basis.shape == (200, 30)
+    assert basis.T @ basis == pytest.approx(np.eye(30), abs=1e-12)
+    assert basis @ (basis.T @ columns) == pytest.approx(columns, abs=1e-10)
+    # What effects are held against is a basis of the same kind.
+    projected = Projection.of(columns[:, None, :], np.ones(200)).rest(columns[:, None, :])
+    assert np.abs(projected).max() < 1e-10
+
+
+def test_what_a_dependent_base_explains_is_no_structure() -> None:
+    """A column of pose that never varies makes the base's columns dependent."""
+    random = np.random.default_rng(3)
+    x = random.standard_normal((60, 1))
+    base = np.concatenate([np.ones((60, 1)), 3.0 * np.ones((60, 1)), x, x**2], axis=1)
+    error = 5.0 * x**2 + 0.1 * random.standard_normal((60, 1))
+    both = np.concatenate([x**2, x**3], axis=1)[:, None, :]
+    test = omnibus_test(error, both, base[:, None, :])
+    assert test.dof == 1
+    alone = omnibus_test(error, both[:, :, 1:], base[:, None, 1:])
+    assert test.explained == pytest.approx(alone.explained, rel=1e-9)
