@@ -1,4 +1,4 @@
-"""Another base than the first, where the body has unlike ends."""
+"""Another base than the first: of a body with unlike ends, or of one degree more."""
 
 from __future__ import annotations
 
@@ -7,55 +7,91 @@ from collections.abc import Sequence
 import numpy as np
 
 from ecm.diagnosis.decision import Decision
-from ecm.diagnosis.held_out import held_out_rms
+from ecm.diagnosis.gate import residual_after
 from ecm.diagnosis.problem import Candidate, Problem
+from ecm.diagnosis.readings import EQUAL
+from ecm.diagnosis.search import delta_chi2
 from ecm.errors import ModelError
-from ecm.models.by_degree import energy_of_unlike_ends
+from ecm.io.arrays import F
+from ecm.models.by_degree import energy_of_unlike_ends, next_degree
 from ecm.models.joint_fit import joint_fit
-from ecm.models.maps import StiffnessMap
+from ecm.models.maps import EnergyMap, StiffnessMap
 
-_FAR = 2.0
-"""Error over the noise, with all that was named, from which the body is doubted."""
 _BETTER = 0.5
 """Share of the error that another body must leave at most to be taken instead."""
+_MOST_OF_IT = 0.5
+"""Share of what is named or left that one degree more must explain to be taken instead."""
 
 
-def base_of_unlike_ends(problem: Problem, named: Sequence[Candidate]) -> StiffnessMap | None:
+def base_of_unlike_ends(decision: Decision) -> StiffnessMap | None:
     """Return the energy of a body whose ends differ, where it fits far better by itself.
 
     The symmetric energy takes both ends of the body as alike. On a tapered one, effects would be
-    named that imitate a part of the difference.
-
-    Parameters
-    ----------
-    problem
-        Against a symmetric energy; None is returned for any other base.
-    named
-        The accepted effects; None is returned where they leave little.
+    named that imitate a part of the difference, and another origin or length may imitate all of it:
+    where these fit no better by far, both are said. None is returned where the base is no symmetric
+    energy.
     """
-    if problem.base.kind != "energy" or held_out_rms(problem, named) < _FAR:
+    problem = decision.problem
+    if not isinstance(problem.base, EnergyMap) or problem.base.model.symmetry != "alike":
         return None
     try:
         base = energy_of_unlike_ends(problem.table)
-        fit = joint_fit(base, (), problem.table, problem.noise, row_weights=problem.weights)
     except ModelError:
         # Fewer rows than coefficients.
         return None
-    freedom = problem.size - fit.design.shape[2]
-    if freedom <= 0:
-        return None
-    # Both on the rows of the fit: held-out rows of a ramp are extrapolation for any degree.
-    left, before = (
-        np.sqrt((whitened**2).sum(axis=1) @ problem.weights / free)
-        for whitened, free in (
-            (fit.whitened, freedom),
-            (problem.response, max(1, problem.size - len(problem.base_index))),
-        )
-    )
-    return base if left < _BETTER * before else None
+    said = None if decision.unknown is None else decision.unknown.statement
+    # All on the rows of the fit: held-out rows of a ramp are extrapolation for any degree.
+    most = _BETTER * _error_after(problem, ()) if said is None else EQUAL**0.5 * said.error_after
+    left = _left_by(problem, base)
+    return base if _error(problem, left, len(base.coefficients)) < most else None
 
 
 def leaves_far_less(other: Decision, first: Decision) -> bool:
-    """Whether base and effects of another decision leave far less on held-out rows."""
-    left, before = (held_out_rms(d.problem, d.accepted.effects) for d in (other, first))
+    """Whether base and effects of another decision leave far less than those of the first.
+
+    What another reading of the table leaves was compared before.
+    """
+    if first.unknown is not None and first.unknown.statement is not None:
+        return True
+    left, before = (_error_after(one.problem, one.accepted.effects) for one in (other, first))
     return left < _BETTER * before
+
+
+def base_of_next_degree(decision: Decision) -> StiffnessMap | None:
+    """Return the base of one degree more, where it explains most of what is named or left.
+
+    Generalised cross-validation chooses a degree that predicts well; what this degree leaves may
+    still be seen, and effects imitate it with fewer coefficients. None is returned where the rows
+    do not carry another degree.
+    """
+    problem, effects = decision.problem, decision.accepted.effects
+    base = next_degree(problem.base, problem.table)
+    if base is None:
+        return None
+    more = len(base.coefficients) - len(problem.base.coefficients)
+    before, after = residual_after(problem, ()), _left_by(problem, base)
+    fall = _squares(problem, before) - _squares(problem, after)
+    own = sum(item.parameters for item in effects)
+    explained = delta_chi2(problem, effects) - own + max(0.0, decision.left.beyond_chance)
+    return base if fall / problem.scale - more > _MOST_OF_IT * explained else None
+
+
+def _left_by(problem: Problem, base: StiffnessMap) -> F:
+    """Return (N, m) what another base leaves by itself, whitened as by the first."""
+    return joint_fit(base, (), problem.table, problem.noise, row_weights=problem.weights).whitened
+
+
+def _error_after(problem: Problem, effects: Sequence[Candidate]) -> float:
+    """Return the error after base and effects, over the noise."""
+    fitted = len(problem.base.coefficients) + sum(item.parameters for item in effects)
+    return _error(problem, residual_after(problem, effects), fitted)
+
+
+def _error(problem: Problem, whitened: F, fitted: int) -> float:
+    """Return the error over the noise of a fit of so many coefficients."""
+    freedom = problem.size - fitted
+    return float(np.sqrt(_squares(problem, whitened) / freedom)) if freedom > 0 else np.inf
+
+
+def _squares(problem: Problem, whitened: F) -> float:
+    return float((whitened**2).sum(axis=1) @ problem.weights)

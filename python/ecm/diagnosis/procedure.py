@@ -22,7 +22,7 @@ from functools import wraps
 from typing import TYPE_CHECKING, Any
 
 from ecm.diagnosis.accept import Accepted, accept, fullest_forms
-from ecm.diagnosis.base import base_of_unlike_ends, leaves_far_less
+from ecm.diagnosis.base import base_of_next_degree, base_of_unlike_ends, leaves_far_less
 from ecm.diagnosis.classify import Verdict, classify, modulus_warning, verdict
 from ecm.diagnosis.decision import Decision
 from ecm.diagnosis.gate import Gate, Leftover, gate, leftover, residual_after
@@ -253,13 +253,19 @@ def _of_rows(
         return decide(base, prepared, seed=seed, noise=noise, settings=settings, stages=stages)
 
     decision = against(choose_base(model, prepared.table.drop(*prepared.padding)))
+    if decision.verdict != "none":
+        other = base_of_unlike_ends(decision)
+        again = None if other is None else against(other)
+        if again is not None and leaves_far_less(again, decision):
+            said = decision.unknown and decision.unknown.statement
+            or_else = (f"or {said.sentence()}",) if said else ()
+            decision = replace(again, warnings=(_UNLIKE_ENDS, *or_else))
     if misread(decision):
         return decision
     if decision.verdict != "none":
-        other = base_of_unlike_ends(decision.problem, decision.accepted.effects)
-        again = None if other is None else against(other)
-        if again is not None and leaves_far_less(again, decision):
-            return replace(again, warnings=(_UNLIKE_ENDS,))
+        longer = base_of_next_degree(decision)
+        if longer is not None:
+            decision = replace(against(longer), warnings=decision.warnings)
     if not may_be_another_body(decision):
         return decision
     return against_energy(decision, against(symmetric_energy(prepared.unexplained)), stages)

@@ -13,8 +13,8 @@ from ecm.errors import EcmError, ModelError
 from ecm.io.arrays import F
 from ecm.models.maps import StiffnessMap
 
-_EQUAL = 1.5
-"""Readings that leave up to so many times the least squares are said as well."""
+EQUAL = 1.5
+"""What leaves up to so many times the least squares is said as well."""
 _MOST_SAID = 2
 
 
@@ -85,7 +85,7 @@ def best_of(left: Sequence[tuple[float, Restatement]], most: float) -> list[Rest
     least = min((value for value, _ in left), default=np.inf)
     if not least <= most:
         return []
-    return [item for value, item in left if value <= _EQUAL * least][:_MOST_SAID]
+    return [item for value, item in left if value <= EQUAL * least][:_MOST_SAID]
 
 
 def _columns(base: StiffnessMap, poses: F) -> tuple[F, F] | None:

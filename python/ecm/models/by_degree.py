@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 
 from ecm.errors import ModelError
+from ecm.io.columns import POSE
 from ecm.io.table import Table
 from ecm.models.energy import EnergyModel
 from ecm.models.fit import fit_rows
-from ecm.models.maps import StiffnessMap
+from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap, Symmetry
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.specification import ModelSpecification
 
+_ENERGY = (4, 5, 6)
+_POLYNOMIAL = (1, 2, 3)
 _HALF = 0.5
 """Coefficients over equations from which a higher degree must be far better."""
 _MOST = 0.8
@@ -23,17 +27,43 @@ _FAR_BETTER = 0.1
 
 def symmetric_energy(table: Table) -> StiffnessMap:
     """The symmetric energy of the degree that the rows can carry."""
-    return _by_degree(table, [EnergyModel(degree) for degree in (4, 5, 6)])
+    return _by_degree(table, [EnergyModel(degree) for degree in _ENERGY])
 
 
 def energy_of_unlike_ends(table: Table) -> StiffnessMap:
     """The energy of revolution, whose ends may differ, of the degree that the rows can carry."""
-    return _by_degree(table, [EnergyModel(degree, "revolution") for degree in (4, 5, 6)])
+    return _by_degree(table, [EnergyModel(degree, "revolution") for degree in _ENERGY])
 
 
 def polynomial(table: Table) -> StiffnessMap:
     """The free polynomial of the degree that the rows can carry."""
-    return _by_degree(table, [PolynomialModel(degree) for degree in (1, 2, 3)])
+    return _by_degree(table, [PolynomialModel(degree) for degree in _POLYNOMIAL])
+
+
+def next_degree(base: StiffnessMap, table: Table) -> StiffnessMap | None:
+    """The same kind of map, one degree higher; None where the rows do not carry one.
+
+    A free polynomial of six columns takes in nearly every effect of the pose: none is returned.
+    """
+    model: ModelSpecification
+    if isinstance(base, EnergyMap) and base.model.degree < _ENERGY[-1]:
+        symmetry = cast(Symmetry, base.model.symmetry)
+        model = EnergyModel(base.model.degree + 1, symmetry, tuple(base.model.groups))
+    elif (
+        isinstance(base, PolynomialMap)
+        and base.model.degree < _POLYNOMIAL[-1]
+        and len(base.inputs) < len(POSE)
+    ):
+        model = PolynomialModel(base.model.degree + 1)
+    else:
+        return None
+    measured = table.measured()
+    try:
+        higher = fit_rows(measured, model).base
+    except ModelError:
+        return None
+    equations = len(measured) * len(higher.outputs)
+    return higher if len(higher.coefficients) <= _HALF * equations else None
 
 
 def _by_degree(table: Table, models: Sequence[ModelSpecification]) -> StiffnessMap:
