@@ -15,10 +15,11 @@ from ecm.diagnosis.score_columns import effect_columns, score_columns
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
 from ecm.io.arrays import B, F, I
+from ecm.io.columns import POSE, WRENCH
 from ecm.models.joint_fit import JointFit, base_columns, joint_fit
 from ecm.models.noise_estimate import declared_or_fitted, estimate_noise
 from ecm.regression.folds import is_pose_row, row_groups
-from ecm.regression.noise import Noise, whiteners
+from ecm.regression.noise import Noise, is_exact, whiteners
 from ecm.regression.normal_equations import (
     NormalEquations,
     difference,
@@ -26,10 +27,16 @@ from ecm.regression.normal_equations import (
     explained_squares,
     projected_out,
 )
+from ecm.regression.reml import weighed_by_rest
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
     from ecm.models.maps import StiffnessMap
+
+_OF_STATED_NOISE = 0.25
+"""Least variance over noise from repeats or figures, which may be twice too large."""
+_OF_A_GOOD_RIG = 1e-3
+"""The same over the noise of a common rig: one that is thirty times better."""
 
 
 @dataclass(frozen=True)
@@ -254,28 +261,51 @@ def assemble(
 
 def _scaled(problem: Problem) -> Problem:
     """Return the problem with the variance that neither effects nor smooth functions explain."""
-    settings = problem.settings
+    known = _significant(problem)
+    smooth = omnibus_columns(problem, problem.size // (3 * problem.response.shape[1]))
+    variance, freedom = noise_variance(
+        problem.response, problem.weights, known, smooth, problem.settings.level
+    )
+    if not freedom:
+        return problem
+    return replace(problem, scale=max(variance, _least_scale(problem)), scale_freedom=freedom)
+
+
+def _least_scale(problem: Problem) -> float:
+    """Return the least variance over that of the noise: what is known of it may be too large."""
+    noise = problem.noise
+    if noise.is_residual:
+        # It is taken from the residual, which may be tiny.
+        return 1e-6
+    assumed = noise.source == "assumed" and not is_exact(problem.table)
+    return _OF_A_GOOD_RIG if assumed else _OF_STATED_NOISE
+
+
+def _significant(problem: Problem) -> F:
+    """Return the (N, m, k) whitened columns of the base and of the significant effects."""
     matrix, vector, _ = problem.normal.total()
-    base = problem.base_block.shape[2]
     offered = (*problem.candidates, *problem.imitators)
     taken = significant_columns(
         (matrix, vector),
         problem.squares_beside_base,
-        problem.size - base,
+        problem.size - problem.base_block.shape[2],
         problem.base_index,
         Shapes([item.columns for item in offered], [item.id for item in offered]),
-        settings.level,
+        problem.settings.level,
     )
-    known = np.concatenate([problem.base_block, problem.design[:, :, taken]], axis=2)
-    smooth = omnibus_columns(problem, problem.size // (3 * problem.response.shape[1]))
-    variance, freedom = noise_variance(
-        problem.response, problem.weights, known, smooth, settings.level
-    )
-    if not freedom:
-        return problem
-    # Where nothing is known of the noise, it is taken from the residual: then it may be tiny.
-    least = 1e-6 if problem.noise.components and problem.noise.source == "assumed" else 0.25
-    return replace(problem, scale=max(variance, least), scale_freedom=freedom)
+    return np.concatenate([problem.base_block, problem.design[:, :, taken]], axis=2)
+
+
+def noise_by_rest(problem: Problem) -> Noise:
+    """Return the noise; where it is only assumed, with the ratios that the residual shows."""
+    noise, base = problem.noise, problem.base
+    full = base.inputs == POSE and base.outputs == WRENCH
+    if noise.source != "assumed" or noise.components is not None or not full:
+        return noise
+    smooth = omnibus_columns(problem, problem.size // (6 * problem.response.shape[1]))
+    columns = np.concatenate([problem.projected_base, _significant(problem), smooth], axis=2)
+    in_units = np.linalg.solve(problem.whitener, columns)
+    return weighed_by_rest(problem.rows, problem.fit.residual, in_units, noise)
 
 
 def with_more(problem: Problem, effects: Sequence[Effect]) -> tuple[Problem, list[Candidate]]:

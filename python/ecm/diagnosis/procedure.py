@@ -28,7 +28,7 @@ from ecm.diagnosis.decision import Decision
 from ecm.diagnosis.gate import Gate, Leftover, gate, leftover, residual_after
 from ecm.diagnosis.noise_effects import NoiseFinding, noise_findings, with_load_growth
 from ecm.diagnosis.preparation import Prepared, prepare
-from ecm.diagnosis.problem import Candidate, Problem, assemble
+from ecm.diagnosis.problem import Candidate, Problem, assemble, noise_by_rest
 from ecm.diagnosis.report import report
 from ecm.diagnosis.result import Diagnosis
 from ecm.diagnosis.search import Ranked, rank, search
@@ -283,6 +283,9 @@ def decide(
     """Go through the stages against one base."""
     table, effects = prepared.unexplained, prepared.effects
     problem = stages.assemble(base, table, effects, noise, settings)
+    weighed = noise_by_rest(problem) if noise is None else problem.noise
+    if weighed is not problem.noise:
+        problem = stages.assemble(problem.base, table, effects, weighed, settings)
     noise_effects = stages.noise(problem, effects)
     grown = with_load_growth(problem.noise, noise_effects)
     if grown is not problem.noise:

@@ -1,8 +1,8 @@
-"""REML noise: the four standard deviations of a row from repeats of the same pose.
+"""REML noise: the four standard deviations of a row, from repeats of a pose or from a residual.
 
 Repeats are spread over the run, so they also vary with drift, temperature and side of approach.
-The part that given columns can explain within the repeats of a pose is projected out; the rest is
-noise. A weak prior keeps each figure near the declared one.
+The part that given columns can explain is projected out; the rest is noise. A weak prior keeps each
+figure near the declared one.
 """
 
 from __future__ import annotations
@@ -21,6 +21,8 @@ _ITERATIONS = 30
 _OUTLIER = 30.0  # six components reach it with probability 4e-5
 _PRIOR_DECLARED = 0.5  # standard deviation of log variance around declared figures
 _PRIOR_ASSUMED = 3.0
+_MOST_NUISANCE = 0.7
+"""Columns over readings up to which what they leave tells the noise."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,44 @@ def reml_noise(
     return prior.with_parameters(np.sqrt(np.exp(log_variance)), "repeats")
 
 
+def weighed_by_rest(rows: Rows, residual: F, nuisance: F, assumed: Noise) -> Noise:
+    """Assumed noise with the ratios of its figures as what no column explains shows them.
+
+    How pose, force and torque err beside each other decides what is seen; a common rig's ratios
+    may be wrong by a hundred. How large the noise is stays as assumed: a rest is no noise.
+
+    Parameters
+    ----------
+    rows
+        N rows with the six pose and six wrench columns.
+    residual
+        (N, m) measured minus predicted.
+    nuisance
+        (N, m, k) columns that explain what is no noise.
+    assumed
+        Noise without repeats and declared figures.
+
+    Returns
+    -------
+    Noise
+        As assumed, where the rows are too few for the columns.
+    """
+    take = np.linspace(0, len(rows) - 1, min(len(rows), _MOST_ROWS)).astype(np.int64)
+    data = _Contrasts(residual[take], nuisance[take], covariance_parts(rows)[:, take])
+    if data.nuisance.shape[2] > _MOST_NUISANCE * data.response.size:
+        return assumed
+    log_prior = np.log(assumed.parameters() ** 2)
+    log_variance = log_prior
+    for _ in range(2):
+        log_variance = _reml(data, log_variance, log_prior, _PRIOR_ASSUMED)
+        inliers = _without_outliers(data, log_variance, _OUTLIER)
+        if len(inliers.response) == len(data.response):
+            break
+        data = inliers
+    ratio = _left(data, log_prior).sum() / _left(data, log_variance).sum()
+    return assumed.with_parameters(np.sqrt(np.exp(log_variance) / ratio), "assumed")
+
+
 def _contrasts(rows: Rows, residual: F, cells: I, nuisance: F) -> _Contrasts | None:
     """Orthonormal contrasts within each cell: r rows give r - 1, of which some are taken.
 
@@ -107,7 +147,7 @@ def _contrasts(rows: Rows, residual: F, cells: I, nuisance: F) -> _Contrasts | N
 
 def _reml(data: _Contrasts, start: F, prior: F, width: float) -> F:
     """Fisher scoring of the restricted likelihood in log variances, with a normal prior."""
-    log_variance = start.copy()
+    log_variance, last, longest = start.copy(), np.zeros(len(start)), 1.0
     count, m = data.response.shape
     flat = data.nuisance.reshape(count * m, -1)
     norms = np.sqrt((flat**2).sum(axis=0))
@@ -140,7 +180,11 @@ def _reml(data: _Contrasts, start: F, prior: F, width: float) -> F:
                 information[q, r] = 0.5 * (whole - 2.0 * mixed + both)
         score -= (log_variance - prior) / width**2
         information += np.eye(4) / width**2
-        step = np.clip(np.linalg.solve(information, score), -1.0, 1.0)
+        step = np.clip(np.linalg.solve(information, score), -longest, longest)
+        if float(step @ last) < 0.0:
+            # Around a variance near zero steps may go to and fro.
+            longest, step = 0.5 * longest, 0.5 * step
+        last = step
         log_variance = np.clip(log_variance + step, prior - 9.0, prior + 9.0)
         if float(np.abs(step).max()) < 1e-3:
             break
@@ -149,6 +193,16 @@ def _reml(data: _Contrasts, start: F, prior: F, width: float) -> F:
 
 def _without_outliers(data: _Contrasts, log_variance: F, outlier: float) -> _Contrasts:
     """The contrasts without outliers, whose whitened length beyond the nuisance is too large."""
+    _, m = data.response.shape
+    squares = _left(data, log_variance)
+    # The median of chi-squared with m degrees of freedom is about m - 2/3.
+    scale = max(1.0, float(np.median(squares)) / (m - 2.0 / 3.0))
+    keep = squares < outlier * scale
+    return _Contrasts(data.response[keep], data.nuisance[keep], data.parts[:, keep])
+
+
+def _left(data: _Contrasts, log_variance: F) -> F:
+    """(M,) whitened squares that the nuisance leaves."""
     covariance = (data.parts * np.exp(log_variance)[:, None, None, None]).sum(axis=0)
     count, m = data.response.shape
     whitener = np.linalg.inv(np.linalg.cholesky(covariance))
@@ -157,8 +211,4 @@ def _without_outliers(data: _Contrasts, log_variance: F, outlier: float) -> _Con
     norms = np.sqrt((x**2).sum(axis=0))
     x = x / np.where(norms > 0.0, norms, 1.0)
     y = y - x @ np.linalg.lstsq(x, y, rcond=1e-10)[0]
-    squares = (y.reshape(count, m) ** 2).sum(axis=1)
-    # The median of chi-squared with m degrees of freedom is about m - 2/3.
-    scale = max(1.0, float(np.median(squares)) / (m - 2.0 / 3.0))
-    keep = squares < outlier * scale
-    return _Contrasts(data.response[keep], data.nuisance[keep], data.parts[:, keep])
+    return np.asarray((y.reshape(count, m) ** 2).sum(axis=1))

@@ -1,0 +1,88 @@
+"""Noise of which nothing is stated: its ratios are those of what no column explains."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from blind_parts.other_sets import given_model, other_sets, table_of
+from ecm.diagnosis import diagnose
+from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import as_table
+from ecm.models import fit_model
+from ecm.models.maps import StiffnessMap
+from ecm.regression.noise import Noise, whiteners
+from ecm.regression.reml import weighed_by_rest
+from ecm.regression.rows import Rows
+from support.stand_in import L, some_poses, wrench
+
+ASSUMED = Noise()
+
+
+def rest(force_sd_N: float, torque_sd_Nm: float, extra: float = 0.0) -> tuple[Rows, F, F]:
+    """Rows of exact poses, an error of these sizes, and a column that explains the extra part."""
+    random = np.random.default_rng(5)
+    poses = some_poses(90)
+    columns = dict(zip((*POSE, *WRENCH), np.hstack([poses, wrench(poses)]).T, strict=True))
+    table = as_table(columns).with_length(L)
+    base: StiffnessMap = fit_model(table, "energy4").base
+    error = np.repeat([force_sd_N, torque_sd_Nm], 3) * random.standard_normal((90, 6))
+    slope = poses[:, 1, None, None] * np.eye(6)
+    return Rows(table, base), error + extra * slope.sum(axis=2), slope
+
+
+@pytest.mark.parametrize(("force_sd_N", "torque_sd_Nm"), [(0.02, 0.01), (2.0, 0.003)])
+def test_ratios_are_those_of_the_rest_and_the_size_is_as_assumed(
+    force_sd_N: float, torque_sd_Nm: float
+) -> None:
+    rows, error, slope = rest(force_sd_N, torque_sd_Nm, extra=1e4)
+    found = weighed_by_rest(rows, error, slope, ASSUMED)
+    assert found.source == "assumed"
+    ratio = found.force_sd_N / found.torque_sd_Nm
+    assert ratio == pytest.approx(force_sd_N / torque_sd_Nm, rel=0.1)
+    plain = error - slope.sum(axis=2) * 1e4
+    squares = [
+        float((np.einsum("nij,nj->ni", whiteners(n.covariance(rows)), plain) ** 2).mean())
+        for n in (ASSUMED, found)
+    ]
+    assert squares[1] == pytest.approx(squares[0], rel=0.05)
+    # The poses are exact: the assumed pose noise was nearly all of fx.
+    assert _share_of_pose_in_fx(rows, ASSUMED) > 0.9
+    assert _share_of_pose_in_fx(rows, found) < 0.5
+
+
+def _share_of_pose_in_fx(rows: Rows, noise: Noise) -> float:
+    position, rotation, *_ = noise.parameters()
+    of_pose = noise.with_parameters(np.array([position, rotation, 1e-9, 1e-9]), "assumed")
+    own, whole = (one.covariance(rows)[:, 0, 0].sum() for one in (of_pose, noise))
+    return float(own / whole)
+
+
+def test_few_rows_for_many_columns_leave_it_as_assumed() -> None:
+    rows, error, _ = rest(0.02, 0.01)
+    many = np.random.default_rng(0).standard_normal((90, 6, 400))
+    assert weighed_by_rest(rows, error, many, ASSUMED) == ASSUMED
+
+
+@pytest.mark.parametrize(
+    ("seed", "index", "answer"),
+    [
+        (33, 121, (("taper",),)),
+        (33, 27, (("length_error",),)),
+        (37, 205, (("hysteresis",),)),
+        (34, 60, ()),
+    ],
+)
+def test_undeclared_noise_hides_no_effect(
+    tmp_path: Path, seed: int, index: int, answer: tuple[tuple[str, ...], ...]
+) -> None:
+    """Sets of `benches/blind_second.py`; with a common rig's ratios the first three were unknown,
+    none and a class of three others, and the last, with nothing hidden, unknown."""
+    table, mechanism = table_of(other_sets(index + 1, seed)[index], tmp_path)
+    found = diagnose(given_model(table, mechanism), table)
+    assert found.noise.source == "assumed"
+    assert found.answer == answer, found.sentence()
+    assert found.verdict == ("named" if answer else "none")
