@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -42,6 +44,18 @@ def test_the_process_finds_the_variables_that_matter() -> None:
     assert shares[[0, 2, 4]].max() < 0.1
     noise = ard_relevance(variables, np.zeros((200, 1)))
     assert noise.tolist() == [0.0] * 5
+
+
+def test_a_target_that_changes_fast_has_a_variable_too() -> None:
+    """Over a spread of thousands of its length the kernel is zero: it was divided by itself."""
+    first, second = np.random.default_rng(2).standard_normal((2, 200))
+    first[7] = 14.0
+    target = np.sin(9.0 * first)
+    variables = np.stack([first / first.std(), second / second.std()], axis=1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        shares = ard_relevance(variables - variables.mean(axis=0), target[:, None])
+    assert shares.tolist() == pytest.approx([1.0, 0.0], abs=0.05)
 
 
 def test_variables_words_and_nearest(found: Diagnosis) -> None:

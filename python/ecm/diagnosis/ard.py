@@ -78,7 +78,8 @@ def _shares(log: F, squares: F, y: F) -> F:
     losses = np.zeros(len(weights))
     for j in range(len(weights)):
         # The kernel averaged over the variable: the prediction of the other variables alone.
-        blind = kernel * np.exp(0.5 * weights[j] * squares[:, :, j])
+        others = np.where(np.arange(len(weights)) == j, 0.0, weights)
+        blind = signal * np.exp(-0.5 * (squares @ others))
         blind = blind * float(np.exp(-0.5 * weights[j] * squares[:, :, j]).mean())
         losses[j] = ((total - blind @ alpha) ** 2).mean()
     losses = np.where(losses > _FADES * losses.max(initial=0.0), losses, 0.0)
