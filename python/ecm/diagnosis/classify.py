@@ -10,6 +10,7 @@ import numpy as np
 
 from ecm.diagnosis.accept import Accepted
 from ecm.diagnosis.confusion import widened_class
+from ecm.diagnosis.direction import find_direction
 from ecm.diagnosis.gate import Gate, Leftover, residual_after
 from ecm.diagnosis.problem import Problem
 from ecm.diagnosis.readings import WrongStatement
@@ -97,7 +98,8 @@ def verdict(
     pattern = _pattern_instead(problem, gate, accepted, left, white)
     if pattern is not None:
         unknown = describe(problem, residual_after(problem, ()), (), gate.structure)
-        seen = replace(unknown, words=pattern.words, variables=(pattern.variable,), nearest=None)
+        variables = (pattern.variable,) if pattern.variable else ()
+        seen = replace(unknown, words=pattern.words, variables=variables, nearest=None)
         seen = replace(seen, relevance={}, template="", pattern=pattern)
         return Verdict("unknown", Accepted(checks=accepted.checks), seen)
     if accepted.effects and not left.remains and not noisy and not mountain:
@@ -123,7 +125,8 @@ def _pattern_instead(
     white: Callable[[Problem], Pattern | None],
 ) -> Pattern | None:
     """Return a pattern where nothing is accepted and no function of the pose is left, or where it
-    explains more than what is accepted: names would imitate a part of it.
+    explains more than what is accepted, or most of it along one direction: names would imitate a
+    part of it.
 
     A periodic motion gives every effect its period: beside what is accepted a pattern must be left.
     """
@@ -131,7 +134,7 @@ def _pattern_instead(
         return None if left.remains and gate.rejected else white(problem)
     pattern = white(problem)
     if not explains_more(pattern, problem, accepted.effects):
-        return None
+        return find_direction(problem, accepted.effects)
     beside = white(replace(problem, response=residual_after(problem, accepted.effects)))
     return None if beside is None else pattern
 

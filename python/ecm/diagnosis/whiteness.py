@@ -35,7 +35,7 @@ class Pattern:
     """What a residual follows that no smooth function shows."""
 
     variable: str
-    """Column that it follows; `row` is the order of the rows."""
+    """Column that it follows; `row` is the order of the rows; empty where it follows none."""
     words: str
     p: float
     """Chance of as much in white noise, times the number of tests."""

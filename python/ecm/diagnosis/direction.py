@@ -1,0 +1,72 @@
+"""Whether what effects leave is a load along one direction of the wrench, of any size in each row.
+
+A film that holds, something that catches: such a load follows no column. An effect with the same
+direction takes its mean, and looks like a name for the whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import special
+
+from ecm.diagnosis.gate import residual_after
+from ecm.diagnosis.problem import Candidate, Problem
+from ecm.diagnosis.search import delta_chi2
+from ecm.diagnosis.whiteness import Pattern
+from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
+from ecm.regression.noise import whiteners
+from ecm.regression.reml import weighed_by_rest
+
+_LEAST_ROWS = 24
+_MOST_OF_IT = 0.5
+"""Least share of what the effects explain that the direction holds."""
+
+
+def find_direction(problem: Problem, effects: Sequence[Candidate]) -> Pattern | None:
+    """Return the direction along which the base's residual is a load; None where there is none.
+
+    Components of what the effects leave must err together, beyond what any noise of pose, force and
+    torque gives; and that direction must hold most of what the effects explain.
+    """
+    base = problem.base
+    if base.inputs != POSE or base.outputs != WRENCH or not effects:
+        return None
+    counted = problem.scored & (problem.weights > 0.5)
+    rest = residual_after(problem, effects)
+    if int(counted.sum()) < _LEAST_ROWS or _chance(rest[counted]) >= problem.settings.white_level:
+        return None
+    # Noise of the pose that is stated wrongly acts through the stiffness on several components.
+    solved = np.linalg.solve(problem.whitener, rest[:, :, None])
+    in_units = np.asarray(solved[:, :, 0], dtype=np.float64)
+    nothing: F = np.zeros((*rest.shape, 0))
+    noise = weighed_by_rest(problem.rows, in_units, nothing, problem.noise)
+    whitener = whiteners(noise.covariance(problem.rows, base.error))
+    own = np.einsum("nij,nj->ni", whitener, in_units)[counted]
+    p = _chance(own)
+    if p >= problem.settings.white_level:
+        return None
+    rest = rest[counted] / np.sqrt(problem.scale)
+    _, vectors = np.linalg.eigh(rest.T @ rest)
+    before = residual_after(problem, ())[counted] / np.sqrt(problem.scale)
+    along = before @ vectors[:, -1]
+    explained = float(along @ along) - len(along)
+    if explained <= _MOST_OF_IT * delta_chi2(problem, effects):
+        return None
+    strength = float(np.sqrt(explained / before.size))
+    words = "it acts along one direction of the wrench, by an amount that follows no column"
+    return Pattern("", words, p, strength, explained=explained)
+
+
+def _chance(rest: F) -> float:
+    """Return the chance that components which err independently are as much alike.
+
+    Then products of two components have either sign by chance, and their sum over the root of their
+    squares is standard normal, whatever the size of the noise of each component and row.
+    """
+    a, b = np.triu_indices(rest.shape[1], 1)
+    products = rest[:, a] * rest[:, b]
+    ratios = products.sum(axis=0) ** 2 / np.maximum((products**2).sum(axis=0), 1e-300)
+    return float(special.chdtrc(len(a), ratios.sum()))

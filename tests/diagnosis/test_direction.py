@@ -1,0 +1,47 @@
+"""A load along one direction that follows no column gets no name for its mean."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from blind_parts.other_sets import given_model, other_sets, table_of
+from ecm.diagnosis import Diagnosis, diagnose
+from ecm.io.columns import WRENCH
+from ecm.io.table import Table
+from support.campaigns import campaign, model
+
+ALONG = np.array([3.0, -2.0, 1.0, 0.05, 0.02, -0.04])
+"""N and N m: some times the noise of these campaigns."""
+
+
+def with_load(table: Table, sizes: np.ndarray) -> Table:
+    """The table with a load of these sizes (N,) along one direction, while a pose is held."""
+    loaded = table.text("kind") == "pose"
+    wrenches = table.wrenches + np.outer(sizes * loaded, ALONG)
+    return table.with_columns({name: wrenches[:, j] for j, name in enumerate(WRENCH)})
+
+
+def test_the_mean_of_a_load_of_any_size_is_no_name() -> None:
+    random = np.random.default_rng(4)
+    table = campaign("", 1.0, 3)
+    sizes = random.exponential(1.0, len(table))
+    found = diagnose(model(), with_load(table, sizes))
+    assert found.answer == (), found.sentence()
+    assert found.verdict == "unknown"
+    assert "one direction" in found.sentence()
+    steady = diagnose(model(), with_load(table, np.ones(len(table))))
+    assert steady.verdict in ("named", "ambiguous"), steady.sentence()
+
+
+@pytest.mark.parametrize(("seed", "index"), [(31, 229), (32, 183)])
+def test_a_film_of_liquid_is_no_cable(tmp_path: Path, seed: int, index: int) -> None:
+    """Sets of `benches/blind_second.py` that came as a clean `cable_drag`."""
+    table, mechanism = table_of(other_sets(index + 1, seed)[index], tmp_path)
+    found: Diagnosis = diagnose(given_model(table, mechanism), table)
+    assert found.answer == (), found.sentence()
+    assert found.unknown is not None
+    assert found.unknown.pattern is not None
+    assert "one direction" in found.unknown.words
