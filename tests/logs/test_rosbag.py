@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 import ecm
 from ecm import import_log
 from ecm.io.columns import POSE, WRENCH
+from ecm.logs.importing import read_log
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 BEGIN_NS = 1_700_000_000_000_000_000
@@ -112,3 +113,17 @@ def test_two_wrenches_are_asked_for_and_a_joint_is_one_angle(tmp_path: Path) -> 
     table = import_log(tmp_path / "bag", topics=["/joints"], axis="z").table
     np.testing.assert_allclose(table["theta_z_rad"], 0.1 * times)
     np.testing.assert_allclose(table["tau_z_Nm"], 0.2 * times)
+
+
+def test_messages_are_counted_while_a_bag_is_read(tmp_path: Path) -> None:
+    times = np.arange(0.0, 12.0, 0.01)
+    write_bag(
+        tmp_path / "bag",
+        {"/ft": (wrench_stamped, times), "/top": (pose_stamped, times)},
+        mcap=False,
+        late_s=0.0,
+    )
+    told: list[tuple[float, float, str]] = []
+    log = read_log(tmp_path / "bag", (), progress=lambda *words: told.append(words)).log
+    assert told == [(done, 2400, "messages") for done in (0, 1000, 2000)]
+    assert len(next(iter(log.columns.values()))) == 1200

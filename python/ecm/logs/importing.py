@@ -222,14 +222,14 @@ class ReadLog(NamedTuple):
 
 
 def read_log(log: Any, topics: Sequence[str], progress: Progress | None = None) -> ReadLog:
-    """Return what `import_log` understands; `progress` is told the rows of a text, of all."""
+    """Return what `import_log` understands; `progress` is told the rows or messages."""
     if not isinstance(log, (str, Path)):
         return ReadLog(log_of_object(log), type(log).__name__, "")
     path = Path(log)
     if not path.exists():
         raise InputError(f"{path}: this log does not exist. Check the path.")
     if is_bag(path):
-        return ReadLog(read_bag(path, topics), str(path), "")
+        return ReadLog(read_bag(path, topics, progress), str(path), "")
     if path.is_dir():
         raise InputError(f"{path}: a folder without metadata.yaml is no ROS 2 bag")
     if topics:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.extras import require
+from ecm.io.steps import Progress
 from ecm.logs.log import Log
 from ecm.logs.streams import Stream, join_streams
 
@@ -21,12 +22,16 @@ Sample = tuple[str, dict[str, float]]
 """Frame or joint set of a sample, and its numbers by name."""
 
 
+_TOLD = 1000
+"""Messages between two words of progress."""
+
+
 def is_bag(path: Path) -> bool:
     """Whether a path is a bag: a folder with metadata.yaml, or a .mcap, .db3 or .bag file."""
     return (path / "metadata.yaml").is_file() or path.suffix in (".mcap", ".db3", ".bag")
 
 
-def read_bag(path: Path, topics: Sequence[str] = ()) -> Log:
+def read_bag(path: Path, topics: Sequence[str] = (), progress: Progress | None = None) -> Log:
     """Read poses, wrenches and joints of a bag and join them by time.
 
     Parameters
@@ -36,6 +41,8 @@ def read_bag(path: Path, topics: Sequence[str] = ()) -> Log:
     topics
         Topics to use, where several hold a pose or a wrench; `TOPIC:FRAME` chooses one frame of a
         topic with several.
+    progress
+        Told the messages that are read, of all.
 
     Raises
     ------
@@ -52,7 +59,7 @@ def read_bag(path: Path, topics: Sequence[str] = ()) -> Log:
         with highlevel.AnyReader([path], default_typestore=store) as reader:
             used = [c for c in reader.connections if _message(c.msgtype) is not None]
             found = {c.topic: c.msgtype for c in reader.connections}
-            streams = _streams(reader, used)
+            streams = _streams(reader, used, progress)
     except (OSError, ValueError, KeyError, RuntimeError) as error:
         raise InputError(f"{path}: no readable bag: {error}{_NEXT}") from None
     except Exception as error:  # rosbags has errors of its own without a common class
@@ -72,11 +79,14 @@ def read_bag(path: Path, topics: Sequence[str] = ()) -> Log:
     return join_streams(streams, str(path))
 
 
-def _streams(reader: Any, connections: Sequence[Any]) -> list[Stream]:
+def _streams(reader: Any, connections: Sequence[Any], progress: Progress | None) -> list[Stream]:
     """One stream for each topic, and for each frame of a topic of transforms."""
     rows: dict[tuple[str, str, str], list[tuple[float, float, dict[str, float]]]] = {}
     begin: int | None = None
-    for connection, received_ns, raw in reader.messages(connections=connections):
+    whole = sum(connection.msgcount for connection in connections)
+    for done, (connection, received_ns, raw) in enumerate(reader.messages(connections=connections)):
+        if progress is not None and done % _TOLD == 0:
+            progress(done, max(whole, done), "messages")
         kind, stamped, samples = _known(connection.msgtype)
         message = reader.deserialize(raw, connection.msgtype)
         begin = received_ns if begin is None else begin
