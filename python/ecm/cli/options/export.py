@@ -73,7 +73,7 @@ class Options:
         typer.Option(
             "--adapt",
             metavar="LIST",
-            help="Experimental: follow readings: modulus,payload,zero,shares.",
+            help="Follow readings: modulus,payload,zero,shares.",
         ),
     ] = None
     force: Annotated[
