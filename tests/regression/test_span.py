@@ -28,6 +28,16 @@ def test_dependent_columns_take_nothing_from_those_after_them(seed: int) -> None
     assert np.abs(projected).max() < 1e-10
 
 
+def test_more_columns_than_rows_span_all_of_them_or_less() -> None:
+    random = np.random.default_rng(1)
+    wide = random.standard_normal((20, 30))
+    assert orthonormal(wide).shape == (20, 20)
+    flat = random.standard_normal((20, 12)) @ random.standard_normal((12, 30))
+    basis = orthonormal(flat)
+    assert basis.shape == (20, 12)
+    assert basis @ (basis.T @ flat) == pytest.approx(flat, abs=1e-10)
+
+
 def test_what_a_dependent_base_explains_is_no_structure() -> None:
     """A column of pose that never varies makes the base's columns dependent."""
     random = np.random.default_rng(3)

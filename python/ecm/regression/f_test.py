@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
-from scipy.linalg import lapack, solve_triangular
+from scipy.linalg import lapack, qr, solve_triangular
 
 from ecm.io.arrays import F, I
 from ecm.regression.blocks import in_blocks
@@ -320,9 +320,9 @@ def orthonormal(columns: F, dependent: float = _DEPENDENT) -> F:
         return np.zeros((len(columns), 0))
     columns /= np.sqrt((columns**2).sum(axis=0))  # a copy already
     q, r = np.linalg.qr(columns)
-    independent = np.abs(np.diag(r)) > dependent
-    if not independent.all():
+    if columns.shape[1] > len(columns) or np.abs(np.diag(r)).min() <= dependent:
         # A dependent column gets a direction of rounding errors, which takes a part of those after
-        # it: the basis is made again without it.
-        q = np.linalg.qr(columns[:, independent])[0]
+        # it: with the longest rest first, dependent ones come last.
+        q, r, _ = qr(columns, mode="economic", pivoting=True)
+        q = q[:, np.abs(np.diag(r)) > dependent]
     return np.asarray(q)
