@@ -17,8 +17,10 @@ from ecm.models.by_degree import energy_of_unlike_ends, next_degree
 from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import EnergyMap, StiffnessMap
 
-_BETTER = 0.5
-"""Share of the error that another body must leave at most to be taken instead."""
+_BY_ITSELF = 0.5
+"""Share of the error that another body must leave at most, by itself, to be tried."""
+_BESIDE_NAMES = 0.9
+"""The same beside all that is named: effects imitate unlike ends by no more than a part."""
 _MOST_OF_IT = 0.5
 """Share of what is named or left that one degree more must explain to be taken instead."""
 
@@ -41,20 +43,20 @@ def base_of_unlike_ends(decision: Decision) -> StiffnessMap | None:
         return None
     said = None if decision.unknown is None else decision.unknown.statement
     # All on the rows of the fit: held-out rows of a ramp are extrapolation for any degree.
-    most = _BETTER * _error_after(problem, ()) if said is None else EQUAL**0.5 * said.error_after
+    most = _BY_ITSELF * _error_after(problem, ()) if said is None else EQUAL**0.5 * said.error_after
     left = _left_by(problem, base)
     return base if _error(problem, left, len(base.coefficients)) < most else None
 
 
-def leaves_far_less(other: Decision, first: Decision) -> bool:
-    """Whether base and effects of another decision leave far less than those of the first.
+def leaves_less(other: Decision, first: Decision) -> bool:
+    """Whether base and effects of another decision leave clearly less than those of the first.
 
     What another reading of the table leaves was compared before.
     """
     if first.unknown is not None and first.unknown.statement is not None:
         return True
     left, before = (_error_after(one.problem, one.accepted.effects) for one in (other, first))
-    return left < _BETTER * before
+    return left < _BESIDE_NAMES * before
 
 
 def base_of_next_degree(decision: Decision) -> StiffnessMap | None:

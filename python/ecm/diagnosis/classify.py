@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -12,7 +12,7 @@ from ecm.diagnosis.accept import Accepted
 from ecm.diagnosis.confusion import widened_class
 from ecm.diagnosis.direction import find_direction
 from ecm.diagnosis.gate import Gate, Leftover, residual_after
-from ecm.diagnosis.problem import Problem
+from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.readings import WrongStatement
 from ecm.diagnosis.stated_numbers import ratio_warning
 from ecm.diagnosis.statements import find_wrong_statement, reversed_sign
@@ -64,6 +64,7 @@ def verdict(
     *,
     describe: Describe = describe_residual,
     white: Callable[[Problem], Pattern | None] = find_pattern,
+    direction: Callable[[Problem, Sequence[Candidate]], Pattern | None] = find_direction,
 ) -> Verdict:
     """Give the headline.
 
@@ -73,6 +74,8 @@ def verdict(
         Function that puts what is left into words.
     white
         Function that looks for a pattern before `none` or a name is said.
+    direction
+        Function that looks for a load along one direction before a name is said.
     """
     # A polynomial takes in most wrong readings: its gate does not see them.
     asked = gate.rejected or problem.base.kind == "polynomial"
@@ -95,14 +98,17 @@ def verdict(
         said = replace(unknown, words=strange, nearest=None, misread=True, template="")
         return Verdict("unknown", nothing, said)
     noisy, mountain = is_noisy(problem), what_towers(problem, accepted)
+    may_name = bool(accepted.effects) and not left.remains and not noisy and not mountain
     pattern = _pattern_instead(problem, gate, accepted, left, white)
+    if pattern is None and may_name:
+        pattern = direction(problem, accepted.effects)
     if pattern is not None:
         unknown = describe(problem, residual_after(problem, ()), (), gate.structure)
         variables = (pattern.variable,) if pattern.variable else ()
         seen = replace(unknown, words=pattern.words, variables=variables, nearest=None)
         seen = replace(seen, relevance={}, template="", pattern=pattern)
         return Verdict("unknown", Accepted(checks=accepted.checks), seen)
-    if accepted.effects and not left.remains and not noisy and not mountain:
+    if may_name:
         single = all(len(members) == 1 for members in accepted.classes)
         return Verdict("named" if single else "ambiguous", accepted, None)
     if not accepted.effects and not (left.remains and gate.rejected):
@@ -125,8 +131,7 @@ def _pattern_instead(
     white: Callable[[Problem], Pattern | None],
 ) -> Pattern | None:
     """Return a pattern where nothing is accepted and no function of the pose is left, or where it
-    explains more than what is accepted, or most of it along one direction: names would imitate a
-    part of it.
+    explains more than what is accepted: names would imitate a part of it.
 
     A periodic motion gives every effect its period: beside what is accepted a pattern must be left.
     """
@@ -134,7 +139,7 @@ def _pattern_instead(
         return None if left.remains and gate.rejected else white(problem)
     pattern = white(problem)
     if not explains_more(pattern, problem, accepted.effects):
-        return find_direction(problem, accepted.effects)
+        return None
     beside = white(replace(problem, response=residual_after(problem, accepted.effects)))
     return None if beside is None else pattern
 

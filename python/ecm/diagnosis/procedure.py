@@ -22,9 +22,10 @@ from functools import wraps
 from typing import TYPE_CHECKING, Any
 
 from ecm.diagnosis.accept import Accepted, accept, fullest_forms
-from ecm.diagnosis.base import base_of_next_degree, base_of_unlike_ends, leaves_far_less
+from ecm.diagnosis.base import base_of_next_degree, base_of_unlike_ends, leaves_less
 from ecm.diagnosis.classify import Verdict, classify, modulus_warning, verdict
 from ecm.diagnosis.decision import Decision
+from ecm.diagnosis.direction import find_direction
 from ecm.diagnosis.gate import Gate, Leftover, gate, leftover, residual_after
 from ecm.diagnosis.noise_effects import NoiseFinding, noise_findings, with_load_growth
 from ecm.diagnosis.preparation import Prepared, prepare
@@ -55,8 +56,8 @@ if TYPE_CHECKING:
 
 _UNLIKE_ENDS = (
     "the ends of the body differ, or something acts along its axis: an energy that takes the ends "
-    "as alike leaves more than twice the error, whatever is named; names are against one of "
-    "revolution; fit energy6-revolution"
+    "as alike leaves more, whatever is named; names are against one of revolution; fit "
+    "energy6-revolution"
 )
 
 
@@ -81,6 +82,7 @@ class Stages:
     classify: Callable[[Problem, Accepted, Leftover], Accepted] = classify
     verdict: Callable[..., Verdict] = verdict
     white: Callable[[Problem], Pattern | None] = find_pattern
+    direction: Callable[[Problem, Sequence[Candidate]], Pattern | None] = find_direction
     describe: Callable[..., Unknown] = describe_residual
 
 
@@ -256,7 +258,7 @@ def _of_rows(
     if decision.verdict != "none":
         other = base_of_unlike_ends(decision)
         again = None if other is None else against(other)
-        if again is not None and leaves_far_less(again, decision):
+        if again is not None and leaves_less(again, decision):
             said = decision.unknown and decision.unknown.statement
             or_else = (f"or {said.sentence()}",) if said else ()
             decision = replace(again, warnings=(_UNLIKE_ENDS, *or_else))
@@ -308,7 +310,13 @@ def decide(
                 left = stages.leftover(problem, first, accepted.effects)
     accepted = stages.classify(problem, accepted, left)
     final = stages.verdict(
-        problem, first, accepted, left, describe=stages.describe, white=stages.white
+        problem,
+        first,
+        accepted,
+        left,
+        describe=stages.describe,
+        white=stages.white,
+        direction=stages.direction,
     )
     return Decision(
         prepared=prepared,
