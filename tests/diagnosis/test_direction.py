@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ def test_the_mean_of_a_load_of_any_size_is_no_name() -> None:
     assert found.answer == (), found.sentence()
     assert found.verdict == "unknown"
     assert "one direction" in found.sentence()
+    assert re.search(r"\(fx \+[2-5]\.?\d* N with tau_x \+0\.0\d+ N m rms\)", found.sentence())
     steady = diagnose(model(), with_load(table, np.ones(len(table))))
     assert steady.verdict in ("named", "ambiguous"), steady.sentence()
 

@@ -50,14 +50,30 @@ def find_direction(problem: Problem, effects: Sequence[Candidate]) -> Pattern | 
         return None
     rest = rest[counted] / np.sqrt(problem.scale)
     _, vectors = np.linalg.eigh(rest.T @ rest)
-    before = residual_after(problem, ())[counted] / np.sqrt(problem.scale)
+    response = residual_after(problem, ())
+    before = response[counted] / np.sqrt(problem.scale)
     along = before @ vectors[:, -1]
+    # The sense in which it acts more.
+    along = along if along.sum() >= 0.0 else -along
     explained = float(along @ along) - len(along)
     if explained <= _MOST_OF_IT * delta_chi2(problem, effects):
         return None
-    strength = float(np.sqrt(explained / before.size))
+    load = np.linalg.solve(problem.whitener, response[:, :, None])[counted, :, 0]
+    size = along @ load / np.sqrt(len(along) * float(along @ along))
     words = "it acts along one direction of the wrench, by an amount that follows no column"
+    words = f"{words} ({_said(size)} rms)"
+    strength = float(np.sqrt(explained / before.size))
     return Pattern("", words, p, strength, explained=explained)
+
+
+def _said(size: F) -> str:
+    """Return the largest force and the largest torque of a wrench (6,), in words."""
+    parts = []
+    for names, unit in ((WRENCH[:3], "N"), (WRENCH[3:], "N m")):
+        own = size[[WRENCH.index(name) for name in names]]
+        k = int(np.argmax(np.abs(own)))
+        parts.append(f"{names[k].rsplit('_', 1)[0]} {own[k]:+.2g} {unit}")
+    return " with ".join(parts)
 
 
 def _chance(rest: F) -> float:
