@@ -27,7 +27,7 @@ from ecm.regression.normal_equations import (
     explained_squares,
     projected_out,
 )
-from ecm.regression.reml import weighed_by_rest
+from ecm.regression.reml import some_rows, weighed_by_rest
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
@@ -303,8 +303,10 @@ def noise_by_rest(problem: Problem) -> Noise:
     if noise.source != "assumed" or noise.components is not None or not full:
         return noise
     smooth = omnibus_columns(problem, problem.size // (6 * problem.response.shape[1]))
-    columns = np.concatenate([problem.projected_base, _significant(problem), smooth], axis=2)
-    in_units = np.linalg.solve(problem.whitener, columns)
+    take = some_rows(len(problem.table))
+    parts = (problem.projected_base, _significant(problem), smooth)
+    columns = np.concatenate([part[take] for part in parts], axis=2)
+    in_units = np.linalg.solve(problem.whitener[take], columns)
     return weighed_by_rest(problem.rows, problem.fit.residual, in_units, noise)
 
 

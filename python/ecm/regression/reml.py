@@ -72,6 +72,11 @@ def reml_noise(
     return prior.with_parameters(np.sqrt(np.exp(log_variance)), "repeats")
 
 
+def some_rows(count: int) -> I:
+    """(M,) places of the rows, of so many, that tell the noise."""
+    return np.linspace(0, count - 1, min(count, _MOST_ROWS)).astype(np.int64)
+
+
 def weighed_by_rest(rows: Rows, residual: F, nuisance: F, assumed: Noise) -> Noise:
     """Assumed noise with the ratios of its figures as what no column explains shows them.
 
@@ -85,7 +90,7 @@ def weighed_by_rest(rows: Rows, residual: F, nuisance: F, assumed: Noise) -> Noi
     residual
         (N, m) measured minus predicted.
     nuisance
-        (N, m, k) columns that explain what is no noise.
+        (N, m, k) columns that explain what is no noise, or (M, m, k) of `some_rows(N)` only.
     assumed
         Noise without repeats and declared figures.
 
@@ -94,8 +99,9 @@ def weighed_by_rest(rows: Rows, residual: F, nuisance: F, assumed: Noise) -> Noi
     Noise
         As assumed, where the rows are too few for the columns.
     """
-    take = np.linspace(0, len(rows) - 1, min(len(rows), _MOST_ROWS)).astype(np.int64)
-    data = _Contrasts(residual[take], nuisance[take], covariance_parts(rows)[:, take])
+    take = some_rows(len(rows))
+    nuisance = nuisance if len(nuisance) == len(take) else nuisance[take]
+    data = _Contrasts(residual[take], nuisance, covariance_parts(rows)[:, take])
     if data.nuisance.shape[2] > _MOST_NUISANCE * data.response.size:
         return assumed
     log_prior = np.log(assumed.parameters() ** 2)
@@ -123,7 +129,7 @@ def _contrasts(rows: Rows, residual: F, cells: I, nuisance: F) -> _Contrasts | N
     total = int(ends[-1]) if len(ends) else 0
     if total == 0:
         return None
-    take = np.linspace(0, total - 1, min(total, _MOST_ROWS)).astype(np.int64)
+    take = some_rows(total)
     cell = np.searchsorted(ends, take, side="right")
     place = take - (ends - counts + 1)[cell] + 1
     parts = covariance_parts(rows)
