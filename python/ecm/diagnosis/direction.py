@@ -56,7 +56,8 @@ def find_direction(problem: Problem, effects: Sequence[Candidate]) -> Pattern | 
     # The sense in which it acts more.
     along = along if along.sum() >= 0.0 else -along
     explained = float(along @ along) - len(along)
-    if explained <= _MOST_OF_IT * delta_chi2(problem, effects):
+    # Weaker than the noise along it, it may be what an estimate of that noise is wrong by.
+    if explained <= max(_MOST_OF_IT * delta_chi2(problem, effects), float(len(along))):
         return None
     load = np.linalg.solve(problem.whitener, response[:, :, None])[counted, :, 0]
     size = along @ load / np.sqrt(len(along) * float(along @ along))
