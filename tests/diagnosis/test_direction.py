@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from blind_parts.other_sets import given_model, other_sets, table_of
-from ecm.diagnosis import Diagnosis, diagnose
+from ecm.diagnosis import Diagnosis, diagnose, find_missing
+from ecm.diagnosis.direction import find_direction
 from ecm.io.columns import WRENCH
 from ecm.io.table import Table
 from support.campaigns import campaign, model
@@ -25,17 +26,19 @@ def with_load(table: Table, sizes: np.ndarray) -> Table:
     return table.with_columns({name: wrenches[:, j] for j, name in enumerate(WRENCH)})
 
 
-def test_the_mean_of_a_load_of_any_size_is_no_name() -> None:
+def test_a_load_of_any_size_has_a_direction_and_a_steady_one_a_name() -> None:
     random = np.random.default_rng(4)
     table = campaign("", 1.0, 3)
-    sizes = random.exponential(1.0, len(table))
-    found = diagnose(model(), with_load(table, sizes))
-    assert found.answer == (), found.sentence()
-    assert found.verdict == "unknown"
-    assert "one direction" in found.sentence()
-    assert re.search(r"\(fx \+[2-5]\.?\d* N with tau_x \+0\.0\d+ N m rms\)", found.sentence())
-    steady = diagnose(model(), with_load(table, np.ones(len(table))))
-    assert steady.verdict in ("named", "ambiguous"), steady.sentence()
+    changing, steady = (
+        find_missing(model(), with_load(table, sizes))
+        for sizes in (random.exponential(1.0, len(table)), np.ones(len(table)))
+    )
+    assert changing.verdict != "named"
+    found = find_direction(changing.problem, changing.accepted.effects)
+    assert found is not None
+    assert re.search(r"\(fx \+[2-5]\.?\d* N with tau_x \+0\.0\d+ N m rms\)", found.words)
+    assert steady.verdict in ("named", "ambiguous")
+    assert find_direction(steady.problem, steady.accepted.effects) is None
 
 
 @pytest.mark.parametrize(("seed", "index"), [(31, 229), (32, 183)])

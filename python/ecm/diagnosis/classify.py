@@ -75,7 +75,7 @@ def verdict(
     white
         Function that looks for a pattern before `none` or a name is said.
     direction
-        Function that looks for a load along one direction before a name is said.
+        Function that looks for a load along one direction before single names are said.
     """
     # A polynomial takes in most wrong readings: its gate does not see them.
     asked = gate.rejected or problem.base.kind == "polynomial"
@@ -99,8 +99,9 @@ def verdict(
         return Verdict("unknown", nothing, said)
     noisy, mountain = is_noisy(problem), what_towers(problem, accepted)
     may_name = bool(accepted.effects) and not left.remains and not noisy and not mountain
+    single = all(len(members) == 1 for members in accepted.classes)
     pattern = _pattern_instead(problem, gate, accepted, left, white)
-    if pattern is None and may_name:
+    if pattern is None and may_name and single:
         pattern = direction(problem, accepted.effects)
     if pattern is not None:
         unknown = describe(problem, residual_after(problem, ()), (), gate.structure)
@@ -109,7 +110,6 @@ def verdict(
         seen = replace(seen, relevance={}, template="", pattern=pattern)
         return Verdict("unknown", Accepted(checks=accepted.checks), seen)
     if may_name:
-        single = all(len(members) == 1 for members in accepted.classes)
         return Verdict("named" if single else "ambiguous", accepted, None)
     if not accepted.effects and not (left.remains and gate.rejected):
         return Verdict("none", accepted, None)
