@@ -70,8 +70,7 @@ def find_direction(problem: Problem, effects: Sequence[Candidate]) -> Pattern | 
 def _said(size: F) -> str:
     """Return the largest force and the largest torque of a wrench (6,), in words."""
     parts = []
-    for names, unit in ((WRENCH[:3], "N"), (WRENCH[3:], "N m")):
-        own = size[[WRENCH.index(name) for name in names]]
+    for names, own, unit in ((WRENCH[:3], size[:3], "N"), (WRENCH[3:], size[3:], "N m")):
         k = int(np.argmax(np.abs(own)))
         parts.append(f"{names[k].rsplit('_', 1)[0]} {own[k]:+.2g} {unit}")
     return " with ".join(parts)

@@ -62,13 +62,7 @@ def reml_noise(
         return None
     log_prior = np.log(prior.parameters() ** 2)
     width = _PRIOR_DECLARED if prior.source == "declared" else _PRIOR_ASSUMED
-    log_variance = log_prior.copy()
-    for _ in range(2):
-        log_variance = _reml(contrasts, log_variance, log_prior, width)
-        inliers = _without_outliers(contrasts, log_variance, outlier)
-        if len(inliers.response) == len(contrasts.response):
-            break
-        contrasts = inliers
+    log_variance, _ = _of_inliers(contrasts, log_prior, width, outlier)
     return prior.with_parameters(np.sqrt(np.exp(log_variance)), "repeats")
 
 
@@ -105,15 +99,23 @@ def weighed_by_rest(rows: Rows, residual: F, nuisance: F, assumed: Noise) -> Noi
     if data.nuisance.shape[2] > _MOST_NUISANCE * data.response.size:
         return assumed
     log_prior = np.log(assumed.parameters() ** 2)
+    log_variance, data = _of_inliers(data, log_prior, _PRIOR_ASSUMED, _OUTLIER)
+    ratio = _left(data, log_prior).sum() / _left(data, log_variance).sum()
+    return assumed.with_parameters(np.sqrt(np.exp(log_variance) / ratio), "assumed")
+
+
+def _of_inliers(
+    data: _Contrasts, log_prior: F, width: float, outlier: float
+) -> tuple[F, _Contrasts]:
+    """(4,) log variances, once more where there were outliers, and the contrasts without them."""
     log_variance = log_prior
     for _ in range(2):
-        log_variance = _reml(data, log_variance, log_prior, _PRIOR_ASSUMED)
-        inliers = _without_outliers(data, log_variance, _OUTLIER)
+        log_variance = _reml(data, log_variance, log_prior, width)
+        inliers = _without_outliers(data, log_variance, outlier)
         if len(inliers.response) == len(data.response):
             break
         data = inliers
-    ratio = _left(data, log_prior).sum() / _left(data, log_variance).sum()
-    return assumed.with_parameters(np.sqrt(np.exp(log_variance) / ratio), "assumed")
+    return log_variance, data
 
 
 def _contrasts(rows: Rows, residual: F, cells: I, nuisance: F) -> _Contrasts | None:
