@@ -99,7 +99,7 @@ def careless(id: str) -> Any:
 
 
 NO_CLASSES = Stages(
-    accept=partial(accept, class_of=alone), classify=lambda problem, accepted, left: accepted
+    accept=partial(accept, class_of=alone), classify=lambda problem, accepted, left, **_: accepted
 )
 NOTHING_HELD_OUT = DiagnosisSettings(held_out_errors=-1e9)
 """An effect need not do better on rows that its fit has not seen."""

@@ -37,16 +37,24 @@ class Verdict:
     """What is left without a name."""
 
 
-def classify(problem: Problem, accepted: Accepted, left: Leftover) -> Accepted:
-    """Widen the class of each effect where its form is in doubt, or several effects are named.
+def classify(
+    problem: Problem, accepted: Accepted, left: Leftover, *, other_body: bool = False
+) -> Accepted:
+    """Widen the class of each effect where its form is in doubt, or beside another departure.
 
-    Two wrong names together may explain a third effect: each needs its rivals far away.
+    Two wrong names together may explain a third effect: each needs its rivals far away. So does
+    one name beside a body that is not the stated one.
+
+    Parameters
+    ----------
+    other_body
+        Whether the base stands in for that of a stated body that does not fit.
     """
     settings = problem.settings
     if left.remains or modulus_warning(problem) or is_noisy(problem):
         return accepted
     doubtful = left.share > settings.doubtful_share and left.p < settings.doubtful_p
-    if not doubtful and len(accepted.effects) < 2:
+    if not doubtful and not other_body and len(accepted.effects) < 2:
         return accepted
     near = settings.near_share_in_doubt if doubtful else settings.near_share
     classes = tuple(

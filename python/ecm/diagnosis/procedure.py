@@ -79,7 +79,7 @@ class Stages:
     search: Callable[[Problem, Sequence[Ranked]], tuple[Candidate, ...]] = search
     accept: Callable[[Problem, Sequence[Candidate], int], Accepted] = accept
     leftover: Callable[[Problem, Gate, Sequence[Candidate]], Leftover] = leftover
-    classify: Callable[[Problem, Accepted, Leftover], Accepted] = classify
+    classify: Callable[..., Accepted] = classify
     verdict: Callable[..., Verdict] = verdict
     white: Callable[[Problem], Pattern | None] = find_pattern
     direction: Callable[[Problem, Sequence[Candidate]], Pattern | None] = find_direction
@@ -251,8 +251,16 @@ def _of_rows(
 ) -> Decision:
     """Go through the stages with the rows that were selected, against the bases that may fit."""
 
-    def against(base: StiffnessMap) -> Decision:
-        return decide(base, prepared, seed=seed, noise=noise, settings=settings, stages=stages)
+    def against(base: StiffnessMap, *, other_body: bool = False) -> Decision:
+        return decide(
+            base,
+            prepared,
+            seed=seed,
+            noise=noise,
+            settings=settings,
+            stages=stages,
+            other_body=other_body,
+        )
 
     decision = against(choose_base(model, prepared.table.drop(*prepared.padding)))
     if decision.verdict != "none":
@@ -270,7 +278,8 @@ def _of_rows(
             decision = replace(against(longer), warnings=decision.warnings)
     if not may_be_another_body(decision):
         return decision
-    return against_energy(decision, against(symmetric_energy(prepared.unexplained)), stages)
+    energy = against(symmetric_energy(prepared.unexplained), other_body=True)
+    return against_energy(decision, energy, stages)
 
 
 def decide(
@@ -281,8 +290,9 @@ def decide(
     noise: Noise | None = None,
     settings: DiagnosisSettings = DEFAULTS,
     stages: Stages = STAGES,
+    other_body: bool = False,
 ) -> Decision:
-    """Go through the stages against one base."""
+    """Go through the stages against one base, which may stand in for a body that does not fit."""
     table, effects = prepared.unexplained, prepared.effects
     problem = stages.assemble(base, table, effects, noise, settings)
     weighed = noise_by_rest(problem) if noise is None else problem.noise
@@ -308,7 +318,7 @@ def decide(
             ):
                 accepted = again
                 left = stages.leftover(problem, first, accepted.effects)
-    accepted = stages.classify(problem, accepted, left)
+    accepted = stages.classify(problem, accepted, left, other_body=other_body)
     final = stages.verdict(
         problem,
         first,

@@ -142,7 +142,11 @@ class DiagnosisSettings(Checked):
         "with mean -d² and variance 4 d², beyond 12 in 3 of 10000 runs at most.",
     )
     near_share: float = setting(
-        0.3, low=0.0, high=1.0, doc="Beside another effect a rival may lose this share of a name."
+        0.3,
+        low=0.0,
+        high=1.0,
+        doc="Beside another effect, or a body that is not the stated one, a rival may lose this "
+        "share of a name.",
     )
     near_share_in_doubt: float = setting(
         0.6, low=0.0, high=1.0, doc="The same where the form of the effect is in doubt."
