@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -136,6 +137,15 @@ def blind_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         for name, count in (("POSES", 45), ("VISITS", 120), ("PAPER_POSES", 60)):
             patch.setattr(f"blind_parts.plans.{name}", count)
         yield tmp_path_factory.mktemp("blind")
+
+
+@pytest.fixture(scope="session")
+def solids() -> Path:
+    """The folder where `other_sets.table_of` keeps what FEM says of its bodies, also for later."""
+    made_by = (ROOT / "benches" / "blind_parts" / "other_bodies.py").read_bytes()
+    folder = cache_of_this_code() / f"solids-{hashlib.sha256(made_by).hexdigest()[:8]}"
+    folder.mkdir(exist_ok=True)
+    return folder
 
 
 @pytest.fixture(scope="session")

@@ -77,11 +77,11 @@ def test_few_rows_for_many_columns_leave_it_as_assumed() -> None:
     ],
 )
 def test_undeclared_noise_hides_no_effect(
-    tmp_path: Path, seed: int, index: int, answer: tuple[tuple[str, ...], ...]
+    solids: Path, seed: int, index: int, answer: tuple[tuple[str, ...], ...]
 ) -> None:
     """Sets of `benches/blind_second.py`; with a common rig's ratios the first three were unknown,
     none and a class of three others, and the last, with nothing hidden, unknown."""
-    table, mechanism = table_of(other_sets(index + 1, seed)[index], tmp_path)
+    table, mechanism = table_of(other_sets(index + 1, seed)[index], solids)
     found = diagnose(given_model(table, mechanism), table)
     assert found.noise.source == "assumed"
     assert found.answer == answer, found.sentence()

@@ -42,9 +42,9 @@ def test_a_load_of_any_size_has_a_direction_and_a_steady_one_a_name() -> None:
 
 
 @pytest.mark.parametrize(("seed", "index"), [(31, 229), (32, 183)])
-def test_a_film_of_liquid_is_no_cable(tmp_path: Path, seed: int, index: int) -> None:
+def test_a_film_of_liquid_is_no_cable(solids: Path, seed: int, index: int) -> None:
     """Sets of `benches/blind_second.py` that came as a clean `cable_drag`."""
-    table, mechanism = table_of(other_sets(index + 1, seed)[index], tmp_path)
+    table, mechanism = table_of(other_sets(index + 1, seed)[index], solids)
     found: Diagnosis = diagnose(given_model(table, mechanism), table)
     assert found.answer == (), found.sentence()
     assert found.unknown is not None
