@@ -49,7 +49,7 @@ def test_the_wheel_installs_and_identifies_without_rust(
             environment[name] = os.environ[name]
     pip = [sys.executable, "-m", "pip", "--python", clean / "bin" / "python"]
     subprocess.run(
-        [*pip, "install", "--quiet", "--disable-pip-version-check", wheel],
+        [*pip, "install", "--quiet", "--disable-pip-version-check", "--no-compile", wheel],
         check=True,
         timeout=600,
         env={**os.environ, "PYTHONPATH": ""},

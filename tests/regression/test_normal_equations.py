@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from ecm.regression.normal_equations import (
     NormalEquations,
     difference,
     explained_by_blocks,
     projected_out,
+    ridge_path,
 )
 
 
@@ -41,3 +43,17 @@ def test_a_held_out_group_with_a_column_of_its_own_is_predicted_without_it() -> 
     with_own = normal.held_out([0, 1, 2, 3], np.arange(12), every)
     without = normal.held_out([0, 1, 2], np.arange(12), every)
     np.testing.assert_allclose(with_own[0], without[0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("columns", [1, 2, 40])
+def test_a_path_of_ridges_is_the_solution_for_each(columns: int) -> None:
+    random = np.random.default_rng(columns)
+    rows = random.normal(size=(60, columns))
+    rows[:, columns // 2 :] = rows[:, : columns - columns // 2]  # half of them are copies
+    matrix, vector = rows.T @ rows, rows.T @ random.normal(size=60)
+    ridges = np.array([1e-3, 1.0, 1e4])
+    found = ridge_path(matrix, vector, ridges)
+    assert found.shape == (columns, 3)
+    for solution, ridge in zip(found.T, ridges, strict=True):
+        expected = np.linalg.solve(matrix + ridge * np.eye(columns), vector)
+        np.testing.assert_allclose(solution, expected, rtol=1e-8, atol=1e-12)

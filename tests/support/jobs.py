@@ -44,8 +44,8 @@ def identify(config: Path, out: Path, *options: str) -> None:
 def identify_with_kept_fem(config: Path, out: Path, *options: str) -> None:
     """Run the job; what FEM solved for it stays in the cache folder of this code for the next time.
 
-    That is the time of the job nearly by itself. The run that is killed solves 60 of the cases and
-    all poses of the campaigns again, and must end with the same bytes.
+    That is the time of the job nearly by itself. The run that is killed solves some of the
+    cases and of the poses again, and must end with the same bytes.
     """
     kept = Path(os.environ["ECM_CACHE"]) / f"job-{hash_of(config.read_text(encoding='utf-8'))[:16]}"
     if kept.is_dir():

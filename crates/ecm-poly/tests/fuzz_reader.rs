@@ -1,6 +1,6 @@
 //! The model reader under damaged and hostile files: it answers, it never panics.
 //!
-//! Every file of `tests/corpus`, then mutations of them for 20 s:
+//! Every file of `tests/corpus`, then mutations of them for 10 s:
 //! `ECM_FUZZ_SECONDS=600 cargo test --release -p ecm-poly --test fuzz_reader` for longer. What makes it
 //! panic is left in `corpus-found` of the target folder: copy it to `tests/corpus`.
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
@@ -146,7 +146,7 @@ fn corpus() -> Vec<String> {
 #[test]
 fn the_reader_never_panics() {
     let seconds = std::env::var("ECM_FUZZ_SECONDS").ok();
-    let seconds = seconds.and_then(|s| s.parse().ok()).unwrap_or(20);
+    let seconds = seconds.and_then(|s| s.parse().ok()).unwrap_or(10);
     let until = Instant::now() + Duration::from_secs(seconds);
     let seeds = corpus();
     let opened = seeds.iter().filter(|text| read(text)).count();

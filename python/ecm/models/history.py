@@ -18,7 +18,7 @@ from ecm.models.maps import StiffnessMap
 from ecm.regression.f_test import FTest
 from ecm.regression.folds import folds, held_out_by, is_pose_row, row_groups
 from ecm.regression.noise import Noise, whiteners
-from ecm.regression.normal_equations import NormalEquations
+from ecm.regression.normal_equations import NormalEquations, ridge_path
 
 _CEILING_DEGREE = 3
 _CEILING_FOLDS = 5
@@ -194,11 +194,9 @@ def ceiling_rms(fit: JointFit, table: Table, noise: Noise) -> Ceiling | None:
     size = np.sqrt(np.diag(matrix) / n) + 1e-300
     for part in range(_CEILING_FOLDS):
         others = (matrix - matrices[part]) / np.outer(size, size)
-        values, axes = np.linalg.eigh(others)
-        along = axes.T @ ((vector - vectors[part]) / size)
-        weights = along[:, None] / (np.maximum(values, 0.0)[:, None] + ridges)
+        weights = ridge_path(others, (vector - vectors[part]) / size, ridges)
         test = parts == part
-        left = whitened[test].ravel()[:, None] - (design_of(part) / size) @ (axes @ weights)
+        left = whitened[test].ravel()[:, None] - (design_of(part) / size) @ weights
         squares += (left**2).sum(axis=0)
         physical += ((colour[test] @ left.reshape(-1, m, len(ridges))) ** 2).sum(axis=0)
     best = int(np.argmin(squares))
