@@ -41,6 +41,12 @@ def test_a_load_of_any_size_has_a_direction_and_a_steady_one_a_name() -> None:
     assert find_direction(steady.problem, steady.accepted.effects) is None
 
 
+def test_a_load_whose_size_changes_by_less_than_the_noise_keeps_its_name() -> None:
+    table = campaign("", 1.0, 3)
+    sizes = 1.0 + 0.1 * np.random.default_rng(4).standard_normal(len(table))
+    assert diagnose(model(), with_load(table, sizes)).answer == (("cable_drag",),)
+
+
 @pytest.mark.parametrize(("seed", "index"), [(31, 229), (32, 183)])
 def test_a_film_of_liquid_is_no_cable(solids: Path, seed: int, index: int) -> None:
     """Sets of `benches/blind_second.py` that came as a clean `cable_drag`."""

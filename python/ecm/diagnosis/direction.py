@@ -29,7 +29,8 @@ def find_direction(problem: Problem, effects: Sequence[Candidate]) -> Pattern | 
     """Return the direction along which the base's residual is a load; None where there is none.
 
     Components of what the effects leave must err together, beyond what any noise of pose, force and
-    torque gives; and that direction must hold most of what the effects explain.
+    torque gives, by more than that noise; and that direction must hold most of what the effects
+    explain.
     """
     base = problem.base
     if base.inputs != POSE or base.outputs != WRENCH or not effects:
@@ -49,15 +50,17 @@ def find_direction(problem: Problem, effects: Sequence[Candidate]) -> Pattern | 
     if p >= problem.settings.white_level:
         return None
     rest = rest[counted] / np.sqrt(problem.scale)
-    _, vectors = np.linalg.eigh(rest.T @ rest)
+    squares, vectors = np.linalg.eigh(rest.T @ rest)
+    # Weaker than the noise along it, it may be what an estimate of that noise is wrong by.
+    if squares[-1] <= 2.0 * len(rest):
+        return None
     response = residual_after(problem, ())
     before = response[counted] / np.sqrt(problem.scale)
     along = before @ vectors[:, -1]
     # The sense in which it acts more.
     along = along if along.sum() >= 0.0 else -along
     explained = float(along @ along) - len(along)
-    # Weaker than the noise along it, it may be what an estimate of that noise is wrong by.
-    if explained <= max(_MOST_OF_IT * delta_chi2(problem, effects), float(len(along))):
+    if explained <= _MOST_OF_IT * delta_chi2(problem, effects):
         return None
     load = np.linalg.solve(problem.whitener, response[:, :, None])[counted, :, 0]
     size = along @ load / np.sqrt(len(along) * float(along @ along))

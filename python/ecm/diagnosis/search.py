@@ -182,10 +182,16 @@ def all_needed(problem: Problem, chosen: Sequence[Candidate]) -> bool:
 def _material_share(problem: Problem, item: Candidate, others: Sequence[Candidate]) -> float:
     """Return the share of all that is explained that an effect must explain beside others.
 
-    What the form of an effect of the pose leaves follows the pose: it is no effect of time.
+    What the form of an effect of the pose leaves follows the pose: it is no effect of time. Where
+    that follows the pose as well, as softening below the largest load does, the two are rivals.
     """
     settings = problem.settings
-    unlike = item.effect.kind == "time" and all(one.effect.kind == "pose" for one in others)
+    unlike = item.effect.kind == "time" and all(
+        one.effect.kind == "pose"
+        and one.id not in item.effect.rivals
+        and item.id not in one.effect.rivals
+        for one in others
+    )
     return settings.unlike_share if unlike else settings.material_share
 
 
