@@ -29,7 +29,7 @@ def find_direction(problem: Problem, effects: Sequence[Candidate]) -> Pattern | 
     """Return the direction along which the base's residual is a load; None where there is none.
 
     Components of what the effects leave must err together, beyond what any noise of pose, force and
-    torque gives, by more than that noise; and that direction must hold most of what the effects
+    torque gives, and by more than that noise; that direction must hold most of what the effects
     explain.
     """
     base = problem.base
