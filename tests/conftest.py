@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -11,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from ecm.cli import run
+from ecm.io.cache import hash_of
 from ecm.io.mechanism import Mechanism
 from ecm.models import PhysicsMap, physics_map
 from ecm.regression.blas import one_blas_thread
@@ -142,8 +142,8 @@ def blind_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 @pytest.fixture(scope="session")
 def solids() -> Path:
     """The folder where `other_sets.table_of` keeps what FEM says of its bodies, also for later."""
-    made_by = (ROOT / "benches" / "blind_parts" / "other_bodies.py").read_bytes()
-    folder = cache_of_this_code() / f"solids-{hashlib.sha256(made_by).hexdigest()[:8]}"
+    made_by = (ROOT / "benches" / "blind_parts" / "other_bodies.py").read_text(encoding="utf-8")
+    folder = Path(os.environ["ECM_CACHE"]) / f"solids-{hash_of(made_by)[:16]}"
     folder.mkdir(exist_ok=True)
     return folder
 

@@ -58,14 +58,16 @@ def identify_with_kept_fem(config: Path, out: Path, *options: str) -> None:
         unfinished.rename(kept)
 
 
-def copy_fem(job: Path, other: Path, most: int = 1_000_000) -> None:
+def copy_fem(job: Path, other: Path, share: float = 1.0) -> None:
     """Copy the FEM cases that a job has solved, and the poses of its campaigns, to another job."""
-    copy_cases(job, other / "stages", most)
+    copy_cases(job, other / "stages", share)
     shutil.copytree(job / "stages" / "anchors", other / "stages" / "anchors")
 
 
-def copy_cases(job: Path, parts: Path, most: int = 1_000_000) -> None:
+def copy_cases(job: Path, parts: Path, share: float = 1.0) -> None:
     """Copy the first FEM cases that a job has solved to where another goes on from them.
+
+    A slow machine keeps more cases in fewer chunks: a share of the chunks always leaves some.
 
     A case depends only on the body, the box, the seed and the cases before its batch: a
     simulation of fewer pairs of the same neck and seed begins with the same cases.
@@ -73,5 +75,6 @@ def copy_cases(job: Path, parts: Path, most: int = 1_000_000) -> None:
     for solved in (job / "stages").glob("simulate-*.parts"):
         target = parts / solved.name
         target.mkdir(parents=True)
-        for file in sorted(solved.iterdir())[:most]:
+        files = sorted(solved.iterdir())
+        for file in files[: int(share * len(files))]:
             (target / file.name).write_bytes(file.read_bytes())

@@ -28,9 +28,6 @@ from support.jobs import QUICK, copy_fem, identify, identify_command
 from support.neck import Done
 from support.report_pages import open_page
 
-SOLVED = 0.75
-"""Share of the kept chunks that the killed run begins with; a slow machine keeps fewer chunks."""
-
 
 def test_the_results_are_there_and_hang_together(quick_job: Path) -> None:
     summary = json.loads((quick_job / "summary.json").read_text())
@@ -65,8 +62,8 @@ def test_a_killed_run_goes_on_and_ends_the_same_on_one_thread(
     FEM solves the last cases and the poses of the loop's campaign, the smallest of three.
     """
     out = tmp_path / "killed"
-    solved = int(SOLVED * len(chunks(quick_job)))
-    copy_fem(quick_job, out, solved)
+    copy_fem(quick_job, out, share=0.75)
+    solved = len(chunks(out))
     min((out / "stages" / "anchors").iterdir(), key=lambda file: file.stat().st_size).unlink()
     one = ("--threads", "1", "--quiet")
     for how, kept in ((signal.SIGINT, solved + 1), (signal.SIGKILL, solved + 3)):

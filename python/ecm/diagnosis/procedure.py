@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import wraps
+from functools import partial, wraps
 from typing import TYPE_CHECKING, Any
 
 from ecm.diagnosis.accept import Accepted, accept, fullest_forms
@@ -250,18 +250,9 @@ def _of_rows(
     stages: Stages,
 ) -> Decision:
     """Go through the stages with the rows that were selected, against the bases that may fit."""
-
-    def against(base: StiffnessMap, *, other_body: bool = False) -> Decision:
-        return decide(
-            base,
-            prepared,
-            seed=seed,
-            noise=noise,
-            settings=settings,
-            stages=stages,
-            other_body=other_body,
-        )
-
+    against = partial(
+        decide, prepared=prepared, seed=seed, noise=noise, settings=settings, stages=stages
+    )
     decision = against(choose_base(model, prepared.table.drop(*prepared.padding)))
     if decision.verdict != "none":
         other = base_of_unlike_ends(decision)
