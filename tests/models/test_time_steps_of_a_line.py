@@ -1,4 +1,4 @@
-"""A table of one coordinate: its relaxation steps in C as Python predicts a rate it never saw."""
+"""A table of one coordinate: its relaxation and friction step in C as Python predicts new rows."""
 
 from __future__ import annotations
 
@@ -9,53 +9,86 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ecm.io.arrays import F
 from ecm.io.table import read_table
-from ecm.models import fit_model
+from ecm.models import Model, fit_model
 from ecm.models.export import export_files
 from support.neck import ROOT
+from support.one_angle import NOISE_NM, one_angle
 from support.programs import need_program
 
 META = ROOT / "examples" / "viscoelastic_shear.toml"
+
+
+def stepped_in_c(model: Model, points: F, times: F, folder: Path) -> F:
+    """Wrench of the exported code after each step; its own check keeps the golden history."""
+    gcc = need_program("gcc")
+    exported = export_files(model, "c", "line")
+    assert exported.left_out == ()
+    for path, text in exported.files.items():
+        (folder / path).write_text(text, encoding="utf-8")
+    strict = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror"]
+    check = [gcc, *strict, "line.c", "line_check.c", "-o", "check"]
+    subprocess.run(check, cwd=folder, check=True)
+    subprocess.run([folder / "check"], check=True)
+    library = folder / "line.so"
+    subprocess.run(
+        [gcc, *strict, "-shared", "-fPIC", "line.c", "-o", library], cwd=folder, check=True
+    )
+    code = ctypes.CDLL(str(library))
+    state, h, k = (ctypes.c_double * 7)(), ctypes.c_double(), ctypes.c_double()
+    assert code.line_init(state, ctypes.byref(ctypes.c_double(points[0]))) == 1
+    said = []
+    for point, dt in zip(points, np.diff(times, prepend=times[0]), strict=True):
+        point_of_c = ctypes.byref(ctypes.c_double(point))
+        told = (point_of_c, ctypes.c_double(dt), None, ctypes.byref(h), ctypes.byref(k))
+        assert code.line_step(state, *told) == 1
+        said.append(h.value)
+    return np.array(said)
 
 
 @pytest.mark.parametrize("rate", [0.0, 1.0, 2.0])
 def test_a_rate_left_out_is_stepped_as_well_in_c(
     shared_data: Path, rate: float, tmp_path: Path
 ) -> None:
-    gcc = need_program("gcc")
     folder = shared_data / "viscoelastic_shear"
     table = read_table([folder / f"shear_relaxation_{n}.csv" for n in (1, 2, 5)], meta=META)
     number = table.column("run")
     train, unseen = table.select(number != rate), table.select(number == rate)
     static = fit_model(train, "poly:3")
     model = static.add("stress_relaxation").fit(train)
-    exported = export_files(model, "c", "shear")
-    assert exported.left_out == ()
-    for path, text in exported.files.items():
-        (tmp_path / path).write_text(text, encoding="utf-8")
-    strict = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror"]
-    check = [gcc, *strict, "shear.c", "shear_check.c", "-o", "check"]
-    subprocess.run(check, cwd=tmp_path, check=True)
-    subprocess.run([tmp_path / "check"], check=True)
-    library = tmp_path / "shear.so"
-    subprocess.run(
-        [gcc, *strict, "-shared", "-fPIC", "shear.c", "-o", library], cwd=tmp_path, check=True
-    )
-    code = ctypes.CDLL(str(library))
-    state, h, k = (ctypes.c_double * 6)(), ctypes.c_double(), ctypes.c_double()
-    x, time = unseen.column("x_m"), unseen.column("time_s")
-    assert code.shear_init(state, ctypes.byref(ctypes.c_double(x[0]))) == 1
-    said = []
-    for point, dt in zip(x, np.diff(time, prepend=time[0]), strict=True):
-        point_of_c = ctypes.byref(ctypes.c_double(point))
-        told = (point_of_c, ctypes.c_double(dt), None, ctypes.byref(h), ctypes.byref(k))
-        assert code.shear_step(state, *told) == 1
-        said.append(h.value)
+    said = stepped_in_c(model, unseen.column("x_m"), unseen.column("time_s"), tmp_path)
     truth = unseen.column("fx_N")
 
     def error(wrench: np.ndarray) -> float:
         return float(np.sqrt(((truth - wrench) ** 2).mean()))
 
-    stepped = error(np.array(said))
+    stepped = error(said)
     assert stepped <= 1.02 * error(model.predict(unseen)[:, 0])
     assert error(static.predict(unseen)[:, 0]) > 2.8 * stepped
+
+
+@pytest.mark.parametrize(
+    ("effects", "within_Nm"),
+    [(("hysteresis",), 1e-9), (("stress_relaxation", "hysteresis"), 1e-3 * NOISE_NM)],
+)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_loop_of_one_angle_is_stepped_in_c(
+    effects: tuple[str, ...], within_Nm: float, sign: float, tmp_path: Path
+) -> None:
+    """Also where the torque falls with the angle, as the robot's torque on a motor does.
+
+    A branch begins after a rest at the first row in C; in Python a short way leads there from rest.
+    """
+    table = one_angle("hysteresis")
+    table = table.with_columns({"tau_z_Nm": sign * table["tau_z_Nm"]})
+    static = fit_model(table, "cubic")
+    model = static.add(*effects).fit(table)
+    time = 0.1 * np.arange(900.0)
+    angle = 0.4 * np.sin(0.4 * time) * np.sin(0.09 * time + 0.4)
+    said = stepped_in_c(model, angle, time, tmp_path)
+    other = table.select(np.zeros(len(time), dtype=np.int64)).with_columns(
+        {"theta_z_rad": angle, "time_s": time}
+    )
+    np.testing.assert_allclose(said, model.predict(other)[:, 0], rtol=0.0, atol=within_Nm)
+    assert np.abs(said - static.predict(other)[:, 0]).max() > 0.02

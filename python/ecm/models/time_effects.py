@@ -14,6 +14,8 @@ import numpy as np
 
 from ecm._native import mid_frame
 from ecm.effects import Effect
+from ecm.effects.few.friction import Hysteresis as HysteresisOfPairs
+from ecm.effects.few.pairs import numbers, split
 from ecm.effects.friction import Hysteresis
 from ecm.effects.mid_frame import generalised, wrench_of
 from ecm.effects.modulus import MullinsSoftening, TemperatureModulus
@@ -176,6 +178,8 @@ def _add_along_a_line(found: TimeEffects, model: Fitted, effect: Effect, values:
         return _temperature(found, model, effect, values)
     if effect.id == "ageing":
         return _ageing(found, model, effect, values)
+    if isinstance(effect, HysteresisOfPairs):
+        return _friction_along_a_line(found, effect, values)
     if not isinstance(effect, StressRelaxation):
         return "it has no step along a single coordinate"
     linear = effect.overstress == "linear"
@@ -187,6 +191,15 @@ def _add_along_a_line(found: TimeEffects, model: Fitted, effect: Effect, values:
     else:
         found.warnings.append(_NOT_PASSIVE)
     found.document["branches"] = _branches(effect, values, linear)
+    return ""
+
+
+def _friction_along_a_line(found: TimeEffects, effect: HysteresisOfPairs, values: F) -> str:
+    """One spring that slips: the pair's friction over the path to the slip."""
+    name, _, sign = split(effect.of)
+    path = numbers(effect.slip)[name]
+    found.document["friction"] = [sign * float(values[0]) / path] + [0.0] * 5
+    found.document["slip"] = [path] + [0.0] * 5
     return ""
 
 

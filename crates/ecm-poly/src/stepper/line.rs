@@ -1,4 +1,4 @@
-//! The same steps along a single coordinate, which has no frame: relaxation, temperature and age.
+//! The same steps along a single coordinate, which has no frame: relaxation, friction, temperature and age.
 
 use super::{BRANCHES, Decay, Effects, Inputs};
 
@@ -13,10 +13,12 @@ pub struct LineState {
     pub memory: [f64; BRANCHES],
     /// What rounding left out of m.
     pub carry: [f64; BRANCHES],
+    /// Stretch of the spring that slips.
+    pub stretch: f64,
 }
 
 /// Numbers of a [`LineState`].
-pub const LINE_NUMBERS: usize = 2 + 2 * BRANCHES;
+pub const LINE_NUMBERS: usize = 3 + 2 * BRANCHES;
 
 impl LineState {
     /// After an infinite rest at a point with its static value.
@@ -26,12 +28,14 @@ impl LineState {
             value,
             memory: [0.0; BRANCHES],
             carry: [0.0; BRANCHES],
+            stretch: 0.0,
         }
     }
 
     /// Value and its derivative, dt (s) after the step before, from the static ones at `point`.
     ///
-    /// A linear branch follows the first stiffness of the effects. None, and the state as it was,
+    /// A linear branch follows the first stiffness of the effects, friction its first spring and
+    /// slip. None, and the state as it was,
     /// where dt is negative or a number is not finite.
     ///
     /// ```
@@ -44,6 +48,13 @@ impl LineState {
     /// let inputs = effects.default_inputs();
     /// let sudden = state.step(&effects, 0.1, (10.0, 100.0), 0.0, &inputs);
     /// assert_eq!(sudden, Some((15.0, 150.0)));
+    ///
+    /// let mut rubs = Effects::none(1.0);
+    /// (rubs.friction[0], rubs.slip[0]) = (20.0, 0.05);
+    /// let mut state = LineState::new(0.0, 0.0);
+    /// let there = state.step(&rubs, 0.1, (10.0, 100.0), 0.1, &inputs);
+    /// let back = state.step(&rubs, 0.075, (7.5, 100.0), 0.1, &inputs);
+    /// assert_eq!((there, back), (Some((11.0, 100.0)), Some((8.0, 120.0))));
     /// ```
     pub fn step(
         &mut self,
@@ -75,6 +86,16 @@ impl LineState {
             sum += branch.share * new;
             steep += branch.share * decay.share * of_slope;
         }
+        let (wanted, limit) = (self.stretch + (point - self.point), effects.slip[0]);
+        self.stretch = if wanted > limit {
+            limit
+        } else if wanted < -limit {
+            -limit
+        } else {
+            steep += effects.friction[0];
+            wanted
+        };
+        sum += effects.friction[0] * self.stretch;
         self.point = point;
         self.value = value;
         Some((sum, steep))

@@ -8,6 +8,8 @@ static const real stiffness_of[6] = {@STIFFNESS@};
 static const real share_of[2] = {@SHARES@};
 static const real tau_of[2] = {@TAUS@};
 static const real linear_of[2] = {@LINEAR@};
+static const real friction_of[6] = {@FRICTION@};
+static const real slip_of[6] = {@SLIP@};
 static const real softer_per_kelvin = R(@WARMER@), ageing_per_s = R(@AGEING@);
 
 @CONDITIONS@
@@ -31,6 +33,7 @@ int32_t @NAME@_init(state_t *state, const real p[1])
     }
     state->pose[0] = p[0];
     state->value = h[0];
+    state->stretch = R(0);
     for (int32_t b = 0; b < 2; b++) {
         state->memory[b][0] = R(0);
         state->carry[b] = R(0);
@@ -42,7 +45,7 @@ int32_t @NAME@_step(state_t *state, const real p[1], real dt, const inputs_t *in
                     real k[1])
 {
     const real size = size_at(inputs ? inputs : &@NAME@_default_conditions);
-    real value, slope;
+    real value, slope, wanted;
     @NAME@_value_and_stiffness(p, h, k);
     value = h[0];
     slope = k[0];
@@ -67,6 +70,16 @@ int32_t @NAME@_step(state_t *state, const real p[1], real dt, const inputs_t *in
         h[0] += share_of[b] * now;
         k[0] += share_of[b] * left * of_slope;
     }
+    wanted = state->stretch + (p[0] - state->pose[0]);
+    if (wanted > slip_of[0]) {
+        state->stretch = slip_of[0];
+    } else if (wanted < -slip_of[0]) {
+        state->stretch = -slip_of[0];
+    } else {
+        state->stretch = wanted;
+        k[0] += friction_of[0];
+    }
+    h[0] += friction_of[0] * state->stretch;
     state->pose[0] = p[0];
     state->value = value;
     return 1;

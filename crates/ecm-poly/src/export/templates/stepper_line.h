@@ -20,6 +20,7 @@
 typedef struct {
     @NAME@_real pose[1], value;         /* of the last step */
     @NAME@_real memory[2][1], carry[2]; /* of relaxing branches */
+    @NAME@_real stretch;                /* of the spring that slips */
 } @NAME@_state;
 
 typedef struct {
