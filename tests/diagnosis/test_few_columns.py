@@ -200,6 +200,21 @@ def test_what_cannot_be_tested_is_at_most_six_lines() -> None:
     assert "tendon_friction -> tendon1_N, tendon2_N, ...; viscous_damping -> v_ columns" in last
 
 
+@pytest.mark.parametrize("add", list(itertools.permutations(["hysteresis", "stress_relaxation"])))
+def test_two_effects_are_added_at_once(add: tuple[str, str]) -> None:
+    """The shape of the first is chosen beside the second, in its form for one angle."""
+    relaxing, loop, plain = map(one_angle, ("stress_relaxation", "hysteresis", ""))
+    torque = relaxing["tau_z_Nm"] + loop["tau_z_Nm"] - plain["tau_z_Nm"]
+    both = relaxing.with_columns({"tau_z_Nm": torque})
+    bare = ecm.fit(both, "cubic")
+    better = ecm.refit(bare, both, add=add)
+    assert [item.id for item in better.effects] == list(add)
+    rms = [ecm.compare(model, both).components[0].rmse for model in (bare, better)]
+    assert rms[1] < 1.6 * NOISE_NM < 0.5 * rms[0]
+    with pytest.raises(InputError, match="temperature_modulus cannot be fitted"):
+        ecm.refit(bare, both, add=[add[0], "temperature_modulus"])
+
+
 def test_one_angle_may_have_a_polynomial_of_degree_nine() -> None:
     table = one_angle("higher_degree")
     steps = [ecm.compare(ecm.fit(table, f"poly:{d}"), table).whitened_rms for d in (3, 6, 9)]

@@ -238,6 +238,18 @@ class Table:
         """(N,) numbers of the rows from 1, as the table's file counts them."""
         return self.row_numbers + 1 if self.file_rows is None else self.file_rows
 
+    @property
+    def unthinned(self) -> Table:
+        """The table that the rows of a thinned one were chosen from; else this table.
+
+        Examples
+        --------
+        >>> table = as_table({"y_m": [0.0, 0.01, 0.02], "fy_N": [0.0, 30.5, 61.0]})
+        >>> len(table.thinned([0, 2]).unthinned), len(table.unthinned)
+        (3, 3)
+        """
+        return self if self.whole is None else self.whole
+
     def thinned(self, rows: ArrayLike) -> Table:
         """Return the rows of growing row numbers, which keep the history of all rows.
 

@@ -174,7 +174,7 @@ def best_shape(
     Variants are compared by the score test of their tangents, less ln(n) for each parameter;
     shapes between the best of a coarse grid and its neighbours are tried as well.
     """
-    whole = table if table.whole is None else table.whole
+    whole = table.unthinned
     variants = effect.variants(whole)
     if len(variants) == 1:
         return variants[0]

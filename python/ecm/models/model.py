@@ -486,11 +486,18 @@ class Model:
         used = noise
         if used is None:
             used = noise_for(self.base, table, self.noise, same_rows=same_rows)
-        shaped = self
-        for position, item in enumerate(self.effects):
-            if not item.frozen:
-                steps.begin(_FORM.format(item.id))
-                shaped = shaped._best_shape(position, table, used)
+        forms = self._forms_of(table)
+        # Beside the others the shape of one is chosen: a new form needs one that has columns.
+        first = {i: form for i, form in forms.items() if form is not self.effects[i].effect}
+        shaped = self._with_effects(
+            {i: form.variants(table.unthinned)[0] for i, form in first.items()}
+        )
+        for position, form in forms.items():
+            steps.begin(_FORM.format(form.id))
+            effects = shaped.effects
+            others = (*effects[:position], *effects[position + 1 :])
+            best = best_shape(self.base, others, form, table, used, freeze_base=freeze_base)
+            shaped = shaped._with_effects({position: best})
         steps.begin(_ALL)
         joint = joint_fit(shaped.base, shaped.effects, table, used, freeze_base=freeze_base)
         if any(item.effect.shape.get("overstress") == "linear" for item in joint.effects):
@@ -521,21 +528,28 @@ class Model:
         records = fit_records(fit, self.base, self.history, frozen=freeze_base)
         return replace(fitted, history=(*self.history, *records))
 
-    def _best_shape(self, position: int, table: Table, noise: Noise) -> Model:
-        """The model whose effect at this position has its best shape, with values zero."""
-        item = self.effects[position]
-        (plain,) = effects_for((*self.inputs, *self.outputs), (item.effect,))
-        whole = (table if table.whole is None else table.whole).with_length(self.known_length_m)
-        lacking = plain.missing(whole) or missing_length(plain, whole)
-        if lacking is not None:
-            raise InputError(
-                f"{table.source}: effect {item.id} cannot be fitted, {lacking.reason}; "
-                f"record {lacking.record}"
-            )
-        others = (*self.effects[:position], *self.effects[position + 1 :])
-        effect = best_shape(self.base, others, plain, table, noise, freeze_base=self.base_frozen)
+    def _forms_of(self, table: Table) -> dict[int, Effect]:
+        """The free effects in the forms that these columns call for, by position; all testable."""
+        whole = table.unthinned.with_length(self.known_length_m)
+        forms = {}
+        for position, item in enumerate(self.effects):
+            if item.frozen:
+                continue
+            (form,) = effects_for((*self.inputs, *self.outputs), (item.effect,))
+            lacking = form.missing(whole) or missing_length(form, whole)
+            if lacking is not None:
+                raise InputError(
+                    f"{table.source}: effect {item.id} cannot be fitted, {lacking.reason}; "
+                    f"record {lacking.record}"
+                )
+            forms[position] = form
+        return forms
+
+    def _with_effects(self, new: dict[int, Effect]) -> Model:
+        """The model with other effects at some positions, their values zero."""
         effects = list(self.effects)
-        effects[position] = FittedEffect.unfitted(effect)
+        for position, effect in new.items():
+            effects[position] = FittedEffect.unfitted(effect)
         return replace(self, effects=tuple(effects))
 
 
