@@ -78,6 +78,25 @@ def test_aprils_model_on_mays_data() -> None:
     assert found.rmse.before["fx_N"] > 3.0 * found.rmse.base["fx_N"]
 
 
+@pytest.mark.parametrize(("rows", "step_s"), [(12_000, 0.1), (3000, 0.4)])
+def test_a_model_of_a_log_with_hysteresis_needs_no_other_numbers(rows: int, step_s: float) -> None:
+    """It was fitted to this log. Few of its rows show no smooth structure: the loop is missing."""
+    time = step_s * np.arange(rows)
+    way = 0.008 * np.abs((time / 40.0) % 2.0 - 1.0)
+    play = np.zeros(rows)
+    for i in range(1, rows):
+        step = way[i] - way[i - 1]
+        play[i] = play[i - 1] + step - abs(step) * play[i - 1] / 3e-4
+    force = 14e3 * way + 6e5 * way**2 + 7.0 * play / 3e-4
+    force += 0.35 * np.random.default_rng(44).standard_normal(rows)
+    table = as_table({"time_s": time, "x_m": way, "fx_N": force})
+    found = diagnose(fit_model(table, "quadratic"), table)
+    assert "hysteresis" in found.answer[0]
+    assert found.model.answer == "effect", found.sentence()
+    assert found.model.with_effects is not None
+    assert found.model.with_effects.rmse["fx_N"] < 0.4
+
+
 def fast(found: Table) -> Table:
     """The same poses in motion: a resistance that grows with the square root of the speed."""
     random = np.random.default_rng(3)

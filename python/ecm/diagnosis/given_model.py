@@ -9,6 +9,7 @@ of the table (`ecm.diagnosis.given_readings`) makes the model fit as it stands, 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
@@ -183,19 +184,24 @@ def judge_given_model(
     # `result.missing` fits a base of its own where neither of the others says so.
     far = _far_behind(as_given, base_errors, settings)
     missing = result.structure.found or far or result.missing
-    again, after = None, None
-    still = decision.gate.rejected
-    if missing and not same:
-        again = refit_of_kind(model, prepared.unexplained, noise)
-        still = again is None or _structure(again, noise).found
-    refitted = _errors(again, noise) if again is not None else base_errors if same else None
-    still = still or (refitted is not None and _far_behind(refitted, base_errors, settings))
     accepted = [item.effect for item in decision.accepted.effects]
     # An effect of the base's columns has no meaning for a model of fewer.
     alike = (model.inputs, model.outputs) == (problem.base.inputs, problem.base.outputs)
+    again, after, needed = None, None, False
+    if not same and (missing or (accepted and alike)):
+        again = refit_of_kind(model, prepared.unexplained, noise)
     if again is not None and accepted and alike:
         fit = _fit_or_none(again.base, accepted, again.rows.table, noise)
         after = None if fit is None else _errors(fit, noise)
+        # What smooth functions do not show, as the way back of a hysteresis, is missing as well.
+        needed = fit is not None and _bic_fall(again, fit) > settings.least_bic
+    missing = missing or needed
+    refitted = _errors(again, noise) if again is not None else base_errors if same else None
+    if same:
+        still = decision.gate.rejected
+    else:
+        still = needed or again is None or (missing and _structure(again, noise).found)
+    still = still or (refitted is not None and _far_behind(refitted, base_errors, settings))
     # Of the same form as the base, what the base lacks the model lacks as well.
     lacks_the_same = alike and model.base.name == problem.base.name and decision.verdict != "none"
     answer = _answer(missing, refitted is not None and not still, decision)
@@ -221,7 +227,7 @@ def judge_given_model(
         gate=result.structure,
         as_given=as_given,
         refitted=refitted if missing else None,
-        with_effects=after,
+        with_effects=after if missing else None,
         base=problem.base.name,
         base_errors=base_errors,
         is_base=same,
@@ -266,6 +272,16 @@ def _errors(fit: JointFit, noise: Noise) -> Errors:
         None if noise.is_residual else float(np.sqrt((whitened**2).sum() / dof)),
         dict(zip(fit.base.outputs, rms.tolist(), strict=True)),
     )
+
+
+def _bic_fall(without: JointFit, with_effects: JointFit) -> float:
+    """Return the fall of BIC by the effects of the second fit, whatever the size of the noise."""
+    scored = is_pose_row(without.rows.table)
+    before, after = (float((f.whitened[scored] ** 2).sum()) for f in (without, with_effects))
+    size = without.whitened[scored].size
+    more = with_effects.design.shape[2] - without.design.shape[2]
+    fall = math.log(max(before, 1e-300) / max(after, 1e-300))
+    return float(size * fall - more * math.log(size))
 
 
 def _structure(fit: JointFit, noise: Noise) -> StructureTest:
