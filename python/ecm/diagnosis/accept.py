@@ -151,19 +151,20 @@ def _checked(
     room = settings.most_in_class - len(members)
     if room <= 0:
         return check, tuple(members)
-    if check.chosen_share < settings.chosen_share:
-        # A close rival that wins among resampled rows belongs to the class as well.
+    others = {other.id for other in chosen}
+    won = sorted(check.winners.items(), key=lambda won: -won[1])
+    seldom = check.chosen_share < settings.chosen_share
+    joining = []
+    if len(chosen) == 1 or not seldom:
+        # A rival that wins often belongs to the class, however far it is in BIC: with few rows it
+        # may be the truth. Several effects that win seldom may add up to what no library holds.
+        often = settings.rival_bootstraps
+        joining = [id for id, share in won if share > often and id not in others]
+    if seldom:
+        # So does a close one that wins now and then.
         close = class_of(problem, chosen, item, settings.close_bic)
-        wins = {id for id, share in check.winners.items() if share > settings.some_bootstraps}
-        joining = [id for id in close if id in wins]
-    else:
-        # So does one that wins often, however far it is in BIC: with few rows it may be the truth.
-        others = {other.id for other in chosen}
-        joining = [
-            id
-            for id, share in sorted(check.winners.items(), key=lambda won: -won[1])
-            if share > settings.rival_bootstraps and id not in others
-        ]
+        wins = {id for id, share in won if share > settings.some_bootstraps}
+        joining += [id for id in close if id in wins and id not in joining]
     members = [*members, *[id for id in joining if id not in members][:room]]
     check = acceptance_check(problem, chosen, item, members, seed, winners=check.winners)
     return check, tuple(members)
@@ -286,7 +287,7 @@ def _over_range(problem: Problem, chosen: Sequence[Candidate], item: Candidate) 
     fit = bounded_estimate(problem, chosen, (item,))
     own = np.isin(fit.columns, item.columns)
     whitened = problem.design[:, :, fit.columns[own]] @ fit.theta[own]
-    correction = np.linalg.solve(problem.whitener, whitened[:, :, None])[:, :, 0]
+    correction = problem.in_units(whitened)
     counted = problem.weights > 0.5
     noise = np.sqrt(np.einsum("nij,nij->nj", *2 * (np.linalg.inv(problem.whitener),)))
     readings = np.abs(problem.table.matrix(problem.base.outputs))[counted]

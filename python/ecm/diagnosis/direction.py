@@ -39,20 +39,19 @@ def find_direction(problem: Problem, effects: Sequence[Candidate]) -> Pattern | 
     rest = residual_after(problem, effects)
     if int(counted.sum()) < _LEAST_ROWS or _chance(rest[counted]) >= problem.settings.white_level:
         return None
+    scaled = rest[counted] / np.sqrt(problem.scale)
+    squares, vectors = np.linalg.eigh(scaled.T @ scaled)
+    # Weaker than the noise along it, it may be what an estimate of that noise is wrong by.
+    if squares[-1] <= 2.0 * len(scaled):
+        return None
     # Noise of the pose that is stated wrongly acts through the stiffness on several components.
-    solved = np.linalg.solve(problem.whitener, rest[:, :, None])
-    in_units = np.asarray(solved[:, :, 0], dtype=np.float64)
+    in_units = problem.in_units(rest)
     nothing: F = np.zeros((*rest.shape, 0))
     noise = weighed_by_rest(problem.rows, in_units, nothing, problem.noise)
     whitener = whiteners(noise.covariance(problem.rows, base.error))
     own = np.einsum("nij,nj->ni", whitener, in_units)[counted]
     p = _chance(own)
     if p >= problem.settings.white_level:
-        return None
-    rest = rest[counted] / np.sqrt(problem.scale)
-    squares, vectors = np.linalg.eigh(rest.T @ rest)
-    # Weaker than the noise along it, it may be what an estimate of that noise is wrong by.
-    if squares[-1] <= 2.0 * len(rest):
         return None
     response = residual_after(problem, ())
     before = response[counted] / np.sqrt(problem.scale)
@@ -62,7 +61,7 @@ def find_direction(problem: Problem, effects: Sequence[Candidate]) -> Pattern | 
     explained = float(along @ along) - len(along)
     if explained <= _MOST_OF_IT * delta_chi2(problem, effects):
         return None
-    load = np.linalg.solve(problem.whitener, response[:, :, None])[counted, :, 0]
+    load = problem.in_units(response)[counted]
     size = along @ load / np.sqrt(len(along) * float(along @ along))
     words = "it acts along one direction of the wrench, by an amount that follows no column"
     words = f"{words} ({_said(size)} rms)"

@@ -107,6 +107,6 @@ def _preview(
     theta = np.linalg.lstsq(matrix[np.ix_(own, own)], vector[own], rcond=None)[0]
     whitened = problem.design[:, :, own] @ theta
     whitened -= problem.design[:, :, : problem.n_base] @ (base_part[:, own] @ theta)
-    explained = np.linalg.solve(problem.whitener, whitened[:, :, None])[:, :, 0]
+    explained = problem.in_units(whitened)
     total = float((problem.weights[:, None] * problem.response**2).sum())
     return EffectPreview(candidate.id, explained, float(vector[own] @ theta) / total)

@@ -128,6 +128,10 @@ class Problem:
         matrix, vector, _ = self.normal.total()
         return matrix / self.scale, vector / self.scale
 
+    def in_units(self, whitened: F) -> F:
+        """Return whitened (N, m) numbers in the units of their columns."""
+        return np.asarray(np.linalg.solve(self.whitener, whitened[:, :, None])[:, :, 0])
+
     def without_rows(self, rows: I) -> Problem:
         """Return the problem with the normal equations of all rows but these."""
         root = np.sqrt(self.weights[rows])[:, None]
