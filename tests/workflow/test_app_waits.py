@@ -136,6 +136,22 @@ def test_nobody_comes_between_the_automatic_step_and_the_click_that_waits(app: A
     assert answers[0].json()["model"] is None
 
 
+def test_a_result_never_comes_beside_its_running_step(
+    app: App, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    workers: list[Worker] = app.workers  # type: ignore[attr-defined]
+    write_end, seen = app.jobs._end, []
+
+    def ended(*end: Any) -> None:
+        write_end(*end)
+        seen.append(app.state()["running"])  # the job is taken away after this
+
+    monkeypatch.setattr(app.jobs, "_end", ended)
+    workers[1].end()
+    until(lambda: seen)
+    assert seen == [None]
+
+
 def test_the_end_of_the_server_refuses_the_click_that_waits(app: App) -> None:
     client = client_of(app)
     sending, answers = posted(client, "step", verb="check")

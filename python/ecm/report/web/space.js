@@ -47,8 +47,9 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
   };
 
   function set(next) {
+    // Marked bodies are drawn a moment later: who goes from row to row by keys stays at the row.
+    if (next.points?.x !== scene.points?.x) cursor = -1;
     scene = {bodies: [], frames: [], lines: [], ...next};
-    cursor = -1;
     soon();
     for (const body of scene.bodies) body.normals = normalsOf(body);
     const all = [...scene.bodies.flatMap(body => body.points),
@@ -223,9 +224,8 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
   };
   const toggle = () => {
     if (cursor < 0 || !onbox) return;
-    const row = scene.points.row[cursor], at = cursor;
+    const row = scene.points.row[cursor];
     onbox(marked.has(row) ? [...marked].filter(other => other !== row) : [...marked, row]);
-    cursor = at;
   };
   const keys = {
     ArrowLeft: () => { eye.turn += 0.12; }, ArrowRight: () => { eye.turn -= 0.12; },

@@ -74,7 +74,13 @@ class App:
         """Return the state of the folder, and how far the running step is."""
         self.jobs.settle()
         running = self.jobs.progress()
-        return {**self.session.state(), "running": running}
+        state = self.session.state()
+        going = {step["number"] for step in state["steps"] if step["status"] == "running"}
+        # A step may end between the two: beside its result the page would be drawn twice, and
+        # what a person does at the first drawing would be lost.
+        if running and not running["waiting"] and running["step"] not in going:
+            running = None
+        return {**state, "running": running}
 
 
 def application(app: App, *, port: int, token: str) -> Any:
