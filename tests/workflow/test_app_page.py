@@ -364,6 +364,27 @@ def test_a_finger_and_the_keys_alone_mark_rows_and_go_on(page: Page, tmp_path: P
     assert page.problems() == []
 
 
+_FIT = """fetch("/api/step", {method: "POST", body: JSON.stringify({verb: "fit", model: "linear"}),
+  headers: {"content-type": "application/json"}}).then(answer => answer.status)"""
+
+
+def test_what_is_focused_and_ticked_stays_so_when_the_stage_is_drawn_again(
+    page: Page, tmp_path: Path
+) -> None:
+    data = drifting_table(tmp_path / "stage.csv")
+    with served(data, folder=tmp_path / "session") as address:
+        page.open(address)
+        page.click(".warning button")
+        page.click("#to-model")
+        page.tab_to("#curve")
+        page.keys(" ")
+        assert page.js(_FIT) == 200  # in another tab
+        page.until("!!document.querySelector('#to-fails')")
+        assert page.js("document.activeElement.id") == "curve"
+        assert page.js("document.querySelector('#curve').checked")
+    assert page.problems() == []
+
+
 _AT_REST = """new Promise(done => {
   const seen = () => document.querySelector(".space canvas").toDataURL();
   let last = "";

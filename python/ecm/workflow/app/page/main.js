@@ -157,13 +157,19 @@ function draw() {
       : button("Compute the errors", () => app.step("compare"), {class: "first", id: "compare"}));
     return;
   }
-  Promise.resolve(stage.draw(body, state, app)).catch(error => {
+  const drawn = Promise.resolve(stage.draw(body, state, app)).catch(error => {
     for (const node of body.querySelectorAll(".waiting")) node.remove();
     body.append(el("div", {class: "error", role: "alert"}, error.message, " ",
       button("Try again", () => { shown = ""; draw(); })));
   });
-  if (focused && same) document.getElementById(focused)?.focus({preventScroll: true});
-  else if (!same) scrollTo(0, 0);
+  if (!same) scrollTo(0, 0);
+  else if (focused) {
+    // What was focused may be there at once, or when its figures have been computed.
+    const back = () => key === shown && document.activeElement === document.body
+      && document.getElementById(focused)?.focus({preventScroll: true});
+    back();
+    drawn.then(back);
+  }
 }
 
 async function refresh() {

@@ -21,12 +21,13 @@ const OF_SIX = ["physics", "energy4", "energy6", "energy6-general"];
 const TERM = {physics: "physics", energy4: "energy", energy6: "energy", "energy6-general": "energy", choose: "held out"};
 
 // What a person has picked stays picked when the page is drawn again.
-let picked = null;
+let picked = null, curvePicked = false;
 
 export async function draw(root, state, app) {
   const {six, length} = await known(state);
   const now = picked ?? state.rungs[0]?.name ?? (six && length ? "energy6" : "linear");
-  const curve = el("input", {type: "checkbox", id: "curve"});
+  const curve = el("input", {type: "checkbox", id: "curve", checked: curvePicked,
+    onchange: () => { curvePicked = curve.checked; }});
   const kinds = el("div", {class: "cards kinds", role: "radiogroup", "aria-label": "Kind of model"},
     KINDS.map(([name, title, what]) => el("label", {class: `card ${name === now ? "chosen" : ""}`},
       el("input", {type: "radio", name: "kind", value: name, checked: name === now, disabled: OF_SIX.includes(name) && !six,
