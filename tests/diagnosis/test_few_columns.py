@@ -215,6 +215,30 @@ def test_two_effects_are_added_at_once(add: tuple[str, str]) -> None:
         ecm.refit(bare, both, add=[add[0], "temperature_modulus"])
 
 
+SHAPED = ("hysteresis", "backlash", "kink", "dead_zone", "higher_degree", "stress_relaxation")
+
+
+@pytest.mark.parametrize("add", list(itertools.permutations(SHAPED, 2)))
+def test_effects_that_have_a_shape_are_added_in_any_order(add: tuple[str, str]) -> None:
+    table = one_angle("hysteresis")
+    bare = ecm.fit(table, "cubic")
+    at_once = ecm.refit(bare, table, add=add)
+    assert [item.id for item in at_once.effects] == list(add)
+    later = ecm.refit(ecm.refit(bare, table, add=add[:1]), table, add=add[1:])
+    assert [item.id for item in later.effects] == list(add)
+
+
+def test_an_effect_that_explains_nothing_says_so_and_has_no_better_held_out_error() -> None:
+    """A loop whose way back is higher: no friction, which could only be negative."""
+    loop, plain = one_angle("hysteresis"), one_angle("")
+    reversed_ = 2.0 * plain["tau_z_Nm"] - loop["tau_z_Nm"]
+    table = plain.with_columns({"tau_z_Nm": reversed_})
+    better = ecm.refit(ecm.fit(table, "cubic"), table, add=["hysteresis"])
+    assert "it explains nothing: the data would need the opposite sign" in better.fit_report()
+    before, after = (record.held_out for record in better.history)
+    np.testing.assert_allclose(after, before, rtol=1e-6)
+
+
 def test_one_angle_may_have_a_polynomial_of_degree_nine() -> None:
     table = one_angle("higher_degree")
     steps = [ecm.compare(ecm.fit(table, f"poly:{d}"), table).whitened_rms for d in (3, 6, 9)]

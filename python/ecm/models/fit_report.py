@@ -27,14 +27,15 @@ def fit_report(
         for item in (i for i in effects if i.effect.side == side):
             shape = "".join(f", {k} = {v}" for k, v in item.effect.shape.items())
             lines.append(f"  {item.id} ({title}{shape}){' frozen' if item.frozen else ''}")
-            for parameter, value, sd in zip(
-                item.effect.parameters, item.values, item.sd, strict=True
+            for parameter, value, sd, bound in zip(
+                item.effect.parameters, item.values, item.sd, item.at_bounds, strict=True
             ):
                 error = f" +- {sd:.2g}" if np.isfinite(sd) else " (not fitted)"
-                near = 1e-6 * parameter.scale
-                bound = value - parameter.lower < near or parameter.upper - value < near
                 at = " at its bound" if bound else ""
                 lines.append(f"    {parameter.name} = {value:.4g}{error} {parameter.unit}{at}")
+            least = [1e-6 * parameter.scale for parameter in item.effect.parameters]
+            if not item.is_new and item.at_bounds.all() and np.all(np.abs(item.values) <= least):
+                lines.append("    it explains nothing: the data would need the opposite sign")
     if correlations:
         lines.append(f"  correlations beyond {_LARGE_CORRELATION}:")
         lines += [f"    {a} and {b}: {value:+.2f}" for a, b, value in correlations]

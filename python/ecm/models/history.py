@@ -115,7 +115,9 @@ def _record(fitted: RecordedFit) -> FitRecord:
     return FitRecord(
         name=fitted.name,
         train=float(np.sqrt(squares.mean() / m)),
-        held_out=held_out_rms(fit.design, fit.whitened, groups, parts, scored),
+        held_out=held_out_rms(
+            np.delete(fit.design, fit.held_columns, axis=2), fit.whitened, groups, parts, scored
+        ),
         ceiling=None if ceiling is None else ceiling.whitened,
         chi2=float((fit.whitened**2).sum()),
         parameters=fit.design.shape[2],
@@ -131,7 +133,10 @@ def held_out_rms(
     parts: I,
     scored: B,
 ) -> float:
-    """Whitened rms on held-out groups of a fit linearised at its optimum."""
+    """Whitened rms on held-out groups of a fit linearised at its optimum.
+
+    Columns of parameters at their bounds are left out: linear steps would leave the bounds.
+    """
     equations = NormalEquations.of(design, whitened, groups)
     count = int(groups.max()) + 1
     fold_of_group = np.zeros(count, dtype=np.int64)

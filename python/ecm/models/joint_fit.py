@@ -10,7 +10,7 @@ from scipy.optimize import lsq_linear
 
 from ecm.effects.protocol import Effect
 from ecm.effects.thinned import correction_of, jacobian_of
-from ecm.io.arrays import F
+from ecm.io.arrays import B, F, I
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
 from ecm.regression.f_test import orthonormal
@@ -47,6 +47,22 @@ class FittedEffect:
         """The effect's id."""
         return self.effect.id
 
+    @property
+    def is_new(self) -> bool:
+        """Whether it was never fitted: it may have no shape yet."""
+        return not np.isfinite(self.sd).any()
+
+    @property
+    def at_bounds(self) -> B:
+        """(k,) whether a value lies at its smallest or largest."""
+        return np.array(
+            [
+                min(value - p.lower, p.upper - value) < 1e-6 * p.scale
+                for p, value in zip(self.effect.parameters, self.values, strict=True)
+            ],
+            dtype=bool,
+        )
+
 
 @dataclass(frozen=True)
 class JointFit:
@@ -65,6 +81,13 @@ class JointFit:
     """(k, k) of the parameters, base first; errors that all rows share are included."""
     iterations: int
     converged: bool
+
+    @property
+    def held_columns(self) -> I:
+        """Columns of the design whose parameters are at their bounds."""
+        own = [item.at_bounds for item in self.effects if not item.frozen]
+        held = np.concatenate([np.zeros(0, dtype=bool), *own])
+        return np.asarray(self.design.shape[2] - len(held) + np.flatnonzero(held))
 
 
 def joint_fit(

@@ -487,8 +487,12 @@ class Model:
         if used is None:
             used = noise_for(self.base, table, self.noise, same_rows=same_rows)
         forms = self._forms_of(table)
-        # Beside the others the shape of one is chosen: a new form needs one that has columns.
-        first = {i: form for i, form in forms.items() if form is not self.effects[i].effect}
+        # Beside the others the shape of one is chosen: a new effect needs one that has columns.
+        first = {
+            i: form
+            for i, form in forms.items()
+            if form is not self.effects[i].effect or self.effects[i].is_new
+        }
         shaped = self._with_effects(
             {i: form.variants(table.unthinned)[0] for i, form in first.items()}
         )
