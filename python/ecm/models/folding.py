@@ -1,4 +1,4 @@
-"""A base map with its effects of the pose as one energy, and poses to compare the two at."""
+"""A base map with its effects of the pose as one map, and poses to compare the two at."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ecm._native import EnergyModel, rotation_matrices
+from ecm._native import EnergyModel, PolynomialModel, rotation_matrices
 from ecm.effects import Rows
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
+from ecm.io.degrees import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
 from ecm.models.joint_fit import FittedEffect
-from ecm.models.maps import EnergyMap, StiffnessMap, Symmetry
+from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap, Symmetry
 from ecm.models.physics.map import PhysicsMap
 from ecm.regression.noise import Noise
 
@@ -63,13 +64,16 @@ class Fitted(Protocol):
         """Rows of poses (N, n) without a table."""
 
 
-def folded(model: Fitted) -> tuple[EnergyMap, F]:
-    """The smallest energy that is near enough to the base with its effects, and its error."""
+def folded(model: Fitted) -> tuple[EnergyMap, float]:
+    """The smallest energy that is near enough to the base with its effects.
+
+    Also how far it differs from the two: rms of the worst component over the noise.
+    """
     rest = model.rest_pose("a model with effects of physics is exported as an energy, which")
     poses = poses_in_domain(model, _POSES)
     wrenches = model.predict(poses)
     noise = noise_sd(model)
-    trials: list[tuple[float, EnergyMap, F]] = []
+    trials: list[tuple[float, EnergyMap]] = []
     forms: tuple[tuple[int, Symmetry], ...]
     forms = ((6, "alike"), (6, "revolution"), (4, "general"), (6, "general"))
     for degree, symmetry in forms:
@@ -81,16 +85,39 @@ def folded(model: Fitted) -> tuple[EnergyMap, F]:
             symmetry=symmetry,
         )
         error = np.sqrt(((energy.predict(poses[1::2].copy()) - wrenches[1::2]) ** 2).mean(axis=0))
-        trials.append((float(np.max(error / noise)), EnergyMap(energy), error))
+        trials.append((float(np.max(error / noise)), EnergyMap(energy)))
         if trials[-1][0] < _SMALL_ERROR:
             break
-    _, folded, error = min(trials, key=lambda trial: trial[0])
-    return folded, error
+    share, best = min(trials, key=lambda trial: trial[0])
+    return best, share
 
 
-def noise_sd(model: Fitted) -> F:
+def folded_polynomial(model: Fitted, base: PolynomialMap) -> tuple[PolynomialMap, float]:
+    """The lowest polynomial that is near enough to one with its effects, and how far it differs.
+
+    For models of few columns, which have no energy.
+    """
+    low, high = np.array([model.domain[name] for name in base.inputs]).T
+    poses = np.random.default_rng(_SEED).uniform(low, high, (_POSES, len(low)))
+    poses[0], poses[2] = low, high  # among those of the fit: inside it nothing extrapolates
+    wrenches = model.predict(poses)
+    noise = noise_sd(model, poses[:200])
+    trials: list[tuple[float, PolynomialMap]] = []
+    most = MOST_OF_ONE_INPUT if len(low) == 1 else POLYNOMIAL_DEGREES[1]
+    for degree in range(base.model.degree, most + 1):
+        fitted = PolynomialModel.fit(poses[::2].copy(), wrenches[::2].copy(), degree)
+        error = np.sqrt(((fitted.predict(poses[1::2].copy()) - wrenches[1::2]) ** 2).mean(axis=0))
+        found = PolynomialMap(fitted, base.inputs, base.outputs)
+        trials.append((float(np.max(error / noise)), found))
+        if trials[-1][0] < _SMALL_ERROR:
+            break
+    share, best = min(trials, key=lambda trial: trial[0])
+    return best, share
+
+
+def noise_sd(model: Fitted, poses: F | None = None) -> F:
     """(m,) root mean square noise of a row of each component over the model's poses."""
-    rows = model.rows_at(poses_in_domain(model, 200))
+    rows = model.rows_at(poses_in_domain(model, 200) if poses is None else poses)
     return np.asarray(np.sqrt(np.einsum("njj->j", model.noise.covariance(rows)) / len(rows)))
 
 

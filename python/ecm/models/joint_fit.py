@@ -14,6 +14,7 @@ from ecm.io.arrays import B, F, I
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
 from ecm.regression.f_test import orthonormal
+from ecm.regression.folds import is_pose_row
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.rows import Rows
 from ecm.regression.shared_error import shared_zero_error
@@ -181,6 +182,17 @@ def joint_fit(
         iterations=iteration,
         converged=converged,
     )
+
+
+def effect_sizes(fit: JointFit, noise: Noise) -> dict[str, float]:
+    """Root mean square of each effect on the fitted rows over the noise, of its worst component."""
+    scored = is_pose_row(fit.rows.table)
+    variance = np.einsum("njj->nj", noise.covariance(fit.rows, fit.base.error))[scored]
+    sizes = {}
+    for item in fit.effects:
+        acts = correction_of(item.effect, fit.rows, item.values)[scored]
+        sizes[item.id] = float(np.sqrt((acts**2 / variance).mean(axis=0).max()))
+    return sizes
 
 
 def best_shape(

@@ -26,7 +26,7 @@ from ecm.models.controller import Controller
 from ecm.models.fit_report import correlations_of, fit_report
 from ecm.models.folding import folded
 from ecm.models.history import FitRecord, RecordedFit, fit_records
-from ecm.models.joint_fit import FittedEffect, best_shape, joint_fit
+from ecm.models.joint_fit import FittedEffect, best_shape, effect_sizes, joint_fit
 from ecm.models.leverage import leverages, variances_of, wrench_variances
 from ecm.models.maps import StiffnessMap, central_differences
 from ecm.models.plots import history_figure
@@ -507,6 +507,7 @@ class Model:
         if any(item.effect.shape.get("overstress") == "linear" for item in joint.effects):
             # Such a branch follows it, also in a controller, which has no table.
             training["mean_stiffness"] = joint.rows.stiffness.mean(axis=0).tolist()
+        training["effect_sizes"] = effect_sizes(joint, used)
         k = 0 if freeze_base else len(joint.base.coefficients)
         fitted = replace(
             shaped,

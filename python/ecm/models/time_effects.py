@@ -30,6 +30,10 @@ _NOT_PASSIVE = (
     "stress_relaxation is not passive: a free factor on a nonlinear force may give energy in fast "
     "large cycles. Keep the loop's own damping."
 )
+_SMALL = 1.0
+"""Largest effect over the noise that is left out without a word of its size."""
+_ONLY_IN_MOTION = ("inertia", "viscous_damping")
+"""Effects that vanish at rest; the mass belongs to the robot's dynamics."""
 _ALIKE = 0.3
 """Change over the noise by which data cannot tell two forms of relaxation apart."""
 
@@ -80,6 +84,8 @@ class TimeEffects:
     """What may give energy, and what was replaced."""
     stiffer: float = 0.0
     """Share by which a sudden move meets more stiffness than a slow one."""
+    lost: dict[str, float] = field(default_factory=dict)
+    """Root mean square over the noise of each effect of physics that is left out and larger."""
 
     @property
     def inputs(self) -> dict[str, Input]:
@@ -108,7 +114,20 @@ class TimeEffects:
         if self.left_out:
             listed = "; ".join(f"{id} ({why})" for id, why in self.left_out.items())
             said.append(f"Left out: {listed}.")
+        if self.lost:
+            said.append(
+                f"What the files lack: {'; '.join(self.lost_sentences())}. A model fitted without "
+                "it may be nearer: ecm refit --remove, and compare."
+            )
         return (*said, *self.warnings)
+
+    def lost_sentences(self) -> tuple[str, ...]:
+        """Each effect that is lost: its size, and why."""
+        return tuple(
+            f"{id} is {size:.2g} times the measurement noise (rms) and left out, "
+            f"{self.left_out[id]}"
+            for id, size in self.lost.items()
+        )
 
 
 def time_effects(model: Fitted, to: str = "rust") -> TimeEffects:
@@ -150,6 +169,11 @@ def time_effects(model: Fitted, to: str = "rust") -> TimeEffects:
                 found.left_out[item.id] = why
             else:
                 found.acting.append(item.id)
+    known = model.training.get("effect_sizes", {})
+    for item in model.effects:
+        lost = item.effect.side == "physics" and item.id not in _ONLY_IN_MOTION
+        if lost and item.id in found.left_out and known.get(item.id, 0.0) > _SMALL:
+            found.lost[item.id] = known[item.id]
     return found
 
 

@@ -12,8 +12,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from ecm.errors import InputError
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
@@ -22,7 +20,8 @@ from ecm.models.adapt import AdaptSettings
 from ecm.models.control import ControlLoop, LoopSettings
 from ecm.models.export.registry import TARGETS
 from ecm.models.export.source import Precision, Source
-from ecm.models.folding import folded, noise_sd
+from ecm.models.folding import folded, folded_polynomial
+from ecm.models.maps import PolynomialMap, StiffnessMap
 from ecm.models.model import Model
 from ecm.models.time_effects import time_effects
 
@@ -59,6 +58,8 @@ class Exported:
     """Change of the model by folding its effects into the base, over the noise."""
     change: float = 0.0
     """Change of the model by the form that the target can hold, over the noise."""
+    lost: tuple[str, ...] = ()
+    """Effects beyond the noise that files with steps should have and have not, in words."""
 
 
 def export(
@@ -127,6 +128,12 @@ def export(
             f"{exported.change:.2g} times the measurement noise, more than {_MOST_FOLDING:g}. Fit "
             "a smaller range of poses, or export it all the same with --force."
         )
+    if exported.lost and not force:
+        raise InputError(
+            f"{model.name}: {'; '.join(exported.lost)}: the controller would not have the model "
+            "that was fitted. Fit again without it (ecm refit --remove), or export the rest all "
+            "the same with --force."
+        )
     _check_crate(Path(directory) / "Cargo.toml", exported.files)
     with uninterrupted():  # a part of the files is of no use
         for path, text in exported.files.items():
@@ -174,6 +181,7 @@ def export_files(
         given.next_step,
         folding,
         given.change,
+        () if chosen.language == "none" else timed.lost_sentences(),
     )
 
 
@@ -205,11 +213,14 @@ def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
             f"a model of kind {kind} is not exported as it is, and an energy in its place needs "
             "all six pose and wrench columns and a length: fit a polynomial or an energy"
         )
-    energy, error = folded(model)
-    share = float(np.max(error / noise_sd(model)))
+    one: StiffnessMap
+    if isinstance(model.base, PolynomialMap) and not whole:
+        one, share = folded_polynomial(model, model.base)
+    else:
+        one, share = folded(model)
     parts = sorted(acting) if has_code else [str(kind), *sorted(acting)]
     note = (
-        f"Folded into {energy.name}: {', '.join(parts)}; the folded map differs from "
+        f"Folded into {one.name}: {', '.join(parts)}; the folded map differs from "
         f"model and effects by at most {share:.2g} of the measurement noise (rms, worst component)."
     )
-    return replace(bare, base=energy, covariance=None), [note], share
+    return replace(bare, base=one, covariance=None), [note], share
