@@ -393,7 +393,7 @@ def test_a_mesh_is_the_same_whatever_folder_names_it(tmp_path: Path) -> None:
         (tmp_path / f"{name}.csv").write_text("y_m,fy_N\n0.0,0.0\n0.1,1.0\n", encoding="utf-8")
     both = read_table([tmp_path / "a.csv", tmp_path / "later" / "b.csv"])
     assert both.column("run").tolist() == [0, 0, 1, 1]
-    assert "[mechanism] differs" in refusal([tmp_path / "a.csv", tmp_path / "later" / "c.csv"])
+    assert "[mechanism] is mesh" in refusal([tmp_path / "a.csv", tmp_path / "later" / "c.csv"])
     # As written by a campaign whose plan came from the first folder.
     as_table(rows, meta=read_table(tmp_path / "a.csv").meta).write(tmp_path / "later" / "d.csv")
     assert len(read_table([tmp_path / "a.csv", tmp_path / "later" / "d.csv"])) == 4
@@ -594,3 +594,22 @@ def test_rows_of_leave_out_are_left_out_before_anything_is_checked(tmp_path: Pat
         meta.write_text(f"[leave_out]\nclipped = {text}\n")
         with pytest.raises(InputError, match=message):
             read_table(path)
+
+
+def test_tables_of_two_experiments_say_what_differs(tmp_path: Path) -> None:
+    rows = "x_m,fx_N\n0,1\n0.1,2\n"
+    words = {
+        "one": '[file]\nkind = "static"\n[mechanism]\nlength_m = 0.1\nradius_m = 0.02\n',
+        "two": '[file]\nkind = "continuous"\n[mechanism]\nlength_m = 0.1\nradius_m = 0.02\n',
+        "long": '[file]\nkind = "static"\n[mechanism]\nlength_m = 0.2\nradius_m = 0.02\n',
+    }
+    for name, text in words.items():
+        (tmp_path / f"{name}.csv").write_text(rows, encoding="utf-8")
+        (tmp_path / f"{name}.toml").write_text(text, encoding="utf-8")
+    one, two, long = (tmp_path / f"{name}.csv" for name in words)
+    with pytest.raises(InputError, match=r'two.csv: \[file\] kind is "continuous", in .*"static"'):
+        read_table([one, two])
+    with pytest.raises(
+        InputError, match=r"\[mechanism\] is length_m = 0.2, in .* length_m = 0.1. "
+    ):
+        read_table([one, long])

@@ -270,6 +270,53 @@ def test_quaternions_without_direction_are_found_and_left_out(tmp_path: Path) ->
     assert 'unreadable = "5-6, 21"' in (tmp_path / "t.toml").read_text()
 
 
+def test_rows_that_are_written_twice_are_found_and_left_out(tmp_path: Path) -> None:
+    time = np.repeat(np.arange(20.0), 2)
+    log = {"time [s]": time, "x [mm]": np.sin(time), "Fx_N": np.cos(time)}
+    log["Fx_N"][6] = 9.0  # the same time, another reading: no copy
+    with pytest.raises(ecm.InputError, match=r"19 of 40 rows are copies .* rows 2, 4, 6, 10"):
+        import_log(log)
+    imported = import_log(log, leave_out=True)
+    assert len(imported.table) == 21
+    imported.write(tmp_path / "t.csv")
+    assert len(ecm.read_table(tmp_path / "t.csv")) == 21
+    assert len(import_log({"x [mm]": [1.0, 1.0], "Fx_N": [2.0, 2.0]}).table) == 2  # repeats
+
+
+def test_a_description_may_be_a_dict_or_the_name_of_a_file(tmp_path: Path) -> None:
+    log = {"x_m": np.arange(5.0) * 1e-3, "Fx_N": np.arange(5.0)}
+    said = {"instrument": {"force_sd_N": 0.25}}
+    (tmp_path / "bench.toml").write_text("[instrument]\nforce_sd_N = 0.25\n", encoding="utf-8")
+    for meta in (said, str(tmp_path / "bench.toml"), tmp_path / "bench.toml"):
+        assert import_log(log, meta=meta).meta.instrument.force_sd_N == 0.25
+
+
+@pytest.mark.parametrize(
+    "stamps",
+    [
+        ["31.12.2026 23:59:59.5", "01.01.2027 00:00:00.0", "01.01.2027 00:00:00.75"],
+        ["31.12.2026  23:59:59,5", "1.1.2027 0:00:00", "1.1.2027 0:00:00,75"],
+        ["23:59:59.5", "0:00:00", "00:00:00.750000"],
+        ["2026-12-31 23:59:59.5", "2027-01-01 00:00:00", "2027/01/01 00:00:00.75"],
+    ],
+)
+def test_dates_with_dots_and_times_of_day_are_seconds(stamps: list[str], tmp_path: Path) -> None:
+    rows = [f"{stamp};{k},5;{2 * k},25" for k, stamp in enumerate(stamps)]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(["Zeitstempel;Weg [mm];Fx [N]", *rows]), encoding="utf-8")
+    table = import_log(path, axis="x").table
+    np.testing.assert_allclose(table["time_s"], [0.0, 0.5, 1.25], rtol=0.0, atol=1e-9)
+
+
+def test_a_date_with_two_readings_is_no_time(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    rows = [f"3/5/2026 10:00:0{k},{k}.0,{k}.5" for k in range(4)]
+    path.write_text("\n".join(["time,x_m,fx_N", *rows]), encoding="utf-8")
+    imported = import_log(path)
+    assert "time_s" not in imported.columns
+    assert "column 'time' is text" in str(imported)
+
+
 def test_time_that_begins_again_makes_runs_and_epochs_begin_at_zero() -> None:
     time = np.concatenate([np.arange(10.0), np.arange(5.0)])
     imported = import_log({"time": time, "x_m": np.arange(15.0) * 1e-3})

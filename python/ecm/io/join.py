@@ -106,18 +106,29 @@ def _common_meta(parts: Sequence[Part], warnings: list[str]) -> Meta:
     first, first_source = parts[0][1], parts[0][2]
     for _, meta, source in parts[1:]:
         for name, own, common in (
-            ("mechanism", meta.absolute_mechanism(), first.absolute_mechanism()),
+            ("[mechanism]", meta.absolute_mechanism(), first.absolute_mechanism()),
             ("group", meta.group, first.group),
-            ("file", meta.file.kind, first.file.kind),
+            ("[file] kind", meta.file.kind, first.file.kind),
         ):
             if own != common:
                 raise InputError(
-                    f"{source}: [{name}] differs from that of {first_source}, expected the same: "
-                    "several tables are runs of one experiment."
+                    f"{source}: {name} is {_said(own, common)}, in {first_source} "
+                    f"{_said(common, own)}. Tables that are given together are runs of one "
+                    "experiment: say the same in the TOML beside each."
                 )
         if meta.instrument != first.instrument:
             warnings.append(f"{source}: [instrument] differs; that of {first_source} is used")
     return first
+
+
+def _said(own: Any, other: Any) -> str:
+    """A value as TOML says it; of several only those that differ."""
+    if isinstance(own, Mapping):
+        differing = {key: value for key, value in own.items() if value != other.get(key)}
+        return ", ".join(f"{key} = {_said(value, None)}" for key, value in differing.items()) or "-"
+    if isinstance(own, (tuple, list)):
+        return f"[{', '.join(_said(item, None) for item in own)}]"
+    return f'"{own}"' if isinstance(own, str) else str(own)
 
 
 def _run_conditions(own: Meta, common: Meta, number: int) -> dict[str, Any]:

@@ -71,7 +71,7 @@ def validated_columns(
     rows = np.flatnonzero(_good(columns, numbers, errors))
     check_positions(numeric, rows, meta.length_m, errors)
     warnings += _check_time(columns, numbers, errors)
-    repeated = _repeated_rows(columns, _good(columns, numbers, errors))
+    repeated = repeated_rows(columns, _good(columns, numbers, errors))
     if "time_s" in columns:
         for row, first in repeated:
             same = f"each row once (the same as {raw.word} {numbers[first]})"
@@ -269,7 +269,7 @@ def _following(time: F, run: F) -> tuple[F, int]:
     return moved, shifted
 
 
-def _repeated_rows(columns: Columns, good: B) -> list[tuple[int, int]]:
+def repeated_rows(columns: Columns, good: B) -> list[tuple[int, int]]:
     """Return (row, the earlier row that it equals in every column) among good rows."""
     alike = np.flatnonzero(good & _seen_twice(columns, len(good)))
     lists = [

@@ -16,12 +16,13 @@ from ecm.errors import InputError
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE
 from ecm.io.csv import write_csv
-from ecm.io.description import FileMeta, Meta, read_meta
+from ecm.io.description import FileMeta, Meta, as_meta
 from ecm.io.interrupts import uninterrupted
 from ecm.io.leave_out import row_ranges, shown_ranges
 from ecm.io.quaternion_order import ORDERS, order_warning
 from ecm.io.steps import Progress
-from ecm.io.table import Table, as_table
+from ecm.io.table import MetaLike, Table, as_table
+from ecm.io.validate import repeated_rows
 from ecm.logs.containers import is_hdf5, read_hdf5, read_matlab, read_numpy, read_parquet_log
 from ecm.logs.conversion import (
     begin_time_at_zero,
@@ -124,7 +125,7 @@ def import_log(
     units: Sequence[str] = (),
     axis: str = "",
     topics: Sequence[str] = (),
-    meta: Meta | Path | None = None,
+    meta: MetaLike = None,
     leave_out: bool = False,
 ) -> ImportedLog:
     """Read a log of any kind as a measurement table.
@@ -147,9 +148,11 @@ def import_log(
     topics
         Topics of a bag with several poses or wrenches.
     meta
-        Description (mechanism, instrument, frames) that goes into the table's own.
+        Description (mechanism, instrument, frames) that goes into the table's own: a dict of what
+        the TOML holds, or that file.
     leave_out
-        Leave out rows that hold no numbers or no rotation, and record them.
+        Leave out rows that hold no numbers or no rotation, or that are a copy of another one with
+        the same time, and record them.
 
     Returns
     -------
@@ -159,7 +162,8 @@ def import_log(
     Raises
     ------
     InputError
-        For what has two readings, with both; for rows without numbers unless `leave_out`.
+        For what has two readings, with both; for rows without numbers and copies of rows unless
+        `leave_out`.
     MissingExtra
         Naming the extra that the kind of file needs.
 
@@ -175,7 +179,7 @@ def import_log(
         raise InputError(f"--axis {axis}: expected x, y or z")
     choices = UserChoices(dict(columns or {}), rotation, given_units(units), axis)
     mapped = propose(raw, choices, source)
-    given = read_meta(meta) if isinstance(meta, Path) else meta or Meta()
+    given = as_meta(meta)
     table, words, notes, usable = standard_columns(raw, mapped, source)
     if mapped.rotation is not None and mapped.rotation.word in ORDERS and given.frames.empty:
         # With [frames] the tool may well be half a turn away from the top.
@@ -205,10 +209,29 @@ def import_log(
             )
         left["unreadable"] = row_ranges(gone.tolist())
         notes.append(f"left out {len(gone)} rows without numbers: {shown_ranges(gone.tolist())}")
+    copies = _copies(table, gone)
+    if copies:
+        if not leave_out:
+            raise InputError(
+                f"{source}: {len(copies)} of {len(usable)} rows are copies of another row in every "
+                f"column, the time too: rows {shown_ranges(copies)}. Leave them out with "
+                "--leave-out, which records it."
+            )
+        left["copies"] = row_ranges(copies)
+        notes.append(f"left out {len(copies)} copies of rows: {shown_ranges(copies)}")
     every = (*raw.notes, *notes, *time_notes)
     origin = {"source": source, "sha256": digest} | words | {"notes": list(every)}
     described = replace(given, file=_file(table, given.file), leave_out=left, origin=origin)
     return ImportedLog(table, described, source, every)
+
+
+def _copies(table: Mapping[str, NDArray[Any]], gone: NDArray[Any]) -> list[int]:
+    """Numbers from 1 of rows that equal an earlier one; without time they may be repeats."""
+    if "time_s" not in table:
+        return []
+    good = np.ones(len(table["time_s"]), dtype=np.bool_)
+    good[gone - 1] = False
+    return [row + 1 for row, _ in repeated_rows(dict(table), good)]
 
 
 class ReadLog(NamedTuple):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -16,6 +17,15 @@ from ecm.io.arrays import F
 
 MOST_COMPONENTS = 36
 """An array with more components per row is no pose, wrench or rotation and is left aside."""
+
+_CLOCK = r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(:(?P<second>\d{2})([.,](?P<fraction>\d+))?)?"
+_DAY_FIRST = re.compile(
+    rf"^(?P<day>\d{{1,2}})\.(?P<month>\d{{1,2}})\.(?P<year>\d{{4}})(\s+{_CLOCK})?$"
+)
+_CLOCK_ALONE = re.compile(rf"^{_CLOCK}$")
+_NO_DATE = 1
+"""Year of a time of day without a date."""
+_DAY_S = 86400.0
 
 
 @dataclass(frozen=True)
@@ -107,22 +117,43 @@ def _row_count(arrays: Sequence[NDArray[Any]]) -> int | None:
 
 
 def seconds_of_dates(cells: Sequence[Any]) -> F | None:
-    """Seconds since the first of dates, or of ISO text of dates; None where a cell is none.
+    """Seconds since the first of dates or times of day; None where a cell is none.
+
+    Dates as ISO text or with dots, day first; 3/5/2026 has two readings and is none. A time of day
+    that goes back by more than half a day is of the next one.
 
     Examples
     --------
     >>> seconds_of_dates(["2026-03-05 10:00:00", "2026-03-05 10:00:01.5"])
     array([0. , 1.5])
+    >>> seconds_of_dates(["31.3.2026 23:59:59,9", "1.4.2026 0:00:00,1"])
+    array([0. , 0.2])
+    >>> seconds_of_dates(["23:59:59.9", "0:00:00.1"])
+    array([0. , 0.2])
     """
     try:
-        times = [
-            cell if isinstance(cell, datetime) else
-            datetime.fromisoformat(cell.strip().strip('"').replace("/", "-"))
-            for cell in cells
-        ]  # fmt: skip
-        return np.array([(time - times[0]).total_seconds() for time in times])
+        times = [_instant(cell) for cell in cells]
+        seconds = np.array([(time - times[0]).total_seconds() for time in times])
     except (ValueError, TypeError, AttributeError):  # no dates, or only some with a time zone
         return None
+    if times[0].year == _NO_DATE:
+        seconds += _DAY_S * np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -0.5 * _DAY_S)
+    return seconds
+
+
+def _instant(cell: Any) -> datetime:
+    """The instant of a cell; ValueError where it is none."""
+    if isinstance(cell, datetime):
+        return cell
+    text = cell.strip().strip('"').replace("/", "-")
+    match = _DAY_FIRST.match(text) or _CLOCK_ALONE.match(text)
+    if match is None:
+        return datetime.fromisoformat(text)
+    found = match.groupdict()
+    date = (found.get("year", _NO_DATE), found.get("month", 1), found.get("day", 1))
+    fraction = (found["fraction"] or "0")[:6].ljust(6, "0")
+    clock = (found["hour"] or 0, found["minute"] or 0, found["second"] or 0, fraction)
+    return datetime(*map(int, (*date, *clock)))
 
 
 def unique_name(name: str, taken: Collection[str]) -> str:

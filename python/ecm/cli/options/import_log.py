@@ -41,7 +41,7 @@ class Options:
         typer.Option("--meta", metavar="FILE", help="TOML with mechanism, frames, instrument."),
     ] = None
     leave_out: Annotated[
-        bool, typer.Option("--leave-out", help="Leave unreadable rows out; record them.")
+        bool, typer.Option("--leave-out", help="Leave unreadable rows and copies out; record them.")
     ] = False
 
 
