@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.table import read_table
 from ecm.models import Model, fit_model
-from ecm.models.export import export_files
+from ecm.models.export import export, export_files
 from support.neck import ROOT
 from support.one_angle import NOISE_NM, one_angle
 from support.programs import need_program
@@ -20,13 +21,10 @@ from support.programs import need_program
 META = ROOT / "examples" / "viscoelastic_shear.toml"
 
 
-def stepped_in_c(model: Model, points: F, times: F, folder: Path) -> F:
-    """Wrench of the exported code after each step; its own check keeps the golden history."""
+def built(model: Model, folder: Path, *, force: bool = False) -> ctypes.CDLL:
+    """The exported code as a library, after its own check of the golden values."""
     gcc = need_program("gcc")
-    exported = export_files(model, "c", "line")
-    assert exported.left_out == ()
-    for path, text in exported.files.items():
-        (folder / path).write_text(text, encoding="utf-8")
+    export(model, "c", folder, name="line", force=force)
     strict = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror"]
     check = [gcc, *strict, "line.c", "line_check.c", "-o", "check"]
     subprocess.run(check, cwd=folder, check=True)
@@ -35,7 +33,13 @@ def stepped_in_c(model: Model, points: F, times: F, folder: Path) -> F:
     subprocess.run(
         [gcc, *strict, "-shared", "-fPIC", "line.c", "-o", library], cwd=folder, check=True
     )
-    code = ctypes.CDLL(str(library))
+    return ctypes.CDLL(str(library))
+
+
+def stepped_in_c(model: Model, points: F, times: F, folder: Path) -> F:
+    """Wrench of the exported code after each step."""
+    assert export_files(model, "c", "line").left_out == ()
+    code = built(model, folder)
     state, h, k = (ctypes.c_double * 7)(), ctypes.c_double(), ctypes.c_double()
     assert code.line_init(state, ctypes.byref(ctypes.c_double(points[0]))) == 1
     said = []
@@ -92,3 +96,44 @@ def test_a_loop_of_one_angle_is_stepped_in_c(
     )
     np.testing.assert_allclose(said, model.predict(other)[:, 0], rtol=0.0, atol=within_Nm)
     assert np.abs(said - static.predict(other)[:, 0]).max() > 0.02
+
+
+@pytest.mark.parametrize("kind", ["higher_degree", "dead_zone", "kink"])
+def test_what_acts_on_one_angle_is_folded_into_its_polynomial(kind: str, tmp_path: Path) -> None:
+    """A kink is no polynomial: the export says how far it is, and is refused beyond the noise."""
+    table = one_angle(kind)
+    static = fit_model(table, "cubic")
+    model = static.add(kind).fit(table)
+    exported = export_files(model, "c", "line")
+    assert any(note.startswith("Folded into poly:") for note in exported.notes)
+    if exported.folding > 1.0:
+        with pytest.raises(InputError, match=r"times the measurement noise.*--force"):
+            export(model, "c", tmp_path, name="line")
+    code = built(model, tmp_path, force=True)
+    angles, h, k = np.linspace(-0.45, 0.45, 300), ctypes.c_double(), ctypes.c_double()
+    said = []
+    for angle in angles:
+        point = ctypes.byref(ctypes.c_double(angle))
+        code.line_value_and_stiffness(point, ctypes.byref(h), ctypes.byref(k))
+        said.append(h.value)
+    off = np.sqrt(((np.array(said) - model.predict(angles[:, None])[:, 0]) ** 2).mean())
+    plain = np.sqrt(((np.array(said) - static.predict(angles[:, None])[:, 0]) ** 2).mean())
+    np.testing.assert_allclose(off, exported.folding * NOISE_NM, rtol=0.25, atol=0.03 * NOISE_NM)
+    assert exported.folding < (0.2 if kind == "higher_degree" else 2.0)
+    assert off < 0.5 * plain
+
+
+def test_a_large_effect_that_a_file_cannot_hold_is_not_left_out_in_silence(
+    tmp_path: Path,
+) -> None:
+    table = one_angle("mullins_softening")
+    model = fit_model(table, "cubic").add("mullins_softening").fit(table)
+    with pytest.raises(InputError, match=r"mullins_softening is .* times the measurement noise"):
+        export(model, "c", tmp_path / "refused")
+    assert not (tmp_path / "refused").exists()
+    exported = export(model, "c", tmp_path / "forced", force=True)
+    assert exported.left_out == ("mullins_softening",)
+    assert any("A model fitted without it may be nearer" in note for note in exported.notes)
+    small = one_angle("")
+    model = fit_model(small, "cubic").add("mullins_softening").fit(small)
+    assert export(model, "c", tmp_path / "small").lost == ()
