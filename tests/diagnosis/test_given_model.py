@@ -78,6 +78,27 @@ def test_aprils_model_on_mays_data() -> None:
     assert found.rmse.before["fx_N"] > 3.0 * found.rmse.base["fx_N"]
 
 
+def test_rows_that_are_no_measurement_are_said_where_they_spoil_the_model() -> None:
+    """A channel that stood still for a while: rows that count less in the base."""
+    time = 0.02 * np.arange(3000.0)
+    angle = 0.4 * np.sin(9.0 * time) + 0.02 * np.sin(0.33 * time)
+    random = np.random.default_rng(1)
+    torque = 3.0 * angle + 0.02 * random.standard_normal(len(time))
+    angle[1500:1600] = angle[1500]
+    meta = {
+        "file": {"kind": "continuous"},
+        "instrument": {"torque_sd_Nm": 0.02, "pose_rotation_sd_rad": 1e-5},
+    }
+    log = as_table({"time_s": time, "theta_z_rad": angle, "tau_z_Nm": torque}, meta=meta)
+    found = diagnose(fit_model(log, "cubic"), log)
+    assert found.model.reason == "rows"
+    assert "leave out what is no measurement (--leave-out)" in found.sentence()
+    assert any("rows are unlike all others and count less" in text for text in found.warnings)
+    assert found.rmse.base["tau_z_Nm"] < 0.03
+    log = log.select((time < 30.0) | (time >= 32.0))
+    assert not any("unlike" in text for text in diagnose(fit_model(log, "cubic"), log).warnings)
+
+
 @pytest.mark.parametrize(("rows", "step_s"), [(12_000, 0.1), (3000, 0.4)])
 def test_a_model_of_a_log_with_hysteresis_needs_no_other_numbers(rows: int, step_s: float) -> None:
     """It was fitted to this log. Few of its rows show no smooth structure: the loop is missing."""

@@ -15,7 +15,12 @@ from ecm.comparison.residual_figures import residual_figure
 from ecm.comparison.residual_maps import WORST, ResidualMaps, residual_maps_of
 from ecm.comparison.residuals import residuals, residuals_by_block
 from ecm.comparison.run_outliers import run_outliers
-from ecm.comparison.structure import NOTHING_FOLLOWS, StructureTest, structure_test
+from ecm.comparison.structure import (
+    StructureTest,
+    neighbours_alike,
+    nothing_follows,
+    structure_test,
+)
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import unit_of
@@ -223,7 +228,8 @@ class Comparison:
                 f"{self.whitened_rms:.2f} times {floor}."
             )
         if not self.missing:
-            return f"{self.model} errs {self.whitened_rms:.2f} times {floor}, {NOTHING_FOLLOWS}."
+            why = nothing_follows(self.whitened_rms, self.neighbours_alike)
+            return f"{self.model} errs {self.whitened_rms:.2f} times {floor}, {why}."
         behind = self._error_of_base_ahead
         if behind is not None:
             return (
@@ -248,6 +254,11 @@ class Comparison:
         these rows does not.
         """
         return self.structure.found or self._error_of_base_ahead is not None
+
+    @cached_property
+    def neighbours_alike(self) -> float | None:
+        """Correlation of the errors of rows that follow each other; None where it is chance."""
+        return neighbours_alike(self.compared.table, self.row, self.whitened)
 
     @cached_property
     def _error_of_base_ahead(self) -> float | None:

@@ -1,7 +1,8 @@
 """Whether a model lacks something on given rows: structure in its residual that is no chance.
 
 One function answers for every command. Two tests look at the residual of the model as it stands:
-its lack of fit against repeats, and smooth functions of the pose, the order and every other column.
+its lack of fit against repeats, and smooth functions of the pose, the order, the motion of a
+continuous test and every other column.
 Both compare with what is left in the same rows, so that noise that was stated too small or too
 large does not decide.
 """
@@ -13,19 +14,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from ecm.comparison.residuals import feature_columns
-from ecm.io.arrays import B, F
+from ecm.io.arrays import B, F, I
 from ecm.io.columns import JOINT_SIGNS, JOINTS, VELOCITY
+from ecm.io.table import Table
+from ecm.regression.approach import order_of_visits
 from ecm.regression.f_test import Beside, lack_of_fit
+from ecm.regression.folds import is_continuous
 from ecm.regression.repeats import repeat_cells
 from ecm.regression.rows import Rows
+from ecm.regression.speed import speeds
 
 LEVEL = 0.01
 """Chance of a wrong rejection."""
-NOTHING_FOLLOWS = (
-    "but nothing in it follows the pose, the order or another column: that noise is likely too "
-    "small, or these rows are too few to show what is missing"
-)
-"""What is said of an error beyond the noise without structure."""
+NEAR_NOISE = 1.1
+"""An error over the noise that is no more than this says nothing: no noise is known better."""
+_NOTHING = "nothing in it follows the pose, the order or another column"
+_ALIKE, _SURE = 0.2, 5.0
+"""Correlation of neighbouring residuals that is said, and how far beyond chance it must be."""
 LEAST_STRENGTH = 0.15
 """Structure weaker than this, in units of the noise, does not count: no base is better."""
 
@@ -74,7 +79,7 @@ def structure_test(
     n, m = whitened.shape
     own = np.zeros((n, m, 0)) if fitted is None else fitted
     weights = scored.astype(np.float64)
-    values = np.hstack([other_columns(rows), _higher_degrees(rows)])
+    values = np.hstack([other_columns(rows), _higher_degrees(rows), _motion(rows)])
     columns = np.concatenate(
         [
             feature_columns(rows, whitener, max(1, min(90, n // 3))),
@@ -109,6 +114,87 @@ def _higher_degrees(rows: Rows) -> F:
         scaled = 2.0 * (poses[:, j] - low[j]) / wide[j] - 1.0
         columns.append(np.polynomial.chebyshev.chebvander(scaled, most)[:, 3:])
     return np.hstack(columns) if columns else np.zeros((len(poses), 0))
+
+
+def _motion(rows: Rows) -> F:
+    """Return (N, q) velocities and ways of a continuous test; of few columns loops over the pose.
+
+    A damper follows the velocity, a loop its sign, and the width of a loop the pose.
+    """
+    columns: list[F] = []
+    found = speeds(rows.table) if is_continuous(rows.table) else {}
+    few = len(rows.base.inputs) <= 2
+    for j, name in enumerate(rows.base.inputs):
+        velocity = found.get(f"v_{name}")
+        if velocity is None:
+            continue
+        way = np.sign(velocity)
+        columns += [velocity / velocity.std(), way]
+        if few:
+            pose = rows.poses[:, j]
+            scaled = 2.0 * (pose - pose.min()) / max(float(np.ptp(pose)), 1e-300) - 1.0
+            columns += list(way * np.polynomial.chebyshev.chebvander(scaled, 4)[:, 1:].T)
+    return np.stack(columns, axis=1) if columns else np.zeros((len(rows), 0))
+
+
+def nothing_follows(over_noise: float, alike: float | None) -> str:
+    """Return what is said of an error beyond the noise without structure.
+
+    Parameters
+    ----------
+    over_noise
+        Error over the noise.
+    alike
+        Correlation of neighbouring rows where it is no chance: `neighbours_alike`.
+
+    Examples
+    --------
+    >>> nothing_follows(1.04, None)
+    'and nothing in it follows the pose, the order or another column'
+    """
+    if alike is not None:
+        return (
+            f"and {_NOTHING}, but neighbouring rows err alike (correlation {alike:.2f}), which the "
+            "noise of single readings does not: a period, a memory, or noise that changes slowly"
+        )
+    if over_noise <= NEAR_NOISE:
+        return f"and {_NOTHING}"
+    return (
+        f"but {_NOTHING}: that noise is likely too small, or these rows are too few to show what "
+        "is missing"
+    )
+
+
+def neighbours_alike(table: Table, rows: I, whitened: F) -> float | None:
+    """Return the correlation of the residuals of rows that follow each other in time, if it is one.
+
+    Parameters
+    ----------
+    rows
+        (n,) rows of the table.
+    whitened
+        (n, m) their residuals over the noise.
+
+    Returns
+    -------
+    float or None
+        None without time, or where chance gives as much.
+    """
+    if not table.has("time_s"):
+        return None
+    place = np.full(len(table), -1)
+    place[rows] = np.arange(len(rows))
+    together, count = 0.0, 0
+    for order in order_of_visits(table):
+        own = place[order]
+        first, second = own[:-1], own[1:]
+        both = (first >= 0) & (second >= 0)
+        together += float((whitened[first[both]] * whitened[second[both]]).sum())
+        count += int(both.sum()) * whitened.shape[1]
+    if count == 0:
+        return None
+    correlation = together / count / max(float((whitened**2).mean()), 1e-300)
+    return correlation if correlation > max(_ALIKE, _SURE / np.sqrt(count)) else None
 
 
 def other_columns(rows: Rows) -> F:

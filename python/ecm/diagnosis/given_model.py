@@ -18,7 +18,7 @@ import numpy as np
 
 from ecm.comparison.behind import is_far_behind
 from ecm.comparison.comparison import Comparison, compare
-from ecm.comparison.structure import NOTHING_FOLLOWS, StructureTest, structure_test
+from ecm.comparison.structure import NEAR_NOISE, StructureTest, nothing_follows, structure_test
 from ecm.diagnosis.decision import Decision
 from ecm.diagnosis.given_readings import reading_of_given_model
 from ecm.diagnosis.held_out import held_out_rms
@@ -36,6 +36,7 @@ from ecm.regression.noise import Noise, whiteners
 from ecm.regression.thinning import spread_rows
 
 if TYPE_CHECKING:
+    from ecm.diagnosis.problem import Problem
     from ecm.diagnosis.settings import DiagnosisSettings
     from ecm.io.table import Table
     from ecm.models.model import Model
@@ -80,7 +81,7 @@ class GivenModel:
     name: str
     answer: Answer
     """It fits; its numbers are wrong; its form is too plain; an effect is missing; the table is
-    stated wrongly; or it errs far beyond the noise, of which nothing shows the reason."""
+    stated wrongly; or it errs beyond the noise, of which nothing shows the reason."""
     gate: StructureTest
     """Test of its residual as it stands."""
     as_given: Errors
@@ -99,6 +100,11 @@ class GivenModel:
     """The wrench of these data over that of the model, where one factor explains the misfit."""
     statement: WrongStatement | None = field(default=None, metadata={"optional": True})
     """Another reading of the table with which the model fits as it stands."""
+    neighbours_alike: float | None = field(default=None, metadata={"optional": True})
+    """Correlation of the errors of rows that follow each other; None where it is chance."""
+    reason: Literal["", "rows", "weak"] = ""
+    """Why a base that is no richer shows nothing: `rows` that are unlike all others count less in
+    it, or what the model lacks is too `weak`; empty where it shows it, or is richer."""
 
     @property
     def missing(self) -> bool:
@@ -115,7 +121,8 @@ class GivenModel:
         if self.missing:
             text = f"{self.name}, as it stands, errs {self.as_given} on these data"
         elif self.answer == "noise":
-            text = f"{self.name} errs {self.as_given} on these data, {NOTHING_FOLLOWS}"
+            why = nothing_follows(self.as_given.over_noise or 0.0, self.neighbours_alike)
+            text = f"{self.name} errs {self.as_given} on these data, {why}"
         else:
             text = f"{self.name} fits these data: it errs {self.as_given}"
         if not self.is_base:
@@ -137,8 +144,14 @@ class GivenModel:
                 "numbers": " The base fits: its numbers or its form are wrong; fit it again.",
             }[self.answer]
         again = f"it errs {self.refitted}"
+        if self.reason == "rows":
+            return (
+                " In the base rows that are unlike all others count less: look at them (ecm "
+                "check), leave out what is no measurement (--leave-out), and fit the model again."
+            )
+        weak = ", too weak for the independent ones of these rows" * (self.reason == "weak")
         return {
-            "effect": f" Even refitted {again}: an effect is missing.",
+            "effect": f" Even refitted {again}: an effect is missing{weak}.",
             "form": f" Refitted on them {again}, and the base fits: its form is too plain.",
             "numbers": f" Refitted on them {again}: its form is fine, its numbers are not"
             f"{self._cause()}",
@@ -171,11 +184,10 @@ def judge_given_model(
     settings = problem.settings
     result = compare(model, prepared.table, noise=noise)
     same = isinstance(model.base, PhysicsMap) and isinstance(problem.base, PhysicsMap)
-    noise, scored = result.noise, problem.scored
-    of_base = np.sqrt((problem.fit.residual[scored] ** 2).mean(axis=0))
+    noise = result.noise
     base_errors = Errors(
         None if problem.noise.is_residual else held_out_rms(problem, ()),
-        dict(zip(problem.base.outputs, of_base.tolist(), strict=True)),
+        dict(zip(problem.base.outputs, problem.rms(problem.fit.residual).tolist(), strict=True)),
     )
     as_given = Errors(
         None if noise.is_residual else result.whitened_rms,
@@ -203,14 +215,21 @@ def judge_given_model(
         still = needed or again is None or (missing and _structure(again, noise).found)
     still = still or (refitted is not None and _far_behind(refitted, base_errors, settings))
     # Of the same form as the base, what the base lacks the model lacks as well.
-    lacks_the_same = alike and model.base.name == problem.base.name and decision.verdict != "none"
+    same_form = alike and model.base.name == problem.base.name
+    lacks_the_same = same_form and decision.verdict != "none"
     answer = _answer(missing, refitted is not None and not still, decision)
+    reason: Literal["", "rows", "weak"] = ""
+    if answer == "form":
+        reason = _reason(model, problem, spoiled=_far_behind(as_given, base_errors, settings))
+        answer = "numbers" if reason == "rows" else "effect" if reason else "form"
     if decision.unknown is not None and decision.unknown.slow_noise is not None:
         answer = "fits"
     elif lacks_the_same:
         answer = "effect"
     elif not missing and (as_given.over_noise or 0.0) > settings.most_left_error:
         answer = "noise" if decision.verdict == "none" else "effect"
+    elif answer == "fits" and (as_given.over_noise or 0.0) > NEAR_NOISE and result.excess_low > 0.0:
+        answer = "noise"
     misread = decision.unknown is not None and decision.unknown.misread
     doubted = missing or answer in ("effect", "noise")
     statement = None
@@ -233,6 +252,8 @@ def judge_given_model(
         is_base=same,
         scale=_scale(model, prepared.table, result) if answer == "numbers" else None,
         statement=statement,
+        neighbours_alike=result.neighbours_alike,
+        reason=reason if answer in ("numbers", "effect") else "",
     )
 
 
@@ -297,6 +318,15 @@ def _answer(missing: bool, fits_again: bool, decision: Decision) -> Answer:
         return "numbers"
     # What the base does not lack either is no effect.
     return "form" if decision.verdict == "none" else "effect"
+
+
+def _reason(model: Model, problem: Problem, *, spoiled: bool) -> Literal["", "rows", "weak"]:
+    """Why a base that is no richer than the model fits where the model does not."""
+    base = problem.base
+    if spoiled and problem.unlike_rows and len(base.coefficients) <= len(model.base.coefficients):
+        return "rows"
+    alike = (model.inputs, model.outputs) == (base.inputs, base.outputs)
+    return "weak" if alike and model.base.name == base.name else ""
 
 
 def _far_behind(given: Errors, base: Errors, settings: DiagnosisSettings) -> bool:

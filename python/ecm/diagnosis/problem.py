@@ -39,6 +39,12 @@ _OF_A_GOOD_RIG = 1e-3
 """The same over the noise of a common rig: one that is thirty times better."""
 
 
+_UNLIKE = 0.5
+"""Robust weight below which a row counts as unlike all others."""
+_MANY_UNLIKE = 0.005
+"""Share of such rows that is no chance: of Gaussian noise there is one in 10,000."""
+
+
 @dataclass(frozen=True)
 class Candidate:
     """One shape of one effect and the places of its columns in the design."""
@@ -131,6 +137,17 @@ class Problem:
     def in_units(self, whitened: F) -> F:
         """Return whitened (N, m) numbers in the units of their columns."""
         return np.asarray(np.linalg.solve(self.whitener, whitened[:, :, None])[:, :, 0])
+
+    @property
+    def unlike_rows(self) -> list[int]:
+        """Rows that are unlike all others and count less; none where chance gives as many."""
+        rows = np.flatnonzero(self.weights < _UNLIKE).tolist()
+        return rows if len(rows) > max(3.0, _MANY_UNLIKE * len(self.weights)) else []
+
+    def rms(self, errors: F) -> F:
+        """(m,) root mean square of errors (N, m); rows that are unlike all others count less."""
+        weights = np.where(self.scored, self.weights, 0.0)
+        return np.asarray(np.sqrt(weights @ errors**2 / weights.sum()))
 
     def without_rows(self, rows: I) -> Problem:
         """Return the problem with the normal equations of all rows but these."""

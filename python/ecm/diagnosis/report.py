@@ -39,6 +39,7 @@ from ecm.diagnosis.search import Ranked, estimate
 from ecm.diagnosis.stated_numbers import negative_payload, stated_numbers
 from ecm.diagnosis.statements import reversed_sign, time_unit
 from ecm.diagnosis.unexplained import misread_table
+from ecm.io.leave_out import shown_ranges
 from ecm.models.history import Ceiling, ceiling_rms
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.model import Model
@@ -226,8 +227,7 @@ def _component_errors(
     scored, names = problem.scored, problem.base.outputs
     measured = np.stack([table.column(name) for name in model.outputs], axis=1)
     before = np.sqrt(((measured - model.predict(table))[scored] ** 2).mean(axis=0))
-    alone = np.sqrt((problem.fit.residual[scored] ** 2).mean(axis=0))
-    after = np.sqrt((final.residual[scored] ** 2).mean(axis=0))
+    alone, after = problem.rms(problem.fit.residual), problem.rms(final.residual)
     floor: dict[str, float] = {}
     if not problem.noise.is_residual:
         covariance = problem.noise.covariance(problem.rows, problem.base.error)
@@ -258,6 +258,12 @@ def _warnings(problem: Problem, prepared: Prepared, final: JointFit) -> tuple[st
         warnings.append(f"never excited: {', '.join(silent)}: nothing can be said about it")
     if copies := prepared.copies:
         warnings.append(f"{copies} rows repeat an earlier row to the last digit: left out")
+    if unlike := problem.unlike_rows:
+        numbers = shown_ranges(prepared.table.numbers_in_file[unlike].tolist())
+        warnings.append(
+            f"{len(unlike)} rows are unlike all others and count less: {numbers}; ecm check says "
+            "which are no measurement, and its --leave-out leaves them out"
+        )
     if late := time_unit(problem.table):
         warnings.append(late)
     if strange := modulus_warning(problem) or reversed_sign(*own):

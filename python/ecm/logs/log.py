@@ -6,7 +6,7 @@ import itertools
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ _DAY_FIRST = re.compile(
 )
 _CLOCK_ALONE = re.compile(rf"^{_CLOCK}$")
 _NO_DATE = 1
-"""Year of a time of day without a date."""
+"""Year, month and day of a time of day without a date."""
 _DAY_S = 86400.0
 
 
@@ -150,10 +150,13 @@ def _instant(cell: Any) -> datetime:
     if match is None:
         return datetime.fromisoformat(text)
     found = match.groupdict()
-    date = (found.get("year", _NO_DATE), found.get("month", 1), found.get("day", 1))
-    fraction = (found["fraction"] or "0")[:6].ljust(6, "0")
-    clock = (found["hour"] or 0, found["minute"] or 0, found["second"] or 0, fraction)
-    return datetime(*map(int, (*date, *clock)))
+    date = [int(found.get(name, _NO_DATE)) for name in ("year", "month", "day")]
+    clock = timedelta(
+        hours=int(found["hour"] or 0),
+        minutes=int(found["minute"] or 0),
+        seconds=float(f"{found['second'] or 0}.{found['fraction'] or 0}"),
+    )
+    return datetime(date[0], date[1], date[2]) + clock
 
 
 def unique_name(name: str, taken: Collection[str]) -> str:

@@ -203,7 +203,7 @@ def pose_error(
             f"for each of the table and a column for each of {', '.join(model.outputs)}"
         )
     measured = np.flatnonzero(is_pose_row(table))
-    numbers = table.row_numbers[measured] + 1
+    numbers = table.numbers_in_file[measured]
     axes = _axes(model, table.select(measured))
     if not axes:
         return PoseError((), numbers[:0], np.zeros((0, 6)), None, None, numbers)

@@ -1,0 +1,77 @@
+"""What a comparison says of a log: loops and dampers, neighbours that err alike, noise alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import ecm
+from ecm.io.arrays import F
+from ecm.io.table import Table
+
+NOISE_NM = 0.02
+
+
+def log(hidden: Callable[[F, F], F], seed: int = 0) -> Table:
+    """Four cycles of a cubic spring at 50 Hz with a torque beside it."""
+    random = np.random.default_rng(seed)
+    time = 0.02 * np.arange(1500.0)
+    angle = 0.4 * np.sin(0.9 * time) * (0.7 + 0.3 * np.sin(0.23 * time))
+    torque = 3.0 * angle + 2.0 * angle**3 + hidden(time, angle)
+    columns = {
+        "time_s": time,
+        "theta_z_rad": angle + 1e-5 * random.standard_normal(len(time)),
+        "tau_z_Nm": torque + NOISE_NM * random.standard_normal(len(time)),
+    }
+    meta = {
+        "file": {"kind": "continuous"},
+        "instrument": {"torque_sd_Nm": NOISE_NM, "pose_rotation_sd_rad": 1e-5},
+    }
+    return ecm.Table(columns, meta)
+
+
+def said(table: Table) -> ecm.Comparison:
+    return ecm.compare(ecm.fit(table, "cubic"), table)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_of_noise_alone_nothing_is_said(seed: int) -> None:
+    found = said(log(lambda time, angle: 0.0 * time, seed))
+    assert not found.missing
+    assert found.neighbours_alike is None
+    assert "too small" not in found.sentence()
+    assert "too few" not in found.sentence()
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("kind", ["air", "glue"])
+def test_what_follows_the_motion_is_structure(kind: str, seed: int) -> None:
+    """Air that is pressed out, and glue that pulls on the way back alone: no smooth function."""
+
+    def hidden(time: F, angle: F) -> F:
+        rate = np.gradient(angle, time)
+        if kind == "air":
+            return np.asarray(0.12 * rate * np.abs(rate) / (1.0 - angle) ** 3)
+        return np.asarray(-0.06 * np.exp(-(((angle - 0.1) / 0.05) ** 2)) * (rate < 0.0))
+
+    found = said(log(hidden, seed))
+    assert found.missing
+    assert "nothing in it follows" not in found.sentence()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_ripple_in_time_is_no_noise_that_was_stated_too_small(seed: int) -> None:
+    found = said(log(lambda time, angle: 0.05 * np.sin(2.0 * np.pi * 2.37 * time), seed))
+    assert found.neighbours_alike is not None
+    assert found.neighbours_alike > 0.5
+    assert "neighbouring rows err alike" in found.sentence()
+    assert "too small" not in found.sentence()
+
+
+def test_noise_that_was_stated_too_small_is_called_so() -> None:
+    random = np.random.default_rng(5)
+    found = said(log(lambda time, angle: 0.03 * random.standard_normal(len(time))))
+    assert found.neighbours_alike is None
+    assert "that noise is likely too small" in found.sentence()
