@@ -402,3 +402,40 @@ def test_a_wild_reading_does_not_hide_what_failed() -> None:
         naming_wild_readings(as_table(columns)),
     ):
         raise ModelError("3 rows are too few for 4 coefficients")
+
+
+def sensor_of_the_tool(turn: Rotation, poses: F) -> F:
+    """(N, 3, 3) matrices from a wrench to that of a sensor which is turned on the top."""
+    top = Rotation.from_rotvec(poses[:, 3:])
+    return np.asarray((top * turn * top.inv()).as_matrix())
+
+
+@pytest.mark.parametrize(
+    ("what", "words"),
+    [
+        ("turned", "turned by -90 degrees about z, in the axes of the tool"),
+        ("reversed", "the sign of tau_y looks reversed, in the axes of the tool"),
+        ("small torque", "the torque looks 1000 times too small"),
+        ("far positions", "the positions look 10 times too large"),
+    ],
+)
+def test_a_sensor_on_the_tool_and_powers_of_ten(what: str, words: str) -> None:
+    """Turned or reversed there, a wrench in base axes is wrong in another way at each pose."""
+    table = measured(3)
+    poses, h = table.matrix(POSE), table.matrix(WRENCH)
+    if what == "turned":
+        turns = sensor_of_the_tool(Rotation.from_euler("z", -90, degrees=True), poses)
+        h = np.hstack([np.einsum("nij,nj->ni", turns, part) for part in (h[:, :3], h[:, 3:])])
+    elif what == "reversed":
+        own = np.einsum("nji,nj->ni", Rotation.from_rotvec(poses[:, 3:]).as_matrix(), h[:, 3:])
+        own[:, 1] *= -1.0
+        h[:, 3:] = np.einsum("nij,nj->ni", Rotation.from_rotvec(poses[:, 3:]).as_matrix(), own)
+    elif what == "small torque":
+        h[:, 3:] *= 1e-3
+    else:
+        poses[:, :3] *= 10.0
+    columns = np.hstack([poses, h]).T
+    found = diagnose(model(), table.with_columns(dict(zip((*POSE, *WRENCH), columns, strict=True))))
+    assert found.model.answer == "table"
+    assert found.model.statement is not None
+    assert words in found.model.statement.what

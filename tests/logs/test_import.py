@@ -270,6 +270,23 @@ def test_quaternions_without_direction_are_found_and_left_out(tmp_path: Path) ->
     assert 'unreadable = "5-6, 21"' in (tmp_path / "t.toml").read_text()
 
 
+def test_a_unit_at_the_end_of_a_name_counts_where_its_words_say_nothing() -> None:
+    log = {"ML_mm": np.arange(5.0), "Fx_N": np.arange(5.0)}
+    table = import_log(log, columns={"x_m": "ML_mm"}).table
+    np.testing.assert_allclose(table["x_m"], 1e-3 * np.arange(5.0))
+    with pytest.raises(ecm.InputError, match="no unit is stated"):
+        import_log({"ML": np.arange(5.0), "Fx_N": np.arange(5.0)}, columns={"x_m": "ML"})
+
+
+@pytest.mark.parametrize("last", ["InternalRot_deg", "Int Rotation [deg]", "tibial_rot_deg"])
+def test_the_angles_of_a_knee_under_other_names(last: str) -> None:
+    log = {"Flexion_deg": np.arange(5.0), "Adduction_deg": np.zeros(5), last: np.zeros(5)}
+    with pytest.raises(ecm.InputError, match="right knee"):
+        import_log(log)
+    table = import_log(log, rotation="grood-suntay-right").table
+    np.testing.assert_allclose(np.rad2deg(table["theta_x_rad"]), -np.arange(5.0))
+
+
 def test_rows_that_are_written_twice_are_found_and_left_out(tmp_path: Path) -> None:
     time = np.repeat(np.arange(20.0), 2)
     log = {"time [s]": time, "x [mm]": np.sin(time), "Fx_N": np.cos(time)}

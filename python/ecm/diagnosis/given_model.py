@@ -46,6 +46,8 @@ _MOST_ROWS = 1000
 """Rows that a refit of the same kind uses."""
 _FAR = 2.0
 """A reading may leave so many times the error of a base fitted to the rows."""
+_AS_AT_HOME = 1.5
+"""A reading may leave so many times the error of the model on the rows that it was fitted to."""
 _SCALED = 0.25
 """One factor explains a misfit where it leaves at most this share of its squares."""
 
@@ -233,8 +235,11 @@ def judge_given_model(
     misread = decision.unknown is not None and decision.unknown.misread
     doubted = missing or answer in ("effect", "noise")
     statement = None
-    if doubted and not misread:
-        most = max(settings.most_left_error, _FAR * (base_errors.over_noise or 0.0))
+    if doubted and not (misread and same):  # the base has the numbers of the body then
+        at_home = float(model.training.get("over_noise", 0.0))
+        most = max(
+            settings.most_left_error, _FAR * (base_errors.over_noise or 0.0), _AS_AT_HOME * at_home
+        )
         statement = reading_of_given_model(
             model, prepared.table, noise, most, settings.mended_share
         )

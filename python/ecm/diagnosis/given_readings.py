@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ecm.diagnosis.readings import WrongStatement, best_of
-from ecm.diagnosis.restated import Restatement, restatements
+from ecm.diagnosis.restated import Restatement, rarer_restatements, restatements
 from ecm.errors import EcmError
 from ecm.io.arrays import B, F
 from ecm.io.columns import POSE, WRENCH
@@ -80,7 +80,8 @@ def reading_of_given_model(
     if now is None:
         return None
     length = table.meta.length_m if moving[0] else None
-    told = [r for r in restatements(length) if not _is_a_specimen(r, poses, wrench)]
+    listed = [*restatements(length), *rarer_restatements()]
+    told = [r for r in listed if not _is_a_specimen(r, poses, wrench)]
     left = [(value, item) for item in told if (value := squares(item)) is not None]
     best = best_of(_distinct(left, poses, wrench), min(share**2 * now, most_error**2))
     if not best:

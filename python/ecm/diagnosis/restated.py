@@ -49,6 +49,30 @@ def restatements(length_m: float | None) -> Iterator[Restatement]:
     yield from _rotations()
 
 
+def rarer_restatements() -> Iterator[Restatement]:
+    """Yield more that only a model with fixed numbers tells: powers of ten, and the tool's axes.
+
+    A sensor that moves with the top has its own axes: turned, reversed or exchanged there, the
+    wrench in base axes is wrong in another way at each pose.
+    """
+    for words, place in (("10 times too large", 0.1), ("1000 times too small", 1e3)):
+        scaled = _scaled_pose(np.array([place] * 3 + [1.0] * 3))
+        yield Restatement(f"the positions look {words}", scaled, True, of_pose_unit=True)
+    words = "the torque looks 1000 times too small"
+    yield Restatement(words, _scaled_wrench(np.array([1.0] * 3 + [1e3] * 3)), False)
+    turns = list(_axis_turns())
+    for item in (*_signs(), *_turns(turns[:_SINGLE]), *_mirrors(), *_turns(turns[_SINGLE:])):
+        if not item.of_pose:
+            yield Restatement(f"{item.words}, in the axes of the tool", _in_tool(item), False)
+
+
+def _in_tool(item: Restatement) -> Change:
+    def change(poses: F, wrench: F) -> tuple[F, F]:
+        return _from_top(poses, item.change(*_to_top(poses, wrench))[1])
+
+    return change
+
+
 def _signs() -> Iterator[Restatement]:
     for words, signs in (
         ("the wrench's sign looks reversed", [-1.0] * 6),

@@ -46,7 +46,7 @@ def _rests_on(document: Mapping[str, Any]) -> TableBlock:
         ["base", base["kind"]],
         *(
             []
-            if document["noise"].get("is_residual")
+            if document["noise"].get("is_residual") or base["error_over_noise"] == 0.0
             else [["the base's own error over the noise", f"{base['error_over_noise']:.2f}"]]
         ),
         ["source of the noise", noise_words(document["noise"])],

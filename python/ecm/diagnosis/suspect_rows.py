@@ -22,6 +22,8 @@ from ecm.regression.folds import is_continuous, is_pose_row
 
 _FEWEST = 50
 """Runs of fewer rows have no pattern."""
+_LOOKS, _SWINGS = 30, 2.0
+"""A start goes to its place once; so many ranges of ways between as many looks are loading."""
 _LONGEST_START = 0.2
 """A start-up is at most this share of a run; a longer one is the test itself."""
 _MARGIN = 0.02
@@ -207,7 +209,15 @@ def _start_up(channels: Mapping[str, F]) -> int:
         if high > low:
             inside &= (values >= low - margin) & (values <= high + margin)
     first = int(np.argmax(inside)) if inside.any() else 0
-    return first if 3 <= first <= _LONGEST_START * size else 0
+    if not 3 <= first <= _LONGEST_START * size:
+        return 0
+    return 0 if any(_swings(values, first) for values in channels.values()) else first
+
+
+def _swings(values: F, first: int) -> bool:
+    """Whether a channel goes up and down in the first rows: a test that was not repeated later."""
+    some = values[np.unique(np.linspace(0, first - 1, _LOOKS).astype(np.int64))]
+    return float(np.abs(np.diff(some)).sum()) > _SWINGS * float(np.ptp(values))
 
 
 def _stays(name: str, values: F, channels: Mapping[str, F]) -> Iterator[tuple[str, str, I]]:

@@ -89,7 +89,7 @@ def _read(
         separators = "semicolons" if ";" in names[0] else "tabs"
         raise InputError(
             f"{path}: the columns are separated by {separators}, expected commas (and a decimal "
-            "point). Save it again with commas."
+            f"point). ecm import {path} --out table.csv reads it and writes the table."
         )
     columns = [_Column(name in text or i in text) for i, name in enumerate(names, 1)]
     numbers: list[NDArray[np.int64]] = [np.zeros(0, dtype=np.int64)]

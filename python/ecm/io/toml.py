@@ -45,7 +45,8 @@ def read_text(path: Path, what: str) -> str:
     except PermissionError:
         raise InputError(f"{path}: no permission to read this {what}.") from None
     if b"\0" in raw[:65536]:
-        raise InputError(f"{path}: found a binary file, expected a {what} (UTF-8 text).")
+        other = " ecm import reads MAT, HDF5, NPZ and bags." if what == "table" else ""
+        raise InputError(f"{path}: found a binary file, expected a {what} (UTF-8 text).{other}")
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:

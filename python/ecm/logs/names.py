@@ -73,6 +73,9 @@ _CLINICAL = {
     "flexion": "flexion", "flex": "flexion", "extensionflexion": "flexion",
     "adduction": "adduction", "varus": "adduction", "varusvalgus": "adduction",
     "internal": "internal", "internalrotation": "internal", "axialrotation": "internal",
+    "internalrot": "internal", "introtation": "internal", "introt": "internal",
+    "axialrot": "internal", "tibialrotation": "internal", "tibialrot": "internal",
+    "internalexternal": "internal", "internalexternalrotation": "internal",
 }  # fmt: skip
 _IGNORED = frozenset(
     {"pose", "tool", "tcp", "tip", "top", "platform", "marker", "rigid", "body", "ft", "fts", "ati"}

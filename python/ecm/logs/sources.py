@@ -11,7 +11,7 @@ from ecm.errors import InputError
 from ecm.io.columns import is_standard
 from ecm.io.toml import did_you_mean
 from ecm.logs.log import Log
-from ecm.logs.names import Named
+from ecm.logs.names import Named, trailing_units
 from ecm.logs.units import Unit, find_unit
 
 _SI = {"length": "m", "angle": "rad", "force": "N", "torque": "Nm", "time": "s",
@@ -149,6 +149,9 @@ def stated_unit(column: str, standard: str, named: Named, choices: UserChoices) 
         return named.unit
     if dimension in choices.units:
         return choices.units[dimension]
+    ending = trailing_units(column)[1]  # of a name whose words say nothing: ML_mm
+    if dimension in ending:
+        return ending[dimension]
     return Unit("", dimension) if dimension in ("time", "temperature") else _UNSTATED
 
 

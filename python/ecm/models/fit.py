@@ -17,7 +17,7 @@ from ecm.models.model import Model
 from ecm.models.pose_error import pose_error, report_rows
 from ecm.models.registry import parse_model
 from ecm.models.specification import FittedMap, ModelSpecification, Weights
-from ecm.models.training import conditions_of, domain_of, training_of
+from ecm.models.training import conditions_of, domain_of, error_over_noise, training_of
 from ecm.regression.thinning import spread_rows
 
 
@@ -116,6 +116,8 @@ def fit_rows(
 def _model(fitted: FittedMap, table: Table, progress: Progress | None) -> Model:
     """The model of a fit, its covariance widened where residuals exceed the stated noise."""
     base, covariance, training = fitted.base, fitted.covariance, training_of(table)
+    if (error := error_over_noise(base, fitted.noise, table)) is not None:
+        training["over_noise"] = error
     variance = fitted.residual_variance
     if variance is not None and np.isfinite(variance):
         training["residual_variance"] = variance

@@ -508,6 +508,8 @@ class Model:
             # Such a branch follows it, also in a controller, which has no table.
             training["mean_stiffness"] = joint.rows.stiffness.mean(axis=0).tolist()
         training["effect_sizes"] = effect_sizes(joint, used)
+        if not used.is_residual:
+            training["over_noise"] = float(np.sqrt((joint.whitened**2).mean()))
         k = 0 if freeze_base else len(joint.base.coefficients)
         fitted = replace(
             shaped,

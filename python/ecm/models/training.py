@@ -12,8 +12,12 @@ from ecm.io.cache import hash_of
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
 from ecm.models.noise_estimate import estimate_noise
-from ecm.regression.noise import Noise
+from ecm.regression.noise import Noise, whiteners
 from ecm.regression.rows import Rows
+from ecm.regression.thinning import spread_rows
+
+_MOST_ROWS = 1000
+"""Rows that give the error of a model at home."""
 
 
 def training_of(table: Table) -> dict[str, Any]:
@@ -50,6 +54,20 @@ def noise_for(base: StiffnessMap, table: Table, before: Noise, *, same_rows: boo
     rows = Rows(table, base)
     # Effects have no shape for these rows yet, but their changes between repeats do not count.
     return estimate_noise(rows, rows.sensor_load, fallback=before)
+
+
+def error_over_noise(base: StiffnessMap, noise: Noise, table: Table) -> float | None:
+    """Root mean square error of a fitted map on its own rows over their noise, where it is known.
+
+    What a later table may be compared with: a model that erred at home errs as much elsewhere.
+    """
+    if noise.is_residual:
+        return None
+    chosen = spread_rows(table, _MOST_ROWS)
+    rows = Rows(table if len(chosen) == len(table) else table.thinned(chosen), base)
+    errors = rows.table.matrix(base.outputs) - rows.sensor_load
+    whitener = whiteners(noise.covariance(rows, base.error))
+    return float(np.sqrt((np.einsum("nij,nj->ni", whitener, errors) ** 2).mean()))
 
 
 CONDITIONS = ("temperature_degC", "time_s")
