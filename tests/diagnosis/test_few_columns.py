@@ -215,6 +215,16 @@ def test_two_effects_are_added_at_once(add: tuple[str, str]) -> None:
         ecm.refit(bare, both, add=[add[0], "temperature_modulus"])
 
 
+def test_a_polynomial_that_was_fitted_as_advised_lacks_nothing() -> None:
+    table = one_angle("higher_degree")
+    assert find_missing(ecm.fit(table, "cubic"), table).answer == (("higher_degree",),)
+    found = ecm.diagnose(ecm.fit(table, "poly:9"), table)
+    assert found.verdict == "none"
+    assert found.model.answer == "fits"
+    loop = one_angle("hysteresis")
+    assert find_missing(ecm.fit(loop, "poly:7"), loop).answer == (("hysteresis",),)
+
+
 SHAPED = ("hysteresis", "backlash", "kink", "dead_zone", "higher_degree", "stress_relaxation")
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from ecm.io.columns import POSE, WRENCH
 from ecm.models.by_degree import polynomial, symmetric_energy
 from ecm.models.fit import fit_model
+from ecm.models.maps import PolynomialMap
 from ecm.models.physics.map import FREE, PhysicsMap
 
 if TYPE_CHECKING:
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
 
 def choose_base(model: Model, table: Table) -> StiffnessMap:
     """Choose physics where there is a body, else a symmetric energy, else a polynomial.
+
+    A polynomial of few columns that was given with a higher degree may be the base with it: what
+    it does not lack is not named.
 
     E and nu of the physics are free; L and D enter only as effects. Degrees are chosen by
     generalised cross-validation. A rod that was fitted is no physics base: its sections absorbed a
@@ -30,4 +34,7 @@ def choose_base(model: Model, table: Table) -> StiffnessMap:
         return fit_model(table, "physics").base
     if full and table.meta.length_m is not None:
         return symmetric_energy(table)
+    alike = (model.inputs, model.outputs) == (table.pose_columns, table.wrench_columns)
+    if isinstance(model.base, PolynomialMap) and alike and len(model.inputs) < len(POSE):
+        return polynomial(table, also=model.base.model.degree)
     return polynomial(table)

@@ -35,9 +35,10 @@ def energy_of_unlike_ends(table: Table) -> StiffnessMap:
     return _by_degree(table, [EnergyModel(degree, "revolution") for degree in _ENERGY])
 
 
-def polynomial(table: Table) -> StiffnessMap:
-    """The free polynomial of the degree that the rows can carry."""
-    return _by_degree(table, [PolynomialModel(degree) for degree in _POLYNOMIAL])
+def polynomial(table: Table, also: int = 0) -> StiffnessMap:
+    """The free polynomial of the degree that the rows can carry, up to three; also of another."""
+    degrees = (*_POLYNOMIAL, *([also] if also > _POLYNOMIAL[-1] else []))
+    return _by_degree(table, [PolynomialModel(degree) for degree in degrees])
 
 
 def next_degree(base: StiffnessMap, table: Table) -> StiffnessMap | None:
