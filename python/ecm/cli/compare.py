@@ -57,11 +57,12 @@ def _errors(result: Comparison, constant: Sequence[str]) -> str:
     rows = [("component", "rmse", "bias", "noise floor", "excess", "90 % interval", "unit")]
     for item in result.components:
         if item.name not in constant:
+            error = (item.name, f"{item.rmse:.3g}", f"{item.bias:.3g}")
+            noise = (f"{item.floor:.3g}", f"{item.excess:.3g}")
             interval = f"{item.excess_low:.3g} .. {item.excess_high:.3g}"
-            rows.append(
-                (item.name, f"{item.rmse:.3g}", f"{item.bias:.3g}", f"{item.floor:.3g}",
-                 f"{item.excess:.3g}", interval, unit_of(item.name))
-            )  # fmt: skip
+            # Noise that is only what the model leaves is no floor.
+            known = ("-",) * 3 if result.noise.is_residual else (*noise, interval)
+            rows.append((*error, *known, unit_of(item.name)))
     return columns(rows)
 
 

@@ -9,9 +9,11 @@ from typing import Any
 from ecm.cli.options.effects import Options
 from ecm.cli.session import Session
 from ecm.cli.text import columns
-from ecm.effects import Effect, all_effects, get_effect, load_installed
+from ecm.effects import Effect, all_effects, effects_for, get_effect, load_installed
 from ecm.effects.experiments import get_experiment
 
+_FEW = ("theta_z_rad", "tau_z_Nm")
+"""Columns of the smallest table: effects have forms along them."""
 _SIDES = {
     "physics": "acts on the controller as well",
     "measurement": "acts on the instruments alone",
@@ -31,14 +33,27 @@ def effects(options: Options, session: Session) -> None:
     if options.id is None:
         rows = [(effect.id, _first_sentence(effect.physics)) for effect in listed]
         session.print(columns(rows, header=False))
-        session.print(f"\n{len(listed)} effects. `ecm effects ID` shows one in full.")
+        known = {effect.id for effect in listed}
+        few = [effect for effect in effects_for(_FEW) if effect.id not in known]
+        also = [(effect.id, _first_sentence(effect.physics)) for effect in few]
+        session.print("\nWith fewer than the twelve columns of pose and wrench also:")
+        session.print(columns(also, header=False))
+        session.print(
+            f"\n{len(listed)} effects, and {len(also)} more; most of those that need time have a "
+            "form along the columns that exist. `ecm effects ID` shows one in full."
+        )
     else:
         _print(listed[0], session)
+        form = effects_for(_FEW, listed)[0]
+        if form is not listed[0]:
+            session.print("\nWith fewer than the twelve columns of pose and wrench:")
+            session.print(_indented(form.physics))
+            session.print(f"needs: {form.needs or 'nothing beside pose and wrench'}")
 
 
 def _print(effect: Effect, session: Session) -> None:
     session.print(effect.id)
-    session.print(textwrap.fill(effect.physics, 78, initial_indent="  ", subsequent_indent="  "))
+    session.print(_indented(effect.physics))
     session.print(f"signature: {effect.signature}" if effect.signature else "")
     session.print(f"needs: {effect.needs or 'nothing beside pose and wrench'}")
     session.print(f"side: {effect.side}, {_SIDES[effect.side]}")
@@ -57,6 +72,10 @@ def _print(effect: Effect, session: Session) -> None:
 def _rivals(effect: Effect) -> dict[str, str]:
     """What separates the effect from each rival, in words."""
     return {rival: get_experiment(name).action for rival, name in effect.rivals.items()}
+
+
+def _indented(text: str) -> str:
+    return textwrap.fill(text, 78, initial_indent="  ", subsequent_indent="  ")
 
 
 def _first_sentence(text: str) -> str:

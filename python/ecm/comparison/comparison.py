@@ -199,8 +199,10 @@ class Comparison:
         lines = [self.sentence(), "{:<10}{:>10}{:>10}{:>10}  {:<16}".format(*heads).rstrip()]
         for c in self.components:
             name, unit = c.name.rsplit("_", 1)[0], unit_of(c.name)
-            interval = f"{c.excess_low:.3g} to {c.excess_high:.3g} {unit}"
-            lines.append(f"{name:<10}{c.rmse:>10.3g}{c.floor:>10.3g}{c.excess:>10.3g}  {interval}")
+            known = f"{c.floor:>10.3g}{c.excess:>10.3g}  {c.excess_low:.3g} to {c.excess_high:.3g}"
+            # Noise that is only what the model leaves is no floor.
+            noise = "{:>10}{:>10}  -".format("-", "-") if self.noise.is_residual else known
+            lines.append(f"{name:<10}{c.rmse:>10.3g}{noise} {unit}")
         lines += textwrap.wrap(self.pose_error.sentence(), 99)
         outside = f", {self.outside_domain} outside the poses of the fit" * (
             self.outside_domain > 0
