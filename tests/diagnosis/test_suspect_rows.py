@@ -141,6 +141,17 @@ def test_check_says_samples_and_whole_turns() -> None:
     assert f"theta_z_rad jumps by a whole turn at row(s) {row}" in str(ecm.check(table))
 
 
+def test_diagnose_asks_whether_close_rows_are_a_continuous_test() -> None:
+    time = 0.01 * np.arange(600.0)
+    noise = 0.02 * np.random.default_rng(0).standard_normal(600)
+    columns = {"time_s": time, "theta_z_rad": 0.4 * np.sin(time), "tau_z_Nm": np.sin(time) + noise}
+    asked = 'Then say kind = "continuous" in [file]'
+    for meta, said in (({}, True), ({"file": {"kind": "continuous"}}, False)):
+        table = ecm.Table(columns, meta)
+        found = ecm.diagnose(ecm.fit(table, "linear"), table)
+        assert any(asked in text for text in found.warnings) == said
+
+
 def test_whole_turns_are_of_one_run_and_numbered_as_in_the_file(tmp_path: Path) -> None:
     """The next run may begin at another angle; rows that were left out keep their numbers."""
     time = np.tile(0.01 * np.arange(200), 2)

@@ -19,6 +19,7 @@ from ecm.io.quaternion_order import order_warning
 from ecm.io.steps import Progress, Steps
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.regression.correlation import correlation_time
+from ecm.regression.folds import is_continuous
 from ecm.regression.repeats import noise_source, repeated_poses
 
 _COLUMNS, _TESTABLE, _REPEATS, _SUSPECT = (
@@ -300,10 +301,15 @@ def check(table: TableLike, *, meta: MetaLike = None, progress: Progress | None 
 
 
 def _sampling(table: Table) -> list[str]:
-    """Say that rows which follow each other closely are samples of a continuous test."""
+    """Say how long the samples of a continuous test stay alike, or that it may be one."""
     correlated = correlation_time(table)
-    if correlated is not None:
-        return [correlated.sentence()]
+    return likely_continuous(table) if correlated is None else [correlated.sentence()]
+
+
+def likely_continuous(table: Table) -> list[str]:
+    """Say that rows which follow each other closely may be samples of a continuous test."""
+    if is_continuous(table):
+        return []
     if not table.has("time_s") or table.has("pose_id"):
         return []
     steps = np.diff(table.column("time_s"))

@@ -12,7 +12,12 @@ from scipy import optimize, special
 from ecm.comparison.covariates import confounded_with_order
 from ecm.comparison.run_outliers import run_outliers
 from ecm.comparison.signature import signature_shares
-from ecm.diagnosis.check import NotTestable, never_excited, padding_sentences
+from ecm.diagnosis.check import (
+    NotTestable,
+    likely_continuous,
+    never_excited,
+    padding_sentences,
+)
 from ecm.diagnosis.classify import modulus_warning
 from ecm.diagnosis.confusion import confusable_pairs
 from ecm.diagnosis.decision import Decision
@@ -264,6 +269,7 @@ def _warnings(problem: Problem, prepared: Prepared, final: JointFit) -> tuple[st
             f"{len(unlike)} rows are unlike all others and count less: {numbers}; ecm check says "
             "which are no measurement, and its --leave-out leaves them out"
         )
+    warnings += likely_continuous(prepared.table.unthinned)
     if late := time_unit(problem.table):
         warnings.append(late)
     if strange := modulus_warning(problem) or reversed_sign(*own):
