@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 _MOST_ROWS = 3000
 _WORSE = 1.1
+_TOO_PLAIN = 3.0
+"""Error of the base alone over the noise from which the base is to blame."""
 
 
 def refuse_worse(
@@ -69,8 +71,8 @@ measure more poses
         reasons = _worse_than(before, fitted, table, errors, noise) + _worse_held_out(fitted)
     if reasons:
         raise ComputationError(
-            f"the new model is worse than the one before it: {'; '.join(reasons)}; leave out what "
-            "was added, or add something else"
+            f"the new model is worse than the one before it: {'; '.join(reasons)}; "
+            f"{_what_to_do(fitted)}"
         )
     reasons = _worse_than_mean(fitted, table, errors, noise, held_out or {})
     if reasons:
@@ -78,6 +80,17 @@ measure more poses
             f"the fit is no model of these data: {'; '.join(reasons)}; take fewer coefficients "
             "(a lower degree), or measure more poses"
         )
+
+
+def _what_to_do(fitted: Model) -> str:
+    """Advice by the base alone, which a refit weighs by the noise: what was added may be right."""
+    alone = fitted.history[-2].train if len(fitted.history) > 1 else 0.0
+    if alone <= _TOO_PLAIN:
+        return "leave out what was added, or add something else"
+    return (
+        f"its base alone errs {alone:.3g} times the noise, by which a refit weighs the rows: take "
+        "a base that fits better first (ecm fit --model choose), whatever is added"
+    )
 
 
 def _worse_than(before: Model, fitted: Model, table: Table, errors: F, sd: F) -> list[str]:
