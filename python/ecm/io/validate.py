@@ -244,7 +244,7 @@ def _check_time(columns: Columns, numbers: I, errors: RowErrors) -> list[str]:
             columns["time_s"] = moved
             warnings = [
                 f"{errors.source}: time_s begins again in {shifted} run(s); each is taken as "
-                "following the one before at once (effects of time see no pause)"
+                "following the one before at once (a drift sees no pause), after a rest"
             ]
     before = np.maximum.accumulate(time)[:-1] if len(time) else time
     for i in np.flatnonzero(time[1:] < before):

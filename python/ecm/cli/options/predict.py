@@ -34,7 +34,8 @@ class Options:
         StiffnessKind, typer.Option("--stiffness-kind", help="Which of the three stiffnesses.")
     ] = StiffnessKind.partial
     leverage: Annotated[
-        bool, typer.Option("--leverage", help="Add the columns leverage and extrapolates (0, 1).")
+        bool,
+        typer.Option("--leverage", help="Add extrapolates (0, 1); of six columns leverage, too."),
     ] = False
     rotation: Annotated[
         str,
