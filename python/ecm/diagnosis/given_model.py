@@ -220,6 +220,7 @@ def judge_given_model(
     same_form = alike and model.base.name == problem.base.name
     lacks_the_same = same_form and decision.verdict != "none"
     answer = _answer(missing, refitted is not None and not still, decision)
+    far_off = (as_given.over_noise or 0.0) > settings.most_left_error
     reason: Literal["", "rows", "weak"] = ""
     if answer == "form":
         reason = _reason(model, problem, spoiled=_far_behind(as_given, base_errors, settings))
@@ -228,21 +229,15 @@ def judge_given_model(
         answer = "fits"
     elif lacks_the_same:
         answer = "effect"
-    elif not missing and (as_given.over_noise or 0.0) > settings.most_left_error:
+    elif not missing and far_off:
         answer = "noise" if decision.verdict == "none" else "effect"
     elif answer == "fits" and (as_given.over_noise or 0.0) > NEAR_NOISE and result.excess_low > 0.0:
         answer = "noise"
     misread = decision.unknown is not None and decision.unknown.misread
-    doubted = missing or answer in ("effect", "noise")
+    doubted = missing or answer == "effect" or (answer == "noise" and far_off)
     statement = None
     if doubted and not (misread and same):  # the base has the numbers of the body then
-        at_home = float(model.training.get("over_noise", 0.0))
-        most = max(
-            settings.most_left_error, _FAR * (base_errors.over_noise or 0.0), _AS_AT_HOME * at_home
-        )
-        statement = reading_of_given_model(
-            model, prepared.table, noise, most, settings.mended_share
-        )
+        statement = _statement(model, prepared.table, noise, base_errors, settings)
     if doubted and (misread or statement is not None):
         answer = "table"
     return GivenModel(
@@ -323,6 +318,15 @@ def _answer(missing: bool, fits_again: bool, decision: Decision) -> Answer:
         return "numbers"
     # What the base does not lack either is no effect.
     return "form" if decision.verdict == "none" else "effect"
+
+
+def _statement(
+    model: Model, table: Table, noise: Noise, base: Errors, settings: DiagnosisSettings
+) -> WrongStatement | None:
+    """Return the reading with which the model fits as well as at home, or as the base does."""
+    at_home = _AS_AT_HOME * float(model.training.get("over_noise", 0.0))
+    most = max(settings.most_left_error, _FAR * (base.over_noise or 0.0), at_home)
+    return reading_of_given_model(model, table, noise, most, settings.mended_share)
 
 
 def _reason(model: Model, problem: Problem, *, spoiled: bool) -> Literal["", "rows", "weak"]:
