@@ -223,7 +223,7 @@ def judge_given_model(
     far_off = (as_given.over_noise or 0.0) > settings.most_left_error
     reason: Literal["", "rows", "weak"] = ""
     if answer == "form":
-        reason = _reason(model, problem, spoiled=_far_behind(as_given, base_errors, settings))
+        reason = _reason(model, problem, spoiled=far, same_form=same_form)
         answer = "numbers" if reason == "rows" else "effect" if reason else "form"
     if decision.unknown is not None and decision.unknown.slow_noise is not None:
         answer = "fits"
@@ -329,13 +329,14 @@ def _statement(
     return reading_of_given_model(model, table, noise, most, settings.mended_share)
 
 
-def _reason(model: Model, problem: Problem, *, spoiled: bool) -> Literal["", "rows", "weak"]:
+def _reason(
+    model: Model, problem: Problem, *, spoiled: bool, same_form: bool
+) -> Literal["", "rows", "weak"]:
     """Why a base that is no richer than the model fits where the model does not."""
-    base = problem.base
-    if spoiled and problem.unlike_rows and len(base.coefficients) <= len(model.base.coefficients):
+    richer = len(problem.base.coefficients) > len(model.base.coefficients)
+    if spoiled and problem.unlike_rows and not richer:
         return "rows"
-    alike = (model.inputs, model.outputs) == (base.inputs, base.outputs)
-    return "weak" if alike and model.base.name == base.name else ""
+    return "weak" if same_form else ""
 
 
 def _far_behind(given: Errors, base: Errors, settings: DiagnosisSettings) -> bool:

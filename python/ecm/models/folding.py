@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -17,6 +17,11 @@ from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap, Symmetry
 from ecm.models.physics.map import PhysicsMap
 from ecm.regression.noise import Noise
 
+Form = TypeVar("Form")
+Map = TypeVar("Map", EnergyMap, PolynomialMap)
+_ENERGIES: tuple[tuple[int, Symmetry], ...]
+_ENERGIES = ((6, "alike"), (6, "revolution"), (4, "general"), (6, "general"))
+"""Degree and symmetry of the energies that are tried."""
 _POSES = 2000
 _SEED = 11
 _SMALL_ERROR = 0.15
@@ -72,24 +77,14 @@ def folded(model: Fitted) -> tuple[EnergyMap, float]:
     rest = model.rest_pose("a model with effects of physics is exported as an energy, which")
     poses = poses_in_domain(model, _POSES)
     wrenches = model.predict(poses)
-    noise = noise_sd(model)
-    trials: list[tuple[float, EnergyMap]] = []
-    forms: tuple[tuple[int, Symmetry], ...]
-    forms = ((6, "alike"), (6, "revolution"), (4, "general"), (6, "general"))
-    for degree, symmetry in forms:
-        energy = EnergyModel.fit(
-            poses[::2].copy(),
-            wrenches[::2].copy(),
-            length_m=float(rest[0, 0]),
-            degree=degree,
-            symmetry=symmetry,
+
+    def fitted(form: tuple[int, Symmetry], poses: F, wrenches: F) -> EnergyMap:
+        length = float(rest[0, 0])
+        return EnergyMap(
+            EnergyModel.fit(poses, wrenches, length_m=length, degree=form[0], symmetry=form[1])
         )
-        error = np.sqrt(((energy.predict(poses[1::2].copy()) - wrenches[1::2]) ** 2).mean(axis=0))
-        trials.append((float(np.max(error / noise)), EnergyMap(energy)))
-        if trials[-1][0] < _SMALL_ERROR:
-            break
-    share, best = min(trials, key=lambda trial: trial[0])
-    return best, share
+
+    return _first_near_enough(_ENERGIES, fitted, poses, wrenches, noise_sd(model))
 
 
 def folded_polynomial(model: Fitted, base: PolynomialMap) -> tuple[PolynomialMap, float]:
@@ -100,14 +95,28 @@ def folded_polynomial(model: Fitted, base: PolynomialMap) -> tuple[PolynomialMap
     low, high = np.array([model.domain[name] for name in base.inputs]).T
     poses = np.random.default_rng(_SEED).uniform(low, high, (_POSES, len(low)))
     poses[0], poses[2] = low, high  # among those of the fit: inside it nothing extrapolates
-    wrenches = model.predict(poses)
-    noise = noise_sd(model, poses[:200])
-    trials: list[tuple[float, PolynomialMap]] = []
     most = MOST_OF_ONE_INPUT if len(low) == 1 else POLYNOMIAL_DEGREES[1]
-    for degree in range(base.model.degree, most + 1):
-        fitted = PolynomialModel.fit(poses[::2].copy(), wrenches[::2].copy(), degree)
-        error = np.sqrt(((fitted.predict(poses[1::2].copy()) - wrenches[1::2]) ** 2).mean(axis=0))
-        found = PolynomialMap(fitted, base.inputs, base.outputs)
+
+    def fitted(degree: int, poses: F, wrenches: F) -> PolynomialMap:
+        return PolynomialMap(
+            PolynomialModel.fit(poses, wrenches, degree), base.inputs, base.outputs
+        )
+
+    degrees, noise = range(base.model.degree, most + 1), noise_sd(model, poses[:200])
+    return _first_near_enough(degrees, fitted, poses, model.predict(poses), noise)
+
+
+def _first_near_enough(
+    forms: Iterable[Form], fitted: Callable[[Form, F, F], Map], poses: F, wrenches: F, noise: F
+) -> tuple[Map, float]:
+    """The first of several forms whose error over the noise is small, else the best, and its error.
+
+    Every other pose is fitted, and the error is that of the rest.
+    """
+    trials: list[tuple[float, Map]] = []
+    for form in forms:
+        found = fitted(form, poses[::2].copy(), wrenches[::2].copy())
+        error = np.sqrt(((found.predict(poses[1::2]) - wrenches[1::2]) ** 2).mean(axis=0))
         trials.append((float(np.max(error / noise)), found))
         if trials[-1][0] < _SMALL_ERROR:
             break
