@@ -6,6 +6,10 @@ result, not an error.
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
 from ecm._native import DesignError, EcmError, FemError, ModelError
 
 __all__ = [
@@ -16,12 +20,83 @@ __all__ = [
     "InputError",
     "MissingExtra",
     "ModelError",
+    "Refusal",
+    "Remedy",
     "exit_code",
+    "remedy_of",
 ]
 
 
-class InputError(EcmError):
+@dataclass(frozen=True)
+class Remedy:
+    """The way out of a refusal: what to do, and the command that does it.
+
+    Parameters
+    ----------
+    words
+        What to do, as the begin of a sentence that a command may end.
+    command
+        A command line of `ecm`; empty where no command helps. DATA, MODEL and OUT stand for the
+        files of the command that was refused.
+
+    Examples
+    --------
+    >>> remedy = Remedy("fit the stated body", "ecm fit DATA --model physics --out OUT")
+    >>> print(remedy.filled({"DATA": "neck.csv", "OUT": "neck2.json"}))
+    Fit the stated body:
+      ecm fit neck.csv --model physics --out neck2.json
+    """
+
+    words: str
+    command: str = ""
+
+    def filled(self, files: Mapping[str, str]) -> Remedy:
+        """The remedy with the names of files in place of DATA, MODEL and so on."""
+        names = "|".join(map(re.escape, files))
+        if not names:
+            return self
+        command = re.sub(rf"\b({names})\b", lambda found: files[found[1]], self.command)
+        return Remedy(self.words, command)
+
+    def to_dict(self) -> dict[str, str]:
+        """For JSON: `words` and `command`."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        """The words, and the command on a line of its own."""
+        words = self.words[:1].upper() + self.words[1:]
+        return f"{words}:\n  {self.command}" if self.command else f"{words}."
+
+
+class Refusal(EcmError):
+    """An error of this package that may know its way out.
+
+    Examples
+    --------
+    >>> Refusal("no length", remedy=Remedy("state it in the TOML")).message
+    'no length'
+    """
+
+    def __init__(self, message: object = "", *, remedy: Remedy | None = None) -> None:
+        super().__init__(message)
+        self.message = str(message)
+        """What was found and what was expected, without the way out."""
+        self.remedy = remedy
+
+    def __str__(self) -> str:
+        """The message, and the way out below it."""
+        return self.message if self.remedy is None else f"{self.message}\n{self.remedy}"
+
+
+class InputError(Refusal):
     """Wrong input: a value, a file, an option. The command line ends with exit code 2.
+
+    Parameters
+    ----------
+    message
+        Where, what was found, what was expected.
+    remedy
+        The way out, where there is one that can be named.
 
     Examples
     --------
@@ -31,11 +106,21 @@ class InputError(EcmError):
     ... except InputError as error:
     ...     print(error)
     poisson_ratio = 0.6: expected a number from 0 to 0.5 (0.49 for rubber)
+    >>> print(InputError("no length", remedy=Remedy("state it in the TOML")))
+    no length
+    State it in the TOML.
     """
 
 
-class ComputationError(EcmError):
+class ComputationError(Refusal):
     """A failed computation (no convergence, full disk). The command line ends with exit code 1.
+
+    Parameters
+    ----------
+    message
+        Where, and what was found.
+    remedy
+        The way out, where there is one that can be named.
 
     Examples
     --------
@@ -73,3 +158,15 @@ Install it with: pip install 'ecm-stiffness[data]'
 def exit_code(error: EcmError) -> int:
     """Return the exit code of the command line: 1 for a failed computation, 2 for wrong input."""
     return 1 if isinstance(error, ComputationError) else 2
+
+
+def remedy_of(error: BaseException) -> Remedy | None:
+    """Return the way out that an error names; None where it names none.
+
+    Examples
+    --------
+    >>> remedy_of(InputError("no model", remedy=Remedy("fit one", "ecm fit DATA --out OUT"))).words
+    'fit one'
+    """
+    found = getattr(error, "remedy", None)
+    return found if isinstance(found, Remedy) else None

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from docsite.json_page import SCHEMAS, page
+from ecm.errors import InputError, Remedy
 from ecm.models import fit_model
 from ecm.workflow.head.experiment import Record
 from ecm.workflow.head.loop import HeadLoop
@@ -124,6 +125,30 @@ def test_what_ecm_head_writes_fits_its_schema(
     assert f"next: ecm compare {tmp_path}/after.json" in done.out
 
 
+def test_what_a_refused_command_writes_fits_its_schema(
+    tmp_path: Path, ecm_command: Callable[..., Done], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With the way out, its DATA and OUT filled in, in the file as in the terminal."""
+    need_packages("jsonschema")
+    command = import_module("ecm.cli.refit")
+
+    def refuse(*_given: object, **_named: object) -> None:
+        remedy = Remedy("fit the stated body", "ecm fit DATA --model physics --out OUT")
+        raise InputError("no way", remedy=remedy)
+
+    monkeypatch.setattr(command, "open_model", refuse)
+    monkeypatch.chdir(ROOT)
+    written = tmp_path / "refit.json"
+    named = ("refit", "no.json", TABLE, "--add", "payload", "--out", "a b.json")
+    done = ecm_command(*named, "--json", written)
+    typed = f"ecm fit {TABLE} --model physics --out 'a b.json'"
+    assert done.code == 2
+    assert done.err.endswith(f"error: no way\nFit the stated body:\n  {typed}\n")
+    document = json.loads(written.read_text(encoding="utf-8"))
+    assert problems("refusal", document) == []
+    assert document["error"]["remedy"]["command"] == typed
+
+
 def test_what_does_not_fit_is_noticed(folder: Path) -> None:
     assert problems("predict", {"schema": 1, "rows": 3, "columns": ["fx_N"]}) == []
     assert problems("predict", {"schema": 2, "rows": "3", "columns": []}) != []
@@ -132,7 +157,7 @@ def test_what_does_not_fit_is_noticed(folder: Path) -> None:
 
 def test_every_layout_is_tried_and_shown() -> None:
     names = sorted(path.stem for path in SCHEMAS.glob("*.json"))
-    assert names == sorted([*COMMANDS, "head", "identify", "model"])
+    assert names == sorted([*COMMANDS, "head", "identify", "model", "refusal"])
     assert all(f"(../schemas/{name}.json)" in page() for name in names)
     assert "| `answer` | array |" in page()
     assert "| `ranking[].delta_bic` | number |" in page()

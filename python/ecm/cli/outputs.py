@@ -108,5 +108,6 @@ def saved_by_force(path: Path) -> Iterator[None]:
         yield
     except ComputationError as error:
         raise ComputationError(
-            f"{path}: not saved, {error}. --force saves it all the same."
+            f"{path}: not saved, {error.message}. --force saves it all the same.",
+            remedy=error.remedy,
         ) from None

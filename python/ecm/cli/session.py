@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from ecm.cli import interrupt
 from ecm.cli.console import Console
 from ecm.cli.outputs import Outputs
+from ecm.errors import EcmError, Refusal, exit_code, remedy_of
 from ecm.io.cache import write_json
 from ecm.io.table import Need, Table, read_table
 from ecm.report.page import require_report
@@ -102,4 +105,38 @@ def run_command(
         session.check_output(session.json, session.report)
         if session.report is not None:
             require_report()
-        work(options, session)
+        try:
+            work(options, session)
+        except EcmError as error:
+            if isinstance(error, Refusal) and error.remedy is not None:
+                error.remedy = error.remedy.filled(_files_of(options, session))
+            # The refusal itself counts, not a disk that is full as well.
+            with suppress(EcmError, OSError):
+                session.write_json(refusal(error))
+            raise
+
+
+def refusal(error: EcmError) -> dict[str, Any]:
+    """What --json gets in place of a result: the message, the exit code and the way out."""
+    remedy = remedy_of(error)
+    return {
+        "schema": 1,
+        "error": {
+            "message": error.message if isinstance(error, Refusal) else str(error),
+            "exit_code": exit_code(error),
+            "remedy": None if remedy is None else remedy.to_dict(),
+        },
+    }
+
+
+def _files_of(options: object, session: Session) -> dict[str, str]:
+    """The command's own files by the names that a remedy has for them."""
+    files = {}
+    for option, name in (("data", "DATA"), ("model", "MODEL"), ("out", "OUT")):
+        given = getattr(options, option, None)
+        if given is not None:
+            parts = given if isinstance(given, list | tuple) else [given]
+            files[name] = " ".join(shlex.quote(str(part)) for part in parts)
+    if session.meta is not None and "DATA" in files:
+        files["DATA"] += f" --meta {shlex.quote(str(session.meta))}"
+    return files
