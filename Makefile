@@ -19,7 +19,7 @@ WORKERS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 4 ? n : 4)))
 # The oldest compiler that the crates promise.
 OLDEST_RUST = $(shell sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
 
-.PHONY: demo test docs setup build build-demo test-rust rust-beside test-python python-checks wheel release-check oldest-rust deny semver bench-diagnose bench-blind clean
+.PHONY: demo test docs setup build build-demo test-rust rust-beside test-python python-checks wheel release-check oldest-rust deny semver bench-diagnose bench-blind chain clean
 
 demo: build-demo
 	@$(BIN)/ecm identify examples/neck.toml --out demo
@@ -101,6 +101,10 @@ deny:
 # Changes of the crates' public interface since BASE (needs cargo-semver-checks and the network).
 semver:
 	$(CARGO) semver-checks --baseline-rev $(or $(BASE),origin/main) -p ecm-se3 -p ecm-poly -p ecm-fem -p ecm-doe
+
+# Every table with every base, from check to export (long; make test takes a sample).
+chain: build
+	$(BIN)/pytest -n $(WORKERS) tests/chain --whole
 
 # Eight effects and nothing hidden, ten seeds each (long).
 bench-diagnose: build

@@ -46,6 +46,11 @@ The first makes the job that the third uses on the same worker; the second needs
 """
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """`--whole`: every case of what `make test` samples."""
+    parser.addoption("--whole", action="store_true", help="every case of what is sampled")
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """One cache folder for all workers; share the cores among them, and so do commands."""
     if not hasattr(config, "workerinput"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from ecm.diagnosis.page import write_diagnosis
 from ecm.diagnosis.procedure import STAGES, watched
 from ecm.effects import load_installed
 from ecm.effects.experiments import session_of
+from ecm.errors import Remedy
 from ecm.io.table import Table
 from ecm.models import Model
 
@@ -39,6 +41,12 @@ def diagnose(options: Options, session: Session) -> None:
         result = diagnose_model(model, table, seed=session.seed, stages=stages)
         document = result.to_dict()
     document["warnings"] = [*document["warnings"], *table.warnings]
+    if "addition" in document and document["addition"]["remedy"] is not None:
+        effects = "-".join(document["addition"]["effects"])
+        out = Path(options.model).with_suffix("")
+        files = session.files_of(options) | {"OUT": shlex.quote(f"{out}-{effects}.json")}
+        remedy = Remedy(**document["addition"]["remedy"]).filled(files)
+        document["addition"]["remedy"] = remedy.to_dict()
     session.write_json(document)
     if session.report is not None:
         with session.working("writing the report"):

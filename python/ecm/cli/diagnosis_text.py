@@ -9,6 +9,7 @@ from ecm.cli.text import columns
 from ecm.diagnosis.check import NotTestable, lines_by_reason
 from ecm.diagnosis.sections import noise_words
 from ecm.effects import with_shape
+from ecm.errors import Remedy
 
 _SHOWN = 10
 
@@ -37,6 +38,8 @@ def paragraphs(document: Mapping[str, Any]) -> Iterator[str]:
             for item in document["not_testable"]
         ]
         yield from lines_by_reason(absent)
+    if "addition" in document:
+        yield from _addition(document["addition"])
     for item in document["next_experiment"][:3]:
         sure = ""
         if item.get("p_correct") is not None:
@@ -46,6 +49,27 @@ def paragraphs(document: Mapping[str, Any]) -> Iterator[str]:
     if document["unknown"] is not None and document["unknown"].get("skeleton"):
         yield "\nA first draft of an effect of your own:\n"
         yield document["unknown"]["skeleton"]
+
+
+def _addition(addition: Mapping[str, Any]) -> Iterator[str]:
+    """What adding the effects to the given model brings, and the command."""
+    names, remedy = " and ".join(addition["effects"]), addition["remedy"]
+    held_out = addition["held_out"]
+    if addition["refused"]:
+        yield f"add it: {names} cannot be added to this model: {addition['refused']}"
+    elif held_out["after"] is None:
+        yield f"add it: {names}"
+    else:
+        yield (
+            f"add it: {names}; this model's held-out error {held_out['before']:.2f} -> "
+            f"{held_out['after']:.2f} times the noise"
+        )
+    if remedy is not None:
+        yield (
+            str(Remedy(remedy["words"], remedy["command"]))
+            if addition["refused"]
+            else (f"  {remedy['command']}")
+        )
 
 
 def _basis(document: Mapping[str, Any]) -> str:

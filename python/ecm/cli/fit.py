@@ -8,6 +8,7 @@ from ecm.cli.models import build_physics, is_mechanism, read_mechanism
 from ecm.cli.options.fit import Options
 from ecm.cli.outputs import saved_by_force
 from ecm.cli.session import Session
+from ecm.effects import load_installed
 from ecm.errors import InputError
 from ecm.io.table import Table
 from ecm.models import (
@@ -19,6 +20,7 @@ from ecm.models import (
     parse_model,
 )
 from ecm.models.fit_summary import fit_summary
+from ecm.models.refit import refit, refit_summary
 from ecm.models.selection import default_candidates
 from ecm.models.specification import Weights
 from ecm.models.worse import refuse_worse
@@ -63,15 +65,24 @@ def fit(options: Options, session: Session) -> None:
         summary["curve"] = curve.to_dict()
         for sentence in curve.sentences():
             session.print(sentence)
+    before, summary["addition"] = None, None
+    if options.add:
+        before = model
+        load_installed()
+        with session.working(f"fitting {len(table)} rows with effects") as tell:
+            model = refit(model, table, add=options.add, progress=tell)
+        summary["addition"] = refit_summary(model)
+        summary["sentences"] = [*summary["sentences"], *summary["addition"]["sentences"]]
     session.write_json(summary | {"warnings": list(table.warnings)})
     for sentence in summary["sentences"]:
         session.print(sentence)
     if not options.force:
-        with saved_by_force(options.out):
-            held_out = (summary["held_out"] or {}).get("folds")
-            refuse_worse(model, table.measured(), held_out=held_out)
+        with session.working("errors of the model"), saved_by_force(options.out):
+            held_out = (summary["held_out"] or {}).get("folds") if before is None else None
+            rows = table if before is not None else table.measured()
+            refuse_worse(model, rows, before=before, held_out=held_out)
     model.save(options.out)
-    session.print(f"{options.out}: model {name}")
+    session.print(f"{options.out}: model {model.name if options.add else name}")
 
 
 def _named(name: str, pcr: str | None, table: Table, session: Session) -> ModelSpecification:

@@ -91,6 +91,18 @@ class Session(Console):
             self.warn(warning)
         return table
 
+    def files_of(self, options: object) -> dict[str, str]:
+        """The command's own files by the names that a remedy has for them."""
+        files = {}
+        for option, name in (("data", "DATA"), ("model", "MODEL"), ("out", "OUT")):
+            given = getattr(options, option, None)
+            if given is not None:
+                parts = given if isinstance(given, list | tuple) else [given]
+                files[name] = " ".join(shlex.quote(str(part)) for part in parts)
+        if self.meta is not None and "DATA" in files:
+            files["DATA"] += f" --meta {shlex.quote(str(self.meta))}"
+        return files
+
     def write_json(self, document: Any) -> None:
         """Write the file of --json, where it is asked for."""
         if self.json is not None:
@@ -109,7 +121,7 @@ def run_command(
             work(options, session)
         except EcmError as error:
             if isinstance(error, Refusal) and error.remedy is not None:
-                error.remedy = error.remedy.filled(_files_of(options, session))
+                error.remedy = error.remedy.filled(session.files_of(options))
             # The refusal itself counts, not a disk that is full as well.
             with suppress(EcmError, OSError):
                 session.write_json(refusal(error))
@@ -127,16 +139,3 @@ def refusal(error: EcmError) -> dict[str, Any]:
             "remedy": None if remedy is None else remedy.to_dict(),
         },
     }
-
-
-def _files_of(options: object, session: Session) -> dict[str, str]:
-    """The command's own files by the names that a remedy has for them."""
-    files = {}
-    for option, name in (("data", "DATA"), ("model", "MODEL"), ("out", "OUT")):
-        given = getattr(options, option, None)
-        if given is not None:
-            parts = given if isinstance(given, list | tuple) else [given]
-            files[name] = " ".join(shlex.quote(str(part)) for part in parts)
-    if session.meta is not None and "DATA" in files:
-        files["DATA"] += f" --meta {shlex.quote(str(session.meta))}"
-    return files

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ecm.comparison.behind import FAR_BEYOND_NOISE, held_out_error_of_base, is_far_behind
 from ecm.comparison.reference_models import ReferenceModels, fit_reference_models
 from ecm.comparison.residual_figures import residual_figure
 from ecm.comparison.residual_maps import WORST, ResidualMaps, residual_maps_of
@@ -27,6 +26,7 @@ from ecm.io.columns import unit_of
 from ecm.io.extras import require
 from ecm.io.steps import Progress, Steps
 from ecm.io.table import as_table
+from ecm.models.behind import FAR_BEYOND_NOISE, base_and_error, is_far_behind
 from ecm.models.joint_fit import base_columns
 from ecm.models.learned import LEARNED
 from ecm.models.noise_estimate import estimate_noise
@@ -272,9 +272,9 @@ class Comparison:
         if self.structure.found or not known:
             return None
         made = self.compared
-        error = held_out_error_of_base(made.model, _some(made.table, made.chosen), self.noise)
-        ahead = error is not None and is_far_behind(self.whitened_rms, error)
-        return error if ahead else None
+        base = base_and_error(made.model, _some(made.table, made.chosen), self.noise)
+        ahead = base is not None and is_far_behind(self.whitened_rms, base[1])
+        return base[1] if base is not None and ahead else None
 
     def where(self) -> ResidualMaps:
         """Return residual maps, signature shares, residual stiffness and the worst rows."""

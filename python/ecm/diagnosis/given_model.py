@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from ecm.comparison.behind import is_far_behind
 from ecm.comparison.comparison import Comparison, compare
 from ecm.comparison.structure import NEAR_NOISE, StructureTest, nothing_follows, structure_test
 from ecm.diagnosis.decision import Decision
@@ -27,6 +26,7 @@ from ecm.diagnosis.to_json import fields_json
 from ecm.effects import Effect
 from ecm.errors import EcmError
 from ecm.io.columns import unit_of
+from ecm.models.behind import is_far_behind
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.learned import LEARNED
 from ecm.models.maps import StiffnessMap

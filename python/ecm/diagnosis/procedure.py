@@ -22,6 +22,7 @@ from functools import partial, wraps
 from typing import TYPE_CHECKING, Any
 
 from ecm.diagnosis.accept import Accepted, accept, fullest_forms
+from ecm.diagnosis.addition import addition_to
 from ecm.diagnosis.base import base_of_next_degree, base_of_unlike_ends, leaves_less
 from ecm.diagnosis.classify import Verdict, classify, modulus_warning, verdict
 from ecm.diagnosis.decision import Decision
@@ -179,7 +180,11 @@ def diagnose(
             settings=settings,
             stages=stages,
         )
-        return report(decision, model, seed, noise=noise)
+        found = report(decision, model, seed, noise=noise)
+        if found.verdict not in ("named", "ambiguous"):
+            return found
+        named = [item.effect for item in found.effects]
+        return replace(found, addition=addition_to(model, table, named))
 
 
 @one_blas_thread()

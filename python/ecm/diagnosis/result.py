@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ecm.diagnosis.accept import AcceptanceCheck
+from ecm.diagnosis.addition import Addition
 from ecm.diagnosis.check import NotTestable
 from ecm.diagnosis.classify import Headline
 from ecm.diagnosis.detection_limits import DetectionLimit
@@ -173,6 +174,8 @@ class Diagnosis:
     refinements: tuple[Refinement, ...] = field(metadata={"json": "further"})
     """Richer forms of the accepted effects that were tried."""
     warnings: tuple[str, ...]
+    addition: Addition | None = field(default=None, metadata={"optional": True})
+    """What the effects bring to the model that was given; None where none is named."""
 
     def __str__(self) -> str:
         return self.sentence()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ecm.comparison.behind import FAR_BEYOND_NOISE
 from ecm.io.settings import Checked, setting
+from ecm.models.behind import FAR_BEYOND_NOISE
 
 
 @dataclass(frozen=True)

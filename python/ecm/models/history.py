@@ -116,7 +116,12 @@ def _record(fitted: RecordedFit) -> FitRecord:
         name=fitted.name,
         train=float(np.sqrt(squares.mean() / m)),
         held_out=held_out_rms(
-            np.delete(fit.design, fit.held_columns, axis=2), fit.whitened, groups, parts, scored
+            np.delete(fit.design, fit.held_columns, axis=2),
+            fit.whitened,
+            groups,
+            parts,
+            scored,
+            prior=fit.prior and (np.delete(fit.prior[0], fit.held_columns, axis=1), fit.prior[1]),
         ),
         ceiling=None if ceiling is None else ceiling.whitened,
         chi2=float((fit.whitened**2).sum()),
@@ -132,11 +137,23 @@ def held_out_rms(
     groups: I,
     parts: I,
     scored: B,
+    prior: tuple[F, F] | None = None,
 ) -> float:
     """Whitened rms on held-out groups of a fit linearised at its optimum.
 
-    Columns of parameters at their bounds are left out: linear steps would leave the bounds.
+    Columns of parameters at their bounds are left out: linear steps would leave the bounds. The
+    rows of a prior (r, k), (r,) are known to each fold.
     """
+    if prior is not None:
+        m = whitened.shape[1]
+        more = -(-len(prior[1]) // m)
+        rows, response = np.zeros((more * m, design.shape[2])), np.zeros(more * m)
+        rows[: len(prior[1])], response[: len(prior[1])] = prior
+        design = np.concatenate([design, rows.reshape(more, m, -1)])
+        whitened = np.concatenate([whitened, response.reshape(more, m)])
+        groups = np.append(groups, np.full(more, groups.max() + 1))
+        parts = np.append(parts, np.full(more, parts.max() + 1))
+        scored = np.append(scored, np.zeros(more, dtype=bool))
     equations = NormalEquations.of(design, whitened, groups)
     count = int(groups.max()) + 1
     fold_of_group = np.zeros(count, dtype=np.int64)

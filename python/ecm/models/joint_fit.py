@@ -13,6 +13,7 @@ from ecm.effects.thinned import correction_of, jacobian_of
 from ecm.io.arrays import B, F, I
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
+from ecm.models.prior import CoefficientPrior
 from ecm.regression.f_test import orthonormal
 from ecm.regression.folds import is_pose_row
 from ecm.regression.noise import Noise, whiteners
@@ -82,6 +83,10 @@ class JointFit:
     """(k, k) of the parameters, base first; errors that all rows share are included."""
     iterations: int
     converged: bool
+    smallest_taken: bool = False
+    """Whether effects and base hold a common column, of which the base got what it could."""
+    prior: tuple[F, F] | None = None
+    """(r, k) and (r,): whitened rows of the prior beside those of the table, at the fit."""
 
     @property
     def held_columns(self) -> I:
@@ -99,6 +104,7 @@ def joint_fit(
     *,
     row_weights: F | None = None,
     freeze_base: bool = False,
+    prior: CoefficientPrior | None = None,
 ) -> JointFit:
     """Fit the base's coefficients and the effects' parameters to the table together.
 
@@ -119,6 +125,8 @@ def joint_fit(
         (N,) robust weights w_i; default 1.
     freeze_base
         Keep the base's coefficients.
+    prior
+        What is known of the base's coefficients beside the rows.
     """
     fitted = [e if isinstance(e, FittedEffect) else FittedEffect.unfitted(e) for e in effects]
     rows = Rows(table, base)
@@ -133,8 +141,8 @@ def joint_fit(
         z = np.einsum("nij,njk->nik", whitener, design) * root[:, None, None]
         y = np.einsum("nij,nj->ni", whitener, residual) * root[:, None]
         # The shape is given, so that it holds for zero columns as well.
-        flat = z.reshape(y.size, z.shape[2])
-        step = _bounded_step(flat, y.ravel(), base, fitted, free_base)
+        flat, response = _with_prior(z.reshape(y.size, z.shape[2]), y.ravel(), base, prior)
+        step = _bounded_step(flat, response, base, fitted, free_base)
         change = float(np.linalg.norm(flat @ step))
         values = _values(base, fitted, free_base)
         smallest = _least_effects(flat, fitted, free_base) @ (values + step)
@@ -155,6 +163,7 @@ def joint_fit(
     residual, design = _linearised(rows, base, fitted, measured, free_base)
     z = np.einsum("nij,njk->nik", whitener, design)
     weighted = (z * root[:, None, None]).reshape(residual.size, z.shape[2])
+    weighted, _ = _with_prior(weighted, np.zeros(residual.size), base, prior)
     least = _least_effects(weighted, fitted, free_base)
     y = np.einsum("nij,nj->ni", whitener, residual)
     # Columns of unit length first: moduli and ratios differ by more than the rounding of a double.
@@ -181,7 +190,19 @@ def joint_fit(
         covariance=covariance,
         iterations=iteration,
         converged=converged,
+        smallest_taken=bool((least != np.eye(len(least))).any()),
+        prior=None if prior is None else prior.rows(base.coefficients, z.shape[2]),
     )
+
+
+def _with_prior(
+    design: F, response: F, base: StiffnessMap, prior: CoefficientPrior | None
+) -> tuple[F, F]:
+    """Whitened rows (M, k) and their response (M,), those of the prior below them."""
+    if prior is None:
+        return design, response
+    rows, expected = prior.rows(base.coefficients, design.shape[1])
+    return np.concatenate([design, rows]), np.concatenate([response, expected])
 
 
 def effect_sizes(fit: JointFit, noise: Noise) -> dict[str, float]:

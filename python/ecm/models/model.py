@@ -31,6 +31,7 @@ from ecm.models.leverage import leverages, variances_of, wrench_variances
 from ecm.models.maps import StiffnessMap, central_differences
 from ecm.models.plots import history_figure
 from ecm.models.pose_error import pose_error, report_rows
+from ecm.models.prior import CoefficientPrior
 from ecm.models.registry import map_from_document
 from ecm.models.time_effects import time_effects
 from ecm.models.training import (
@@ -47,6 +48,8 @@ from ecm.regression.thinning import HOW, RowsUsed, spread_rows
 
 _NOISE, _FORM, _ALL, _RECORD = "noise", "form of {}", "all values together", "errors"
 """Steps of a fit with effects."""
+_SAID_OF_A_FIT = ("prior", "pose_error", "rows_used")
+"""Parts of `training` that have a sentence in the fit report."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -366,7 +369,7 @@ class Model:
     def fit_report(self) -> str:
         """Values with errors and correlations, and the history of fits with its tests."""
         text = fit_report(self.name, self.base, self.effects, self.correlations, self.history)
-        parts = (self.training.get(name) for name in ("pose_error", "rows_used"))
+        parts = (self.training.get(name) for name in _SAID_OF_A_FIT)
         return "\n  ".join([text, *(part["sentence"] for part in parts if part is not None)])
 
     def plot(self) -> Any:
@@ -447,6 +450,7 @@ class Model:
         *,
         noise: Noise | None = None,
         most_rows: int = MANY_ROWS,
+        prior: CoefficientPrior | None = None,
         progress: Progress | None = None,
     ) -> Model:
         """Refit the base's coefficients and all effects that are not frozen, jointly.
@@ -462,6 +466,8 @@ class Model:
         most_rows
             Of a larger table so many rows are fitted, spread over runs, time and poses, and the
             fit report says so; what depends on earlier rows is computed on all of them.
+        prior
+            What is known of the base's coefficients beside the rows.
         progress
             Called with the part that is done, the whole, and the step that begins.
 
@@ -503,7 +509,13 @@ class Model:
             best = best_shape(self.base, others, form, table, used, freeze_base=freeze_base)
             shaped = shaped._with_effects({position: best})
         steps.begin(_ALL)
-        joint = joint_fit(shaped.base, shaped.effects, table, used, freeze_base=freeze_base)
+        joint = joint_fit(
+            shaped.base, shaped.effects, table, used, freeze_base=freeze_base, prior=prior
+        )
+        if joint.smallest_taken:
+            training["smallest_taken"] = True
+        if prior is not None:
+            training["prior"] = {"sentence": prior.sentence}
         if any(item.effect.shape.get("overstress") == "linear" for item in joint.effects):
             # Such a branch follows it, also in a controller, which has no table.
             training["mean_stiffness"] = joint.rows.stiffness.mean(axis=0).tolist()

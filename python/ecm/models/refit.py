@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from ecm.effects.protocol import Effect
 from ecm.errors import InputError
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.steps import Progress
-from ecm.io.table import MetaLike, TableLike, as_table
+from ecm.io.table import MetaLike, Table, TableLike, as_table
+from ecm.models.fit import fit_rows
+from ecm.models.maps import EnergyMap, PolynomialMap
 from ecm.models.model import Model
+from ecm.models.physics.map import PhysicsMap
+from ecm.models.physics.prior import physics_prior
+from ecm.models.physics.refit import PhysicsModel
+from ecm.models.worse import undetermined
+from ecm.regression.folds import without_zero_readings
 from ecm.regression.wild import naming_wild_readings
 
 
@@ -45,7 +54,9 @@ def refit(
     Returns
     -------
     Model
-        Base and effects fitted together; `history` says what each change was worth.
+        Base and effects fitted together; `history` says what each change was worth. Where these
+        rows cannot tell an added effect from the stiffness of the base, and the table states a
+        body, the base is held near the physics of that body (`ecm.models.physics.prior`).
 
     Raises
     ------
@@ -74,7 +85,33 @@ def refit(
     changed = model.remove(*remove).add(*add).freeze(*freeze)
     rows = as_table(table, meta=meta)
     with naming_wild_readings(rows):
-        return changed.fit(rows, progress=progress)
+        fitted = changed.fit(rows, progress=progress)
+        before = model.remove(*remove)
+        one_column = fitted.training.get("smallest_taken", False)
+        if not add or not (one_column or undetermined(fitted, rows, before)):
+            return fitted
+        held = _held_near_physics(changed, rows)
+        return fitted if held is None or undetermined(held, rows, before) else held
+
+
+def _held_near_physics(changed: Model, table: Table) -> Model | None:
+    """The changed model fitted with the physics of the stated body as a prior.
+
+    None where no body is stated, and for a base that is no free map of all columns.
+    """
+    body = table.meta.body()
+    free = isinstance(changed.base, EnergyMap | PolynomialMap) and not changed.base_frozen
+    if not free or body is None or not body.has_body or changed.inputs != POSE:
+        return None
+    if not table.has(*POSE, *WRENCH):
+        return None
+    physics = replace(changed, base=fit_rows(table, PhysicsModel()).base, history=()).fit(table)
+    if not isinstance(physics.base, PhysicsMap):
+        raise TypeError(f"a refit of the physics gave a map of kind {physics.base.kind}")
+    prior = physics_prior(
+        changed.base, physics.base, physics.effects, without_zero_readings(table), physics.noise
+    )
+    return changed.fit(table, prior=prior)
 
 
 def refit_summary(model: Model) -> dict[str, Any]:

@@ -6,13 +6,19 @@ An error counts as worse where it exceeds the other by a tenth and by more than 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ecm.errors import ComputationError
+from ecm.errors import ComputationError, EcmError, Remedy
 from ecm.io.arrays import F
-from ecm.io.columns import unit_of
+from ecm.io.columns import POSE, WRENCH, unit_of
+from ecm.models.behind import base_and_error, is_far_behind
+from ecm.models.fit import fit_rows
+from ecm.models.joint_fit import joint_fit
+from ecm.models.registry import parse_model
+from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import is_pose_row
 from ecm.regression.rows import Rows
 from ecm.regression.thinning import spread_rows
@@ -23,8 +29,12 @@ if TYPE_CHECKING:
 
 _MOST_ROWS = 3000
 _WORSE = 1.1
-_TOO_PLAIN = 3.0
-"""Error of the base alone over the noise from which the base is to blame."""
+_ONE_COLUMN = 0.99
+"""Correlation from which a parameter and a coefficient of the base are one column."""
+_SD = 3.0
+"""Standard deviations of the interval of a stiffness."""
+_MOST_MOVE = 0.05
+"""Share of the stiffness by which one that is not determined may move."""
 
 
 def refuse_worse(
@@ -50,7 +60,7 @@ def refuse_worse(
     Raises
     ------
     ComputationError
-        With each component that is worse, and what to do.
+        With each component that is worse, and the command that works, where one does.
 
     Examples
     --------
@@ -62,35 +72,176 @@ def refuse_worse(
     >>> refuse_worse(model, table, held_out={"fx_N": 4e8})
     Traceback (most recent call last):
     ecm.errors.ComputationError: the fit is no model of these data: on held-out rows fx_N errs \
-4e+08 times its spread, where the mean errs once; take fewer coefficients (a lower degree), or \
-measure more poses
+4e+08 times its spread, where the mean errs once
+    Take fewer coefficients (a lower degree), or measure more poses.
     """
-    errors, noise = _errors(fitted, table)
-    reasons = []
     if before is not None:
-        reasons = _worse_than(before, fitted, table, errors, noise) + _worse_held_out(fitted)
-    if reasons:
-        raise ComputationError(
-            f"the new model is worse than the one before it: {'; '.join(reasons)}; "
-            f"{_what_to_do(fitted)}"
-        )
+        refuse_addition(fitted, table, before)
+    errors, noise = _errors(fitted, table)
     reasons = _worse_than_mean(fitted, table, errors, noise, held_out or {})
     if reasons:
         raise ComputationError(
-            f"the fit is no model of these data: {'; '.join(reasons)}; take fewer coefficients "
-            "(a lower degree), or measure more poses"
+            f"the fit is no model of these data: {'; '.join(reasons)}",
+            remedy=Remedy("take fewer coefficients (a lower degree), or measure more poses"),
         )
 
 
-def _what_to_do(fitted: Model) -> str:
-    """Advice by the base alone, which a refit weighs by the noise: what was added may be right."""
-    alone = fitted.history[-2].train if len(fitted.history) > 1 else 0.0
-    if alone <= _TOO_PLAIN:
-        return "leave out what was added, or add something else"
-    return (
-        f"its base alone errs {alone:.3g} times the noise, by which a refit weighs the rows: take "
-        "a base that fits better first (ecm fit --model choose), whatever is added"
+def refuse_addition(fitted: Model, table: Table, before: Model) -> None:
+    """Refuse a model with an effect more that is worse than the one before it."""
+    reasons = objections(fitted, table, before)
+    if (better := _better_base(fitted, table)) is not None:
+        raise ComputationError(
+            f"on held-out rows the new model errs {fitted.history[-1].held_out:.3g} times the "
+            f"noise, {fitted.history[-1].held_out / better[1]:.3g} times as much as {better[0]} "
+            "without any effect: what is missing is a better base"
+            + "".join(f"; {reason}" for reason in reasons),
+            remedy=Remedy(
+                "change the model first, and diagnose that",
+                f"ecm fit DATA --model {better[0]} --out OUT",
+            ),
+        )
+    if reasons:
+        raise ComputationError(
+            f"the new model is worse than the one before it: {'; '.join(reasons)}",
+            remedy=_another_base(fitted, table),
+        )
+
+
+def objections(fitted: Model, table: Table, before: Model) -> list[str]:
+    """What makes a model with an effect more worse than the one before it; empty where nothing.
+
+    Parameters
+    ----------
+    fitted
+        The model with the effect.
+    table
+        Rows that it was fitted to.
+    before
+        The model without it.
+    """
+    errors, noise = _errors(fitted, table)
+    return [
+        *_worse_than(before, fitted, table, errors, noise),
+        *_worse_held_out(fitted),
+        *undetermined(fitted, table, before),
+    ]
+
+
+def undetermined(fitted: Model, table: Table, before: Model) -> list[str]:
+    """What these rows cannot tell of a base and the effect that was added to it.
+
+    A parameter at its bound that is one with a coefficient of the base; a stiffness at rest that
+    has left the interval that the rows gave it without the effect, although they do not
+    determine it with the effect; one that was positive and is not any more.
+    """
+    bounds = {
+        f"{item.id}.{parameter.name}": item.values[j]
+        for item in fitted.effects
+        for j, parameter in enumerate(item.effect.parameters)
+        if not item.frozen and item.at_bounds[j]
+    }
+    reasons = [
+        f"{name} = {bounds[name]:.3g} is at its bound and one with {other} ({r:+.3f})"
+        for other, name, r in fitted.correlations
+        if name in bounds and other.startswith("base.") and abs(r) > _ONE_COLUMN
+    ]
+    return reasons[:1] + _stiffness_moves(fitted, table.measured(), before)
+
+
+def _stiffness_moves(fitted: Model, table: Table, before: Model) -> list[str]:
+    if fitted.base_frozen or fitted.covariance is None:
+        return []
+    if len(table) > MANY_ROWS:
+        table = table.thinned(spread_rows(table, MANY_ROWS))
+    fit = joint_fit(before.base, before.effects, table, fitted.noise)
+    k = len(fit.base.coefficients)
+    alone = replace(before, base=fit.base, effects=fit.effects, covariance=fit.covariance[:k, :k])
+    rest = Rows(table, fitted.base).middle_pose[None]
+    old, new = alone.stiffness(rest)[0], fitted.stiffness(rest)[0]
+    known, own = alone.stiffness_sd(rest), fitted.stiffness_sd(rest)
+    if known is None or own is None:
+        return []
+    # What the model lacks without the effect widens the interval.
+    wide = max(1.0, float(np.sqrt((fit.whitened**2).mean())))
+    move, size = np.abs(new - old), np.abs(old)
+    if old.shape[0] == old.shape[1]:  # a coupling is small beside what it couples
+        size = np.sqrt(np.outer(np.diag(size), np.diag(size)))
+    moved = (move > _SD * wide * known[0]) & (move < _SD * own[0]) & (move > _MOST_MOVE * size)
+    places = sorted(zip(*np.nonzero(moved), strict=True), key=lambda at: -move[at] / size[at])
+    reasons = [
+        f"K({fitted.outputs[i]}, {fitted.inputs[j]}) at rest moves from {old[i, j]:.4g} to "
+        f"{new[i, j]:.4g} +- {own[0, i, j]:.2g}, which these rows do not determine"
+        for i, j in places[:1]
+    ]
+    return reasons + _lost_signs(alone, fitted, old, new)
+
+
+def _lost_signs(alone: Model, fitted: Model, old: F, new: F) -> list[str]:
+    """Directions in which the stiffness at rest was positive and is not any more."""
+    pairs = [
+        (i, j)
+        for j, name in enumerate(fitted.inputs)
+        for i, output in enumerate(fitted.outputs)
+        if name in POSE and output in WRENCH and POSE.index(name) == WRENCH.index(output)
+    ]
+    if not pairs:
+        return []
+    rows, columns = map(list, zip(*pairs, strict=True))
+
+    def least(stiffness: F) -> float:
+        block = stiffness[np.ix_(rows, columns)]
+        root = np.sqrt(np.abs(np.diag(old[np.ix_(rows, columns)])))
+        return float(np.linalg.eigvalsh((block + block.T) / 2.0 / np.outer(root, root)).min())
+
+    if least(old) <= 0.0 or least(new) > 0.0:
+        return []
+    return ["the stiffness at rest, positive before, has a direction in which it is not any more"]
+
+
+def _better_base(fitted: Model, table: Table) -> tuple[str, float] | None:
+    """The base that errs far less without the effect than the model does with it, and its error."""
+    error = fitted.history[-1].held_out
+    if fitted.noise.is_residual or not is_far_behind(error, 0.0):
+        return None
+    base = base_and_error(fitted, table, fitted.noise)
+    if base is None or not is_far_behind(error, base[1]) or base[0] == fitted.base.name:
+        return None
+    return base
+
+
+def _another_base(fitted: Model, table: Table) -> Remedy:
+    """The command that adds the same effects to a base that holds them, where there is one."""
+    ids = [item.id for item in fitted.effects]
+    names = ["physics"] if _has_body(table) else []
+    if (fitted.inputs, fitted.outputs) == (POSE, WRENCH) and fitted.known_length_m is not None:
+        names += [f"energy{degree}" for degree in (6, 5, 4)]
+    names += [f"poly:{degree}" for degree in (3, 2, 1)]
+    for name in names:
+        if name == fitted.base.name:
+            continue
+        try:
+            base = fit_rows(table, parse_model(name))
+            found = base.add(*(item.effect for item in fitted.effects)).fit(table)
+        except (EcmError, np.linalg.LinAlgError):
+            continue
+        if not objections(found, table, base) and _better_base(found, table) is None:
+            added = " ".join(f"--add {id}" for id in ids)
+            return Remedy(
+                f"{name} with {' and '.join(ids)} errs {found.history[-1].held_out:.3g} times the "
+                "noise on held-out rows",
+                f"ecm fit DATA --model {name} {added} --out OUT",
+            )
+    return Remedy(
+        "leave out what was added, or describe the body in [mechanism] of the data's TOML: its "
+        "physics knows the stiffness"
+        if not names or names[0] != "physics"
+        else "leave out what was added, or add something else"
     )
+
+
+def _has_body(table: Table) -> bool:
+    body = table.meta.body()
+    return body is not None and body.has_body and table.has(*POSE, *WRENCH)
 
 
 def _worse_than(before: Model, fitted: Model, table: Table, errors: F, sd: F) -> list[str]:

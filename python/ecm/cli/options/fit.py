@@ -38,6 +38,10 @@ class Options:
     weights: Annotated[
         str, typer.Option("--weights", metavar="W", help="auto, noise or spread (docs/models.md).")
     ] = "auto"
+    add: Annotated[
+        list[str] | None,
+        typer.Option("--add", metavar="EFFECT", help="Fitted with this effect; repeatable."),
+    ] = None
     force: Annotated[
         bool,
         typer.Option("--force", help="Save also what is worse than the mean."),

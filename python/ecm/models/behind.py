@@ -44,12 +44,12 @@ def is_far_behind(error: float, of_base: float, most: float = FAR_BEYOND_NOISE) 
     return error > max(most, _TIMES * of_base)
 
 
-def held_out_error_of_base(model: Model, table: Table, noise: Noise) -> float | None:
-    """Return the held-out error over the noise of the base that names would be against.
+def base_and_error(model: Model, table: Table, noise: Noise) -> tuple[str, float] | None:
+    """The name and the held-out error over the noise of the base that names would be against.
 
     Returns
     -------
-    float or None
+    tuple or None
         None where these rows cannot carry a base.
     """
     kept = without_zero_readings(table)
@@ -64,4 +64,5 @@ def held_out_error_of_base(model: Model, table: Table, noise: Noise) -> float | 
         return None
     if len(np.unique(parts)) < 2:
         return None
-    return held_out_rms(fit.design, fit.whitened, groups, parts, is_pose_row(kept))
+    error = held_out_rms(fit.design, fit.whitened, groups, parts, is_pose_row(kept))
+    return base.name, error
