@@ -200,8 +200,10 @@ def _lost_signs(alone: Model, fitted: Model, old: F, new: F) -> list[str]:
 
 def _better_base(fitted: Model, table: Table) -> tuple[str, float] | None:
     """The base that errs far less without the effect than the model does with it, and its error."""
+    if not fitted.history or fitted.noise.is_residual:
+        return None
     error = fitted.history[-1].held_out
-    if fitted.noise.is_residual or not is_far_behind(error, 0.0):
+    if not is_far_behind(error, 0.0):
         return None
     base = base_and_error(fitted, table, fitted.noise)
     if base is None or not is_far_behind(error, base[1]) or base[0] == fitted.base.name:

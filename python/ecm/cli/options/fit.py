@@ -9,10 +9,7 @@ import typer
 
 from ecm.cli.command import Data, Out, command
 
-_MODELS = (
-    "choose, poly:D, linear .. cubic, energyD, energyD-revolution, energyD-general, "
-    "energyD+GROUP, physics, rod, constant-curvature, gp, mlp, or a TOML."
-)
+_MODELS = "choose, poly:D, linear .. cubic, energyD, physics, rod, a TOML (docs/models.md)."
 
 
 @dataclass(frozen=True, kw_only=True)
