@@ -91,6 +91,6 @@ def _named(name: str, pcr: str | None, table: Table, session: Session) -> ModelS
     specification = parse_model("physics" if mechanism else name, pcr=pcr)
     if isinstance(specification, PhysicsModel):
         body = mechanism or table.meta.body()
-        if body is not None:
+        if body is not None and (mechanism or body.has_body):
             return PhysicsModel(base=build_physics(body, session, table))
     return specification

@@ -7,7 +7,7 @@ from typing import get_args
 
 import numpy as np
 
-from ecm.errors import InputError
+from ecm.errors import InputError, ModelError
 from ecm.io.columns import POSE
 from ecm.io.steps import Progress, Steps
 from ecm.io.table import MetaLike, Table, TableLike, as_table
@@ -16,7 +16,7 @@ from ecm.models.leverage import leverages
 from ecm.models.model import Model
 from ecm.models.pose_error import pose_error, report_rows
 from ecm.models.registry import parse_model
-from ecm.models.specification import FittedMap, ModelSpecification, Weights
+from ecm.models.specification import CHOOSE, FittedMap, ModelSpecification, Weights
 from ecm.models.training import conditions_of, domain_of, error_over_noise, training_of
 from ecm.regression.thinning import spread_rows
 
@@ -79,7 +79,16 @@ def fit_model(
             f"model {specification.name}: weights are chosen for polynomials and energies only"
         )
     table = as_table(table, meta=meta)
-    fitted = fit_rows(table, specification, weights, progress)
+    if not specification.any_columns and table.pose_columns != POSE:
+        raise InputError(
+            f"{table.source}: {specification.name} needs all six pose columns, found "
+            f"{', '.join(table.pose_columns) or 'none'}",
+            remedy=CHOOSE,
+        )
+    try:
+        fitted = fit_rows(table, specification, weights, progress)
+    except ModelError as unfit:  # more coefficients than equations, or columns that never vary
+        raise InputError(f"{table.source}: {unfit}", remedy=CHOOSE) from None
     if zero_at_home or stable:
         fitted = constrained(fitted, zero_at_home=zero_at_home, stable=stable)
     shown = table.measured()

@@ -69,6 +69,7 @@ class PolynomialModel(ModelSpecification):
         f"{', '.join(_ALIASES)}"
     )
     weighted = True
+    any_columns = True
 
     @property
     def name(self) -> str:

@@ -1,8 +1,9 @@
 """Choice of a model and of the number of poses: cross-validation and learning curves.
 
 The one-standard-error rule: of all candidates whose error is within one standard error of the
-best one's, the one with the fewest coefficients. Errors are whitened by the noise of each row, so
-that 1 is the noise floor and all six components count alike.
+best one's, the one with the fewest coefficients. With all six pose and wrench columns errors are
+whitened by the noise of each row, so that 1 is the noise floor and all components count alike. The
+noise of other columns may not be known: their errors are over their spread.
 """
 
 from __future__ import annotations
@@ -52,6 +53,8 @@ class ModelChoice:
     standard_error: F
     """(c,) of `error`, over folds."""
     chosen: int
+    over: str = "noise"
+    """What 1 is in `error`: the noise, or the spread of the readings."""
 
     @property
     def best(self) -> ModelSpecification:
@@ -62,7 +65,7 @@ class ModelChoice:
         """The held-out error of each candidate, and the rule of the choice."""
         lines = [
             f"{candidate.title}: {size} coefficients, held-out error {error:.3g} +- {sd:.2g} "
-            "of the noise"
+            f"of the {self.over}"
             for candidate, size, error, sd in zip(
                 self.candidates, self.coefficients, self.error, self.standard_error, strict=True
             )
@@ -100,20 +103,10 @@ class ModelChoice:
 
 
 def default_candidates(table: Table) -> list[ModelSpecification]:
-    """Models of `ecm fit --model choose`: polynomials, and energies where the length is known.
-
-    Raises
-    ------
-    InputError
-        The table has not all six pose and wrench columns.
-    """
-    if table.pose_columns != POSE or table.wrench_columns != WRENCH:
-        raise InputError(
-            "--model choose needs all six pose and wrench columns: its errors are over the noise "
-            "of a row. Of fewer columns take --model linear, quadratic, cubic or poly:D, D up to "
-            f"{POLYNOMIAL_DEGREES[1]} ({MOST_OF_ONE_INPUT} of one pose column), and compare their "
-            "held-out shares, which ecm fit prints"
-        )
+    """Models of `ecm fit --model choose`: polynomials, and energies where the length is known."""
+    if not _is_whole(table):
+        most = MOST_OF_ONE_INPUT if len(table.pose_columns) == 1 else POLYNOMIAL_DEGREES[1]
+        return [PolynomialModel(degree) for degree in range(1, most + 1)]
     candidates: list[ModelSpecification] = [PolynomialModel(degree) for degree in (1, 2, 3)]
     candidates += [PolynomialModel(3, "press"), PolynomialModel(3, "0.01/sqrtN")]
     if table.meta.length_m is not None:
@@ -134,7 +127,7 @@ def choose_model(
     Parameters
     ----------
     table
-        All six pose and wrench columns; rows of one group, or one pose_id, stay together.
+        Pose and wrench columns; rows of one group, or one pose_id, stay together.
     candidates
         Specifications or short names.
     folds
@@ -193,7 +186,8 @@ def choose_model(
     best = int(np.argmin(error))
     within = np.asarray(error) <= error[best] + spread[best]
     order = [i for i in np.argsort(sizes, kind="stable") if within[i]]
-    return ModelChoice(listed, tuple(sizes), np.array(error), np.array(spread), int(order[0]))
+    errors, sd = np.array(error), np.array(spread)
+    return ModelChoice(listed, tuple(sizes), errors, sd, int(order[0]), _over(measured))
 
 
 def free_coefficients(base: StiffnessMap) -> int:
@@ -230,11 +224,13 @@ class LearningCurve:
     """The fewest poses that the stop rule accepts, None where more are needed."""
     one_standard_error: int | None
     """The fewest poses whose mean error over draws is within one standard error of the best's."""
+    over: str = "noise"
+    """What 1 is in `error`: the noise, or the spread of the readings."""
 
     def sentences(self) -> list[str]:
         """The error at each number of poses, and how many are enough."""
         lines = [
-            f"{self.model} from {n} poses: held-out error {error:.3g} of the noise"
+            f"{self.model} from {n} poses: held-out error {error:.3g} of the {self.over}"
             for n, error in zip(self.sizes, self.error, strict=True)
             if np.isfinite(error)
         ]
@@ -290,7 +286,7 @@ def learning_curve(
     Parameters
     ----------
     table
-        All six pose and wrench columns.
+        Pose and wrench columns.
     model
         A specification or its short name.
     sizes
@@ -361,7 +357,9 @@ def learning_curve(
         best = int(np.argmin(mean))
         spread = float(errors[best].std(ddof=1)) / np.sqrt(draws)
         few = usable[int(np.argmax(mean <= mean[best] + spread))]
-    return LearningCurve(specification.alias, tuple(usable), middle, lower, upper, enough, few)
+    return LearningCurve(
+        specification.alias, tuple(usable), middle, lower, upper, enough, few, _over(measured)
+    )
 
 
 def _standard_error(squares: Sequence[float]) -> float:
@@ -373,8 +371,24 @@ def _standard_error(squares: Sequence[float]) -> float:
     return float(deviation / np.sqrt(len(squares)) / (2 * np.sqrt(mean)))
 
 
+def _is_whole(table: Table) -> bool:
+    return table.pose_columns == POSE and table.wrench_columns == WRENCH
+
+
+def _over(table: Table) -> str:
+    return "noise" if _is_whole(table) else "spread"
+
+
 def _whitener(table: Table) -> F:
-    """(N, m, m) from the table's stated noise, the stiffness from a smooth fit of all rows."""
+    """(N, m, m) from the table's stated noise, the stiffness from a smooth fit of all rows.
+
+    Of fewer columns one over the spread; a column that never varies has none.
+    """
+    if not _is_whole(table):
+        truth = table.matrix(table.wrench_columns)
+        varies = np.ptp(truth, axis=0) > 1e-12
+        spread = np.where(varies, truth.std(axis=0), np.inf)
+        return np.tile(np.diag(1.0 / spread), (len(table), 1, 1))
     name = "cubic" if len(table) >= 120 else "linear"
     base = fit_model(table, name).base
     return whiteners(declared_noise(table).covariance(Rows(table, base)))

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
-from ecm.errors import InputError
+from ecm.errors import InputError, Remedy
 from ecm.io.arrays import F, I
 from ecm.io.settings import Checked
 from ecm.io.steps import Progress
@@ -50,6 +50,8 @@ class ModelSpecification(Checked, ABC):
     """How short names are written, for messages; empty where the kind is the only one."""
     weighted: ClassVar[bool] = False
     """Whether `weights` may be chosen."""
+    any_columns: ClassVar[bool] = False
+    """Whether it fits any pose columns; else it needs all six."""
 
     @property
     def name(self) -> str:
@@ -110,12 +112,17 @@ class ModelSpecification(Checked, ABC):
         """Return the map of an opened model file."""
 
 
+CHOOSE = Remedy("let held-out rows choose the model", "ecm fit DATA --model choose --out OUT")
+"""The way out where a model does not fit the rows or the columns of a table."""
+
+
 def length_of(table: Table, name: str) -> float:
     """Length of the mechanism, m; InputError where the table does not state it."""
     if table.meta.length_m is None:
         raise InputError(
             f"{table.source}: {name} needs the mechanism's length; "
-            "give [mechanism] length_m in the data's TOML"
+            "give [mechanism] length_m in the data's TOML",
+            remedy=CHOOSE,
         )
     return float(table.meta.length_m)
 

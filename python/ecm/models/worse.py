@@ -18,6 +18,7 @@ from ecm.models.behind import base_and_error, is_far_behind
 from ecm.models.fit import fit_rows
 from ecm.models.joint_fit import joint_fit
 from ecm.models.registry import parse_model
+from ecm.models.specification import CHOOSE
 from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import is_pose_row
 from ecm.regression.rows import Rows
@@ -73,7 +74,8 @@ def refuse_worse(
     Traceback (most recent call last):
     ecm.errors.ComputationError: the fit is no model of these data: on held-out rows fx_N errs \
 4e+08 times its spread, where the mean errs once
-    Take fewer coefficients (a lower degree), or measure more poses.
+    Let held-out rows choose the model:
+      ecm fit DATA --model choose --out OUT
     """
     if before is not None:
         refuse_addition(fitted, table, before)
@@ -82,7 +84,7 @@ def refuse_worse(
     if reasons:
         raise ComputationError(
             f"the fit is no model of these data: {'; '.join(reasons)}",
-            remedy=Remedy("take fewer coefficients (a lower degree), or measure more poses"),
+            remedy=CHOOSE,
         )
 
 

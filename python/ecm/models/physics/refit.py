@@ -15,7 +15,7 @@ from ecm.io.steps import Progress, Steps
 from ecm.io.table import Table
 from ecm.models.joint_fit import joint_fit
 from ecm.models.physics.map import PhysicsMap, physics_map, reach_of
-from ecm.models.specification import FittedMap, ModelSpecification, Weights
+from ecm.models.specification import CHOOSE, FittedMap, ModelSpecification, Weights
 from ecm.regression.noise import Noise, declared_noise
 
 _REWEIGHTINGS = 5
@@ -179,10 +179,11 @@ class PhysicsModel(ModelSpecification):
         base = self.base
         if base is None:
             body = table.meta.body() if self.mechanism is None else self.mechanism
-            if body is None:
+            if body is None or not body.has_body:
                 raise InputError(
                     f"{table.source}: the physics model needs the body; "
-                    "give [mechanism] in the data's TOML"
+                    "give [mechanism] builtin with its dimensions, or mesh, in the data's TOML",
+                    remedy=CHOOSE,
                 )
             base = physics_map(body, threads=self.threads, reach_rad=reach_of(table))
         noise = declared_noise(table)
