@@ -142,7 +142,7 @@ class GivenModel:
         if self.refitted is None:
             return {
                 "effect": " An effect is missing.",
-                "form": " Refitted on them, and the base fits: its form is too plain.",
+                "form": " The base errs far less: its form is too plain. Change the model first.",
                 "numbers": " The base fits: its numbers or its form are wrong; fit it again.",
             }[self.answer]
         again = f"it errs {self.refitted}"
@@ -154,7 +154,8 @@ class GivenModel:
         weak = ", too weak for the independent ones of these rows" * (self.reason == "weak")
         return {
             "effect": f" Even refitted {again}: an effect is missing{weak}.",
-            "form": f" Refitted on them {again}, and the base fits: its form is too plain.",
+            "form": f" Refitted on them {again}, the base far less: its form is too plain. Change "
+            "the model first.",
             "numbers": f" Refitted on them {again}: its form is fine, its numbers are not"
             f"{self._cause()}",
         }[self.answer]
@@ -215,11 +216,12 @@ def judge_given_model(
         still = decision.gate.rejected
     else:
         still = needed or again is None or (missing and _structure(again, noise).found)
-    still = still or (refitted is not None and _far_behind(refitted, base_errors, settings))
+    behind = refitted is not None and _far_behind(refitted, base_errors, settings)
+    still = still or behind
     # Of the same form as the base, what the base lacks the model lacks as well.
     same_form = alike and model.base.name == problem.base.name
     lacks_the_same = same_form and decision.verdict != "none"
-    answer = _answer(missing, refitted is not None and not still, decision)
+    answer = _answer(missing, refitted is not None and not still, behind, decision)
     far_off = (as_given.over_noise or 0.0) > settings.most_left_error
     reason: Literal["", "rows", "weak"] = ""
     if answer == "form":
@@ -311,13 +313,13 @@ def _structure(fit: JointFit, noise: Noise) -> StructureTest:
     return structure_test(fit.rows, fit.whitened, whitener, scored, fitted=fit.design)
 
 
-def _answer(missing: bool, fits_again: bool, decision: Decision) -> Answer:
+def _answer(missing: bool, fits_again: bool, behind: bool, decision: Decision) -> Answer:
     if not missing:
         return "fits"
     if fits_again:
         return "numbers"
-    # What the base does not lack either is no effect.
-    return "form" if decision.verdict == "none" else "effect"
+    # What the base does not lack either is no effect, and what it lacks too is the smaller part.
+    return "form" if behind or decision.verdict == "none" else "effect"
 
 
 def _statement(

@@ -184,7 +184,10 @@ def _lost_signs(alone: Model, fitted: Model, old: F, new: F) -> list[str]:
         (i, j)
         for j, name in enumerate(fitted.inputs)
         for i, output in enumerate(fitted.outputs)
-        if name in POSE and output in WRENCH and POSE.index(name) == WRENCH.index(output)
+        if name in POSE
+        and output in WRENCH
+        and POSE.index(name) == WRENCH.index(output)
+        and old[i, j] > 0.0
     ]
     if not pairs:
         return []
@@ -192,7 +195,7 @@ def _lost_signs(alone: Model, fitted: Model, old: F, new: F) -> list[str]:
 
     def least(stiffness: F) -> float:
         block = stiffness[np.ix_(rows, columns)]
-        root = np.sqrt(np.abs(np.diag(old[np.ix_(rows, columns)])))
+        root = np.sqrt(np.diag(old[np.ix_(rows, columns)]))
         return float(np.linalg.eigvalsh((block + block.T) / 2.0 / np.outer(root, root)).min())
 
     if least(old) <= 0.0 or least(new) > 0.0:
