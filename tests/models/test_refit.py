@@ -1,0 +1,114 @@
+"""An addition holds: what the rows do not determine is held by the physics, or refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ecm
+from ecm.errors import ComputationError, remedy_of
+from ecm.io.table import Table, read_table
+from ecm.models import Model, fit_model
+from ecm.models.physics.map import PhysicsMap
+from ecm.models.refit import refit
+from ecm.models.worse import objections, refuse_addition, undetermined
+from support.neck import ROOT
+
+TRUE_MASS_KG = 0.2086
+"""The payload that the shipped campaign hides, by its truth file."""
+
+
+@pytest.fixture(scope="module")
+def measured(neck_physics: PhysicsMap) -> Table:
+    """The tutorial's own table: a payload hidden."""
+    return read_table(ROOT / "examples" / "neck_measured.csv")
+
+
+@pytest.mark.parametrize("name", ["energy4", "energy5", "energy6"])
+def test_a_payload_is_told_from_the_bending_stiffness_of_a_free_base(
+    name: str, measured: Table
+) -> None:
+    before = fit_model(measured, name)
+    after = refit(before, measured, add=["payload"])
+    refuse_addition(after, measured, before)
+    payload = after.effects[0]
+    assert not payload.at_bounds.any()
+    assert payload.values[0] == pytest.approx(TRUE_MASS_KG, abs=3.0 * payload.sd[0])
+    rest = before.rest_pose("a test")
+    old, new = before.stiffness(rest)[0, 5, 5], after.stiffness(rest)[0, 5, 5]
+    assert new == pytest.approx(old, rel=0.1)
+    assert after.history[-1].held_out < 0.85 * after.history[0].held_out
+    assert "physics of the stated body" in after.fit_report()
+
+
+def test_without_the_physics_the_same_rows_move_the_stiffness(measured: Table) -> None:
+    """What the guard saw in the tutorial: a load of constant arm is one column of the base."""
+    before = fit_model(measured, "energy4")
+    plain = before.add("payload").fit(measured)
+    assert undetermined(plain, measured, before)
+    assert objections(plain, measured, before)
+
+
+def test_a_refusal_names_a_base_that_holds_the_effect(measured: Table) -> None:
+    before = fit_model(measured, "energy4")
+    plain = before.add("payload").fit(measured)
+    with pytest.raises(ComputationError, match="at its bound and one with base") as caught:
+        refuse_addition(plain, measured, before)
+    remedy = remedy_of(caught.value)
+    assert remedy is not None
+    assert remedy.command == "ecm fit DATA --model physics --add payload --out OUT"
+
+
+def test_an_effect_on_a_base_far_too_plain_is_no_answer(measured: Table) -> None:
+    before = fit_model(measured, "linear")
+    after = refit(before, measured, add=["mullins_softening"])
+    with pytest.raises(ComputationError, match="a better base") as caught:
+        refuse_addition(after, measured, before)
+    remedy = remedy_of(caught.value)
+    assert remedy is not None
+    assert remedy.command == "ecm fit DATA --model physics --out OUT"
+
+
+@pytest.mark.parametrize("name", ["energy4", "physics"])
+def test_what_diagnose_promises_is_reached(name: str, measured: Table) -> None:
+    model = fit_model(measured, name)
+    found = ecm.diagnose(model, measured)
+    assert found.addition is not None
+    assert found.addition.refused == ""
+    reached = refit(model, measured, add=list(found.addition.effects)).history[-1].held_out
+    assert found.addition.after == pytest.approx(reached, rel=1e-12)
+
+
+def test_the_command_line_saves_neither_and_types_the_way_out(
+    measured: Table, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: object
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    data = ROOT / "examples" / "neck_measured.csv"
+    run = ecm_command
+    assert run("fit", data, "--model", "linear", "--out", "plain.json").code == 0  # type: ignore[operator]
+    done = run("refit", "plain.json", data, "--add", "mullins_softening", "--out", "worse.json")  # type: ignore[operator]
+    assert done.code == 1
+    assert not Path("worse.json").exists()
+    typed = done.err.rstrip().splitlines()[-1].split()
+    assert typed[0] == "ecm"
+    assert run(*typed[1:]).code == 0  # type: ignore[operator]
+    assert Path("worse.json").exists()
+
+
+def _stiff_on_one_axis(n: int, seed: int) -> tuple[Table, Model]:
+    random = np.random.default_rng(seed)
+    x = random.uniform(-1e-3, 1e-3, n)
+    force = 1e4 * x + 0.05 * random.standard_normal(n)
+    table = ecm.as_table({"x_m": x, "fx_N": force, "time_s": np.arange(float(n))})
+    return table, fit_model(table, "linear")
+
+
+def test_a_right_addition_of_few_columns_is_not_refused() -> None:
+    table, _ = _stiff_on_one_axis(60, 3)
+    drifting = table.with_columns({"fx_N": table.column("fx_N") + 0.01 * table.column("time_s")})
+    before = fit_model(drifting, "linear")
+    after = refit(before, drifting, add=["fts_drift"])
+    refuse_addition(after, drifting, before)
+    assert after.history[-1].held_out < after.history[0].held_out
