@@ -6,9 +6,11 @@ through all steps with one table and one base, and says what did not hold.
 
 from __future__ import annotations
 
+import ctypes
 import json
 import shlex
 import shutil
+import subprocess
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -20,8 +22,7 @@ from numpy.typing import NDArray
 
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table, read_table
-from ecm.models import load_model
-from ecm.models.training import error_over_noise
+from ecm.models import Model, load_model
 from ecm.workflow.app.steps import Files, command_of
 from support.neck import ROOT, SHARED_DATA, Done, csv_text
 
@@ -32,6 +33,8 @@ TARGETS = ("c", "rust", "mujoco", "drake", "ros2", "fmu", "opensim", "simulink",
 _PROMISED = 1.05
 """A promised error may be missed by this factor."""
 _WORSE = 1.1
+_MOST_EXPORTED = 1.2
+"""Error of the compiled model from `predict` at the measured rows, over the noise."""
 _FOLDS = 4
 """Every so many poses are held out."""
 
@@ -224,9 +227,11 @@ class Walk:
         report = ["--json", "compare-1.json"]
         self._step("compare", {}, ["compare", "model-1.json", data, *report], files)
         found = self._diagnosis(data, files)
+        self._exports("model-1.json")
         if found is not None:
-            self._additions(data, found)
-        self._exports()
+            added = self._additions(data, found)
+            if added:
+                self._exports(added)
         return self
 
     @cached_property
@@ -258,15 +263,20 @@ class Walk:
                 self.broken.append(f"diagnose says {said:.4g} times the noise, compare {other:.4g}")
         return found
 
-    def _additions(self, data: str, found: dict[str, Any]) -> None:
-        """Add what is named and each effect of the ranking; the promise must be reached."""
-        named = found.get("addition")
+    def _additions(self, data: str, found: dict[str, Any]) -> str:
+        """Add what is named and each effect of the ranking; the promise must be reached.
+
+        Returns the file of the model with what is named; empty where there is none.
+        """
+        added, named = "", found.get("addition")
         if named is not None and named["remedy"] is not None and named["remedy"]["command"]:
             argv = shlex.split(named["remedy"]["command"])[1:]
             done = self._run([*argv, "--json", "named.json"])
             if done.code != 0:
                 self.broken.append(f"diagnose advised {shlex.join(argv)}: {done.err[-300:]}")
-            elif not named["refused"] and named["held_out"]["after"] is not None:
+            else:
+                added = argv[argv.index("--out") + 1]
+            if added and not named["refused"] and named["held_out"]["after"] is not None:
                 document = json.loads(Path("named.json").read_text(encoding="utf-8"))
                 reached = document["history"][-1]["held_out"]
                 promised = named["held_out"]["after"]
@@ -274,6 +284,7 @@ class Walk:
                     self.broken.append(f"promised {promised:.3g}, reached {reached:.3g}: {argv}")
         for item in found["ranking"][: self.most]:
             self._add(data, item["id"])
+        return added
 
     def _add(self, data: str, effect: str) -> None:
         out = f"with-{effect}.json"
@@ -318,22 +329,51 @@ class Walk:
         """Root mean square error of the worst component over the noise of the model's rows."""
         found = load_model(model)
         error = rows.matrix(found.outputs) - found.predict(rows, skip_untestable=True)
-        if found.noise.is_residual or error_over_noise(found.base, found.noise, rows) is None:
-            noise = rows.matrix(found.outputs).std(axis=0) * 0.05
-        else:
-            sd = np.einsum(
-                "njj->nj", found.noise.covariance(found.rows_at(rows.matrix(found.inputs)))
-            )
-            noise = np.sqrt(sd.mean(axis=0))
-        return float((np.sqrt((error**2).mean(axis=0)) / np.maximum(noise, 1e-12)).max())
+        return float((np.sqrt((error**2).mean(axis=0)) / self._noise(found, rows)).max())
 
-    def _exports(self) -> None:
+    @staticmethod
+    def _noise(found: Model, rows: Table) -> F:
+        """(m,) noise of the model's rows; a twentieth of the spread where none is known."""
+        if found.noise.is_residual:
+            return np.maximum(rows.matrix(found.outputs).std(axis=0) / 20.0, 1e-12)
+        at = found.rows_at(rows.matrix(found.inputs))
+        variance = np.einsum("njj->nj", found.noise.covariance(at)).mean(axis=0)
+        return np.asarray(np.maximum(np.sqrt(variance), 1e-12))
+
+    def _exports(self, model: str) -> None:
         for target in self.targets:
-            argv = ["export", "model-1.json", "--to", target, "--out", f"export-{target}"]
+            out = f"export-{target}-{Path(model).stem}"
+            argv = ["export", model, "--to", target, "--out", out]
+            if self.by_page and model == "model-1.json" and target in ("c", "rust", "mujoco"):
+                files = Files(["data-1.csv"], model=model)
+                argv = command_of("export", {"to": target}, files, 1).argv[:-2]
+                out = argv[argv.index("--out") + 1]
+                shutil.rmtree(out, ignore_errors=True)
             done = self._run([*argv, "--json", "export-1.json"])
             self.steps += 1
             if done.code != 0:
-                self._advice(argv, done, "export-1.json", makes=f"export-{target}")
+                self._advice(argv, done, "export-1.json", makes=out)
+            elif target == "c":
+                self._compiled(model, Path(out))
+
+    def _compiled(self, model: str, folder: Path) -> None:
+        """The compiled model must give at the measured rows what `predict` gives there."""
+        found, library = load_model(model), folder / "model.so"
+        source = folder / "ecm_model.c"
+        subprocess.run(
+            ["cc", "-O2", "-shared", "-fPIC", source, "-o", library], check=True, timeout=300
+        )
+        code = ctypes.CDLL(str(library.resolve()))
+        rows = self.rows.measured()
+        poses = np.ascontiguousarray(rows.matrix(found.inputs))
+        expected, got = found.predict(poses), np.zeros((len(poses), len(found.outputs)))
+        pointer = ctypes.POINTER(ctypes.c_double)
+        for pose, wrench in zip(poses, got, strict=True):
+            code.ecm_model_value(pose.ctypes.data_as(pointer), wrench.ctypes.data_as(pointer))
+        noise = self._noise(found, rows)
+        over = (np.sqrt(((got - expected) ** 2).mean(axis=0)) / noise).max()
+        if not over <= _MOST_EXPORTED:
+            self.broken.append(f"{folder}: C errs {over:.3g} times the noise from predict")
 
     def _step(
         self,
