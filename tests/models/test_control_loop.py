@@ -14,7 +14,8 @@ from ecm.errors import InputError
 from ecm.models import Model, fit_model
 from ecm.models.control import ControlLoop, LoopSettings, design_loop
 from ecm.models.control.poles import Gains
-from ecm.models.export import export_files, poses_to_hold
+from ecm.models.export import export_files
+from ecm.models.measured_poses import poses_like_measured
 from support.campaigns import campaign
 from support.campaigns import model as physics_model
 from support.control_loops import errors_in_c, exported_to
@@ -23,7 +24,7 @@ F = NDArray[np.float64]
 
 
 def designed(model: Model, settings: LoopSettings | None = None) -> ControlLoop:
-    poses = poses_to_hold(model)
+    poses = poses_like_measured(model, 200)
     return design_loop(poses, model.base.stiffness(poses, "screw"), settings)
 
 
