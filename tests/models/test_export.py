@@ -65,11 +65,15 @@ def test_the_c_loop_holds_the_platform(
         assert ran.returncode == 0, ran.stdout
     assert "margins: gain times" in ran.stdout
     assert "held: the push moved the platform" in ran.stdout
+    # The weight is fed forward: before the push nothing has moved.
+    before = re.search(r"  500 ms: largest error (\S+) ", ran.stdout)
+    assert before is not None
+    assert float(before[1]) < 2e-6
     # A loop that ignores the pose, or whose commands come late, must fail and say why.
     loop = folder / "neck_control.c"
     text = loop.read_text(encoding="utf-8")
     broken = {
-        "mass * y[i] : inertia * moment[i - 3]": ("R(0) : R(0)", "the held pose"),
+        "mass * (y[i] - gravity[i]) : inertia * moment[i - 3]": ("R(0) : R(0)", "the held pose"),
         "DELAY_STEPS = 3 ": ("DELAY_STEPS = 12 ", "The loop is unstable"),
     }
     for right, (wrong, reason) in broken.items():

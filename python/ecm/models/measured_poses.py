@@ -84,13 +84,20 @@ def sample_of(table: Table, inputs: Sequence[str]) -> list[list[float]]:
     poses = poses[np.isfinite(poses).all(axis=1)]
     if len(poses) <= _MOST_STORED:
         return _rounded(poses)
-    ends = [poses.argmin(axis=0), poses.argmax(axis=0)]
-    if tuple(inputs) == POSE:
-        q = coordinates(poses, 0.0)
-        ends += [q.argmin(axis=0), q.argmax(axis=0)]
+    seen = [poses, coordinates(poses, 0.0)] if tuple(inputs) == POSE else [poses]
+    ends = [x.argmin(axis=0) for x in seen] + [x.argmax(axis=0) for x in seen]
     alone = Table(dict(zip(inputs, poses.T, strict=True)), Meta(), "poses")
-    chosen = spread_rows(alone, _MOST_STORED)
-    return _rounded(poses[np.union1d(chosen, np.concatenate(ends))])
+    chosen = np.union1d(spread_rows(alone, _MOST_STORED), np.concatenate(ends))
+    for x in seen:  # and all rows are inside what they span
+        for _ in range(10):
+            outside = np.flatnonzero(~Reach.of(x[chosen], inputs).contains(x))
+            if not len(outside):
+                break
+            away = np.linalg.norm(
+                (x[outside] - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-300), axis=1
+            )
+            chosen = np.union1d(chosen, outside[np.argsort(-away)[:10]])
+    return _rounded(poses[chosen])
 
 
 def _rounded(poses: F) -> list[list[float]]:
@@ -315,8 +322,9 @@ def _loaded_poses(model: Posed) -> F:
     poses = poses[((low <= poses) & (poses <= high)).all(axis=1)]
     poses = poses[np.linalg.norm(poses[:, 3:], axis=1) < 3.0][: 4 * _MOST_STORED]
     sizes = [np.linalg.norm(loads[:, part], axis=1).max() for part in (_FORCE, _TORQUE)]
-    limits = _MOST_LOAD * np.array(sizes)
-    return np.asarray(poses[(_loads(model, poses) <= limits).all(axis=1)][:_MOST_STORED])
+    excess = (_loads(model, poses) / (_MOST_LOAD * np.array(sizes))).max(axis=1)
+    least = np.argsort(excess, kind="stable")[:_MOST_STORED]
+    return np.asarray(poses[least[excess[least] <= max(1.0, excess[least[len(least) // 10]])]])
 
 
 def _ranges(model: Posed) -> F:

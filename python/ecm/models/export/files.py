@@ -177,9 +177,7 @@ def export_files(
         folding,
         tuple(_acting(model)),
         given.change,
-        {}
-        if chosen.language == "none"
-        else dict(zip(timed.lost, timed.lost_sentences(), strict=True)),
+        lost,
     )
 
 
