@@ -160,6 +160,19 @@ def test_a_model_without_stiffness_is_exported_without_a_loop() -> None:
     assert any("No control loop" in note for note in exported.notes)
 
 
+def test_the_noise_that_the_loop_passes_on_is_what_is_stated() -> None:
+    """By the difference equation of the controller on readings that do not move."""
+    model = fit_model(campaign(seed=3), "energy4")
+    loop = designed(model, LoopSettings(mass_kg=3.0, inertia_kg_m2=0.002))
+    w, dt = loop.gains.bandwidth_rad_s, loop.gains.dt_s
+    e = np.random.default_rng(0).standard_normal(4001)
+    y = w * w * (e[1:] + 0.25 * w * dt * e[1:]) + 2.0 * w / dt * np.diff(e)
+    np.testing.assert_allclose(loop.noise_gain, [3.0 * y.std(), 0.002 * y.std()], rtol=0.05)
+    said = loop.sentences()[-1]
+    assert f"becomes {1e-5 * loop.noise_gain[0]:.2g} N and" in said
+    assert loop.to_dict()["noise_gain"] == list(loop.noise_gain)
+
+
 def test_settings_of_the_robot_are_checked() -> None:
     for wrong in ({"mass_kg": 0.0}, {"inertia_kg_m2": np.nan}, {"dt_s": -1.0}, {"delay_s": -1.0}):
         with pytest.raises(InputError, match=next(iter(wrong))):
