@@ -34,7 +34,7 @@ _NEIGHBOURS = 6
 _SEED = 11
 _FORCE, _TORQUE = slice(3), slice(3, 6)
 _MARGIN = 1.01
-"""Of each range: fits average repeated poses, and the measured ones lie a little further out."""
+"""Size over that of the data: fits average repeated poses, and the measured ones lie a little further out."""
 _THINNEST = 0.03
 """Least extent of a coordinate, over the largest one of its unit, that counts as measured."""
 
@@ -78,7 +78,7 @@ def sample_of(table: Table, inputs: Sequence[str]) -> list[list[float]]:
     >>> table = as_table({"x_m": 1e-4 * np.arange(5000.0), "fx_N": np.arange(5000.0)})
     >>> poses = sample_of(table, ("x_m",))
     >>> len(poses), min(poses), max(poses)
-    (200, [0.0], [0.4999])
+    (201, [0.0], [0.4999])
     """
     poses = table.measured().matrix(tuple(inputs))
     poses = poses[np.isfinite(poses).all(axis=1)]

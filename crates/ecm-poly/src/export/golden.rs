@@ -78,7 +78,7 @@ pub fn wave(i: usize, k: usize) -> f64 {
 
 /// Point i inside a reach.
 fn point_in(model: &Model, reach: &Reach, i: usize) -> Vec<f64> {
-    let at = reach.point(i);
+    let at = reach.point(|k| wave(i, k));
     match model {
         Model::Polynomial(_) => at,
         Model::Energy(model) => {

@@ -6,7 +6,6 @@ use std::vec::Vec;
 use serde_json::{Map, Value};
 
 use crate::error::ModelError;
-use crate::export::golden::wave;
 use crate::export::model::Model;
 
 /// low <= x <= high and |factor (x - centre)| <= 1, in the mid-frame coordinates of an energy and the
@@ -79,15 +78,15 @@ impl Reach {
         })
     }
 
-    /// Point i of an even spread inside; the first is the centre.
-    pub fn point(&self, i: usize) -> Vec<f64> {
+    /// The point inside of n numbers from -1 to 1; the centre of zeros.
+    pub fn point(&self, spread: impl Fn(usize) -> f64) -> Vec<f64> {
         let n = self.centre.len();
         let root = (n as f64).sqrt();
         let mut away: Vec<f64> = Vec::new();
         for k in 0..n {
             let row = &self.factor[k * (k + 1) / 2..];
             let before: f64 = away.iter().zip(row).map(|(x, f)| x * f).sum();
-            away.push((SHARE * wave(i, k) / root - before) / row[k]);
+            away.push((SHARE * spread(k) / root - before) / row[k]);
         }
         let room = |k: usize| match away[k] {
             x if x > 0.0 => SHARE * (self.high[k] - self.centre[k]) / x,
@@ -117,12 +116,12 @@ mod tests {
         let text = r#"{"reach": {"low": [-1, -1], "high": [2, 1], "centre": [0, 0.5], "factor": [1, -2, 3]}}"#;
         let found = reach(text).ok().flatten().expect("a reach");
         for i in 0..50 {
-            let x = found.point(i);
+            let x = found.point(|k| (1.0 + (7 * i + 3 * k) as f64).sin());
             let (a, b) = (x[0] - found.centre[0], x[1] - found.centre[1]);
             assert!(a * a + (3.0 * b - 2.0 * a).powi(2) < 1.0);
             assert!((0..2).all(|k| found.low[k] < x[k] && x[k] < found.high[k]));
         }
-        assert_ne!(found.point(1), found.point(2));
+        assert_eq!(found.point(|_| 0.0), found.centre);
         assert!(reach("{}").is_ok_and(|none| none.is_none()));
         for (right, wrong) in [
             ("[0, 0.5]", "[0, 5]"),
