@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import opensim
 
-from ecm.models.export import poses_to_hold
 from ecm.models.export.opensim import deflections
-from ecm.models.folding import noise_sd
+from ecm.models.measured_poses import noise_sd, poses_like_measured
 from support.exports import fitted, written
 
 
@@ -23,7 +22,7 @@ def run(folder: Path) -> Iterator[str]:
     force = opensim.ExpressionBasedBushingForce.safeDownCast(model.getForceSet().get("neck"))
     joint = model.getJointSet().get(0)
     coordinates = [joint.get_coordinates(i) for i in (3, 4, 5, 0, 1, 2)]
-    poses = poses_to_hold(fit, 1000)
+    poses = poses_like_measured(fit, 1000)
     found = np.zeros((len(poses), 6))
     for row, at in zip(found, deflections(poses)[0].tolist(), strict=True):
         for coordinate, value in zip(coordinates, at, strict=True):

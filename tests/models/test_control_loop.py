@@ -14,7 +14,8 @@ from ecm.errors import InputError
 from ecm.models import Model, fit_model
 from ecm.models.control import ControlLoop, LoopSettings, design_loop
 from ecm.models.control.poles import Gains
-from ecm.models.export import export_files, poses_to_hold
+from ecm.models.export import export_files
+from ecm.models.measured_poses import poses_like_measured
 from support.campaigns import campaign
 from support.campaigns import model as physics_model
 from support.control_loops import errors_in_c, exported_to
@@ -23,7 +24,7 @@ F = NDArray[np.float64]
 
 
 def designed(model: Model, settings: LoopSettings | None = None) -> ControlLoop:
-    poses = poses_to_hold(model)
+    poses = poses_like_measured(model, 200)
     return design_loop(poses, model.base.stiffness(poses, "screw"), settings)
 
 
@@ -157,6 +158,19 @@ def test_a_model_without_stiffness_is_exported_without_a_loop() -> None:
     exported = export_files(flat, "c", "neck")
     assert "neck_control.c" not in exported.files
     assert any("No control loop" in note for note in exported.notes)
+
+
+def test_the_noise_that_the_loop_passes_on_is_what_is_stated() -> None:
+    """By the difference equation of the controller on readings that do not move."""
+    model = fit_model(campaign(seed=3), "energy4")
+    loop = designed(model, LoopSettings(mass_kg=3.0, inertia_kg_m2=0.002))
+    w, dt = loop.gains.bandwidth_rad_s, loop.gains.dt_s
+    e = np.random.default_rng(0).standard_normal(4001)
+    y = w * w * (e[1:] + 0.25 * w * dt * e[1:]) + 2.0 * w / dt * np.diff(e)
+    np.testing.assert_allclose(loop.noise_gain, [3.0 * y.std(), 0.002 * y.std()], rtol=0.05)
+    said = loop.sentences()[-1]
+    assert f"becomes {1e-5 * loop.noise_gain[0]:.2g} N and" in said
+    assert loop.to_dict()["noise_gain"] == list(loop.noise_gain)
 
 
 def test_settings_of_the_robot_are_checked() -> None:

@@ -21,7 +21,9 @@ from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import as_table
 from ecm.models import Model, fit_model
+from ecm.models.adapt import AdaptSettings
 from ecm.models.export import TARGETS, export_files
+from ecm.models.measured_poses import poses_of, reach_of
 from support.campaigns import campaign
 from support.cortex_m import (
     BOARDS,
@@ -33,7 +35,7 @@ from support.cortex_m import (
     stated_stack,
 )
 from support.exports import done, written
-from support.models import with_time
+from support.models import BRANCHES, with_effects, with_time
 from support.neck import ROOT, Done
 from support.programs import need_program
 
@@ -65,11 +67,15 @@ def test_the_c_loop_holds_the_platform(
         assert ran.returncode == 0, ran.stdout
     assert "margins: gain times" in ran.stdout
     assert "held: the push moved the platform" in ran.stdout
+    # The weight is fed forward: before the push nothing has moved.
+    before = re.search(r"  500 ms: largest error (\S+) ", ran.stdout)
+    assert before is not None
+    assert float(before[1]) < 2e-6
     # A loop that ignores the pose, or whose commands come late, must fail and say why.
     loop = folder / "neck_control.c"
     text = loop.read_text(encoding="utf-8")
     broken = {
-        "mass * y[i] : inertia * moment[i - 3]": ("R(0) : R(0)", "the held pose"),
+        "mass * (y[i] - gravity[i]) : inertia * moment[i - 3]": ("R(0) : R(0)", "the held pose"),
         "DELAY_STEPS = 3 ": ("DELAY_STEPS = 12 ", "The loop is unstable"),
     }
     for right, (wrong, reason) in broken.items():
@@ -187,6 +193,70 @@ def test_inside_is_the_range_of_the_training_data(fitted: dict[str, Model], tmp_
         farthest = poses[np.argmax(np.abs(poses[:, 4]))]
         beyond = np.where(np.arange(6) == 4, 2.0, 1.0) * farthest
         assert all_inside(np.array([beyond, np.full(6, np.nan)])) == [0, 0]
+        # The code is the reach of the measured poses, whose corners no load reaches.
+        reach = reach_of(fitted[name], fitted[name].base)
+        assert reach is not None
+        shares = np.random.default_rng(5).uniform(-0.1, 1.1, (2000, 6))
+        x = reach.low + shares * (reach.high - reach.low)
+        asked = x if name == "cubic" else poses_of(x, fitted[name].known_length_m or 0.0)
+        expected = reach.contains(x)
+        assert 20 < expected.sum() < 1000
+        np.testing.assert_array_equal(all_inside(asked), expected)
+
+
+@pytest.mark.parametrize("compiler", ["clang", "gcc"])
+def test_no_compiler_warns_of_the_code(
+    fitted: dict[str, Model], compiler: str, tmp_path: Path
+) -> None:
+    cc = need_program(compiler)
+    for name, precision in (("cubic", "single"), ("energy4", "double"), ("time", "single")):
+        model = with_time(fitted["energy4"]) if name == "time" else fitted[name]
+        adapt = AdaptSettings(("modulus", "payload", "zero"))
+        files = export_files(model, "c", "neck", precision, None, adapt).files  # type: ignore[arg-type]
+        folder = tmp_path / name
+        folder.mkdir()
+        for path, text in files.items():
+            assert isinstance(text, str)
+            (folder / path).write_text(text, encoding="utf-8")
+        for source in sorted(folder.glob("*.c")):
+            built = done(cc, "-std=c99", "-O2", *WARNINGS, "-c", source, "-o", folder / "o")
+            assert (built.returncode, built.stderr) == (0, ""), source.name
+
+
+def test_the_exported_adapter_takes_its_branches_from_the_exported_steps(
+    fitted: dict[str, Model], tmp_path: Path
+) -> None:
+    """The wrench of a step is the static one and each share times its branch."""
+    gcc = need_program("gcc")
+    model = with_effects(fitted["energy4"], BRANCHES)
+    settings = AdaptSettings(("modulus", "shares"))
+    for path, text in export_files(model, "c", "neck", "double", None, settings).files.items():
+        assert isinstance(text, str)
+        (tmp_path / path).write_text(text, encoding="utf-8")
+    library = tmp_path / "neck.so"
+    sources = [tmp_path / "neck.c", tmp_path / "neck_adapt.c"]
+    built = done(gcc, "-O2", "-shared", "-fPIC", *sources, "-o", library)
+    assert built.returncode == 0, built.stderr
+    code, six = ctypes.CDLL(str(library)), ctypes.c_double * 6
+    state, adapted = (ctypes.c_double * 49)(), (ctypes.c_double * 4000)()
+    h, k, still = six(), (ctypes.c_double * 36)(), six()
+    branches = (ctypes.c_double * 12)()
+    poses = campaign(seed=3).measured().matrix(POSE)[:40]
+    assert code.neck_init(state, six(*poses[0])) == 1
+    code.neck_adapt_init(adapted, None)
+    outcomes = set()
+    for pose in poses:
+        assert code.neck_step(state, six(*pose), ctypes.c_double(0.3), None, h, k) == 1
+        code.neck_branches(state, branches)
+        code.neck_value(six(*pose), still)
+        one, two = np.array(branches).reshape(2, 6)
+        parts = np.array(still) + BRANCHES[1][0] * one + BRANCHES[1][1] * two
+        np.testing.assert_allclose(h, parts, rtol=1e-9, atol=1e-9)
+        told = (six(*pose), h, ctypes.c_double(0.3), h, k, branches)
+        outcomes.add(code.neck_adapt(adapted, None, *told))
+    assert np.abs(one).max() > 0.1
+    assert 1 in outcomes  # readings change the parameters
+    assert 5 not in outcomes  # and none is refused
 
 
 def test_no_heap_and_no_libm(fitted: dict[str, Model], tmp_path: Path) -> None:

@@ -126,6 +126,14 @@ def test_what_means_nothing_is_refused(
         assert fmu.set(POSE, np.array([0.1, 0.0, 0.0, 0.0, 0.0, 3.2])) == 0
         assert fmu.inside() == 0
         assert fmu.step(0.0, 0.1) == 2  # discarded
+        # So are answers there: the instance goes on, which an error would end.
+        assert fmu.asked(1 + len(fmu.variables("input"))) == 2
+        assert fmu.asked(99) == 3
+        fmu.derivative(["fx_N"], ["x_m"], np.ones(1), expected=2)
+        fmu.set(POSE, rest)
+        for no_time in (-0.1, np.nan, np.inf):
+            assert fmu.step(0.0, no_time) == 2
+        assert fmu.step(0.0, 0.1) == 0
         fmu.set(POSE, rest)
         np.testing.assert_allclose(fmu.get(WRENCH), good, rtol=1e-12, atol=1e-12)
         assert fmu.restore(stored[:-8]) == 3

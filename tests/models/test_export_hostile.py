@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import io
 import json
 import subprocess
@@ -19,7 +20,8 @@ from ecm.models import Model, fit_model, load_model
 from ecm.models.control import LoopSettings
 from ecm.models.export import export, export_files
 from ecm.models.export.opensim import fitted_expressions
-from support.exports import fitted, thousand_poses
+from support.exports import done, fitted, thousand_poses, written
+from support.models import with_time
 from support.programs import need_program
 
 
@@ -108,3 +110,29 @@ def test_every_scene_has_the_mass_that_is_stated() -> None:
     assert len(scenes) == 3
     for path, text in scenes.items():
         assert 'mass="2" diaginertia="0.01 0.01 0.01"' in text, path
+
+
+def test_a_pose_that_is_a_fault_leaves_the_state_as_it_was(tmp_path: Path) -> None:
+    """A finite pose far beyond the data would else stay in the memory for its time constants."""
+    gcc = need_program("gcc", "cc")
+    model = with_time(fitted("energy4"))
+    folder = written(model, tmp_path, "c")
+    done(gcc, "-O2", "-shared", "-fPIC", folder / "neck.c", "-o", folder / "neck.so")
+    code, six = ctypes.CDLL(str(folder / "neck.so")), ctypes.c_double * 6
+    controller = model.controller()
+    poses = thousand_poses()[:5]
+    state, h, k = (ctypes.c_double * 49)(), six(), (ctypes.c_double * 36)()
+    code.neck_init(state, six(*poses[0]))
+    controller.init(poses[0])
+    dt = ctypes.c_double(0.01)
+    for fault in (1e3 * np.eye(6)[1], np.array([1e9, 0, 0, 0, 0, 0]), 0.3 * np.eye(6)[0]):
+        kept, here = bytes(state), controller.state
+        assert code.neck_step(state, six(*fault), dt, None, h, k) == 0
+        assert np.isnan(np.array(h)).all()
+        assert np.isnan(controller.step(fault, 0.01)[0]).all()
+        assert bytes(state) == kept
+        np.testing.assert_array_equal(controller.state, here)
+    assert code.neck_init((ctypes.c_double * 49)(), six(1e9, 0, 0, 0, 0, 0)) == 0
+    for pose in poses:
+        assert code.neck_step(state, six(*pose), dt, None, h, k) == 1
+        np.testing.assert_allclose(h, controller.step(pose, 0.01)[0], rtol=1e-9, atol=1e-9)

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from ecm._native import rotation_matrices
 from ecm.errors import InputError
 from ecm.io.columns import WRENCH
-from ecm.models.export import export, export_files, poses_to_hold
+from ecm.models.export import export, export_files
 from ecm.models.export.opensim import DEFLECTIONS, deflections
-from ecm.models.folding import noise_sd
+from ecm.models.measured_poses import noise_sd, poses_like_measured
 from support.exports import fitted
 
 F = NDArray[np.float64]
@@ -64,7 +64,7 @@ def test_expressions_give_the_wrench_within_the_noise() -> None:
     tree = ElementTree.fromstring(str(exported.files["neck.osim"]))
     texts = {item.tag: item.text or "" for item in tree.iter() if item.tag.endswith("_expression")}
     assert not any(c.isspace() for text in texts.values() for c in text)
-    poses = poses_to_hold(model, 1000)
+    poses = poses_like_measured(model, 1000)
     at, axes = deflections(poses)
     found = np.stack(
         [

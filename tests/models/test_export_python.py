@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -96,6 +98,76 @@ def test_the_ros_node_steps_from_stamp_to_stamp(folder: Path) -> None:
     again = follower.wrench(0.5, pose[:3].tolist(), turned)
     controller.init(pose)
     np.testing.assert_allclose(again, controller.step(pose, 0.0)[0], rtol=1e-9, atol=1e-9)
+
+
+def test_the_ros_node_takes_temperature_and_age(folder: Path) -> None:
+    follower = import_module("slow_node").Follower(age_s=50.0)
+    controller = with_time(fitted("energy4")).controller()
+    pose = thousand_poses()[3]
+    controller.init(pose)
+    follower.wrench(7.0, pose[:3].tolist(), quaternion(pose[3:]))
+    follower.temperature_degC = 35.0
+    found = follower.wrench(9.0, pose[:3].tolist(), quaternion(pose[3:]))
+    controller.step(pose, 0.0)
+    warm, _ = controller.step(pose, 2.0, temperature_degC=35.0, age_s=52.0)
+    np.testing.assert_allclose(found, warm, rtol=1e-9, atol=1e-9)
+    text = (folder / "slow_node.py").read_text(encoding="utf-8")
+    assert 'create_subscription(Temperature, "temperature", warm, 10)' in text
+    assert 'declare_parameter("age_s", 0.0)' in text
+
+
+class _System:
+    """As much of Drake's LeafSystem as the export uses, with one value for each port."""
+
+    def __init__(self) -> None:
+        self.declared: dict[str, int] = {}
+
+    def DeclareAbstractInputPort(self, name: str, value: object) -> None:
+        self.declared[name] = 0
+
+    def DeclareVectorInputPort(self, name: str, size: int) -> None:
+        self.declared[name] = size
+
+    def GetInputPort(self, name: str) -> SimpleNamespace:
+        assert name in self.declared
+        return SimpleNamespace(
+            HasValue=lambda context: name in context, Eval=lambda context: context[name]
+        )
+
+    def __getattr__(self, name: str) -> Callable[..., None]:
+        assert name.startswith("Declare")
+        return lambda *_: None
+
+
+class _Discrete(dict[str, F]):
+    def get_discrete_state_vector(self) -> SimpleNamespace:
+        return SimpleNamespace(CopyToVector=self["state"].copy)
+
+    def set_value(self, numbers: F) -> None:
+        self["state"] = numbers
+
+
+def test_the_drake_system_takes_temperature_and_age(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without Drake, on stand-ins of its classes; `benches/export_targets.py` runs Drake itself."""
+    for name in ("common.value", "math", "multibody.math", "multibody.plant", "systems.framework"):
+        module = MagicMock(LeafSystem=_System)
+        monkeypatch.setitem(sys.modules, f"pydrake.{name}", module)
+    system = import_module("slow_drake").Mechanism(None, None, 0.5)
+    pose = thousand_poses()[3]
+    system.pose = lambda context: pose
+    controller = with_time(fitted("energy4")).controller()
+    for conditions in ({}, {"conditions": np.array([35.0, 80.0])}):
+        start = import_module("slow_model").init(pose)
+        context = _Discrete(state=np.concatenate([start, np.zeros(6)]), **conditions)
+        system._update(context, context)
+        controller.init(pose)
+        told = dict(
+            zip(("temperature_degC", "age_s"), conditions.get("conditions", ()), strict=False)
+        )
+        expected, _ = controller.step(pose, 0.5, **told)
+        np.testing.assert_allclose(system._wrench(context), expected, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["neck", "slow"])

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import ctypes
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ecm.io.arrays import F
+from ecm.io.table import as_table
 from ecm.models import Model, fit_model, load_model
 from support.campaigns import campaign
 from support.control_loops import errors_in_c, errors_in_rust, exported_to
+from support.exports import done
 from support.models import with_time
+from support.neck import Done
+from support.programs import need_program
 
 
 @pytest.fixture(scope="module")
@@ -20,6 +27,34 @@ def demo(quick_job: Path) -> Model:
     assert model.base.name == "energy6"
     assert len(model.base.coefficients) == 65
     return model
+
+
+def test_the_result_of_the_loop_is_exported_and_errs_as_the_noise(
+    quick_job: Path, tmp_path: Path, ecm_command: Callable[..., Done]
+) -> None:
+    """The model with the effect that was found, in C, at the rows that it was measured at."""
+    gcc, path = need_program("gcc", "cc"), quick_job / "model-loop.json"
+    ran = ecm_command("export", path, "--to", "c", "--out", tmp_path, "--name", "neck")
+    assert ran.code == 0, ran.err
+    assert "holds 200 of 200 poses" in ran.out
+    done(gcc, "-O2", "-shared", "-fPIC", tmp_path / "neck.c", "-o", tmp_path / "neck.so")
+    code, six = ctypes.CDLL(str(tmp_path / "neck.so")), ctypes.c_double * 6
+    model = load_model(path)
+    table = as_table(str(quick_job / "measured-loop.csv")).measured()
+    poses, said = table.matrix(model.inputs), np.zeros((len(table), 6))
+    for row, pose in zip(said, poses, strict=True):
+        assert code.neck_inside(six(*pose)) == 1
+        h = six()
+        code.neck_value(six(*pose), h)
+        row[:] = h
+    variance = np.einsum("njj->nj", model.noise.covariance(model.rows_at(poses)))
+
+    def over_noise(errors: F) -> float:
+        return float(np.sqrt((errors**2 / variance).mean(axis=0)).max())
+
+    assert over_noise(said - model.predict(poses)) < 0.3
+    of_instruments = model.predict(table) - model.predict(poses)
+    assert over_noise(said + of_instruments - table.matrix(model.outputs)) < 1.2
 
 
 def holds(errors: F, *, state: bool) -> None:

@@ -26,7 +26,7 @@ from ecm.models import Model, file, fit_model, load_model
 from ecm.models.control import LoopSettings
 from ecm.models.controller import Controller
 from ecm.models.export import export_files
-from ecm.models.folding import poses_in_domain
+from ecm.models.measured_poses import poses_like_measured
 from support.campaigns import campaign
 from support.models import BRANCHES, FRICTION, TEMPERATURE, with_effects
 from support.programs import need_program
@@ -43,7 +43,7 @@ def plain() -> Model:
 def recorded(model: Model, count: int = 60) -> Table:
     """Poses of the model in turn, at uneven times, with a pause of an hour."""
     random = np.random.default_rng(5)
-    poses = poses_in_domain(model, count)
+    poses = poses_like_measured(model, count)
     steps = 10.0 ** random.uniform(-3.0, 2.0, count)
     steps[count // 2] = 3600.0
     columns = dict(zip(POSE, poses.T, strict=True)) | dict.fromkeys(WRENCH, np.zeros(count))
@@ -137,7 +137,7 @@ def test_relaxation_over_visits_is_two_moves_and_a_rest(plain: Model) -> None:
 
 def test_damping_is_that_of_an_even_motion(plain: Model) -> None:
     model = with_effects(plain, (ViscousDamping(), [40.0, 0.2]))
-    ends = poses_in_domain(model, 2)
+    ends = poses_like_measured(model, 2)
     share = np.linspace(0.0, 1.0, 11)[:, None]
     poses = ends[0] + share * (ends[1] - ends[0])
     table = recorded(model, 11).with_columns(
@@ -166,7 +166,7 @@ def test_the_exported_c_takes_the_steps_of_the_controller(plain: Model, tmp_path
     state = (ctypes.c_double * 49)()
     assert ctypes.sizeof(state) <= 400
     controller = model.controller()
-    poses = poses_in_domain(model, 40)
+    poses = poses_like_measured(model, 40)
     controller.init(poses[0])
     assert code.neck_init(state, (ctypes.c_double * 6)(*poses[0])) == 1
     h, k = (ctypes.c_double * 6)(), (ctypes.c_double * 36)()
@@ -237,7 +237,7 @@ def test_factors_of_opposite_sign_do_not_hide_that_the_forms_differ(plain: Model
 
 def test_a_refused_step_leaves_the_state_and_a_saved_state_goes_on(plain: Model) -> None:
     controller = with_effects(plain, ONE_BY_ONE[2]).controller()
-    poses = poses_in_domain(plain, 10)
+    poses = poses_like_measured(plain, 10)
     controller.init(poses[0])
     for pose in poses[:5]:
         controller.step(pose, 0.01)
@@ -280,7 +280,7 @@ def test_a_pose_or_state_that_is_none_is_refused_with_its_shape_or_place(plain: 
 
 def test_planned_poses_are_predicted_as_they_will_be_stepped(plain: Model) -> None:
     controller = with_effects(plain, *ONE_BY_ONE[2:4], FRICTION).controller()
-    poses = poses_in_domain(plain, 12)
+    poses = poses_like_measured(plain, 12)
     controller.init(poses[0])
     controller.step(poses[1], 0.1)
     saved = controller.state
@@ -338,7 +338,7 @@ def test_inputs_have_names_defaults_and_ranges_in_the_file_the_controller_and_th
         assert code.neck_inputs_inside(inputs) == inside
         assert controller.inputs_inside(temperature_degC=temperature, age_s=age) == bool(inside)
     # Outside them a step extrapolates and stays finite.
-    pose = poses_in_domain(model, 1)[0]
+    pose = poses_like_measured(model, 1)[0]
     controller.init(pose)
     assert np.isfinite(controller.step(pose, 0.1, temperature_degC=high + 50.0)[0]).all()
 

@@ -11,7 +11,7 @@ import pytest
 
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.io.table import read_table
+from ecm.io.table import as_table, read_table
 from ecm.models import Model, fit_model
 from ecm.models.export import export, export_files
 from support.neck import ROOT
@@ -107,7 +107,7 @@ def test_what_acts_on_one_angle_is_folded_into_its_polynomial(kind: str, tmp_pat
     exported = export_files(model, "c", "line")
     assert any(note.startswith("Folded into poly:") for note in exported.notes)
     if exported.folding > 1.0:
-        with pytest.raises(InputError, match=r"times the measurement noise.*--force"):
+        with pytest.raises(InputError, match=r"(?s)times the measurement noise.*--force"):
             export(model, "c", tmp_path, name="line")
     code = built(model, tmp_path, force=True)
     angles, h, k = np.linspace(-0.45, 0.45, 300), ctypes.c_double(), ctypes.c_double()
@@ -136,4 +136,16 @@ def test_a_large_effect_that_a_file_cannot_hold_is_not_left_out_in_silence(
     assert any("A model fitted without it may be nearer" in note for note in exported.notes)
     small = one_angle("")
     model = fit_model(small, "cubic").add("mullins_softening").fit(small)
-    assert export(model, "c", tmp_path / "small").lost == ()
+    assert export(model, "c", tmp_path / "small").lost == {}
+
+
+def test_a_large_share_is_not_left_out_where_the_noise_is_unknown(tmp_path: Path) -> None:
+    """Without noise the residual weighs the rows, and an effect is small against it."""
+    table = one_angle("mullins_softening")
+    plain = as_table({name: table[name] for name in ("theta_z_rad", "tau_z_Nm", "time_s")})
+    model = fit_model(plain, "linear").add("mullins_softening").fit(plain)
+    assert model.noise.is_residual
+    with pytest.raises(InputError, match=r"mullins_softening is \d+ % of the measured wrench"):
+        export(model, "c", tmp_path / "refused")
+    assert not (tmp_path / "refused").exists()
+    assert export(model, "c", tmp_path / "forced", force=True).left_out == ("mullins_softening",)

@@ -88,6 +88,12 @@ class Instance:
         assert status == 0
         return np.array(values)
 
+    def asked(self, reference: int) -> int:
+        """Status of asking for one number by its value reference."""
+        one, value = (ctypes.c_uint * 1)(reference), ctypes.c_double()
+        count = ctypes.c_size_t(1)
+        return self.call("GetFloat64", one, count, ctypes.byref(value), *self._room(1))
+
     def inside(self) -> int:
         """The output `inside`."""
         (item,) = (i for i in self.description.iter() if i.attrib.get("name") == "inside")
@@ -104,8 +110,10 @@ class Instance:
         out = [ctypes.byref(flag) for flag in flags]
         return self.call("DoStep", d(time), d(dt), True, *out, ctypes.byref(last))
 
-    def derivative(self, outputs: Sequence[str], inputs: Sequence[str], seed: F) -> F:
-        """Directional derivative."""
+    def derivative(
+        self, outputs: Sequence[str], inputs: Sequence[str], seed: F, expected: int = 0
+    ) -> F:
+        """Directional derivative, with the status that is expected of it."""
         rows, columns = len(outputs), len(inputs)
         seeds, found = (ctypes.c_double * columns)(*seed), (ctypes.c_double * rows)()
         status = self.call(
@@ -114,7 +122,7 @@ class Instance:
             self._references("input", inputs), ctypes.c_size_t(columns),
             seeds, *self._room(columns), found, *self._room(rows),
         )  # fmt: skip
-        assert status == 0
+        assert status == expected
         return np.array(found)
 
     def saved(self) -> bytes:

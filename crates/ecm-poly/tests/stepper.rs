@@ -426,3 +426,54 @@ fn a_dt_that_is_hardly_any_is_a_sudden_move() {
         assert_eq!(found, expected);
     }
 }
+
+#[test]
+fn a_pose_beyond_the_limits_is_refused_and_the_state_stays() {
+    let (model, mut effects) = (neck(), effects(false));
+    effects.limits = Some([0.03, 1.2]);
+    let stepper = Stepper {
+        model: &model,
+        effects,
+    };
+    let inputs = effects.default_inputs();
+    let mut state = stepper.init(&Pose::at_rest(LENGTH)).unwrap();
+    let near = pose(&[2e-3, 0.01, 0.0, 0.1, 0.0, 0.3]);
+    stepper.step(&mut state, &near, 0.1, &inputs).unwrap();
+    let kept = state;
+    for far in [
+        pose(&[0.0, 0.04, 0.0, 0.0, 0.0, 0.0]),
+        pose(&[0.0, 0.0, 0.0, 0.0, 0.0, 1.3]),
+        Pose::from_array(&[1e9, 0.0, 0.0, 0.0, 0.0, 0.0]).unwrap(),
+    ] {
+        assert!(stepper.step(&mut state, &far, 0.1, &inputs).is_none());
+        assert!(stepper.init(&far).is_none());
+        assert_eq!(state, kept);
+    }
+    assert!(stepper.step(&mut state, &near, 0.1, &inputs).is_some());
+}
+
+#[test]
+fn a_step_is_the_static_wrench_and_the_shares_of_its_branches() {
+    let (model, mut effects) = (neck(), effects(false));
+    effects.friction = [0.0; 6];
+    let stepper = Stepper {
+        model: &model,
+        effects,
+    };
+    let inputs = effects.default_inputs();
+    let mut state = stepper.init(&Pose::at_rest(LENGTH)).unwrap();
+    for q in [
+        [2e-3, 0.01, 0.0, 0.1, 0.0, 0.3],
+        [-3e-3, 0.0, 5e-3, 0.0, -0.3, 0.1],
+    ] {
+        let (h, _) = stepper.step(&mut state, &pose(&q), 0.5, &inputs).unwrap();
+        let (mut sum, _) = stepper.settled(&pose(&q), &inputs).unwrap();
+        for (branch, wrench) in effects.branches.iter().zip(stepper.branches(&state)) {
+            for j in 0..3 {
+                sum.force[j] += branch.share * wrench[j];
+                sum.torque[j] += branch.share * wrench[3 + j];
+            }
+        }
+        assert!(difference(&h, &sum) < 1e-12);
+    }
+}

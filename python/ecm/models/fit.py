@@ -13,6 +13,7 @@ from ecm.io.steps import Progress, Steps
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.models.constraints import constrained
 from ecm.models.leverage import leverages
+from ecm.models.measured_poses import sample_of
 from ecm.models.model import Model
 from ecm.models.pose_error import pose_error, report_rows
 from ecm.models.registry import parse_model
@@ -95,7 +96,8 @@ def fit_model(
     shown = shown.select(report_rows(shown))
     errors = shown.matrix(fitted.outputs) - fitted.predict(shown.matrix(fitted.inputs))
     error = pose_error(fitted, shown, errors)
-    return replace(fitted, training={**fitted.training, "pose_error": error.to_dict()})
+    known = {"pose_error": error.to_dict(), "poses": sample_of(table, fitted.inputs)}
+    return replace(fitted, training={**fitted.training, **known})
 
 
 def fit_rows(

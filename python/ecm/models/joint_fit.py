@@ -216,6 +216,24 @@ def effect_sizes(fit: JointFit, noise: Noise) -> dict[str, float]:
     return sizes
 
 
+def effect_shares(fit: JointFit) -> dict[str, float]:
+    """Root mean square of each effect on the fitted rows over that of the wrench.
+
+    The larger of the shares of the outputs with one unit, force or moment.
+    """
+    scored = is_pose_row(fit.rows.table)
+    outputs = fit.base.outputs
+    wrench = fit.rows.table.matrix(outputs)[scored]
+    units = [name.rpartition("_")[2] for name in outputs]
+    groups = [[u == unit for u in units] for unit in dict.fromkeys(units)]
+    shares = {}
+    for item in fit.effects:
+        acts = correction_of(item.effect, fit.rows, item.values)[scored]
+        sums = [(np.sum(acts[:, g] ** 2), np.sum(wrench[:, g] ** 2)) for g in groups]
+        shares[item.id] = max(float(np.sqrt(a / max(w, 1e-300))) for a, w in sums)
+    return shares
+
+
 def best_shape(
     base: StiffnessMap,
     others: Sequence[FittedEffect],

@@ -26,9 +26,16 @@ from ecm.models.controller import Controller
 from ecm.models.fit_report import correlations_of, fit_report
 from ecm.models.folding import folded
 from ecm.models.history import FitRecord, RecordedFit, fit_records
-from ecm.models.joint_fit import FittedEffect, best_shape, effect_sizes, joint_fit
+from ecm.models.joint_fit import (
+    FittedEffect,
+    best_shape,
+    effect_shares,
+    effect_sizes,
+    joint_fit,
+)
 from ecm.models.leverage import leverages, variances_of, wrench_variances
 from ecm.models.maps import StiffnessMap, central_differences
+from ecm.models.measured_poses import sample_of
 from ecm.models.plots import history_figure
 from ecm.models.pose_error import pose_error, report_rows
 from ecm.models.prior import CoefficientPrior
@@ -311,6 +318,22 @@ class Model:
             bare = replace(bare, base=folded(self)[0], covariance=None)
         return Controller(json.dumps(bare.document()), time_effects(self))
 
+    def measured_at(self, table: TableLike) -> Model:
+        """The model with the poses of these rows for its measured ones.
+
+        An export is judged at them, and there `inside` is 1: for model files that hold none.
+
+        Examples
+        --------
+        >>> import ecm
+        >>> y = np.linspace(-0.01, 0.01, 9)
+        >>> model = ecm.fit({"y_m": y, "fy_N": 3000.0 * y}, "linear")
+        >>> model.measured_at({"y_m": [0.0, 0.004]}).training["poses"]
+        [[0.0], [0.004]]
+        """
+        poses = sample_of(as_table(table), self.inputs)
+        return replace(self, training={**self.training, "poses": poses})
+
     def _acting_at_poses(self) -> list[FittedEffect]:
         if not self.effects:  # a single pose takes microseconds
             return []
@@ -478,6 +501,7 @@ class Model:
         """
         table, freeze_base = without_zero_readings(as_table(table)), self.base_frozen
         training = training_of(table)
+        training["poses"] = sample_of(table, self.inputs)
         same_rows = was_trained_on(self.training, table)
         domain, conditions = domain_of(table, self.inputs), conditions_of(table)
         if len(table) > most_rows:
@@ -520,6 +544,7 @@ class Model:
             # Such a branch follows it, also in a controller, which has no table.
             training["mean_stiffness"] = joint.rows.stiffness.mean(axis=0).tolist()
         training["effect_sizes"] = effect_sizes(joint, used)
+        training["effect_shares"] = effect_shares(joint)
         if not used.is_residual:
             training["over_noise"] = float(np.sqrt((joint.whitened**2).mean()))
         k = 0 if freeze_base else len(joint.base.coefficients)

@@ -23,7 +23,13 @@ from ecm.effects.permanent_set import PermanentSet
 from ecm.effects.relaxation import StressRelaxation
 from ecm.effects.rod_strain import rest_stiffness
 from ecm.io.arrays import F
-from ecm.models.folding import Fitted, noise_sd, poses_in_domain
+from ecm.models.folding import Fitted
+from ecm.models.measured_poses import (
+    largest_coordinates,
+    measured_poses,
+    noise_sd,
+    poses_like_measured,
+)
 
 _ENERGIES = ("energy", "physics")
 _NOT_PASSIVE = (
@@ -32,6 +38,10 @@ _NOT_PASSIVE = (
 )
 _SMALL = 1.0
 """Largest effect over the noise that is left out without a word of its size."""
+_SMALL_SHARE = 0.05
+"""The same over the wrench, where nothing is known of the noise."""
+_FARTHEST = 4.0
+"""Largest coordinate of a step over the largest measured one: farther ones are a fault."""
 _ONLY_IN_MOTION = ("inertia", "viscous_damping")
 """Effects that vanish at rest; the mass belongs to the robot's dynamics."""
 _ALIKE = 0.3
@@ -84,8 +94,8 @@ class TimeEffects:
     """What may give energy, and what was replaced."""
     stiffer: float = 0.0
     """Share by which a sudden move meets more stiffness than a slow one."""
-    lost: dict[str, float] = field(default_factory=dict)
-    """Root mean square over the noise of each effect of physics that is left out and larger."""
+    lost: dict[str, str] = field(default_factory=dict)
+    """Size, in words, of each effect of physics that is left out and not small."""
 
     @property
     def inputs(self) -> dict[str, Input]:
@@ -124,8 +134,7 @@ class TimeEffects:
     def lost_sentences(self) -> tuple[str, ...]:
         """Each effect that is lost: its size, and why."""
         return tuple(
-            f"{id} is {size:.2g} times the measurement noise (rms) and left out, "
-            f"{self.left_out[id]}"
+            f"{id} is {size} (rms) and left out, {self.left_out[id]}"
             for id, size in self.lost.items()
         )
 
@@ -169,12 +178,32 @@ def time_effects(model: Fitted, to: str = "rust") -> TimeEffects:
                 found.left_out[item.id] = why
             else:
                 found.acting.append(item.id)
-    known = model.training.get("effect_sizes", {})
     for item in model.effects:
-        lost = item.effect.side == "physics" and item.id not in _ONLY_IN_MOTION
-        if lost and item.id in found.left_out and known.get(item.id, 0.0) > _SMALL:
-            found.lost[item.id] = known[item.id]
+        counts = item.effect.side == "physics" and item.id not in _ONLY_IN_MOTION
+        if counts and item.id in found.left_out and (size := _size_of(model, item.id)):
+            found.lost[item.id] = size
+    if found.acting:
+        found.document["limits"] = _limits(model, line)
     return found
+
+
+def _size_of(model: Fitted, id: str) -> str:
+    """The size of an effect on the fitted rows in words; empty where it is small or not known."""
+    share = model.training.get("effect_shares", {}).get(id, 0.0)
+    if model.noise.is_residual:
+        return f"{100 * share:.2g} % of the measured wrench" if share > _SMALL_SHARE else ""
+    over_noise = model.training.get("effect_sizes", {}).get(id, 0.0)
+    return f"{over_noise:.2g} times the measurement noise" if over_noise > _SMALL else ""
+
+
+def _limits(model: Fitted, line: bool) -> list[float]:
+    """Largest |c| and |theta| of a step; along a single coordinate its least and largest value."""
+    if not line:
+        return [_FARTHEST * float(largest) for largest in largest_coordinates(model)]
+    poses = measured_poses(model)
+    middle, half = 0.5 * (poses.max() + poses.min()), 0.5 * (poses.max() - poses.min())
+    far = _FARTHEST * float(half or abs(middle) or 1.0)
+    return [float(middle) - far, float(middle) + far]
 
 
 def _add(found: TimeEffects, model: Fitted, effect: Effect, values: F) -> str:
@@ -246,7 +275,7 @@ def _relaxation(found: TimeEffects, model: Fitted, effect: StressRelaxation, val
     along = _along(model)
     linear = effect.overstress == "linear"
     if not linear:
-        poses = poses_in_domain(model, 500)
+        poses = poses_like_measured(model, 500)
         wrench = model.base.predict(poses)
         more = generalised(poses, wrench) - mid_frame(poses, model.known_length_m or 0.0) * along
         change = np.sqrt((wrench_of(poses, np.abs(values).sum() * more) ** 2).mean(axis=0))
@@ -334,7 +363,7 @@ def _set(found: TimeEffects, model: Fitted, effect: PermanentSet, values: F) -> 
             "leave another set"
         )
     rest = model.rest_pose("permanent_set")
-    poses = poses_in_domain(model, 500)
+    poses = poses_like_measured(model, 500)
     moved = float(values[0]) * (poses[::-1] - rest)
     stepped = model.base.predict(poses - moved) - model.base.predict(poses)
     fitted = -np.einsum("nij,nj->ni", model.base.stiffness(poses), moved)

@@ -12,6 +12,7 @@ use crate::error::ModelError;
 use crate::export::golden::Golden;
 use crate::export::history::History;
 use crate::export::model::{Model, columns, identifier};
+use crate::export::reach::{Reach, inside_words};
 use crate::export::terms::{Terms, half_turn_squared, inverse_factorial, turns};
 use crate::export::{Precision, SourceFile, filled};
 use crate::normalise::unit_slope;
@@ -50,6 +51,7 @@ pub fn export_with_effects(
         });
     }
     let (n, m) = model.shape();
+    let reach = Reach::from_document(document, n)?;
     let text = |key: &str| {
         document
             .get(key)
@@ -93,19 +95,21 @@ pub fn export_with_effects(
         ("TURNS", &turns),
         ("HALFTURN", &half_turn),
     ];
-    let golden = Golden::new(&model, precision)?;
+    let golden = Golden::within(&model, reach.as_ref(), precision)?;
     let mut golden = golden_header(&golden, &name, (n, m), &turns);
     let steps = match effects {
         Some(effects) => {
-            let history = History::new(&model, effects, precision)?;
+            let history = History::new(&model, reach.as_ref(), effects, precision)?;
             let place = golden.rfind("#endif").unwrap_or(golden.len());
             golden.insert_str(place, &history_tables(&history, &name, (n, m)));
             Steps::new(effects, precision, numbers, line)
         }
         None => Steps::default(),
     };
+    let inside = Inside::new(&model, reach.as_ref());
     let with_steps = |template: &str| {
         let template = filled(template, &steps.keys());
+        let template = filled(&template, &inside.keys());
         filled(&filled(&template, &[("PARTIAL", PARTIAL)]), &common)
     };
     let file = |suffix: &str, text: String| SourceFile {
@@ -118,6 +122,53 @@ pub fn export_with_effects(
         file("_golden.h", golden),
         file("_check.c", with_steps(include_str!("templates/check.c"))),
     ])
+}
+
+/// Texts of what counts as inside.
+struct Inside {
+    tables: String,
+    words: &'static str,
+}
+
+impl Inside {
+    fn new(model: &Model, reach: Option<&Reach>) -> Self {
+        let row = |values: &[f64]| list(values.iter().map(|&x| real(x)));
+        let tables = match (reach, model) {
+            (Some(reach), _) => filled(
+                include_str!("templates/inside_reach.c"),
+                &[
+                    ("N", &reach.low.len().to_string()),
+                    ("LOW", &row(&reach.low)),
+                    ("HIGH", &row(&reach.high)),
+                    ("MIDDLE", &row(&reach.centre)),
+                    ("TRIANGLE", &reach.factor.len().to_string()),
+                    ("FACTOR", &row(&reach.factor)),
+                ],
+            ),
+            (None, Model::Energy(model)) => {
+                let [c, theta] = model.reach_squared().map(|x| format!("{x:e}"));
+                filled(
+                    include_str!("templates/inside_range.c"),
+                    &[("CSQUARED", &c), ("THETASQUARED", &theta)],
+                )
+            }
+            (None, Model::Polynomial(model)) => filled(
+                include_str!("templates/inside_box.c"),
+                &[
+                    ("LOWER", &row(model.lower())),
+                    ("UPPER", &row(model.upper())),
+                ],
+            ),
+        };
+        Self {
+            tables,
+            words: inside_words(model, reach),
+        }
+    }
+
+    fn keys(&self) -> [(&str, &str); 2] {
+        [("WITHIN", &self.tables), ("INSIDEWORDS", self.words)]
+    }
 }
 
 /// K = dh/dp of a force to q and its derivative, in the words of `templates/energy.c`.
@@ -147,6 +198,7 @@ impl Steps {
         let stack = ((numbers + 340) * precision.size() + 800).next_multiple_of(16);
         let ahead = stack + (STATE_NUMBERS + 52) * precision.size();
         let ranges = effects.input_ranges();
+        let any = if line { [-1e30, 1e30] } else { [1e15, 1e15] };
         let (header, source, kept) = if line {
             let source = include_str!("templates/stepper_line.c");
             (
@@ -185,6 +237,7 @@ impl Steps {
                 ("WARMER", &number(effects.softer_per_kelvin)),
                 ("REFERENCE", &number(effects.reference_degc)),
                 ("AGEING", &number(effects.ageing_per_s)),
+                ("FARTHEST", &row(&effects.limits.unwrap_or(any))),
                 ("SOFTENING", &number(effects.softening)),
                 ("SETSHARE", &number(effects.set_share)),
                 ("LEASTINPUTS", &row(&ranges.map(|r| r[0]))),
@@ -242,7 +295,6 @@ fn history_tables(history: &History, name: &str, (n, m): (usize, usize)) -> Stri
 /// The source, and how many floating-point numbers a call keeps.
 fn energy(model: &EnergyModel, precision: Precision) -> Result<(String, usize), ModelError> {
     let tables = model.tables::<f64>()?;
-    let reach = model.reach_squared();
     let count = match precision {
         Precision::Single => 7,
         Precision::Double => 13,
@@ -259,8 +311,6 @@ fn energy(model: &EnergyModel, precision: Precision) -> Result<(String, usize), 
             ("SERIES", &count.to_string()),
             ("ENTRIES", &tables.columns().len().to_string()),
             ("LENGTH", &format!("{:e}", tables.length_m())),
-            ("CSQUARED", &format!("{:e}", reach[0])),
-            ("THETASQUARED", &format!("{:e}", reach[1])),
             (
                 "PARENTS",
                 &list(tables.products().iter().map(|p| p.0.to_string())),
@@ -298,8 +348,6 @@ fn polynomial(model: &PolynomialModel) -> Result<(String, usize), ModelError> {
         &[
             ("TERMS", &parents.len().to_string()),
             ("SLOPES", &slopes.len().to_string()),
-            ("LOWER", &list(model.lower().iter().map(|&x| real(x)))),
-            ("UPPER", &list(model.upper().iter().map(|&x| real(x)))),
             ("CENTRE", &list(centre)),
             ("SCALE", &list((0..n).map(|i| real(slope(i))))),
             ("PARENTS", &list(parents.iter().map(|p| p.0.to_string()))),

@@ -8,6 +8,7 @@ use ecm_se3::linear::apply;
 use crate::error::ModelError;
 use crate::export::Precision;
 use crate::export::model::Model;
+use crate::export::reach::Reach;
 
 /// Inputs and the predictions of the model there.
 pub struct Golden {
@@ -26,6 +27,15 @@ const COUNT: usize = 16;
 impl Golden {
     /// Sixteen points; the first is the centre of the range or the rest pose.
     pub fn new(model: &Model, precision: Precision) -> Result<Self, ModelError> {
+        Self::within(model, None, precision)
+    }
+
+    /// The same inside a reach; the first is its centre.
+    pub fn within(
+        model: &Model,
+        reach: Option<&Reach>,
+        precision: Precision,
+    ) -> Result<Self, ModelError> {
         let mut golden = Golden {
             points: Vec::new(),
             values: Vec::new(),
@@ -33,7 +43,10 @@ impl Golden {
             tolerance: [0.0; 2],
         };
         for i in 0..COUNT {
-            let mut point = point(model, i);
+            let mut point = match reach {
+                Some(reach) => point_in(model, reach, i),
+                None => point(model, i),
+            };
             if precision == Precision::Single {
                 point.iter_mut().for_each(|x| *x = f64::from(*x as f32));
             }
@@ -61,6 +74,20 @@ pub fn wave(i: usize, k: usize) -> f64 {
     ];
     let step = STEPS[k % 6] + 0.017 * (k / 6) as f64;
     2.0 * ((i as f64 * step).fract() - 0.5) * if i == 0 { 0.0 } else { 1.0 }
+}
+
+/// Point i inside a reach.
+fn point_in(model: &Model, reach: &Reach, i: usize) -> Vec<f64> {
+    let at = reach.point(|k| wave(i, k));
+    match model {
+        Model::Polynomial(_) => at,
+        Model::Energy(model) => {
+            let theta = [at[3], at[4], at[5]];
+            let c = [at[0] + model.length_m(), at[1], at[2]];
+            let r = apply(&half_rotation(&theta), &c);
+            std::vec![r[0], r[1], r[2], theta[0], theta[1], theta[2]]
+        }
+    }
 }
 
 /// Point i.

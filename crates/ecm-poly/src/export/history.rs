@@ -9,6 +9,7 @@ use crate::error::ModelError;
 use crate::export::Precision;
 use crate::export::golden::{Golden, wave};
 use crate::export::model::Model;
+use crate::export::reach::Reach;
 use crate::stepper::line::LineState;
 use crate::stepper::{Effects, Elastic, Inputs, Stepper};
 
@@ -42,10 +43,11 @@ impl History {
     /// The history of a model of six pose and six wrench columns, or of one and one.
     pub fn new(
         model: &Model,
+        reach: Option<&Reach>,
         effects: &Effects<f64>,
         precision: Precision,
     ) -> Result<Self, ModelError> {
-        let points = Golden::new(model, precision)?.points;
+        let points = Golden::within(model, reach, precision)?.points;
         let first = points.first().map_or(&[][..], Vec::as_slice);
         if model.shape() == (1, 1) {
             let at = |point: &[f64]| {

@@ -7,6 +7,7 @@ pub mod c;
 mod golden;
 mod history;
 pub mod model;
+mod reach;
 pub mod rust;
 mod source;
 mod terms;

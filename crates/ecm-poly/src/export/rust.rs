@@ -18,6 +18,7 @@ use crate::error::ModelError;
 use crate::export::golden::Golden;
 use crate::export::history::History;
 use crate::export::model::{Model, columns, identifier};
+use crate::export::reach::{Reach, inside_words};
 use crate::export::source;
 use crate::export::terms::{Terms, half_turn_squared, turns};
 use crate::export::{Precision, SourceFile, filled};
@@ -56,6 +57,7 @@ pub fn export_with_effects(
         });
     }
     let (n, m) = model.shape();
+    let reach = Reach::from_document(document, n)?;
     let (inputs, outputs) = (columns(document, "inputs")?, columns(document, "outputs")?);
     let sum = document.get("sha256").and_then(Value::as_str).unwrap_or("");
     let (body, numbers) = match (&model, precision) {
@@ -84,18 +86,30 @@ pub fn export_with_effects(
         ("TURNS", &turns(&inputs)),
         ("HALFTURN", &half_turn_squared(precision)),
     ];
-    let golden = Golden::new(&model, precision)?;
+    let golden = Golden::within(&model, reach.as_ref(), precision)?;
     let (steps, history) = match effects {
         Some(effects) => (
             match precision {
                 Precision::Single => steps(&effects.narrowed::<f32>(), effects, precision, numbers),
                 Precision::Double => steps(effects, effects, precision, numbers),
             },
-            history_test(&History::new(&model, effects, precision)?),
+            history_test(&History::new(&model, reach.as_ref(), effects, precision)?),
         ),
         None => (String::new(), String::new()),
     };
-    let body = filled(&body, &[("STEPPER", &steps)]);
+    let within = match precision {
+        Precision::Single => within::<f32>(&model, reach.as_ref()),
+        Precision::Double => within::<f64>(&model, reach.as_ref()),
+    };
+    let words = inside_words(&model, reach.as_ref());
+    let body = filled(
+        &body,
+        &[
+            ("STEPPER", &steps),
+            ("WITHIN", &within),
+            ("INSIDEWORDS", words),
+        ],
+    );
     let golden = filled(&golden_test(&golden), &[("HISTORY", &history)]);
     let file = |path: &str, text: String| SourceFile {
         path: path.to_string(),
@@ -123,7 +137,6 @@ fn energy<R: Real>(model: &EnergyModel) -> Result<(String, usize), ModelError> {
         Symmetry::Revolution => "Revolution",
         Symmetry::General => "General",
     };
-    let reach = model.reach_squared();
     let memory = tables.monomials().next_power_of_two();
     let products = tables.products().iter();
     let text = filled(
@@ -132,8 +145,6 @@ fn energy<R: Real>(model: &EnergyModel) -> Result<(String, usize), ModelError> {
             ("MEMORY", &memory.to_string()),
             ("SYMMETRY", symmetry),
             ("LENGTH", &number(tables.length_m())),
-            ("CSQUARED", &number(R::from_f64(reach[0]))),
-            ("THETASQUARED", &number(R::from_f64(reach[1]))),
             (
                 "PRODUCTS",
                 &list(products.map(|p| format!("({}, {})", p.0, p.1))),
@@ -150,6 +161,44 @@ fn energy<R: Real>(model: &EnergyModel) -> Result<(String, usize), ModelError> {
         ],
     );
     Ok((text, memory + 560))
+}
+
+/// What counts as inside: the function `within` and its tables.
+fn within<R: Real>(model: &Model, reach: Option<&Reach>) -> String {
+    let narrow = |x: f64| number(R::from_f64(x));
+    let row = |values: &[f64]| list(values.iter().map(|&x| narrow(x)));
+    match (reach, model) {
+        (Some(reach), _) => {
+            let n = reach.low.len();
+            let triangle = (0..n).map(|i| {
+                let first = i * (i + 1) / 2;
+                format!("&[{}]", row(&reach.factor[first..=first + i]))
+            });
+            filled(
+                include_str!("templates/inside_reach.rs.txt"),
+                &[
+                    ("LOW", &row(&reach.low)),
+                    ("HIGH", &row(&reach.high)),
+                    ("MIDDLE", &row(&reach.centre)),
+                    ("FACTOR", &list(triangle)),
+                ],
+            )
+        }
+        (None, Model::Energy(model)) => {
+            let [c, theta] = model.reach_squared().map(narrow);
+            filled(
+                include_str!("templates/inside_range.rs.txt"),
+                &[("CSQUARED", &c), ("THETASQUARED", &theta)],
+            )
+        }
+        (None, Model::Polynomial(model)) => filled(
+            include_str!("templates/inside_box.rs.txt"),
+            &[
+                ("LOWER", &row(model.lower())),
+                ("UPPER", &row(model.upper())),
+            ],
+        ),
+    }
 }
 
 /// Words that Rust or its test harness keeps: no crate can have these names.
@@ -186,8 +235,6 @@ fn polynomial<R: Real>(model: &PolynomialModel) -> Result<(String, usize), Model
         include_str!("templates/polynomial.rs.txt"),
         &[
             ("TERMS", &parents.len().to_string()),
-            ("LOWER", &each(&|i| lower[i])),
-            ("UPPER", &each(&|i| upper[i])),
             ("CENTRE", &each(&|i| 0.5 * (lower[i] + upper[i]))),
             ("SCALE", &each(&|i| unit_slope(lower[i], upper[i]))),
             (
@@ -223,8 +270,6 @@ fn cubic<R: Real>(model: &PolynomialModel) -> Result<String, ModelError> {
         &[
             ("COEFFICIENTS", &list(rows)),
             ("CENTRE", &list(centre.iter().map(|&c| number(c)))),
-            ("LOWER", &list(lower.iter().map(|&x| number(x)))),
-            ("UPPER", &list(upper.iter().map(|&x| number(x)))),
         ],
     ))
 }
@@ -273,6 +318,7 @@ fn steps<R: Real>(
             ("SETSHARE", &number(effects.set_share)),
             ("TEMPERATURES", &range(&effects.temperature_range_degc)),
             ("AGES", &range(&effects.age_range_s)),
+            ("LIMITS", &range(&effects.limits)),
             ("LEASTINPUTS", &inputs(0)),
             ("LARGESTINPUTS", &inputs(1)),
             ("TEMPERATUREWORDS", &temperature),

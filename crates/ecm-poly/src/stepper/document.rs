@@ -54,6 +54,8 @@ impl Effects<f64> {
         effects.set_share = number(document, "set_share", Some(0.0))?;
         effects.temperature_range_degc = range(document, "temperature_range_degc")?;
         effects.age_range_s = range(document, "age_range_s")?;
+        let limits = document.get("limits");
+        effects.limits = limits.map(|_| numbers(document, "limits")).transpose()?;
         Ok(effects)
     }
 
@@ -113,6 +115,7 @@ impl Effects<f64> {
             set_share: R::from_f64(self.set_share),
             temperature_range_degc: self.temperature_range_degc.map(|r| r.map(R::from_f64)),
             age_range_s: self.age_range_s.map(|r| r.map(R::from_f64)),
+            limits: self.limits.map(|r| r.map(R::from_f64)),
         }
     }
 }

@@ -47,6 +47,9 @@ pub struct Effects<R> {
     pub temperature_range_degc: Option<[R; 2]>,
     /// Ages (s) for which the model was measured; None: any.
     pub age_range_s: Option<[R; 2]>,
+    /// Largest |c| (m) and |θ| (rad) of the mid frame that are a pose and no fault, along a single
+    /// coordinate its least and largest value; None: any. Farther ones are refused, and the state stays.
+    pub limits: Option<[R; 2]>,
 }
 
 impl<R: Real> Effects<R> {
@@ -71,6 +74,7 @@ impl<R: Real> Effects<R> {
             set_share: R::ZERO,
             temperature_range_degc: None,
             age_range_s: None,
+            limits: None,
         }
     }
 

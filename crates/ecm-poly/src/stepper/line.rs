@@ -36,7 +36,7 @@ impl LineState {
     ///
     /// A linear branch follows the first stiffness of the effects, friction its first spring and
     /// slip. None, and the state as it was,
-    /// where dt is negative or a number is not finite.
+    /// where dt is negative, a number is not finite, or the point is beyond the limits.
     ///
     /// ```
     /// use ecm_poly::stepper::{Branch, Effects};
@@ -64,6 +64,12 @@ impl LineState {
         dt: f64,
         inputs: &Inputs<f64>,
     ) -> Option<(f64, f64)> {
+        if effects
+            .limits
+            .is_some_and(|[low, high]| !(low <= point && point <= high))
+        {
+            return None;
+        }
         let finite = dt.is_finite() && inputs.are_finite() && (point + value + slope).is_finite();
         if !(finite && dt >= 0.0) {
             return None;

@@ -107,7 +107,7 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
     ///
     /// dt = 0 is a sudden move: everything takes part, and damping, which would be infinite, counts
     /// as zero. None, and the state as it was, where dt is negative or not finite, an input is not
-    /// finite, or the static wrench is not; the next dt then counts from the last step that was taken.
+    /// finite, the static wrench is not, or the pose is beyond the limits; the next dt then counts from the last step that was taken.
     #[inline]
     pub fn step(
         &self,
@@ -256,6 +256,19 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         (poses.into_iter()).map_while(move |pose| self.step(&mut ahead, &pose, dt, &inputs))
     }
 
+    /// The wrench of each relaxing branch with share 1, at the pose of the last step.
+    #[inline]
+    pub fn branches(&self, state: &State<R>) -> [Vec6<R>; BRANCHES] {
+        let [x, y, z, a, b, c] = state.coordinates;
+        let stretched = [x + self.effects.length_m, y, z];
+        let [x, y, z] = apply(&half_rotation(&[a, b, c]), &stretched);
+        let nothing = [[R::ZERO; 6]; BRANCHES];
+        Pose::checked(&[x, y, z, a, b, c]).map_or(nothing, |pose| {
+            let frame = MidFrame::new(&pose, self.effects.length_m);
+            state.memory.map(|m| frame.wrench(&m).to_array())
+        })
+    }
+
     /// The limit of a long rest at a pose, and K there: no friction, nothing softened, no set.
     #[inline]
     pub fn settled(&self, pose: &Pose<R>, inputs: &Inputs<R>) -> Option<(Wrench<R>, Mat6<R>)> {
@@ -317,12 +330,23 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         (largest, below)
     }
 
+    /// Whether a pose is within the limits: beyond them its load would spoil the memory for good.
+    #[inline(always)]
+    fn is_reached(&self, frame: &MidFrame<R>) -> bool {
+        let Some([length, angle]) = self.effects.limits else {
+            return true;
+        };
+        let [x, y, z, a, b, c] = frame.coordinates();
+        x * x + y * y + z * z <= length * length && a * a + b * b + c * c <= angle * angle
+    }
+
     #[inline(always)]
     fn here(&self, pose: &Pose<R>) -> Option<Here<R>> {
         let (wrench, stiffness) = self.model.wrench_and_stiffness(pose);
         let (p, h) = (pose.to_array(), wrench.to_array());
         let sum = h.iter().fold(R::ZERO, |sum, &x| sum + x);
-        if !sum.is_finite() {
+        let frame = MidFrame::new(pose, self.effects.length_m);
+        if !(sum.is_finite() && self.is_reached(&frame)) {
             return None;
         }
         let mut away = p;
@@ -334,7 +358,7 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         });
         Some(Here {
             pose: p,
-            frame: MidFrame::new(pose, self.effects.length_m),
+            frame,
             wrench,
             stiffness,
             work: half * product,

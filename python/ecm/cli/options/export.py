@@ -76,6 +76,10 @@ class Options:
             help="Follow readings: modulus,payload,zero,shares.",
         ),
     ] = None
+    data: Annotated[
+        list[Path] | None,
+        typer.Option("--data", metavar="TABLE", help="Judge at the poses of these rows."),
+    ] = None
     force: Annotated[
         bool, typer.Option("--force", help="Also where it changes the model beyond the noise.")
     ] = False
@@ -84,4 +88,4 @@ class Options:
 _LIST = "\n".join(f"  {target.value:<10}{target.line}" for target in Target)
 Options.__doc__ = f"Write a model for a controller or a simulator (docs/export.md).\n\n\b\n{_LIST}"
 
-export = command("export", Options)
+export = command("export", Options, tables=True, hide=("meta", "skip_bad_rows"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from importlib.resources import files
 from typing import Literal
 
@@ -19,10 +20,12 @@ def loop_file(
     name: str,
     precision: Literal["double", "single"],
     rest: F | None = None,
+    gravity_m_s2: Sequence[float] = (-9.81, 0.0, 0.0),
 ) -> dict[str, str]:
     """Return path and text of the example of a loop that holds some pose.
 
     With effects of time `rest` is the pose (6,) of the long rest before; without them None.
+    `gravity_m_s2` is in base axes.
     """
     c = target == "c"
     real = {"double": "f64", "single": "f32"}[precision]
@@ -42,6 +45,7 @@ def loop_file(
         "MASS": f"{loop.mass_kg:e}",
         "INERTIA": f"{loop.inertia_kg_m2:e}",
         "BANDWIDTH": f"{loop.gains.bandwidth_rad_s:e}",
+        "GRAVITY": _numbers(np.asarray(gravity_m_s2), c),
         "HELD": _numbers(loop.held, c),
         "REST": _numbers(np.zeros(6) if rest is None else rest, c),
         "COLUMNS": ", ".join(f'"{column}"' for column in POSE),

@@ -82,6 +82,12 @@ class ControlLoop:
         """(6,) pose that the example holds."""
         return np.asarray(self.poses[np.argmax(self.holds)])
 
+    @property
+    def noise_gain(self) -> tuple[float, float]:
+        """Noise of a command over that of the readings of the pose: N per m, N m per rad (rms)."""
+        gain = self.gains.noise_gain
+        return self.mass_kg * gain, self.inertia_kg_m2 * gain
+
     def sentences(self) -> tuple[str, ...]:
         """What the loop can bear, in words."""
         w, delay = self.gains.bandwidth_rad_s, 1e3 * self.gains.delay_steps * self.gains.dt_s
@@ -104,7 +110,12 @@ class ControlLoop:
             f"The slowest error falls by {self.decay_per_s:.3g} 1/s; margins: gain times "
             f"{low:.2g} to {high:.2g}, {1e3 * self.delay_margin_s:.3g} ms more delay."
         )
-        return poses, margins
+        force, torque = 1e-5 * self.noise_gain[0], 1e-4 * self.noise_gain[1]
+        noise = (
+            f"Through the loop noise of 0.01 mm and 0.1 mrad in each reading of the pose becomes "
+            f"{force:.2g} N and {torque:.2g} N m (rms) of the wrench."
+        )
+        return poses, margins, noise
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
@@ -119,6 +130,7 @@ class ControlLoop:
             "decay_per_s": self.decay_per_s,
             "gain_margin": list(self.gain_margin),
             "delay_margin_s": self.delay_margin_s,
+            "noise_gain": list(self.noise_gain),
         }
 
 

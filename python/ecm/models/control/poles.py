@@ -46,6 +46,16 @@ class Gains:
         """g."""
         return 0.25 * self.bandwidth_rad_s
 
+    @property
+    def noise_gain(self) -> float:
+        """Noise of an acceleration u over that of the readings of x (1/s^2, rms).
+
+        Independent readings x and x_before enter with w^2 (1 + g dt) + 2 w / dt and -2 w / dt.
+        """
+        w, rate = self.bandwidth_rad_s, 2.0 * self.bandwidth_rad_s / self.dt_s
+        now = w * w * (1.0 + self.reset_per_s * self.dt_s) + rate
+        return self.factor * float(np.hypot(now, rate))
+
     def later(self, steps: int) -> Gains:
         """The same gains with another delay."""
         return replace(self, delay_steps=steps)

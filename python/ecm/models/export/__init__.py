@@ -2,6 +2,5 @@
 
 from ecm.models.export.files import Exported, export, export_files
 from ecm.models.export.registry import TARGETS
-from ecm.models.export.source import poses_to_hold
 
-__all__ = ["TARGETS", "Exported", "export", "export_files", "poses_to_hold"]
+__all__ = ["TARGETS", "Exported", "export", "export_files"]

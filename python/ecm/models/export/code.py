@@ -26,7 +26,7 @@ def _code(source: Source, language: Literal["c", "rust"], next_step: str) -> Fil
     written: dict[str, str | bytes] = dict(source.code(language, source.precision))
     if not source.whole:
         return Files(written, next_step)
-    poses = source.poses_to_hold()
+    poses = source.poses()
     try:
         stiffness = source.inside.base.stiffness(poses, "screw")
         designed = design_loop(poses, stiffness, source.loop, stiffer=source.timed.stiffer)
@@ -35,5 +35,7 @@ def _code(source: Source, language: Literal["c", "rust"], next_step: str) -> Fil
     if designed.holds.any():
         state = source.has_state
         rest = source.model.rest_pose("a loop with a state")[0] if state else None
-        written |= loop_file(designed, language, source.name, source.precision, rest)
+        written |= loop_file(
+            designed, language, source.name, source.precision, rest, source.model.scene.gravity_m_s2
+        )
     return Files(written, next_step, designed.sentences(), designed)

@@ -8,11 +8,11 @@ result says which and why.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from ecm.errors import InputError
+from ecm.errors import InputError, Remedy
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.interrupts import uninterrupted
@@ -22,6 +22,7 @@ from ecm.models.export.registry import TARGETS
 from ecm.models.export.source import Precision, Source
 from ecm.models.folding import folded, folded_polynomial
 from ecm.models.maps import PolynomialMap, StiffnessMap
+from ecm.models.measured_poses import has_measured_poses, measured_poses
 from ecm.models.model import Model
 from ecm.models.time_effects import time_effects
 
@@ -30,6 +31,10 @@ _WITH_CODE = ("polynomial", "energy", "physics")
 """Kinds of maps that `ecm._native.export_model` writes as code."""
 _EXPORTED = "Wrench and stiffness of an elastic mechanism"
 """Begins the description of exported crates."""
+_NO_POSES = (
+    "The model file holds no measured poses, as older ones do: poses were drawn from its domain. "
+    "--data TABLE judges at measured ones; ecm fit and ecm refit write them into the file."
+)
 _MOST_FOLDING = 1.0
 """Largest change of a model by folding, over the noise, that is exported without `force`."""
 
@@ -56,10 +61,12 @@ class Exported:
     """The command or line that uses the files."""
     folding: float = 0.0
     """Change of the model by folding its effects into the base, over the noise."""
+    folded: tuple[str, ...] = ()
+    """Ids of the effects that were folded."""
     change: float = 0.0
     """Change of the model by the form that the target can hold, over the noise."""
-    lost: tuple[str, ...] = ()
-    """Effects beyond the noise that files with steps should have and have not, in words."""
+    lost: Mapping[str, str] = field(default_factory=dict)
+    """Effects beyond the noise that files with steps should have and have not: words by id."""
 
 
 def export(
@@ -115,25 +122,8 @@ def export(
     ['spring.c', 'spring.h']
     """
     exported = export_files(model, to, name, precision, loop, adapt)
-    if exported.folding > _MOST_FOLDING and not force:
-        raise InputError(
-            f"{model.name}: as one map, with its effects, the model changes by "
-            f"{exported.folding:.2g} times the measurement noise, more than {_MOST_FOLDING:g}: the "
-            "controller would not have the model that was fitted. Remove an effect (ecm refit "
-            "--remove), or export it all the same with --force."
-        )
-    if exported.change > _MOST_FOLDING and not force:
-        raise InputError(
-            f"{model.name}: the form that --to {to} can hold changes the model by "
-            f"{exported.change:.2g} times the measurement noise, more than {_MOST_FOLDING:g}. Fit "
-            "a smaller range of poses, or export it all the same with --force."
-        )
-    if exported.lost and not force:
-        raise InputError(
-            f"{model.name}: {'; '.join(exported.lost)}: the controller would not have the model "
-            "that was fitted. Fit again without it (ecm refit --remove), or export the rest all "
-            "the same with --force."
-        )
+    if not force:
+        _refuse_what_changed(model, exported, to, name)
     _check_crate(Path(directory) / "Cargo.toml", exported.files)
     with uninterrupted():  # a part of the files is of no use
         for path, text in exported.files.items():
@@ -164,6 +154,8 @@ def export_files(
             f"precision {precision}: --to {target} is written in {' or '.join(chosen.precisions)}"
         )
     inside, notes, folding = _mechanism_alone(model)
+    if not has_measured_poses(model):
+        notes.append(_NO_POSES)
     if adapt is not None and (
         target not in ("c", "rust") or (model.inputs, model.outputs) != _WHOLE
     ):
@@ -172,6 +164,9 @@ def export_files(
             "wrench columns; leave it out here"
         )
     timed = time_effects(model, chosen.language)
+    lost = dict(zip(timed.lost, timed.lost_sentences(), strict=True))
+    if chosen.language == "none":
+        lost = {}  # nothing of time was to be expected
     given = chosen.write(Source(model, inside, timed, name, precision, loop, adapt))
     return Exported(
         given.files,
@@ -180,8 +175,60 @@ def export_files(
         given.loop,
         given.next_step,
         folding,
+        tuple(_acting(model)),
         given.change,
-        () if chosen.language == "none" else timed.lost_sentences(),
+        lost,
+    )
+
+
+def _refuse_what_changed(model: Model, exported: Exported, to: str, name: str) -> None:
+    """Raise InputError where the files err, or lack, more than the noise."""
+    again = f"ecm export MODEL --to {to} --out OUT --name {name}"
+    if exported.folding > _MOST_FOLDING:
+        known = has_measured_poses(model)
+        raise InputError(
+            f"{model.name}: as one map, with its effects, the model changes by "
+            f"{exported.folding:.2g} times the measurement noise at "
+            f"{'its measured poses' if known else 'poses drawn from its domain'}, more than "
+            f"{_MOST_FOLDING:g}: the controller would not have the model that was fitted.",
+            remedy=_without(_hard_to_fold(model, exported.folded), again)
+            if known
+            else Remedy("judge it at the poses that were measured", f"{again} --data DATA"),
+        )
+    if exported.change > _MOST_FOLDING:
+        raise InputError(
+            f"{model.name}: the form that --to {to} can hold changes the model by "
+            f"{exported.change:.2g} times the measurement noise, more than {_MOST_FOLDING:g}.",
+            remedy=Remedy(
+                "export the whole model, which an FMU holds as it is",
+                f"ecm export MODEL --to fmu --out OUT --name {name}",
+            ),
+        )
+    if exported.lost:
+        raise InputError(
+            f"{model.name}: {'; '.join(exported.lost.values())}: the controller would not have the "
+            "model that was fitted.",
+            remedy=_without(list(exported.lost), again),
+        )
+
+
+def _hard_to_fold(model: Model, folded_ids: Sequence[str]) -> Sequence[str]:
+    """The effect without which the others fold well; all where there is no such one."""
+    if len(folded_ids) > 1:
+        for id in folded_ids:
+            if _mechanism_alone(model.remove(id))[2] <= _MOST_FOLDING:
+                return [id]
+    return folded_ids
+
+
+def _without(ids: Sequence[str], again: str) -> Remedy:
+    """Fit without effects that the files cannot hold, or write them all the same."""
+    if not ids:
+        return Remedy("export it all the same", f"{again} --force")
+    options = " ".join(f"--remove {id}" for id in ids)
+    return Remedy(
+        f"fit again without {' and '.join(ids)} (or export all the same with --force)",
+        f"ecm refit MODEL DATA {options} --out without.json",
     )
 
 
@@ -195,13 +242,20 @@ def _check_crate(manifest: Path, files: Mapping[str, str | bytes]) -> None:
         )
 
 
+def _acting(model: Model) -> list[str]:
+    """Ids of the effects of physics that act through the pose."""
+    return sorted(
+        i.id for i in model.effects if i.effect.kind == "pose" and i.effect.side == "physics"
+    )
+
+
 def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
     """The model without effects beside the pose, those of physics folded into its base.
 
     Also notes, and the change by folding over the noise. A map without code of its own, such as
     a rod or a learned one, becomes an energy as well.
     """
-    acting = {i.id for i in model.effects if i.effect.kind == "pose" and i.effect.side == "physics"}
+    acting = _acting(model)
     bare = replace(model, effects=(), history=(), correlations=())
     kind = model.base.document().get("kind")
     has_code = kind in _WITH_CODE
@@ -218,9 +272,11 @@ def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
         one, share = folded_polynomial(model, model.base)
     else:
         one, share = folded(model)
-    parts = sorted(acting) if has_code else [str(kind), *sorted(acting)]
+    where = "measured poses" if has_measured_poses(model) else "poses drawn from the domain"
+    parts = acting if has_code else [str(kind), *acting]
     note = (
         f"Folded into {one.name}: {', '.join(parts)}; the folded map differs from "
-        f"model and effects by at most {share:.2g} of the measurement noise (rms, worst component)."
+        f"model and effects by at most {share:.2g} of the measurement noise (rms, worst component, "
+        f"{len(measured_poses(model))} {where})."
     )
     return replace(bare, base=one, covariance=None), [note], share

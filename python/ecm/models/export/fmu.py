@@ -16,7 +16,7 @@ import numpy as np
 from ecm.errors import ComputationError, InputError
 from ecm.models.export.compiler import LINUX, WINDOWS, shared_library
 from ecm.models.export.source import Files, Source
-from ecm.models.folding import poses_in_domain
+from ecm.models.measured_poses import measured_poses
 
 _UNITS = {
     "m": '<BaseUnit m="1"/>',
@@ -93,7 +93,7 @@ def _variables(source: Source) -> _Variables:
     if source.whole and model.known_length_m is not None:
         start = model.rest_pose("an FMU")[0]
     elif source.whole:
-        start = poses_in_domain(model, 1)[0]
+        start = measured_poses(source.model)[0]
     else:
         start = np.array([0.5 * sum(model.domain.get(name, (0.0, 0.0))) for name in model.inputs])
     conditions: tuple[str, ...] = ()

@@ -12,13 +12,14 @@ from ecm.io.columns import WRENCH
 from ecm.models.control import LoopSettings
 from ecm.models.export.mujoco_linear import linear_tendons, mujoco_text, platform_joints
 from ecm.models.export.source import Files, Source
-from ecm.models.folding import poses_in_domain
 from ecm.models.model import Model
 
 MASS_KG, INERTIA_KG_M2 = 0.1, 1e-4
 """Mass and inertia of the platform where neither is stated."""
 _LARGEST_STEP_S = 2e-3
 """MuJoCo's own default."""
+_COMPARED = 500
+"""Poses at which the linear part is compared with the model."""
 
 
 def mujoco(source: Source) -> Files:
@@ -26,10 +27,10 @@ def mujoco(source: Source) -> Files:
     source.need_whole("mujoco")
     name = source.name
     rest = _at_rest(source.inside)
-    lost = _lost(source.inside, rest)
+    lost = _lost(source.inside, rest, source.poses(_COMPARED))
     loop = source.loop or LoopSettings()
     mass, inertia = loop.mass_kg or MASS_KG, loop.inertia_kg_m2 or INERTIA_KG_M2
-    poses = source.poses_to_hold()
+    poses = source.poses()
     alone = largest_step(source.inside, poses, mass, inertia)
     shared = largest_step(source.inside, poses, mass, inertia, rest.stiffness)
     step = _below(min(_LARGEST_STEP_S, 0.25 * alone))
@@ -118,9 +119,8 @@ def _below(step: float) -> float:
     return float(f"{digit * power:.1g}")
 
 
-def _lost(model: Model, rest: _Rest) -> list[str]:
+def _lost(model: Model, rest: _Rest, poses: F) -> list[str]:
     """What the linear part leaves out, in words."""
-    poses = poses_in_domain(model, 500)
     exact = model.base.predict(poses)
     linear = rest.wrench + (poses - rest.pose) @ rest.stiffness
     share = np.sqrt(((linear - exact) ** 2).mean(axis=0) / (exact**2).mean(axis=0))
@@ -130,7 +130,7 @@ def _lost(model: Model, rest: _Rest) -> list[str]:
     )
     lost = [
         "Lost: everything beyond the linear part (stiffening, couplings that grow with the pose).",
-        f"Over the range of the training data the wrench is off by (rms share): {listed}.",
+        f"At the measured poses the wrench is off by (rms share): {listed}.",
     ]
     if rest.skew > 1e-9:
         lost.append(

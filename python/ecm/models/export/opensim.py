@@ -23,7 +23,7 @@ from ecm.io.arrays import F
 from ecm.models.control import LoopSettings
 from ecm.models.export.mujoco import INERTIA_KG_M2, MASS_KG
 from ecm.models.export.source import Files, Source
-from ecm.models.folding import noise_sd
+from ecm.models.measured_poses import noise_sd
 
 DEFLECTIONS = ("delta_x", "delta_y", "delta_z", "theta_x", "theta_y", "theta_z")
 _VARIABLES = ("ua", "ub", "uc", "ud", "ue", "uf")
@@ -36,7 +36,7 @@ _POSES = 2400
 def opensim(source: Source) -> Files:
     """NAME.osim: ground, a platform on a free joint, and the bushing between them."""
     source.need_whole("opensim")
-    poses = source.poses_to_hold(_POSES)
+    poses = source.poses(_POSES)
     wrenches = source.inside.base.predict(poses)
     expressions, degree, change = fitted_expressions(poses, wrenches, noise_sd(source.model))
     loop = source.loop or LoopSettings()

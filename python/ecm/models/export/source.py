@@ -8,20 +8,17 @@ from dataclasses import dataclass
 from importlib.resources import files
 from typing import Literal
 
-import numpy as np
-
 from ecm._native import export_model, seal_model
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.models.adapt import AdaptSettings
 from ecm.models.control import ControlLoop, LoopSettings
-from ecm.models.folding import poses_in_domain
+from ecm.models.measured_poses import poses_like_measured, reach_of
 from ecm.models.model import Model
 from ecm.models.time_effects import TimeEffects
 
 Precision = Literal["double", "single"]
-_SEED = 11
 
 
 @dataclass(frozen=True)
@@ -54,7 +51,11 @@ class Source:
         self, language: Literal["c", "rust"] = "c", precision: Precision = "double"
     ) -> dict[str, str]:
         """Source code of the model by its path."""
-        sealed = seal_model(json.dumps(self.inside.document()))
+        document = self.inside.document()
+        reach = reach_of(self.model, self.inside.base)
+        sealed = seal_model(
+            json.dumps(document if reach is None else {**document, "reach": reach.document()})
+        )
         steps = json.dumps(self.timed.document) if self.has_state else None
         follows = (
             None
@@ -89,9 +90,9 @@ class Source:
             text = text.replace(f"@{key}@", value)
         return text
 
-    def poses_to_hold(self, count: int = 200) -> F:
-        """(at most count, 6) poses like the measured ones: `poses_to_hold`."""
-        return poses_to_hold(self.model, count)
+    def poses(self, count: int = 200) -> F:
+        """(count, n) measured poses and mixes of near ones."""
+        return poses_like_measured(self.model, count)
 
 
 @dataclass(frozen=True)
@@ -121,27 +122,3 @@ class Target:
     """Floating-point types that the files can have."""
     taken: tuple[str, ...] = ()
     """Names of files and functions that the target has itself."""
-
-
-def poses_to_hold(model: Model, count: int = 200) -> F:
-    """(at most count, 6) poses like the measured ones, for which a control loop is designed.
-
-    Those of `poses_in_domain` that lie in the range of every column and do not extrapolate; where
-    they are few, also such poses nearer to the middle.
-    """
-    poses = poses_in_domain(model, 20 * count)
-    random = np.random.default_rng(_SEED)
-    middle = poses.mean(axis=0)
-    nearer = middle + random.uniform(0.2, 1.0, (len(poses), 1)) * (poses - middle)
-    found = np.zeros((0, 6))
-    for candidates in (poses, nearer):
-        if len(found) < count:
-            found = np.vstack([found, _measured(model, candidates)])
-    return found[:count] if len(found) else poses[:count]
-
-
-def _measured(model: Model, poses: F) -> F:
-    for j, column in enumerate(POSE):
-        low, high = model.domain.get(column, (-np.inf, np.inf))
-        poses = poses[(low <= poses[:, j]) & (poses[:, j] <= high)]
-    return poses[~model.extrapolates(poses)]

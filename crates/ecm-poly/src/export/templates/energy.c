@@ -12,9 +12,6 @@ typedef @NAME@_real real;
 enum { MONOMIALS = @MONOMIALS@, SERIES = @SERIES@ };
 
 static const real length_m = R(@LENGTH@);
-/* Squares of the largest |c| (m) and |theta| (rad) of the training data and 1 %. */
-static const real c_squared = R(@CSQUARED@);
-static const real theta_squared = R(@THETASQUARED@);
 static const real half_turn_squared = R(@HALFTURN@);
 static const uint16_t parent_of[MONOMIALS] = {@PARENTS@};
 static const uint8_t variable_of[MONOMIALS] = {@VARIABLES@};
@@ -284,10 +281,11 @@ void @NAME@_value_and_stiffness(const real p[6], real h[6], real k[36])
     }
 }
 
+@WITHIN@
 int32_t @NAME@_inside(const real p[6])
 {
     frame_t f;
     prepare(p, &f);
-    return (int32_t)((dot(f.q, f.q) <= c_squared) & (dot(f.theta, f.theta) <= theta_squared));
+    return within(f.q) & (int32_t)(f.refused <= R(0));
 }
 @STEPPER@

@@ -25,7 +25,7 @@ typedef @REAL@ @NAME@_real;
 @NAME@_real @NAME@_energy(const @NAME@_real p[6]);
 void @NAME@_value(const @NAME@_real p[6], @NAME@_real h[6]);
 void @NAME@_value_and_stiffness(const @NAME@_real p[6], @NAME@_real h[6], @NAME@_real k[36]);
-/* 1 where |c| and |theta| of the mid frame are at most 1.01 times those of the training data, else 0 */
+/* 1 where @INSIDEWORDS@, else 0 */
 int32_t @NAME@_inside(const @NAME@_real p[6]);
 @STEPPERAPI@
 #ifdef __cplusplus

@@ -10,8 +10,6 @@ typedef @NAME@_real real;
 
 enum { INPUTS = @N@, OUTPUTS = @M@, TERMS = @TERMS@, SLOPES = @SLOPES@ };
 
-static const real lower[INPUTS] = {@LOWER@};
-static const real upper[INPUTS] = {@UPPER@};
 static const real centre[INPUTS] = {@CENTRE@};
 static const real scale[INPUTS] = {@SCALE@};
 /* 1 for a component of the rotation vector */
@@ -86,12 +84,9 @@ void @NAME@_value_and_stiffness(const real p[INPUTS], real h[OUTPUTS], real k[IN
     }
 }
 
+@WITHIN@
 int32_t @NAME@_inside(const real p[INPUTS])
 {
-    int32_t inside = 1;
-    for (int32_t i = 0; i < INPUTS; i++) {
-        inside &= (int32_t)((p[i] >= lower[i]) & (p[i] <= upper[i]));
-    }
-    return inside & (int32_t)(refused(p) <= R(0));
+    return within(p) & (int32_t)(refused(p) <= R(0));
 }
 @STEPPER@

@@ -25,7 +25,7 @@ typedef @REAL@ @NAME@_real;
 
 void @NAME@_value(const @NAME@_real p[@N@], @NAME@_real h[@M@]);
 void @NAME@_value_and_stiffness(const @NAME@_real p[@N@], @NAME@_real h[@M@], @NAME@_real k[@NM@]);
-/* 1 where every input is in the range of the training data, else 0 */
+/* 1 where @INSIDEWORDS@, else 0 */
 int32_t @NAME@_inside(const @NAME@_real p[@N@]);
 @STEPPERAPI@
 #ifdef __cplusplus

@@ -13,6 +13,8 @@ static const real slip_of[6] = {@SLIP@};
 static const real softer_per_kelvin = R(@WARMER@), ageing_per_s = R(@AGEING@);
 static const real softening = R(@SOFTENING@), set_share = R(@SETSHARE@);
 static const real damping_of[2] = {@DAMPING@};
+/* Largest |c| and |theta| of a pose that is no fault */
+static const real farthest_of[2] = {@FARTHEST@};
 
 @CONDITIONS@
 /* The static map at a pose: Q, dQ/dq, h, and the work |(p - p0) . h| / 2. */
@@ -57,7 +59,9 @@ static int32_t find_here(const real *p, here_t *here)
     }
     here->sign = product < R(0) ? R(-1) : R(1);
     here->work = R(0.5) * here->sign * product;
-    return is_finite(sum);
+    return is_finite(sum) &&
+           dot(here->frame.q, here->frame.q) <= farthest_of[0] * farthest_of[0] &&
+           dot(here->frame.theta, here->frame.theta) <= farthest_of[1] * farthest_of[1];
 }
 
 /* K of a pose that is below the largest work: k += factor h dW/dp */
@@ -241,6 +245,19 @@ int32_t @NAME@_step(state_t *state, const real p[6], real dt, const inputs_t *in
         state->force[j] = here.force[j];
     }
     return 1;
+}
+
+void @NAME@_branches(const state_t *state, real wrenches[12])
+{
+    frame_t f;
+    real p[6];
+    position_of(state->coordinates, p);
+    for (int32_t i = 3; i < 6; i++) {
+        p[i] = state->coordinates[i];
+    }
+    prepare(p, &f);
+    wrench_of(&f, state->memory[0], wrenches);
+    wrench_of(&f, state->memory[1], wrenches + 6);
 }
 
 int32_t @NAME@_settled(const real p[6], const inputs_t *inputs, real h[6], real k[36])

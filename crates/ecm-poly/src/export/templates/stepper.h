@@ -9,7 +9,8 @@
  * predict_ahead steps a copy of the state through count planned poses (p one after another, dt apart) and
  * returns how many were taken; the results of the first that is refused are NaN, those beyond it untouched.
  * h takes 6 numbers for each pose, k 36, or may be 0.
- * init, step and settled return 1. Where p or an input is not finite, |theta| > pi, or dt < 0 or not finite, they return 0, the results are
+ * init, step and settled return 1. Where p or an input is not finite, |theta| > pi, p is farther
+ * than four times the measured poses, or dt < 0 or not finite, they return 0, the results are
  * NaN and the state stays as it was: the next dt counts from the last step that returned 1.
  *
  * Inputs: name, default (changes nothing), range for which the model was measured.
@@ -40,6 +41,8 @@ int32_t @NAME@_inputs_inside(const @NAME@_conditions *inputs);
 int32_t @NAME@_init(@NAME@_state *state, const @NAME@_real p[6]);
 int32_t @NAME@_step(@NAME@_state *state, const @NAME@_real p[6], @NAME@_real dt,
                     const @NAME@_conditions *inputs, @NAME@_real h[6], @NAME@_real k[36]);
+/* The wrench of each relaxing branch with share 1, at the pose of the last step: what @NAME@_adapt takes. */
+void @NAME@_branches(const @NAME@_state *state, @NAME@_real wrenches[12]);
 int32_t @NAME@_settled(const @NAME@_real p[6], const @NAME@_conditions *inputs, @NAME@_real h[6],
                        @NAME@_real k[36]);
 int32_t @NAME@_predict_ahead(const @NAME@_state *state, const @NAME@_real *p, int32_t count,

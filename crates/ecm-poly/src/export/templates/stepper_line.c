@@ -10,6 +10,8 @@ static const real tau_of[2] = {@TAUS@};
 static const real linear_of[2] = {@LINEAR@};
 static const real friction_of[6] = {@FRICTION@};
 static const real slip_of[6] = {@SLIP@};
+/* Least and largest p that is no fault */
+static const real farthest_of[2] = {@FARTHEST@};
 static const real softer_per_kelvin = R(@WARMER@), ageing_per_s = R(@AGEING@);
 
 @CONDITIONS@
@@ -28,7 +30,7 @@ int32_t @NAME@_init(state_t *state, const real p[1])
 {
     real h[1];
     @NAME@_value(p, h);
-    if (!is_finite(p[0] + h[0])) {
+    if (!(is_finite(p[0] + h[0]) && p[0] >= farthest_of[0] && p[0] <= farthest_of[1])) {
         return 0;
     }
     state->pose[0] = p[0];
@@ -49,7 +51,8 @@ int32_t @NAME@_step(state_t *state, const real p[1], real dt, const inputs_t *in
     @NAME@_value_and_stiffness(p, h, k);
     value = h[0];
     slope = k[0];
-    if (!(dt >= R(0) && is_finite(dt) && is_finite(size) && is_finite(p[0] + value + slope))) {
+    if (!(dt >= R(0) && is_finite(dt) && is_finite(size) && is_finite(p[0] + value + slope) &&
+          p[0] >= farthest_of[0] && p[0] <= farthest_of[1])) {
         return refuse(h, k);
     }
     h[0] = size * value;

@@ -9,7 +9,8 @@
  * predict_ahead steps a copy of the state through count planned points (p one after another, dt apart) and
  * returns how many were taken; the results of the first that is refused are NaN, those beyond it untouched.
  * h and k take a number for each point; k may be 0.
- * init, step and settled return 1. Where p or an input is not finite, |theta| > pi, or dt < 0 or not finite, they return 0, the results are
+ * init, step and settled return 1. Where p or an input is not finite, |theta| > pi, p is farther
+ * than four times the measured range, or dt < 0 or not finite, they return 0, the results are
  * NaN and the state stays as it was: the next dt counts from the last step that returned 1.
  *
  * Inputs: name, default (changes nothing), range for which the model was measured.

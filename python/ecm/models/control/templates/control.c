@@ -1,9 +1,10 @@
 /* A control loop that holds the platform at a pose with the model's wrench and stiffness.
  *
  *     e = p_d - p,    S = sum of e dt,    y = w^2 (e + g S) + 2 w (e - e_before) / dt,    g = w / 4
- *     wrench = h(p_d) + M B y + g K(p_d) S,    M = diag(m I, j I),    B = diag(I, J(theta_d))
+ *     wrench = h(p_d) - M G + M B y + g K(p_d) S,    M = diag(m I, j I),    B = diag(I, J(theta_d))
  *
- * h(p_d) balances the mechanism at the held pose p_d. B takes a small change of the pose to a twist:
+ * h(p_d) balances the mechanism at the held pose p_d, and -M G the weight of the platform, whose centre
+ * of mass is at its origin; G is gravity in base axes. B takes a small change of the pose to a twist:
  * a moment turns the platform about axes in space, not along the rotation vector. w was chosen at the
  * export from the stiffness over the model's poses, the mass and the delay (docs/control.md):
  *
@@ -33,6 +34,7 @@ static const real dt = R(@DT@);               /* s */
 static const real mass = R(@MASS@);           /* kg, of the platform and what it carries */
 static const real inertia = R(@INERTIA@);     /* kg m^2, about any axis through its origin */
 static const real bandwidth = R(@BANDWIDTH@); /* w, rad/s */
+static const real gravity[3] = {@GRAVITY@}; /* m/s^2, base axes */
 static const real pose_to_hold[6] = {@HELD@};
 @+static const real pose_at_rest[6] = {@REST@};
 
@@ -104,7 +106,7 @@ static void controller_step(controller_t *c, const real *pose, real *wrench)
     }
     turned(c->held + 3, y + 3, moment);
     for (int32_t i = 0; i < 6; i++) {
-        wrench[i] = c->feed[i] + (i < 3 ? mass * y[i] : inertia * moment[i - 3]);
+        wrench[i] = c->feed[i] + (i < 3 ? mass * (y[i] - gravity[i]) : inertia * moment[i - 3]);
         for (int32_t j = 0; j < 6; j++) {
             wrench[i] += g * c->stiffness[6 * i + j] * c->sum[j];
         }
@@ -155,7 +157,7 @@ static void plant_start(plant_t *s, const controller_t *c, real softness, int32_
         s->moved[i] = R(0);
         s->speed[i] = R(0);
         for (int32_t n = 0; n <= DELAY_STEPS; n++) {
-            s->late[n][i] = c->feed[i];
+            s->late[n][i] = c->feed[i] - (i < 3 ? mass * gravity[i] : R(0));
         }
     }
 @+    s->state = c->state;
@@ -181,7 +183,7 @@ static void plant_step(plant_t *s, const real *wrench, real push)
         for (int32_t i = 0; i < 6; i++) {
             const real acting = s->late[DELAY_STEPS - s->delay][i] + (i == 1 ? push : R(0));
             const real force = acting - s->softness * h[i];
-            s->speed[i] += small * force / (i < 3 ? mass : inertia);
+            s->speed[i] += small * (i < 3 ? force / mass + gravity[i] : force / inertia);
         }
         const real *theta = pose + 3, *omega = s->speed + 3;
         const real t = theta[0] * theta[0] + theta[1] * theta[1] + theta[2] * theta[2];

@@ -1,9 +1,10 @@
 //! A control loop that holds the platform at a pose with the model's wrench and stiffness.
 //!
 //! e = p_d − p, S = Σ e dt, y = w² (e + g S) + 2 w (e − e_before) / dt, g = w / 4,
-//! wrench = h(p_d) + M B y + g K(p_d) S, M = diag(m I, j I), B = diag(I, J(θ_d)).
+//! wrench = h(p_d) − M G + M B y + g K(p_d) S, M = diag(m I, j I), B = diag(I, J(θ_d)).
 //!
-//! h(p_d) balances the mechanism at the held pose p_d. B takes a small change of the pose to a twist:
+//! h(p_d) balances the mechanism at the held pose p_d, and −M G the weight of the platform, whose centre
+//! of mass is at its origin; G is gravity in base axes. B takes a small change of the pose to a twist:
 //! a moment turns the platform about axes in space, not along the rotation vector. w was chosen at the
 //! export from the stiffness over the model's poses, the mass and the delay (docs/control.md):
 //!
@@ -33,6 +34,8 @@ const MASS: @REAL@ = @MASS@;
 const INERTIA: @REAL@ = @INERTIA@;
 /// w, rad/s.
 const BANDWIDTH: @REAL@ = @BANDWIDTH@;
+/// m/s², base axes.
+const GRAVITY: [@REAL@; 3] = [@GRAVITY@];
 #[rustfmt::skip]
 const HELD: [@REAL@; 6] = [@HELD@];
 @+const REST: [@REAL@; 6] = [@REST@];
@@ -112,7 +115,7 @@ impl Controller {
         });
         let moment = turned(&angular(&self.held), &angular(&y));
         std::array::from_fn(|i| {
-            let feedback = if i < 3 { MASS * y[i] } else { INERTIA * moment[i - 3] };
+            let feedback = if i < 3 { MASS * (y[i] - GRAVITY[i]) } else { INERTIA * moment[i - 3] };
             let row = self.stiffness[i].iter().zip(&self.sum);
             self.feed[i] + feedback + g * row.map(|(k, s)| k * s).sum::<@REAL@>()
         })
@@ -135,7 +138,9 @@ struct Plant {
 
 impl Plant {
     fn new(c: &Controller, softness: @REAL@, delay_steps: usize) -> Self {
-        let late = std::iter::repeat_n(c.feed, delay_steps).collect();
+        let carried =
+            std::array::from_fn(|i| c.feed[i] - if i < 3 { MASS * GRAVITY[i] } else { 0.0 });
+        let late = std::iter::repeat_n(carried, delay_steps).collect();
 @-        Self { start: c.held, moved: [0.0; 6], speed: [0.0; 6], late, softness }
 @+        Self { start: c.held, moved: [0.0; 6], speed: [0.0; 6], late, softness, state: c.state }
     }
@@ -156,7 +161,8 @@ impl Plant {
 @+            let h = taken.map_or([@REAL@::NAN; 6], |(h, _)| h);
             for i in 0..6 {
                 let force = acting[i] - self.softness * h[i] + if i == 1 { push } else { 0.0 };
-                self.speed[i] += small * force / if i < 3 { MASS } else { INERTIA };
+                self.speed[i] +=
+                    small * if i < 3 { force / MASS + GRAVITY[i] } else { force / INERTIA };
             }
             let (theta, omega) = (angular(&pose), angular(&self.speed));
             let t: @REAL@ = theta.iter().map(|x| x * x).sum();

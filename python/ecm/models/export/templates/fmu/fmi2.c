@@ -55,7 +55,7 @@ API(status_t, fmi2Reset)(instance_t *v)
 
 API(status_t, fmi2GetReal)(instance_t *v, const reference_t *which, size_t count, double *numbers)
 {
-    return said(get_numbers(v, which, count, numbers));
+    return get_numbers(v, which, count, numbers);
 }
 
 API(status_t, fmi2SetReal)(instance_t *v, const reference_t *which, size_t count,
@@ -123,7 +123,7 @@ API(status_t, fmi2GetDirectionalDerivative)(instance_t *v, const reference_t *un
                                             const reference_t *input, size_t columns,
                                             const double *seed, double *change)
 {
-    return said(directional(v, unknown, rows, input, columns, seed, change));
+    return directional(v, unknown, rows, input, columns, seed, change);
 }
 
 API(status_t, fmi2SetRealInputDerivatives)(instance_t *v, const reference_t *which, size_t count,

@@ -55,7 +55,7 @@ API(status_t, fmi3Reset)(instance_t *v)
 API(status_t, fmi3GetFloat64)(instance_t *v, const reference_t *which, size_t count,
                               double *numbers, size_t room)
 {
-    return said(room == count && get_numbers(v, which, count, numbers));
+    return room == count ? get_numbers(v, which, count, numbers) : ERROR;
 }
 
 API(status_t, fmi3SetFloat64)(instance_t *v, const reference_t *which, size_t count,
@@ -113,8 +113,9 @@ API(status_t, fmi3GetDirectionalDerivative)(instance_t *v, const reference_t *un
                                             const double *seed, size_t seeds, double *change,
                                             size_t room)
 {
-    return said(seeds == columns && room == rows &&
-                directional(v, unknown, rows, input, columns, seed, change));
+    return seeds == columns && room == rows
+               ? directional(v, unknown, rows, input, columns, seed, change)
+               : ERROR;
 }
 
 API(status_t, fmi3GetAdjointDerivative)(instance_t *v, const reference_t *unknown, size_t rows,
@@ -122,16 +123,16 @@ API(status_t, fmi3GetAdjointDerivative)(instance_t *v, const reference_t *unknow
                                         const double *seed, size_t seeds, double *change,
                                         size_t room)
 {
-    int32_t well = seeds == rows && room == columns;
-    for (size_t i = 0; well && i < columns; i++) {
+    status_t status = said(seeds == rows && room == columns);
+    for (size_t i = 0; status != ERROR && i < columns; i++) {
         change[i] = 0;
         for (size_t j = 0; j < rows; j++) {
             double one = 0;
-            well &= slope(v, unknown[j], input[i], &one);
+            status = worse(status, slope(v, unknown[j], input[i], &one));
             change[i] += one * seed[j];
         }
     }
-    return said(well);
+    return status;
 }
 
 /* Discarded where the model means nothing: the state and the time stay. */

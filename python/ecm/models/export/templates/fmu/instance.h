@@ -62,6 +62,12 @@ static status_t said(int32_t well)
     return well ? OK : ERROR;
 }
 
+/* An error ends the instance; where the model means nothing the answer is discarded, and it goes on. */
+static status_t worse(status_t a, status_t b)
+{
+    return a > b ? a : b;
+}
+
 static const double start[INPUTS] = {@START@};
 
 static void reset_values(values_t *v)
@@ -85,6 +91,9 @@ static instance_t *instance_of(text_t token)
 static int32_t evaluate(values_t *v, double dt, int32_t keep)
 {
     double sum = 0;
+    if (!(dt >= 0 && dt - dt == 0)) {
+        return 0;
+    }
 #if HAS_STATE
     const @NAME@_conditions inputs = {v->input[POSE], v->input[POSE + 1]};
     @NAME@_state state = v->state;
@@ -130,26 +139,31 @@ static int32_t set_number(values_t *v, uint32_t reference, double number)
     return 1;
 }
 
-static int32_t get_number(values_t *v, uint32_t reference, double *number)
+static status_t get_number(values_t *v, uint32_t reference, double *number)
 {
     if (reference == TIME) {
         *number = v->time;
     } else if (reference < FIRST_OUTPUT) {
         *number = v->input[reference - FIRST_INPUT];
-    } else if (reference < INSIDE && known(v)) {
+    } else if (reference >= INSIDE) {
+        return ERROR;
+    } else if (known(v)) {
         *number = v->h[reference - FIRST_OUTPUT];
     } else {
-        return 0;
+        return DISCARD;
     }
-    return 1;
+    return OK;
 }
 
 /* The derivative of an output to an input at the inputs as they are set */
-static int32_t slope(values_t *v, uint32_t output, uint32_t input, double *found)
+static status_t slope(values_t *v, uint32_t output, uint32_t input, double *found)
 {
     const uint32_t j = output - FIRST_OUTPUT, i = input - FIRST_INPUT;
-    if (output < FIRST_OUTPUT || j >= OUTPUTS || input < FIRST_INPUT || i >= INPUTS || !known(v)) {
-        return 0;
+    if (output < FIRST_OUTPUT || j >= OUTPUTS || input < FIRST_INPUT || i >= INPUTS) {
+        return ERROR;
+    }
+    if (!known(v)) {
+        return DISCARD;
     }
     if (i < POSE) {
         *found = v->k[POSE * j + i];
@@ -157,21 +171,22 @@ static int32_t slope(values_t *v, uint32_t output, uint32_t input, double *found
         values_t here = *v, more = *v;
         more.input[i] += 1;
         if (!evaluate(&here, 0, 0) || !evaluate(&more, 0, 0)) {
-            return 0;
+            return DISCARD;
         }
         *found = more.h[j] - here.h[j];
     }
-    return 1;
+    return OK;
 }
 
-/* The functions below serve arrays, as both versions of FMI do: 1, or 0 where one element fails. */
-static int32_t get_numbers(values_t *v, const reference_t *which, size_t count, double *numbers)
+/* The functions below serve arrays, as both versions of FMI do: the worst status of an element, or
+ * 1, or 0 where one fails. */
+static status_t get_numbers(values_t *v, const reference_t *which, size_t count, double *numbers)
 {
-    int32_t well = 1;
+    status_t status = OK;
     for (size_t i = 0; i < count; i++) {
-        well &= get_number(v, which[i], &numbers[i]);
+        status = worse(status, get_number(v, which[i], &numbers[i]));
     }
-    return well;
+    return status;
 }
 
 static int32_t set_numbers(values_t *v, const reference_t *which, size_t count,
@@ -196,20 +211,20 @@ static int32_t get_inside(const values_t *v, const reference_t *which, size_t co
 }
 
 /* change = d unknown / d input · seed */
-static int32_t directional(values_t *v, const reference_t *unknown, size_t rows,
-                           const reference_t *input, size_t columns, const double *seed,
-                           double *change)
+static status_t directional(values_t *v, const reference_t *unknown, size_t rows,
+                            const reference_t *input, size_t columns, const double *seed,
+                            double *change)
 {
-    int32_t well = 1;
+    status_t status = OK;
     for (size_t j = 0; j < rows; j++) {
         change[j] = 0;
         for (size_t i = 0; i < columns; i++) {
             double one = 0;
-            well &= slope(v, unknown[j], input[i], &one);
+            status = worse(status, slope(v, unknown[j], input[i], &one));
             change[j] += one * seed[i];
         }
     }
-    return well;
+    return status;
 }
 
 static int32_t save(const values_t *v, void **saved)

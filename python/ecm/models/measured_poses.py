@@ -1,0 +1,339 @@
+"""Poses at which a model was measured: what an export is judged at, and where it counts as inside.
+
+A fit keeps some hundred of its rows' poses in the model file. Export, control loop, the linear part
+for MuJoCo and `inside` all take their poses from here: measured rows, and mixes of near ones, in
+mid-frame coordinates, in which equal loads lie on straight lines as far as the mechanism is linear.
+Older files hold none: their poses are those that loads bend the model to inside its domain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from ecm._native import mid_frame, rotation_matrices
+from ecm.effects import Rows
+from ecm.io.arrays import B, F
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Meta
+from ecm.io.table import Table
+from ecm.models.maps import EnergyMap, StiffnessMap
+from ecm.models.physics.map import PhysicsMap
+from ecm.regression.noise import Noise
+from ecm.regression.thinning import spread_rows
+
+_MOST_STORED = 200
+"""Poses that a model file holds, beside those at the ends of each coordinate."""
+_MOST_LOAD = 1.2
+"""Force and torque of a mix of poses over the largest at a measured one."""
+_NEIGHBOURS = 6
+"""Rows with which a row is mixed."""
+_SEED = 11
+_FORCE, _TORQUE = slice(3), slice(3, 6)
+_MARGIN = 1.01
+"""Size over that of the data: fits average repeated poses, and the measured ones lie a little further out."""
+_THINNEST = 0.03
+"""Least extent of a coordinate, over the largest one of its unit, that counts as measured."""
+
+
+class Posed(Protocol):
+    """The members of a model that are needed here."""
+
+    @property
+    def base(self) -> StiffnessMap:
+        """Base map."""
+
+    @property
+    def noise(self) -> Noise:
+        """Noise of a row."""
+
+    @property
+    def domain(self) -> Mapping[str, tuple[float, float]]:
+        """Range of each pose column."""
+
+    @property
+    def training(self) -> Mapping[str, Any]:
+        """What the model file says of its training data."""
+
+    @property
+    def known_length_m(self) -> float | None:
+        """Undeformed length."""
+
+    def predict(self, data: F) -> F:
+        """(N, m) wrench at poses."""
+
+    def rows_at(self, poses: F) -> Rows:
+        """Rows of poses (N, n) without a table."""
+
+
+def sample_of(table: Table, inputs: Sequence[str]) -> list[list[float]]:
+    """Poses of a table for its model's file: spread over its rows, and the ends of each coordinate.
+
+    Examples
+    --------
+    >>> from ecm import as_table
+    >>> table = as_table({"x_m": 1e-4 * np.arange(5000.0), "fx_N": np.arange(5000.0)})
+    >>> poses = sample_of(table, ("x_m",))
+    >>> len(poses), min(poses), max(poses)
+    (201, [0.0], [0.4999])
+    """
+    poses = table.measured().matrix(tuple(inputs))
+    poses = poses[np.isfinite(poses).all(axis=1)]
+    if len(poses) <= _MOST_STORED:
+        return _rounded(poses)
+    seen = [poses, coordinates(poses, 0.0)] if tuple(inputs) == POSE else [poses]
+    ends = [x.argmin(axis=0) for x in seen] + [x.argmax(axis=0) for x in seen]
+    alone = Table(dict(zip(inputs, poses.T, strict=True)), Meta(), "poses")
+    chosen = np.union1d(spread_rows(alone, _MOST_STORED), np.concatenate(ends))
+    for x in seen:  # and all rows are inside what they span
+        for _ in range(10):
+            outside = np.flatnonzero(~Reach.of(x[chosen], inputs).contains(x))
+            if not len(outside):
+                break
+            away = np.linalg.norm(
+                (x[outside] - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-300), axis=1
+            )
+            chosen = np.union1d(chosen, outside[np.argsort(-away)[:10]])
+    return _rounded(poses[chosen])
+
+
+def _rounded(poses: F) -> list[list[float]]:
+    """Eight digits, 10 nm of a neck: far below what any sensor tells."""
+    return [[float(f"{x:.8g}") for x in pose] for pose in poses]
+
+
+def has_measured_poses(model: Posed) -> bool:
+    """Whether the model file says at which poses it was measured."""
+    return bool(model.training.get("poses"))
+
+
+def measured_poses(model: Posed) -> F:
+    """(N, n) poses that the model was measured at, some hundred of all.
+
+    Examples
+    --------
+    >>> import ecm
+    >>> y = np.linspace(-0.01, 0.01, 9)
+    >>> model = ecm.fit({"y_m": y, "fy_N": 3000.0 * y}, "linear")
+    >>> measured_poses(model).shape
+    (9, 1)
+    """
+    if has_measured_poses(model):
+        return np.array(model.training["poses"], dtype=np.float64)
+    return _loaded_poses(model)
+
+
+def near_poses(model: Posed, count: int, *, around: float = 0.0) -> F:
+    """(count, n) mixes of near measured poses, under at most 1.2 times their largest load.
+
+    `around` moves each coordinate of a mix by so much of the largest deviation of its unit.
+    """
+    rows = measured_poses(model)
+    if len(rows) < 2:
+        return np.repeat(rows, count, axis=0)
+    length, turns = model.known_length_m or 0.0, model.base.inputs == POSE
+    q = coordinates(rows, length) if turns else rows
+    extents = _extents(q, model.base.inputs)
+    near = _nearest(q / extents)
+    most = _MOST_LOAD * _loads(model, rows).max(axis=0)
+    random = np.random.default_rng(_SEED)
+    found = np.zeros((0, rows.shape[1]))
+    for _ in range(20):
+        first = random.integers(len(rows), size=count)
+        second = near[first, random.integers(near.shape[1], size=count)]
+        share = random.uniform(0.0, 1.0, (count, 1))
+        mixed = (1.0 - share) * q[first] + share * q[second]
+        mixed += around * extents * random.standard_normal(mixed.shape)
+        mixed = poses_of(mixed, length) if turns else mixed
+        kept = (_loads(model, mixed) <= most).all(axis=1)
+        found = np.vstack([found, mixed[kept]])
+        if len(found) >= count:
+            break
+    return found[:count]
+
+
+def poses_like_measured(model: Posed, count: int) -> F:
+    """(count, n) measured poses, then mixes of near ones where there are fewer."""
+    rows = measured_poses(model)
+    if len(rows) >= count:
+        return rows[np.linspace(0, len(rows) - 1, count).astype(np.int64)]
+    return np.vstack([rows, near_poses(model, count - len(rows))])
+
+
+def noise_sd(model: Posed) -> F:
+    """(m,) root mean square noise of a row of each component over the measured poses."""
+    rows = model.rows_at(measured_poses(model))
+    return np.asarray(np.sqrt(np.einsum("njj->j", model.noise.covariance(rows)) / len(rows)))
+
+
+def coordinates(poses: F, length_m: float) -> F:
+    """(N, 6) mid-frame coordinates q = (c, theta) of poses (N, 6)."""
+    return mid_frame(np.ascontiguousarray(poses), length_m)
+
+
+def poses_of(q: F, length_m: float) -> F:
+    """(N, 6) poses of mid-frame coordinates (N, 6).
+
+    Examples
+    --------
+    >>> poses = np.array([[0.1, 0.01, 0.0, 0.0, 0.2, 0.3]])
+    >>> bool(np.allclose(poses_of(coordinates(poses, 0.1), 0.1), poses))
+    True
+    """
+    half = rotation_matrices(np.ascontiguousarray(0.5 * q[:, 3:]))
+    position = np.einsum("nij,nj->ni", half, q[:, :3] + np.array([length_m, 0.0, 0.0]))
+    return np.hstack([position, q[:, 3:]])
+
+
+@dataclass(frozen=True)
+class Reach:
+    """Where a model counts as inside its data: a box of coordinates, and an ellipsoid in it.
+
+    A pose x is inside where low <= x <= high and |factor (x - centre)| <= 1. The box alone would
+    hold corners that no load reaches; the ellipsoid, by the covariance of the measured poses,
+    alone would hold twice the largest load along each axis.
+
+    Examples
+    --------
+    >>> reach = Reach.of(np.array([[-1.0, -1.0], [0.0, 0.1], [1.0, 1.0]]), ("x_m", "y_m"))
+    >>> reach.contains(np.array([[0.9, 0.9], [0.9, -0.9], [1.1, 1.1]]))
+    array([ True, False, False])
+    """
+
+    low: F
+    high: F
+    centre: F
+    factor: F
+    """(n, n) lower triangle."""
+
+    @staticmethod
+    def of(q: F, inputs: Sequence[str]) -> Reach:
+        """The reach of measured coordinates (N, n); `inputs` name their units."""
+        extents = _extents(q, inputs)
+        low, high = q.min(axis=0), q.max(axis=0)
+        more = np.maximum(0.5 * (_MARGIN - 1.0) * (high - low), 0.5 * _THINNEST * extents)
+        centre = q.mean(axis=0)
+        z = (q - centre) / extents
+        values, vectors = np.linalg.eigh(z.T @ z / len(z))
+        values = np.maximum(values, _THINNEST**2 * max(values[-1], 1e-300))
+        covariance = (vectors * values) @ vectors.T * np.outer(extents, extents)
+        factor = np.linalg.inv(np.linalg.cholesky(covariance))
+        farthest = np.sqrt(((q - centre) @ factor.T) ** 2 @ np.ones(len(centre))).max()
+        size = _MARGIN * max(float(farthest), 1.0)
+        return Reach(low - more, high + more, centre, np.tril(factor) / size)
+
+    def contains(self, q: F) -> B:
+        """(N,) whether coordinates (N, n) are inside."""
+        boxed = ((self.low <= q) & (q <= self.high)).all(axis=1)
+        away = ((q - self.centre) @ self.factor.T) ** 2
+        return np.asarray(boxed & (away.sum(axis=1) <= 1.0))
+
+    def document(self) -> dict[str, list[float]]:
+        """For the exported code: the rows of the triangle one after the other."""
+        triangle = self.factor[np.tril_indices(len(self.centre))]
+        return {
+            "low": self.low.tolist(),
+            "high": self.high.tolist(),
+            "centre": self.centre.tolist(),
+            "factor": triangle.tolist(),
+        }
+
+
+def reach_of(model: Posed, base: StiffnessMap) -> Reach | None:
+    """The reach of a model in the coordinates of a map that is exported in its place.
+
+    Mid-frame coordinates of an energy, else the pose columns; None where the model file holds no
+    poses, and the map's own ranges are all that is known.
+    """
+    if not has_measured_poses(model):
+        return None
+    poses = measured_poses(model)
+    if isinstance(base, EnergyMap | PhysicsMap):
+        return Reach.of(coordinates(poses, base.length_m or 0.0), base.inputs)
+    return Reach.of(poses, base.inputs)
+
+
+def largest_coordinates(model: Posed) -> F:
+    """(2,) largest |c| (m) and |theta| (rad) of the mid frame over the measured poses."""
+    q = coordinates(measured_poses(model), model.known_length_m or 0.0)
+    return np.array([np.linalg.norm(part, axis=1).max() for part in (q[:, :3], q[:, 3:])])
+
+
+def _extents(q: F, inputs: Sequence[str]) -> F:
+    """(n,) largest standard deviation among the coordinates of the same unit."""
+    units = [name.rpartition("_")[2] for name in inputs]
+    spread = q.std(axis=0)
+    largest = np.array([max(s for s, u in zip(spread, units, strict=True) if u == unit)
+                        for unit in units])  # fmt: skip
+    return np.where(largest > 0.0, largest, 1e-9)
+
+
+def _nearest(z: F) -> Any:
+    """(N, k) rows that are nearest to each row."""
+    apart = ((z[:, None, :] - z[None, :, :]) ** 2).sum(axis=2)
+    np.fill_diagonal(apart, np.inf)
+    return np.argsort(apart, axis=1)[:, : min(_NEIGHBOURS, len(z) - 1)]
+
+
+def _loads(model: Posed, poses: F) -> F:
+    """(N, groups) norm of the force and of the torque, and each other output, at poses."""
+    wrench = model.predict(np.ascontiguousarray(poses))
+    names = model.base.outputs
+    groups = [
+        [j for j, name in enumerate(names) if name in group] for group in (WRENCH[:3], WRENCH[3:])
+    ] + [[j] for j, name in enumerate(names) if name not in WRENCH]
+    return np.stack([np.linalg.norm(wrench[:, g], axis=1) for g in groups if g], axis=1)
+
+
+def _loaded_poses(model: Posed) -> F:
+    """(N, n) poses for a file that holds none: those of random loads that stay in its domain.
+
+    All six columns bend under loads by the stiffness at rest, each load at most as large as takes
+    one column to the end of its range, and none with more energy than the middle one: bending
+    shortens a mechanism by more than any axial load. Other columns are drawn between their ends.
+    """
+    random = np.random.default_rng(_SEED)
+    inputs, ranges = model.base.inputs, _ranges(model)
+    low, high = ranges.T
+    box = random.uniform(low, high, (_MOST_STORED, len(low)))
+    if inputs != POSE or model.base.outputs != WRENCH:
+        box[0], box[-1] = low, high
+        return np.asarray(box)
+    length = model.known_length_m
+    centre = 0.5 * (low + high) if length is None else np.array([length, 0, 0, 0, 0, 0.0])
+    centre = np.clip(centre, low, high)
+    stiffness = model.base.stiffness(centre[None])[0]
+    if np.linalg.eigvals(stiffness).real.min() <= 0.0:
+        return np.asarray(centre + 0.5 * (box - 0.5 * (low + high)))
+    compliance = np.linalg.inv(stiffness)
+    room = np.maximum(high - centre, centre - low)[:, None]
+    largest = (room / np.maximum(np.abs(compliance), 1e-300)).min(axis=0)
+    energy = np.diag(compliance) * largest**2
+    largest *= np.sqrt(np.minimum(1.0, np.median(energy) / energy))
+    ball = random.standard_normal((50 * _MOST_STORED, 6))
+    ball *= random.uniform(0.0, 1.0, (len(ball), 1)) ** (1 / 6) / np.linalg.norm(
+        ball, axis=1, keepdims=True
+    )
+    loads = largest * ball
+    poses = centre + loads @ compliance.T
+    poses = poses[((low <= poses) & (poses <= high)).all(axis=1)]
+    poses = poses[np.linalg.norm(poses[:, 3:], axis=1) < 3.0][: 4 * _MOST_STORED]
+    sizes = [np.linalg.norm(loads[:, part], axis=1).max() for part in (_FORCE, _TORQUE)]
+    excess = (_loads(model, poses) / (_MOST_LOAD * np.array(sizes))).max(axis=1)
+    least = np.argsort(excess, kind="stable")[:_MOST_STORED]
+    return np.asarray(poses[least[excess[least] <= max(1.0, excess[least[len(least) // 10]])]])
+
+
+def _ranges(model: Posed) -> F:
+    """(n, 2) range of each pose column; where none is known, that of the map's own coordinates."""
+    inputs, length = model.base.inputs, model.known_length_m or 0.1
+    wide = np.array([0.1 * length] * 3 + [0.3] * 3)
+    base = model.base.surrogate if isinstance(model.base, PhysicsMap) else model.base
+    if isinstance(base, EnergyMap):
+        wide = np.repeat(np.minimum(base.model.scale, 3.0), 3)
+    rest = np.array([length, 0, 0, 0, 0, 0.0])
+    known = dict(zip(POSE, np.stack([rest - wide, rest + wide], axis=1), strict=True))
+    return np.array([model.domain.get(name, known.get(name, (0.0, 0.0))) for name in inputs])
