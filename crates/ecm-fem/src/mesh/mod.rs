@@ -2,11 +2,13 @@
 
 mod check;
 mod gmsh;
+mod profile;
 mod quadratic;
 mod revolve;
 pub(crate) mod surface;
 
-pub use revolve::{Profile, Quality};
+pub use profile::Profile;
+pub use revolve::Quality;
 
 use crate::FemError;
 use std::path::Path;
