@@ -205,14 +205,16 @@ def test_wrenches_of_ones_own_are_solved_in_their_order() -> None:
     assert pairs.status == ("solved", "unstable", "solved")
     assert pairs.counts == {"solved": 2, "unstable": 1, "failed": 0}
     np.testing.assert_array_equal(pairs.wrenches, wrenches)
-    assert np.isnan(pairs.poses[1]).all() and np.isnan(pairs.stiffness[1]).all()
+    assert np.isnan(pairs.poses[1]).all()
+    assert np.isnan(pairs.stiffness[1]).all()
     # The body carries the wrench at this pose: the other direction finds it again.
     back = Mechanism().fem().solve_poses(np.ascontiguousarray(pairs.poses[[0, 2]]))
     np.testing.assert_allclose(back.wrenches, wrenches[[0, 2]], atol=1e-5)
     table = pairs.table()
     np.testing.assert_array_equal(table.wrenches, wrenches[[0, 2]])
     none = solve_wrenches(Mechanism(), np.empty((0, 6)))
-    assert len(none) == 0 and none.status == () and none.stiffness.shape == (0, 6, 6)
+    assert none.status == ()
+    assert none.stiffness.shape == (0, 6, 6)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Wrench-pose pairs by FEM: of wrenches drawn from a box (step 1 of the paper), or of given ones."""
+"""Wrench-pose pairs by FEM: of wrenches drawn from a box (step 1 of the paper), or of one's own."""
 
 from __future__ import annotations
 
@@ -281,7 +281,7 @@ def solve_wrenches(
     failed = len(status) - solved - unstable
     return Simulated(
         **arrays,
-        newton_per_case=float(iterations.mean()) if len(status) else 0.0,
+        newton_per_case=float(iterations.mean()) if status else 0.0,
         counts={"solved": solved, "unstable": unstable, "failed": failed},
         mechanism=mechanism,
         status=status,
@@ -368,7 +368,8 @@ def fem_poses(
 ) -> tuple[F, F]:
     """Return poses (n, 6) and wrenches (n, 6) of the workspace, e.g. to train a surrogate.
 
-    Wrenches of your own are solved by `solve_wrenches`. The wrench box is the paper's, scaled to the bending stiffness and length of the mechanism.
+    Wrenches of your own are solved by `solve_wrenches`. The wrench box is the paper's, scaled to
+    the bending stiffness and length of the mechanism.
 
     Parameters
     ----------

@@ -230,8 +230,7 @@ enum Within {
 }
 
 fn sizes(profile: &Profile, length_m: f64, quality: Quality) -> Sizes {
-    let slender = length_m / (2.0 * profile.outer_m(0.0));
-    let along = |per_diameter: f64| ((per_diameter * slender).round() as usize).clamp(4, 60);
+    let along = |per_diameter: f64| layers_along(profile, length_m, per_diameter);
     if let (Profile::StackedDiscs { discs, .. }, Quality::Standard | Quality::Fine) =
         (profile, quality)
     {
@@ -282,47 +281,68 @@ pub fn mesh(length_m: f64, profile: &Profile, quality: Quality) -> Result<Mesh, 
     profile.check(length_m)?;
     quality.check()?;
     let mut sizes = sizes(profile, length_m, quality);
-    let mut stations = crowd_to_ends(sizes.layers, sizes.layer_grading);
+    let stations = crowd_to_ends(sizes.layers, sizes.layer_grading);
     match build(length_m, profile, &sizes, &stations, Within::Straight) {
         Err(FemError::InvertedElement { .. }) => {}
         done => return done,
     }
-    let exact = matches!(quality, Quality::Custom { .. });
-    if !exact {
-        sizes.around = sizes.around.max(profile.points_around(sizes.around));
+    // A fine mesh has steps of 0.7 of the standard one's.
+    let step = match quality {
+        Quality::Standard => 1.0,
+        Quality::Fine => 0.7,
+        Quality::Custom { .. } => {
+            let longest = |s: f64| profile.longest_layer(s, length_m);
+            let stations = crowd_where(&stations, longest, Some(sizes.layers));
+            return build(length_m, profile, &sizes, &stations, Within::AsOutline).map_err(
+                |error| match error {
+                    FemError::InvertedElement { .. } => FemError::Parameter {
+                        name: "layers",
+                        value: sizes.layers as f64,
+                        expected: "other numbers: elements are inverted or flat; take more layers",
+                    },
+                    other => other,
+                },
+            );
+        }
+    };
+    sizes.around = sizes
+        .around
+        .max((profile.fewest_around() / step).ceil() as usize);
+    if profile.inner_m() > 0.0 {
+        // Flat elements at the faces of a thin wall would make it stiffer.
+        sizes.ring_grading = sizes.ring_grading.max(0.4);
     }
-    stations = crowd_where(&stations, |s| profile.longest_layer(s), exact);
-    match build(length_m, profile, &sizes, &stations, Within::AsOutline) {
-        Err(FemError::InvertedElement { .. }) if exact => Err(FemError::Parameter {
-            name: "layers",
-            value: sizes.layers as f64,
-            expected: "more layers, or points around: elements are inverted or flat",
-        }),
-        done => done,
-    }
+    sizes.layers = sizes.layers.max(layers_along(profile, length_m, 5.1));
+    let stations = crowd_where(
+        &crowd_to_ends(sizes.layers, sizes.layer_grading),
+        |s| step * profile.longest_layer(s, length_m),
+        None,
+    );
+    build(length_m, profile, &sizes, &stations, Within::AsOutline)
 }
 
-/// Stations as fine as `given`, and no further apart than `longest` allows at each place; with
-/// `same_number` as many as given, distributed alike. Symmetric about the middle.
-fn crowd_where(given: &[f64], longest: impl Fn(f64) -> f64, same_number: bool) -> Vec<f64> {
+/// Layers of a body that are as many per diameter, 4 to 60.
+fn layers_along(profile: &Profile, length_m: f64, per_diameter: f64) -> usize {
+    let slender = length_m / (2.0 * profile.outer_m(0.0));
+    ((per_diameter * slender).round() as usize).clamp(4, 60)
+}
+
+/// Stations as fine as `given`, and no further apart than `longest` allows at each place; or as
+/// many as `number` says, distributed alike. Symmetric about the middle.
+fn crowd_where(given: &[f64], longest: impl Fn(f64) -> f64, number: Option<usize>) -> Vec<f64> {
     const PARTS: usize = 4000;
     // Layers per length, integrated over the first half.
     let mut layer = 0;
     let mut sum = vec![0.0];
     for i in 0..PARTS {
         let s = 0.5 * (i as f64 + 0.5) / PARTS as f64;
-        while s > given[layer + 1] {
+        while layer + 2 < given.len() && s > given[layer + 1] {
             layer += 1;
         }
         let density = (1.0 / (given[layer + 1] - given[layer])).max(1.0 / longest(s));
         sum.push(sum[i] + density * 0.5 / PARTS as f64);
     }
-    let needed = 2.0 * sum[PARTS];
-    let n = if same_number {
-        given.len() - 1
-    } else {
-        2 * (0.5 * needed - 1e-9).ceil() as usize
-    };
+    let n = number.unwrap_or(2 * (sum[PARTS] - 1e-9).ceil() as usize);
     let first_half = |k: usize| {
         let target = sum[PARTS] * (2 * k) as f64 / n as f64;
         let i = sum.partition_point(|v| *v <= target).clamp(1, PARTS);
