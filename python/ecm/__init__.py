@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from ecm.diagnosis.result import Diagnosis
     from ecm.diagnosis.settings import DiagnosisSettings
     from ecm.errors import ComputationError, EcmError, InputError, MissingExtra
-    from ecm.fem.simulate import Simulated, Workspace, fem_poses, simulate
+    from ecm.fem.simulate import Simulated, Workspace, fem_poses, simulate, solve_wrenches
     from ecm.io.mechanism import Mechanism
     from ecm.io.table import Table, as_table, read_table
     from ecm.logs.importing import ImportedLog, import_log
@@ -66,7 +66,7 @@ _NAMES = {
     "diagnosis.result": ("Diagnosis",),
     "diagnosis.settings": ("DiagnosisSettings",),
     "errors": ("ComputationError", "EcmError", "InputError", "MissingExtra"),
-    "fem.simulate": ("Simulated", "Workspace", "fem_poses", "simulate"),
+    "fem.simulate": ("Simulated", "Workspace", "fem_poses", "simulate", "solve_wrenches"),
     "io.mechanism": ("Mechanism",),
     "io.table": ("Table", "as_table", "read_table"),
     "logs.importing": ("ImportedLog", "import_log"),
@@ -149,6 +149,7 @@ __all__ = [
     "run_campaign",
     "serve",
     "simulate",
+    "solve_wrenches",
 ]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from ecm._native import Fem, FemError, Mesh, WarmStart
 from ecm.errors import InputError
 from ecm.fem.sensitivity import wrench_sensitivities
+from ecm.fem.simulate import fem_poses, simulate, solve_wrenches
 from ecm.io.mechanism import Mechanism
 
 WRENCH = np.array([[-20.0, 10.0, 5.0, 0.2, -0.3, 0.3]])
@@ -195,3 +197,49 @@ def test_hostile_meshes_loads_and_warm_starts_are_refused_by_the_package() -> No
     assert far.status[0] != "solved"
     with pytest.raises(FemError, match="shear modulus times volume"):
         Fem(Mesh.cylinder(length_m=1e-100, radius_m=1e-100), young_modulus_Pa=1e-100)
+
+
+def test_wrenches_of_ones_own_are_solved_in_their_order() -> None:
+    wrenches = np.concatenate([WRENCH, [[-500.0, 0, 0, 0, 0, 0]], 0.5 * WRENCH])
+    pairs = solve_wrenches(Mechanism(), wrenches.tolist())
+    assert pairs.status == ("solved", "unstable", "solved")
+    assert pairs.counts == {"solved": 2, "unstable": 1, "failed": 0}
+    np.testing.assert_array_equal(pairs.wrenches, wrenches)
+    assert np.isnan(pairs.poses[1]).all()
+    assert np.isnan(pairs.stiffness[1]).all()
+    # The body carries the wrench at this pose: the other direction finds it again.
+    back = Mechanism().fem().solve_poses(np.ascontiguousarray(pairs.poses[[0, 2]]))
+    np.testing.assert_allclose(back.wrenches, wrenches[[0, 2]], atol=1e-5)
+    table = pairs.table()
+    np.testing.assert_array_equal(table.wrenches, wrenches[[0, 2]])
+    none = solve_wrenches(Mechanism(), np.empty((0, 6)))
+    assert none.status == ()
+    assert none.stiffness.shape == (0, 6, 6)
+
+
+@pytest.mark.parametrize(
+    ("wrenches", "words"),
+    [
+        (np.zeros(6), r"shape \(6,\), expected \(N, 6\).*list of its own"),
+        (np.zeros((3, 5)), r"shape \(3, 5\), expected \(N, 6\)"),
+        (3, r"shape \(\), expected \(N, 6\)"),
+        ("a file.csv", "a str that is no array of numbers"),
+        ([[1.0, 2.0], [3.0]], "a list that is no array of numbers"),
+        (np.full((2, 6), [[0.0], [np.nan]]), "row 1, fx_N is nan, expected a finite number"),
+    ],
+)
+def test_what_is_no_wrench_is_refused(wrenches: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        solve_wrenches(Mechanism(), wrenches)
+
+
+def test_functions_that_draw_point_to_the_one_that_solves_given_wrenches() -> None:
+    for function in (simulate, fem_poses):
+        draw: Any = function
+        with pytest.raises(InputError, match=r"ecm\.solve_wrenches\(mechanism, wrenches\)"):
+            draw(Mechanism(), WRENCH)
+        with pytest.raises(InputError, match=r"a str, expected an ecm\.Mechanism"):
+            draw("neck.toml", 3)
+    solve: Any = solve_wrenches
+    with pytest.raises(InputError, match=r"a dict, expected an ecm\.Mechanism"):
+        solve(NECK, WRENCH)

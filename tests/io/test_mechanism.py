@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from ecm.errors import InputError
+from ecm.errors import FemError, InputError
 from ecm.io.mechanism import Mechanism
 
 NECK = {
@@ -144,3 +147,39 @@ def test_a_material_table_gives_the_moduli() -> None:
     table = {k: v for k, v in NECK.items() if k not in ("young_modulus_Pa", "poisson_ratio")}
     material = {"model": "neo_hookean", "young_modulus_Pa": 0.65e6, "poisson_ratio": 0.49}
     assert Mechanism.from_dict(table | {"material": material}) == Mechanism()
+
+
+def _scales(low: float, high: float) -> st.SearchStrategy[float]:
+    """Numbers between two limits, as many in each decade."""
+    return st.floats(math.log(low), math.log(high)).map(math.exp)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    shape=st.sampled_from(["cylinder", "tube", "hourglass", "stacked_discs"]),
+    length=_scales(1e-3, 10.0),
+    slender=_scales(1e-6, 10.0),
+    share=_scales(1e-4, 0.999),
+    discs=st.integers(2, 8),
+    quality=st.sampled_from(["standard", "fine"]),
+)
+def test_every_body_is_meshed_or_refused_by_the_name_of_a_dimension(
+    shape: str, length: float, slender: float, share: float, discs: int, quality: str
+) -> None:
+    radius = slender * length
+    body = Mechanism(
+        builtin=shape,
+        length_m=length,
+        radius_m=radius,
+        inner_radius_m=(1.0 - share) * radius,
+        waist_radius_m=share * radius,
+        disc_count=discs,
+        quality=quality,
+    )
+    try:
+        mesh = body.mesh()
+    except FemError as error:
+        assert re.match(r"(radius_m|inner_radius_m|waist_radius_m) is .*expected", str(error))
+        assert share < 0.01 or slender * share < 2e-5 or slender < 2e-5
+    else:
+        assert mesh.volume_m3 > 0.0

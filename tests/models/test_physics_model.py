@@ -32,7 +32,7 @@ from ecm.models.physics.body_fits import LENGTH_M, SHEAR_MODULUS_PA, noise_white
 from ecm.models.physics.build import BuildSettings, shape_of
 from ecm.models.physics.family import PARAMETERS, compressibility, poisson_ratio
 from ecm.models.physics.poses import rod_like, spread_poses, workspace_poses
-from ecm.models.physics.refit import refit_physics
+from ecm.models.physics.refit import mesh_shares, physics_sentences, refit_physics
 
 F = NDArray[np.float64]
 NECK = Mechanism()
@@ -294,6 +294,47 @@ def test_the_error_is_far_below_the_noise(neck: PhysicsMap) -> None:
     np.testing.assert_allclose(skew, np.swapaxes(skew, 1, 2), atol=1e-12 * abs(skew).max())
 
 
+def test_the_error_of_the_mesh_is_stated_with_the_base(neck: PhysicsMap, tmp_path: Path) -> None:
+    standard, fine = (
+        replace(NECK, quality=quality).fem().rest_stiffness() for quality in ("standard", "fine")
+    )
+    moved = 1e-4 * np.random.default_rng(0).standard_normal((5, 6))
+    off = neck.mesh_error_of(moved @ fine.T)
+    assert off is not None
+    np.testing.assert_allclose(off, moved @ (standard - fine).T, rtol=1e-6, atol=1e-9)
+    shares = mesh_shares(neck)
+    assert shares is not None
+    assert 0.001 < shares["fx_N"] < 0.003 < shares["fy_N"] < 0.007
+    # The same shape in another size and of another rubber, and its fine mesh, are the same body.
+    double = replace(
+        NECK, length_m=2 * 0.1034, radius_m=0.066, young_modulus_Pa=2e6, quality="fine"
+    )
+    larger = replace(neck, surrogate=neck.at(length_m=2 * 0.1034, diameter_m=0.132))
+    wrench = np.ones((1, 6))
+    error = physics_build.mesh_error(shape_of(double))
+    assert error is not None
+    np.testing.assert_allclose(error, neck.mesh_error, rtol=1e-5, atol=1e-8)
+    # A moment at twice the lever is twice the force.
+    scale = np.repeat([1.0, 2.0], 3)
+    np.testing.assert_allclose(
+        larger.mesh_error_of(wrench * scale), scale * neck.mesh_error_of(wrench), rtol=1e-9
+    )
+    model = Model(base=neck)
+    model.save(tmp_path / "neck.json")
+    kept = load_model(tmp_path / "neck.json")
+    assert isinstance(kept.base, PhysicsMap)
+    np.testing.assert_array_equal(kept.base.mesh_error, neck.mesh_error)
+    said = [line for line in physics_sentences(neck, np.eye(2)) if "mesh" in line]
+    assert said[0].startswith("error of the standard mesh against the fine one: fx +0.2%, fy +0.5%")
+
+
+def test_a_rod_and_a_mesh_file_have_no_second_mesh(tmp_path: Path) -> None:
+    rod = replace(NECK, builtin="rod")
+    assert physics_build.mesh_error(shape_of(rod)) is None
+    file = Mechanism(builtin="", length_m=0.1, mesh_file=tmp_path / "body.msh")
+    assert physics_build.mesh_error(file) is None
+
+
 def test_modulus_and_poisson_ratio_come_back_with_their_errors(neck: PhysicsMap) -> None:
     truth = np.array([0.71e6, 0.475])
     poses, wrenches, _ = by_fem(Mechanism(young_modulus_Pa=truth[0], poisson_ratio=truth[1]), 30, 7)
@@ -327,6 +368,9 @@ def test_a_thicker_body_is_named_and_another_nu_absorbed(neck: PhysicsMap) -> No
     found = diagnose(Model(base=neck), table_of(poses, wrenches)).to_dict()
     assert found["base"]["kind"] == "physics"
     assert found["base"]["error_over_noise"] < 0.15
+    assert found["base"]["mesh_error"]["fy_N"] == pytest.approx(0.005, abs=0.002)
+    # Less than the noise, but more than the error of the energy: what a small effect may hide in.
+    assert found["base"]["error_over_noise"] < found["base"]["mesh_error_over_noise"] < 1.0
     assert found["answer"] == [["diameter_error"]]
     size = found["effects"][0]["parameters"]["relative_diameter"]
     assert abs(size["value"] - 0.01) < 4.0 * size["sd"] < 0.002

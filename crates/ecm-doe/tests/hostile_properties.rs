@@ -7,12 +7,12 @@ mod common;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use ecm_doe::certificate::{CertificateSettings, continuous};
-use ecm_doe::regressor::{Model, column_ranges, normalise, prediction_region};
+use ecm_doe::regressor::{Model, Regressor, column_ranges, normalise, prediction_region};
 use ecm_doe::{
     Control, DSettings, Design, DesignError, InformationMatrix, MaximinSettings, Method, Problem,
     SpacingMethod, Status, a_optimal, compound_optimal, d_optimal, g_optimal, i_optimal, maximin,
 };
-use ecm_poly::Symmetry;
+use ecm_poly::{ModelError, Symmetry};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -180,6 +180,12 @@ proptest! {
             let region = prediction_region(&points, low, high, rows_of);
             prop_assert!(region.is_err() || region.unwrap().iter().all(|v| v.is_finite()));
         }
+        // Rows of a caller's own function, of any number and with any number of terms.
+        let own = |p: &[f64]| {
+            let rows = p[..p.len().min(degree)].to_vec();
+            Ok::<_, ModelError>(Regressor { rows, block: 0, terms: columns })
+        };
+        let _ = prediction_region(&points, &lower, &upper, own);
         let poses: Vec<[f64; 6]> = points.chunks_exact(6).map(|p| p.try_into().unwrap()).collect();
         let found = Model::energy(&poses, degree, Symmetry::Alike, length_m);
         prop_assert!(found.is_err() || found.unwrap().rows.iter().all(|v| v.is_finite()));

@@ -3,8 +3,11 @@
 
 mod common;
 
-use common::{config, hostile, mesh, neo, six};
-use ecm_fem::material::{MODELS, choose};
+use common::{config, fem, hostile, mesh, neo, six};
+use ecm_fem::element::tet10;
+use ecm_fem::material::{MODELS, Volume, choose, nominal_stress};
+use ecm_fem::output::vtu;
+use ecm_fem::tensor::symmetric_eigenvalues;
 use ecm_fem::{
     Fem, FemError, Fibre, Gent, Material, Mesh, MooneyRivlin, NeoHookean, Ogden, Ordering, Quality,
     Rod, Watch, Yeoh,
@@ -150,6 +153,51 @@ proptest! {
         let (pose, converged) = rod.pose(&wrench);
         prop_assert!(!converged || pose.iter().all(|v| v.is_finite()), "{pose:?}");
         prop_assert_eq!(rod.checked().is_ok(), stiffness.iter().all(|v| v.is_finite() && *v > 0.0));
+    }
+
+    /// What takes no settings of its own: element, tensors, loads, test stresses, parameters of a
+    /// fit, wrenches of a rod, pictures of a field.
+    #[test]
+    fn numbers_of_any_kind_end(
+        x in hostile(),
+        more in prop::array::uniform5(hostile()),
+        loads in six(),
+        terms: usize,
+        material in 0..10usize,
+    ) {
+        let [a, b, c, d, e] = more;
+        let _ = symmetric_eigenvalues(&[[x, a, b], [a, c, d], [b, d, e]]);
+        let body = fem();
+        let mut nodes = body.mesh().tetrahedra()[0].map(|i| body.mesh().nodes_m()[i]);
+        nodes[terms % 10][terms % 3] = x;
+        let _ = (tet10::gradients(&nodes, &[a, b, c, d]), tet10::shape(&[x, a, b, c]));
+        let volume = body.body().volume_load(|_| [x, a, b]);
+        prop_assert_eq!(volume.len(), body.body().surface_load(|p| p[0] > x, [a, b, c]).len());
+        let mut field = body.body().rest();
+        let node = terms % field.displacement.len();
+        field.displacement[node] = x;
+        prop_assert!(vtu(body.body(), &field).is_ok());
+        let law = materials(c).into_iter().nth(material).unwrap_or_else(neo);
+        for test in ["uniaxial", "equibiaxial", "pure_shear", "torsion"] {
+            let _ = nominal_stress(law.as_ref(), test, &more);
+        }
+        for model in MODELS {
+            let start = model.start(x, terms);
+            prop_assert_eq!(start.is_ok(), (1..=4).contains(&terms));
+            let _ = (model.start(x, 1 + terms % 4), model.decode(&more[..terms % 6]));
+        }
+        let _ = Volume::PoissonRatio(x).bulk_modulus_Pa(a);
+        let rod = Rod {
+            length_m: a,
+            axial_stiffness_N: b,
+            shear_stiffness_N: c,
+            bending_stiffness_Nm2: d,
+            torsion_stiffness_Nm2: e,
+        };
+        let start = loads.map(|v| v * x);
+        if let Some((wrench, _)) = rod.wrench(&loads, &start) {
+            prop_assert!(wrench.iter().all(|v| v.is_finite()), "{wrench:?}");
+        }
     }
 
     #[test]

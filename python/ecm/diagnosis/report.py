@@ -48,6 +48,8 @@ from ecm.io.leave_out import shown_ranges
 from ecm.models.history import Ceiling, ceiling_rms
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.model import Model
+from ecm.models.physics.map import PhysicsMap
+from ecm.models.physics.refit import mesh_shares
 from ecm.regression.blocks import beside
 from ecm.regression.derived import derived_columns
 from ecm.regression.f_test import FTest
@@ -94,7 +96,7 @@ def _report(decision: Decision, model: Model, seed: int, judged: Future[GivenMod
     tested = tuple(effect.id for effect in tested_noise(problem, prepared.effects))
     return Diagnosis(
         seed=seed,
-        base=BaseSummary(problem.base.kind, problem.base_error),
+        base=_base_summary(problem),
         noise=NoiseSummary(problem.noise, decision.noise_effects, tested),
         gate=decision.gate,
         verdict=decision.verdict,
@@ -222,6 +224,20 @@ def _held_out(problem: Problem, accepted: Sequence[Candidate], ceiling: Ceiling 
         ceiling=None if ceiling is None else ceiling.whitened,
         by_run=by_run,
     )
+
+
+def _base_summary(problem: Problem) -> BaseSummary:
+    """The base, its own error, and that of its mesh beside what its coefficients take in."""
+    base, rows = problem.base, problem.rows
+    kind, own = base.kind, problem.base_error
+    shares = mesh_shares(base)
+    if shares is None or not isinstance(base, PhysicsMap):
+        return BaseSummary(kind, own)
+    off = base.mesh_error_of(rows.predict(rows.table.matrix(base.inputs)))
+    whitened = np.einsum("nij,nj->ni", problem.whitener, off).ravel()
+    columns = problem.base_block.reshape(len(whitened), -1)
+    left = whitened - columns @ np.linalg.lstsq(columns, whitened, rcond=None)[0]
+    return BaseSummary(kind, own, shares, float(np.sqrt((left**2).mean())))
 
 
 def _component_errors(

@@ -32,6 +32,11 @@ class BaseSummary:
     """physics, energy or polynomial."""
     error_over_noise: float
     """Whitened rms of its own error."""
+    mesh_error: dict[str, float] | None = field(default=None, metadata={"optional": True})
+    """Share of each wrench component by which the standard mesh differs from the fine one, by
+    column; None where there is no second mesh to compare with."""
+    mesh_error_over_noise: float | None = field(default=None, metadata={"optional": True})
+    """Whitened rms of what that makes at the rows, beside what E and nu take in."""
 
 
 @dataclass(frozen=True)

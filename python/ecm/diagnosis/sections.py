@@ -49,6 +49,7 @@ def _rests_on(document: Mapping[str, Any]) -> TableBlock:
             if document["noise"].get("is_residual") or base["error_over_noise"] == 0.0
             else [["the base's own error over the noise", f"{base['error_over_noise']:.2f}"]]
         ),
+        *_mesh_row(base),
         ["source of the noise", noise_words(document["noise"])],
         ["lack of fit", f"F = {number(gate['F'])}, p = {number(gate['p'], 2)}"],
     ]
@@ -58,6 +59,15 @@ def _rests_on(document: Mapping[str, Any]) -> TableBlock:
         bound = f"below {document['upper_bound']:.2f} times the noise, with 95 % confidence"
         rows.append(["what smooth functions could still hide", bound])
     return TableBlock("What the verdict rests on.", ("", ""), rows)
+
+
+def _mesh_row(base: Mapping[str, Any]) -> list[list[str]]:
+    """What the size of the elements makes, where two meshes were compared."""
+    if "mesh_error" not in base:
+        return []
+    share = max(abs(value) for value in base["mesh_error"].values())
+    left = f"{base['mesh_error_over_noise']:.2f} times the noise beside E and nu"
+    return [["standard mesh against the fine one", f"up to {share:.1%} of the wrench, {left}"]]
 
 
 def noise_words(noise: Mapping[str, Any]) -> str:

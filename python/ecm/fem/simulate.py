@@ -1,4 +1,4 @@
-"""Step 1 of the paper: wrenches drawn from a box, poses by FEM, limited to a workspace."""
+"""Wrench-pose pairs by FEM: of wrenches drawn from a box (step 1 of the paper), or of one's own."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ecm.errors import ComputationError, InputError
 from ecm.fem.batch import LoadCases, batch_size
@@ -29,12 +30,23 @@ _PREDICTION_MARGIN = 1.05  # predicted rotations up to this factor times the lim
 _SMALLEST_BATCH = 8  # FEM cases that are solved together
 _CASES_WITHOUT_PAIR = 1280  # after so many FEM cases without a pair the workspace is empty
 
-__all__ = ["TABLE_I_MAX", "TABLE_I_MIN", "Simulated", "Workspace", "fem_poses", "simulate"]
+__all__ = [
+    "TABLE_I_MAX",
+    "TABLE_I_MIN",
+    "Simulated",
+    "Workspace",
+    "fem_poses",
+    "simulate",
+    "solve_wrenches",
+]
 
 
 @dataclass(frozen=True, repr=False)
 class Simulated:
-    """Wrench-pose pairs by FEM, in the order of drawing; the result of `simulate`.
+    """Wrench-pose pairs by FEM, in the order of the wrenches.
+
+    The result of `simulate`, and of `solve_wrenches`, where a wrench that has no stable pose keeps
+    its row: its status says why, and its numbers are nan.
 
     Examples
     --------
@@ -62,8 +74,11 @@ class Simulated:
     newton_per_case: float
     """Mean Newton iterations of all cases that were solved for these pairs, kept or not."""
     counts: dict[str, int]
-    """drawn, screened (by rod and warm start), solved, unstable, failed, kept."""
+    """drawn, screened (by rod and warm start), solved, unstable, failed, kept; of given wrenches
+    solved, unstable, failed."""
     mechanism: Mechanism
+    status: tuple[str, ...]
+    """(N,), `solved`, or why there is no pose: unstable, not_converged, inverted."""
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -73,11 +88,12 @@ class Simulated:
         return f"Simulated({len(self)} wrench-pose pairs: {counts})"
 
     def table(self, source: str = "simulated pairs") -> Table:
-        """Return the pairs as a measurement table that knows its mechanism."""
-        columns: dict[str, F] = dict(zip(POSE, self.poses.T, strict=True))
-        columns |= dict(zip(WRENCH, self.wrenches.T, strict=True))
+        """Return the solved pairs as a measurement table that knows its mechanism."""
+        solved = np.array([word == "solved" for word in self.status], dtype=np.bool_)
+        columns: dict[str, F] = dict(zip(POSE, self.poses[solved].T, strict=True))
+        columns |= dict(zip(WRENCH, self.wrenches[solved].T, strict=True))
         for name in ("energy_J", "largest_stretch", "smallest_jacobian"):
-            columns[name] = getattr(self, name)
+            columns[name] = getattr(self, name)[solved]
         return Table(columns, Meta(mechanism=self.mechanism.to_dict()), source)
 
 
@@ -92,7 +108,7 @@ def simulate(
     scheduler: str | None = None,
     progress: Progress = None,
 ) -> Simulated:
-    """Simulate n admissible wrench-pose pairs by FEM.
+    """Simulate n admissible wrench-pose pairs by FEM; `solve_wrenches` takes wrenches of your own.
 
     Parameters
     ----------
@@ -138,6 +154,8 @@ def simulate(
     >>> pairs.table().wrench_columns[:2]
     ('fx_N', 'fy_N')
     """
+    _check_mechanism("simulate", mechanism)
+    _check_number("simulate", n)
     if n < 1:
         raise InputError(f"simulate: n = {n}, expected at least 1 pair")
     workspace = Workspace() if workspace is None else workspace
@@ -194,7 +212,122 @@ def simulate(
         newton_per_case=newton / counts.total(),
         counts={"drawn": draws.drawn, "screened": draws.screened, **counts, "kept": kept},
         mechanism=mechanism,
+        status=("solved",) * kept,
     )
+
+
+def solve_wrenches(
+    mechanism: Mechanism,
+    wrenches: ArrayLike,
+    *,
+    threads: int = 0,
+    progress: Progress = None,
+) -> Simulated:
+    """Solve wrenches of your own by FEM: the pose at which the body carries each.
+
+    Parameters
+    ----------
+    mechanism
+        The elastic body.
+    wrenches
+        (N, 6) dead loads on the platform: force in N, moment in N m, in base axes at the top
+        frame's origin.
+    threads
+        0: all cores. The result does not depend on it.
+    progress
+        Called with wrenches solved, N, and a word.
+
+    Returns
+    -------
+    Simulated
+        One row per wrench, in the same order: `status`, `poses` (N, 6) in m and rad, stiffness
+        (N, 6, 6) and more. A wrench without a stable pose has a status other than `solved`, and nan
+        for its numbers.
+
+    Raises
+    ------
+    InputError
+        For wrenches of another shape or with a number that is not finite, and for a mechanism
+        without a body.
+
+    Examples
+    --------
+    >>> pairs = solve_wrenches(Mechanism(), [[-20, 10, 5, 0.2, -0.3, 0.3], [-500, 0, 0, 0, 0, 0]])
+    >>> pairs.status
+    ('solved', 'unstable')
+    >>> pairs.poses[0, :3].round(4)
+    array([0.1019, 0.0105, 0.0068])
+    >>> len(pairs.table())
+    1
+    """
+    _check_mechanism("solve_wrenches", mechanism)
+    loads = _six_columns("solve_wrenches", wrenches)
+
+    def report(done: int, total: int) -> None:
+        if progress is not None:
+            progress(done, total, "solving")
+
+    results = mechanism.fem().solve_wrenches(loads, threads=threads, progress=report)
+    status = tuple(results.status)
+    lost = np.array([word != "solved" for word in status], dtype=np.bool_)
+    arrays = {name: np.array(getattr(results, name)) for name in ARRAYS}
+    arrays["wrenches"] = loads  # those of the solver differ by its residual
+    for name, values in arrays.items():
+        if name not in ("wrenches", "iterations"):
+            values[lost] = np.nan
+    iterations = arrays["iterations"]
+    unstable = status.count("unstable")
+    solved = len(status) - int(lost.sum())
+    failed = len(status) - solved - unstable
+    return Simulated(
+        **arrays,
+        newton_per_case=float(iterations.mean()) if status else 0.0,
+        counts={"solved": solved, "unstable": unstable, "failed": failed},
+        mechanism=mechanism,
+        status=status,
+    )
+
+
+def _check_mechanism(name: str, mechanism: object) -> None:
+    if not isinstance(mechanism, Mechanism):
+        raise InputError(
+            f"{name}: mechanism is a {type(mechanism).__name__}, expected an ecm.Mechanism, for "
+            "instance ecm.Mechanism(length_m=0.1034, radius_m=0.033, young_modulus_Pa=0.65e6)"
+        )
+
+
+def _check_number(name: str, n: object) -> None:
+    """InputError unless `n` is a whole number; wrenches have a function of their own."""
+    if isinstance(n, bool) or not isinstance(n, (int, np.integer)):
+        raise InputError(
+            f"{name}: n is a {type(n).__name__}, expected a whole number of pairs to draw; "
+            "wrenches of your own are solved by ecm.solve_wrenches(mechanism, wrenches)"
+        )
+
+
+def _six_columns(name: str, wrenches: ArrayLike) -> F:
+    """(N, 6) finite numbers; InputError for all else, naming the row."""
+    try:
+        loads = np.asarray(wrenches, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"{name}: wrenches are a {type(wrenches).__name__} that is no array of numbers, "
+            "expected (N, 6): fx fy fz in N, taux tauy tauz in N m"
+        ) from None
+    if loads.ndim != 2 or loads.shape[1] != 6:
+        one = ": put one wrench in a list of its own" if loads.shape == (6,) else ""
+        raise InputError(
+            f"{name}: wrenches of shape {loads.shape}, expected (N, 6): fx fy fz in N, taux tauy "
+            f"tauz in N m{one}"
+        )
+    wrong = np.argwhere(~np.isfinite(loads))
+    if len(wrong):
+        row, column = wrong[0]
+        raise InputError(
+            f"{name}: wrenches, row {row}, {WRENCH[column]} is {loads[row, column]}, expected a "
+            "finite number"
+        )
+    return np.ascontiguousarray(loads)
 
 
 def _admissible(part: CaseResults, workspace: Workspace) -> B:
@@ -235,7 +368,8 @@ def fem_poses(
 ) -> tuple[F, F]:
     """Return poses (n, 6) and wrenches (n, 6) of the workspace, e.g. to train a surrogate.
 
-    The wrench box is the paper's, scaled to the bending stiffness and length of the mechanism.
+    Wrenches of your own are solved by `solve_wrenches`. The wrench box is the paper's, scaled to
+    the bending stiffness and length of the mechanism.
 
     Parameters
     ----------
@@ -258,6 +392,8 @@ def fem_poses(
     >>> bool((np.linalg.norm(poses[:, 3:], axis=1) <= 0.3).all())
     True
     """
+    _check_mechanism("fem_poses", mechanism)
+    _check_number("fem_poses", n)
     # Table I belongs to the neck: forces of a body scale with E I / L^2, moments with E I / L.
     neck = Mechanism()
     lever = mechanism.length_m / neck.length_m

@@ -15,7 +15,7 @@ from ecm.models.cross_validation import CrossValidation, cross_validate
 from ecm.models.maps import StiffnessMap
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
-from ecm.models.physics.refit import PhysicsModel, physics_sentences
+from ecm.models.physics.refit import PhysicsModel, mesh_shares, physics_sentences
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.specification import ModelSpecification
 from ecm.regression.correlation import correlation_time
@@ -94,6 +94,7 @@ def fit_summary(
         "seed": seed,
         "model": fitted.name,
         "parameters": parameters,
+        "mesh_error": mesh_shares(fitted.base),
         "rows": len(measured),
         "held_out": held_out,
         "inputs": list(fitted.inputs),

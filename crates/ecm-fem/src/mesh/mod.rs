@@ -2,11 +2,13 @@
 
 mod check;
 mod gmsh;
+mod profile;
 mod quadratic;
 mod revolve;
 pub(crate) mod surface;
 
-pub use revolve::{Profile, Quality};
+pub use profile::Profile;
+pub use revolve::Quality;
 
 use crate::FemError;
 use std::path::Path;
@@ -148,7 +150,7 @@ impl Mesh {
     /// A clamped cylinder along x.
     ///
     /// # Errors
-    /// A length or radius that is not positive.
+    /// A length or radius that is not positive, or a radius below 2e-5 or above 1000 of the length.
     pub fn cylinder(length_m: f64, radius_m: f64, quality: Quality) -> Result<Self, FemError> {
         revolve::mesh(length_m, &Profile::Cylinder { radius_m }, quality)
     }
@@ -156,7 +158,8 @@ impl Mesh {
     /// A clamped tube along x.
     ///
     /// # Errors
-    /// A length or radius that is not positive, or an inner radius not below the outer.
+    /// As [`Mesh::cylinder`]; an inner radius that is not positive, or that leaves a wall of less
+    /// than 1 % of the radius or 1e-5 of the length.
     pub fn tube(
         length_m: f64,
         radius_m: f64,
@@ -177,7 +180,7 @@ impl Mesh {
     /// r(x) = waist + (radius − waist)(2x/L − 1)².
     ///
     /// # Errors
-    /// A length or radius that is not positive.
+    /// As [`Mesh::cylinder`], of both radii; a waist below 1 % or above 100 times the radius.
     pub fn hourglass(
         length_m: f64,
         radius_m: f64,
@@ -197,7 +200,7 @@ impl Mesh {
     /// Discs with rounded waists: r(x) = waist + (radius − waist) cos²(π (discs − 1) x / L).
     ///
     /// # Errors
-    /// A length or radius that is not positive, fewer than 2 or more than 40 discs.
+    /// As [`Mesh::hourglass`]; fewer than 2 or more than 40 discs.
     pub fn stacked_discs(
         length_m: f64,
         radius_m: f64,

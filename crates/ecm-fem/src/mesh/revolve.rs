@@ -6,8 +6,12 @@
 //! towards the two clamped rims, where the bonded, nearly incompressible solid is
 //! singular: there a graded mesh has the error of a uniform one with three times
 //! as many nodes. Edges on the lateral surface are curved.
+//!
+//! Edges within the body are straight. Where a curved edge would then cut through the element
+//! behind it (the hole of a thin tube, a waist), they follow the outline as well, and layers and
+//! points around become as fine as the outline's curvature needs.
 
-use super::{Mesh, quadratic};
+use super::{Mesh, profile::Profile, quadratic};
 use crate::FemError;
 use std::f64::consts::TAU;
 
@@ -97,124 +101,6 @@ impl Quality {
             }
         }
         Ok(())
-    }
-}
-
-/// Outline of the solid.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
-pub enum Profile {
-    /// r(x) = radius.
-    Cylinder {
-        /// Radius.
-        radius_m: f64,
-    },
-    /// Cylinder with a coaxial hole.
-    Tube {
-        /// Outer radius.
-        radius_m: f64,
-        /// Radius of the hole.
-        inner_radius_m: f64,
-    },
-    /// r(x) = waist + (radius − waist)(2x/L − 1)².
-    Hourglass {
-        /// Radius at both ends.
-        radius_m: f64,
-        /// Radius at half length.
-        waist_radius_m: f64,
-    },
-    /// Discs with rounded waists: r(x) = waist + (radius − waist) cos²(π (discs − 1) x / L).
-    StackedDiscs {
-        /// Radius of the discs.
-        radius_m: f64,
-        /// Radius between them.
-        waist_radius_m: f64,
-        /// Number of discs, the halves at both ends included.
-        discs: usize,
-    },
-}
-
-impl Profile {
-    fn inner_m(&self) -> f64 {
-        match self {
-            Self::Tube { inner_radius_m, .. } => *inner_radius_m,
-            _ => 0.0,
-        }
-    }
-
-    fn outer_m(&self, x_over_l: f64) -> f64 {
-        match self {
-            Self::Cylinder { radius_m } | Self::Tube { radius_m, .. } => *radius_m,
-            Self::Hourglass {
-                radius_m,
-                waist_radius_m,
-            } => waist_radius_m + (radius_m - waist_radius_m) * (2.0 * x_over_l - 1.0).powi(2),
-            Self::StackedDiscs {
-                radius_m,
-                waist_radius_m,
-                discs,
-            } => {
-                let turns = (discs.max(&1) - 1) as f64;
-                let wave = (0.5 * TAU * turns * x_over_l).cos();
-                waist_radius_m + (radius_m - waist_radius_m) * wave * wave
-            }
-        }
-    }
-
-    fn check(&self, length_m: f64) -> Result<(), FemError> {
-        let positive = |name, value: f64| {
-            if value.is_finite() && value > 0.0 {
-                Ok(())
-            } else {
-                Err(FemError::Parameter {
-                    name,
-                    value,
-                    expected: "a positive length in metres",
-                })
-            }
-        };
-        positive("length_m", length_m)?;
-        match self {
-            Self::Cylinder { radius_m } => positive("radius_m", *radius_m),
-            Self::Tube {
-                radius_m,
-                inner_radius_m,
-            } => {
-                positive("radius_m", *radius_m)?;
-                positive("inner_radius_m", *inner_radius_m)?;
-                if inner_radius_m < radius_m {
-                    return Ok(());
-                }
-                Err(FemError::Parameter {
-                    name: "inner_radius_m",
-                    value: *inner_radius_m,
-                    expected: "less than radius_m",
-                })
-            }
-            Self::Hourglass {
-                radius_m,
-                waist_radius_m,
-            } => {
-                positive("radius_m", *radius_m)?;
-                positive("waist_radius_m", *waist_radius_m)
-            }
-            Self::StackedDiscs {
-                radius_m,
-                waist_radius_m,
-                discs,
-            } => {
-                positive("radius_m", *radius_m)?;
-                positive("waist_radius_m", *waist_radius_m)?;
-                if (2..=40).contains(discs) {
-                    return Ok(());
-                }
-                Err(FemError::Parameter {
-                    name: "disc_count",
-                    value: *discs as f64,
-                    expected: "2 to 40",
-                })
-            }
-        }
     }
 }
 
@@ -336,9 +222,15 @@ struct Sizes {
     ring_grading: f64,
 }
 
+/// How edges within the body run: the outline's are always curved.
+#[derive(Clone, Copy, PartialEq)]
+enum Within {
+    Straight,
+    AsOutline,
+}
+
 fn sizes(profile: &Profile, length_m: f64, quality: Quality) -> Sizes {
-    let slender = length_m / (2.0 * profile.outer_m(0.0));
-    let along = |per_diameter: f64| ((per_diameter * slender).round() as usize).clamp(4, 60);
+    let along = |per_diameter: f64| layers_along(profile, length_m, per_diameter);
     if let (Profile::StackedDiscs { discs, .. }, Quality::Standard | Quality::Fine) =
         (profile, quality)
     {
@@ -388,17 +280,98 @@ fn sizes(profile: &Profile, length_m: f64, quality: Quality) -> Sizes {
 pub fn mesh(length_m: f64, profile: &Profile, quality: Quality) -> Result<Mesh, FemError> {
     profile.check(length_m)?;
     quality.check()?;
-    let Sizes {
-        rings,
-        around,
-        layers,
-        layer_grading,
-        ring_grading,
-    } = sizes(profile, length_m, quality);
+    let mut sizes = sizes(profile, length_m, quality);
+    let stations = crowd_to_ends(sizes.layers, sizes.layer_grading);
+    match build(length_m, profile, &sizes, &stations, Within::Straight) {
+        Err(FemError::InvertedElement { .. }) => {}
+        done => return done,
+    }
+    // A fine mesh has steps of 0.7 of the standard one's.
+    let step = match quality {
+        Quality::Standard => 1.0,
+        Quality::Fine => 0.7,
+        Quality::Custom { .. } => {
+            let longest = |s: f64| profile.longest_layer(s, length_m);
+            let stations = crowd_where(&stations, longest, Some(sizes.layers));
+            return build(length_m, profile, &sizes, &stations, Within::AsOutline).map_err(
+                |error| match error {
+                    FemError::InvertedElement { .. } => FemError::Parameter {
+                        name: "layers",
+                        value: sizes.layers as f64,
+                        expected: "other numbers: elements are inverted or flat; take more layers",
+                    },
+                    other => other,
+                },
+            );
+        }
+    };
+    sizes.around = sizes
+        .around
+        .max((profile.fewest_around() / step).ceil() as usize);
+    if profile.inner_m() > 0.0 {
+        // Flat elements at the faces of a thin wall would make it stiffer.
+        sizes.ring_grading = sizes.ring_grading.max(0.4);
+    }
+    sizes.layers = sizes.layers.max(layers_along(profile, length_m, 5.1));
+    let stations = crowd_where(
+        &crowd_to_ends(sizes.layers, sizes.layer_grading),
+        |s| step * profile.longest_layer(s, length_m),
+        None,
+    );
+    build(length_m, profile, &sizes, &stations, Within::AsOutline)
+}
+
+/// Layers of a body that are as many per diameter, 4 to 60.
+fn layers_along(profile: &Profile, length_m: f64, per_diameter: f64) -> usize {
+    let slender = length_m / (2.0 * profile.outer_m(0.0));
+    ((per_diameter * slender).round() as usize).clamp(4, 60)
+}
+
+/// Stations as fine as `given`, and no further apart than `longest` allows at each place; or as
+/// many as `number` says, distributed alike. Symmetric about the middle.
+fn crowd_where(given: &[f64], longest: impl Fn(f64) -> f64, number: Option<usize>) -> Vec<f64> {
+    const PARTS: usize = 4000;
+    // Layers per length, integrated over the first half.
+    let mut layer = 0;
+    let mut sum = vec![0.0];
+    for i in 0..PARTS {
+        let s = 0.5 * (i as f64 + 0.5) / PARTS as f64;
+        while layer + 2 < given.len() && s > given[layer + 1] {
+            layer += 1;
+        }
+        let density = (1.0 / (given[layer + 1] - given[layer])).max(1.0 / longest(s));
+        sum.push(sum[i] + density * 0.5 / PARTS as f64);
+    }
+    let n = number.unwrap_or(2 * (sum[PARTS] - 1e-9).ceil() as usize);
+    let first_half = |k: usize| {
+        let target = sum[PARTS] * (2 * k) as f64 / n as f64;
+        let i = sum.partition_point(|v| *v <= target).clamp(1, PARTS);
+        let within = (target - sum[i - 1]) / (sum[i] - sum[i - 1]);
+        (0.5 * ((i - 1) as f64 + within) / PARTS as f64).min(0.5)
+    };
+    (0..=n)
+        .map(|k| match k {
+            k if 2 * k <= n => first_half(k),
+            k => 1.0 - first_half(n - k),
+        })
+        .collect()
+}
+
+/// The mesh with layers at `stations` (0..1).
+fn build(
+    length_m: f64,
+    profile: &Profile,
+    sizes: &Sizes,
+    stations: &[f64],
+    within: Within,
+) -> Result<Mesh, FemError> {
+    let (rings, around) = (sizes.rings, sizes.around);
+    let layers = stations.len() - 1;
     let hollow = profile.inner_m() > 0.0;
     let section = if hollow {
         let count = if around == 0 { 6 * (rings + 1) } else { around };
-        rings_of(&crowd_to_ends(rings, ring_grading), &vec![count; rings + 1])
+        let radii = crowd_to_ends(rings, sizes.ring_grading);
+        rings_of(&radii, &vec![count; rings + 1])
     } else {
         let counts: Vec<usize> = (0..=rings)
             .map(|k| match (k, around) {
@@ -407,7 +380,7 @@ pub fn mesh(length_m: f64, profile: &Profile, quality: Quality) -> Result<Mesh, 
                 (_, count) => count,
             })
             .collect();
-        rings_of(&crowd_to_one(rings, ring_grading), &counts)
+        rings_of(&crowd_to_one(rings, sizes.ring_grading), &counts)
     };
     let prisms = section.triangles.len() * layers;
     if prisms > MOST_PRISMS {
@@ -417,13 +390,12 @@ pub fn mesh(length_m: f64, profile: &Profile, quality: Quality) -> Result<Mesh, 
             expected: "at most 200000: choose fewer rings, layers or points around",
         });
     }
-    let stations = crowd_to_ends(layers, layer_grading);
     let radius_at = |fraction: f64, s: f64| {
         profile.inner_m() + fraction * (profile.outer_m(s) - profile.inner_m())
     };
     let per_layer = section.points.len();
     let mut nodes = Vec::new();
-    for &s in &stations {
+    for &s in stations {
         for &(fraction, angle) in &section.points {
             let r = radius_at(fraction, s);
             nodes.push([length_m * s, r * angle.cos(), r * angle.sin()]);
@@ -461,12 +433,31 @@ pub fn mesh(length_m: f64, profile: &Profile, quality: Quality) -> Result<Mesh, 
         let (ka, kb) = (section.ring[a % per_layer], section.ring[b % per_layer]);
         let on_outer = ka == outermost && kb == outermost;
         let on_inner = hollow && ka == 0 && kb == 0;
-        if !on_outer && !on_inner {
+        let s = mid[0] / length_m;
+        let at_radius = |r: f64| {
+            let scale = r / mid[1].hypot(mid[2]);
+            [mid[0], mid[1] * scale, mid[2] * scale]
+        };
+        if on_outer || on_inner {
+            return at_radius(radius_at(if on_outer { 1.0 } else { 0.0 }, s));
+        }
+        if within == Within::Straight {
             return mid;
         }
-        let r = radius_at(if on_outer { 1.0 } else { 0.0 }, mid[0] / length_m);
-        let scale = r / mid[1].hypot(mid[2]);
-        [mid[0], mid[1] * scale, mid[2] * scale]
+        let (fa, fb) = (
+            section.points[a % per_layer].0,
+            section.points[b % per_layer].0,
+        );
+        if hollow {
+            return at_radius(radius_at(0.5 * (fa + fb), s));
+        }
+        // The straight edge of the unit disc, scaled to the radius at half its height.
+        let unit = |i: usize, f: f64| {
+            let angle = section.points[i % per_layer].1;
+            [f * angle.cos(), f * angle.sin()]
+        };
+        let (ua, ub, r) = (unit(a, fa), unit(b, fb), profile.outer_m(s));
+        [mid[0], 0.5 * r * (ua[0] + ub[0]), 0.5 * r * (ua[1] + ub[1])]
     });
     let at_end = |x: f64| -> Vec<usize> {
         (0..nodes.len())

@@ -1,9 +1,11 @@
 //! Numbers that break careless code, and a small body to try them on.
 #![allow(clippy::unwrap_used, dead_code, missing_docs)]
 
+use ecm_fem::mesh::FACES;
 use ecm_fem::{Fem, Material, Mesh, NeoHookean, Quality};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
+use std::collections::HashMap;
 
 pub const COARSE: Quality = Quality::Custom {
     rings: 1,
@@ -78,4 +80,22 @@ pub fn config(cases: u32) -> ProptestConfig {
         failure_persistence: None,
         ..ProptestConfig::default()
     }
+}
+
+/// Nodes of element faces that belong to one element only.
+pub fn surface_nodes(mesh: &Mesh) -> Vec<usize> {
+    let mut faces: HashMap<[usize; 3], (usize, [usize; 6])> = HashMap::new();
+    for tet in mesh.tetrahedra() {
+        for face in FACES {
+            let nodes = face.map(|i| tet[i]);
+            let mut key = [nodes[0], nodes[1], nodes[2]];
+            key.sort_unstable();
+            faces.entry(key).or_insert((0, nodes)).0 += 1;
+        }
+    }
+    let outer = faces.into_values().filter(|(count, _)| *count == 1);
+    let mut found: Vec<usize> = outer.flat_map(|(_, nodes)| nodes).collect();
+    found.sort_unstable();
+    found.dedup();
+    found
 }

@@ -27,7 +27,7 @@ from ecm.io.quaternion_order import ORDERS, likely_order, read_in_other_order
 from ecm.io.steps import Progress
 from ecm.io.table import Table
 from ecm.models.maps import EnergyMap, SixAxisMap, Symmetry
-from ecm.models.physics.build import BuildSettings, build_family, shape_of
+from ecm.models.physics.build import BuildSettings, build_family, mesh_error, shape_of
 from ecm.models.physics.family import PARAMETERS, PhysicsFamily, check_parameters
 from ecm.models.physics.poses import MARGIN, ROTATION_LIMIT_RAD
 from ecm.models.physics.rod import stated_rod
@@ -35,6 +35,7 @@ from ecm.regression.rows import BodyChange
 
 _DEGREE = 6
 _VERSION = 4
+_MESH_VERSION = 1
 _WIDE_VERSION = 2
 """Version of the poses of wide families: those that a load holds."""
 _REACH_STEP = 0.2
@@ -75,6 +76,9 @@ class PhysicsMap(SixAxisMap):
     """E, nu, L, D by name, where there is a family; E includes the factor."""
     free: tuple[str, ...] = FREE
     """Names of the values that `coefficients` holds."""
+    mesh_error: F | None = None
+    """(6, 6) E of `mesh_error`: a wrench h errs by E h by the size of the elements, lengths over
+    L; None where there is no second mesh to compare with."""
 
     name = "physics"
     kind = "physics"
@@ -114,6 +118,13 @@ class PhysicsMap(SixAxisMap):
     def error(self) -> F:
         """The surrogate's own error, scaled like its wrench."""
         return abs(self.factor) * self.own_error
+
+    def mesh_error_of(self, wrenches: F) -> F | None:
+        """(N, 6) by how much wrenches (N, 6) would differ on a fine mesh; None: not known."""
+        if self.mesh_error is None:
+            return None
+        unit = np.repeat([1.0, self.surrogate.length_m], 3)
+        return np.asarray(wrenches @ (self.mesh_error * np.outer(unit, 1.0 / unit)).T)
 
     def predict(self, poses: F) -> F:
         """(N, 6) poses to (N, 6) wrenches."""
@@ -207,6 +218,8 @@ class PhysicsMap(SixAxisMap):
             "own_error": self.own_error.tolist(),
             "mechanism": self.mechanism,
         }
+        if self.mesh_error is not None:
+            document["mesh_error"] = self.mesh_error.tolist()
         if self.family is not None and self.values is not None:
             document["parameters"] = dict(self.values)
             document["free"] = list(self.free)
@@ -217,6 +230,8 @@ class PhysicsMap(SixAxisMap):
     def from_document(document: dict[str, Any]) -> PhysicsMap:
         """The map of an opened model file."""
         known: dict[str, Any] = {}
+        if "mesh_error" in document:
+            known["mesh_error"] = six_by_six("mesh_error", document["mesh_error"])
         if "family" in document:
             values = {name: float(document["parameters"][name]) for name in PARAMETERS}
             known["family"] = PhysicsFamily.from_dict(document["family"])
@@ -347,6 +362,7 @@ def physics_map(
         family = build_family(shape, settings, stage=stage, threads=threads, progress=progress)
         _write(path, family)
         stage.forget_parts()
+    errs = _mesh_error(shape, directory)
     length = mechanism.length_m if mechanism.mesh_file is None else mechanism.mesh().length_m
     stated = stated_rod(mechanism) if mechanism.builtin == "rod" else mechanism
     values = {
@@ -361,7 +377,30 @@ def physics_map(
         mechanism=mechanism.to_dict(),
         family=family,
         values=values,
+        mesh_error=errs,
     )
+
+
+def six_by_six(name: str, values: Any) -> F:
+    """A (6, 6) matrix of finite numbers of a document; ValueError for another."""
+    matrix = np.asarray(values, dtype=np.float64)
+    if matrix.shape != (6, 6) or not np.isfinite(matrix).all():
+        raise ValueError(f"{name} of shape {matrix.shape}, expected (6, 6) finite numbers")
+    return matrix
+
+
+def _mesh_error(shape: Mechanism, directory: Path) -> F | None:
+    """`mesh_error` of a shape, kept beside its family; the same for both qualities."""
+    key = {"version": _MESH_VERSION, "shape": replace(shape, quality="standard").key()}
+    path = directory / f"mesh-{hash_of(key)[:32]}.json"
+    with suppress(OSError, ValueError, TypeError, KeyError):
+        kept = json.loads(path.read_text(encoding="utf-8"))["mesh_error"]
+        return None if kept is None else six_by_six("mesh_error", kept)
+    found = mesh_error(shape)
+    with suppress(OSError):  # a cache that cannot be written only costs time
+        document = {"mesh_error": None if found is None else found.tolist()}
+        write_atomically(path, json.dumps(document))
+    return found
 
 
 def reach_of(table: Table) -> float:
