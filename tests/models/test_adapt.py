@@ -124,6 +124,33 @@ def test_a_wide_circle_about_rest_draws_no_modulus(adapter: Adapter) -> None:
         assert abs(adapter.values["modulus"] - 1.0) < 0.1
 
 
+@pytest.mark.parametrize("each_s", [2.0, 1.0, 0.5])
+@pytest.mark.parametrize("pressed_m", [0.0, 0.005])
+def test_what_is_known_of_the_modulus_does_not_hold_it(
+    model: Model, each_s: float, pressed_m: float
+) -> None:
+    """Its prior in the weight of the information held it for ever: .20 moved, .22 did not."""
+    adapters = [
+        model.controller().adapt(AdaptSettings(position_sd_m=37e-6, modulus_sd=sd))
+        for sd in (0.05, 0.1, 0.2, 0.22, 0.5, 1.0)
+    ]
+    for seed in range(3):
+        poses = moving(30.0, seed, each_s)
+        poses[:, 0] -= pressed_m
+        seen, measured, dts = read(poses, 0.93 * model.predict(poses), seed)  # the model is exact
+        found: list[list[tuple[str, ...]]] = []
+        for adapter in adapters:
+            adapter.reset()
+            found.append([])
+            for second in range(30):
+                part = slice(second * int(RATE), (second + 1) * int(RATE))
+                adapter.follow(seen[part], measured[part], dts[part])
+                found[-1].append(adapter.held)
+            assert adapter.held == ()
+            assert abs(adapter.values["modulus"] - 0.93) < 3.0 * adapter.sd["modulus"] < 0.1
+        assert all(held == found[0] for held in found), found
+
+
 @pytest.mark.parametrize("what", ["payload", "zero"])
 def test_half_a_kilogram_is_found_and_told_from_the_zero(adapter: Adapter, what: str) -> None:
     # The model is wrong by 0.15 N in the middle and 0.38 N at the rim: a second goes by until the

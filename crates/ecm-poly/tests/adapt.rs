@@ -213,6 +213,96 @@ fn a_circle_tells_the_modulus_from_nothing_and_says_so() {
     }
 }
 
+/// The same reading in single precision.
+fn single(reading: &Reading<f64>) -> Reading<f32> {
+    let six = |v: &Vec6<f64>| v.map(|x| x as f32);
+    Reading {
+        pose: Pose::from_array(&six(&reading.pose.to_array())).unwrap(),
+        wrench: six(&reading.wrench),
+        predicted: six(&reading.predicted),
+        stiffness: reading.stiffness.each_ref().map(six),
+        branches: reading.branches.each_ref().map(six),
+    }
+}
+
+#[test]
+fn what_is_known_of_the_modulus_does_not_hold_it() {
+    let pressed = |mut pose: Vec6<f64>| {
+        pose[0] -= 5e-3;
+        pose
+    };
+    let model = neck();
+    // The way at its speed, and whether it tells nothing of the modulus.
+    let ways: [(&dyn Fn(f64) -> Vec6<f64>, f64, bool); 6] = [
+        (&free, 1.0, false),
+        (&free, 4.0, false),
+        (&|time| pressed(free(time)), 2.0, false),
+        (&circle, 1.0, true),
+        (&circle, 4.0, true),
+        (&|time| pressed(circle(time)), 1.0, true),
+    ];
+    for (way, speed, held) in ways {
+        for rate in [20, 100, 500] {
+            let mut plant = Plant::new();
+            plant.scale = 0.93;
+            let dt = 1.0 / f64::from(rate);
+            let read = |i| plant.read(&model, &way(speed * dt * f64::from(i)));
+            let readings: Vec<Reading<f64>> = (0..20 * rate).map(read).collect();
+            let mut found = Vec::new();
+            for sd in [0.05, 0.1, 0.2, 0.22, 0.5, 1.0] {
+                let mut adapter = adapter();
+                adapter.priors[0] = prior(1.0, sd, 0.1, 0.0);
+                let narrow = adapter.narrowed::<f32>();
+                let (mut state, mut other) = (adapter.init(), narrow.init());
+                let mut seconds = Vec::new();
+                for (i, reading) in readings.iter().enumerate() {
+                    adapter.step(&mut state, reading, dt);
+                    narrow.step(&mut other, &single(reading), dt as f32);
+                    if (i + 1) % rate as usize == 0 {
+                        seconds.push(adapter.is_held(&state, 0));
+                    }
+                }
+                assert_eq!(adapter.is_held(&state, 0), held, "{speed} {rate} {sd}");
+                assert_eq!(narrow.is_held(&other, 0), held, "{speed} {rate} {sd}");
+                found.push(seconds);
+            }
+            assert!(found.iter().all(|one| *one == found[0]), "{found:?}");
+        }
+    }
+}
+
+/// Modulus, one share and the zero along x, with the branch that `branch` makes of h at a time.
+fn with_share(branch: fn(f64, &Vec6<f64>) -> Vec6<f64>) -> [bool; 2] {
+    let whole = adapter();
+    let mut adapter = Adapter {
+        parameters: [Parameter::Modulus, Parameter::ZeroFx, Parameter::ShareFirst],
+        priors: [whole.priors[0], whole.priors[5], prior(0.0, 0.1, 0.02, 0.0)],
+        noise: whole.noise,
+        gravity: whole.gravity,
+        interval_s: whole.interval_s,
+    };
+    adapter.priors[2].start = 0.1;
+    let (mut plant, model) = (Plant::new(), neck());
+    let mut state = adapter.init();
+    for i in 0..2000 {
+        let time = 0.01 * f64::from(i);
+        let mut reading = plant.read(&model, &free(time));
+        reading.branches[0] = branch(time, &reading.predicted);
+        adapter.step(&mut state, &reading, 0.01);
+    }
+    // A place that no parameter has is held by nothing.
+    assert!(!adapter.is_held(&state, 3) && !adapter.is_held(&state, usize::MAX));
+    [0, 2].map(|i| adapter.is_held(&state, i))
+}
+
+#[test]
+fn a_share_that_looks_like_the_modulus_holds_both_and_one_that_is_not_told_only_itself() {
+    assert_eq!(with_share(|_, h| h.map(|x| 0.3 * x)), [true, true]);
+    assert_eq!(with_share(|_, _| [0.0; 6]), [false, true]);
+    let own = |time: f64, h: &Vec6<f64>| h.map(|x| 0.3 * x * (3.1 * time).cos());
+    assert_eq!(with_share(own), [false, false]);
+}
+
 #[test]
 fn a_pose_noise_that_is_stated_too_small_draws_nothing() {
     let (mut adapter, mut plant) = (adapter(), Plant::new());

@@ -7,13 +7,15 @@ use super::model_error::{Parts, way};
 use super::update::{
     Factor, add, add_diagonal, bound_of_mean, carried, combined, dot, joseph, spread,
 };
-use super::{Adapter, Block, Outcome, State};
+use super::{Adapter, Block, Outcome, State, TOLD};
 use crate::stepper::Decay;
 
 /// A block counts at least as this share of one, so that a pause at one pose ends some day.
 const STILL: u16 = 1000;
-/// Blocks over which information and noise of a column are averaged.
+/// Blocks over which information and noise of the columns are averaged.
 const EXCITED_OVER: u16 = 200;
+/// A column of which the ones before it leave less than this share is one of them; single precision tells it.
+const NO_OTHER: u16 = u16::MAX;
 /// Blocks in a row beyond the bound that make a jump, and jumps that are no drift.
 const SUSPECTS: u32 = 3;
 const JUMPS: u32 = 3;
@@ -32,8 +34,9 @@ struct Seen<R, const N: usize> {
     /// Means of both halves, and half their difference.
     columns: [[Vec6<R>; N]; 2],
     innovations: [Vec6<R>; 2],
-    /// Noise of either, and the part of the pose with modulus 1.
+    /// Noise of either; with modulus 1, and the part of the pose in it.
     noise: Mat6<R>,
+    unscaled: Mat6<R>,
     of_pose: Mat6<R>,
     parts: Parts<R, N>,
 }
@@ -83,6 +86,7 @@ impl<R: Real, const N: usize> Adapter<R, N> {
             innovations,
             columns,
             noise: pair.noise(&self.noise, &of_pose, scale),
+            unscaled: pair.noise(&self.noise, &of_pose, R::ONE),
             of_pose,
             parts: state.model.parts(cell, &pair.pose, &self.noise),
         };
@@ -94,7 +98,7 @@ impl<R: Real, const N: usize> Adapter<R, N> {
         // A NaN does not fit.
         let fits = surprise <= bound;
         if !fits {
-            state.counts[1] += 1;
+            state.counts[1] = state.counts[1].saturating_add(1);
             if state.counts[1] < SUSPECTS {
                 return Outcome::LeftOut;
             }
@@ -229,13 +233,10 @@ impl<R: Real, const N: usize> Adapter<R, N> {
         add(&mut total, &spread(difference, &carried_apart));
         let factor = Factor::new(&total);
         let mut carried = told.carried;
-        self.hold(
-            state,
-            seen,
-            &factor,
-            told_apart,
-            [&mut carried, &mut carried_apart],
-        );
+        if told_apart {
+            self.inform(state, seen);
+        }
+        self.hold(state, told_apart, [&mut carried, &mut carried_apart]);
         let gain = carried.map(|row| factor.solve(&row));
         let gain_apart = carried_apart.map(|row| factor.solve(&row));
         let [innovation, innovation_apart] = &seen.innovations;
@@ -266,46 +267,56 @@ impl<R: Real, const N: usize> Adapter<R, N> {
         self.project(state);
     }
 
+    /// Adds the information of a block to the mean over the last of them, by the noise of the readings alone:
+    /// no covariance of the filter is in it, so that what is known of a parameter does not hold it.
+    fn inform(&self, state: &mut State<R, N>, seen: &Seen<R, N>) {
+        let over = R::from_u16(EXCITED_OVER);
+        let factor = Factor::new(&seen.unscaled);
+        let [mean, apart] = &seen.columns;
+        for i in 0..N {
+            let (one, other) = (factor.solve(&mean[i]), factor.solve(&apart[i]));
+            for j in 0..N {
+                let told = dot(&one, &mean[j]) - dot(&other, &apart[j]);
+                let place = &mut state.information[i][j];
+                *place += (told - *place) / over;
+            }
+        }
+        // The trace of K Σ_p Kᵀ R⁻¹: what the noise of the pose adds to the information of h.
+        let noise = (0..6).fold(R::ZERO, |sum, a| sum + factor.solve(&seen.of_pose[a])[a]);
+        state.of_noise += (noise - state.of_noise) / over;
+        self.excite(state);
+    }
+
+    /// What the last blocks tell of each parameter that follows the model, whatever the others are: the Schur
+    /// complement of its information. What is known, or told by noise only, does not follow.
+    fn excite(&self, state: &mut State<R, N>) {
+        let follows = |i: usize| self.parameters[i].follows_model();
+        let open = |i: usize| self.priors[i].sd > R::ZERO;
+        let enough = R::from_u16(TOLD) * state.of_noise;
+        let mut left = state.information;
+        for j in (0..N).filter(|j| open(*j) && !follows(*j)) {
+            if left[j][j] * R::from_u16(NO_OTHER) > state.information[j][j] {
+                eliminate(&mut left, j);
+            }
+        }
+        for i in (0..N).filter(|i| open(*i) && follows(*i)) {
+            let mut own = left;
+            for j in (0..N).filter(|j| *j != i && open(*j) && follows(*j)) {
+                if own[j][j] > enough {
+                    eliminate(&mut own, j);
+                }
+            }
+            state.excitation[i] = [own[i][i], state.of_noise];
+        }
+    }
+
     /// Takes parameters that follow the model out of the gains while the readings tell too little of them,
     /// the others following; and in a block that has not moved, or has no two halves.
-    fn hold(
-        &self,
-        state: &mut State<R, N>,
-        seen: &Seen<R, N>,
-        factor: &Factor<R>,
-        told_apart: bool,
-        mut carried: [&mut [Vec6<R>; N]; 2],
-    ) {
-        // The trace of K Σ_p Kᵀ S⁻¹: what the noise of the pose adds to the information of h.
-        let noise = (0..6).fold(R::ZERO, |sum, a| sum + factor.solve(&seen.of_pose[a])[a]);
-        if told_apart {
-            inform(state, seen, factor, noise);
-        }
-        let mut held = [false; N];
-        for i in 0..N {
-            let own = state.covariance[i][i];
-            if !(self.parameters[i].follows_model() && own > R::ZERO) {
-                continue;
-            }
-            held[i] = !told_apart;
-            if !told_apart {
-                continue;
-            }
-            let along: [R; N] = core::array::from_fn(|j| state.covariance[j][i] / own);
-            let [mean, apart] = [0, 1].map(|k| {
-                let column = combined(&seen.columns[k], &along);
-                dot(&column, &factor.solve(&column))
-            });
-            let over = R::from_u16(EXCITED_OVER);
-            let [information, of_noise] = &mut state.excitation[i];
-            // No more than ten times the noise, so that a rest after much motion is seen within a minute.
-            let most = R::from_u16(10) * (noise + *of_noise);
-            let told = mean - apart;
-            let told = if told < most { told } else { most };
-            *information += (told - *information) / over;
-            *of_noise += (noise - *of_noise) / over;
-            held[i] = self.is_held(state, i);
-        }
+    fn hold(&self, state: &State<R, N>, told_apart: bool, mut carried: [&mut [Vec6<R>; N]; 2]) {
+        let held: [bool; N] = core::array::from_fn(|i| {
+            let open = self.parameters[i].follows_model() && state.covariance[i][i] > R::ZERO;
+            open && (!told_apart || self.is_held(state, i))
+        });
         let mut rest = state.covariance;
         for h in (0..N).filter(|h| held[*h]) {
             let own = rest[h][h];
@@ -385,7 +396,7 @@ impl<R: Real, const N: usize> Adapter<R, N> {
         } else {
             R::ONE - alike * alike
         };
-        state.counts[0] += 1;
+        state.counts[0] = state.counts[0].saturating_add(1);
         if state.counts[0] < WINDOW {
             return None;
         }
@@ -404,24 +415,17 @@ impl<R: Real, const N: usize> Adapter<R, N> {
     }
 }
 
-/// Adds the information of a block to the mean over the last of them.
-fn inform<R: Real, const N: usize>(
-    state: &mut State<R, N>,
-    seen: &Seen<R, N>,
-    factor: &Factor<R>,
-    noise: R,
-) {
-    let over = R::from_u16(EXCITED_OVER);
-    let [mean, apart] = &seen.columns;
-    for i in 0..N {
-        let (one, other) = (factor.solve(&mean[i]), factor.solve(&apart[i]));
-        for j in 0..N {
-            let told = dot(&one, &mean[j]) - dot(&other, &apart[j]);
-            let place = &mut state.information[i][j];
-            *place += (told - *place) / over;
+/// Takes what row j explains out of the other rows.
+fn eliminate<R: Real, const N: usize>(matrix: &mut [[R; N]; N], j: usize) {
+    let row = matrix[j];
+    for (i, other) in matrix.iter_mut().enumerate() {
+        let share = other[j] / row[j];
+        if i != j {
+            for (x, y) in other.iter_mut().zip(&row) {
+                *x -= share * *y;
+            }
         }
     }
-    state.of_noise += (noise - state.of_noise) / over;
 }
 
 impl<R: Real, const N: usize> Seen<R, N> {

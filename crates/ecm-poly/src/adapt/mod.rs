@@ -16,11 +16,13 @@
 //!   ([`Noise::rim`]), so that a pose at which nothing holds the model neither draws a parameter nor
 //!   counts as an alarm. The part that changes on the way counts, with
 //!   φ = e^(−way/reach), as (1 − φ)/(1 + φ) of one: standing still is no proof.
-//! - **Excitation.** A parameter that multiplies the model's wrench is held while the information of a
-//!   block about it, the others following, is in the mean of 200 blocks less than what the noise of
-//!   the pose alone would seem to tell, and while that of these blocks together, the others following as
-//!   they do now, is less than ten times as much: along a direction that is told so little, the noise
-//!   multiplies the estimate by a random factor. What no reading excites keeps its value; its variance returns to that of the start.
+//! - **Excitation.** A parameter that multiplies the model's wrench is held while the last 200 blocks tell
+//!   less of it, whatever the others are, than ten times what the noise of the pose seems to: along a
+//!   direction that is told so little, the noise multiplies the estimate by a random factor. The
+//!   information is H₊ᵀ R⁻¹ H₊ − H₋ᵀ R⁻¹ H₋ and its Schur complement, by the noise of the readings alone
+//!   (the strength of instruments, Staiger and Stock, Econometrica 65, 1997): with the covariance of the
+//!   parameters in its weight no block could tell more than is known, and what is least known would be held
+//!   for ever. What no reading excites keeps its value; its variance returns to that of the start.
 //! - **Innovations.** A block beyond 5 standard deviations, with twice the stated variance of the
 //!   model's error, is left out. Three in a row are a jump: the covariance of those parameters that may jump is
 //!   opened. Where that does not explain the readings, or the mean of 100 blocks leaves chi-square, it is
@@ -118,9 +120,10 @@ pub struct State<R, const N: usize> {
     pub at_last: [Vec6<R>; 1 + BRANCHES],
     /// Error of the model.
     pub model: ModelError<R, N>,
-    /// Mean information of each parameter's column, and what noise seems to add.
+    /// What the last blocks tell of each parameter that follows the model, whatever the others are, and what
+    /// noise seems to add.
     pub excitation: [[R; 2]; N],
-    /// Mean of H₊ᵀ S⁻¹ H₊ − H₋ᵀ S⁻¹ H₋: what the last blocks tell of all parameters together.
+    /// Mean of H₊ᵀ R⁻¹ H₊ − H₋ᵀ R⁻¹ H₋: what the last blocks tell of all parameters together.
     pub information: [[R; N]; N],
     /// Mean of what noise seems to add to it along a parameter.
     pub of_noise: R,
@@ -193,27 +196,18 @@ impl<R: Real, const N: usize> Adapter<R, N> {
         }
     }
 
-    /// Whether a parameter is held, because the readings of the last time tell too little of it, the others
-    /// following: each block along the covariance of its time less than its noise seems to, or all together
-    /// along the present one less than ten times that. At the start until they tell something.
+    /// Whether a parameter is held, because the motion of the last time tells too little of it, whatever the
+    /// others are: less than ten times what the noise of the pose seems to. At the start until it tells more.
+    /// This is a matter of poses and noise; what is known of the parameter has no part in it. False where i
+    /// is no parameter's place.
     pub fn is_held(&self, state: &State<R, N>, i: usize) -> bool {
-        if !self.parameters[i].follows_model() {
+        let (Some(parameter), Some([told, of_noise])) =
+            (self.parameters.get(i), state.excitation.get(i))
+        else {
             return false;
-        }
-        let own = state.covariance[i][i];
-        let along: [R; N] = core::array::from_fn(|j| match own > R::ZERO {
-            true => state.covariance[j][i] / own,
-            false => R::ZERO,
-        });
-        let mut told = R::ZERO;
-        for (one, row) in along.iter().zip(&state.information) {
-            for (x, other) in row.iter().zip(&along) {
-                told += *one * *x * *other;
-            }
-        }
-        let tells = told > R::from_u16(TOLD) * state.of_noise;
-        let [information, of_noise] = state.excitation[i];
-        information < of_noise || !tells
+        };
+        let tells = *told > R::from_u16(TOLD) * *of_noise;
+        parameter.follows_model() && !tells
     }
 
     /// Takes one reading, dt (s) after the one before.

@@ -39,7 +39,7 @@ pub fn export(
         )
     });
     let numbers = 3 * count + 2 * count * count + 6 * PARTS * count + 6 * CELLS + 92;
-    let stack = (numbers + 3 * count * count + 80 * count + 600) * precision.size() + 1600;
+    let stack = (numbers + 4 * count * count + 80 * count + 600) * precision.size() + 1600;
     let factorials: Vec<f64> = (0..10).map(inverse_factorial).collect();
     let golden = |x: &f64| format!("(({name}_adapt_real){x:e})");
     let mut keys = common_keys(settings, &history, real, ("{", "}", golden));

@@ -15,6 +15,7 @@ enum {
     STILL = 1000,
     EXCITED_OVER = 200,
     TOLD = 10,
+    NO_OTHER = 65535,
     SUSPECTS = 3,
     JUMPS = 3,
     WINDOW = 100,
@@ -348,9 +349,10 @@ static int32_t visit(const settings_t *s, state_t *x, const real *pose)
 }
 
 /* A block: columns and innovations of the mean of its halves and of half their difference, the noise of
- * either; parts of the model's error, their covariance with the parameters, variance, and the rest. */
+ * either, with modulus 1, and the part of the pose in it; parts of the model's error, their covariance with
+ * the parameters, variance, and the rest. */
 typedef struct {
-    real columns[2][N][6], nu[2][6], noise[6][6], of_pose[6][6];
+    real columns[2][N][6], nu[2][6], noise[6][6], unscaled[6][6], of_pose[6][6];
     int32_t places[AT_ONCE];
     real weights[AT_ONCE][6], shared[N][6], variance[6], rest[6], whole[6];
 } seen_t;
@@ -452,29 +454,66 @@ static real surprise_of(const seen_t *seen, real total[6][6], real *alike)
     return dot6(seen->nu[0], solved);
 }
 
-/* Whether too little is told of a parameter, the others following: by the blocks, each along its own
- * covariance, less than noise seems to tell; or by all of them along the present one, less than ten times that. */
-static int32_t is_held(const state_t *x, int32_t i)
+static int32_t follows(int32_t i)
 {
-    const real own = x->covariance[i][i];
-    real along[N], told = R(0);
-    if (kind_of[i] != 0 && kind_of[i] < 11) {
-        return 0;
-    }
-    for (int32_t j = 0; j < N; j++) {
-        along[j] = own > R(0) ? x->covariance[j][i] / own : R(0);
-    }
-    for (int32_t j = 0; j < N; j++) {
-        for (int32_t k = 0; k < N; k++) {
-            told += along[j] * x->information[j][k] * along[k];
-        }
-    }
-    return x->excitation[i][0] < x->excitation[i][1] || !(told > R(TOLD) * x->of_noise);
+    return kind_of[i] == 0 || kind_of[i] >= 11;
 }
 
-/* Adds the information of a block, mean over the last of them. */
-static void inform(state_t *x, const seen_t *seen, real e[6][6], real of_noise)
+/* Takes what row j explains out of the other rows. */
+static void eliminate(real m[N][N], int32_t j)
 {
+    for (int32_t i = 0; i < N; i++) {
+        const real share = m[i][j] / m[j][j];
+        for (int32_t k = 0; k < N && i != j; k++) {
+            m[i][k] -= share * m[j][k];
+        }
+    }
+}
+
+/* What the last blocks tell of each parameter that follows the model, whatever the others are: the Schur
+ * complement of its information. What is known, or told by noise only, does not follow. */
+static void excite(const settings_t *s, state_t *x)
+{
+    real left[N][N], own[N][N];
+    for (int32_t i = 0; i < N; i++) {
+        for (int32_t j = 0; j < N; j++) {
+            left[i][j] = x->information[i][j];
+        }
+    }
+    for (int32_t j = 0; j < N; j++) {
+        if (!follows(j) && s->priors[j].sd > R(0) && left[j][j] * R(NO_OTHER) > x->information[j][j]) {
+            eliminate(left, j);
+        }
+    }
+    for (int32_t i = 0; i < N; i++) {
+        if (!follows(i) || !(s->priors[i].sd > R(0))) {
+            continue;
+        }
+        for (int32_t j = 0; j < N; j++) {
+            for (int32_t k = 0; k < N; k++) {
+                own[j][k] = left[j][k];
+            }
+        }
+        for (int32_t j = 0; j < N; j++) {
+            if (j != i && follows(j) && s->priors[j].sd > R(0) && own[j][j] > R(TOLD) * x->of_noise) {
+                eliminate(own, j);
+            }
+        }
+        x->excitation[i][0] = own[i][i];
+        x->excitation[i][1] = x->of_noise;
+    }
+}
+
+/* Adds the information of a block to the mean over the last of them, by the noise of the readings alone. */
+static void inform(const settings_t *s, state_t *x, const seen_t *seen)
+{
+    real e[6][6], of_noise = R(0);
+    for (int32_t a = 0; a < 6; a++) {
+        for (int32_t b = 0; b < 6; b++) {
+            e[a][b] = seen->unscaled[a][b];
+        }
+    }
+    factorise(e);
     for (int32_t i = 0; i < N; i++) {
         real one[6], other[6];
         solve(e, seen->columns[0][i], one);
@@ -484,55 +523,20 @@ static void inform(state_t *x, const seen_t *seen, real e[6][6], real of_noise)
             x->information[i][j] += (told - x->information[i][j]) / R(EXCITED_OVER);
         }
     }
-    x->of_noise += (of_noise - x->of_noise) / R(EXCITED_OVER);
-}
-
-/* Takes parameters that follow the model out of the gains while the readings tell too little of them, and
- * in a block that has not moved, or has no two halves. */
-static void hold(state_t *x, const seen_t *seen, real e[6][6], int32_t told_apart,
-                 real g[2][N][6])
-{
-    real rest[N][N], of_noise = R(0);
-    int32_t held[N];
     for (int32_t a = 0; a < 6; a++) {
         real solved[6];
         solve(e, seen->of_pose[a], solved);
         of_noise += solved[a];
     }
-    if (told_apart) {
-        inform(x, seen, e, of_noise);
-    }
-    for (int32_t i = 0; i < N; i++) {
-        const real own = x->covariance[i][i];
-        real told[2];
-        held[i] = 0;
-        if (!((kind_of[i] == 0 || kind_of[i] >= 11) && own > R(0))) {
-            continue;
-        }
-        if (!told_apart) {
-            held[i] = 1;
-            continue;
-        }
-        for (int32_t part = 0; part < 2; part++) {
-            real column[6], solved[6];
-            for (int32_t a = 0; a < 6; a++) {
-                column[a] = R(0);
-                for (int32_t j = 0; j < N; j++) {
-                    column[a] += seen->columns[part][j][a] * (x->covariance[j][i] / own);
-                }
-            }
-            solve(e, column, solved);
-            told[part] = dot6(column, solved);
-        }
-        {
-            /* No more than ten times the noise, so that a rest after much motion is seen within a minute. */
-            const real most = R(10) * (of_noise + x->excitation[i][1]);
-            const real information = told[0] - told[1] < most ? told[0] - told[1] : most;
-            x->excitation[i][0] += (information - x->excitation[i][0]) / R(EXCITED_OVER);
-        }
-        x->excitation[i][1] += (of_noise - x->excitation[i][1]) / R(EXCITED_OVER);
-        held[i] = is_held(x, i);
-    }
+    x->of_noise += (of_noise - x->of_noise) / R(EXCITED_OVER);
+    excite(s, x);
+}
+
+/* Takes parameters that follow the model out of the gains while the readings tell too little of them, and
+ * in a block that has not moved, or has no two halves. */
+static void hold(const state_t *x, int32_t told_apart, real g[2][N][6])
+{
+    real rest[N][N];
     for (int32_t i = 0; i < N; i++) {
         for (int32_t j = 0; j < N; j++) {
             rest[i][j] = x->covariance[i][j];
@@ -540,8 +544,9 @@ static void hold(state_t *x, const seen_t *seen, real e[6][6], int32_t told_apar
     }
     for (int32_t h = 0; h < N; h++) {
         const real own = rest[h][h];
+        const int32_t told = told_apart && x->excitation[h][0] > R(TOLD) * x->excitation[h][1];
         real share[N];
-        if (!held[h]) {
+        if (!follows(h) || told || !(x->covariance[h][h] > R(0))) {
             continue;
         }
         for (int32_t i = 0; i < N; i++) {
@@ -590,7 +595,10 @@ static void update(const settings_t *s, state_t *x, seen_t *seen, real apart, in
         }
     }
     factorise(e);
-    hold(x, seen, e, told_apart, both);
+    if (told_apart) {
+        inform(s, x, seen);
+    }
+    hold(x, told_apart, both);
     for (int32_t i = 0; i < N; i++) {
         solve(e, both[0][i], gain[0][i]);
         solve(e, both[1][i], gain[1][i]);
@@ -780,8 +788,10 @@ static int32_t close_block(const settings_t *s, state_t *x, const block_t *b, in
                 seen.of_pose[a][c] += k[6 * a + j] * variance[j] * k[6 * c + j];
             }
             seen.noise[a][c] = scale * seen.of_pose[a][c] * scale;
+            seen.unscaled[a][c] = seen.of_pose[a][c];
         }
         seen.noise[a][a] += R(1) / n * s->wrench_sd[a / 3] * s->wrench_sd[a / 3];
+        seen.unscaled[a][a] += R(1) / n * s->wrench_sd[a / 3] * s->wrench_sd[a / 3];
     }
     tell(x, &seen, g, total);
     surprise = surprise_of(&seen, total, &alike);

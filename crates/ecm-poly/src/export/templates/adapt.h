@@ -65,9 +65,10 @@ typedef struct {
     /* error of the model: covariance with the parameters, neighbourhoods of poses, last visits */
     @NAME@_adapt_real cross[@COUNT@][@PARTS@][6], centres[@CELLS@][6];
     uint32_t visits[@CELLS@];
-    /* information and seeming information of noise: a parameter with less of the first is held */
+    /* what the last blocks tell of a modulus or share, whatever the others are, and what noise seems to: with at
+     * most ten times the second it is held */
     @NAME@_adapt_real excitation[@COUNT@][2];
-    /* the same of all parameters together, for their present covariance */
+    /* the same of all parameters together */
     @NAME@_adapt_real information[@COUNT@][@COUNT@], of_noise, window[2];
     uint32_t counts[4], held;
 } @NAME@_adapt_state;
