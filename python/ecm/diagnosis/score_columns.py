@@ -19,6 +19,8 @@ from ecm.regression.f_test import explained_by_span, orthonormal
 from ecm.regression.rows import UnknownLength
 
 _ROUNDING = 1e-9
+_AT_ONCE = 64
+"""Columns that are projected together, about."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,26 @@ class Projection:
         """Return the squares of the weighted response (N m,) that columns add to the base."""
         flat = self.flat(columns)
         return explained_by_span(flat - self.basis @ (self.basis.T @ flat), response)[0]
+
+    def explained_by_each(self, blocks: Sequence[F], response: F) -> list[float]:
+        """Return the same for each of the blocks of columns (N, m, k), some dozens at a time.
+
+        A product with a large base reads all of it: with one block at a time that is all its work.
+        """
+        ends = np.cumsum([block.shape[2] for block in blocks])
+        parts = [
+            [blocks[i] for i in np.flatnonzero(ends // _AT_ONCE == place).tolist()]
+            for place in np.unique(ends // _AT_ONCE)
+        ]
+
+        def of_part(part: Sequence[F]) -> list[float]:
+            flat = np.concatenate([self.flat(block) for block in part], axis=1)
+            flat -= self.basis @ (self.basis.T @ flat)
+            cuts = np.cumsum([block.shape[2] for block in part])[:-1]
+            own = np.split(flat, cuts, axis=1)
+            return [explained_by_span(columns, response)[0] for columns in own]
+
+        return [gain for gains in in_threads(of_part, parts) for gain in gains]
 
 
 @dataclass(frozen=True)
@@ -164,7 +186,7 @@ def _leading_shapes(
     """Return the shape of each effect that explains most of the response beyond the base."""
     y = _rest_of_response(response, projection)
     best: dict[str, tuple[float, ScoreColumns]] = {}
-    gains = in_threads(lambda item: projection.explained(item.columns, y), every)
+    gains = projection.explained_by_each([item.columns for item in every], y)
     for item, gain in zip(every, gains, strict=True):
         if item.effect.id not in best or gain > best[item.effect.id][0]:
             best[item.effect.id] = (gain, item)
