@@ -288,3 +288,49 @@ def test_three_columns_and_few_rows_lack_nothing(rows: int) -> None:
     instrument = {"force_sd_N": 0.3, "pose_position_sd_m": 1e-9}
     table = ecm.Table(columns, {"instrument": instrument})
     assert find_missing(ecm.fit(table, "cubic"), table).verdict == "none"
+
+
+def _under_a_second_load(kind: str, *, measured: bool) -> ecm.Table:
+    """A spring that a second load outweighs, with friction or damping."""
+    random, time = np.random.default_rng(0), 0.25 * np.arange(480)
+    phase = 2.0 * np.pi * time / 10.0
+    if kind == "viscous_damping":
+        phase = 2.0 * np.pi * np.where(time < 60.0, time / 12.0, 5.0 + (time - 60.0) / 4.0)
+    x = 4e-3 * np.sin(phase) * (1.0 + 0.2 * np.sin(0.17 * phase))
+    push = np.repeat(random.uniform(0.0, 8.0, 24), 20) * measured
+    force = 1500.0 * x + 3e7 * x**3 - 2600.0 * x - 1.2 * push
+    if kind == "hysteresis":
+        force += _sliders(x, np.array([1e-4, 3e-4, 8e-4]), np.array([0.5, 0.3, 0.2]))
+    else:
+        force += 0.4 * np.arcsinh(np.gradient(x, time) / 1e-3)
+    force += 0.05 * random.standard_normal(480)
+    columns = {"time_s": time, "x_m": x, "fx_N": force}
+    if measured:
+        columns["push_N"] = push + 0.02 * random.standard_normal(480)
+    meta = {"instrument": {"force_sd_N": 0.05, "pose_position_sd_m": 1e-7}}
+    return ecm.Table(columns, meta)
+
+
+def _sliders(path: np.ndarray, paths: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    """Prandtl and Ishlinskii: springs side by side, each slips after a path of its own."""
+    state, found = np.zeros(len(paths)), []
+    for step in np.diff(path, prepend=path[0]):
+        state = np.clip(state + step, -paths, paths)
+        found.append(float(forces @ (state / paths)))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("measured", [False, True])
+@pytest.mark.parametrize("kind", ["hysteresis", "viscous_damping"])
+def test_what_takes_work_is_found_under_a_second_load(kind: str, measured: bool) -> None:
+    """The force of all rows leans against the motion, the work of its loops does not."""
+    table = _under_a_second_load(kind, measured=measured)
+    model = ecm.fit(table, "cubic")
+    if measured:
+        model = ecm.refit(model, table, add=["unused_column"])
+    if kind == "hysteresis":
+        assert find_missing(model, table).answer == (("hysteresis",),)
+    better = ecm.refit(model, table, add=[kind])
+    assert better.effects[-1].values[0] > 0.0
+    before, after = (ecm.compare(item, table).components[0].rmse for item in (model, better))
+    assert after < 0.25 * before

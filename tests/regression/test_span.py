@@ -49,3 +49,17 @@ def test_what_a_dependent_base_explains_is_no_structure() -> None:
     assert test.dof == 1
     alone = omnibus_test(error, both[:, :, 1:], base[:, None, 1:])
     assert test.explained == pytest.approx(alone.explained, rel=1e-9)
+
+
+@pytest.mark.parametrize("beside", [1.0, 1e-2, 1e-4, 3e-5])
+def test_columns_far_from_dependent_are_made_orthonormal_without_reflections(beside: float) -> None:
+    """Products square how dependent columns are: nearly dependent ones still keep their span."""
+    random = np.random.default_rng(2)
+    columns = random.standard_normal((400, 70))
+    columns[:, 69] = columns[:, 0] + beside * columns[:, 69]
+    basis, reflected = orthonormal(columns), np.linalg.qr(columns)[0]
+    assert basis.shape == columns.shape
+    assert basis.T @ basis == pytest.approx(np.eye(70), abs=1e-12)
+    assert reflected @ (reflected.T @ basis) == pytest.approx(basis, abs=1e-8)
+    # An orthonormal basis stays as it is.
+    assert orthonormal(basis) == pytest.approx(basis, abs=1e-12)

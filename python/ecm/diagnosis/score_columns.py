@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,12 +13,14 @@ from ecm.effects import Effect, Missing, Rows
 from ecm.effects.few.forms import FORMS
 from ecm.effects.length import UNKNOWN_LENGTH
 from ecm.effects.thinned import jacobian_of
-from ecm.io.arrays import F
+from ecm.io.arrays import F, I
 from ecm.regression.blocks import in_threads
 from ecm.regression.f_test import explained_by_span, orthonormal
 from ecm.regression.rows import UnknownLength
 
 _ROUNDING = 1e-9
+_AT_ONCE = 64
+"""Columns that are projected together, about."""
 
 
 @dataclass(frozen=True)
@@ -64,18 +66,49 @@ class Projection:
         before, after = (np.sqrt((part**2).sum(axis=(0, 1))) for part in (columns, left))
         return np.where(after > _ROUNDING * before, left, 0.0)
 
-    def absorbed(self, columns: F) -> float:
-        """Return the share that the base takes of the effect's best visible parameter."""
-        flat = self.flat(columns)
-        total = (flat**2).sum(axis=0)
-        inside = ((self.basis.T @ flat) ** 2).sum(axis=0)
-        shares = np.where(total > 0.0, inside / np.where(total > 0.0, total, 1.0), 1.0)
-        return float(shares.min(initial=1.0))
+    def absorbed_by_each(self, blocks: Sequence[F]) -> list[float]:
+        """Return the share that the base takes of the best visible parameter of each block."""
+
+        def of_part(part: Sequence[F]) -> list[float]:
+            flat, cuts = self._together(part)
+            total = (flat**2).sum(axis=0)
+            inside = ((self.basis.T @ flat) ** 2).sum(axis=0)
+            shares = np.where(total > 0.0, inside / np.where(total > 0.0, total, 1.0), 1.0)
+            return [float(own.min(initial=1.0)) for own in np.split(shares, cuts)]
+
+        return _of_parts(of_part, blocks)
 
     def explained(self, columns: F, response: F) -> float:
         """Return the squares of the weighted response (N m,) that columns add to the base."""
         flat = self.flat(columns)
         return explained_by_span(flat - self.basis @ (self.basis.T @ flat), response)[0]
+
+    def explained_by_each(self, blocks: Sequence[F], response: F) -> list[float]:
+        """Return the same for each of the blocks of columns (N, m, k), some dozens at a time.
+
+        A product with a large base reads all of it: with one block at a time that is all its work.
+        """
+
+        def of_part(part: Sequence[F]) -> list[float]:
+            flat, cuts = self._together(part)
+            flat -= self.basis @ (self.basis.T @ flat)
+            return [explained_by_span(own, response)[0] for own in np.split(flat, cuts, axis=1)]
+
+        return _of_parts(of_part, blocks)
+
+    def _together(self, part: Sequence[F]) -> tuple[F, I]:
+        """Return (N m, k) weighted columns of some blocks, and where each but the first begins."""
+        flat = np.concatenate([self.flat(block) for block in part], axis=1)
+        return flat, np.cumsum([block.shape[2] for block in part])[:-1]
+
+
+def _of_parts(work: Callable[[Sequence[F]], list[float]], blocks: Sequence[F]) -> list[float]:
+    """Return the numbers of `work` for each block (N, m, k); blocks are given some at a time."""
+    ends = np.cumsum([block.shape[2] for block in blocks]) // _AT_ONCE
+    parts = [
+        [blocks[i] for i in np.flatnonzero(ends == place).tolist()] for place in np.unique(ends)
+    ]
+    return [number for numbers in in_threads(work, parts) for number in numbers]
 
 
 @dataclass(frozen=True)
@@ -164,7 +197,7 @@ def _leading_shapes(
     """Return the shape of each effect that explains most of the response beyond the base."""
     y = _rest_of_response(response, projection)
     best: dict[str, tuple[float, ScoreColumns]] = {}
-    gains = in_threads(lambda item: projection.explained(item.columns, y), every)
+    gains = projection.explained_by_each([item.columns for item in every], y)
     for item, gain in zip(every, gains, strict=True):
         if item.effect.id not in best or gain > best[item.effect.id][0]:
             best[item.effect.id] = (gain, item)
@@ -188,7 +221,7 @@ def _refined_shapes(
         own = [item for item in every if item.effect.id == id]
         if not any(item.effect.refined(table, 0) for item in own):
             return None
-        gains = [projection.explained(item.columns, y) for item in own]
+        gains = projection.explained_by_each([item.columns for item in own], y)
         best, first = max(zip(gains, own, strict=True), key=lambda pair: pair[0])
         start = first
         for round_ in range(rounds):
@@ -220,7 +253,7 @@ def _not_absorbed(
     most = settings.absorbed_by_physics if physics else settings.absorbed_share
     kept: list[ScoreColumns] = []
     absorbed: dict[str, Missing] = {}
-    shares = in_threads(lambda item: projection.absorbed(item.columns), every)
+    shares = projection.absorbed_by_each([item.columns for item in every])
     for item, share in zip(every, shares, strict=True):
         own = getattr(item.effect, "most_absorbed", None)
         if share <= (own or (settings.absorbed_share if item.imitates else most)):

@@ -12,9 +12,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from ecm.io.arrays import F, I
 from ecm.regression.blocks import in_threads
+from ecm.regression.f_test import orthonormal
 
 _DRAWS, _SEED = 199, 11
 _TIMES, _SHARES = 6, (0.4, 0.7, 0.9, 0.97, 0.995)
@@ -104,8 +106,11 @@ def slow_noise(
     if sum(map(len, orders)) < _LEAST_ROWS:
         return None
     order = np.concatenate(orders)
+    # Of unit length and at right angles, so that the filter leaves products that can be inverted.
+    own = base[order]
+    basis = orthonormal(own.reshape(-1, own.shape[2])).reshape(*own.shape[:2], -1)
     steps = np.concatenate([np.r_[np.inf, np.diff(time_s[rows])] for rows in orders])
-    series = _Series(np.maximum(steps, 1e-9), response[order], base[order], columns[order])
+    series = _Series(np.maximum(steps, 1e-9), response[order], basis, columns[order])
     # Clocks that are rounded repeat a time.
     later = steps[np.isfinite(steps) & (steps > 0.0)]
     longest = float(max(np.ptp(time_s[rows]) for rows in orders))
@@ -153,17 +158,25 @@ def _deviances(
         part = grid[start : start + at_once]
         innovations, log_determinant = _filtered(series.steps, part, everything)
         for g, flat in enumerate(innovations):
-            basis = np.linalg.qr(flat[:, :b])[0]
-            rest = flat[:, b:] - basis @ (basis.T @ flat[:, b:])
-            squares = (rest[:, -r:] ** 2).sum(axis=0)
+            products = _beside_first(flat.T @ flat, b)
+            squares = np.diag(products)[-r:]
             level = m * log_determinant[g]
             null[start + g] = size * np.log(squares / size) + level
-            gains = _gains(rest[:, :-r], rest[:, -r:], blocks)
+            gains = _gains(products, r, blocks)
             left = np.maximum(squares - gains, 1e-12 * squares)
             beside[start + g] = size * np.log(left / size) + level + penalty
 
     in_threads(fill, range(0, len(grid), at_once))
     return null, beside
+
+
+def _beside_first(products: F, first: int) -> F:
+    """Return the products (q, q) of the columns after the first ones, these projected out."""
+    if not first:
+        return products
+    factor = np.linalg.cholesky(products[:first, :first])
+    along = solve_triangular(factor, products[:first, first:], lower=True, check_finite=False)
+    return np.asarray(products[first:, first:] - along.T @ along)
 
 
 def _filtered(steps: F, grid: F, values: F) -> tuple[F, F]:
@@ -186,10 +199,10 @@ def _filtered(steps: F, grid: F, values: F) -> tuple[F, F]:
     return out.reshape(len(grid), n * m, q), log_determinant
 
 
-def _gains(columns: F, responses: F, blocks: Sequence[tuple[int, ...]]) -> F:
-    """Return (b, r) the squares of each response (s, r) that each block of columns explains."""
-    products, vectors = columns.T @ columns, columns.T @ responses
-    gains = np.empty((len(blocks), responses.shape[1]))
+def _gains(products: F, r: int, blocks: Sequence[tuple[int, ...]]) -> F:
+    """Return (b, r) the squares of each response, the last r, that each block explains."""
+    vectors = products[:-r, -r:]
+    gains = np.empty((len(blocks), r))
     sizes = np.array([len(block) for block in blocks], dtype=np.int64)
     for k in np.unique(sizes).tolist():
         which = np.flatnonzero(sizes == k)

@@ -14,6 +14,7 @@ from ecm.effects.few.pairs import (
     numbers,
     pairs,
     per_pair,
+    resisting_pairs,
     short,
     spans,
 )
@@ -81,7 +82,7 @@ class Hysteresis(PairEffect):
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Four paths to the slip."""
-        of, span = ",".join(pairs(table)), spans(table)
+        of, span = ",".join(resisting_pairs(table)), spans(table)
         return tuple(
             Hysteresis(of, listed_numbers({name: share * span[name] for name in names_of(of)}))
             for share in _SLIPS
@@ -191,7 +192,7 @@ class ViscousDamping(PairEffect):
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Both exponents."""
-        of = ",".join(pairs(table))
+        of = ",".join(resisting_pairs(table))
         return tuple(ViscousDamping(of, exponent) for exponent in _EXPONENTS)
 
     def signal(self, rows: Rows, name: str) -> F:

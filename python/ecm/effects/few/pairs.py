@@ -1,8 +1,9 @@
 """Signals of single pose columns that act on single wrench columns.
 
 A pair `theta_z_rad>tau_z_Nm` is a pose column and the wrench column on which its signal acts; a
-minus before the wrench column turns it where the wrench falls as the pose grows, so that the
-parameter of what resists the motion is positive.
+minus before the wrench column turns it, so that the parameter of what resists is positive: where
+the wrench falls as the pose grows, and for friction and damping where the closed loops of the
+motion take no work either.
 """
 
 from __future__ import annotations
@@ -15,9 +16,15 @@ from ecm.effects.protocol import LinearEffect, Missing, Need, Parameter
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.table import Table
+from ecm.regression.approach import order_of_visits
+from ecm.regression.derived import derived_columns
 from ecm.regression.rows import Rows
 
 _MOST = 6
+_LEAST_TURN = 0.05
+"""Share of the range by which a way back is no scatter."""
+_LEAST_LOOPS, _SURE = 3, 3.0
+"""Loops of which the work is compared, and errors of its mean that it must exceed."""
 
 
 def short(name: str) -> str:
@@ -37,13 +44,90 @@ def pairs(table: Table) -> tuple[str, ...]:
     measured = table.measured()
     outputs = [name for name in measured.wrench_columns if np.ptp(measured.column(name)) > 1e-12]
     every = [(name, other) for name in spans(table) for other in outputs]
-    own = [pair for pair in every if POSE.index(pair[0]) == WRENCH.index(pair[1])]
+    own = [pair for pair in every if _is_own(*pair)]
 
     def sign(name: str, other: str) -> str:
         centred = measured.column(name) - measured.column(name).mean()
         return "-" if float(centred @ measured.column(other)) < 0.0 else ""
 
     return tuple(f"{name}>{sign(name, other)}{other}" for name, other in (own or every)[:_MOST])
+
+
+def _is_own(name: str, other: str) -> bool:
+    """Whether a wrench column is that of the pose column's axis."""
+    return POSE.index(name) == WRENCH.index(other)
+
+
+def resisting_pairs(table: Table) -> tuple[str, ...]:
+    """The same pairs with the sign in which friction and damping take work from the motion.
+
+    The wrench is what the surroundings exert: work that they lose in every closed loop is lost in
+    the mechanism, whatever load beside it lets the wrench fall as the pose grows. Where the loops
+    give work, or are few, the wrench may be that of the mechanism on its surroundings, and what
+    lags behind may give it as well: then the sign is that of `pairs`.
+
+    Examples
+    --------
+    >>> time = np.arange(400.0)
+    >>> x, load = np.sin(time / 8.0), 5.0 * np.sin(time / 8.0) + 3.0 * np.cos(time / 30.0)
+    >>> force = x + 0.3 * np.sign(np.gradient(x)) - load
+    >>> table = Table({"time_s": time, "x_m": x, "fx_N": force, "load_N": load})
+    >>> pairs(table), resisting_pairs(table)
+    (('x_m>-fx_N',), ('x_m>fx_N',))
+    """
+    found = pairs(table)
+    falling = [pair for pair in found if ">-" in pair and _is_own(*split(pair)[:2])]
+    measured = table.measured()
+    if not falling or not measured.has("time_s"):
+        return found
+    left = _beside_poses_and_loads(measured, [split(pair)[1] for pair in falling])
+    orders = order_of_visits(measured)
+    turned = {}
+    for pair, rest in zip(falling, left.T, strict=True):
+        path = measured.column(split(pair)[0])
+        work = np.array([w for order in orders for w in _work_of_loops(path[order], rest[order])])
+        if len(work) >= _LEAST_LOOPS:
+            error = float(work.std(ddof=1)) / np.sqrt(len(work))
+            if float(work.mean()) > _SURE * error:
+                turned[pair] = pair.replace(">-", ">")
+    return tuple(turned.get(pair, pair) for pair in found)
+
+
+def _beside_poses_and_loads(table: Table, outputs: Sequence[str]) -> F:
+    """(N, m) what smooth functions of the pose and the user's own columns leave of the wrench."""
+    poses = table.matrix(tuple(spans(table)))
+    poses = (poses - poses.mean(axis=0)) / poses.std(axis=0)
+    k = poses.shape[1]
+    copies = derived_columns(table, table.pose_columns, table.wrench_columns)
+    own = [np.nan_to_num(table.column(name)) for name in table.covariates if name not in copies]
+    columns = [np.ones(len(table)), *poses.T, *(poses**3).T]
+    columns += [poses[:, i] * poses[:, j] for i in range(k) for j in range(i, k)]
+    columns += [u - u.mean() for u in own if float(np.ptp(u)) > 0.0]
+    design, wrench = np.column_stack(columns), table.matrix(tuple(outputs))
+    unit = design / np.sqrt((design**2).sum(axis=0))
+    return np.asarray(wrench - unit @ np.linalg.lstsq(unit, wrench, rcond=1e-10)[0])
+
+
+def _work_of_loops(path: F, force: F) -> list[float]:
+    """Work that a force (N,) takes on each way there and back of a path (N,)."""
+    steps = np.diff(path) * 0.5 * (force[1:] + force[:-1])
+    total = np.concatenate([[0.0], np.cumsum(steps)])[_turns(path)]
+    return [float(w) for w in total[2::2] - total[:-2:2]]
+
+
+def _turns(path: F) -> list[int]:
+    """Rows where a path turns back by more than a share of its range."""
+    least, turns, ahead, way = _LEAST_TURN * float(np.ptp(path)), [0], 0, 0.0
+    for i, at in enumerate(path.tolist()):
+        beyond = at - path[ahead]
+        if way == 0.0 and abs(beyond) > least:
+            way, ahead = float(np.sign(beyond)), i
+        elif way * beyond > 0.0:
+            ahead = i
+        elif way * beyond < -least:
+            turns.append(ahead)
+            way, ahead = -way, i
+    return turns
 
 
 def split(pair: str) -> tuple[str, str, float]:
@@ -57,7 +141,7 @@ def per_pair(of: str, what: str, per: str = "", *, lower: float = -np.inf) -> tu
     made = []
     for pair in filter(None, of.split(",")):
         name, other, _ = split(pair)
-        own = POSE.index(name) == WRENCH.index(other)
+        own = _is_own(name, other)
         label = f"{what}_{short(other)}" + ("" if own else f"_of_{short(name)}")
         unit = unit_of(other) + (f"/{per.format(unit_of(name))}" if per else "")
         made.append(Parameter(label, unit, 1.0 if other in WRENCH[:3] else 0.03, lower))
