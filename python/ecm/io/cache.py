@@ -19,6 +19,7 @@ import math
 import os
 import shutil
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -34,6 +35,9 @@ from ecm.io.temporary import temporary_beside
 
 Arrays = Mapping[str, NDArray[Any]]
 _KEY_LENGTH = 16
+_DAMAGED = (OSError, ValueError, EOFError, KeyError, NotImplementedError, zipfile.BadZipFile,
+            zlib.error)  # fmt: skip
+"""What numpy's reader raises where an archive is damaged."""
 
 
 # --- keys --------------------------------------------------------------
@@ -179,7 +183,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]] | None:
     """Read an .npz file; None where there is none or it is damaged."""
     try:
         return _unpack(path.read_bytes())
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
+    except _DAMAGED:
         return None
 
 
