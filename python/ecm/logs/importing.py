@@ -258,6 +258,8 @@ def _read(log: Any, topics: Sequence[str], progress: Progress | None) -> ReadLog
     path = Path(log)
     if not path.exists():
         raise InputError(f"{path}: this log does not exist. Check the path.")
+    if not path.is_file() and not path.is_dir():
+        raise InputError(f"{path}: a pipe or a device; a log is read more than once: save it first")
     if is_bag(path):
         return ReadLog(read_bag(path, topics, progress), str(path), "")
     if path.is_dir():
