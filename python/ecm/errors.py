@@ -24,7 +24,17 @@ __all__ = [
     "Remedy",
     "exit_code",
     "remedy_of",
+    "shortened",
+    "shown",
+    "visible",
 ]
+
+
+_MOST_QUOTED = 80
+"""Letters of a file's own text that a message quotes."""
+_UNSEEN = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
+)
 
 
 @dataclass(frozen=True)
@@ -153,6 +163,57 @@ Install it with: pip install 'ecm-stiffness[data]'
             f"{purpose} needs the package {package}, which is not installed. "
             f"Install it with: pip install 'ecm-stiffness[{extra}]'"
         )
+
+
+def shown(value: object) -> str:
+    """A value of a file as messages quote it, text in quotes; see `shortened`.
+
+    Examples
+    --------
+    >>> print(shown("fx_N"), shown(2.5), shown([None] * 2))
+    'fx_N' 2.5 [None, None]
+    """
+    return f"'{shortened(value)}'" if isinstance(value, str) else shortened(repr(value))
+
+
+def shortened(text: str) -> str:
+    """A cell, a name or a message of others, of which only the begin is shown where it is long.
+
+    Parameters
+    ----------
+    text
+        The text; up to 80 letters stay, in one line.
+
+    Examples
+    --------
+    >>> shortened("fx_N")
+    'fx_N'
+    >>> print(shortened("x" * 50_000))
+    xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx... (50000 letters)
+    """
+    text = text.replace("\n", "\\n").replace("\t", "\\t")
+    if len(text) <= _MOST_QUOTED:
+        return text
+    return f"{text[: _MOST_QUOTED - 20]}... ({len(text)} letters)"
+
+
+def visible(text: str) -> str:
+    """Text with its control characters written out: a terminal obeys none that a file holds.
+
+    Escape sequences colour or hide lines, a carriage return overwrites them, and the marks of
+    writing directions turn them round. Line ends and tabs stay.
+
+    Parameters
+    ----------
+    text
+        What will be printed.
+
+    Examples
+    --------
+    >>> print(visible("fx\x1b[2J_N"))
+    fx\\x1b[2J_N
+    """
+    return _UNSEEN.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
 def exit_code(error: EcmError) -> int:

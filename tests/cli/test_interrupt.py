@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from ecm.cli.outputs import Outputs
+from ecm.errors import ComputationError
+from ecm.io.cache import write_atomically
 from ecm.io.description import Meta
 from ecm.io.interrupts import uninterrupted, wait_to_interrupt
 from ecm.io.table import as_table
@@ -54,6 +58,51 @@ def test_an_interruption_at_any_moment_ends_with_130_and_one_line(tmp_path: Path
     assert interrupted >= 5, "those before the last file"
     assert run(FIT, cut).code == 0
     assert files(cut) == files(whole)
+
+
+WAITS = """
+import sys
+from pathlib import Path
+from ecm.cli import interrupt
+from ecm.cli.main import reported
+from ecm.io.cache import write_atomically
+from ecm.io.interrupts import uninterrupted
+interrupt.install()
+interrupt.begin()
+def work():
+    with uninterrupted():
+        print("waits", flush=True)
+        write_atomically(Path(sys.argv[1]), "the model")
+sys.exit(reported(work))
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_pipe_that_nobody_reads_does_not_hold_the_command(tmp_path: Path, number: int) -> None:
+    os.mkfifo(tmp_path / "out")
+    arguments = [sys.executable, "-c", WAITS, tmp_path / "out"]
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"waits\n"
+        time.sleep(0.1)
+        sent = time.monotonic()
+        process.send_signal(number)
+        assert process.wait(10.0) == 130
+        assert time.monotonic() - sent < 2.0, "0.05 s where the machine has nothing else to do"
+
+
+def test_a_pipe_is_written_to_its_reader_and_refused_without_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "out"
+    os.mkfifo(path)
+    monkeypatch.setattr("ecm.io.cache._WAIT_FOR_READER_S", 0.1)
+    with pytest.raises(ComputationError, match=r"out: no program has read this pipe for 0.1 s"):
+        write_atomically(path, "the model")
+    with subprocess.Popen(["cat", path], stdout=subprocess.PIPE) as reader:
+        monkeypatch.setattr("ecm.io.cache._WAIT_FOR_READER_S", 10.0)
+        write_atomically(path, "the model")
+        assert reader.communicate()[0] == b"the model"
 
 
 LOST = """

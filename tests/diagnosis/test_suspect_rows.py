@@ -81,6 +81,35 @@ def test_a_fault_is_found_by_its_rows_and_nothing_else(fault: Callable[..., set[
     assert found(columns, "static") == {}
 
 
+@pytest.mark.parametrize("begin", ["virgin loading", "rest", "rest and loading", "hardening"])
+def test_a_first_loading_and_a_rest_are_no_start_up(begin: str) -> None:
+    """The test cycles about a mean load, so that its begin is out of the later range."""
+    rng = np.random.default_rng(3)
+    t = 0.01 * np.arange(ROWS)
+    rest_s, loading_s = {
+        "virgin loading": (0.0, 2.0), "hardening": (0.0, 2.0), "rest": (3.0, 0.5),
+        "rest and loading": (1.0, 2.0),
+    }[begin]  # fmt: skip
+    y = 0.01 * np.clip((t - rest_s) / loading_s, 0.0, 1.0)
+    y += 0.002 * np.sin(6.0 * np.maximum(t - rest_s - loading_s, 0.0))
+    force = 3000.0 * y + (3e7 * y**3 if begin == "hardening" else 0.0)
+    columns = {"time_s": t, "y_m": y, "fy_N": force + 0.1 * rng.normal(size=ROWS)}
+    assert "start_up" not in found(columns)
+
+
+def test_a_way_through_air_and_a_late_tracker_are_a_start_up() -> None:
+    columns = log()
+    columns["y_m"] += 0.02
+    columns["fy_N"] += 60.0
+    columns["y_m"][:200] = np.linspace(-0.03, 0.0, 200)  # no contact yet
+    columns["fy_N"][:200] = 0.1 * np.random.default_rng(5).normal(size=200)
+    assert found(columns)["start_up"] >= set(range(1, 201))
+    columns = log()
+    columns["y_m"] += 0.03
+    columns["y_m"][:40] = columns["fy_N"][:40] = 0.0  # zeros until it tracks
+    assert found(columns)["start_up"] == set(range(1, 41))
+
+
 @pytest.mark.parametrize("name", ["coarse", "ramp", "holds"])
 def test_ordinary_tests_have_no_suspect_rows(name: str) -> None:
     columns = log()

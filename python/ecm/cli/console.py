@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import Any
 
 from ecm.cli import interrupt
+from ecm.errors import visible
 
 
 def _line_every_s() -> float:
@@ -86,7 +87,8 @@ class Console:
                 if self._progress is None:
                     now = time.monotonic()
                     so_far = f"{_duration(now - start)} so far"
-                    sys.stderr.write(f"{begin}{steps.line(title, so_far, now)}{end}")
+                    line = visible(steps.line(title, so_far, now))
+                    sys.stderr.write(f"{begin}{line}{end}")
                     sys.stderr.flush()
                     shown = alone
             if shown and self._progress is None:
@@ -125,7 +127,7 @@ class Console:
 
     def _write(self, stream: Any, text: str) -> None:
         self.close()
-        stream.write(text + "\n")
+        stream.write(visible(text) + "\n")
         stream.flush()
 
     def _bar(self, title: str) -> Callable[..., None]:
@@ -150,7 +152,7 @@ class Console:
                 task,
                 completed=done,
                 total=total or None,
-                description=", ".join([title, *map(str, words)]),
+                description=visible(", ".join([title, *map(str, words)])),
             )
 
         return show
@@ -233,7 +235,7 @@ def _lines(title: str) -> Callable[..., None]:
         if complete or (now - last < _LINE_EVERY_S and not (finished and slow)):
             return
         last, complete = now, finished
-        what = ", ".join([title, *map(str, words)])
+        what = visible(", ".join([title, *map(str, words)]))
         sys.stderr.write(f"{what}: {done}{f' of {total}' if total else ''}{phase.left(now)}\n")
         sys.stderr.flush()
 

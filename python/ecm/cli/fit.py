@@ -8,6 +8,7 @@ from ecm.cli.models import build_physics, is_mechanism, read_mechanism
 from ecm.cli.options.fit import Options
 from ecm.cli.outputs import saved_by_force
 from ecm.cli.session import Session
+from ecm.diagnosis.check import likely_continuous
 from ecm.effects import load_installed
 from ecm.errors import InputError
 from ecm.io.table import Table
@@ -32,6 +33,8 @@ def fit(options: Options, session: Session) -> None:
     """Run `ecm fit`."""
     session.check_output(options.out)
     table = session.read(options.data, need="fit")
+    for sentence in likely_continuous(table):
+        session.warn(sentence)
     name, choice = options.model, None
     if name == "choose":
         if options.pcr is not None:

@@ -18,7 +18,7 @@ from typer.main import get_command
 
 from ecm.cli import interrupt
 from ecm.cli.app import app
-from ecm.errors import EcmError, exit_code
+from ecm.errors import EcmError, exit_code, visible
 from ecm.regression.blas import one_blas_thread_later
 
 _BROKEN_PIPE = -1
@@ -28,6 +28,9 @@ def main() -> None:
     """Run the command line of this process and end it."""
     if not os.environ.get("ECM_DEBUG"):
         warnings.simplefilter("ignore")
+    for stream in (sys.stdout, sys.stderr):  # a terminal that lacks a letter costs no result
+        with suppress(AttributeError, OSError, ValueError):
+            stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
     try:
         interrupt.begin()
         code = run()
@@ -133,5 +136,5 @@ def _interrupted() -> int:
 
 def _print(text: str) -> None:
     with suppress(OSError, ValueError):
-        sys.stderr.write(text + "\n")
+        sys.stderr.write(visible(text) + "\n")
         sys.stderr.flush()

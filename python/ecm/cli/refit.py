@@ -6,6 +6,7 @@ from ecm.cli.models import open_model
 from ecm.cli.options.refit import Options
 from ecm.cli.outputs import saved_by_force
 from ecm.cli.session import Session
+from ecm.diagnosis.check import likely_continuous
 from ecm.effects import load_installed
 from ecm.models.refit import refit as refit_model
 from ecm.models.refit import refit_summary
@@ -16,6 +17,8 @@ def refit(options: Options, session: Session) -> None:
     """Run `ecm refit`."""
     session.check_output(options.out)
     table = session.read(options.data, need="fit")
+    for sentence in likely_continuous(table):
+        session.warn(sentence)
     load_installed()
     before = open_model(options.model, session, table)
     with session.working(f"fitting {len(table)} rows") as tell:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ecm.io.arrays import B, F, I
+from ecm.io.arrays import F, I
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE
 from ecm.io.description import read_meta
@@ -26,6 +26,13 @@ _LOOKS, _SWINGS = 30, 2.0
 """A start goes to its place once; so many ranges of ways between as many looks are loading."""
 _LONGEST_START = 0.2
 """A start-up is at most this share of a run; a longer one is the test itself."""
+_FOLLOWS = 0.9
+"""Rank correlation of pose and wrench from which on the wrench follows the pose.
+
+Rows of which half move without load have 7/8.
+"""
+_JUMP = 3.0
+"""Steps between samples larger than so many of the largest later one are jumps."""
 _MARGIN = 0.02
 """A row is inside the range of the later half if it is this share of it beyond its ends."""
 _PLATEAU = 4
@@ -73,7 +80,7 @@ def suspect_rows(table: Table) -> list[SuspectRows]:
     """Return the rows of a continuous log that are likely no measurement, by reason.
 
     - start_up: the beginning of a run, until pose and wrench are first in the range of its second
-      half;
+      half; a rest and a first loading, which are measurements, are none;
     - clipped: several rows at exactly the largest or smallest value of a channel;
     - stuck: a channel that stays at a value while another one moves;
     - few_rows: few rows that alone set the range of a pose column;
@@ -201,17 +208,52 @@ def _of_run(channels: Mapping[str, F], time: F) -> Iterator[tuple[str, str, I]]:
 def _start_up(channels: Mapping[str, F]) -> int:
     """Number of rows before all channels are in the range of the second half; 0 for none."""
     size = len(next(iter(channels.values())))
-    inside: B = np.ones(size, dtype=bool)
-    for values in channels.values():
+    inside = {}
+    for name, values in channels.items():
         later = values[size // 2 :]
         low, high = np.quantile(later, [0.001, 0.999])
         margin = _MARGIN * (high - low)
         if high > low:
-            inside &= (values >= low - margin) & (values <= high + margin)
-    first = int(np.argmax(inside)) if inside.any() else 0
+            inside[name] = (values >= low - margin) & (values <= high + margin)
+    both = np.all([*inside.values(), np.ones(size, dtype=bool)], axis=0)
+    first = int(np.argmax(both)) if both.any() else 0
     if not 3 <= first <= _LONGEST_START * size:
         return 0
-    return 0 if any(_swings(values, first) for values in channels.values()) else first
+    if any(_swings(values, first) for values in channels.values()):
+        return 0
+    outside = {name: channels[name] for name, own in inside.items() if not own[:first].all()}
+    return 0 if _is_rest_or_loading(outside, first) else first
+
+
+def _is_rest_or_loading(channels: Mapping[str, F], first: int) -> bool:
+    """Whether the first rows are a rest, or a first loading: the wrench follows the pose.
+
+    Both are measurements, though a test that cycles about a mean load never comes back to them. A
+    way to the place moves the pose alone, and a tracker that begins late jumps.
+    """
+    for values in channels.values():
+        steps = np.abs(np.diff(values))
+        if steps[:first].max() > _JUMP * steps[first:].max():
+            return False
+    poses = {n: v for n, v in channels.items() if n.endswith(("_m", "_rad"))}
+    wrenches = [v for n, v in channels.items() if n not in poses]
+    moves = {n: np.abs(v[:first] - v[0]) > _MOVING * np.ptp(v) for n, v in channels.items()}
+    if not any(own.any() for own in moves.values()):
+        return True
+    for name, values in poses.items():
+        begin = int(np.argmax(moves[name]))
+        if not moves[name].any() or first - begin < 3:
+            continue
+        pose = _ranks(values[begin:first])
+        follows = [abs(np.corrcoef(pose, _ranks(w[begin:first]))[0, 1]) for w in wrenches]
+        if max(follows, default=0.0) > _FOLLOWS:
+            return True
+    return False
+
+
+def _ranks(values: F) -> F:
+    """(N,) places in order of size: what a hardening curve does not bend."""
+    return np.asarray(np.argsort(np.argsort(values)), dtype=np.float64)
 
 
 def _swings(values: F, first: int) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from importlib import import_module, metadata
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from ecm.effects.protocol import (
 from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.settings import read_settings
 from ecm.io.table import Table
 from ecm.io.toml import did_you_mean
 from ecm.regression.rows import Rows
@@ -138,11 +140,14 @@ def with_shape(id: str, shape: Shape) -> Effect:
     if needed <= set(shape) <= set(known):
         effect = form
     try:
-        variant: Effect = type(effect)(**shape)
-    except TypeError:
+        form_of: Any = type(effect)
+        if hasattr(form_of, "__dataclass_fields__"):
+            variant: Effect = read_settings(form_of, shape, f"shape of effect {id}")
+        else:
+            variant = form_of(**shape)
+    except (InputError, TypeError) as error:
         raise InputError(
-            f"effect {id}: shape {sorted(shape)} is not known; the model file was written by "
-            "another version, refit it"
+            f"{error}; the model file was written by another version, refit it"
         ) from None
     return variant
 

@@ -27,6 +27,7 @@ from ecm.effects.protocol import (
 )
 from ecm.effects.sensor import AXES
 from ecm.io.arrays import F
+from ecm.io.settings import setting
 from ecm.io.table import Table
 from ecm.regression.rows import Rows
 from ecm.regression.sensor_zero import zero_of_rows, zero_times
@@ -180,7 +181,7 @@ class FtsSaturation(LinearEffect):
     side = "measurement"
     rivals = {"contact_stop": "raw_counts", "fts_gain": "dead_weights"}
 
-    axis: str = "fx"
+    axis: str = setting("fx", choices=AXES)
     """Axis of the sensor."""
     knee: float = 0.0
     """Reading in N or N m at which the axis begins to read less."""

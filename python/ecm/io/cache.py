@@ -12,13 +12,16 @@ keep finished parts (`save_part`), which survive an interruption.
 from __future__ import annotations
 
 import dataclasses
+import errno
 import hashlib
 import io
 import json
 import math
 import os
 import shutil
+import time
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -29,11 +32,16 @@ from numpy.typing import NDArray
 
 from ecm.errors import ComputationError
 from ecm.io.arrays import F
-from ecm.io.interrupts import uninterrupted
+from ecm.io.interrupts import interruptible, uninterrupted
 from ecm.io.temporary import temporary_beside
 
 Arrays = Mapping[str, NDArray[Any]]
 _KEY_LENGTH = 16
+_WAIT_FOR_READER_S = 10.0
+"""Longest time that a pipe is waited for until something reads it."""
+_DAMAGED = (OSError, ValueError, EOFError, KeyError, NotImplementedError, zipfile.BadZipFile,
+            zlib.error)  # fmt: skip
+"""What numpy's reader raises where an archive is damaged."""
 
 
 # --- keys --------------------------------------------------------------
@@ -108,10 +116,32 @@ def is_device(path: Path) -> bool:
     )
 
 
+def _device(path: Path) -> IO[bytes]:
+    """A device, opened to be written; a pipe as soon as another program reads it."""
+    if not path.is_fifo():
+        return path.open("ab")
+    end = time.monotonic() + _WAIT_FOR_READER_S
+    while True:
+        try:
+            handle = os.open(path, os.O_WRONLY | os.O_NONBLOCK)
+        except OSError as error:
+            if error.errno != errno.ENXIO:
+                raise
+            if time.monotonic() > end:
+                raise ComputationError(
+                    f"{path}: no program has read this pipe for {_WAIT_FOR_READER_S:g} s. Start "
+                    "the program that reads it first, or give the name of a file."
+                ) from None
+            time.sleep(0.05)
+        else:
+            os.set_blocking(handle, True)
+            return os.fdopen(handle, "wb")
+
+
 @contextmanager
 def _replacing(path: Path) -> Iterator[IO[bytes]]:
     if is_device(path):
-        with path.open("ab") as stream:
+        with interruptible(), _device(path) as stream:
             yield stream
         return
     # A link stays one: the file that it leads to is replaced.
@@ -179,7 +209,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]] | None:
     """Read an .npz file; None where there is none or it is damaged."""
     try:
         return _unpack(path.read_bytes())
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
+    except _DAMAGED:
         return None
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ecm.errors import InputError
 from ecm.io.cache import atomic
 from ecm.io.columns import TEXT, WHOLE
-from ecm.io.raw_table import Cells, RawTable
+from ecm.io.raw_table import Cells, RawTable, check_names
 from ecm.io.steps import Progress
 from ecm.io.toml import read_text
 
@@ -183,6 +183,7 @@ def _numbered(cells: list[str]) -> tuple[str, ...]:
 def _names(header: list[list[str]], path: Path) -> tuple[str, ...]:
     """Return the column names of a header of one or two rows, checked."""
     names = header[0] if len(header) == 1 else _two_rows(*header)
+    check_names(names, str(path))
     number = next((name for name in names if _is_number(name)), None)
     if number is not None and len(header) == 1:
         raise InputError(

@@ -1,15 +1,18 @@
-"""Optional packages, imported where they are needed: the one place for all extras.
+"""Packages of others: imported where they are needed, and what they raise on a spoilt file.
 
-`import ecm` and the commands that do not need them stay fast, and a missing package is named
-together with the extra that installs it.
+`import ecm` and the commands that do not need an optional package stay fast, and a missing one is
+named together with the extra that installs it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
-from ecm.errors import MissingExtra
+from ecm.errors import EcmError, InputError, MissingExtra, shortened
 
 _PACKAGES = {"PIL": "pillow", "sklearn": "scikit-learn"}
 """Packages whose name differs from their module's."""
@@ -47,3 +50,50 @@ def require(module: str, extra: str, purpose: str) -> Any:
     except ImportError:
         package = module.partition(".")[0]
         raise MissingExtra(_PACKAGES.get(package, package), extra, purpose) from None
+
+
+@contextmanager
+def readable(path: Path, kind: str, advice: str = "") -> Iterator[None]:
+    """Refuse a file on which a reader of another package fails, whatever it raises.
+
+    A header that is cut off or spoilt ends in any exception: no list of them is complete.
+
+    Parameters
+    ----------
+    path
+        The file that the block reads.
+    kind
+        What it should be, e.g. `Parquet file`.
+    advice
+        Sentence about what to do; default: copy the file again.
+
+    Raises
+    ------
+    InputError
+        In place of any exception that is no error of this package.
+
+    Examples
+    --------
+    >>> try:
+    ...     with readable(Path("log.npy"), "NumPy file"):
+    ...         raise TypeError("an integer is required")
+    ... except InputError as error:
+    ...     print(error)
+    log.npy: no readable NumPy file (an integer is required). It may be cut off or damaged: copy \
+or save it again.
+    """
+    try:
+        yield
+    except EcmError:
+        raise
+    except MemoryError as error:
+        raise _unreadable(path, kind, "it asks for more memory than there is", advice) from error
+    except Exception as error:
+        lines = str(error).strip().splitlines()
+        said = shortened(lines[0]) if lines else type(error).__name__
+        raise _unreadable(path, kind, said, advice) from error
+
+
+def _unreadable(path: Path, kind: str, said: str, advice: str) -> InputError:
+    advice = advice or "It may be cut off or damaged: copy or save it again."
+    return InputError(f"{path}: no readable {kind} ({said}). {advice}")

@@ -45,6 +45,25 @@ def uninterrupted() -> Iterator[None]:
             raise KeyboardInterrupt
 
 
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Let an interruption take effect at once, also inside `uninterrupted`.
+
+    For what may wait for another program without end, as a pipe does for its reader.
+
+    Examples
+    --------
+    >>> with uninterrupted(), interruptible():
+    ...     wait_to_interrupt()
+    False
+    """
+    before, _Waiting.blocks = _Waiting.blocks, 0
+    try:
+        yield
+    finally:
+        _Waiting.blocks = before
+
+
 def wait_to_interrupt() -> bool:
     """Interrupt at the end of the block that is under way; False where there is none.
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ecm.errors import InputError
 from ecm.io.cache import atomic, write_atomically
-from ecm.io.extras import require
+from ecm.io.extras import readable, require
 from ecm.io.raw_table import RawTable, raw_table
 
 
@@ -30,11 +30,8 @@ def write_parquet(columns: Mapping[str, NDArray[Any]], description_toml: str, pa
 
 def read_parquet(path: Path) -> RawTable:
     """Read names and columns of a Parquet file; MissingExtra where pyarrow is not installed."""
-    arrow, parquet = require_pyarrow(f"Reading {path}")
+    _, parquet = require_pyarrow(f"Reading {path}")
     if not path.is_file():
         raise InputError(f"{path}: this Parquet file does not exist. Check the path.")
-    try:
-        table = parquet.read_table(path)
-    except (arrow.ArrowException, OSError, ValueError) as error:
-        raise InputError(f"{path}: no readable Parquet file: {error}") from None
-    return raw_table(table, str(path), first_row=1)
+    with readable(path, "Parquet file"):
+        return raw_table(parquet.read_table(path), str(path), first_row=1)

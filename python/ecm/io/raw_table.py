@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.errors import InputError
+from ecm.errors import InputError, shortened
 
 Cells = Sequence[Any] | NDArray[Any]
 
@@ -27,6 +27,25 @@ class RawTable:
     """What the numbers count: `line` or `row`."""
     ragged: tuple[tuple[int, int], ...] = ()
     """(line, cells) of rows with a wrong number of cells; they are left out of `columns`."""
+
+
+_MOST_NAME = 255
+"""Letters of the longest name of a column: a longer one is no name, but a line that was misread."""
+
+
+def check_names(names: Sequence[str], source: str) -> None:
+    """Refuse names of columns that are none.
+
+    Examples
+    --------
+    >>> check_names(["x_m", "fx_N"], "neck.csv")
+    """
+    for i, name in enumerate(names, 1):
+        if len(name) > _MOST_NAME:
+            raise InputError(
+                f"{source}: the name of column {i} begins '{shortened(name)}', expected at most "
+                f"{_MOST_NAME} letters. Look for a missing separator or line end, or a stray quote."
+            )
 
 
 def raw_table(data: Any, source: str, first_row: int = 0) -> RawTable:
@@ -74,6 +93,7 @@ def named_columns(data: Any, source: str) -> dict[str, NDArray[Any]]:
             "polars or Arrow table, an xarray Dataset, a Table, or the path of a file"
         )
     names = [str(name) for name in names]
+    check_names(names, source)
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
         raise InputError(f"{source}: the column name '{repeated[0]}' is repeated; rename one")

@@ -17,7 +17,7 @@ from numbers import Real
 from pathlib import Path
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from ecm.errors import InputError
+from ecm.errors import InputError, shown
 from ecm.io.toml import check_keys, closest
 
 T = TypeVar("T")
@@ -131,7 +131,7 @@ def read_settings(cls: type[T], table: Any, where: str) -> T:
     table, e.g. ``neck.toml [design]``) and names the key, what was found and what was expected.
     """
     if not isinstance(table, Mapping):
-        raise InputError(f"{where}: found {_shown(table)}, expected a table of settings")
+        raise InputError(f"{where}: found {shown(table)}, expected a table of settings")
     known = {item.name: item for item in fields(cls) if item.init}  # type: ignore[arg-type]
     check_keys(table, known, where)
     for name, item in known.items():
@@ -153,24 +153,21 @@ def _converted(value: Any, hint: Any, place: str) -> Any:
     """Return a TOML value in the annotated type; InputError where it does not fit."""
     origin, options = get_origin(hint), get_args(hint)
     if origin in (Union, types.UnionType):  # `float | None`, `str | int`
+        if value is None and type(None) in options:  # in a model file; TOML has no null
+            return None
         kinds = [option for option in options if option is not type(None)]
         if len(kinds) == 1 or type(value) in kinds:
             return _converted(value, type(value) if type(value) in kinds else kinds[0], place)
         words = " or ".join(_KINDS[kind][1] for kind in kinds)
-        raise InputError(f"{place} = {_shown(value)}: expected {words}")
+        raise InputError(f"{place} = {shown(value)}: expected {words}")
     if origin is tuple:
         if not isinstance(value, (list, tuple)):
-            raise InputError(f"{place} = {_shown(value)}: expected a list in square brackets")
+            raise InputError(f"{place} = {shown(value)}: expected a list in square brackets")
         if options[-1] is not Ellipsis and len(value) != len(options):
             raise InputError(f"{place} has {len(value)} entries: expected {len(options)}")
         return tuple(_converted(v, options[0], f"{place}[{i}]") for i, v in enumerate(value))
     accepted, words = _KINDS[hint]
     fits = isinstance(value, accepted) and (hint is bool or not isinstance(value, bool))
     if not fits or (hint is int and not float(value).is_integer()):
-        raise InputError(f"{place} = {_shown(value)}: expected {words}")
+        raise InputError(f"{place} = {shown(value)}: expected {words}")
     return hint(value)
-
-
-def _shown(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."

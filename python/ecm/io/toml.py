@@ -10,8 +10,10 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from ecm.errors import InputError
+from ecm.errors import InputError, shown
 
+_MOST_LISTED = 40
+"""Names that a message lists."""
 _parser = importlib.import_module("tomllib" if sys.version_info >= (3, 11) else "tomli")
 
 
@@ -24,7 +26,8 @@ def parse_toml(text: str, where: str, what: str) -> dict[str, Any]:
     """Return what a TOML text says; InputError with the place `where` for other text."""
     try:
         document: dict[str, Any] = _parser.loads(text)
-    except ValueError as error:  # TOMLDecodeError; its message carries line and column
+    # TOMLDecodeError, whose message carries line and column; brackets in brackets, thousands deep.
+    except (ValueError, RecursionError) as error:
         raise InputError(
             f"{where}: this {what} is no valid TOML: {error}. Correct that place; "
             "'ecm new config|rig|data' writes a valid example."
@@ -78,7 +81,10 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """End a message about an unknown name: the likely name, or all known names."""
     names = list(known)
     likely = closest(name, names)
-    return f"did you mean '{likely}'?" if likely else f"known: {', '.join(names)}"
+    if likely:
+        return f"did you mean '{likely}'?"
+    more = len(names) - _MOST_LISTED
+    return f"known: {', '.join(names[:_MOST_LISTED])}{f' and {more} more' if more > 0 else ''}"
 
 
 def check_keys(table: Mapping[str, Any], known: Iterable[str], where: str) -> None:
@@ -86,7 +92,7 @@ def check_keys(table: Mapping[str, Any], known: Iterable[str], where: str) -> No
     names = list(known)
     for key in table:
         if key not in names:
-            raise InputError(f"{where}: unknown key '{key}', {did_you_mean(key, names)}")
+            raise InputError(f"{where}: unknown key {shown(key)}, {did_you_mean(key, names)}")
 
 
 def write_toml(document: Mapping[str, Any]) -> str:

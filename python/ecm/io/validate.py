@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.errors import InputError
+from ecm.errors import InputError, shown
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import (
     JOINT_SIGNS,
@@ -148,7 +148,7 @@ def _numbers(name: str, own: str, cells: Cells, errors: RowErrors) -> F:
     for row in np.flatnonzero(~(np.abs(values) <= _MOST_SIZE) & ~unread):
         if not (name in MAY_BE_EMPTY and np.isnan(values[row])):
             wanted = "a number of at most 1e100" if np.isfinite(values[row]) else "a finite number"
-            errors.add(int(row), own, f"'{str(cells[int(row)]).strip()}'", wanted)
+            errors.add(int(row), own, shown(str(cells[int(row)]).strip()), wanted)
     return values
 
 
@@ -168,14 +168,14 @@ def _parse_cells(name: str, own: str, cells: Cells, errors: RowErrors) -> tuple[
     unread = np.array([value is None for value in parsed])
     if not is_standard(own) and len(texts) > 1 and unread.all() and "" not in texts:
         raise InputError(
-            f"{errors.source}: column '{own}' is text in every row (the first: '{cells[0]}'), "
+            f"{errors.source}: column '{own}' is text in every row (the first: {shown(texts[0])}), "
             "expected numbers: only approach, kind and action are text. Remove the column."
         )
     for row in np.flatnonzero(unread):
         text = texts[row]
         if text or name not in MAY_BE_EMPTY:
             comma = " (with a decimal point)" if "," in text else ""
-            errors.add(int(row), own, f"'{text}'" if text else "an empty cell", f"a number{comma}")
+            errors.add(int(row), own, shown(text) if text else "an empty cell", f"a number{comma}")
     return np.array([np.nan if value is None else value for value in parsed]), unread
 
 
@@ -191,12 +191,12 @@ def _text(name: str, cells: Cells, errors: RowErrors) -> NDArray[np.object_]:
     if name == "kind":
         values[values == ""] = "pose"
         for row in np.flatnonzero(~np.isin(values.astype(str), KINDS)):
-            errors.add(int(row), name, f"'{values[row]}'", "pose, home or unloaded")
+            errors.add(int(row), name, shown(values[row]), "pose, home or unloaded")
     if name == "approach":
         wanted = "initial, the pose_id of the pose before, or empty where it is unknown"
         for place, text in enumerate(values.tolist()):
             if text not in ("", "initial") and not text.isdecimal():
-                errors.add(place, name, f"'{text}'", wanted)
+                errors.add(place, name, shown(text), wanted)
     return values
 
 

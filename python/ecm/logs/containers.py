@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
-from ecm.errors import InputError
-from ecm.io.extras import require
+from ecm.io.extras import readable, require
 from ecm.io.parquet import read_parquet
 from ecm.logs.log import Log, log_of_arrays
 
@@ -28,16 +25,14 @@ def read_parquet_log(path: Path) -> Log:
 
 def read_numpy(path: Path) -> Log:
     """Read NPZ, or NPY with names (a structured array) or with columns."""
-    try:
-        with path.open("rb") as file:  # np.load leaves a damaged archive open
-            loaded = np.load(file, allow_pickle=False)
-            if isinstance(loaded, np.ndarray):
-                arrays = {n: loaded[n] for n in loaded.dtype.names} if loaded.dtype.names else None
-                return log_of_arrays(arrays or {"column": loaded}, str(path))
-            with loaded:
-                return log_of_arrays({name: loaded[name] for name in loaded.files}, str(path))
-    except (OSError, ValueError, EOFError, BadZipFile) as error:
-        raise InputError(f"{path}: no readable NumPy file of plain arrays: {error}") from None
+    # np.load leaves a damaged archive open.
+    with readable(path, "NumPy file of plain arrays"), path.open("rb") as file:
+        loaded = np.load(file, allow_pickle=False)
+        if isinstance(loaded, np.ndarray):
+            arrays = {n: loaded[n] for n in loaded.dtype.names} if loaded.dtype.names else None
+            return log_of_arrays(arrays or {"column": loaded}, str(path))
+        with loaded:
+            return log_of_arrays({name: loaded[name] for name in loaded.files}, str(path))
 
 
 def read_matlab(path: Path) -> Log:
@@ -46,11 +41,9 @@ def read_matlab(path: Path) -> Log:
         return read_hdf5(path)
     from scipy.io import loadmat  # noqa: PLC0415 - scipy.io takes long to load
 
-    try:
+    with readable(path, "MAT file"):
         content = loadmat(path, simplify_cells=True)
-    except (OSError, ValueError, NotImplementedError, TypeError, zlib.error) as error:
-        raise InputError(f"{path}: no readable MAT file: {error}") from None
-    return log_of_arrays(dict(_leaves(content, "", 0)), str(path))
+        return log_of_arrays(dict(_leaves(content, "", 0)), str(path))
 
 
 def is_hdf5(path: Path) -> bool:
@@ -74,12 +67,10 @@ def read_hdf5(path: Path) -> Log:
             elif kind not in (b"char", b"cell"):  # MATLAB counts the first axis fastest
                 arrays[name.replace("/", ".")] = value.T
 
-    try:
+    with readable(path, "HDF5 file"):
         with h5py.File(path, "r") as file:
             file.visititems(visit)
-    except OSError as error:
-        raise InputError(f"{path}: no readable HDF5 file: {error}") from None
-    return log_of_arrays(arrays, str(path))
+        return log_of_arrays(arrays, str(path))
 
 
 def _leaves(content: Mapping[str, Any], prefix: str, depth: int) -> Iterator[tuple[str, Any]]:

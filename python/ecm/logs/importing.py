@@ -20,6 +20,7 @@ from ecm.io.description import FileMeta, Meta, as_meta
 from ecm.io.interrupts import uninterrupted
 from ecm.io.leave_out import row_ranges, shown_ranges
 from ecm.io.quaternion_order import ORDERS, order_warning
+from ecm.io.raw_table import check_names
 from ecm.io.steps import Progress
 from ecm.io.table import MetaLike, Table, as_table
 from ecm.io.validate import repeated_rows
@@ -246,11 +247,19 @@ class ReadLog(NamedTuple):
 
 def read_log(log: Any, topics: Sequence[str], progress: Progress | None = None) -> ReadLog:
     """Return what `import_log` understands; `progress` is told the rows or messages."""
+    read = _read(log, topics, progress)
+    check_names([*read.log.columns, *read.log.text], read.source)
+    return read
+
+
+def _read(log: Any, topics: Sequence[str], progress: Progress | None) -> ReadLog:
     if not isinstance(log, (str, Path)):
         return ReadLog(log_of_object(log), type(log).__name__, "")
     path = Path(log)
     if not path.exists():
         raise InputError(f"{path}: this log does not exist. Check the path.")
+    if not path.is_file() and not path.is_dir():
+        raise InputError(f"{path}: a pipe or a device; a log is read more than once: save it first")
     if is_bag(path):
         return ReadLog(read_bag(path, topics, progress), str(path), "")
     if path.is_dir():

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from ecm.errors import InputError
-from ecm.io.extras import require
+from ecm.io.extras import readable, require
 from ecm.io.steps import Progress
 from ecm.logs.log import Log
 from ecm.logs.streams import Stream, join_streams
 
 _NEXT = (
-    " A file that was cut off is mended by `ros2 bag reindex` or `mcap recover`; messages that are "
+    "A file that was cut off is mended by `ros2 bag reindex` or `mcap recover`; messages that are "
     "not of ROS 2 have to be saved as CSV or Parquet."
 )
 Sample = tuple[str, dict[str, float]]
@@ -55,17 +55,13 @@ def read_bag(path: Path, topics: Sequence[str] = (), progress: Progress | None =
     typesys = require("rosbags.typesys", "logs", f"Reading {path}")
     store = typesys.get_typestore(typesys.Stores.LATEST)
     streams: list[Stream] = []
-    try:
-        with highlevel.AnyReader([path], default_typestore=store) as reader:
-            used = [c for c in reader.connections if _message(c.msgtype) is not None]
-            found = {c.topic: c.msgtype for c in reader.connections}
-            streams = _streams(reader, used, progress)
-    except (OSError, ValueError, KeyError, RuntimeError) as error:
-        raise InputError(f"{path}: no readable bag: {error}{_NEXT}") from None
-    except Exception as error:  # rosbags has errors of its own without a common class
-        if not type(error).__module__.startswith("rosbags"):
-            raise
-        raise InputError(f"{path}: no readable bag: {error}{_NEXT}") from None
+    with (
+        readable(path, "bag", _NEXT),
+        highlevel.AnyReader([path], default_typestore=store) as reader,
+    ):
+        used = [c for c in reader.connections if _message(c.msgtype) is not None]
+        found = {c.topic: c.msgtype for c in reader.connections}
+        streams = _streams(reader, used, progress)
     if topics:
         _check_topics(topics, streams, path)
         streams = [s for s in streams if s.name in topics or s.name.split(":")[0] in topics]

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from ecm.errors import InputError
+from ecm.errors import InputError, shown
 
 _REMARKS = frozenset({"comment", "comments", "kommentar", "note", "notes", "remark", "remarks"})
 """Names of a last column that has no cells in most rows, as LabVIEW writes it."""
@@ -27,8 +27,8 @@ def has_decimal_comma(lines: list[str], split: Callable[[str], list[str]], path:
                 return True
     if found and any(_DECIMAL_POINT.match(cell.strip()) for line in lines for cell in split(line)):
         raise InputError(
-            f"{path}: '{found}' may be thousands or a decimal comma: other cells have a decimal "
-            "point. Save the log without separators of thousands."
+            f"{path}: {shown(found)} may be thousands or a decimal comma: other cells have a "
+            "decimal point. Save the log without separators of thousands."
         )
     return bool(found)
 

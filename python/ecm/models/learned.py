@@ -17,7 +17,8 @@ from ecm.io.arrays import F
 from ecm.io.extras import require
 from ecm.io.steps import Progress, after_a_part
 from ecm.io.table import Table
-from ecm.models.maps import MapDefaults, StiffnessMap, partial_to, refuse_long_rotations
+from ecm.models.layout import Layout, array, items, record, row
+from ecm.models.maps import MapDefaults, StiffnessMap, finite, partial_to, refuse_long_rotations
 from ecm.models.noise_estimate import declared_or_fitted
 from ecm.models.specification import (
     FittedMap,
@@ -62,15 +63,15 @@ class _Learned(MapDefaults):
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         """(N, m, n); other kinds need all six columns on both sides."""
         refuse_long_rotations(poses, self.inputs)
-        slope = self._slope(self._scaled(poses))
-        slope = slope * self.output_scale[1][:, None] / self.input_scale[1]
+        units = self.output_scale[1][:, None] / self.input_scale[1]
+        slope = finite("the stiffness", lambda: self._slope(self._scaled(poses)) * units)
         return partial_to(kind, slope, poses, cast(StiffnessMap, self))
 
     def predict(self, poses: F) -> F:
         """(N, n) poses to (N, m) wrenches."""
         refuse_long_rotations(poses, self.inputs)
-        value = self._value(self._scaled(poses))
-        return np.asarray(value * self.output_scale[1] + self.output_scale[0])
+        mean, sd = self.output_scale
+        return finite("the prediction", lambda: self._value(self._scaled(poses)) * sd + mean)
 
     def _value(self, x: F) -> F:
         raise NotImplementedError
@@ -184,6 +185,31 @@ def _shared(document: dict[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...],
     return tuple(document["inputs"]), tuple(document["outputs"]), *scales
 
 
+def _scales(n: int, m: int) -> dict[str, Layout]:
+    """Layout of mean and standard deviation of the columns."""
+    return {"input_scale": _scale(n), "output_scale": _scale(m)}
+
+
+def _scale(count: int) -> Layout:
+    return row(array(count), array(count, positive=True))
+
+
+def _layers(n: int, m: int) -> Layout:
+    """Layout of layers that take n numbers to m: what one gives, the next takes."""
+    layers = items(record({"matrix": array(None, None), "shift": array(None)}), least=1)
+
+    def check(value: Any, place: str) -> None:
+        layers(value, place)
+        width = n
+        for i, layer in enumerate(value):
+            last = i == len(value) - 1
+            array(width, m if last else None)(layer["matrix"], f"{place}[{i}].matrix")
+            width = len(layer["matrix"][0])
+            array(width)(layer["shift"], f"{place}[{i}].shift")
+
+    return check
+
+
 def _standardised(table: Table) -> tuple[tuple[tuple[str, ...], tuple[str, ...], F, F], F, F]:
     """Columns and scales, and the scaled poses and wrenches."""
     inputs, outputs = pose_and_wrench_columns(table)
@@ -250,6 +276,18 @@ class GaussianProcessModel(ModelSpecification):
         return FittedMap(base, declared_or_fitted(base, table))
 
     @staticmethod
+    def layout(n: int, m: int) -> Layout:
+        """Layout of points, lengths and weights in a model file."""
+
+        def check(value: Any, place: str) -> None:
+            points = value.get("points") if isinstance(value, dict) else None
+            rows = len(points) if isinstance(points, list) else None
+            own = {"points": array(rows, n), "lengths": array(n, positive=True)}
+            record({**_scales(n, m), **own, "weights": array(rows, m)})(value, place)
+
+        return record({"parameters": check}, others=True)
+
+    @staticmethod
     def map_from_document(document: dict[str, Any]) -> GpMap:
         """Return the map of an opened model file."""
         parameters = document["parameters"]
@@ -294,6 +332,12 @@ class NeuralNetworkModel(ModelSpecification):
         layers = zip(fitted.coefs_, fitted.intercepts_, strict=True)
         base = MlpMap(*shared, tuple((_array(m), _array(s)) for m, s in layers))
         return FittedMap(base, declared_or_fitted(base, table))
+
+    @staticmethod
+    def layout(n: int, m: int) -> Layout:
+        """Layout of the layers in a model file."""
+        parameters = record({**_scales(n, m), "layers": _layers(n, m)})
+        return record({"parameters": parameters}, others=True)
 
     @staticmethod
     def map_from_document(document: dict[str, Any]) -> MlpMap:

@@ -20,7 +20,7 @@ from ecm._native import (
     convert_stiffness,
     polynomial_regressor,
 )
-from ecm.errors import InputError
+from ecm.errors import InputError, ModelError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.regression.rows import BaseMap, BodyChange
@@ -327,6 +327,30 @@ class EnergyMap(SixAxisMap):
                 groups=list(document.get("groups", ())),
             )
         )
+
+
+def finite(what: str, evaluate: Callable[[], F]) -> F:
+    """Numbers (N, ...) of a function that may overflow; native maps refuse such rows themselves.
+
+    Raises
+    ------
+    ModelError
+        A number is not finite, with its row.
+
+    Examples
+    --------
+    >>> finite("the prediction", lambda: np.array([[2.0]]) ** 2)
+    array([[4.]])
+    """
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        values = np.asarray(evaluate())
+    if not np.isfinite(values).all():
+        row, *_ = np.argwhere(~np.isfinite(values))[0]
+        raise ModelError(
+            f"{what}: row {row} is not finite, because a number of the pose or of the model is too "
+            "large; leave the row out"
+        )
+    return values
 
 
 def refuse_long_rotations(poses: F, inputs: tuple[str, ...]) -> None:

@@ -14,7 +14,7 @@ from ecm._native import convert_stiffness
 from ecm.effects import Effect, Missing, Rows, effects_for, get_effect
 from ecm.effects.length import missing_length
 from ecm.effects.thinned import correction_of
-from ecm.errors import InputError
+from ecm.errors import EcmError, InputError
 from ecm.io.arrays import B, F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta, Scene
@@ -34,7 +34,7 @@ from ecm.models.joint_fit import (
     joint_fit,
 )
 from ecm.models.leverage import leverages, variances_of, wrench_variances
-from ecm.models.maps import StiffnessMap, central_differences
+from ecm.models.maps import StiffnessMap, central_differences, finite
 from ecm.models.measured_poses import sample_of
 from ecm.models.plots import history_figure
 from ecm.models.pose_error import pose_error, report_rows
@@ -165,18 +165,15 @@ class Model:
             return found if data.ndim != 1 else np.asarray(found[0])
         data = as_table(data)
         rows = Rows(data, self.base)
-        wrench: F = rows.sensor_load.copy()
         lacking = self.left_out(data)
-        for item in self.effects:
-            if item.id not in lacking:
-                wrench += correction_of(item.effect, rows, item.values)
-            elif not skip_untestable:
+        for id, why in lacking.items():
+            if not skip_untestable:
                 raise InputError(
-                    f"{data.source}: effect {item.id} cannot be predicted here, "
-                    f"{lacking[item.id].reason}; record {lacking[item.id].record}, "
-                    "or remove the effect"
+                    f"{data.source}: effect {id} cannot be predicted here, "
+                    f"{why.reason}; record {why.record}, or remove the effect"
                 )
-        return wrench
+        acting = [item for item in self.effects if item.id not in lacking]
+        return self._with_corrections(rows.sensor_load, rows, acting)
 
     def left_out(self, table: Table) -> dict[str, Missing]:
         """Effects of the model whose columns a table lacks, by id.
@@ -194,8 +191,13 @@ class Model:
         if self.covariance is None:
             return None
         poses = data if isinstance(data, np.ndarray) else Rows(data, self.base).poses
-        variance = wrench_variances(self.base, self.covariance, poses)
-        return np.asarray(np.sqrt(np.maximum(variance, 0.0) + self.base.error**2))
+        covariance, base = self.covariance, self.base
+
+        def of_coefficients() -> F:
+            variance = wrench_variances(base, covariance, poses)
+            return np.asarray(np.sqrt(np.maximum(variance, 0.0) + base.error**2))
+
+        return finite("the deviation", of_coefficients)
 
     def reading_sd(self, poses: F) -> F | None:
         """(N, m) standard deviation of a new reading around the prediction, where known.
@@ -208,7 +210,7 @@ class Model:
             return None
         factor = max(1.0, float(self.training.get("residual_variance", 1.0)))
         variance = np.einsum("njj->nj", self.noise.covariance(self.rows_at(poses)))
-        return np.asarray(np.sqrt(sd**2 + factor * variance))
+        return finite("the deviation", lambda: np.sqrt(sd**2 + factor * variance))
 
     def leverage(self, poses: F) -> F | None:
         """(N,) uncertainty of the prediction over the noise of one row, where known."""
@@ -237,11 +239,16 @@ class Model:
         if self.covariance is None:
             return None
         poses = np.ascontiguousarray(poses, dtype=np.float64)
-        variances = [
-            variances_of(slope, self.covariance)
-            for slope in central_differences(self.base.columns, poses, 1e-5)
-        ]
-        return np.asarray(np.sqrt(np.maximum(np.stack(variances, axis=2), 0.0)))
+        covariance = self.covariance
+
+        def of_coefficients() -> F:
+            variances = [
+                variances_of(slope, covariance)
+                for slope in central_differences(self.base.columns, poses, 1e-5)
+            ]
+            return np.asarray(np.sqrt(np.maximum(np.stack(variances, axis=2), 0.0)))
+
+        return finite("the deviation", of_coefficients)
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         """(N, m, n) stiffness of the base and of the effects of physics on the pose.
@@ -344,10 +351,18 @@ class Model:
         acting = self._acting_at_poses()
         if not acting:
             return wrench
-        rows = self.rows_at(poses)
-        return np.asarray(
-            wrench + sum(item.effect.correction(rows, item.values) for item in acting)
-        )
+        return self._with_corrections(wrench, self.rows_at(poses), acting)
+
+    def _with_corrections(self, wrench: F, rows: Rows, acting: Sequence[FittedEffect]) -> F:
+        """(N, m) wrenches with the corrections of some effects."""
+        if not acting:
+            return np.array(wrench)
+
+        def whole() -> F:
+            corrections = [correction_of(i.effect, rows, i.values) for i in acting]
+            return np.asarray(wrench + np.sum(corrections, axis=0))
+
+        return finite("the prediction", whole)
 
     def rows_at(self, poses: F) -> Rows:
         """Rows of poses (N, n) without a table, of the model's mechanism in the model's scene."""
@@ -639,8 +654,14 @@ def load_model(path: str | Path) -> Model:
     """
     document = file.read_document(path)
     try:
+        base = map_from_document(document)
+    except EcmError as error:
+        raise InputError(
+            f"{path}: the model file lacks or misstates {error}; fit the model again"
+        ) from None
+    try:
         return Model(
-            base=map_from_document(document),
+            base=base,
             noise=Noise.from_dict(dict(document["noise"])),
             effects=tuple(file.effect_of(item) for item in document["effects"]),
             covariance=file.covariance_of(document),
@@ -653,6 +674,8 @@ def load_model(path: str | Path) -> Model:
             correlations=tuple((a, b, float(r)) for a, b, r in document.get("correlations", ())),
             history=tuple(FitRecord(**step) for step in document.get("history", ())),
         )
+    except EcmError as error:
+        raise InputError(f"{path}: {error}") from None
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise InputError(
             f"{path}: the model file lacks or misstates {error}; fit the model again"

@@ -7,6 +7,7 @@ from typing import Any
 
 from ecm.errors import InputError
 from ecm.models.energy import EnergyModel
+from ecm.models.layout import check_covariance, check_document
 from ecm.models.learned import GaussianProcessModel, NeuralNetworkModel
 from ecm.models.maps import StiffnessMap
 from ecm.models.pcr import Threshold
@@ -74,9 +75,13 @@ def _of_name(name: str) -> ModelSpecification:
 
 
 def map_from_document(document: dict[str, Any]) -> StiffnessMap:
-    """Return the map of an opened model file; ValueError for a kind that is not known."""
+    """Return the map of an opened model file, whose layout is checked; InputError where wrong."""
     for family in MODELS:
         if family.kind == document["kind"]:
-            return family.map_from_document(document)
+            sizes = len(document["inputs"]), len(document["outputs"])
+            check_document(document, family.layout(*sizes))
+            base = family.map_from_document(document)
+            check_covariance(document, len(base.coefficients))
+            return base
     known = ", ".join(family.kind for family in MODELS)
-    raise ValueError(f"kind = {document['kind']!r} (expected one of {known})")
+    raise InputError(f"kind = {document['kind']!r} (expected one of {known})")

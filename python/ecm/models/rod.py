@@ -28,7 +28,8 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.steps import Progress
 from ecm.io.table import Table
-from ecm.models.maps import SixAxisMap, StiffnessMap, central_differences, partial_to
+from ecm.models.layout import Keys, Layout, exactly, number, record
+from ecm.models.maps import SixAxisMap, StiffnessMap, central_differences, finite, partial_to
 from ecm.models.noise_estimate import declared_or_fitted
 from ecm.models.specification import FittedMap, ModelSpecification, Weights, length_of
 
@@ -63,7 +64,10 @@ class _Backbone(SixAxisMap):
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         """(N, 6, 6) by central differences."""
         poses = np.ascontiguousarray(poses, dtype=np.float64)
-        slope = np.stack(central_differences(self.predict, poses, 1e-6), axis=2)
+        slope = finite(
+            "the stiffness",
+            lambda: np.stack(central_differences(self.predict, poses, 1e-6), axis=2),
+        )
         return partial_to(kind, slope, poses, cast(StiffnessMap, self))
 
     def _document(self, kind: str, names: tuple[str, ...]) -> dict[str, Any]:
@@ -113,7 +117,7 @@ class ConstantCurvatureMap(_Backbone):
 
     def predict(self, poses: F) -> F:
         """(N, 6) poses to (N, 6) wrenches."""
-        return np.asarray(self.columns(poses) @ self.parameters)
+        return finite("the prediction", lambda: self.columns(poses) @ self.parameters)
 
     def document(self) -> dict[str, Any]:
         """The three springs."""
@@ -165,7 +169,8 @@ class RodMap(_Backbone):
 
     def _solved(self, poses: F) -> tuple[F, F]:
         """(N, 6) wrenches and (N, 6, 6) d pose / d wrench; NaN where no equilibrium exists."""
-        start = np.ascontiguousarray(self._start(poses))
+        with np.errstate(over="ignore", invalid="ignore"):
+            start = np.ascontiguousarray(self._start(poses))
         return rod_wrenches(poses, start, length_m=self.length, **self._sections())
 
     def _poses(self, wrenches: F) -> F:
@@ -204,6 +209,13 @@ class RodMap(_Backbone):
         return self._document("rod", ROD_SECTIONS)
 
 
+def _layout(parameters: Keys) -> Layout:
+    """Layout of the keys of a backbone: six columns on both sides, a length, parameters."""
+    six = {"inputs": exactly(list(POSE)), "outputs": exactly(list(WRENCH))}
+    own = {"length_m": number(positive=True), "parameters": record(parameters)}
+    return record({**six, **own}, others=True)
+
+
 def _from_document(document: dict[str, Any], names: tuple[str, ...]) -> tuple[float, F]:
     values = [float(document["parameters"][name]) for name in names]
     return float(document["length_m"]), np.array(values)
@@ -236,6 +248,11 @@ class ConstantCurvatureModel(ModelSpecification):
         return FittedMap(base, declared_or_fitted(base, table))
 
     @staticmethod
+    def layout(n: int, m: int) -> Layout:
+        """Layout of the springs in a model file."""
+        return _layout(dict.fromkeys(_ARC, number()))
+
+    @staticmethod
     def map_from_document(document: dict[str, Any]) -> ConstantCurvatureMap:
         """Return the map of an opened model file."""
         return ConstantCurvatureMap(*_from_document(document, _ARC))
@@ -266,6 +283,11 @@ class RodModel(ModelSpecification):
         poses, wrenches = map(np.ascontiguousarray, (table.poses, table.wrenches))
         base = fit_rod(poses, wrenches, length_of(table, self.name), progress)
         return FittedMap(base, declared_or_fitted(base, table))
+
+    @staticmethod
+    def layout(n: int, m: int) -> Layout:
+        """Layout of the section stiffnesses in a model file."""
+        return _layout(dict.fromkeys(ROD_SECTIONS, number(positive=True)))
 
     @staticmethod
     def map_from_document(document: dict[str, Any]) -> RodMap:

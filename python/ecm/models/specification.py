@@ -11,6 +11,7 @@ from ecm.io.arrays import F, I
 from ecm.io.settings import Checked
 from ecm.io.steps import Progress
 from ecm.io.table import Table
+from ecm.models.layout import Layout, anything
 from ecm.models.maps import StiffnessMap
 from ecm.regression.noise import Noise
 
@@ -105,6 +106,14 @@ class ModelSpecification(Checked, ABC):
             Called with the rows that are read, of all.
         """
         return None
+
+    @staticmethod
+    def layout(n: int, m: int) -> Layout:
+        """Layout of the family's own keys in a model file of n pose and m wrench columns.
+
+        Polynomials and energies have none here: the reader in Rust checks theirs.
+        """
+        return anything
 
     @staticmethod
     @abstractmethod

@@ -23,12 +23,32 @@ import numpy as np
 from ecm._native import EnergyModel
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
-from ecm.models.maps import EnergyMap, Symmetry
+from ecm.models.layout import array, number, one_of, record
+from ecm.models.maps import SYMMETRIES, EnergyMap, Symmetry
 
 PARAMETERS = ("young_modulus_Pa", "poisson_ratio", "length_m", "diameter_m")
 POWER = 3.0
 _LENGTHS = {"alike": (1, 2, 0, 0, 1, 1), "revolution": (1, 2, 0, 0, 1, 1)}
 _LENGTHS["general"] = (1, 1, 1, 0, 0, 0)
+
+
+_PAIR = array(2)
+_LAYOUT = record(
+    {
+        "degree": number(0.0),
+        "symmetry": one_of(*SYMMETRIES),
+        "scale": array(2, positive=True),
+        "table": array(3, 3, None),
+        "centre": array(2, positive=True),
+        "width": number(positive=True),
+        "s_range": _PAIR,
+        "x_range": _PAIR,
+        "error": array(2, 6),
+        "error_over_noise": array(3),
+    },
+    others=True,
+)
+"""Of a family in a model file and in the cache."""
 
 
 def compressibility(poisson_ratio: float) -> float:
@@ -184,31 +204,25 @@ class PhysicsFamily:
 
     @staticmethod
     def from_dict(document: Mapping[str, Any]) -> PhysicsFamily:
-        """Return the family that `to_dict` described."""
+        """Return the family that `to_dict` described; InputError where it is spoilt."""
+        _LAYOUT(document, "family")
 
         def pair(name: str) -> tuple[float, float]:
             first, second = document[name]
             return float(first), float(second)
 
-        def array(name: str, shape: tuple[int, ...]) -> F:
-            values = np.asarray(document[name], dtype=np.float64)
-            if values.ndim != len(shape) or any(
-                n not in (m, -1) and m != -1 for n, m in zip(values.shape, shape, strict=True)
-            ):
-                raise ValueError(f"{name} of shape {values.shape}, expected {shape}")
-            if not np.isfinite(values).all():
-                raise ValueError(f"{name} has a number that is not finite")
-            return values
+        def numbers(name: str) -> F:
+            return np.asarray(document[name], dtype=np.float64)
 
         return PhysicsFamily(
             degree=int(document["degree"]),
             symmetry=cast(Symmetry, document["symmetry"]),
-            scale=array("scale", (2,)),
-            table=array("table", (3, 3, -1)),
+            scale=numbers("scale"),
+            table=numbers("table"),
             centre=pair("centre"),
             width=float(document["width"]),
             s_range=pair("s_range"),
             x_range=pair("x_range"),
-            error=array("error", (2, 6)),
-            error_over_noise=array("error_over_noise", (3,)),
+            error=numbers("error"),
+            error_over_noise=numbers("error_over_noise"),
         )

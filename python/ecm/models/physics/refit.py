@@ -15,7 +15,9 @@ from ecm.io.mechanism import Mechanism
 from ecm.io.steps import Progress, Steps
 from ecm.io.table import Table
 from ecm.models.joint_fit import joint_fit
+from ecm.models.layout import Layout, anything, array, items, named, number, one_of, record
 from ecm.models.maps import StiffnessMap
+from ecm.models.physics.family import PARAMETERS
 from ecm.models.physics.map import PhysicsMap, physics_map, reach_of
 from ecm.models.specification import CHOOSE, FittedMap, ModelSpecification, Weights
 from ecm.regression.noise import Noise, declared_noise
@@ -205,6 +207,17 @@ class PhysicsModel(ModelSpecification):
         noise = declared_noise(table)
         result = refit_physics(base, table, noise, progress=progress)
         return FittedMap(result.base, noise, result.covariance)
+
+    @staticmethod
+    def layout(n: int, m: int) -> Layout:
+        """Layout of the body, its energies and their error in a model file."""
+        values = record(dict.fromkeys(PARAMETERS, number(positive=True)))
+        free = items(one_of(*PARAMETERS), least=1)
+        return record(
+            {"own_error": array(6), "mechanism": named(anything), "factor": number()},
+            {"parameters": values, "free": free},
+            others=True,
+        )
 
     @staticmethod
     def map_from_document(document: dict[str, Any]) -> PhysicsMap:

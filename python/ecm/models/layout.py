@@ -1,0 +1,286 @@
+"""The layout of model files: type, shape and range of each value, checked before any is used.
+
+A checksum says that a file is as it was written, not that its writer was this program. Each family
+of models states the layout of its own keys (`ModelSpecification.layout`); `check_document` adds
+what all have. A layout is a function of a value and of its place, which raises InputError.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from ecm.errors import InputError, shown
+
+Layout = Callable[[Any, str], None]
+Keys = Mapping[str, Layout]
+
+_MOST = 1e100
+"""Largest size of a number, as in tables: squares and products of larger ones overflow."""
+_LEAST = 1e-100
+"""Smallest positive number: the inverse of a smaller one is too large."""
+
+
+def _wrong(place: str, value: Any, expected: str) -> InputError:
+    found = f"shape {np.shape(value)}" if isinstance(value, np.ndarray) else shown(value)
+    return InputError(f"{place}: found {found}, expected {expected}")
+
+
+def number(low: float = -_MOST, *, positive: bool = False) -> Layout:
+    """A finite number from `low`, or above 0, to 1e100.
+
+    Examples
+    --------
+    >>> number(0.0)(2.5, "noise.force_sd_N")
+    >>> try:
+    ...     number(0.0)("2.5", "noise.force_sd_N")
+    ... except InputError as error:
+    ...     print(error)
+    noise.force_sd_N: found '2.5', expected a number of at least 0
+    """
+    least = _LEAST if positive else low
+    words = "above 0" if positive else f"of at least {low:g}" if low > -_MOST else "up to 1e100"
+
+    def check(value: Any, place: str) -> None:
+        known = isinstance(value, int | float) and not isinstance(value, bool)
+        if not known or not least <= value <= _MOST:  # nan fails, too
+            raise _wrong(place, value, f"a number {words}")
+
+    return check
+
+
+def of_type(kind: type, words: str) -> Layout:
+    """A value of a type: `text`, `flag` and `anything` below."""
+
+    def check(value: Any, place: str) -> None:
+        if not isinstance(value, kind):
+            raise _wrong(place, value, words)
+
+    return check
+
+
+text = of_type(str, "text")
+flag = of_type(bool, "true or false")
+anything = of_type(object, "anything")
+
+
+def one_of(*choices: str) -> Layout:
+    """One of these texts."""
+
+    def check(value: Any, place: str) -> None:
+        if value not in choices:
+            raise _wrong(place, value, f"one of {', '.join(choices)}")
+
+    return check
+
+
+def exactly(expected: Any) -> Layout:
+    """This value and no other."""
+
+    def check(value: Any, place: str) -> None:
+        if value != expected:
+            raise _wrong(place, value, str(expected))
+
+    return check
+
+
+def or_null(layout: Layout) -> Layout:
+    """As the layout, or null."""
+
+    def check(value: Any, place: str) -> None:
+        if value is not None:
+            layout(value, place)
+
+    return check
+
+
+def array(*shape: int | None, positive: bool = False, most: float = _MOST) -> Layout:
+    """Nested lists of finite numbers; None leaves a length open, which is at least 1.
+
+    Examples
+    --------
+    >>> try:
+    ...     array(2, None)([[1.0, 2.0], [3.0]], "layers[0].matrix")
+    ... except InputError as error:
+    ...     print(error)
+    layers[0].matrix: found [[1.0, 2.0], [3.0]], expected numbers in the shape (2, N)
+    """
+    sizes = ", ".join("N" if size is None else str(size) for size in shape)
+    above = " above 0" if positive else ""
+    words = f"numbers{above} in the shape ({sizes}{',' if len(shape) == 1 else ''})"
+
+    def check(value: Any, place: str) -> None:
+        if not isinstance(value, list):
+            raise _wrong(place, value, words)
+        try:
+            values = np.array(value)
+        except (ValueError, OverflowError):  # lists of unlike lengths
+            raise _wrong(place, value, words) from None
+        if values.dtype.kind not in "fiu":
+            raise _wrong(place, value, words)
+        fits = values.ndim == len(shape) and values.size > 0
+        if not fits or any(s not in (n, None) for s, n in zip(shape, values.shape, strict=True)):
+            raise _wrong(place, values, words)
+        numbers = values.astype(np.float64)
+        bad = ~(np.abs(numbers) <= most) | (positive & (numbers < _LEAST))
+        if bad.any():
+            at = tuple(int(i) for i in np.argwhere(bad)[0])
+            inside = "".join(f"[{i}]" for i in at)
+            raise _wrong(f"{place}{inside}", values[at].item(), f"a number{above} up to {most:g}")
+
+    return check
+
+
+def items(layout: Layout, least: int = 0) -> Layout:
+    """A list of values of one layout."""
+
+    def check(value: Any, place: str) -> None:
+        if not isinstance(value, list) or len(value) < least:
+            raise _wrong(place, value, "a list" if not least else f"a list of at least {least}")
+        for i, item in enumerate(value):
+            layout(item, f"{place}[{i}]")
+
+    return check
+
+
+def row(*layouts: Layout) -> Layout:
+    """A list with a layout for each of its values."""
+
+    def check(value: Any, place: str) -> None:
+        if not isinstance(value, list) or len(value) != len(layouts):
+            raise _wrong(place, value, f"a list of {len(layouts)} values")
+        for i, (item, layout) in enumerate(zip(value, layouts, strict=True)):
+            layout(item, f"{place}[{i}]")
+
+    return check
+
+
+def named(layout: Layout) -> Layout:
+    """An object whose values have one layout, under any names."""
+
+    def check(value: Any, place: str) -> None:
+        if not isinstance(value, dict):
+            raise _wrong(place, value, "an object")
+        for key, item in value.items():
+            layout(item, f"{place}.{shown(key)}")
+
+    return check
+
+
+def record(needed: Keys, optional: Keys | None = None, *, others: bool = False) -> Layout:
+    """An object with these keys, with or without the optional ones; `others` may stand beside."""
+    known = {**needed, **(optional or {})}
+
+    def check(value: Any, place: str) -> None:
+        if not isinstance(value, dict):
+            raise _wrong(place, value, "an object")
+        begin = f"{place}." if place else ""
+        for key in needed:
+            if key not in value:
+                raise InputError(f"{begin}{key}: missing")
+        for key, item in value.items():
+            if key in known:
+                known[key](item, f"{begin}{key}")
+            elif not others:
+                raise InputError(
+                    f"{begin}{shown(key)}: an unknown key, expected {', '.join(known)}"
+                )
+
+    return check
+
+
+_RANGE = row(number(), number())
+_ERROR = number(0.0)
+_NOISE = record({"source": one_of("repeats", "declared", "assumed")}, dict.fromkeys((
+    "position_sd_m", "rotation_sd_rad", "force_sd_N", "torque_sd_Nm", "growth_per_N",
+    "growth_per_Nm"), _ERROR))  # fmt: skip
+_EFFECT = record(
+    {
+        "id": text,
+        "shape": named(anything),
+        "frozen": flag,
+        "parameters": named(record({"value": number(), "sd": or_null(_ERROR)}, others=True)),
+    },
+    others=True,
+)
+_SCENE = record({}, {"gravity_m_s2": array(3), "payload_mass_kg": or_null(_ERROR)})
+_FIT = record(
+    {"name": text, "train": _ERROR, "held_out": _ERROR, "ceiling": or_null(_ERROR)},
+    {"floor": _ERROR, "chi2": _ERROR, "parameters": _ERROR, "size": _ERROR}
+    | {"rows": text, "test": text},
+    others=True,
+)
+
+
+def _training(n: int, m: int) -> Layout:
+    sentence = or_null(record({"sentence": text}, others=True))
+    return record(
+        {},
+        {
+            **dict.fromkeys(("rows", "largest_leverage"), or_null(_ERROR)),
+            **dict.fromkeys(("over_noise", "residual_variance"), _ERROR),
+            "hash": or_null(text),
+            "source": or_null(text),
+            "effect_sizes": named(number()),
+            "mean_stiffness": array(m, n),
+            "pose_error": sentence,
+            "rows_used": sentence,
+        },
+        others=True,
+    )
+
+
+def check_document(document: Mapping[str, Any], own: Layout) -> None:
+    """Check all but the covariance of an opened model file.
+
+    Parameters
+    ----------
+    document
+        The document; its columns are a list of names, as `open_model` ensures.
+    own
+        Layout of the keys of its family.
+
+    Raises
+    ------
+    InputError
+        A value has another type, shape or range; the message names its place.
+    """
+    own(document, "")
+    n, m = len(document["inputs"]), len(document["outputs"])
+    residual = record({"source": text, "components": array(m, positive=True)})
+    noise = document["noise"]
+    of_components = isinstance(noise, dict) and "components" in noise
+    record(
+        {
+            "length_m": or_null(number(positive=True)),
+            "noise": residual if of_components else _NOISE,
+            "effects": items(_EFFECT),
+            "covariance": anything,
+            "training": _training(n, m),
+            "domain": named(_RANGE),
+        },
+        {
+            "scene": _SCENE,
+            "conditions": named(_RANGE),
+            "base_frozen": flag,
+            "correlations": items(row(text, text, number())),
+            "history": items(_FIT),
+        },
+        others=True,
+    )(document, "")
+
+
+def check_covariance(document: Mapping[str, Any], count: int) -> None:
+    """Check the covariance of so many coefficients, in each of the forms that a file may have."""
+    m = len(document["outputs"])
+    outputs = document.get("covariance_of_outputs")
+    size = count if outputs is None else count // m
+    or_null(array(size, size))(document["covariance"], "covariance")
+    if outputs is not None:
+        array(m, m)(outputs, "covariance_of_outputs")
+    if document["covariance"] is None and document.get("covariance_sd") is not None:
+        array(count, positive=True)(document["covariance_sd"], "covariance_sd")
+        rows = [array(i, most=1.0) for i in range(1, count)]
+        row(*rows)(document.get("covariance_correlation"), "covariance_correlation")
