@@ -231,9 +231,11 @@ def _base_summary(problem: Problem) -> BaseSummary:
     base, rows = problem.base, problem.rows
     kind, own = base.kind, problem.base_error
     shares = mesh_shares(base)
-    if shares is None or not isinstance(base, PhysicsMap):
+    if not isinstance(base, PhysicsMap):
         return BaseSummary(kind, own)
     off = base.mesh_error_of(rows.predict(rows.table.matrix(base.inputs)))
+    if off is None:
+        return BaseSummary(kind, own)
     whitened = np.einsum("nij,nj->ni", problem.whitener, off).ravel()
     columns = problem.base_block.reshape(len(whitened), -1)
     left = whitened - columns @ np.linalg.lstsq(columns, whitened, rcond=None)[0]

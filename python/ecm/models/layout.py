@@ -224,9 +224,13 @@ def _training(n: int, m: int) -> Layout:
             "hash": or_null(text),
             "source": or_null(text),
             "effect_sizes": named(number()),
+            "effect_shares": named(number()),
+            "poses": array(None, n),
+            "smallest_taken": flag,
             "mean_stiffness": array(m, n),
             "pose_error": sentence,
             "rows_used": sentence,
+            "prior": sentence,
         },
         others=True,
     )

@@ -215,7 +215,7 @@ class PhysicsModel(ModelSpecification):
         free = items(one_of(*PARAMETERS), least=1)
         return record(
             {"own_error": array(6), "mechanism": named(anything), "factor": number()},
-            {"parameters": values, "free": free},
+            {"parameters": values, "free": free, "mesh_error": array(6, 6)},
             others=True,
         )
 
