@@ -9,6 +9,7 @@ from ecm.cli.options.fit import Options
 from ecm.cli.outputs import saved_by_force
 from ecm.cli.session import Session
 from ecm.errors import InputError
+from ecm.io.misread import misread, refuse_misread
 from ecm.io.table import Table
 from ecm.models import (
     ModelSpecification,
@@ -30,6 +31,11 @@ def fit(options: Options, session: Session) -> None:
     """Run `ecm fit`."""
     session.check_output(options.out)
     table = session.read(options.data, need="fit")
+    wrong = misread(table)
+    if not options.force:
+        refuse_misread(wrong, table.source)
+    if wrong is not None:
+        session.warn(wrong.sentence(), wrong=True)
     name, choice = options.model, None
     if name == "choose":
         if options.pcr is not None:
@@ -63,7 +69,8 @@ def fit(options: Options, session: Session) -> None:
         summary["curve"] = curve.to_dict()
         for sentence in curve.sentences():
             session.print(sentence)
-    session.write_json(summary | {"warnings": list(table.warnings)})
+    said = [] if wrong is None else [wrong.sentence()]
+    session.write_json(summary | {"warnings": [*table.warnings, *said]})
     for sentence in summary["sentences"]:
         session.print(sentence)
     if not options.force:

@@ -15,11 +15,10 @@ from ecm.diagnosis.gate import Gate, Leftover, residual_after
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.readings import WrongStatement
 from ecm.diagnosis.stated_numbers import ratio_warning
-from ecm.diagnosis.statements import find_wrong_statement, reversed_sign
+from ecm.diagnosis.statements import find_wrong_statement
 from ecm.diagnosis.unexplained import Unknown, describe_residual
 from ecm.diagnosis.whiteness import Pattern, explains_more, find_pattern
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH
 from ecm.models.physics.map import PhysicsMap
 
 Headline = Literal["none", "named", "ambiguous", "unknown"]
@@ -73,6 +72,7 @@ def verdict(
     describe: Describe = describe_residual,
     white: Callable[[Problem], Pattern | None] = find_pattern,
     direction: Callable[[Problem, Sequence[Candidate]], Pattern | None] = find_direction,
+    misread: str = "",
 ) -> Verdict:
     """Give the headline.
 
@@ -84,6 +84,8 @@ def verdict(
         Function that looks for a pattern before `none` or a name is said.
     direction
         Function that looks for a load along one direction before single names are said.
+    misread
+        What is wrong with the signs or columns of the table beyond doubt; empty where nothing is.
     """
     # A polynomial takes in most wrong readings: its gate does not see them.
     asked = gate.rejected or problem.base.kind == "polynomial"
@@ -99,7 +101,7 @@ def verdict(
             template="",
         )
         return Verdict("unknown", Accepted(checks=accepted.checks), said)
-    strange = modulus_warning(problem) or ratio_warning(problem) or sign_warning(problem)
+    strange = modulus_warning(problem) or ratio_warning(problem) or misread
     if strange:
         unknown = describe(problem, problem.response, (), gate.structure)
         nothing = Accepted(checks=accepted.checks)
@@ -182,13 +184,6 @@ def _wrong_statement(problem: Problem, accepted: Accepted) -> WrongStatement | N
     before = _rms(problem, residual_after(problem, ()))
     after = _rms(problem, residual_after(problem, accepted.effects))
     return find_wrong_statement(problem, accepted.effects, before, after)
-
-
-def sign_warning(problem: Problem) -> str:
-    """Return what is wrong with the signs of a full table; empty where they may be right."""
-    if not problem.table.has(*POSE, *WRENCH):
-        return ""
-    return reversed_sign(problem.table, problem.base.inputs, problem.base.outputs)
 
 
 def is_noisy(problem: Problem) -> bool:
