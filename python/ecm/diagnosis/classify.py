@@ -19,6 +19,7 @@ from ecm.diagnosis.statements import find_wrong_statement
 from ecm.diagnosis.unexplained import Unknown, describe_residual
 from ecm.diagnosis.whiteness import Pattern, explains_more, find_pattern
 from ecm.io.arrays import F
+from ecm.io.unit_checks import unit_of_factor
 from ecm.models.physics.map import PhysicsMap
 
 Headline = Literal["none", "named", "ambiguous", "unknown"]
@@ -101,7 +102,7 @@ def verdict(
             template="",
         )
         return Verdict("unknown", Accepted(checks=accepted.checks), said)
-    strange = modulus_warning(problem) or ratio_warning(problem) or misread
+    strange = _strange(problem, misread)
     if strange:
         unknown = describe(problem, problem.response, (), gate.structure)
         nothing = Accepted(checks=accepted.checks)
@@ -131,6 +132,18 @@ def verdict(
     elif mountain:
         unknown = replace(unknown, words=f"{mountain}; {unknown.words}")
     return Verdict("unknown", accepted, unknown)
+
+
+def _strange(problem: Problem, misread: str) -> str:
+    """Return what is wrong with the table or the stated body, in words; empty where nothing is.
+
+    A body that is fitted to misread columns has any E and nu, which say nothing more.
+    """
+    modulus = modulus_warning(problem)
+    if not misread:
+        return modulus or ratio_warning(problem)
+    reversed_body = isinstance(problem.base, PhysicsMap) and problem.base.factor < 0.0
+    return f"{misread}; {modulus}" if reversed_body and modulus else misread
 
 
 def _pattern_instead(
@@ -198,5 +211,10 @@ def modulus_warning(problem: Problem) -> str:
     factor, most = problem.base.factor, problem.settings.most_modulus_factor
     if 1.0 / most < factor < most:
         return ""
-    guess = "a sign" if factor < 0.0 else "a unit"
-    return f"the wrench is {factor:.3g} times that of the stated body: {guess} is likely wrong"
+    ratio = f"the wrench is {factor:.3g} times that of the stated body"
+    if factor < 0.0:
+        return f"{ratio}: a sign is likely wrong"
+    unit = unit_of_factor(factor)
+    if unit:
+        return f"{ratio}: a unit is likely wrong ({unit})"
+    return f"{ratio}, which is no unit's factor: [mechanism] states another body"

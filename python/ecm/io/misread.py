@@ -134,9 +134,10 @@ def refuse_misread(found: Misread | None, source: str) -> None:
         return
     remedy = Remedy("mend the table, then check it again", "ecm check DATA")
     if found.mend:
-        lines = "".join(f"\n    {entry}" for entry in found.mend)
+        entries = "\n".join(found.mend)
         remedy = Remedy(
-            f"put this under [columns] into the TOML beside the table, then check it again{lines}\n",
+            "mend the columns in the TOML beside the table:\n"
+            f"[columns]\n{entries}\nThen check it again",
             "ecm check DATA",
         )
     raise InputError(
@@ -163,9 +164,10 @@ def misread(table: Table) -> Misread | None:
     found = _Readings(rows.select(chosen)).found()
     if found is None:
         return found
+    sources = table.meta.applied_columns
     # Where the description turns the frames, its columns are not those of the table.
-    entries = _entries(found.changed, table.meta.columns) if table.meta.frames.empty else ()
-    return replace(found, mend=entries)
+    changed = [] if sources is None else [part for part in found.changed if table.has(part[1])]
+    return replace(found, mend=_entries(changed, sources or {}))
 
 
 def _entries(

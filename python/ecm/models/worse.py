@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ecm.errors import ComputationError
+from ecm.errors import ComputationError, Remedy
 from ecm.io.arrays import F
 from ecm.io.columns import unit_of
 from ecm.regression.folds import is_pose_row
@@ -25,6 +25,9 @@ _MOST_ROWS = 3000
 _WORSE = 1.1
 _TOO_PLAIN = 3.0
 """Error of the base alone over the noise from which the base is to blame."""
+_CHOOSE = Remedy(
+    "let the data choose a base without a stated body", "ecm fit DATA --model choose --out OUT"
+)
 
 
 def refuse_worse(
@@ -77,9 +80,16 @@ measure more poses
     reasons = _worse_than_mean(fitted, table, errors, noise, held_out or {})
     if reasons:
         raise ComputationError(
-            f"the fit is no model of these data: {'; '.join(reasons)}; take fewer coefficients "
-            "(a lower degree), or measure more poses"
+            f"the fit is no model of these data: {'; '.join(reasons)}; {_other_model(fitted)}",
+            remedy=_CHOOSE if fitted.base.kind == "physics" else None,
         )
+
+
+def _other_model(fitted: Model) -> str:
+    """Advice by what the base has to give: a body has E and nu, and no coefficients to spare."""
+    if fitted.base.kind == "physics":
+        return "[mechanism] states another body, or columns are misread (ecm check shows them)"
+    return "take fewer coefficients (a lower degree), or measure more poses"
 
 
 def _what_to_do(fitted: Model) -> str:
