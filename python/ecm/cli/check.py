@@ -24,6 +24,13 @@ def check(options: Options, session: Session) -> None:
         result = check_table(table, progress=tell)
     session.write_json(result.to_dict())
     _print(result, session)
+    wrong = result.misread
+    for warning in result.warnings[len(table.warnings) :]:
+        session.warn(warning, wrong=wrong is not None and warning == wrong.sentence())
+    if wrong is not None and wrong.mend:
+        session.note("To mend it, put under [columns] into the TOML beside the table:")
+        for entry in wrong.mend:
+            session.note(f"    {entry}")
 
 
 def _leave_out(data: list[Path], session: Session) -> None:

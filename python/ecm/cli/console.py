@@ -52,10 +52,12 @@ class Console:
         if not self.quiet:
             self._write(sys.stderr, text)
 
-    def warn(self, text: str) -> None:
-        """Print a warning about the input."""
+    def warn(self, text: str, *, wrong: bool = False) -> None:
+        """Print a warning about the input, in red on a terminal where the input looks wrong."""
         if not self.quiet:
-            self._write(sys.stderr, f"warning: {text}")
+            line = f"warning: {text}"
+            red = wrong and sys.stderr.isatty()
+            self._write(sys.stderr, f"\x1b[31m{line}\x1b[0m" if red else line)
 
     def progress(self, title: str) -> Callable[..., None] | None:
         """Return a callback (done, total[, phase]) that shows the progress; None when quiet."""

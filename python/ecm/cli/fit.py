@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import cast
 
 from ecm.cli.models import build_physics, is_mechanism, read_mechanism
@@ -11,8 +12,12 @@ from ecm.cli.session import Session
 from ecm.diagnosis.check import likely_continuous
 from ecm.effects import load_installed
 from ecm.errors import InputError
+from ecm.io.columns import POSE
+from ecm.io.misread import misread, refuse_misread
 from ecm.io.table import Table
 from ecm.models import (
+    Model,
+    ModelChoice,
     ModelSpecification,
     PhysicsModel,
     choose_model,
@@ -35,20 +40,14 @@ def fit(options: Options, session: Session) -> None:
     table = session.read(options.data, need="fit")
     for sentence in likely_continuous(table):
         session.warn(sentence)
-    name, choice = options.model, None
-    if name == "choose":
-        if options.pcr is not None:
-            raise InputError("--model choose tries PCR thresholds itself; leave out --pcr")
-        if table.meta.length_m is None:
-            session.print("energies are left out: no [mechanism] length_m in the data's TOML")
-        with session.working(f"choosing among models of {len(table)} rows") as tell:
-            candidates = default_candidates(table)
-            choice = choose_model(table, candidates, seed=session.seed, progress=tell)
-        for sentence in choice.sentences():
-            session.print(sentence)
-        specification, name = choice.best, choice.best.alias
-    else:
-        specification = _named(name, options.pcr, table, session)
+    wrong = misread(table)
+    if not options.force:
+        refuse_misread(wrong, table.source)
+    if wrong is not None:
+        session.warn(wrong.sentence(), wrong=True)
+    choice = _chosen(options, table, session)
+    specification = choice.best if choice else _named(options.model, options.pcr, table, session)
+    name = specification.alias if choice else options.model
     with session.working(f"fitting {name} to {len(table)} rows") as tell:
         model = fit_model(
             table,
@@ -68,15 +67,13 @@ def fit(options: Options, session: Session) -> None:
         summary["curve"] = curve.to_dict()
         for sentence in curve.sentences():
             session.print(sentence)
+    said = [] if wrong is None else [wrong.sentence()]
     before, summary["addition"] = None, None
     if options.add:
-        before = model
-        load_installed()
-        with session.working(f"fitting {len(table)} rows with effects") as tell:
-            model = refit(model, table, add=options.add, progress=tell)
+        before, model = model, _with_effects(model, options.add, table, session)
         summary["addition"] = refit_summary(model)
         summary["sentences"] = [*summary["sentences"], *summary["addition"]["sentences"]]
-    session.write_json(summary | {"warnings": list(table.warnings)})
+    session.write_json(summary | {"warnings": [*table.warnings, *said]})
     for sentence in summary["sentences"]:
         session.print(sentence)
     if not options.force:
@@ -86,6 +83,28 @@ def fit(options: Options, session: Session) -> None:
             refuse_worse(model, rows, before=before, held_out=held_out)
     model.save(options.out)
     session.print(f"{options.out}: model {model.name if options.add else name}")
+
+
+def _chosen(options: Options, table: Table, session: Session) -> ModelChoice | None:
+    """Choose among models by their held-out errors; None where --model names one."""
+    if options.model != "choose":
+        return None
+    if options.pcr is not None:
+        raise InputError("--model choose tries PCR thresholds itself; leave out --pcr")
+    if table.meta.length_m is None and table.pose_columns == POSE:
+        session.print("energies are left out: no [mechanism] length_m in the data's TOML")
+    with session.working(f"choosing among models of {len(table)} rows") as tell:
+        candidates = default_candidates(table)
+        choice = choose_model(table, candidates, seed=session.seed, progress=tell)
+    for sentence in choice.sentences():
+        session.print(sentence)
+    return choice
+
+
+def _with_effects(model: Model, ids: Sequence[str], table: Table, session: Session) -> Model:
+    load_installed()
+    with session.working(f"fitting {len(table)} rows with effects") as tell:
+        return refit(model, table, add=ids, progress=tell)
 
 
 def _named(name: str, pcr: str | None, table: Table, session: Session) -> ModelSpecification:

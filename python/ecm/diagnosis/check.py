@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.diagnosis.statements import reversed_sign, time_unit
+from ecm.diagnosis.statements import time_unit
 from ecm.diagnosis.suspect_rows import SuspectRows, suspect_rows, whole_turns
 from ecm.diagnosis.to_json import fields_json
 from ecm.effects import effects_for
 from ecm.effects.length import missing_length
 from ecm.io.columns import POSE, TEXT, WRENCH, is_standard
+from ecm.io.misread import Misread, misread
 from ecm.io.quaternion_order import order_warning
 from ecm.io.steps import Progress, Steps
 from ecm.io.table import MetaLike, Table, TableLike, as_table
@@ -150,6 +151,8 @@ class Check:
     warnings: tuple[str, ...]
     suspect: tuple[SuspectRows, ...] = ()
     """Rows of a continuous log that are likely no measurement."""
+    misread: Misread | None = None
+    """What looks wrong with the signs or the columns; its sentence is among the warnings."""
     remarks: tuple[str, ...] = ()
     """What else a continuous log shows, in sentences."""
 
@@ -280,6 +283,7 @@ def check(table: TableLike, *, meta: MetaLike = None, progress: Progress | None 
     steps.begin(_REPEATS)
     repeated, noise = repeated_poses(table), noise_source(table)
     steps.begin(_SUSPECT)
+    wrong = misread(table)
     return Check(
         source=table.source,
         rows=len(table),
@@ -294,8 +298,9 @@ def check(table: TableLike, *, meta: MetaLike = None, progress: Progress | None 
         noise=noise,
         testable=testable,
         not_testable=not_testable,
-        warnings=(*table.warnings, *_misread(table)),
+        warnings=(*table.warnings, *_doubts(table, wrong)),
         suspect=tuple(suspect_rows(table)),
+        misread=wrong,
         remarks=(*padding_sentences(padded), *_sampling(table), *whole_turns(table)),
     )
 
@@ -321,9 +326,9 @@ def likely_continuous(table: Table) -> list[str]:
     ]
 
 
-def _misread(table: Table) -> list[str]:
+def _doubts(table: Table, wrong: Misread | None) -> list[str]:
     """Return what looks wrong with the signs, the time and the rotations of a table."""
-    said = [time_unit(table), reversed_sign(table, table.pose_columns, table.wrench_columns)]
+    said = [time_unit(table), "" if wrong is None else wrong.sentence()]
     if table.has(*POSE[3:]):
         said.append(order_warning(table.matrix(POSE[3:])))
     return [words for words in said if words]

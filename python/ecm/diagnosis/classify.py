@@ -15,11 +15,11 @@ from ecm.diagnosis.gate import Gate, Leftover, residual_after
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.readings import WrongStatement
 from ecm.diagnosis.stated_numbers import ratio_warning
-from ecm.diagnosis.statements import find_wrong_statement, reversed_sign
+from ecm.diagnosis.statements import find_wrong_statement
 from ecm.diagnosis.unexplained import Unknown, describe_residual
 from ecm.diagnosis.whiteness import Pattern, explains_more, find_pattern
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.unit_checks import unit_of_factor
 from ecm.models.physics.map import PhysicsMap
 
 Headline = Literal["none", "named", "ambiguous", "unknown"]
@@ -73,6 +73,7 @@ def verdict(
     describe: Describe = describe_residual,
     white: Callable[[Problem], Pattern | None] = find_pattern,
     direction: Callable[[Problem, Sequence[Candidate]], Pattern | None] = find_direction,
+    misread: str = "",
 ) -> Verdict:
     """Give the headline.
 
@@ -84,6 +85,8 @@ def verdict(
         Function that looks for a pattern before `none` or a name is said.
     direction
         Function that looks for a load along one direction before single names are said.
+    misread
+        What is wrong with the signs or columns of the table beyond doubt; empty where nothing is.
     """
     # A polynomial takes in most wrong readings: its gate does not see them.
     asked = gate.rejected or problem.base.kind == "polynomial"
@@ -99,7 +102,7 @@ def verdict(
             template="",
         )
         return Verdict("unknown", Accepted(checks=accepted.checks), said)
-    strange = modulus_warning(problem) or ratio_warning(problem) or sign_warning(problem)
+    strange = _strange(problem, misread)
     if strange:
         unknown = describe(problem, problem.response, (), gate.structure)
         nothing = Accepted(checks=accepted.checks)
@@ -129,6 +132,18 @@ def verdict(
     elif mountain:
         unknown = replace(unknown, words=f"{mountain}; {unknown.words}")
     return Verdict("unknown", accepted, unknown)
+
+
+def _strange(problem: Problem, misread: str) -> str:
+    """Return what is wrong with the table or the stated body, in words; empty where nothing is.
+
+    A body that is fitted to misread columns has any E and nu, which say nothing more.
+    """
+    modulus = modulus_warning(problem)
+    if not misread:
+        return modulus or ratio_warning(problem)
+    reversed_body = isinstance(problem.base, PhysicsMap) and problem.base.factor < 0.0
+    return f"{misread}; {modulus}" if reversed_body and modulus else misread
 
 
 def _pattern_instead(
@@ -184,13 +199,6 @@ def _wrong_statement(problem: Problem, accepted: Accepted) -> WrongStatement | N
     return find_wrong_statement(problem, accepted.effects, before, after)
 
 
-def sign_warning(problem: Problem) -> str:
-    """Return what is wrong with the signs of a full table; empty where they may be right."""
-    if not problem.table.has(*POSE, *WRENCH):
-        return ""
-    return reversed_sign(problem.table, problem.base.inputs, problem.base.outputs)
-
-
 def is_noisy(problem: Problem) -> bool:
     """Whether what no column explains is too large for noise, so that nothing can be named."""
     return problem.scale > problem.settings.most_scale(problem.noise.source)
@@ -203,5 +211,10 @@ def modulus_warning(problem: Problem) -> str:
     factor, most = problem.base.factor, problem.settings.most_modulus_factor
     if 1.0 / most < factor < most:
         return ""
-    guess = "a sign" if factor < 0.0 else "a unit"
-    return f"the wrench is {factor:.3g} times that of the stated body: {guess} is likely wrong"
+    ratio = f"the wrench is {factor:.3g} times that of the stated body"
+    if factor < 0.0:
+        return f"{ratio}: a sign is likely wrong"
+    unit = unit_of_factor(factor)
+    if unit:
+        return f"{ratio}: a unit is likely wrong ({unit})"
+    return f"{ratio}, which is no unit's factor: [mechanism] states another body"

@@ -26,6 +26,7 @@ from ecm.diagnosis.to_json import fields_json
 from ecm.effects import Effect
 from ecm.errors import EcmError
 from ecm.io.columns import unit_of
+from ecm.io.unit_checks import unit_of_factor
 from ecm.models.behind import is_far_behind
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.learned import LEARNED
@@ -164,12 +165,17 @@ class GivenModel:
         """Return why the numbers are wrong, by the factor between the wrenches."""
         if self.scale is None:
             return ". Another specimen, scale or frame: fit it again."
+        unit = unit_of_factor(self.scale)
         if self.scale < 0.0:
             cause = "A sign is likely reversed: mend it in the data."
-        elif 1.0 / _MOST_SCALE < self.scale < _MOST_SCALE:
-            cause = "Another specimen, scale or frame: fit it again."
+        elif unit and not 1.0 / _MOST_SCALE < self.scale < _MOST_SCALE:
+            cause = (
+                f"A unit is likely wrong ({unit}): mend it in the data; else fit the model again."
+            )
         else:
-            cause = "A unit is likely wrong: mend it in the data; else fit the model again."
+            cause = "Another specimen, scale or frame: fit it again."
+            if unit:
+                cause += f" Or a unit is wrong ({unit}): mend it in the data."
         return f", the wrench is {self.scale:.3g} times its own. {cause}"
 
 

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ecm.diagnosis.readings import WrongStatement, best_of
-from ecm.diagnosis.restated import Restatement, rarer_restatements, restatements
 from ecm.errors import EcmError
 from ecm.io.arrays import B, F
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.restated import Restatement, rarer_restatements, restatements
 from ecm.regression.folds import is_pose_row
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.rows import Rows

@@ -13,6 +13,7 @@ from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows, effects_for, get_effect
 from ecm.errors import InputError
 from ecm.io.arrays import I
+from ecm.io.misread import Misread, misread
 from ecm.regression.folds import distinct_rows, rows_without_zero_readings
 from ecm.regression.sensor_zero import zero_times
 from ecm.regression.thinning import spread_rows
@@ -42,6 +43,8 @@ class Prepared:
     """Effects that the model has already."""
     padding: tuple[str, ...] = ()
     """Pose and wrench columns that are 0 in every row: `unexplained` is without them."""
+    misread: Misread | None = None
+    """What looks wrong with the signs or the columns of the rows as they were given."""
 
 
 def prepare(
@@ -93,6 +96,7 @@ def prepare(
         effects=tuple(effect for effect in given if effect.id not in of_model),
         carried={effect.id: why for effect in given if effect.id in of_model},
         padding=padded,
+        misread=misread(table),
     )
 
 

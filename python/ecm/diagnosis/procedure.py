@@ -323,6 +323,9 @@ def decide(
         describe=stages.describe,
         white=stages.white,
         direction=stages.direction,
+        misread=prepared.misread.sentence()
+        if prepared.misread and prepared.misread.decided
+        else "",
     )
     return Decision(
         prepared=prepared,

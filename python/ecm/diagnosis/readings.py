@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ecm.diagnosis.restated import Restatement, restatements
 from ecm.diagnosis.restated_points import moved_points
 from ecm.errors import EcmError, ModelError
 from ecm.io.arrays import F
+from ecm.io.restated import Restatement, restatements
 from ecm.models.maps import StiffnessMap
 
 EQUAL = 1.5

@@ -42,7 +42,7 @@ from ecm.diagnosis.result import (
 )
 from ecm.diagnosis.search import Ranked, estimate
 from ecm.diagnosis.stated_numbers import negative_payload, stated_numbers
-from ecm.diagnosis.statements import reversed_sign, time_unit
+from ecm.diagnosis.statements import time_unit
 from ecm.diagnosis.unexplained import misread_table
 from ecm.io.leave_out import shown_ranges
 from ecm.models.history import Ceiling, ceiling_rms
@@ -290,8 +290,10 @@ def _warnings(problem: Problem, prepared: Prepared, final: JointFit) -> tuple[st
     warnings += likely_continuous(prepared.table.unthinned)
     if late := time_unit(problem.table):
         warnings.append(late)
-    if strange := modulus_warning(problem) or reversed_sign(*own):
+    if strange := modulus_warning(problem):
         warnings.append(strange)
+    if prepared.misread is not None:
+        warnings.append(prepared.misread.sentence())
     warnings += stated_numbers(problem, final)
     if problem.noise.is_residual:
         warnings.append(

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ecm._native import rotation_matrices
-from ecm.diagnosis.restated import Restatement
 from ecm.errors import EcmError
 from ecm.io.arrays import F
+from ecm.io.restated import Restatement
 
 _LEAST_SHARE = 0.01
 """A point nearer than this share of the length is a matter of calibration."""

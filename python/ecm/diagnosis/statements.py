@@ -17,22 +17,19 @@ import numpy as np
 from ecm._native import EnergyModel
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.readings import WrongStatement, best_readings
-from ecm.diagnosis.restated import Restatement
 from ecm.errors import EcmError
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.table import as_table
+from ecm.io.misread import falling_loads
+from ecm.io.restated import Restatement
 from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import EnergyMap, StiffnessMap
-from ecm.regression.folds import is_pose_row
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
 
 _ROWS = 150
 """Rows on which the readings are compared; the best is checked on all."""
-_LEAST_T = 6.0
-"""A slope counts from so many standard deviations."""
 _BETTER = 0.5
 """Share of the error of the polynomial that an energy may leave, where it errs more than noise."""
 _GENERAL_TERMS = {4: 209, 3: 83, 2: 27}
@@ -116,7 +113,7 @@ def _of_any_elastic_body(problem: Problem, before: float) -> WrongStatement | No
 
 def _falls(poses: F, wrench: F) -> bool:
     """Whether a load falls where its coordinate grows."""
-    return bool(reversed_sign(as_table(_named(poses, wrench)), POSE, WRENCH))
+    return bool(falling_loads(poses, wrench, np.full(12, True)))
 
 
 def _named(poses: F, wrench: F) -> dict[str, F]:
@@ -141,42 +138,6 @@ def _error(problem: Problem, base: StiffnessMap, reading: Restatement | None) ->
     # Some bad rows shall not decide.
     kept = np.sort(squares)[: max(1, int(0.98 * len(squares)))]
     return float(np.sqrt(kept.mean() / fit.whitened.shape[1]))
-
-
-def reversed_sign(table: Table, inputs: Sequence[str], outputs: Sequence[str]) -> str:
-    """Return which load falls where its own coordinate grows, in words; empty where none does.
-
-    A mechanism at rest resists: the diagonal of its stiffness is positive. Where the slope of every
-    force that shows one is negative, its sign is that of the reaction; so for torques.
-    """
-    rows = table.select(np.flatnonzero(is_pose_row(table)))
-    if not inputs or not outputs or len(rows) == 0:
-        return ""
-    x = rows.matrix(inputs)
-    x = x[:, np.ptp(x, axis=0) > 0.0]
-    moving = [name for name in inputs if float(np.ptp(rows.column(name))) > 0.0]
-    design = np.column_stack([np.ones(len(x)), x - x.mean(axis=0)])
-    if len(design) < 2 * design.shape[1] or not moving:
-        return ""
-    inverse = np.linalg.pinv(design.T @ design)
-    wrong: list[str] = []
-    right: list[str] = []
-    for position, load in zip(POSE, WRENCH, strict=True):
-        if position not in moving or load not in outputs:
-            continue
-        y = rows.column(load)
-        theta = inverse @ (design.T @ y)
-        rest = float(((y - design @ theta) ** 2).sum()) / (len(y) - design.shape[1])
-        j = 1 + moving.index(position)
-        t = theta[j] / np.sqrt(max(rest * inverse[j, j], 1e-300))
-        if abs(t) > _LEAST_T:
-            (wrong if t < 0.0 else right).append(load)
-    for group, words in ((WRENCH, "wrench"), (WRENCH[:3], "force"), (WRENCH[3:], "torque")):
-        against = [name for name in wrong if name in group]
-        if against and not any(name in group for name in right):
-            listed = ", ".join(name.rsplit("_", 1)[0] for name in against)
-            return f"the {words}'s sign looks reversed: {listed} falls where its coordinate grows"
-    return ""
 
 
 def time_unit(table: Table) -> str:

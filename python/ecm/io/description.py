@@ -151,6 +151,8 @@ class Meta:
         `[import]`: the log that the table was made of, and what each column was read from.
     source
         File it was read from, for messages and for the path of a relative mesh.
+    applied_columns
+        `columns` that were applied when it was read, for messages; None where frames were turned.
 
     Examples
     --------
@@ -174,6 +176,9 @@ class Meta:
     leave_out: Mapping[str, str] = field(default_factory=dict)
     origin: Mapping[str, Any] = field(default_factory=dict)
     source: str = ""
+    applied_columns: Mapping[str, ColumnSource] | None = field(
+        default_factory=dict, compare=False, repr=False
+    )
 
     @property
     def length_m(self) -> float | None:
@@ -211,7 +216,10 @@ class Meta:
     def applied(self) -> Meta:
         """Return the description of the table after its columns got their standard names."""
         file = replace(self.file, header_rows=1)
-        return replace(self, columns={}, file=file, frames=Frames(), leave_out={})
+        before = (self.columns or self.applied_columns) if self.frames.empty else None
+        return replace(
+            self, columns={}, file=file, frames=Frames(), leave_out={}, applied_columns=before
+        )
 
     def beside(self, table: Path) -> Meta:
         """Return the description that is written beside a table: a mesh file as seen from there."""

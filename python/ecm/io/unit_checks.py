@@ -22,6 +22,36 @@ _ROUNDING = 1e-6
 """By how much a rotation vector of half a turn may be longer in a robot's own frame, rad."""
 _FEW_ROWS = 0.1
 """If a smaller share of rows exceeds the limit, these rows are wrong; else the unit is."""
+_SAME_FACTOR = 0.1
+"""Share by which a factor may differ from that of a unit: bodies and fits differ, too."""
+_FACTORS = {
+    1e3: "mm, N mm, mN or kN",
+    1e6: "N mm beside mm",
+    100.0: "cm or N cm",
+    180.0 / math.pi: "degrees",
+    1.0 / 0.0254: "inches",
+    25.4: "inches beside mm",
+    9.80665: "kgf",
+    1e3 / 9.80665: "gf",
+    4.448222: "lbf",
+    1.0 / 0.1129848: "lbf in",
+}
+"""Factors between a unit and that of the table, and the unit."""
+
+
+def unit_of_factor(factor: float) -> str:
+    """Return the units whose factor, or its inverse, a ratio of two loads is; empty for none.
+
+    Examples
+    --------
+    >>> unit_of_factor(0.00102), unit_of_factor(4.4), unit_of_factor(0.0088)
+    ('mm, N mm, mN or kN', 'lbf', '')
+    """
+    if not factor > 0.0:
+        return ""
+    size = abs(math.log(factor))
+    near = {abs(size - math.log(own)): words for own, words in _FACTORS.items()}
+    return near[min(near)] if min(near) < math.log1p(_SAME_FACTOR) else ""
 
 
 def check_positions(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,8 @@ def standard_columns(
     found: dict[str, F] = {}
     words: dict[str, str] = {}
     for name, entry in mapped.columns.items():
-        found[name] = log.columns[entry.column] * entry.unit.factor + entry.unit.offset
+        values = log.columns[entry.column] * entry.unit.factor + entry.unit.offset
+        found[name] = entry.sign * values
         words[name] = _words(entry)
     notes: list[str] = []
     usable = np.ones(len(log), dtype=bool)
@@ -66,6 +68,8 @@ def _ranges(log: Log) -> str:
 
 
 def _words(entry: Source) -> str:
+    if entry.sign < 0.0:
+        return f"-1 * {_words(replace(entry, sign=1.0))}"
     unit = entry.unit
     if unit.word == "" and unit.dimension in ("time", "temperature"):
         assumed = "s" if unit.dimension == "time" else "degC"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,9 +26,12 @@ class Source:
 
     column: str
     unit: Unit
+    sign: float = 1.0
+    """-1 where the user asked for the column negated: --map "fx_N=-Fx"."""
 
     def __str__(self) -> str:
-        return self.column if self.unit.factor == 1.0 else f"{self.column} [{self.unit.word}]"
+        name = f"-{self.column}" if self.sign < 0.0 else self.column
+        return name if self.unit.factor == 1.0 else f"{name} [{self.unit.word}]"
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,7 @@ class UserChoices:
     Parameters
     ----------
     columns
-        Column of the log, `COLUMN` or `COLUMN:UNIT`, by standard name.
+        Column of the log, `COLUMN`, `COLUMN:UNIT` or `-COLUMN`, by standard name.
     rotation
         `WORD`, or `WORD:COLUMN,COLUMN,...` (rotations.py); empty: by the names.
     units
@@ -86,7 +89,10 @@ class UserChoices:
 def chosen_source(
     standard: str, choice: str, log: Log, named: Mapping[str, Named], choices: UserChoices
 ) -> Source:
-    """The source that --map gives: a column, or a column and its unit."""
+    """The source that --map gives: a column, or a column and its unit; `-` before it negates."""
+    if choice.startswith("-") and not {choice, choice.rpartition(":")[0]} & {*log.columns}:
+        positive = chosen_source(standard, choice[1:].lstrip(), log, named, choices)
+        return replace(positive, sign=-positive.sign)
     column, colon, word = choice.rpartition(":")
     whole = choice in log.columns
     # Of the columns F and FN, F:N means the first.
@@ -118,7 +124,12 @@ def column_like(name: str, log: Log) -> str:
     """The log's only column of this name without regard to case and separators, else the name."""
     if name in log.columns:
         return name
-    alike = [own for own in log.columns if _squeezed(own) == _squeezed(name)]
+    # A minus is no separator: -Fx is not Fx.
+    alike = [
+        own
+        for own in log.columns
+        if _squeezed(own) == _squeezed(name) and own.startswith("-") == name.startswith("-")
+    ]
     return alike[0] if len(alike) == 1 and _squeezed(name) else name
 
 

@@ -83,9 +83,16 @@ def refuse_worse(
     reasons = _worse_than_mean(fitted, table, errors, noise, held_out or {})
     if reasons:
         raise ComputationError(
-            f"the fit is no model of these data: {'; '.join(reasons)}",
+            f"the fit is no model of these data: {'; '.join(reasons)}{_why(fitted)}",
             remedy=CHOOSE,
         )
+
+
+def _why(fitted: Model) -> str:
+    """What a body leaves open: it has E and nu, and no coefficients to spare."""
+    if fitted.base.kind != "physics":
+        return ""
+    return "; [mechanism] states another body, or columns are misread (ecm check shows them)"
 
 
 def refuse_addition(fitted: Model, table: Table, before: Model) -> None:

@@ -21,7 +21,7 @@ class Options:
     ] = None
     columns: Annotated[
         list[str] | None,
-        typer.Option("--map", metavar="A=B[:UNIT]", help="Column A is B of the log; repeat it."),
+        typer.Option("--map", metavar="A=B[:UNIT]", help="Column A is B (-B: negated); repeat it."),
     ] = None
     rotation: Annotated[
         str, typer.Option("--rotation", metavar="WORD", help="wxyz, xyzw, rotvec, ZYX or xyz.")

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from ecm._native import rotation_matrices, rotation_vectors
-from ecm.io.arrays import F
+from ecm.io.arrays import F, I
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.quaternion_order import ORDERS, read_in_other_order
 
 Change = Callable[[F, F], tuple[F, F]]
 """(poses (N, 6), wrenches (N, 6)) as stated -> the same as they may have been meant."""
 
+Columns = tuple[tuple[str, str, float], ...]
+"""(column, the stated column that it is, 1 or -1) of each column that changes."""
+
+WRENCH_REVERSED = "the wrench's sign looks reversed"
+"""Words of the reading in which the reaction was written down."""
 _SINGLE = 9
 """Turns about one axis, which come first."""
 
@@ -29,6 +36,8 @@ class Restatement:
     """Whether the poses change, so that the columns of a base change as well."""
     of_pose_unit: bool = False
     """Whether the poses only get another size."""
+    columns: Columns = ()
+    """The columns that change, where it is only that some are negated or exchanged."""
 
 
 def restatements(length_m: float | None) -> Iterator[Restatement]:
@@ -39,7 +48,8 @@ def restatements(length_m: float | None) -> Iterator[Restatement]:
     length_m
         Length of the mechanism, for positions from its other end; None where it is not known.
     """
-    yield from _signs()
+    yield from signs()
+    yield from exchanges()
     yield from _units()
     turns = list(_axis_turns())
     yield from _turns(turns[:_SINGLE])
@@ -61,7 +71,13 @@ def rarer_restatements() -> Iterator[Restatement]:
     words = "the torque looks 1000 times too small"
     yield Restatement(words, _scaled_wrench(np.array([1.0] * 3 + [1e3] * 3)), False)
     turns = list(_axis_turns())
-    for item in (*_signs(), *_turns(turns[:_SINGLE]), *_mirrors(), *_turns(turns[_SINGLE:])):
+    for item in (
+        *signs(),
+        *exchanges(),
+        *_turns(turns[:_SINGLE]),
+        *_mirrors(),
+        *_turns(turns[_SINGLE:]),
+    ):
         if not item.of_pose:
             yield Restatement(f"{item.words}, in the axes of the tool", _in_tool(item), False)
 
@@ -73,19 +89,95 @@ def _in_tool(item: Restatement) -> Change:
     return change
 
 
-def _signs() -> Iterator[Restatement]:
-    for words, signs in (
-        ("the wrench's sign looks reversed", [-1.0] * 6),
-        ("the force's sign looks reversed", [-1.0] * 3 + [1.0] * 3),
-        ("the torque's sign looks reversed", [1.0] * 3 + [-1.0] * 3),
-    ):
-        yield Restatement(words, _scaled_wrench(np.array(signs)), False)
-    names = ("fx", "fy", "fz", "tau_x", "tau_y", "tau_z")
-    for j, name in enumerate(names):
-        signs = [1.0] * 6
-        signs[j] = -1.0
-        words = f"the sign of {name} looks reversed"
-        yield Restatement(words, _scaled_wrench(np.array(signs)), False)
+def signs() -> Iterator[Restatement]:
+    """Yield what a reversed sign mends: of the wrench, of the pose, of one column."""
+    groups = (
+        (WRENCH_REVERSED, WRENCH),
+        ("the force's sign looks reversed", WRENCH[:3]),
+        ("the torque's sign looks reversed", WRENCH[3:]),
+        ("the pose's sign looks reversed", POSE),
+        ("the position's sign looks reversed", POSE[:3]),
+        ("the rotation looks transposed (its sign reversed)", POSE[3:]),
+    )
+    for words, names in groups:
+        yield of_columns(words, {name: (name, -1.0) for name in names})
+    for name in (*WRENCH, *POSE):
+        yield of_columns(f"the sign of {_short(name)} looks reversed", {name: (name, -1.0)})
+
+
+def exchanges() -> Iterator[Restatement]:
+    """Yield what an exchange of columns mends: two of one quantity, or of all of wrench or pose."""
+    pairs = list(itertools.combinations(range(3), 2))
+    for quantity in (WRENCH[:3], WRENCH[3:], POSE[:3], POSE[3:]):
+        for a, b in pairs:
+            words = f"{_short(quantity[a])} and {_short(quantity[b])} look exchanged"
+            yield of_columns(words, _exchanged(quantity[a], quantity[b]))
+    for names, word in ((WRENCH, "wrench"), (POSE, "pose")):
+        for a, b in pairs:
+            both = _exchanged(names[a], names[b]) | _exchanged(names[a + 3], names[b + 3])
+            yield of_columns(
+                f"the columns {'xyz'[a]} and {'xyz'[b]} of the {word} look exchanged", both
+            )
+    three = {name: (WRENCH[(j + 3) % 6], 1.0) for j, name in enumerate(WRENCH)}
+    yield of_columns("the force and torque columns look exchanged", three)
+
+
+def of_columns(words: str, changed: Mapping[str, tuple[str, float]]) -> Restatement:
+    """Return the reading in which some columns are others, or negated.
+
+    Parameters
+    ----------
+    words
+        What looks wrong.
+    changed
+        The stated column and its factor, by the column that it is.
+
+    Examples
+    --------
+    >>> reading = of_columns("y and z look exchanged", {"y_m": ("z_m", 1.0), "z_m": ("y_m", 1.0)})
+    >>> reading.change(np.array([[0.1, 0.2, 0.3, 0.0, 0.0, 0.0]]), np.zeros((1, 6)))[0]
+    array([[0.1, 0.3, 0.2, 0. , 0. , 0. ]])
+    """
+    names = (*POSE, *WRENCH)
+    places, factors = np.arange(len(names)), np.ones(len(names))
+    for name, (stated, factor) in changed.items():
+        places[names.index(name)], factors[names.index(name)] = names.index(stated), factor
+    return Restatement(
+        words,
+        partial(_taken, places, factors),
+        of_pose=any(name in POSE for name in changed),
+        columns=tuple((name, *source) for name, source in changed.items()),
+    )
+
+
+def in_words(items: Sequence[Restatement]) -> str:
+    """Return readings of which each is as likely in words.
+
+    Examples
+    --------
+    >>> in_words([item for item in signs() if item.columns[0][0] == "fx_N"][-1:])
+    'the sign of fx looks reversed'
+    >>> in_words([item for item in signs() if len(item.columns) == 1][:2])
+    'the sign of fx or of fy looks reversed'
+    """
+    begin, end = "the sign of ", " looks reversed"
+    if all(item.words.startswith(begin) and item.words.endswith(end) for item in items) and items:
+        names = (item.words.removeprefix(begin).removesuffix(end) for item in items)
+        return f"{begin}{' or of '.join(names)}{end}"
+    return " or ".join(item.words for item in items)
+
+
+def _taken(places: I, factors: F, poses: F, wrench: F) -> tuple[F, F]:
+    taken = np.hstack([poses, wrench])[:, places] * factors
+    return np.ascontiguousarray(taken[:, : len(POSE)]), taken[:, len(POSE) :]
+
+
+def _exchanged(first: str, second: str) -> dict[str, tuple[str, float]]:
+    return {first: (second, 1.0), second: (first, 1.0)}
+
+
+def _short(name: str) -> str:
+    return name.rsplit("_", 1)[0]
 
 
 def _units() -> Iterator[Restatement]:
@@ -124,7 +216,7 @@ def _turns(turns: Sequence[tuple[str, F]]) -> Iterator[Restatement]:
 
 
 def _mirrors() -> Iterator[Restatement]:
-    """Left-handed axes, and columns that changed places."""
+    """Left-handed axes."""
     for j, axis in enumerate("xyz"):
         flip = np.eye(3)
         flip[j, j] = -1.0
@@ -132,16 +224,6 @@ def _mirrors() -> Iterator[Restatement]:
         yield Restatement(words, _turned_wrench(flip, -flip), False)
         words = f"the {axis} axis of the pose looks reversed (left-handed axes)"
         yield Restatement(words, _mirrored_pose(flip), True)
-    for a, b in itertools.combinations(range(3), 2):
-        swap = np.eye(3)[:, [b if j == a else a if j == b else j for j in range(3)]]
-        pair = f"{'xyz'[a]} and {'xyz'[b]}"
-        yield Restatement(
-            f"the columns {pair} of the wrench look exchanged", _turned_wrench(swap, swap), False
-        )
-    yield Restatement(
-        "the force and torque columns look exchanged", lambda p, h: (p, h[:, [3, 4, 5, 0, 1, 2]]),
-        False,
-    )  # fmt: skip
 
 
 def _points(length_m: float | None) -> Iterator[Restatement]:
@@ -170,11 +252,6 @@ def _points(length_m: float | None) -> Iterator[Restatement]:
 
 def _rotations() -> Iterator[Restatement]:
     yield Restatement("the pose looks inverted (the base seen from the top)", _inverted, True)
-    yield Restatement(
-        "the rotation looks transposed (its sign reversed)",
-        lambda p, h: (np.hstack([p[:, :3], -p[:, 3:]]), h),
-        True,
-    )
     for stated, meant in ORDERS.items():
         words = f"the rotation looks read from a quaternion as {stated}, which is {meant}"
         yield Restatement(words, _of_quaternion(stated), True)
