@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ecm.diagnosis.statements import reversed_sign, time_unit
 from ecm.diagnosis.suspect_rows import SuspectRows, suspect_rows, whole_turns
 from ecm.diagnosis.to_json import fields_json
-from ecm.effects import effects_for
+from ecm.effects import effects_of
 from ecm.effects.length import missing_length
 from ecm.io.columns import POSE, TEXT, WRENCH, is_standard
 from ecm.io.quaternion_order import order_warning
@@ -360,7 +360,7 @@ def _effects(
     """Return the ids that the table can test, and the others with reason and remedy."""
     testable: list[str] = []
     not_testable: list[NotTestable] = []
-    effects = effects_for((*table.pose_columns, *table.wrench_columns))
+    effects = effects_of(table)
     for i, effect in enumerate(effects):
         if progress is not None:
             progress(i, len(effects), "")
