@@ -27,6 +27,7 @@ from ecm.io.columns import unit_of
 from ecm.io.extras import require
 from ecm.io.steps import Progress, Steps
 from ecm.io.table import as_table
+from ecm.models.given import as_model
 from ecm.models.joint_fit import base_columns
 from ecm.models.learned import LEARNED
 from ecm.models.noise_estimate import estimate_noise
@@ -332,7 +333,7 @@ class Comparison:
 
 
 def compare(
-    model: Model,
+    model: Model | Any,
     table: TableLike,
     *,
     meta: MetaLike = None,
@@ -348,7 +349,9 @@ def compare(
     Parameters
     ----------
     model
-        Model with the pose and wrench columns of the table.
+        Model with the pose and wrench columns of the table; or a function of poses (N, n) that
+        returns wrenches (N, m), an `Expression`, the path of a model file, or a table of predicted
+        wrenches with a row for each measured pose.
     table
         Measurements, as a table, a data frame, a dict or a file; poses count, home and unloaded
         rows do not.
@@ -386,6 +389,7 @@ def compare(
     ['fx_N']
     """
     table = as_table(table, meta=meta)
+    model = as_model(model, table)
     lacking = [name for name in (*model.inputs, *model.outputs) if not table.has(name)]
     if lacking:
         raise InputError(

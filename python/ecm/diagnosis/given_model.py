@@ -142,7 +142,7 @@ class GivenModel:
         if self.refitted is None:
             return {
                 "effect": " An effect is missing.",
-                "form": " Refitted on them, and the base fits: its form is too plain.",
+                "form": " The base fits: its numbers are wrong, or its form is too plain.",
                 "numbers": " The base fits: its numbers or its form are wrong; fit it again.",
             }[self.answer]
         again = f"it errs {self.refitted}"
@@ -263,12 +263,15 @@ def refit_of_kind(model: Model, table: Table, noise: Noise) -> JointFit | None:
     Returns
     -------
     JointFit or None
-        None for a learned map, and where half of the numbers or more would be coefficients.
+        None for a map that is learned or has no coefficients, and where half of the numbers or
+        more would be coefficients.
     """
     if len(table) > _MOST_ROWS:
         table = table.thinned(spread_rows(table, _MOST_ROWS))
     base = model.base
-    if base.kind in LEARNED or 2 * len(base.coefficients) > len(table) * len(base.outputs):
+    if base.kind in LEARNED or not len(base.coefficients):
+        return None
+    if 2 * len(base.coefficients) > len(table) * len(base.outputs):
         return None
     return _fit_or_none(base, (), table, noise)
 

@@ -135,10 +135,10 @@ class UnusedColumn(LinearEffect):
 
     def _value(self, table: Table) -> F:
         """(N,) the column, or what a first-order filter of the lag makes of it in each run."""
-        value = table.column(self.column)
+        value: F = table.column(self.column)
         if not self.lag_s:
             return value
-        late = value.copy()
+        late: F = value.copy()
         time = table.column("time_s")
         for order in order_of_visits(table):
             fades = np.exp(-np.diff(time[order]) / self.lag_s)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -12,8 +13,10 @@ from ecm.io.columns import POSE
 from ecm.io.steps import Progress, Steps
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.models.constraints import constrained
+from ecm.models.function import FunctionModel
 from ecm.models.leverage import leverages
 from ecm.models.model import Model
+from ecm.models.parameters import parameters_of
 from ecm.models.pose_error import pose_error, report_rows
 from ecm.models.registry import parse_model
 from ecm.models.specification import FittedMap, ModelSpecification, Weights
@@ -23,8 +26,9 @@ from ecm.regression.thinning import spread_rows
 
 def fit_model(
     table: TableLike,
-    model: ModelSpecification | str,
+    model: ModelSpecification | str | Callable[..., Any],
     *,
+    parameters: Mapping[str, Any] | None = None,
     meta: MetaLike = None,
     weights: Weights = "auto",
     zero_at_home: bool = False,
@@ -39,7 +43,11 @@ def fit_model(
         Pose columns (m, rad) and wrench columns (N, N m), as a table, a data frame, a dict or a
         file; rows of other kinds are left out.
     model
-        A specification such as `EnergyModel(degree=6)`, or its short name, `"energy6"`.
+        A specification such as `EnergyModel(degree=6)`, or its short name, `"energy6"`; an
+        `Expression`; or a function f(poses (N, n), **parameters) that returns wrenches (N, m), of
+        the pose and wrench columns of the table.
+    parameters
+        Of a function: start of each parameter by name, as in `Expression`.
     meta
         Description of the data, as a dict of what the TOML beside it would hold, or that file.
     weights
@@ -71,7 +79,7 @@ def fit_model(
     >>> model.stiffness(np.zeros((1, 1))).round(3)
     array([[[2000.]]])
     """
-    specification = parse_model(model)
+    specification = _specification(model, parameters)
     if weights not in get_args(Weights):
         raise InputError(f"weights = {weights!r}: expected {', '.join(get_args(Weights))}")
     if weights != "auto" and not specification.weighted:
@@ -87,6 +95,15 @@ def fit_model(
     errors = shown.matrix(fitted.outputs) - fitted.predict(shown.matrix(fitted.inputs))
     error = pose_error(fitted, shown, errors)
     return replace(fitted, training={**fitted.training, "pose_error": error.to_dict()})
+
+
+def _specification(model: Any, parameters: Mapping[str, Any] | None) -> ModelSpecification:
+    is_function = callable(model) and not isinstance(model, type)
+    if is_function and not isinstance(model, ModelSpecification):
+        return FunctionModel(model, parameters_of({} if parameters is None else parameters))
+    if parameters is not None:
+        raise InputError("parameters belong to a function; an Expression has its own")
+    return parse_model(model)
 
 
 def fit_rows(

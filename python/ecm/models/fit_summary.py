@@ -14,6 +14,7 @@ from ecm.io.table import Table
 from ecm.models.cross_validation import CrossValidation, cross_validate
 from ecm.models.maps import StiffnessMap
 from ecm.models.model import Model
+from ecm.models.parameters import ParametrisedMap
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.physics.refit import PhysicsModel, physics_sentences
 from ecm.models.polynomial import PolynomialModel
@@ -105,16 +106,20 @@ def fit_summary(
 
 
 def _parameters(fitted: Model) -> dict[str, Any] | None:
-    """Parameters of a refit of the physics, with standard deviations and covariance."""
-    if not isinstance(fitted.base, PhysicsMap) or fitted.covariance is None:
+    """Named parameters of a base, with standard deviations and covariance."""
+    if not isinstance(fitted.base, PhysicsMap | ParametrisedMap) or fitted.covariance is None:
         return None
+    if isinstance(fitted.base, PhysicsMap):
+        sentences = physics_sentences(fitted.base, fitted.covariance)
+    else:
+        sentences = fitted.base.sentences(fitted.covariance)
     values, sd = fitted.base.coefficients, np.sqrt(np.diag(fitted.covariance))
     return {
         name: {"value": float(value), "sd": float(error)}
         for name, value, error in zip(fitted.base.parameter_names, values, sd, strict=True)
     } | {
         "covariance": fitted.covariance.tolist(),
-        "sentences": physics_sentences(fitted.base, fitted.covariance),
+        "sentences": sentences,
     }
 
 

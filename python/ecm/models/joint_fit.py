@@ -103,7 +103,8 @@ def joint_fit(
     """Fit the base's coefficients and the effects' parameters to the table together.
 
     Minimises sum_i w_i r_i' Sigma_i^-1 r_i by Gauss-Newton steps; Sigma_i is that of the first
-    base. Parameters stay within their bounds; `converged` is false where the steps did not end.
+    base. A prior of the base's coefficients counts as one more reading of each. Parameters
+    stay within their bounds; `converged` is false where the steps did not end.
     Where the table cannot distinguish effects from the base (all gains of a sensor at once, and the
     modulus), the smallest effects that fit equally well are taken.
 
@@ -133,8 +134,8 @@ def joint_fit(
         z = np.einsum("nij,njk->nik", whitener, design) * root[:, None, None]
         y = np.einsum("nij,nj->ni", whitener, residual) * root[:, None]
         # The shape is given, so that it holds for zero columns as well.
-        flat = z.reshape(y.size, z.shape[2])
-        step = _bounded_step(flat, y.ravel(), base, fitted, free_base)
+        flat, target = _with_prior(z.reshape(y.size, z.shape[2]), y.ravel(), base, free_base)
+        step = _bounded_step(flat, target, base, fitted, free_base)
         change = float(np.linalg.norm(flat @ step))
         values = _values(base, fitted, free_base)
         smallest = _least_effects(flat, fitted, free_base) @ (values + step)
@@ -155,6 +156,7 @@ def joint_fit(
     residual, design = _linearised(rows, base, fitted, measured, free_base)
     z = np.einsum("nij,njk->nik", whitener, design)
     weighted = (z * root[:, None, None]).reshape(residual.size, z.shape[2])
+    weighted, _ = _with_prior(weighted, residual.ravel(), base, free_base)
     least = _least_effects(weighted, fitted, free_base)
     y = np.einsum("nij,nj->ni", whitener, residual)
     # Columns of unit length first: moduli and ratios differ by more than the rounding of a double.
@@ -256,6 +258,18 @@ def _linearised(
     if not blocks:
         blocks = [np.zeros((*measured.shape, 0))]
     return measured - prediction, np.concatenate(blocks, axis=2)
+
+
+def _with_prior(z: F, y: F, base: StiffnessMap, free_base: int) -> tuple[F, F]:
+    """The columns (M, k) and the residual (M,), and a row for each coefficient with a prior."""
+    if base.prior is None or not free_base:
+        return z, y
+    mean, sd = base.prior
+    known = np.isfinite(sd)
+    rows = np.zeros((len(sd), z.shape[1]))
+    rows[:, :free_base] = np.diag(1.0 / sd)
+    left = (mean - base.coefficients) / sd
+    return np.concatenate([z, rows[known]]), np.concatenate([y, left[known]])
 
 
 def base_columns(rows: Rows, base: StiffnessMap) -> F:

@@ -365,7 +365,14 @@ class Model:
 
     def fit_report(self) -> str:
         """Values with errors and correlations, and the history of fits with its tests."""
-        text = fit_report(self.name, self.base, self.effects, self.correlations, self.history)
+        text = fit_report(
+            self.name,
+            self.base,
+            self.effects,
+            self.correlations,
+            self.history,
+            self.covariance,
+        )
         parts = (self.training.get(name) for name in ("pose_error", "rows_used"))
         return "\n  ".join([text, *(part["sentence"] for part in parts if part is not None)])
 

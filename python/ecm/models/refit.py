@@ -9,6 +9,7 @@ from ecm.effects.protocol import Effect
 from ecm.errors import InputError
 from ecm.io.steps import Progress
 from ecm.io.table import MetaLike, TableLike, as_table
+from ecm.models.given import as_model
 from ecm.models.model import Model
 from ecm.regression.wild import naming_wild_readings
 
@@ -71,8 +72,8 @@ def refit(
             "refit: nothing to change; give add, remove or freeze "
             "(--add EFFECT, --remove EFFECT, --freeze NAME)"
         )
-    changed = model.remove(*remove).add(*add).freeze(*freeze)
     rows = as_table(table, meta=meta)
+    changed = as_model(model, rows).remove(*remove).add(*add).freeze(*freeze)
     with naming_wild_readings(rows):
         return changed.fit(rows, progress=progress)
 

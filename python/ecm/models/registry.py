@@ -7,6 +7,7 @@ from typing import Any
 
 from ecm.errors import InputError
 from ecm.models.energy import EnergyModel
+from ecm.models.expression import Expression
 from ecm.models.learned import GaussianProcessModel, NeuralNetworkModel
 from ecm.models.maps import StiffnessMap
 from ecm.models.pcr import Threshold
@@ -23,6 +24,7 @@ MODELS: tuple[type[ModelSpecification], ...] = (
     ConstantCurvatureModel,
     GaussianProcessModel,
     NeuralNetworkModel,
+    Expression,
 )
 """Every family; a new one is one more line here."""
 
@@ -52,6 +54,11 @@ def parse_model(model: str | ModelSpecification, *, pcr: Threshold = None) -> Mo
     PolynomialModel(degree=3, pcr=0.1)
     """
     specification = _of_name(model) if isinstance(model, str) else model
+    if not isinstance(specification, ModelSpecification):
+        raise InputError(
+            f"model: found a {type(model).__name__}, expected a short name such as 'energy6', a "
+            "specification such as ecm.EnergyModel(degree=6), an ecm.Expression, or a function"
+        )
     if pcr is None:
         return specification
     if not isinstance(specification, PolynomialModel):
