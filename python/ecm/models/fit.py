@@ -17,6 +17,7 @@ from ecm.models.function import FunctionModel
 from ecm.models.leverage import leverages
 from ecm.models.model import Model
 from ecm.models.parameters import parameters_of
+from ecm.models.partial import measured_part
 from ecm.models.pose_error import pose_error, report_rows
 from ecm.models.registry import parse_model
 from ecm.models.specification import FittedMap, ModelSpecification, Weights
@@ -92,8 +93,9 @@ def fit_model(
         fitted = constrained(fitted, zero_at_home=zero_at_home, stable=stable)
     shown = table.measured()
     shown = shown.select(report_rows(shown))
-    errors = shown.matrix(fitted.outputs) - fitted.predict(shown.matrix(fitted.inputs))
-    error = pose_error(fitted, shown, errors)
+    part = replace(fitted, base=measured_part(fitted.base, shown))
+    errors = shown.matrix(part.outputs) - part.predict(shown.matrix(part.inputs))
+    error = pose_error(part, shown, errors)
     return replace(fitted, training={**fitted.training, "pose_error": error.to_dict()})
 
 
@@ -133,7 +135,7 @@ def fit_rows(
 def _model(fitted: FittedMap, table: Table, progress: Progress | None) -> Model:
     """The model of a fit, its covariance widened where residuals exceed the stated noise."""
     base, covariance, training = fitted.base, fitted.covariance, training_of(table)
-    if (error := error_over_noise(base, fitted.noise, table)) is not None:
+    if (error := error_over_noise(measured_part(base, table), fitted.noise, table)) is not None:
         training["over_noise"] = error
     variance = fitted.residual_variance
     if variance is not None and np.isfinite(variance):

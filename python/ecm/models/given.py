@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from ecm.models.function import FunctionModel
 from ecm.models.maps import MapDefaults, StiffnessMap
 from ecm.models.model import Model, load_model
 from ecm.models.noise_estimate import declared_or_fitted
+from ecm.models.partial import measured_part
 from ecm.models.specification import ModelSpecification, pose_and_wrench_columns
 
 _NEAR = 1e-6
@@ -106,7 +107,7 @@ class PredictedMap(MapDefaults):
             f"{self.name}: a table of predicted wrenches is no model that a file could hold; fit "
             "one to it",
             remedy=Remedy(
-                "fit a model to the predictions", "ecm fit MODEL --model choose --out OUT"
+                "fit a model to the predictions", "ecm fit MODEL --model linear --out OUT"
             ),
         )
 
@@ -154,12 +155,14 @@ def as_model(given: Any, table: Table) -> Model:
     >>> as_model(lambda poses: 100.0 * poses, table).predict(np.array([0.02]))
     array([2.])
     """
-    if isinstance(given, Model):
-        return given
+    base: Any
     if isinstance(given, str | Path) and Path(given).suffix.lower() == ".json":
-        return load_model(given)
+        given = load_model(given)
+    if isinstance(given, Model):
+        base = measured_part(given.base, table)
+        return given if base is given.base else replace(given, base=base)
     if isinstance(given, Expression):
-        base: Any = given.map()
+        base = given.map()
     elif isinstance(given, ModelSpecification):
         raise InputError(
             f"the model {given.name} is not fitted: fit it first, ecm.fit(table, ...)",

@@ -29,6 +29,7 @@ from ecm.models.history import FitRecord, RecordedFit, fit_records
 from ecm.models.joint_fit import FittedEffect, best_shape, effect_sizes, joint_fit
 from ecm.models.leverage import leverages, variances_of, wrench_variances
 from ecm.models.maps import StiffnessMap, central_differences
+from ecm.models.partial import MeasuredMap
 from ecm.models.plots import history_figure
 from ecm.models.pose_error import pose_error, report_rows
 from ecm.models.registry import map_from_document
@@ -150,6 +151,10 @@ class Model:
             Leave out effects whose columns the table lacks (`left_out` names them) instead of
             refusing.
         """
+        if isinstance(self.base, MeasuredMap) and self.effects:
+            whole = replace(self, base=self.base.whole)
+            found = whole.predict(data, skip_untestable=skip_untestable)
+            return np.ascontiguousarray(found[..., self.base.places])
         if isinstance(data, np.ndarray):
             found = self._at_poses(_rows_of_poses(data))
             return found if data.ndim != 1 else np.asarray(found[0])
@@ -547,7 +552,9 @@ class Model:
         whole = table.unthinned.with_length(self.known_length_m)
         forms = {}
         for position, item in enumerate(self.effects):
-            if item.frozen:
+            if item.frozen and not (
+                (lacks := item.effect.missing(whole)) is not None and lacks.absent
+            ):
                 continue
             (form,) = effects_for((*self.inputs, *self.outputs), (item.effect,))
             lacking = form.missing(whole) or missing_length(form, whole)

@@ -10,6 +10,7 @@ from ecm.models.energy import EnergyModel
 from ecm.models.expression import Expression
 from ecm.models.learned import GaussianProcessModel, NeuralNetworkModel
 from ecm.models.maps import StiffnessMap
+from ecm.models.partial import MEASURED, MeasuredMap
 from ecm.models.pcr import Threshold
 from ecm.models.physics.refit import PhysicsModel
 from ecm.models.polynomial import PolynomialModel
@@ -82,6 +83,11 @@ def _of_name(name: str) -> ModelSpecification:
 
 def map_from_document(document: dict[str, Any]) -> StiffnessMap:
     """Return the map of an opened model file; ValueError for a kind that is not known."""
+    if document["kind"] == MEASURED:
+        whole, names = map_from_document(dict(document["parameters"])), tuple(document["outputs"])
+        if not set(names) < set(whole.outputs) or whole.inputs != tuple(document["inputs"]):
+            raise ValueError(f"outputs = {list(names)} of a map of {', '.join(whole.outputs)}")
+        return MeasuredMap(whole, names)
     for family in MODELS:
         if family.kind == document["kind"]:
             return family.map_from_document(document)

@@ -14,6 +14,7 @@ from ecm.io.mechanism import Mechanism
 from ecm.io.steps import Progress, Steps
 from ecm.io.table import Table
 from ecm.models.joint_fit import joint_fit
+from ecm.models.partial import fit_measured, is_partial, need_pose
 from ecm.models.physics.map import PhysicsMap, physics_map, reach_of
 from ecm.models.specification import FittedMap, ModelSpecification, Weights
 from ecm.regression.noise import Noise, declared_noise
@@ -177,6 +178,7 @@ class PhysicsModel(ModelSpecification):
     ) -> FittedMap:
         """Generalised least squares of the free parameters by the declared noise."""
         base = self.base
+        need_pose(table, self.name)
         if base is None:
             body = table.meta.body() if self.mechanism is None else self.mechanism
             if body is None:
@@ -185,6 +187,8 @@ class PhysicsModel(ModelSpecification):
                     "give [mechanism] in the data's TOML"
                 )
             base = physics_map(body, threads=self.threads, reach_rad=reach_of(table))
+        if is_partial(table):
+            return fit_measured(base, table, progress=progress)
         noise = declared_noise(table)
         result = refit_physics(base, table, noise, progress=progress)
         return FittedMap(result.base, noise, result.covariance)
