@@ -28,8 +28,8 @@ static const uint8_t variable_of[TERMS] = {
     0, 0};
 static const real coefficient[TERMS][OUTPUTS] = {
     {
-    R(7.752656836003964e-16)}, {
-    R(1.9998198129098544e1)}};
+    R(-7.752656836003964e-16)}, {
+    R(2.000453997563476e1)}};
 /* d(term)/d(input) = factor times a lower term */
 static const uint16_t slope_term[SLOPES] = {
     1};

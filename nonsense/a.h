@@ -1,7 +1,7 @@
 /* a: polynomial model of an elastic mechanism
  *
  * Inputs x_m; outputs fx_N;
- * stiffness = d(outputs)/d(inputs), row by row. Model file sha256 1fa9088af2d7acdb7f3b8e577b5b9064e45476899f0d34bfbed5402623aa779c.
+ * stiffness = d(outputs)/d(inputs), row by row. Model file sha256 6c63a82e94231b89c329d35287a6de14703c2472b0d19db072aeb3195eda79a2.
  * Outputs and stiffness are NaN where an input is not finite, or rotation vectors pass half a turn.
  *
  * Reentrant: nothing static is written, so that tasks and interrupts may call at the same time.

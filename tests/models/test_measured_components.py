@@ -112,5 +112,5 @@ def test_what_cannot_do_with_less_says_what_can(name: str) -> None:
 
 
 def test_fewer_readings_than_coefficients_are_refused_with_both() -> None:
-    with pytest.raises(InputError, match="30 readings of fx_N, fy_N, fz_N for .* coefficients"):
+    with pytest.raises(InputError, match=r"30 readings of fx_N, fy_N, fz_N for .* coefficients"):
         ecm.fit(measured(rows=10), "energy6")

@@ -22,6 +22,7 @@ from ecm.comparison.structure import (
     structure_test,
 )
 from ecm.errors import InputError
+from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import unit_of
 from ecm.io.extras import require
@@ -388,6 +389,7 @@ def compare(
     >>> [c.name for c in result.components]
     ['fx_N']
     """
+    check_arguments(compare, locals())
     table = as_table(table, meta=meta)
     model = as_model(model, table)
     lacking = [name for name in (*model.inputs, *model.outputs) if not table.has(name)]

@@ -14,6 +14,7 @@ from ecm.diagnosis.suspect_rows import SuspectRows, suspect_rows, whole_turns
 from ecm.diagnosis.to_json import fields_json
 from ecm.effects import effects_of
 from ecm.effects.length import missing_length
+from ecm.io.arguments import check_arguments
 from ecm.io.columns import POSE, TEXT, WRENCH, is_standard
 from ecm.io.quaternion_order import order_warning
 from ecm.io.steps import Progress, Steps
@@ -259,6 +260,7 @@ def check(table: TableLike, *, meta: MetaLike = None, progress: Progress | None 
     >>> result.noise, result.never_excited
     ('assumed', ())
     """
+    check_arguments(check, locals())
     table = as_table(table, meta=meta)
     steps = Steps({_COLUMNS: 2, _TESTABLE: 6, _REPEATS: 2, _SUSPECT: 2}, progress)
     steps.begin(_COLUMNS)

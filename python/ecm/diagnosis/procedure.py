@@ -39,6 +39,7 @@ from ecm.diagnosis.stated_numbers import ratio_warning
 from ecm.diagnosis.unexplained import Unknown, describe_residual
 from ecm.diagnosis.whiteness import Pattern, find_pattern
 from ecm.effects import Effect
+from ecm.io.arguments import check_arguments
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import as_table
 from ecm.models.base_choice import choose_base
@@ -170,6 +171,7 @@ def diagnose(
     >>> ecm.diagnose(ecm.fit_model(table, "linear"), table, effects=[]).verdict
     'none'
     """
+    check_arguments(diagnose, locals())
     table = as_table(table, meta=meta, need="fit")
     model = as_model(model, table)
     with naming_wild_readings(table):

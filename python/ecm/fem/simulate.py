@@ -14,6 +14,7 @@ from ecm.errors import ComputationError, InputError
 from ecm.fem.batch import LoadCases, batch_size
 from ecm.fem.case_results import ARRAYS, CaseResults
 from ecm.fem.draws import TABLE_I_MAX, TABLE_I_MIN, RandomWrenches, Workspace
+from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F, I
 from ecm.io.cache import Stage
 from ecm.io.columns import POSE, WRENCH
@@ -138,6 +139,7 @@ def simulate(
     >>> pairs.table().wrench_columns[:2]
     ('fx_N', 'fy_N')
     """
+    check_arguments(simulate, locals())
     if n < 1:
         raise InputError(f"simulate: n = {n}, expected at least 1 pair")
     workspace = Workspace() if workspace is None else workspace

@@ -9,6 +9,7 @@ from typing import Any, get_args
 import numpy as np
 
 from ecm.errors import InputError
+from ecm.io.arguments import check_arguments
 from ecm.io.columns import POSE
 from ecm.io.steps import Progress, Steps
 from ecm.io.table import MetaLike, Table, TableLike, as_table
@@ -80,6 +81,7 @@ def fit_model(
     >>> model.stiffness(np.zeros((1, 1))).round(3)
     array([[[2000.]]])
     """
+    check_arguments(fit_model, locals())
     specification = _specification(model, parameters)
     if weights not in get_args(Weights):
         raise InputError(f"weights = {weights!r}: expected {', '.join(get_args(Weights))}")

@@ -7,6 +7,7 @@ from typing import Any
 
 from ecm.effects.protocol import Effect
 from ecm.errors import InputError
+from ecm.io.arguments import check_arguments
 from ecm.io.steps import Progress
 from ecm.io.table import MetaLike, TableLike, as_table
 from ecm.models.given import as_model
@@ -67,6 +68,7 @@ def refit(
     >>> print(model.fit_report().splitlines()[3])
         fy_rate = 0.05 +- 0.016 N/s
     """
+    check_arguments(refit, locals())
     if not (add or remove or freeze):
         raise InputError(
             "refit: nothing to change; give add, remove or freeze "

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ecm.errors import InputError
+from ecm.io.arguments import check_arguments
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.interrupts import uninterrupted
@@ -114,6 +115,7 @@ def export(
     >>> sorted(exported.files)[:2]
     ['spring.c', 'spring.h']
     """
+    check_arguments(export, locals())
     exported = export_files(model, to, name, precision, loop, adapt)
     if exported.folding > _MOST_FOLDING and not force:
         raise InputError(
