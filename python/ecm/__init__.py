@@ -38,10 +38,12 @@ if TYPE_CHECKING:
     from ecm.models.energy import EnergyModel
     from ecm.models.estimator import ModelEstimator
     from ecm.models.export import export
+    from ecm.models.expression import Expression
     from ecm.models.fit import fit_model
     from ecm.models.fit import fit_model as fit
     from ecm.models.learned import GaussianProcessModel, NeuralNetworkModel
     from ecm.models.model import Model, load_model
+    from ecm.models.parameters import Parameter
     from ecm.models.physics.refit import PhysicsModel
     from ecm.models.polynomial import PolynomialModel
     from ecm.models.prediction import predict
@@ -75,9 +77,11 @@ _NAMES = {
     "models.estimator": ("ModelEstimator",),
     "models.control": ("LoopSettings",),
     "models.export": ("export",),
+    "models.expression": ("Expression",),
     "models.fit": ("fit", "fit_model"),
     "models.learned": ("GaussianProcessModel", "NeuralNetworkModel"),
     "models.model": ("Model", "load_model"),
+    "models.parameters": ("Parameter",),
     "models.physics.refit": ("PhysicsModel",),
     "models.polynomial": ("PolynomialModel",),
     "models.prediction": ("predict",),
@@ -107,6 +111,7 @@ __all__ = [
     "DiagnosisSettings",
     "EcmError",
     "EnergyModel",
+    "Expression",
     "GaussianProcessModel",
     "ImportedLog",
     "InputError",
@@ -116,6 +121,7 @@ __all__ = [
     "Model",
     "ModelEstimator",
     "NeuralNetworkModel",
+    "Parameter",
     "PhysicsModel",
     "PlannedDesign",
     "PolynomialModel",

@@ -21,7 +21,7 @@ from support.one_angle import NOISE_NM, bouc_wen, one_angle, spring
 
 NAMED = (
     "hysteresis", "backlash", "stress_relaxation", "kink", "higher_degree", "mullins_softening",
-    "temperature_modulus", "fts_offset", "unused_column",
+    "temperature_modulus", "fts_offset", "unused_column:slider_mm",
 )  # fmt: skip
 
 
@@ -116,7 +116,7 @@ def test_where_nothing_is_hidden_nothing_is_named(seed: int) -> None:
     assert find_missing(ecm.fit(table, "cubic"), table).verdict == "none"
 
 
-@pytest.mark.parametrize("kind", ["hysteresis", "backlash", "kink", "unused_column"])
+@pytest.mark.parametrize("kind", ["hysteresis", "backlash", "kink", "unused_column:slider_mm"])
 def test_what_is_added_is_saved_and_predicts_other_rows(kind: str, tmp_path: Path) -> None:
     table = one_angle(kind)
     plain = ecm.fit(table, "cubic")
@@ -168,7 +168,7 @@ def test_a_copy_of_the_reading_or_of_the_clock_is_no_unused_column() -> None:
     copies = table.with_columns({"torque_mNm": 1e3 * table["tau_z_Nm"], "sample": np.arange(400.0)})
     missing = {item.id: item.reason for item in ecm.check(copies).not_testable}
     assert missing["unused_column"] == "no other column"
-    assert "unused_column" in ecm.check(one_angle("unused_column")).testable
+    assert "unused_column:slider_mm" in ecm.check(one_angle("unused_column:slider_mm")).testable
 
 
 @pytest.mark.parametrize("zeros", [("x_m", "fx_N"), (*POSE[:5], *WRENCH[:5])])
@@ -273,7 +273,7 @@ def test_a_setting_that_acts_strongly_is_still_a_cause(size: float) -> None:
     pair = (("theta_z_rad",), ("tau_z_Nm",))
     assert derived_columns(table, *pair) == ("reading",)
     found = ecm.diagnose(ecm.fit(table.drop("reading"), "linear"), table)
-    assert found.answer == (("unused_column",),), found.sentence()
+    assert found.answer == (("unused_column:slider",),), found.sentence()
 
 
 @pytest.mark.parametrize("rows", [30, 40])

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import csv
+import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
 
+import ecm
 import ecm.io.csv as reader
 from ecm.errors import InputError
 
@@ -83,3 +87,35 @@ def test_plain_numbers_and_words_are_left_to_numpy(
     assert list(raw.columns[2]) == list(range(9000))
     assert raw.columns[1] == ["a"] * 9000
     assert np.asarray(raw.numbers)[[0, -1]].tolist() == [2, 9001]
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.lists(st.text(max_size=6), min_size=1, max_size=4))
+@example(["nan", "inf", "1e5"])
+@example([" a ", "-1", "#", '"', "a,b\n"])
+def test_a_table_that_is_written_is_read_back_whatever_its_columns_are_called(
+    names: list[str],
+) -> None:
+    own = {name: np.arange(3.0) + i for i, name in enumerate(names)}
+    try:
+        table = ecm.as_table({"x_m": 0.01 * np.arange(3.0), "fx_N": np.arange(3.0), **own})
+    except InputError:
+        return  # a name that is empty, repeated, or like a standard one
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "table.csv"
+        table.write(path)
+        again = ecm.read_table(path)
+    assert list(again.columns) == list(table.columns)
+    np.testing.assert_array_equal(again.matrix(list(own_of(table))), table.matrix(own_of(table)))
+
+
+def own_of(table: ecm.Table) -> list[str]:
+    return ["x_m", "fx_N", *table.covariates]
+
+
+@pytest.mark.parametrize("header", ["0.0,1.5", "0.0,nan", "1,2,x"])
+def test_a_header_of_numbers_is_told_from_names(tmp_path: Path, header: str) -> None:
+    path = tmp_path / "bare.csv"
+    path.write_text(f"{header}\n{header}\n", encoding="utf-8")
+    with pytest.raises(InputError, match="the header row holds the number"):
+        ecm.read_table(path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -417,3 +418,21 @@ def test_seven_joints_are_no_pose() -> None:
     columns = {"pos": place, "rotvec": turns, "wrench": wrench, "axes": joints}
     table = import_log(columns, units=["SI"]).table
     assert sum(name.startswith("axes") for name in table.columns) == 7
+
+
+@pytest.mark.parametrize("name", ["c{}", "Value", "array.{}"])
+def test_the_time_of_an_import_grows_with_the_columns_not_with_their_square(
+    tmp_path: Path, name: str
+) -> None:
+    def seconds(count: int) -> float:
+        names = ["time [s]", "x [mm]", "Fx [N]", *(name.format(i) for i in range(count))]
+        rows = [names, *(map(str, range(i, i + len(names))) for i in range(3))]
+        path = tmp_path / f"{count}.csv"
+        path.write_text("\n".join(map(",".join, rows)), encoding="utf-8")
+        begin = time.process_time()
+        assert len(import_log(path).columns) == len(names)
+        return time.process_time() - begin
+
+    seconds(10)
+    # 16 times as many columns take 16 times as long, or 256 times where it is the square.
+    assert seconds(8000) < 60.0 * seconds(500)

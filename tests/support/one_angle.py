@@ -58,7 +58,7 @@ def one_angle(kind: str, seed: int = 0) -> Table:  # noqa: PLR0912 - one branch 
     elif kind == "fts_offset":
         columns["run"] = (time > 50.0).astype(np.float64)
         torque = torque + 0.03 * columns["run"]
-    elif kind == "unused_column":
+    elif kind == "unused_column:slider_mm":
         columns["slider_mm"] = np.repeat([0.0, 10.0, 20.0, 5.0], 100)
         torque = torque * (1.0 + 0.004 * columns["slider_mm"])
     elif kind:

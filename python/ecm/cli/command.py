@@ -37,7 +37,8 @@ Data = Annotated[
 ]
 Out = Annotated[Path, typer.Option("--out", metavar="FILE", help="The file to write.")]
 ModelFile = Annotated[
-    str, typer.Argument(metavar="MODEL", help="Model file, or TOML with [mechanism].")
+    str,
+    typer.Argument(metavar="MODEL", help="Model file, or TOML with [mechanism] or [expression]."),
 ]
 
 _COMMON: dict[str, tuple[Any, Any]] = {

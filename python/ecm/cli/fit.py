@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import cast
 
-from ecm.cli.models import build_physics, is_mechanism, read_mechanism
+from ecm.cli.models import build_physics, is_mechanism, read_expression, read_mechanism
 from ecm.cli.options.fit import Options
 from ecm.cli.outputs import saved_by_force
 from ecm.cli.session import Session
@@ -109,6 +109,10 @@ def _with_effects(model: Model, ids: Sequence[str], table: Table, session: Sessi
 
 def _named(name: str, pcr: str | None, table: Table, session: Session) -> ModelSpecification:
     """Specification of --model NAME; the physics of a body is built under a progress bar."""
+    if is_mechanism(name):
+        expression = read_expression(name)
+        if expression is not None:
+            return parse_model(expression, pcr=pcr)
     mechanism = read_mechanism(name) if is_mechanism(name) else None
     specification = parse_model("physics" if mechanism else name, pcr=pcr)
     if isinstance(specification, PhysicsModel):

@@ -1,4 +1,8 @@
-"""MODEL of a command: a model file, or a TOML whose [mechanism] is the physics model."""
+"""MODEL of a command: a model file, a TOML of a body or of equations, predicted wrenches.
+
+A TOML's [mechanism] is the physics model, its [expression] a model of one's own. A table with a
+row for each measured pose is what any other program predicts.
+"""
 
 from __future__ import annotations
 
@@ -6,26 +10,49 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ecm.cli.session import Session
-from ecm.errors import InputError
+from ecm.errors import InputError, Remedy
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.mechanism import Mechanism
 from ecm.io.steps import Progress
 from ecm.io.table import Table
 from ecm.io.toml import read_toml
-from ecm.models import Model, PhysicsMap, load_model, physics_map
+from ecm.models import Expression, Model, PhysicsMap, as_model, load_model, physics_map
 from ecm.models.physics.map import reach_of
+
+_TABLES = (".csv", ".parquet", ".pq")
 
 
 def is_mechanism(name: str) -> bool:
-    """Whether MODEL is a TOML with [mechanism]."""
+    """Whether MODEL is a TOML, of a body or of equations."""
     return name.lower().endswith(".toml")
 
 
 def open_model(name: str, session: Session, table: Table | None = None) -> Model:
     """Open MODEL; the physics model is built as wide as the poses of the table reach."""
+    if Path(name).suffix.lower() in _TABLES:
+        if table is None or not table.wrench_columns:
+            raise InputError(
+                f"{name}: predicted wrenches are compared with measured ones at the same poses, no "
+                "more; here a model file is needed, which fits them",
+                remedy=Remedy("fit a model to them", f"ecm fit {name} --model linear --out OUT"),
+            )
+        return as_model(Path(name), table)
     if not is_mechanism(name):
         return load_model(Path(name))
+    expression = read_expression(name)
+    if expression is not None and table is not None and table.wrench_columns:
+        return as_model(expression, table)
+    if expression is not None:
+        return Model(base=expression.map())
     return Model(base=build_physics(read_mechanism(name), session, table))
+
+
+def read_expression(name: str) -> Expression | None:
+    """Read [expression] of a TOML; None where it has none."""
+    document = read_toml(Path(name), "description of a model")
+    if "expression" not in document:
+        return None
+    return Expression.from_dict(document["expression"], f"{name} [expression]")
 
 
 def build_physics(body: Mechanism, session: Session, table: Table | None) -> PhysicsMap:
@@ -48,7 +75,10 @@ def read_mechanism(name: str) -> Mechanism:
     path = Path(name)
     document = read_toml(path, "description of a mechanism")
     if "mechanism" not in document:
-        raise InputError(f"{path}: no table [mechanism], expected one: it is the physics model")
+        raise InputError(
+            f"{path}: no table [mechanism] and no table [expression], expected one: the body of "
+            "the physics model, or equations of your own"
+        )
     where = f"{path} [mechanism]"
     return Mechanism.from_dict(document["mechanism"], where, base=path.parent)
 

@@ -21,12 +21,14 @@ from ecm.comparison.structure import (
     structure_test,
 )
 from ecm.errors import InputError
+from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import unit_of
 from ecm.io.extras import require
 from ecm.io.steps import Progress, Steps
 from ecm.io.table import as_table
 from ecm.models.behind import FAR_BEYOND_NOISE, base_and_error, is_far_behind
+from ecm.models.given import as_model
 from ecm.models.joint_fit import base_columns
 from ecm.models.learned import LEARNED
 from ecm.models.noise_estimate import estimate_noise
@@ -332,7 +334,7 @@ class Comparison:
 
 
 def compare(
-    model: Model,
+    model: Model | Any,
     table: TableLike,
     *,
     meta: MetaLike = None,
@@ -348,7 +350,9 @@ def compare(
     Parameters
     ----------
     model
-        Model with the pose and wrench columns of the table.
+        Model with the pose and wrench columns of the table; or a function of poses (N, n) that
+        returns wrenches (N, m), an `Expression`, the path of a model file, or a table of predicted
+        wrenches with a row for each measured pose.
     table
         Measurements, as a table, a data frame, a dict or a file; poses count, home and unloaded
         rows do not.
@@ -385,7 +389,9 @@ def compare(
     >>> [c.name for c in result.components]
     ['fx_N']
     """
+    check_arguments(compare, locals())
     table = as_table(table, meta=meta)
+    model = as_model(model, table)
     lacking = [name for name in (*model.inputs, *model.outputs) if not table.has(name)]
     if lacking:
         raise InputError(

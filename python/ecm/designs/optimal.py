@@ -15,6 +15,7 @@ from ecm.designs.prediction import prediction_region
 from ecm.designs.regressors import regressor
 from ecm.designs.settings import AVERAGED, CRITERIA, DesignSettings
 from ecm.errors import InputError
+from ecm.io.arguments import check_arguments
 from ecm.io.arrays import F, I
 
 Progress = Callable[[int, int], object] | None
@@ -118,11 +119,12 @@ def optimal_design(
     >>> [int(row) for row in chosen.indices]
     [0, 4, 8]
     """
+    check_arguments(optimal_design, locals())
     poses = _checked(poses, "candidates")
     if measured is not None:
         measured = _checked(measured, "measured")
-    inside = np.unique(np.asarray(include, dtype=np.int64))
-    outside = np.asarray(exclude, dtype=np.int64)
+    inside = np.unique(_indices("include", include))
+    outside = _indices("exclude", exclude)
     if not settings.replicates:
         outside = np.union1d(outside, repeated(poses, inside, outside)).astype(np.int64)
     if not (np.ptp(poses, axis=0) > 0.0).any():
@@ -192,6 +194,14 @@ def _checked(poses: F, name: str) -> F:
             f"number of at most {_MOST_SIZE:g} in size; correct or leave out this row"
         )
     return poses
+
+
+def _indices(name: str, given: ArrayLike) -> I:
+    """Places of rows (N,); InputError for anything else."""
+    values = np.asarray(given)
+    if values.ndim != 1 or (len(values) and values.dtype.kind not in "iu"):
+        raise InputError(f"{name}: expected a list of row numbers from 0, whole numbers")
+    return values.astype(np.int64)
 
 
 def repeated(poses: F, include: I, exclude: I) -> I:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ecm.designs.optimal import Design
 from ecm.errors import InputError
+from ecm.io.arguments import check_arguments
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
@@ -76,6 +77,7 @@ def paper_plan(candidates: Table, chosen: Design, *, seed: int = 0) -> Table:
     >>> paper_plan(as_table({"x_m": [0.1, 0.2, 0.3]}), chosen)["dwell_s"].tolist()
     [2.0, 2.0]
     """
+    check_arguments(paper_plan, locals())
     return _each_once(candidates, chosen, seed, DWELLS_S[0])
 
 
@@ -148,6 +150,7 @@ def diagnosable_plan(
     >>> int((plan["kind"] == "pose").sum()), sorted(set(plan["dwell_s"].tolist()))
     (24, [2.0, 8.0, 30.0])
     """
+    check_arguments(diagnosable_plan, locals())
     rng = np.random.default_rng([seed, 3])
     poses = candidates.poses[chosen.indices]
     ids = _pose_ids(candidates)

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from ecm.diagnosis.statements import time_unit
 from ecm.diagnosis.suspect_rows import SuspectRows, suspect_rows, whole_turns
 from ecm.diagnosis.to_json import fields_json
-from ecm.effects import effects_for
+from ecm.effects import effects_of
 from ecm.effects.length import missing_length
+from ecm.io.arguments import check_arguments
 from ecm.io.columns import POSE, TEXT, WRENCH, is_standard
 from ecm.io.misread import Misread, misread
 from ecm.io.quaternion_order import order_warning
@@ -262,6 +263,7 @@ def check(table: TableLike, *, meta: MetaLike = None, progress: Progress | None 
     >>> result.noise, result.never_excited
     ('assumed', ())
     """
+    check_arguments(check, locals())
     table = as_table(table, meta=meta)
     steps = Steps({_COLUMNS: 2, _TESTABLE: 6, _REPEATS: 2, _SUSPECT: 2}, progress)
     steps.begin(_COLUMNS)
@@ -365,7 +367,7 @@ def _effects(
     """Return the ids that the table can test, and the others with reason and remedy."""
     testable: list[str] = []
     not_testable: list[NotTestable] = []
-    effects = effects_for((*table.pose_columns, *table.wrench_columns))
+    effects = effects_of(table)
     for i, effect in enumerate(effects):
         if progress is not None:
             progress(i, len(effects), "")

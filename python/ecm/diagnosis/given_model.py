@@ -143,7 +143,8 @@ class GivenModel:
         if self.refitted is None:
             return {
                 "effect": " An effect is missing.",
-                "form": " The base errs far less: its form is too plain. Change the model first.",
+                "form": " The base errs far less: its numbers are wrong, or its form is too plain. "
+                "Change the model first.",
                 "numbers": " The base fits: its numbers or its form are wrong; fit it again.",
             }[self.answer]
         again = f"it errs {self.refitted}"
@@ -271,12 +272,15 @@ def refit_of_kind(model: Model, table: Table, noise: Noise) -> JointFit | None:
     Returns
     -------
     JointFit or None
-        None for a learned map, and where half of the numbers or more would be coefficients.
+        None for a map that is learned or has no coefficients, and where half of the numbers or
+        more would be coefficients.
     """
     if len(table) > _MOST_ROWS:
         table = table.thinned(spread_rows(table, _MOST_ROWS))
     base = model.base
-    if base.kind in LEARNED or 2 * len(base.coefficients) > len(table) * len(base.outputs):
+    if base.kind in LEARNED or not len(base.coefficients):
+        return None
+    if 2 * len(base.coefficients) > len(table) * len(base.outputs):
         return None
     return _fit_or_none(base, (), table, noise)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ecm.diagnosis.check import padding
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
-from ecm.effects import Effect, Missing, Rows, effects_for, get_effect
+from ecm.effects import Effect, Missing, Rows, effects_of, get_effect
 from ecm.errors import InputError
 from ecm.io.arrays import I
 from ecm.io.misread import Misread, misread
@@ -83,9 +83,8 @@ def prepare(
         rows, table, unexplained = rows[chosen], table.thinned(chosen), unexplained.thinned(chosen)
     padded = () if model.base.kind == "physics" else padding(table)
     unexplained = unexplained.drop(*padded)
-    columns = (*unexplained.pose_columns, *unexplained.wrench_columns)
     chosen_effects = [get_effect(e) if isinstance(e, str) else e for e in effects or ()]
-    given = effects_for(columns, chosen_effects or None)
+    given = effects_of(unexplained, chosen_effects or None)
     of_model = {item.id for item in model.effects}
     why = Missing("the model holds it already", "refit without it first")
     return Prepared(

@@ -40,10 +40,12 @@ from ecm.diagnosis.stated_numbers import ratio_warning
 from ecm.diagnosis.unexplained import Unknown, describe_residual
 from ecm.diagnosis.whiteness import Pattern, find_pattern
 from ecm.effects import Effect
+from ecm.io.arguments import check_arguments
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import as_table
 from ecm.models.base_choice import choose_base
 from ecm.models.by_degree import symmetric_energy
+from ecm.models.given import as_model
 from ecm.models.physics.map import PhysicsMap
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.correlation import CorrelationTime, correlation_of_rest
@@ -118,7 +120,7 @@ def watched(stages: Stages, progress: Callable[[int, int, str], object]) -> Stag
 
 @one_blas_thread()
 def diagnose(
-    model: Model,
+    model: Model | Any,
     table: TableLike,
     *,
     meta: MetaLike = None,
@@ -133,7 +135,8 @@ def diagnose(
     Parameters
     ----------
     model
-        The model; a physics model is also the base that effects are named against.
+        The model; a physics model is also the base that effects are named against. Or a function,
+        an `Expression`, a model file, or a table of predicted wrenches, as in `compare`.
     table
         Measurements, as a table, a data frame, a dict or a file; at least 8 rows.
     meta
@@ -169,7 +172,9 @@ def diagnose(
     >>> ecm.diagnose(ecm.fit_model(table, "linear"), table, effects=[]).verdict
     'none'
     """
+    check_arguments(diagnose, locals())
     table = as_table(table, meta=meta, need="fit")
+    model = as_model(model, table)
     with naming_wild_readings(table):
         decision = find_missing(
             model,

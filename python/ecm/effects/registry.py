@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ecm.effects import unused_column
 from ecm.effects.few import elastic, load
 from ecm.effects.few.forms import FORMS, is_full
 from ecm.effects.protocol import (
@@ -56,8 +57,9 @@ _CATALOGUE: tuple[Effect, ...] = tuple(
     effect for group in _GROUPS for effect in import_module(f"ecm.effects.{group}").EFFECTS
 )
 _own: dict[str, Effect] = {}
-_FEW_ONLY = (*load.FORMS, *elastic.FORMS)
-"""Effects that exist for tables of few columns only."""
+_UNUSED = unused_column.UnusedColumn("", 0.0, "", "")
+_FEW_ONLY = (*load.FORMS, *elastic.FORMS, _UNUSED)
+"""Effects of tables of few columns; of larger ones each own column alone (`effects_of`)."""
 
 
 def all_effects() -> tuple[Effect, ...]:
@@ -102,6 +104,9 @@ def get_effect(id: str) -> Effect:
     known = {effect.id: effect for effect in (*all_effects(), *_FEW_ONLY)}
     if id in known:
         return known[id]
+    stem, _, column = id.partition(":")
+    if stem == unused_column.ID and column:
+        return replace(_UNUSED, column=column)
     raise InputError(f"unknown effect '{id}', {did_you_mean(id, sorted(known))}")
 
 
@@ -183,6 +188,42 @@ def effects_for(names: Iterable[str], given: Sequence[Effect] | None = None) -> 
         FORMS[effect.id] if effect is plain.get(effect.id) and effect.id in FORMS else effect
         for effect in given
     )
+
+
+def effects_of(table: Table, given: Sequence[Effect] | None = None) -> tuple[Effect, ...]:
+    """The effects in the forms that a table calls for, one for each column of the user's own.
+
+    Parameters
+    ----------
+    table
+        Measurements.
+    given
+        Effects in their plain forms; default: all that are registered, and the columns of the
+        user's own that no registered effect needs.
+
+    Returns
+    -------
+    tuple of Effect
+        In the order given; the columns stand for `unused_column`, else they are the last.
+
+    Examples
+    --------
+    >>> import ecm
+    >>> x = np.arange(40.0) % 7.0
+    >>> table = ecm.as_table({"x_m": 1e-3 * x, "fx_N": x, "slider_mm": np.arange(40.0) // 13})
+    >>> [item.id for item in effects_of(table)[-2:]]
+    ['higher_degree', 'unused_column:slider_mm']
+    """
+    effects = effects_for((*table.pose_columns, *table.wrench_columns), given)
+    plain = [effect for effect in effects if effect is not _UNUSED]
+    if given is not None and len(plain) == len(effects):
+        return effects
+    known = {id(effect) for effect in (*_CATALOGUE, *_FEW_ONLY, *FORMS.values())}
+    own = unused_column.per_column(table, (e for e in plain if id(e) not in known))
+    if not own:
+        return effects
+    place = next((i for i, e in enumerate(effects) if e is _UNUSED), len(effects))
+    return (*effects[:place], *own, *effects[place + 1 :])
 
 
 def register(effect: Effect) -> Effect:

@@ -15,6 +15,7 @@ from ecm.errors import ComputationError, InputError
 from ecm.fem.batch import LoadCases, batch_size
 from ecm.fem.case_results import ARRAYS, CaseResults
 from ecm.fem.draws import TABLE_I_MAX, TABLE_I_MIN, RandomWrenches, Workspace
+from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F, I
 from ecm.io.cache import Stage
 from ecm.io.columns import POSE, WRENCH
@@ -154,6 +155,7 @@ def simulate(
     >>> pairs.table().wrench_columns[:2]
     ('fx_N', 'fy_N')
     """
+    check_arguments(simulate, locals())
     _check_mechanism("simulate", mechanism)
     _check_number("simulate", n)
     if n < 1:

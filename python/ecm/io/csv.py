@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ecm.errors import InputError
 from ecm.io.cache import atomic
-from ecm.io.columns import TEXT, WHOLE
-from ecm.io.raw_table import Cells, RawTable, check_names
+from ecm.io.columns import TEXT, WHOLE, is_standard
+from ecm.io.raw_table import Cells, RawTable, check_names, repeated_names
 from ecm.io.steps import Progress
 from ecm.io.toml import read_text
 
@@ -184,15 +184,16 @@ def _names(header: list[list[str]], path: Path) -> tuple[str, ...]:
     """Return the column names of a header of one or two rows, checked."""
     names = header[0] if len(header) == 1 else _two_rows(*header)
     check_names(names, str(path))
-    number = next((name for name in names if _is_number(name)), None)
-    if number is not None and len(header) == 1:
+    # `nan` and `1e5` are names of columns, too: beside a known name, or where nothing is a number.
+    number = next((name for name in names if _is_finite(name)), None)
+    if number is not None and len(header) == 1 and not any(map(is_standard, names)):
         raise InputError(
             f"{path}: the header row holds the number {number}, expected column names. Where "
             "there is no header, set header_rows = 0 in [file] and name the columns in [columns]."
         )
     if "" in names:
         raise InputError(f"{path}: column {names.index('') + 1} has no name in the header row.")
-    repeated = sorted({name for name in names if names.count(name) > 1})
+    repeated = repeated_names(names)
     if repeated:
         numbers = [str(i + 1) for i, name in enumerate(names) if name == repeated[0]]
         raise InputError(
@@ -214,12 +215,11 @@ def _two_rows(upper: list[str], lower: list[str]) -> list[str]:
     return names
 
 
-def _is_number(text: str) -> bool:
+def _is_finite(text: str) -> bool:
     try:
-        float(text)
+        return math.isfinite(float(text))
     except ValueError:
         return False
-    return True
 
 
 def write_csv(

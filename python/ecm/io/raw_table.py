@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -51,6 +52,9 @@ def check_names(names: Sequence[str], source: str) -> None:
 def raw_table(data: Any, source: str, first_row: int = 0) -> RawTable:
     """Return names and cells of a dict, a data frame, an xarray Dataset or a record array."""
     named = named_columns(data, source)
+    for place, name in enumerate(named, 1):
+        if not name or not _can_be_written(name):
+            raise InputError(f"{source}: column {place} is called {name!r}; give it a name in text")
     for name, column in named.items():
         if column.ndim != 1:
             raise InputError(f"{source}: column '{name}' has shape {column.shape}, expected (N,)")
@@ -92,9 +96,19 @@ def named_columns(data: Any, source: str) -> dict[str, NDArray[Any]]:
             f"{source}: found a {type(data).__name__}, expected a dict of columns, a pandas, "
             "polars or Arrow table, an xarray Dataset, a Table, or the path of a file"
         )
-    names = [str(name) for name in names]
+    names = [str(name).strip() for name in names]  # as in a file
     check_names(names, source)
-    repeated = sorted({name for name in names if names.count(name) > 1})
+    repeated = repeated_names(names)
     if repeated:
         raise InputError(f"{source}: the column name '{repeated[0]}' is repeated; rename one")
     return dict(zip(names, values, strict=True))
+
+
+def repeated_names(names: Sequence[str]) -> list[str]:
+    """Return the names that are there more than once, sorted."""
+    return sorted(name for name, count in Counter(names).items() if count > 1)
+
+
+def _can_be_written(name: str) -> bool:
+    """Whether a text file can hold the name: no NUL, no half of a surrogate pair."""
+    return "\0" not in name and name == name.encode(errors="ignore").decode()

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from ecm.errors import InputError, shown
+from ecm.io.arguments import check_fields
 from ecm.io.toml import check_keys, closest
 
 T = TypeVar("T")
@@ -120,6 +121,7 @@ class Checked:
     """Base of settings that users also create in Python: ranges are checked then, too."""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for item in fields(self):  # type: ignore[arg-type]  # every subclass is a dataclass
             _limits(item).check(getattr(self, item.name), item.name)
 

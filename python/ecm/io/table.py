@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ecm.errors import InputError
+from ecm.io.arguments import check_arguments
 from ecm.io.arrays import F, I
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, TEXT, WRENCH, close_name, is_standard
@@ -387,6 +388,7 @@ def read_table(
     >>> read_table(path).column("fy_N")
     array([30.5, 61. ])
     """
+    check_arguments(read_table, locals())
     files = [Path(paths)] if isinstance(paths, (str, Path)) else [Path(path) for path in paths]
     if not files:
         raise InputError("no measurement table was given, expected at least one file")
@@ -447,6 +449,7 @@ def as_table(
 one; expected the unit in the name. If it is in that unit, call it 'y_m'; else give y_m = \
 { column = "y_mm", scale = ... } in [columns].
     """
+    check_arguments(as_table, locals())
     if isinstance(data, (str, Path)) or _are_paths(data):
         return read_table(data, meta=meta, skip_bad_rows=skip_bad_rows, need=need)
     if isinstance(data, Table) and meta is None:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.errors import InputError
+from ecm.io.arguments import check_arguments
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE
 from ecm.io.csv import write_csv
@@ -175,6 +176,7 @@ def import_log(
     >>> log.table["theta_x_rad"].round(4)
     array([ 0.    , -0.1745])
     """
+    check_arguments(import_log, locals())
     raw, source, digest = log if isinstance(log, ReadLog) else read_log(log, topics)
     if axis not in ("", "x", "y", "z"):
         raise InputError(f"--axis {axis}: expected x, y or z")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import Any
@@ -159,16 +159,24 @@ def _instant(cell: Any) -> datetime:
     return datetime(date[0], date[1], date[2]) + clock
 
 
-def unique_name(name: str, taken: Collection[str]) -> str:
-    """Return the name, or the first of NAME_2, NAME_3, ... that is not taken.
+def unique_names(names: Iterable[str], taken: Iterable[str] = ()) -> list[str]:
+    """Return the names, each that is taken as the first of NAME_2, NAME_3, ... that is not.
 
     Examples
     --------
-    >>> unique_name("a", ["a", "a_2"])
-    'a_3'
+    >>> unique_names(["a", "b", "a", "a"], taken=["a_2"])
+    ['a', 'b', 'a_3', 'a_4']
     """
-    numbered = (f"{name}_{i}" for i in itertools.count(2))
-    return name if name not in taken else next(n for n in numbered if n not in taken)
+    used, unique = set(taken), []
+    # Where the numbers of a name go on: a log may hold the same name in each of its columns.
+    numbers: dict[str, Iterator[int]] = {}
+    for name in names:
+        own = name
+        while own in used:
+            own = f"{name}_{next(numbers.setdefault(name, itertools.count(2)))}"
+        used.add(own)
+        unique.append(own)
+    return unique
 
 
 def _array(name: str, value: Any, source: str) -> NDArray[Any]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH, is_standard, likely_name
-from ecm.logs.log import Log, unique_name
+from ecm.logs.log import Log, unique_names
 from ecm.logs.names import DIMENSION, Named, Reading, read_name, trailing_units
 from ecm.logs.rotation_columns import rotation_of
 from ecm.logs.sources import (
@@ -44,10 +45,11 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
     used = {entry.column for entry in found.values()}
     rotation = rotation_of(named, choices, log, source, used, found)
     used |= {entry.column for entry in rotation.sources} if rotation is not None else set()
+    sure = {n.readings[0].quantity for n in named.values() if len(n.readings) == 1}
     for name, own in named.items():
         if name in used:
             continue
-        readings = _settled(own.readings, named, rotation)
+        readings = _settled(own.readings, sure, rotation)
         standards = {s for r in readings if (s := _standard(r, choices.axis)) is not None}
         if len(standards) > 1:
             first, second = sorted(standards)[:2]
@@ -67,11 +69,9 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
             found[standard] = Source(name, stated_unit(name, standard, own, choices))
             used.add(name)
     ask_units(found, log, source)
-    own_names: dict[str, str] = {}
-    for name in named:
-        if name not in used:
-            own_names[name] = unique_name(_own_name(name), {*own_names.values(), *found})
-    return ColumnMap(found, rotation, own_names)
+    left = [name for name in named if name not in used]
+    own_names = unique_names(map(_own_name, left), taken=found)
+    return ColumnMap(found, rotation, dict(zip(left, own_names, strict=True)))
 
 
 def _read_names(log: Log) -> dict[str, Named]:
@@ -100,10 +100,14 @@ def _renamed(log: Log) -> list[str]:
     whole = {name.partition(".")[0] for name in log.columns}
     inner = [name.partition(".")[2] for name in log.columns]
     begin = len(next(iter(whole))) + 1 if len(whole) == 1 and all(map(_is_word, inner)) else 0
-    of_poses = {n: part for stem in _stems(log) for n, part in _pose_parts(log, stem).items()}
+    arrays = _arrays(log)
+    of_poses = {
+        n: part for stem, own in arrays.items() for n, part in _pose_parts(log, stem, own).items()
+    }
+    sizes = Counter(name.rpartition(".")[0] for name in log.columns)
     for name in log.columns:
         stem, dot, index = name.rpartition(".")
-        size = sum(other.rpartition(".")[0] == stem for other in log.columns) if dot else 0
+        size = sizes[stem] if dot else 0
         if name in of_poses:
             names.append(of_poses[name])
         elif size == 6 and index.isdigit():
@@ -123,19 +127,22 @@ def _is_word(name: str) -> bool:
     return name[:1].isalpha()
 
 
-def _stems(log: Log) -> list[str]:
-    """Names of the arrays whose components the columns are."""
+def _arrays(log: Log) -> dict[str, list[str]]:
+    """Columns that begin with the name of an array, by that name."""
+    begin: dict[str, list[str]] = {}
+    for name in log.columns:
+        for dot in (place for place, sign in enumerate(name) if sign == "."):
+            begin.setdefault(name[:dot], []).append(name)
     whole = {name.rstrip("0123456789.") for name in log.columns if name[-1:].isdigit()}
-    return [stem for stem in dict.fromkeys(whole) if f"{stem}.0" in log.columns
-            or f"{stem}.0.0" in log.columns]  # fmt: skip
+    return {stem: begin[stem] for stem in dict.fromkeys(whole) if f"{stem}.0" in log.columns
+            or f"{stem}.0.0" in log.columns}  # fmt: skip
 
 
-def _pose_parts(log: Log, stem: str) -> dict[str, str]:
+def _pose_parts(log: Log, stem: str, own: list[str]) -> dict[str, str]:
     """What the components of a whole pose are: place and rotation matrix, or place and quaternion.
 
     Seven numbers are a pose where four at an end are a unit quaternion: joints are not.
     """
-    own = [name for name in log.columns if name.startswith(f"{stem}.")]
     matrix = [f"{stem}.{i}.{j}" for i in range(3) for j in range(4)]
     if own == matrix:
         place = {f"{stem}.{i}.3": f"position.{'xyz'[i]}" for i in range(3)}
@@ -152,14 +159,13 @@ def _pose_parts(log: Log, stem: str) -> dict[str, str]:
 
 
 def _settled(
-    readings: Sequence[Reading], named: Mapping[str, Named], rotation: RotationSource | None
+    readings: Sequence[Reading], sure: Collection[str], rotation: RotationSource | None
 ) -> list[Reading]:
-    """The readings that what else the log holds leaves over."""
+    """The readings that what else the log holds, of these `sure` quantities, leaves over."""
     left = [r for r in readings if r.quantity not in ("quaternion", "matrix", "euler", "clinical")]
     if rotation is not None:
         left = [r for r in left if r.quantity not in ("rotvec", "rotation")]
     if len(left) > 1:  # tx beside mx is a translation, beside px a torque
-        sure = {n.readings[0].quantity for n in named.values() if len(n.readings) == 1}
         left = [r for r in left if r.quantity not in sure] or left
     return left
 

@@ -68,6 +68,7 @@ _QUANTITIES: dict[str, list[str]] = {}
 for _quantity, _names in _WORDS.items():
     for _name in _names.split():
         _QUANTITIES.setdefault(_name, []).append(_quantity)
+_LONG_WORDS = sorted((word for word in _QUANTITIES if len(word) > 2), key=len, reverse=True)
 _EULER = {"roll": "x", "pitch": "y", "yaw": "z"}
 _CLINICAL = {
     "flexion": "flexion", "flex": "flexion", "extensionflexion": "flexion",
@@ -209,13 +210,10 @@ def _quantities(stem: str) -> list[str]:
     """Quantities of a stem; of two words the last known one counts, so 'wrench torque' is one."""
     if stem in _QUANTITIES:
         return _QUANTITIES[stem]
-    for word in sorted(_QUANTITIES, key=len, reverse=True):
-        if len(word) > 2 and stem.endswith(word):
-            return _QUANTITIES[word]
-    for word in sorted(_QUANTITIES, key=len, reverse=True):
-        if len(word) > 2 and stem.startswith(word):
-            return _QUANTITIES[word]
-    return []
+    ends = (word for word in _LONG_WORDS if stem.endswith(word))
+    begins = (word for word in _LONG_WORDS if stem.startswith(word))
+    word = next(ends, None) or next(begins, None)
+    return [] if word is None else _QUANTITIES[word]
 
 
 def _split_axis(tokens: list[str]) -> tuple[str, str]:

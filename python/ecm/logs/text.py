@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.steps import Progress, after_a_part
-from ecm.logs.log import Log, seconds_of_dates, unique_name
+from ecm.logs.log import Log, seconds_of_dates, unique_names
 from ecm.logs.text_cells import (
     SEPARATORS,
     ends_with_remark,
@@ -149,9 +149,7 @@ def _header(
         " ".join(name.strip().strip('"').split()) or f"column_{i + 1}"
         for i, name in enumerate(names)
     ]
-    names = names or [f"column_{i + 1}" for i in range(width)]
-    for i, name in enumerate(names):
-        names[i] = unique_name(name, names[:i])
+    names = unique_names(names or [f"column_{i + 1}" for i in range(width)])
     units = {n: u for n, u in zip(names, unit_row, strict=False) if _is_unit(u)}
     return names, units
 

@@ -3,11 +3,14 @@
 from ecm.models.cross_validation import CrossValidation, cross_validate
 from ecm.models.energy import GROUPS, EnergyModel
 from ecm.models.estimator import ModelEstimator
+from ecm.models.expression import Expression
 from ecm.models.fit import fit_model
+from ecm.models.given import as_model
 from ecm.models.history import FitRecord
 from ecm.models.learned import GaussianProcessModel, NeuralNetworkModel
 from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap
 from ecm.models.model import Model, load_model
+from ecm.models.parameters import Parameter
 from ecm.models.physics.map import PhysicsMap, physics_map, surrogate_of
 from ecm.models.physics.refit import PhysicsModel
 from ecm.models.polynomial import PolynomialModel
@@ -23,6 +26,7 @@ __all__ = [
     "CrossValidation",
     "EnergyMap",
     "EnergyModel",
+    "Expression",
     "FitRecord",
     "GaussianProcessModel",
     "LearningCurve",
@@ -31,6 +35,7 @@ __all__ = [
     "ModelEstimator",
     "ModelSpecification",
     "NeuralNetworkModel",
+    "Parameter",
     "PhysicsMap",
     "PhysicsModel",
     "PolynomialMap",
@@ -38,6 +43,7 @@ __all__ = [
     "PoseError",
     "RodModel",
     "StiffnessMap",
+    "as_model",
     "choose_model",
     "cross_validate",
     "fit_model",

@@ -8,6 +8,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.models.by_degree import polynomial, symmetric_energy
 from ecm.models.fit import fit_model
 from ecm.models.maps import PolynomialMap
+from ecm.models.partial import MeasuredMap, is_partial, measured_part
 from ecm.models.physics.map import FREE, PhysicsMap
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 def choose_base(model: Model, table: Table) -> StiffnessMap:
     """Choose physics where there is a body, else a symmetric energy, else a polynomial.
 
+    The first two need six pose columns, and take the wrench columns that there are.
+
     A polynomial of few columns that was given with a higher degree may be the base with it: what
     it does not lack is not named.
 
@@ -26,13 +29,15 @@ def choose_base(model: Model, table: Table) -> StiffnessMap:
     generalised cross-validation. A rod that was fitted is no physics base: its sections absorbed a
     part of the missing effect, and with fixed ratios they would need an effect of their own.
     """
-    if isinstance(model.base, PhysicsMap):
-        return model.base if model.base.family is None else model.base.with_free(*FREE)
+    base = model.base.whole if isinstance(model.base, MeasuredMap) else model.base
+    if isinstance(base, PhysicsMap):
+        free = base if base.family is None else base.with_free(*FREE)
+        return measured_part(free, table)
     body = table.meta.body()
-    full = table.has(*POSE, *WRENCH)
-    if full and body is not None and body.has_body:
-        return fit_model(table, "physics").base
-    if full and table.meta.length_m is not None:
+    six = table.has(*POSE, *WRENCH) or is_partial(table)
+    if six and body is not None and body.has_body:
+        return measured_part(fit_model(table, "physics").base, table)
+    if six and table.meta.length_m is not None:
         return symmetric_energy(table)
     alike = (model.inputs, model.outputs) == (table.pose_columns, table.wrench_columns)
     if isinstance(model.base, PolynomialMap) and alike and len(model.inputs) < len(POSE):

@@ -7,12 +7,13 @@ from typing import cast
 
 import numpy as np
 
-from ecm.errors import ModelError
+from ecm.errors import InputError, ModelError
 from ecm.io.columns import POSE
 from ecm.io.table import Table
 from ecm.models.energy import EnergyModel
 from ecm.models.fit import fit_rows
 from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap, Symmetry
+from ecm.models.partial import measured_part
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.specification import ModelSpecification
 
@@ -70,11 +71,11 @@ def next_degree(base: StiffnessMap, table: Table) -> StiffnessMap | None:
 def _by_degree(table: Table, models: Sequence[ModelSpecification]) -> StiffnessMap:
     """The map of least generalised cross-validation error among those that the rows carry."""
     measured = table.measured()
-    tried = [fit_rows(measured, models[0]).base]
+    tried = [measured_part(fit_rows(measured, models[0]).base, measured)]
     for model in models[1:]:
         try:
-            base = fit_rows(measured, model).base
-        except ModelError:
+            base = measured_part(fit_rows(measured, model).base, measured)
+        except (ModelError, InputError):
             # More coefficients than equations: so are they for every degree above.
             break
         share = len(base.coefficients) / (len(measured) * len(base.outputs))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ecm.errors import InputError
+from ecm.io.arguments import check_arguments
 from ecm.io.arrays import I
 from ecm.io.extras import require
 from ecm.io.table import MetaLike, Table, TableLike, as_table
@@ -104,6 +105,7 @@ def cross_validate(
     >>> errors.rmse["fx_N"] < 1e-9
     True
     """
+    check_arguments(cross_validate, locals())
     table = as_table(table, meta=meta)
     specification, measured = parse_model(model), table.measured()
     if not measured.wrench_columns:

@@ -17,6 +17,7 @@ from ecm.io.steps import Progress, Steps
 from ecm.io.table import Table
 from ecm.models.errors_in_variables import Solved, fit_with_pose_noise, fits_without_folds
 from ecm.models.maps import SYMMETRIES, EnergyMap, StiffnessMap, Symmetry
+from ecm.models.partial import fit_measured, is_partial, need_pose
 from ecm.models.specification import FittedMap, ModelSpecification, Weights, length_of
 from ecm.regression.blocks import few_rows
 from ecm.regression.noise import declared_noise
@@ -116,7 +117,10 @@ class EnergyModel(ModelSpecification):
         self, table: Table, weights: Weights, progress: Progress | None = None
     ) -> FittedMap:
         """Errors in variables by the declared noise; with `weights` spread least squares."""
+        need_pose(table, self.name)
         family = _TermsOfEnergy(self, length_of(table, self.name))
+        if is_partial(table):
+            return fit_measured(family.start(table), table, weights == "spread", progress)
         if self.symmetry == "general" and len(table) > _FEWEST_TRIED:
             family.refuse_wild(table)
         noise = declared_noise(table)
@@ -140,8 +144,10 @@ class EnergyModel(ModelSpecification):
         fold: I,
         fitted: StiffnessMap | None,
         progress: Progress | None = None,
-    ) -> list[StiffnessMap]:
-        """One step from the fit to all rows."""
+    ) -> list[StiffnessMap] | None:
+        """One step from the fit to all rows; None where wrench columns are missing."""
+        if is_partial(table):
+            return None
         family = _TermsOfEnergy(self, length_of(table, self.name))
         start = self.fit_map(table, "auto").base if fitted is None else fitted
         noise = declared_noise(table)
@@ -166,6 +172,17 @@ class _TermsOfEnergy:
         own = self.energy
         terms = {"degree": own.degree, "symmetry": own.symmetry, "groups": own.groups}
         return terms | {"length_m": self.length_m}
+
+    def start(self, table: Table) -> EnergyMap:
+        """The energy of these poses without any force."""
+        scale = self.frame(np.ascontiguousarray(table.poses))
+        terms = EnergyEvaluator.regressor(
+            np.ascontiguousarray(table.poses[:1]), scale=scale, **self._terms
+        )
+        zeros = np.zeros(terms.shape[2])
+        return EnergyMap(
+            EnergyEvaluator.from_coefficients(scale=scale, coefficients=zeros, **self._terms)
+        )
 
     def by_spread(self, table: Table) -> EnergyEvaluator:
         """The fit that weighs each component by its own spread."""

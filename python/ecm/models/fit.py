@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
 from ecm.errors import InputError, ModelError
+from ecm.io.arguments import check_arguments
 from ecm.io.columns import POSE
 from ecm.io.steps import Progress, Steps
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.models.constraints import constrained
+from ecm.models.function import FunctionModel
 from ecm.models.leverage import leverages
 from ecm.models.measured_poses import sample_of
 from ecm.models.model import Model
+from ecm.models.parameters import parameters_of
+from ecm.models.partial import measured_part
 from ecm.models.pose_error import pose_error, report_rows
 from ecm.models.registry import parse_model
 from ecm.models.specification import CHOOSE, FittedMap, ModelSpecification, Weights
@@ -24,8 +29,9 @@ from ecm.regression.thinning import spread_rows
 
 def fit_model(
     table: TableLike,
-    model: ModelSpecification | str,
+    model: ModelSpecification | str | Callable[..., Any],
     *,
+    parameters: Mapping[str, Any] | None = None,
     meta: MetaLike = None,
     weights: Weights = "auto",
     zero_at_home: bool = False,
@@ -40,7 +46,11 @@ def fit_model(
         Pose columns (m, rad) and wrench columns (N, N m), as a table, a data frame, a dict or a
         file; rows of other kinds are left out.
     model
-        A specification such as `EnergyModel(degree=6)`, or its short name, `"energy6"`.
+        A specification such as `EnergyModel(degree=6)`, or its short name, `"energy6"`; an
+        `Expression`; or a function f(poses (N, n), **parameters) that returns wrenches (N, m), of
+        the pose and wrench columns of the table.
+    parameters
+        Of a function: start of each parameter by name, as in `Expression`.
     meta
         Description of the data, as a dict of what the TOML beside it would hold, or that file.
     weights
@@ -72,7 +82,8 @@ def fit_model(
     >>> model.stiffness(np.zeros((1, 1))).round(3)
     array([[[2000.]]])
     """
-    specification = parse_model(model)
+    check_arguments(fit_model, locals())
+    specification = _specification(model, parameters)
     if weights not in get_args(Weights):
         raise InputError(f"weights = {weights!r}: expected {', '.join(get_args(Weights))}")
     if weights != "auto" and not specification.weighted:
@@ -94,10 +105,20 @@ def fit_model(
         fitted = constrained(fitted, zero_at_home=zero_at_home, stable=stable)
     shown = table.measured()
     shown = shown.select(report_rows(shown))
-    errors = shown.matrix(fitted.outputs) - fitted.predict(shown.matrix(fitted.inputs))
-    error = pose_error(fitted, shown, errors)
+    part = replace(fitted, base=measured_part(fitted.base, shown))
+    errors = shown.matrix(part.outputs) - part.predict(shown.matrix(part.inputs))
+    error = pose_error(part, shown, errors)
     known = {"pose_error": error.to_dict(), "poses": sample_of(table, fitted.inputs)}
     return replace(fitted, training={**fitted.training, **known})
+
+
+def _specification(model: Any, parameters: Mapping[str, Any] | None) -> ModelSpecification:
+    is_function = callable(model) and not isinstance(model, type)
+    if is_function and not isinstance(model, ModelSpecification):
+        return FunctionModel(model, parameters_of({} if parameters is None else parameters))
+    if parameters is not None:
+        raise InputError("parameters belong to a function; an Expression has its own")
+    return parse_model(model)
 
 
 def fit_rows(
@@ -127,7 +148,7 @@ def fit_rows(
 def _model(fitted: FittedMap, table: Table, progress: Progress | None) -> Model:
     """The model of a fit, its covariance widened where residuals exceed the stated noise."""
     base, covariance, training = fitted.base, fitted.covariance, training_of(table)
-    if (error := error_over_noise(base, fitted.noise, table)) is not None:
+    if (error := error_over_noise(measured_part(base, table), fitted.noise, table)) is not None:
         training["over_noise"] = error
     variance = fitted.residual_variance
     if variance is not None and np.isfinite(variance):

@@ -6,9 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ecm.io.arrays import F
 from ecm.models.history import FitRecord
 from ecm.models.joint_fit import FittedEffect, JointFit
 from ecm.models.maps import StiffnessMap
+from ecm.models.parameters import ParametrisedMap
 
 _LARGE_CORRELATION = 0.3
 _MOST_PAIRS = 12
@@ -20,9 +22,12 @@ def fit_report(
     effects: Sequence[FittedEffect],
     correlations: Sequence[tuple[str, str, float]],
     history: Sequence[FitRecord],
+    covariance: F | None = None,
 ) -> str:
     """Text: parameters of physics, then of the instruments, correlations, history of fits."""
     lines = [f"model {name}: {len(base.coefficients)} coefficients in the base"]
+    if isinstance(base, ParametrisedMap):
+        lines += [f"  {line}" for line in base.sentences(covariance)]
     for side, title in (("physics", "physics"), ("measurement", "instruments")):
         for item in (i for i in effects if i.effect.side == side):
             shape = "".join(f", {k} = {v}" for k, v in item.effect.shape.items())
@@ -59,7 +64,8 @@ def correlations_of(fit: JointFit, base_frozen: bool) -> tuple[tuple[str, str, f
         for parameter in item.effect.parameters
     ]
     base = 0 if base_frozen else len(fit.base.coefficients)
-    names = [*(f"base.{j + 1}" for j in range(base)), *own]
+    own_names = fit.base.parameter_names if isinstance(fit.base, ParametrisedMap) else ()
+    names = [*(own_names or (f"base.{j + 1}" for j in range(base)))][:base] + own
     sd = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))
     matrix = fit.covariance / np.outer(sd, sd)
     pairs = [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -14,6 +15,8 @@ from ecm.io.table import Table
 from ecm.models.cross_validation import CrossValidation, cross_validate
 from ecm.models.maps import StiffnessMap
 from ecm.models.model import Model
+from ecm.models.parameters import ParametrisedMap
+from ecm.models.partial import MeasuredMap, measured_part
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.physics.refit import PhysicsModel, mesh_shares, physics_sentences
 from ecm.models.polynomial import PolynomialModel
@@ -59,6 +62,8 @@ def fit_summary(
         The JSON document of `ecm fit`: plain values, and `sentences` for people.
     """
     measured = table.measured()
+    whole = fitted
+    fitted = replace(fitted, base=measured_part(fitted.base, measured))
     predicted = fitted.predict(measured.matrix(fitted.inputs))
     components: dict[str, dict[str, float | None]] = {}
     sentences: list[str] = []
@@ -75,6 +80,11 @@ def fit_summary(
                 f"{column}: rmse {rmse:.3g} {unit_of(column)} on the fitted rows, "
                 f"{_percent(share)} of its spread"
             )
+    if isinstance(whole.base, MeasuredMap):
+        sentences.append(
+            f"{', '.join(fitted.outputs)} do not determine all of {fitted.base.name}: it predicts "
+            "these columns alone"
+        )
     pose_error = fitted.training["pose_error"]
     sentences.append(pose_error["sentence"])
     correlated = correlation_time(measured)
@@ -85,7 +95,7 @@ def fit_summary(
     with_threshold = isinstance(model, PolynomialModel) and model.pcr is not None
     single = with_threshold or isinstance(model, PhysicsModel)
     held_out = None if single else _held_out(table, model, seed, fitted.base, progress)
-    parameters = _parameters(fitted)
+    parameters = _parameters(whole)
     for part in (held_out, parameters):
         if part is not None:
             sentences += part.pop("sentences")
@@ -98,7 +108,7 @@ def fit_summary(
         "rows": len(measured),
         "held_out": held_out,
         "inputs": list(fitted.inputs),
-        "outputs": list(fitted.outputs),
+        "outputs": list(whole.outputs),
         "components": components,
         "pose_error": pose_error,
         "sentences": sentences,
@@ -106,16 +116,21 @@ def fit_summary(
 
 
 def _parameters(fitted: Model) -> dict[str, Any] | None:
-    """Parameters of a refit of the physics, with standard deviations and covariance."""
-    if not isinstance(fitted.base, PhysicsMap) or fitted.covariance is None:
+    """Named parameters of a base, with standard deviations and covariance."""
+    base: Any = fitted.base
+    if not isinstance(base, PhysicsMap | ParametrisedMap) or fitted.covariance is None:
         return None
-    values, sd = fitted.base.coefficients, np.sqrt(np.diag(fitted.covariance))
+    if isinstance(base, PhysicsMap):
+        sentences = physics_sentences(base, fitted.covariance)
+    else:
+        sentences = base.sentences(fitted.covariance)
+    values, sd = base.coefficients, np.sqrt(np.diag(fitted.covariance))
     return {
         name: {"value": float(value), "sd": float(error)}
-        for name, value, error in zip(fitted.base.parameter_names, values, sd, strict=True)
+        for name, value, error in zip(base.parameter_names, values, sd, strict=True)
     } | {
         "covariance": fitted.covariance.tolist(),
-        "sentences": physics_sentences(fitted.base, fitted.covariance),
+        "sentences": sentences,
     }
 
 

@@ -110,7 +110,8 @@ def joint_fit(
     """Fit the base's coefficients and the effects' parameters to the table together.
 
     Minimises sum_i w_i r_i' Sigma_i^-1 r_i by Gauss-Newton steps; Sigma_i is that of the first
-    base. Parameters stay within their bounds; `converged` is false where the steps did not end.
+    base. A prior of the base's coefficients counts as one more reading of each. Parameters
+    stay within their bounds; `converged` is false where the steps did not end.
     Where the table cannot distinguish effects from the base (all gains of a sensor at once, and the
     modulus), the smallest effects that fit equally well are taken.
 
@@ -135,6 +136,7 @@ def joint_fit(
     measured = table.matrix(base.outputs)
     root = np.ones(len(table)) if row_weights is None else np.sqrt(row_weights)
     free_base = 0 if freeze_base else len(base.coefficients)
+    priors = _priors_of(base, prior, free_base)
     converged, iteration = False, 0
     while iteration < _MAX_ITERATIONS and not converged:
         iteration += 1
@@ -142,7 +144,7 @@ def joint_fit(
         z = np.einsum("nij,njk->nik", whitener, design) * root[:, None, None]
         y = np.einsum("nij,nj->ni", whitener, residual) * root[:, None]
         # The shape is given, so that it holds for zero columns as well.
-        flat, response = _with_prior(z.reshape(y.size, z.shape[2]), y.ravel(), base, prior)
+        flat, response = _with_priors(z.reshape(y.size, z.shape[2]), y.ravel(), base, priors)
         size, products = _unit_products(flat)
         step = _bounded_step(flat, response, base, fitted, free_base, size, products)
         change = float(np.linalg.norm(flat @ step))
@@ -165,7 +167,7 @@ def joint_fit(
     residual, design = _linearised(rows, base, fitted, measured, free_base)
     z = np.einsum("nij,njk->nik", whitener, design)
     weighted = (z * root[:, None, None]).reshape(residual.size, z.shape[2])
-    weighted, _ = _with_prior(weighted, np.zeros(residual.size), base, prior)
+    weighted, _ = _with_priors(weighted, np.zeros(residual.size), base, priors)
     size, products = _unit_products(weighted)
     least = _least_effects(size, products, fitted, free_base)
     y = np.einsum("nij,nj->ni", whitener, residual)
@@ -191,18 +193,31 @@ def joint_fit(
         iterations=iteration,
         converged=converged,
         smallest_taken=bool((least != np.eye(len(least))).any()),
-        prior=None if prior is None else prior.rows(base.coefficients, z.shape[2]),
+        prior=_with_priors(np.zeros((0, z.shape[2])), np.zeros(0), base, priors)
+        if priors
+        else None,
     )
 
 
-def _with_prior(
-    design: F, response: F, base: StiffnessMap, prior: CoefficientPrior | None
+def _priors_of(
+    base: StiffnessMap, prior: CoefficientPrior | None, free_base: int
+) -> list[CoefficientPrior]:
+    """What the map knows of its own coefficients, and what is given beside it."""
+    priors = [] if prior is None else [prior]
+    if base.prior is not None and free_base:
+        mean, sd = base.prior
+        priors.append(CoefficientPrior(mean, np.diag(1.0 / sd)[np.isfinite(sd)], "stated"))
+    return priors
+
+
+def _with_priors(
+    design: F, response: F, base: StiffnessMap, priors: Sequence[CoefficientPrior]
 ) -> tuple[F, F]:
-    """Whitened rows (M, k) and their response (M,), those of the prior below them."""
-    if prior is None:
-        return design, response
-    rows, expected = prior.rows(base.coefficients, design.shape[1])
-    return np.concatenate([design, rows]), np.concatenate([response, expected])
+    """Whitened rows (M, k) and their response (M,), those of the priors below them."""
+    for prior in priors:
+        rows, expected = prior.rows(base.coefficients, design.shape[1])
+        design, response = np.concatenate([design, rows]), np.concatenate([response, expected])
+    return design, response
 
 
 def effect_sizes(fit: JointFit, noise: Noise) -> dict[str, float]:

@@ -92,6 +92,10 @@ class StiffnessMap(Protocol):
     def bounds(self) -> tuple[F, F] | None:
         """(k,) lower and upper limits of the coefficients; None where there are none."""
 
+    @property
+    def prior(self) -> tuple[F, F] | None:
+        """(k,) means and standard deviations of what is known of the coefficients before a fit."""
+
     def other_body(self, change: BodyChange) -> BaseMap | None:
         """The map of a changed body; None where it knows one body only."""
 
@@ -122,6 +126,11 @@ class MapDefaults:
     @property
     def bounds(self) -> tuple[F, F] | None:
         """None: no limits."""
+        return None
+
+    @property
+    def prior(self) -> tuple[F, F] | None:
+        """None: nothing is known of the coefficients before."""
         return None
 
     def other_body(self, change: BodyChange) -> BaseMap | None:

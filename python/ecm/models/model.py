@@ -15,6 +15,7 @@ from ecm.effects import Effect, Missing, Rows, effects_for, get_effect
 from ecm.effects.length import missing_length
 from ecm.effects.thinned import correction_of
 from ecm.errors import EcmError, InputError
+from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta, Scene
@@ -36,6 +37,7 @@ from ecm.models.joint_fit import (
 from ecm.models.leverage import leverages, variances_of, wrench_variances
 from ecm.models.maps import StiffnessMap, central_differences, finite
 from ecm.models.measured_poses import sample_of
+from ecm.models.partial import MeasuredMap
 from ecm.models.plots import history_figure
 from ecm.models.pose_error import pose_error, report_rows
 from ecm.models.prior import CoefficientPrior
@@ -160,8 +162,12 @@ class Model:
             Leave out effects whose columns the table lacks (`left_out` names them) instead of
             refusing.
         """
+        if isinstance(self.base, MeasuredMap) and self.effects:
+            whole = replace(self, base=self.base.whole)
+            found = whole.predict(data, skip_untestable=skip_untestable)
+            return np.ascontiguousarray(found[..., self.base.places])
         if isinstance(data, np.ndarray):
-            found = self._at_poses(_rows_of_poses(data))
+            found = self._at_poses(_rows_of_poses(data, self.inputs))
             return found if data.ndim != 1 else np.asarray(found[0])
         data = as_table(data)
         rows = Rows(data, self.base)
@@ -190,7 +196,10 @@ class Model:
         """(N, m) standard deviation of the base's wrench from its coefficients, where known."""
         if self.covariance is None:
             return None
-        poses = data if isinstance(data, np.ndarray) else Rows(data, self.base).poses
+        if isinstance(data, Table):
+            poses = Rows(data, self.base).poses
+        else:
+            poses = _rows_of_poses(data, self.inputs)
         covariance, base = self.covariance, self.base
 
         def of_coefficients() -> F:
@@ -205,6 +214,7 @@ class Model:
         From the coefficients and the noise of one row, the latter widened where the training
         residuals are larger.
         """
+        poses = _rows_of_poses(poses, self.inputs)
         sd = self.predict_sd(poses)
         if sd is None:
             return None
@@ -214,9 +224,10 @@ class Model:
 
     def leverage(self, poses: F) -> F | None:
         """(N,) uncertainty of the prediction over the noise of one row, where known."""
+        poses = _rows_of_poses(poses, self.inputs)
         if self.covariance is None or self.noise.components is not None or self.inputs != POSE:
             return None
-        return leverages(self.base, self.covariance, self.noise, np.ascontiguousarray(poses))
+        return leverages(self.base, self.covariance, self.noise, poses)
 
     def extrapolates(self, poses: F) -> B:
         """(N,) whether the model is asked beyond its training data.
@@ -224,6 +235,7 @@ class Model:
         A leverage above the largest of the training rows; where that is not known, a pose column
         outside its range there.
         """
+        poses = _rows_of_poses(poses, self.inputs)
         leverage = self.leverage(poses)
         limit = self.training.get("largest_leverage")
         if leverage is not None and limit is not None:
@@ -238,7 +250,7 @@ class Model:
         """(N, m, n) standard deviation of K = dh/dp from the coefficients, where known."""
         if self.covariance is None:
             return None
-        poses = np.ascontiguousarray(poses, dtype=np.float64)
+        poses = _rows_of_poses(poses, self.inputs)
         covariance = self.covariance
 
         def of_coefficients() -> F:
@@ -255,11 +267,10 @@ class Model:
 
         One pose (n,) gives one stiffness (m, n).
         """
-        poses = np.asarray(poses, dtype=np.float64)
-        rows = _rows_of_poses(poses)
+        rows = _rows_of_poses(poses, self.inputs)
         acting = self._acting_at_poses()
         found = self._changed_stiffness(rows, kind) if acting else self.base.stiffness(rows, kind)
-        return found if poses.ndim != 1 else np.asarray(found[0])
+        return found if np.ndim(poses) != 1 else np.asarray(found[0])
 
     def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
         """`predict` and `stiffness` of poses (N, n) or of one pose (n,), in one call.
@@ -273,8 +284,7 @@ class Model:
         >>> wrench.round(6), stiffness.round(6)
         (array([15.]), array([[3000.]]))
         """
-        poses = np.asarray(poses, dtype=np.float64)
-        rows = _rows_of_poses(poses)
+        rows = _rows_of_poses(poses, self.inputs)
         if self._acting_at_poses():
             wrench, stiffness = self._at_poses(rows), self._changed_stiffness(rows, kind)
         else:
@@ -378,6 +388,10 @@ class Model:
         added = []
         for item in effects:
             effect = get_effect(item) if isinstance(item, str) else item
+            if not isinstance(effect, Effect):
+                raise InputError(
+                    f"effect {item!r}: expected the id of an effect (ecm effects), or an effect"
+                )
             if effect.id in present:
                 raise InputError(f"effect {effect.id} is in the model already: remove it first")
             if effect.kind == "noise":
@@ -406,7 +420,14 @@ class Model:
 
     def fit_report(self) -> str:
         """Values with errors and correlations, and the history of fits with its tests."""
-        text = fit_report(self.name, self.base, self.effects, self.correlations, self.history)
+        text = fit_report(
+            self.name,
+            self.base,
+            self.effects,
+            self.correlations,
+            self.history,
+            self.covariance,
+        )
         parts = (self.training.get(name) for name in _SAID_OF_A_FIT)
         return "\n  ".join([text, *(part["sentence"] for part in parts if part is not None)])
 
@@ -442,7 +463,7 @@ class Model:
 
     def freeze(self, *ids: str) -> Model:
         """The model whose `fit` keeps the values of these effects, or of the `base`."""
-        self._check([id for id in ids if id != "base"])
+        self._check([id for id in ids if not isinstance(id, str) or id != "base"])
         for item in self.effects:
             if item.id in ids and not np.all(np.isfinite(item.sd)):
                 raise InputError(
@@ -454,6 +475,7 @@ class Model:
 
     def save(self, path: str | Path) -> None:
         """Write a model file with its checksum."""
+        check_arguments(Model.save, locals())
         file.write_document(self.document(), path)
 
     def document(self) -> dict[str, Any]:
@@ -478,7 +500,7 @@ class Model:
     def _check(self, ids: Sequence[str]) -> None:
         present = [item.id for item in self.effects]
         for id in ids:
-            if id not in present:
+            if not isinstance(id, str) or id not in present:
                 listed = ", ".join(present) if present else "none"
                 raise InputError(f"the model has no effect {id}; it has: {listed}")
 
@@ -592,7 +614,9 @@ class Model:
         whole = table.unthinned.with_length(self.known_length_m)
         forms = {}
         for position, item in enumerate(self.effects):
-            if item.frozen:
+            if item.frozen and not (
+                (lacks := item.effect.missing(whole)) is not None and lacks.absent
+            ):
                 continue
             (form,) = effects_for((*self.inputs, *self.outputs), (item.effect,))
             lacking = form.missing(whole) or missing_length(form, whole)
@@ -612,13 +636,22 @@ class Model:
         return replace(self, effects=tuple(effects))
 
 
-def _rows_of_poses(poses: F) -> F:
+def _rows_of_poses(poses: F, inputs: Sequence[str]) -> F:
     """(N, n) of poses (N, n), or (1, n) of one pose (n,)."""
-    if poses.ndim != 2:
-        if poses.ndim != 1:
-            raise InputError(f"poses of shape {poses.shape}: expected (N, n), or (n,) for one pose")
-        poses = poses[None]
-    return np.ascontiguousarray(poses, dtype=np.float64)
+    try:
+        rows = np.ascontiguousarray(poses, dtype=np.float64)
+    except (TypeError, ValueError):
+        rows = np.zeros((0, 0, 0))
+    if np.ndim(poses) == 1 and rows.ndim == 1:
+        rows = rows[None]
+    n = len(inputs)
+    if rows.ndim != 2 or rows.shape[1] != n or isinstance(poses, str | bytes | Mapping):
+        shape = getattr(poses, "shape", None)
+        found = f"of shape {shape}" if isinstance(shape, tuple) else f"as a {type(poses).__name__}"
+        raise InputError(
+            f"poses {found}: expected (N, {n}), or ({n},) for one pose, of {', '.join(inputs)}"
+        )
+    return rows
 
 
 def _ranges(document: Any) -> dict[str, tuple[float, float]]:
@@ -652,6 +685,7 @@ def load_model(path: str | Path) -> Model:
     ...     load_model(folder + "/model.json").name
     'poly:1'
     """
+    check_arguments(load_model, locals())
     document = file.read_document(path)
     try:
         base = map_from_document(document)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ecm.effects import effects_for
+from ecm.effects import effects_of
 from ecm.effects.thinned import jacobian_of
 from ecm.errors import InputError
 from ecm.io.arrays import F
@@ -83,7 +83,7 @@ def usable_sd(spread: F, measured: F) -> tuple[float, ...]:
 def nuisance_columns(rows: Rows) -> F:
     """(N, m, k) derivatives of every testable effect that can vary between repeats of a pose."""
     blocks: list[F] = []
-    for effect in effects_for((*rows.base.inputs, *rows.base.outputs)):
+    for effect in effects_of(rows.whole.table):
         if effect.kind != "time" or effect.missing(rows.whole.table) is not None:
             continue
         try:

@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from ecm.io.arguments import check_arguments
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, STIFFNESS, WRENCH
 from ecm.io.steps import Progress
@@ -75,6 +76,7 @@ def predict(
     >>> predicted.warnings
     ('1 of 2 poses are outside what the model was trained on: there it extrapolates',)
     """
+    check_arguments(predict, locals())
     table = as_table(table, meta=meta, need="predict")
     poses = table.matrix(model.inputs)
     # Effects follow the history of all rows.

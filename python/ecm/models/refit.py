@@ -8,10 +8,12 @@ from typing import Any
 
 from ecm.effects.protocol import Effect
 from ecm.errors import InputError
+from ecm.io.arguments import check_arguments
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.steps import Progress
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.models.fit import fit_rows
+from ecm.models.given import as_model
 from ecm.models.maps import EnergyMap, PolynomialMap
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
@@ -77,13 +79,14 @@ def refit(
     >>> print(model.fit_report().splitlines()[3])
         fy_rate = 0.05 +- 0.016 N/s
     """
+    check_arguments(refit, locals())
     if not (add or remove or freeze):
         raise InputError(
             "refit: nothing to change; give add, remove or freeze "
             "(--add EFFECT, --remove EFFECT, --freeze NAME)"
         )
-    changed = model.remove(*remove).add(*add).freeze(*freeze)
     rows = as_table(table, meta=meta)
+    changed = as_model(model, rows).remove(*remove).add(*add).freeze(*freeze)
     with naming_wild_readings(rows):
         fitted = changed.fit(rows, progress=progress)
         before = model.remove(*remove)

@@ -7,9 +7,11 @@ from typing import Any
 
 from ecm.errors import InputError
 from ecm.models.energy import EnergyModel
+from ecm.models.expression import Expression
 from ecm.models.layout import check_covariance, check_document
 from ecm.models.learned import GaussianProcessModel, NeuralNetworkModel
 from ecm.models.maps import StiffnessMap
+from ecm.models.partial import MEASURED, MeasuredMap
 from ecm.models.pcr import Threshold
 from ecm.models.physics.refit import PhysicsModel
 from ecm.models.polynomial import PolynomialModel
@@ -24,6 +26,7 @@ MODELS: tuple[type[ModelSpecification], ...] = (
     ConstantCurvatureModel,
     GaussianProcessModel,
     NeuralNetworkModel,
+    Expression,
 )
 """Every family; a new one is one more line here."""
 
@@ -53,6 +56,11 @@ def parse_model(model: str | ModelSpecification, *, pcr: Threshold = None) -> Mo
     PolynomialModel(degree=3, pcr=0.1)
     """
     specification = _of_name(model) if isinstance(model, str) else model
+    if not isinstance(specification, ModelSpecification):
+        raise InputError(
+            f"model: found a {type(model).__name__}, expected a short name such as 'energy6', a "
+            "specification such as ecm.EnergyModel(degree=6), an ecm.Expression, or a function"
+        )
     if pcr is None:
         return specification
     if not isinstance(specification, PolynomialModel):
@@ -76,6 +84,11 @@ def _of_name(name: str) -> ModelSpecification:
 
 def map_from_document(document: dict[str, Any]) -> StiffnessMap:
     """Return the map of an opened model file, whose layout is checked; InputError where wrong."""
+    if document["kind"] == MEASURED:
+        whole, names = map_from_document(dict(document["parameters"])), tuple(document["outputs"])
+        if not set(names) < set(whole.outputs) or whole.inputs != tuple(document["inputs"]):
+            raise InputError(f"outputs = {list(names)} of a map of {', '.join(whole.outputs)}")
+        return MeasuredMap(whole, names)
     for family in MODELS:
         if family.kind == document["kind"]:
             sizes = len(document["inputs"]), len(document["outputs"])

@@ -31,6 +31,7 @@ from ecm.io.table import Table
 from ecm.models.layout import Keys, Layout, exactly, number, record
 from ecm.models.maps import SixAxisMap, StiffnessMap, central_differences, finite, partial_to
 from ecm.models.noise_estimate import declared_or_fitted
+from ecm.models.partial import fit_measured, is_partial, need_pose, need_whole_wrench
 from ecm.models.specification import FittedMap, ModelSpecification, Weights, length_of
 
 _FIT_ITERATIONS = 15
@@ -238,7 +239,11 @@ class ConstantCurvatureModel(ModelSpecification):
         self, table: Table, weights: Weights, progress: Progress | None = None
     ) -> FittedMap:
         """Least squares, each component over its own standard deviation."""
+        need_pose(table, self.name)
         length = length_of(table, self.name)
+        if is_partial(table):
+            start = ConstantCurvatureMap(length, np.zeros(3))
+            return fit_measured(start, table, progress=progress)
         spread = table.wrenches.std(axis=0)
         scale = np.where(spread > 0.0, spread, 1.0)
         base = ConstantCurvatureMap(length, np.ones(3))
@@ -280,6 +285,7 @@ class RodModel(ModelSpecification):
         self, table: Table, weights: Weights, progress: Progress | None = None
     ) -> FittedMap:
         """Gauss-Newton on the poses that the rod takes under the measured wrenches."""
+        need_whole_wrench(table, self.name)
         poses, wrenches = map(np.ascontiguousarray, (table.poses, table.wrenches))
         base = fit_rod(poses, wrenches, length_of(table, self.name), progress)
         return FittedMap(base, declared_or_fitted(base, table))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ecm.errors import InputError
+from ecm.io.arguments import check_arguments
 from ecm.io.cache import cache_directory, write_atomically
 from ecm.io.parquet import require_pyarrow, write_parquet
 from ecm.io.table import Table
@@ -116,6 +117,7 @@ def run_campaign(
     >>> len(run_campaign(plan, RigSettings()))
     2
     """
+    check_arguments(run_campaign, locals())
     options = options or CampaignOptions()
     source, folder, resume = options.source, options.folder, options.resume
     require_possible(rig, out, overwrite=overwrite, resume=resume)

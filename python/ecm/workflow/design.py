@@ -22,6 +22,7 @@ from ecm.designs import (
 from ecm.diagnosis.identifiability import Identifiability, identifiability
 from ecm.effects import Effect, all_effects
 from ecm.errors import InputError
+from ecm.io.arguments import check_arguments, check_type
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.extras import require
 from ecm.io.table import Table
@@ -173,12 +174,14 @@ def design(
     >>> len(planned.plan), planned.design.efficiency > 0.9
     (4, True)
     """
+    check_arguments(design, locals())
     if effects and preset != "diagnosable":
         raise InputError(
             "--effects: needs --preset diagnosable, whose protocol tells effects apart; add it"
         )
     console = console or Silent()
     # Free polynomials absorb the effects.
+    check_type("model", search.get("model"), str | None)
     model = search.pop("model", None) or ("energy4" if effects else "cubic")
     threads, seed = search.get("threads", 0), search.get("seed", 0)
     weighted = base is not None or rig is not None or model == "physics" or bool(effects)

@@ -21,6 +21,7 @@ from ecm.comparison.residual_points import residual_points
 from ecm.designs import Design, DesignSettings, diagnosable_plan, optimal_design, paper_plan
 from ecm.errors import MissingExtra
 from ecm.fem.simulate import Simulated, simulate
+from ecm.io.arguments import check_arguments
 from ecm.io.arrays import F, I
 from ecm.io.cache import write_json
 from ecm.io.table import Table, read_table
@@ -100,6 +101,7 @@ def identify(
     ecm.errors.InputError: [design] n = 200: expected at most the 50 training pairs of [simulate] \
 (n - n_test)
     """
+    check_arguments(identify, locals())
     if not isinstance(config, Config):
         config = read_config(config)
     job = Job(config, Path(out), seed, threads, console or Silent())

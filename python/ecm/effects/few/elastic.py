@@ -1,4 +1,4 @@
-"""What a polynomial of low degree lacks: a kink, a dead zone, a higher degree, an unused column."""
+"""What a polynomial of low degree lacks: a kink, a dead zone, a higher degree."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ecm.effects.few.pairs import PairEffect, needs_motion, pairs, per_pair, short, spans, split
-from ecm.effects.protocol import Effect, LinearEffect, LookAlike, Missing, Parameter
+from ecm.effects.protocol import Effect, LookAlike, Missing, Parameter
 from ecm.io.arrays import F
 from ecm.io.columns import unit_of
 from ecm.io.table import Table
-from ecm.regression.derived import derived_columns
 from ecm.regression.rows import Rows
 
 _PLACES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
@@ -20,8 +19,6 @@ _WIDTHS = (0.05, 0.12, 0.25)
 """Half widths of a dead zone that are tried, over the range of its pose column."""
 _DEGREES = (4, 5, 6, 7, 9)
 _LEAST_ROWS = 20
-_MOST_COLUMNS = 12
-_ROW = "row number"
 _MOST_ABSORBED = 0.999
 """A cubic takes most of a kink, and a kink is what is left."""
 
@@ -204,88 +201,8 @@ class HigherDegree(PairEffect):
         return np.stack(made, axis=2)
 
 
-@dataclass(eq=False)
-class UnusedColumn(LinearEffect):
-    """b (u - u0) on each wrench column, or a share c (u - u0) of it; u a column of one's own."""
-
-    column: str
-    zero: float
-    """Mean u0 of the column in the table of the fit."""
-    acts: str
-    """`adds` to the wrench, or `scales` it."""
-    outputs: str
-    """Wrench columns that it adds to."""
-
-    id = "unused_column"
-    physics = "A column of the table that the model does not use."
-    outside = LookAlike(
-        "anything that changed together with this column: time, temperature, another operator",
-        "the same poses at two values of the column, in an order drawn by chance",
-    )
-    signature = "follows that column"
-    needs = "a column of one's own that varies"
-    kind = "time"
-
-    def __post_init__(self) -> None:
-        unit = "unit"
-        if self.acts == "scales":
-            self.parameters = (Parameter("share", f"1/{unit}", 0.01),)
-        else:
-            self.parameters = tuple(
-                Parameter(f"{short(name)}_per_{unit}", f"{unit_of(name)}/{unit}", 0.1)
-                for name in self.outputs.split(",")
-                if name
-            )
-        if self.column:
-            what = "follows" if self.acts == "adds" else "is scaled by"
-            self.physics = (
-                f"The wrench {what} the column {self.column}, which the model does not use."
-            )
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs a column of one's own that varies."""
-        if self.column:
-            held = table.has(self.column)
-            return None if held else Missing(f"no column {self.column}", self.column, absent=True)
-        if _varying(table):
-            return None
-        return Missing("no other column", "what else may act: a slider, a third load, a setting")
-
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Each column that varies, added or as a share."""
-        outputs = ",".join(table.wrench_columns)
-        return tuple(
-            UnusedColumn(name, float(f"{table.column(name).mean():.6g}"), acts, outputs)
-            for name in _varying(table)
-            for acts in ("adds", "scales")
-        )
-
-    def columns(self, rows: Rows) -> F:
-        """(N, m, k) u - u0 on each output, or times the wrench."""
-        value = rows.table.column(self.column) - self.zero
-        if self.acts == "scales":
-            return np.asarray((value[:, None] * rows.wrench)[:, :, None])
-        made = np.zeros((len(rows), len(rows.base.outputs), len(self.parameters)))
-        for k, name in enumerate(self.outputs.split(",")):
-            if name in rows.base.outputs:
-                made[:, rows.base.outputs.index(name), k] = value
-        return made
-
-
-def _varying(table: Table) -> list[str]:
-    """The columns of one's own that vary and are no groups, clocks, or copies of other columns."""
-    measured = table.measured()
-    counted = measured.replace(**{_ROW: np.arange(len(measured), dtype=np.float64)})
-    clocks = tuple(name for name in ("time_s", _ROW) if counted.has(name))
-    known = (*measured.pose_columns, *clocks)
-    copies = {*derived_columns(counted, known, measured.wrench_columns), *table.meta.group}
-    own = [name for name in table.covariates if name not in copies]
-    return [name for name in own if float(np.ptp(measured.column(name))) > 1e-12][:_MOST_COLUMNS]
-
-
 FORMS = (
     Kink("", 0.0),
     DeadZone("", 0.0, 0.0),
     HigherDegree("", 3, ""),
-    UnusedColumn("", 0.0, "", ""),
 )

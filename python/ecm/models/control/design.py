@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ecm.errors import InputError
+from ecm.io.arguments import check_fields
 from ecm.io.arrays import B, F
 from ecm.models.control.poles import C, Gains
 
@@ -41,6 +42,7 @@ class LoopSettings:
     """Time between two steps of the loop."""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name in ("mass_kg", "inertia_kg_m2", "delay_s", "dt_s"):
             value = getattr(self, name)
             least = -1e-300 if name == "delay_s" else 0.0

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ecm.errors import InputError, Remedy
+from ecm.io.arguments import check_arguments
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.interrupts import uninterrupted
@@ -121,6 +122,7 @@ def export(
     >>> sorted(exported.files)[:2]
     ['spring.c', 'spring.h']
     """
+    check_arguments(export, locals())
     exported = export_files(model, to, name, precision, loop, adapt)
     if not force:
         _refuse_what_changed(model, exported, to, name)

@@ -17,6 +17,7 @@ from ecm.io.table import Table
 from ecm.models.joint_fit import joint_fit
 from ecm.models.layout import Layout, anything, array, items, named, number, one_of, record
 from ecm.models.maps import StiffnessMap
+from ecm.models.partial import fit_measured, is_partial, need_pose
 from ecm.models.physics.family import PARAMETERS
 from ecm.models.physics.map import PhysicsMap, physics_map, reach_of
 from ecm.models.specification import CHOOSE, FittedMap, ModelSpecification, Weights
@@ -195,6 +196,7 @@ class PhysicsModel(ModelSpecification):
     ) -> FittedMap:
         """Generalised least squares of the free parameters by the declared noise."""
         base = self.base
+        need_pose(table, self.name)
         if base is None:
             body = table.meta.body() if self.mechanism is None else self.mechanism
             if body is None or not body.has_body:
@@ -204,6 +206,8 @@ class PhysicsModel(ModelSpecification):
                     remedy=CHOOSE,
                 )
             base = physics_map(body, threads=self.threads, reach_rad=reach_of(table))
+        if is_partial(table):
+            return fit_measured(base, table, progress=progress)
         noise = declared_noise(table)
         result = refit_physics(base, table, noise, progress=progress)
         return FittedMap(result.base, noise, result.covariance)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ecm.errors import InputError
+from ecm.io.arguments import check_arguments
 from ecm.io.table import Table, read_table
 
 FORMAT = "ecm-truth"
@@ -157,6 +158,7 @@ def reveal(data: Table | str | Path, answer: str | Path | dict[str, Any] | None 
         ...
     ecm.errors.InputError: ...
     """
+    check_arguments(reveal, locals())
     table = read_table(data) if isinstance(data, (str, Path)) else data
     path = truth_path(Path(table.source))
     expected = table.meta.file.truth_sha256

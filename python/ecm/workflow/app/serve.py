@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ecm.errors import InputError
+from ecm.io.arguments import check_arguments
 from ecm.io.extras import require
 from ecm.workflow.app.server import App, application
 from ecm.workflow.app.uploads import suffix_of
@@ -57,6 +58,7 @@ def serve(
     Traceback (most recent call last):
     ecm.errors.InputError: missing.csv: no such file
     """
+    check_arguments(serve, locals())
     given = [Path(table) for table in tables]
     for table in given:
         if not table.is_file():

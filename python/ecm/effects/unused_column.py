@@ -1,0 +1,195 @@
+"""A column of the user's own that acts on the mechanism and that the model does not use.
+
+Each column is an effect of its own, `unused_column:NAME`, so that two that act are both named. The
+column u acts about its mean u0, at once or with a lag: u is then what a first-order filter makes of
+it. It adds to the wrench, scales it, or shifts the rest pose. Where the base may have no constant
+wrench, as a symmetric energy has none, a column near 0 is also tried about 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ecm.effects.few.forms import is_full
+from ecm.effects.few.pairs import short
+from ecm.effects.memory import fading
+from ecm.effects.protocol import Effect, LinearEffect, LookAlike, Missing, Parameter, optional
+from ecm.effects.relaxation import time_constants
+from ecm.io.arrays import F
+from ecm.io.columns import unit_of
+from ecm.io.table import Table
+from ecm.regression.approach import order_of_visits
+from ecm.regression.derived import derived_columns
+from ecm.regression.rows import Rows
+
+ID = "unused_column"
+_MOST_COLUMNS = 12
+_ROW = "row number"
+_LAGS = 3
+"""Lags that are tried; the best is refined afterwards."""
+_WORDS = {
+    "adds": "The wrench follows the column {}{}, which the model does not use.",
+    "scales": "The wrench is scaled by the column {}{}, which the model does not use.",
+    "shifts": "The rest pose follows the column {}{}, which the model does not use.",
+}
+_SCALES = {"N": 0.1, "N m": 0.1, "m": 1e-4, "rad": 1e-3}
+
+
+@dataclass(eq=False)
+class UnusedColumn(LinearEffect):
+    """b (u - u0) on each wrench column, a share c (u - u0) of it, or -K d (u - u0)."""
+
+    column: str
+    zero: float
+    """Value u0 at which it does nothing: 0, or its mean in the table of the fit."""
+    acts: str
+    """`adds` to the wrench, `scales` it, or `shifts` the rest pose."""
+    outputs: str
+    """Wrench columns that it adds to, or pose columns that it shifts."""
+    lag_s: float = optional(0.0)
+    """Time constant with which the column acts; 0: at once."""
+
+    id = ID
+    physics = "A column of the table that the model does not use."
+    outside = LookAlike(
+        "anything that changed together with this column: time, temperature, another operator",
+        "the same poses at two values of the column, in an order drawn by chance",
+    )
+    signature = "follows that column"
+    needs = "a column of one's own that varies"
+    kind = "time"
+
+    def __post_init__(self) -> None:
+        if self.acts == "scales":
+            self.parameters = (Parameter("share", "1/unit", 0.01),)
+        else:
+            names = [name for name in self.outputs.split(",") if name]
+            units = [unit_of(name) for name in names]
+            self.parameters = tuple(
+                Parameter(f"{short(name)}_per_unit", f"{unit}/unit", _SCALES[unit])
+                for name, unit in zip(names, units, strict=True)
+            )
+        if self.column:
+            self.id = f"{ID}:{self.column}"
+            lag = f" with a lag of {self.lag_s:.3g} s" if self.lag_s else ""
+            self.physics = _WORDS.get(self.acts, _WORDS["adds"]).format(self.column, lag)
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs its column, or a column of one's own that varies; with a lag the time, too."""
+        if self.column:
+            names = (self.column, "time_s") if self.lag_s else (self.column,)
+            lacking = [name for name in names if not table.has(name)]
+            if lacking:
+                return Missing(f"no column {lacking[0]}", ", ".join(lacking), absent=True)
+            if self.acts or self.column in varying_columns(table):
+                return None
+            return Missing(f"{self.column} does not vary, or follows from others", self.column)
+        if varying_columns(table):
+            return None
+        return Missing("no other column", "what else may act: a slider, a third load, a setting")
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """At once and with each lag: added, as a share, as a shift of the rest pose."""
+        wrench, pose = ",".join(table.wrench_columns), ",".join(table.pose_columns)
+        made: list[Effect] = []
+        for name in (self.column,) if self.column else varying_columns(table):
+            mean, *others = _zeros(table, name)
+            for lag in (0.0, *_lags(table)):
+                made += [
+                    UnusedColumn(name, mean, "adds", wrench, lag),
+                    UnusedColumn(name, mean, "scales", wrench, lag),
+                    UnusedColumn(name, mean, "shifts", pose, lag),
+                ]
+                for zero in others:
+                    made.append(UnusedColumn(name, zero, "adds", wrench, lag))
+                    made.append(UnusedColumn(name, zero, "shifts", pose, lag))
+        return tuple(made)
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Lags between this one and its neighbours."""
+        lags = _lags(table)
+        if not self.lag_s or len(lags) < 2:
+            return ()
+        step = (lags[1] / lags[0]) ** (0.5 ** (round_ + 1))
+        return tuple(replace(self, lag_s=self.lag_s * f) for f in (1.0 / step, step))
+
+    def columns(self, rows: Rows) -> F:
+        """(N, m, k) u - u0 on each output, times the wrench, or times -K."""
+        value = self._value(rows.table) - self.zero
+        if self.acts == "scales":
+            return np.asarray((value[:, None] * rows.wrench)[:, :, None])
+        names = self.outputs.split(",")
+        made = np.zeros((len(rows), len(rows.base.outputs), len(names)))
+        known = rows.base.inputs if self.acts == "shifts" else rows.base.outputs
+        for k, name in enumerate(names):
+            if name in known:
+                place = known.index(name)
+                if self.acts == "shifts":
+                    made[:, :, k] = -value[:, None] * rows.stiffness[:, :, place]
+                else:
+                    made[:, place, k] = value
+        return made
+
+    def _value(self, table: Table) -> F:
+        """(N,) the column, or what a first-order filter of the lag makes of it in each run."""
+        value: F = table.column(self.column)
+        if not self.lag_s:
+            return value
+        late: F = value.copy()
+        time = table.column("time_s")
+        for order in order_of_visits(table):
+            fades = np.exp(-np.diff(time[order]) / self.lag_s)
+            late[order] = value[order] - fading(fades, fades * np.diff(value[order]))
+        return late
+
+
+def per_column(table: Table, others: Iterable[Effect]) -> tuple[Effect, ...]:
+    """Return the effect of each own column that varies and that no other effect needs."""
+    own = tuple(others)
+
+    def is_used(name: str) -> bool:
+        without = table.drop(name)
+        return any(
+            lacking is not None and lacking.absent and effect.missing(table) is None
+            for effect in own
+            if (lacking := effect.missing(without)) is not None
+        )
+
+    return tuple(
+        UnusedColumn(name, 0.0, "", "") for name in varying_columns(table) if not is_used(name)
+    )
+
+
+def varying_columns(table: Table) -> tuple[str, ...]:
+    """Return the columns of one's own that vary and are no groups, clocks, or copies of others."""
+    if not table.covariates:
+        return ()
+    measured = table.measured()
+    counted = measured.replace(**{_ROW: np.arange(len(measured), dtype=np.float64)})
+    clocks = tuple(name for name in ("time_s", _ROW) if counted.has(name))
+    known = (*measured.pose_columns, *clocks)
+    copies = {*derived_columns(counted, known, measured.wrench_columns), *table.meta.group}
+    own = [name for name in table.covariates if name not in copies]
+    varies = [name for name in own if float(np.ptp(measured.column(name))) > 1e-12]
+    return tuple(varies[:_MOST_COLUMNS])
+
+
+def _zeros(table: Table, name: str) -> tuple[float, ...]:
+    """The mean of a column, and in a table of all twelve columns 0 where it comes near to that."""
+    values = table.column(name)
+    mean, low, high = float(f"{values.mean():.6g}"), float(values.min()), float(values.max())
+    near = low - (high - low) <= 0.0 <= high + (high - low)
+    return (mean, 0.0) if near and mean != 0.0 and is_full(table.columns) else (mean,)
+
+
+def _lags(table: Table) -> tuple[float, ...]:
+    """Lags from a few samples to a good part of the longest run; none without the time."""
+    if not table.has("time_s") or float(np.ptp(table.column("time_s"))) <= 0.0:
+        return ()
+    taus = time_constants(table)
+    if len(taus) < 2:
+        return ()
+    return tuple(np.geomspace(2.0 * taus[0], 0.4 * taus[-1], _LAGS).tolist())

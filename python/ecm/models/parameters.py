@@ -1,0 +1,248 @@
+"""Named parameters with start value, bounds and prior, and the fit of a map that has them.
+
+The words are lmfit's: value, min, max, vary. A prior is a standard deviation about the value; it
+counts as one more reading of the parameter.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, TypeVar, cast
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ecm.errors import ComputationError, InputError
+from ecm.io.arrays import F
+from ecm.io.steps import Progress
+from ecm.io.table import Table
+from ecm.io.toml import check_keys
+from ecm.models.maps import MapDefaults, StiffnessMap
+from ecm.models.noise_estimate import declared_or_fitted
+from ecm.models.specification import FittedMap
+from ecm.regression.noise import whiteners
+from ecm.regression.rows import Rows
+
+_MOST_STEPS = 300
+_WEIGHTINGS = 3
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of a model of one's own.
+
+    Parameters
+    ----------
+    value
+        Where the fit begins, and the mean of the prior.
+    min, max
+        Bounds.
+    sd
+        Standard deviation of what is known of it before; None: nothing.
+    vary
+        Whether a fit changes it.
+
+    Examples
+    --------
+    >>> Parameter.of((1000.0, 0.0, 1e6), "k")
+    Parameter(value=1000.0, min=0.0, max=1000000.0, sd=None, vary=True)
+    >>> Parameter.of({"value": 0.3, "sd": 0.05}, "c").sd
+    0.05
+    """
+
+    value: float
+    min: float = -math.inf
+    max: float = math.inf
+    sd: float | None = None
+    vary: bool = True
+
+    def __post_init__(self) -> None:
+        numbers = (self.value, self.min, self.max, *(() if self.sd is None else (self.sd,)))
+        if not all(_is_number(number) for number in numbers) or not math.isfinite(self.value):
+            raise InputError(f"{self}: expected numbers, and a finite value")
+        if not self.min <= self.value <= self.max or self.min == self.max:
+            raise InputError(f"{self}: expected min <= value <= max, and min < max")
+        if self.sd is not None and not 0.0 < self.sd < math.inf:
+            raise InputError(f"{self}: expected an sd above 0")
+        if not isinstance(self.vary, bool):
+            raise InputError(f"{self}: expected vary = True or False")
+
+    @staticmethod
+    def of(given: Any, name: str) -> Parameter:
+        """A parameter of a number, of (value, min, max), or of a dict of what it has."""
+        try:
+            if isinstance(given, Parameter):
+                return given
+            if _is_number(given):
+                return Parameter(float(given))
+            if isinstance(given, tuple | list) and len(given) == 3:
+                return Parameter(*given)
+            if isinstance(given, Mapping) and "value" in given:
+                check_keys(given, [item.name for item in fields(Parameter)], name)
+                return Parameter(**given)
+        except InputError as error:
+            raise InputError(f"parameter {name}: {error}") from None
+        raise InputError(
+            f"parameter {name} = {given!r}: expected a number, (value, min, max), or value, min, "
+            "max, sd and vary by name"
+        )
+
+
+def _is_number(value: Any) -> bool:
+    known = isinstance(value, int | float | np.integer | np.floating)
+    return known and not isinstance(value, bool) and not math.isnan(value)
+
+
+def parameters_of(given: Any) -> dict[str, Parameter]:
+    """The parameters of a dict by name."""
+    if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
+        raise InputError(f"parameters: found {given!r}, expected a dict: name -> (value, min, max)")
+    return {name: Parameter.of(value, name) for name, value in given.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class ParametrisedMap(MapDefaults):
+    """A map with named parameters; those that vary are its coefficients."""
+
+    parameters: Mapping[str, Parameter]
+    values: Mapping[str, float]
+    """Value of each parameter."""
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """(k,) names of the coefficients."""
+        return tuple(name for name, own in self.parameters.items() if own.vary)
+
+    @property
+    def coefficients(self) -> F:
+        """(k,) values of the parameters that vary."""
+        return np.array([self.values[name] for name in self.parameter_names], dtype=np.float64)
+
+    def with_coefficients(self, coefficients: F) -> Any:
+        """The same map with other values."""
+        changed = dict(zip(self.parameter_names, map(float, coefficients), strict=True))
+        return replace(self, values={**self.values, **changed})
+
+    @property
+    def bounds(self) -> tuple[F, F]:
+        """(k,) smallest and largest values."""
+        own = [self.parameters[name] for name in self.parameter_names]
+        return np.array([p.min for p in own]), np.array([p.max for p in own])
+
+    @property
+    def prior(self) -> tuple[F, F]:
+        """(k,) means and standard deviations, infinite where nothing is known before."""
+        own = [self.parameters[name] for name in self.parameter_names]
+        sd = [math.inf if p.sd is None else p.sd for p in own]
+        return np.array([p.value for p in own]), np.array(sd)
+
+    def sentences(self, covariance: F | None) -> list[str]:
+        """A line for each parameter: value and error, and whether it is at a bound."""
+        sd = np.full(len(self.parameters), np.nan)
+        if covariance is not None:
+            sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        errors = dict(zip(self.parameter_names, sd, strict=False))
+        lines = []
+        for name, own in self.parameters.items():
+            value, error = self.values[name], errors.get(name, np.nan)
+            text = f"{name} = {value:.6g}" + ("" if np.isnan(error) else f" +- {error:.2g}")
+            text += "" if own.vary else " (held)"
+            at_bound = any(math.isclose(value, bound, rel_tol=1e-6) for bound in (own.min, own.max))
+            text += ", at its bound" if own.vary and at_bound else ""
+            lines.append(text)
+        return lines
+
+
+def at_pose(names: Sequence[str], pose: F) -> str:
+    """A pose (n,) in words: `x_m = 0.01, y_m = 0`."""
+    return ", ".join(f"{name} = {v:g}" for name, v in zip(names, pose, strict=True))
+
+
+AMap = TypeVar("AMap", bound=ParametrisedMap)
+
+
+def fit_parameters(base: AMap, table: Table, progress: Progress | None = None) -> FittedMap:
+    """Least squares of the parameters from their start, within bounds, with their priors.
+
+    First each component counts by its spread; then rows count by the noise, declared or else what
+    the first fit leaves, with the stiffness of the fit before.
+
+    Raises
+    ------
+    InputError
+        Where a parameter changes nothing on these rows, or the start gives no number.
+    ComputationError
+        Where the steps do not converge.
+    """
+    as_map = cast("StiffnessMap", base)
+    measured, poses = table.matrix(base.outputs), table.matrix(base.inputs)
+    spread = measured.std(axis=0)
+    whitener = np.broadcast_to(
+        np.diag(1.0 / np.where(spread > 0.0, spread, 1.0)), (len(poses), *[len(spread)] * 2)
+    )
+    as_map.predict(poses)  # refuses what gives no number
+    if not base.parameter_names:
+        return FittedMap(as_map, declared_or_fitted(as_map, table))
+    fitted, jacobian, squares = base, np.zeros((0, 0)), 0.0
+    for i in range(_WEIGHTINGS):
+        if progress is not None:
+            progress(i, _WEIGHTINGS, f"weighting {i + 1} of {_WEIGHTINGS}")
+        if i:
+            noise = declared_or_fitted(cast("StiffnessMap", fitted), table)
+            rows = Rows(table, cast("StiffnessMap", fitted))
+            whitener = whiteners(noise.covariance(rows, fitted.error))
+        fitted, jacobian, squares = _least_squares(fitted, poses, measured, whitener)
+    as_map = cast("StiffnessMap", fitted)
+    noise = declared_or_fitted(as_map, table)
+    k = len(fitted.parameter_names)
+    freedom = measured.size - k
+    variance = None if noise.is_residual or freedom <= 0 else squares / freedom
+    return FittedMap(as_map, noise, _inverse(jacobian), variance)
+
+
+def _least_squares(base: AMap, poses: F, measured: F, whitener: F) -> tuple[AMap, F, float]:
+    """The fitted map, the whitened Jacobian with the priors' rows, and the squares left."""
+    mean, sd = base.prior
+    known = np.isfinite(sd)
+
+    def residual(at: F) -> F:
+        errors = measured - cast("Any", base.with_coefficients(at)).raw(poses)
+        own = np.einsum("nij,nj->ni", whitener, errors).ravel()
+        return np.concatenate([own, ((mean - at) / sd)[known]])
+
+    def jacobian(at: F) -> F:
+        columns = cast("StiffnessMap", base.with_coefficients(at)).columns(poses)
+        own = np.einsum("nij,njk->nik", whitener, columns).reshape(measured.size, -1)
+        return -np.concatenate([own, np.diag(1.0 / sd)[known]])
+
+    start = base.coefficients
+    sizes = np.linalg.norm(jacobian(start), axis=0)
+    for name, size in zip(base.parameter_names, sizes, strict=True):
+        if not size > 0.0:
+            raise InputError(
+                f"parameter {name} changes nothing on these rows at its start {name} = "
+                f"{base.values[name]:g}: begin at another value, hold it (vary = False), give it a "
+                "prior (sd), or leave it out"
+            )
+    with np.errstate(all="ignore"):
+        found = least_squares(
+            residual, start, jacobian, base.bounds, x_scale="jac", max_nfev=_MOST_STEPS
+        )
+    fitted = base.with_coefficients(found.x)
+    if not found.success:
+        raise ComputationError(
+            f"the parameters did not converge in {_MOST_STEPS} steps (last: "
+            f"{'; '.join(fitted.sentences(None))}): begin nearer, or give narrower bounds or priors"
+        )
+    left = residual(found.x)
+    return fitted, jacobian(found.x), float((left[: measured.size] ** 2).sum())
+
+
+def _inverse(jacobian: F) -> F:
+    """(k, k) covariance of parameters that differ in size, from a whitened Jacobian."""
+    size = np.linalg.norm(jacobian, axis=0)
+    size = np.where(size > 0.0, size, 1.0)
+    scaled = jacobian / size
+    return np.asarray(np.linalg.pinv(scaled.T @ scaled, hermitian=True) / np.outer(size, size))

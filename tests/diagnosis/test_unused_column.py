@@ -1,0 +1,131 @@
+"""Columns of the user's own that act: each is an effect by itself, in tables of any columns."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ecm
+from ecm._native import EnergyModel
+from ecm.diagnosis.procedure import find_missing
+from ecm.effects import effect, effects_of, unregister, with_shape
+from ecm.io.columns import POSE, WRENCH
+from ecm.models import load_model
+from ecm.models.maps import EnergyMap
+
+LENGTH_M = 0.1
+META = {
+    "mechanism": {"length_m": LENGTH_M},
+    "instrument": {"force_sd_N": 0.05, "torque_sd_Nm": 0.005,
+                   "pose_position_sd_m": 1e-9, "pose_rotation_sd_rad": 1e-9},
+}  # fmt: skip
+
+
+def _spring() -> EnergyModel:
+    """An energy of a body of revolution, fitted to a linear spring."""
+    poses = np.random.default_rng(0).uniform(-1.0, 1.0, (60, 6)) * np.repeat([4e-3, 0.05], 3)
+    wrenches = poses @ np.diag([2e4, 900.0, 900.0, 4.0, 6.0, 6.0])
+    return EnergyModel.fit(poses + LENGTH_M * np.eye(6)[0], wrenches, length_m=LENGTH_M, degree=4)
+
+
+SPRING = _spring()
+
+
+def six_by_six(acts: str, rows: int = 240) -> ecm.Table:
+    """An arc of springs with two columns of one's own, of which `valve` acts."""
+    random = np.random.default_rng(5)
+    time = 2.0 * np.arange(rows)
+    poses = random.uniform(-1.0, 1.0, (rows, 6)) * [1e-4, 4e-3, 4e-3, 0.05, 0.05, 0.05]
+    valve = np.repeat(random.uniform(0.0, 4.0, rows // 12), 12)
+    idle = np.repeat(random.uniform(0.0, 1.0, rows // 6), 6)
+    poses[:, 1:3] += 0.5 * LENGTH_M * np.column_stack([poses[:, 5], -poses[:, 4]])
+    poses[:, 0] += LENGTH_M
+    at = poses.copy()
+    if acts == "shifts":
+        at[:, 1] -= 2e-4 * valve
+    wrenches = EnergyMap(SPRING).predict(at)
+    if acts == "adds":
+        wrenches[:, 2] += 0.2 * valve
+    elif acts == "scales":
+        wrenches *= 1.0 + 0.05 * valve[:, None]
+    elif acts == "adds with a lag":
+        late = valve.copy()
+        for i in range(1, rows):
+            late[i] = valve[i] + (late[i - 1] - valve[i]) * np.exp(-2.0 / 15.0)
+        wrenches[:, 2] += 0.2 * late
+    wrenches += random.standard_normal((rows, 6)) * np.repeat([0.05, 0.005], 3)
+    names = (*POSE, *WRENCH, "time_s", "valve", "idle")
+    return ecm.as_table(
+        dict(zip(names, (*poses.T, *wrenches.T, time, valve, idle), strict=True)), meta=META
+    )
+
+
+@pytest.mark.parametrize("acts", ["adds", "scales", "shifts", "adds with a lag"])
+def test_an_own_column_of_six_by_six_is_named_with_how_it_acts(acts: str, tmp_path: Path) -> None:
+    table = six_by_six(acts)
+    plain = ecm.fit(table, "cubic")
+    found = find_missing(plain, table)
+    assert found.answer == (("unused_column:valve",),)
+    better = ecm.refit(plain, table, add=["unused_column:valve"])
+    shape = better.effects[0].effect.shape
+    assert (shape["column"], shape["acts"]) == ("valve", acts.split(maxsplit=1)[0])
+    if "lag" in acts:
+        np.testing.assert_allclose(float(shape["lag_s"]), 15.0, rtol=0.15)
+    else:
+        assert "lag_s" not in shape
+    better.save(tmp_path / "model.json")
+    loaded = load_model(tmp_path / "model.json")
+    np.testing.assert_array_equal(loaded.predict(table), better.predict(table))
+    assert ecm.compare(loaded, table).whitened_rms < 1.05
+
+
+def test_where_no_own_column_acts_none_is_named() -> None:
+    table = six_by_six("nothing")
+    assert find_missing(ecm.fit(table, "cubic"), table).verdict == "none"
+    assert {"unused_column:valve", "unused_column:idle"} <= set(ecm.check(table).testable)
+
+
+def test_two_columns_that_act_are_both_named() -> None:
+    random, n = np.random.default_rng(2), 200
+    angle = 0.3 * np.sin(0.13 * np.arange(n)) + 0.1 * np.sin(0.62 * np.arange(n))
+    slider = np.repeat(random.uniform(-0.5, 0.5, 20), 10)
+    clamp = np.repeat(random.uniform(0.0, 1.0, 25), 8)
+    idle = np.repeat(random.uniform(0.0, 1.0, 40), 5)
+    torque = 4.0 * angle * (1.0 + 0.3 * clamp) + 0.3 * slider + 0.01 * random.standard_normal(n)
+    columns = {"theta_z_rad": angle, "tau_z_Nm": torque, "time_s": 2.0 * np.arange(n)}
+    table = ecm.as_table(
+        columns | {"slider": slider, "clamp": clamp, "idle": idle},
+        meta={"instrument": {"torque_sd_Nm": 0.01, "pose_rotation_sd_rad": 1e-9}},
+    )
+    found = find_missing(ecm.fit(table, "linear"), table)
+    assert sorted(found.answer) == [("unused_column:clamp",), ("unused_column:slider",)]
+    both = ecm.refit(
+        ecm.fit(table, "linear"), table, add=["unused_column:clamp", "unused_column:slider"]
+    )
+    assert ecm.compare(both, table).whitened_rms < 1.1
+    assert [item.id for item in both.remove("unused_column:clamp").effects] == [
+        "unused_column:slider"
+    ]
+
+
+def test_a_column_that_an_effect_of_ones_own_uses_is_not_unused() -> None:
+    table = six_by_six("adds")
+
+    @effect("valve_force", physics="The valve pushes.", parameters={"z": "N"}, needs=("valve",))
+    def pushes(rows):  # type: ignore[no-untyped-def]
+        return np.eye(6)[2] * rows.table.column("valve")[:, None]
+
+    try:
+        ids = {item.id for item in effects_of(table)}
+        assert "unused_column:idle" in ids
+        assert "unused_column:valve" not in ids
+        assert find_missing(ecm.fit(table, "cubic"), table).answer == (("valve_force",),)
+    finally:
+        unregister("valve_force")
+
+
+def test_a_model_file_from_before_columns_had_effects_of_their_own_is_read() -> None:
+    old = {"column": "valve", "zero": 2.0, "acts": "scales", "outputs": "fx_N"}
+    assert with_shape("unused_column", old).id == "unused_column:valve"
