@@ -34,6 +34,10 @@ _MOST_FOLDING = 1.0
 """Largest change of a model by folding, over the noise, that is exported without `force`."""
 
 
+class ExportChanges(InputError):
+    """What is exported would not be the model that was fitted; `force` writes it."""
+
+
 @dataclass(frozen=True)
 class Exported:
     """An exported model.
@@ -116,20 +120,20 @@ def export(
     """
     exported = export_files(model, to, name, precision, loop, adapt)
     if exported.folding > _MOST_FOLDING and not force:
-        raise InputError(
+        raise ExportChanges(
             f"{model.name}: as one map, with its effects, the model changes by "
             f"{exported.folding:.2g} times the measurement noise, more than {_MOST_FOLDING:g}: the "
             "controller would not have the model that was fitted. Remove an effect (ecm refit "
             "--remove), or export it all the same with --force."
         )
     if exported.change > _MOST_FOLDING and not force:
-        raise InputError(
+        raise ExportChanges(
             f"{model.name}: the form that --to {to} can hold changes the model by "
             f"{exported.change:.2g} times the measurement noise, more than {_MOST_FOLDING:g}. Fit "
             "a smaller range of poses, or export it all the same with --force."
         )
     if exported.lost and not force:
-        raise InputError(
+        raise ExportChanges(
             f"{model.name}: {'; '.join(exported.lost)}: the controller would not have the model "
             "that was fitted. Fit again without it (ecm refit --remove), or export the rest all "
             "the same with --force."
