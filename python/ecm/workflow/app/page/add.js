@@ -2,7 +2,7 @@
 
 import {busy} from "./api.js";
 import {chart} from "./chart.js";
-import {column, effectName, parameterName, quantity} from "./columns.js";
+import {chance, column, effectName, parameterName, quantity} from "./columns.js";
 import {button, el, number, table} from "./dom.js";
 import {help, term} from "./help.js";
 import {knowsNoise, share} from "./noise.js";
@@ -42,7 +42,7 @@ function real(test) {
   const found = /^chi2 falls by (\S+) with (\d+) parameters more \(F = \S+, p = (\S+), BIC falls by (\S+)\)$/.exec(test);
   if (!found) return test.replace("chi2", "χ²");
   const [, fall, more, p, bic] = found;
-  return `${Number(p) < 0.01 ? "yes" : "not sure"}: p = ${number(Number(p), 2)}; χ² falls by ${fall} for ${more} `
+  return `${Number(p) < 0.01 ? "yes" : "not sure"}: p ${Number(p) > 0 ? "= " : ""}${chance(p)}; χ² falls by ${fall} for ${more} `
     + `${more === "1" ? "parameter" : "parameters"} more, BIC by ${bic}`;
 }
 

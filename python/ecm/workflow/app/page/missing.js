@@ -1,7 +1,7 @@
 // Stage 4: the verdict, and every effect with what it would explain.
 
 import {busy, view} from "./api.js";
-import {effectName, parameterName, quantity, readable} from "./columns.js";
+import {chance, effectName, parameterName, quantity, readable} from "./columns.js";
 import {button, el, number, waiting} from "./dom.js";
 import {term} from "./help.js";
 import {residualPanels} from "./panels.js";
@@ -45,7 +45,7 @@ function verdict(found, state, app) {
     `${found.ranking.length} effects tested, ${found.not_testable.length} not testable with this table`,
     known ? `noise from ${found.noise.source}` : "nothing is known of the noise",
     ...found.checks.filter(check => check.accepted).map(check =>
-      `${effectName(check.id)}: chance of this by accident ${number(check.p_holm, 2)}, chosen in `
+      `${effectName(check.id)}: chance of this by accident ${chance(check.p_holm)}, chosen in `
       + `${Math.round(100 * check.chosen_share)} % of repetitions`),
     before && after && found.effects.length
       ? known ? `error on held-out poses ${before.toFixed(2)} → ${after.toFixed(2)} times the noise`
@@ -137,7 +137,7 @@ function list(effects, found, state, app, look) {
 function tested({parameter, size, sd, unit, p}) {
   const [value, words] = quantity(size, unit);
   return `${parameterName(parameter ?? "size")} ${number(value)} ± ${number(quantity(sd, unit)[0])} ${words}; `
-    + `chance of this by accident ${number(p, 2)}`;
+    + `chance of this by accident ${chance(p)}`;
 }
 
 // Values of an effect on the rows of the residuals, in the unit shown; null as a pose error, and in a
