@@ -47,7 +47,7 @@ class Remedy:
         What to do, as the begin of a sentence that a command may end.
     command
         A command line of `ecm`; empty where no command helps. DATA, MODEL and OUT stand for the
-        files of the command that was refused.
+        files of the command that was refused, AGAIN for this command as it was typed.
 
     Examples
     --------

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +21,7 @@ from ecm.regression.noise import declared_noise
 from ecm.regression.sensor_zero import is_zero
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from support.campaigns import campaign, physics
+from support.neck import Done
 from support.stand_in import StandIn
 
 NAMED = {name for effect in all_effects() for name in effect.rivals.values()}
@@ -27,6 +30,20 @@ DRIVEN = sorted(EXPERIMENTS[name].action for name in NAMED if EXPERIMENTS[name].
 
 def test_most_experiments_of_the_catalogue_can_be_driven() -> None:
     assert len(DRIVEN) >= 18
+
+
+def test_a_verdict_on_one_axis_stands_without_a_plan(
+    tmp_path: Path, ecm_command: Callable[..., Done]
+) -> None:
+    data, plan = tmp_path / "one.csv", tmp_path / "next.csv"
+    assert ecm_command("new", "data", "--dof", "1", "--out", data).code == 0
+    assert ecm_command("fit", data, "--model", "linear", "--out", tmp_path / "m.json").code == 0
+    found = tmp_path / "found.json"
+    done = ecm_command("diagnose", tmp_path / "m.json", data, "--json", found, "--next", plan)
+    assert done.code == 0, done.err
+    assert f"{plan}: not written, a plan drives all six coordinates" in done.out
+    assert json.loads(found.read_text(encoding="utf-8"))["verdict"] == "ambiguous"
+    assert not plan.exists()
 
 
 @pytest.mark.parametrize("experiment", DRIVEN)

@@ -24,6 +24,7 @@ from ecm.models import fit_model
 from ecm.models.base_choice import choose_base
 from ecm.models.file import effect_document, effect_of
 from ecm.models.joint_fit import FittedEffect
+from ecm.models.refit import refit
 from ecm.models.worse import refuse_worse
 from support.campaigns import campaign, model
 from support.neck import Done
@@ -123,6 +124,23 @@ def noisy_line(scatter: float) -> Table:
     x = np.linspace(-1.0, 1.0, 40)
     random = np.random.default_rng(0)
     return as_table({"theta_z_rad": x, "tau_z_Nm": x + scatter * random.standard_normal(40)})
+
+
+def test_a_moment_that_is_never_excited_is_not_worse_by_the_last_digit() -> None:
+    """Without a noise the padding of a table was "worse": 1e-17 N m, before 0."""
+    x, y = np.random.default_rng(1).uniform(-0.5, 0.5, (2, 60))
+    table = as_table(
+        {"theta_x_rad": x, "theta_y_rad": y, "tau_x_Nm": x + 0.3 * np.abs(x), "tau_y_Nm": y,
+         "tau_z_Nm": 0.0 * x}
+    )  # fmt: skip
+    before = fit_model(table, "linear")
+    assert before.noise.is_residual
+    refuse_worse(refit(before, table, add=["kink"]), table, before=before)
+    errs = before.base.coefficients.copy()
+    errs[..., -1] += 0.1  # an error that is no rounding is told all the same
+    wrong = replace(before, base=before.base.with_coefficients(errs))
+    with pytest.raises(ComputationError, match="tau_z_Nm errs"):
+        refuse_worse(wrong, table, before=before)
 
 
 def test_a_fit_that_is_worse_than_the_mean_is_refused() -> None:

@@ -20,11 +20,13 @@ from ecm import _native
 from ecm._native import EnergyModel
 from ecm.diagnosis import diagnose
 from ecm.errors import InputError
+from ecm.fem.simulate import fem_poses
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.material import Material
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
+from ecm.io.toml import read_toml
 from ecm.models import Model, PhysicsMap, PhysicsModel, fit_model, load_model, physics_map
 from ecm.models.physics import build as physics_build
 from ecm.models.physics import map as physics
@@ -33,6 +35,7 @@ from ecm.models.physics.build import BuildSettings, shape_of
 from ecm.models.physics.family import PARAMETERS, compressibility, poisson_ratio
 from ecm.models.physics.poses import rod_like, spread_poses, workspace_poses
 from ecm.models.physics.refit import mesh_shares, physics_sentences, refit_physics
+from ecm.workflow.app import demo
 
 F = NDArray[np.float64]
 NECK = Mechanism()
@@ -423,3 +426,20 @@ def test_a_rod_like_the_body_has_its_stiffness_at_rest() -> None:
     found = rod_like(np.linalg.inv(compliance.T), 0.1)
     for name, value in sections.items():
         assert found[name] == pytest.approx(value, rel=1e-4)
+
+
+def test_the_family_of_the_neck_is_in_the_package_and_of_this_version(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If this fails, the FEM, its meshes or the poses have changed: run scripts/neck_family.py."""
+
+    def build(*_given: object, **_named: object) -> None:
+        raise AssertionError("the family is built, not read: run scripts/neck_family.py")
+
+    monkeypatch.setattr(physics, "build_family", build)
+    described = read_toml(Path(demo.__file__).parent / "demo" / "plan.toml")["mechanism"]
+    brought = physics_map(Mechanism.from_dict(described, "the demo"), cache=tmp_path)
+    poses, wrenches = fem_poses(NECK, 1, seed=3)
+    assert not list(tmp_path.iterdir())
+    difference = brought.predict(poses) - wrenches
+    assert np.abs(difference / brought.own_error).max() < 6.0

@@ -34,6 +34,7 @@ from ecm.workflow.app.journal import Journal
 from ecm.workflow.app.serve import begin, serve
 from ecm.workflow.app.server import App, application
 from ecm.workflow.app.session import Session
+from ecm.workflow.app.steps import Files, command_of, request_of
 from support.neck import ROOT
 
 PORT, TOKEN = 8000, "a-secret"
@@ -409,6 +410,142 @@ def test_the_script_outside_its_folder_says_so(app: App, tmp_path: Path) -> None
     )
     assert (done.returncode, done.stderr) == (1, "put this script into the session folder\n")
     assert not again.exists()
+
+
+# --- refusals and their way out -----------------------------------------
+def drop(client: TestClient, app: App, path: Path, content: str, encoding: str = "utf-8") -> Any:
+    """Drop a table, and return the state after its check."""
+    path.write_text(content, encoding=encoding)
+    assert upload(client, path, path.name).status_code == 200
+    return finished(client, app)
+
+
+def take_the_way_out(client: TestClient, app: App, state: dict[str, Any]) -> dict[str, Any]:
+    """Do what the remedy of the last step says, as its button does."""
+    last = state["steps"][-1]
+    assert last["status"] == "failed"
+    return step(client, app, **last["remedy"]["request"])
+
+
+ROWS = "".join(f"{1e-4 * i},{i + 0.01 * (i % 3)}\n" for i in range(20))
+
+
+def test_bad_rows_are_left_out_by_every_step_after_the_check_that_leaves_them(
+    app: App, tmp_path: Path
+) -> None:
+    with client_of(app) as client:
+        state = drop(client, app, tmp_path / "a.csv", f"x_m,fx_N\n{ROWS}nan,1\n0.001,\n")
+        assert "line 22, column 'x_m': found 'nan'" in state["steps"][-1]["message"]
+        state = take_the_way_out(client, app, state)
+        assert state["check"]["rows"] == 20
+        accept_all(client, state)
+        state = step(client, app, "fit", model="linear")
+        assert [item["status"] for item in state["steps"][-2:]] == ["done", "done"], state["steps"]
+        assert all("--skip-bad-rows" in item["command"] for item in state["steps"][-2:])
+        assert len(client.get("/api/view/residuals").json()["row"]) == 20
+
+
+@pytest.mark.parametrize(
+    ("content", "encoding"),
+    [
+        ("x_m,fx_N,Prüfer\n" + ROWS.replace("\n", ",1\n"), "latin-1"),
+        (f"x_m;fx_N\n{ROWS}".replace(",", ";"), "utf-8"),
+    ],
+)
+def test_a_file_of_another_program_is_imported_by_the_button(
+    app: App, tmp_path: Path, content: str, encoding: str
+) -> None:
+    with client_of(app) as client:
+        state = drop(client, app, tmp_path / "a.csv", content, encoding)
+        state = take_the_way_out(client, app, state)
+        assert (state["steps"][-1]["verb"], state["check"]["rows"]) == ("check", 20), state
+
+
+def test_a_refused_fit_can_be_forced_and_a_refused_effect_is_told(app: App, tmp_path: Path) -> None:
+    noise = np.random.default_rng(2).standard_normal(9)
+    rows = "".join(f"{1e-4 * i},{v}\n" for i, v in enumerate(noise))
+    with client_of(app) as client:
+        accept_all(client, drop(client, app, tmp_path / "a.csv", f"x_m,fx_N\n{rows}"))
+        state = step(client, app, "fit", model="poly:6")
+        assert state["steps"][-1]["remedy"]["command"].endswith("--force")
+        assert "not saved" in state["steps"][-1]["message"]
+        assert "error:" not in state["steps"][-1]["message"]
+        state = take_the_way_out(client, app, state)
+        assert state["model"] is not None
+        state = step(client, app, "refit", add=["payload"])  # one axis has none
+        assert list(state["refused"]) == ["payload"]
+        assert state["refused"]["payload"]["message"]
+
+
+def test_another_base_and_an_effect_on_it_are_one_click(app: App, tmp_path: Path) -> None:
+    with client_of(app) as client:
+        upload(client, table(tmp_path / "stage.csv", drift=2e-4))
+        accept_all(client, finished(client, app))
+        step(client, app, "fit", model="cubic")
+        state = step(
+            client, app, "fit", model="linear", then={"verb": "refit", "add": ["fts_drift"]}
+        )
+        assert [rung["name"] for rung in state["rungs"]] == ["linear", "+ fts_drift"]
+        assert state["compare"]["model"] == "poly:1+fts_drift"
+
+
+def test_every_effect_that_the_page_lists_can_be_added(app: App, tmp_path: Path) -> None:
+    with client_of(app) as client:
+        upload(client, table(tmp_path / "stage.csv", drift=2e-4, rows=60))
+        accept_all(client, finished(client, app))
+        step(client, app, "fit", model="linear")
+        listed = client.get("/api/view/effects").json()["effects"]
+        assert {"kink", "dead_zone", "higher_degree"} <= listed.keys()
+        files = app.session.files(app.session.journal.read())
+        for name in listed:
+            command_of("refit", {"add": [name]}, files, 9)
+        state = step(client, app, "refit", add=["kink"])
+        assert [item["status"] for item in state["steps"][-2:]] == ["done", "done"]
+
+
+def test_an_import_is_shown_beside_its_own_table_only(app: App, tmp_path: Path) -> None:
+    with client_of(app) as client:
+        (tmp_path / "a.log").write_text(f"x [mm],Force\n{ROWS}", encoding="utf-8")
+        upload(client, tmp_path / "a.log", "a.log")
+        state = step(client, app, "import", map=["fx_N=Force:N"], ignore=[])
+        assert state["imported"]["columns"]["fx_N"] == "Force"
+        state = drop(client, app, tmp_path / "b.csv", f"x_m,fx_N\n{ROWS}")
+        assert state["imported"] is None
+
+
+def test_a_guess_that_is_wrong_is_refused_by_a_person(app: App, tmp_path: Path) -> None:
+    rows = "".join(f"{i},{10 * i + i % 3},{i % 4},{20 + i}\n" for i in range(20))
+    with client_of(app) as client:
+        state = drop(client, app, tmp_path / "a.log", f"x_mm,Fx [N],Fy [N],Fz [N]\n{rows}")
+        state = step(client, app, "import", map=["own_fy_n=Fy [N]"], ignore=["Fz [N]"])
+        assert sorted(state["imported"]["columns"]) == ["fx_N", "own_fy_n", "x_m"]
+        state = step(client, app, "import", ignore=["Fz"])
+        assert "--ignore Fz: the log has no column 'Fz'" in state["steps"][-1]["message"]
+
+
+@pytest.mark.parametrize(
+    ("command", "request_"),
+    [
+        ("ecm export m.json --to c --out x --json y --force",
+         {"verb": "export", "to": "c", "force": True}),
+        ("ecm refit m.json 'a b.csv' --remove payload --out n.json",
+         {"verb": "refit", "remove": ["payload"]}),
+        ("ecm check 'a b.csv' --skip-bad-rows", {"verb": "check", "skip_bad_rows": True}),
+        ("ecm import b.log --out t.csv --meta b.toml --leave-out",
+         {"verb": "import", "log": "b.log", "leave_out": True}),
+        ("ecm fit other.csv --model physics --out n.json", None),
+        ("ecm fit 'a b.csv' --model ../x --out n.json", None),
+        ("ecm material x.csv", None),
+        ("rm -rf .", None),
+        ("ecm check 'a b.csv", None),
+        ("", None),
+    ],
+)  # fmt: skip
+def test_the_command_of_a_remedy_is_a_step_where_it_is_one_of_this_session(
+    command: str, request_: dict[str, Any] | None
+) -> None:
+    files = Files(data=["a b.csv"], model="m.json", dropped=["a b.csv", "b.log"])
+    assert request_of(command, files) == request_
 
 
 # --- long work ---------------------------------------------------------

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -279,6 +280,9 @@ def test_an_unknown_cause_comes_with_the_draft_of_an_effect_that_runs(
         assert draft == _state(page)["diagnosis"]["unknown"]["skeleton"]
         assert page.js("document.querySelector('#unknown a').download") == "my_effect.py"
         assert page.unnamed() == []
+        page.js("location.hash = 'next'")
+        page.until("document.documentElement.dataset.stage === 'next'")
+        assert "No experiment of the catalogue would name an unknown cause" in page.text()
     exec(compile(draft, "my_effect.py", "exec"), {})
     try:
         assert get_effect("my_effect").id == "my_effect"
@@ -410,3 +414,142 @@ def _drag(page: Page, button: str) -> None:
 def _state(page: Page) -> dict:  # type: ignore[type-arg]
     text = page.js("fetch('/api/state').then(r => r.text())")
     return dict(json.loads(text))
+
+
+# --- every example to its end -----------------------------------------
+_IDLE = "document.documentElement.dataset.running === ''"
+
+
+def _done(page: Page, steps: int) -> dict[str, Any]:
+    """Wait until a step more has ended, with what follows it; the state then."""
+    page.until(
+        "fetch('/api/state').then(r => r.json()).then("
+        f"s => !s.running && s.steps.length > {steps})",
+        200,
+    )
+    page.until(_IDLE)
+    state = _state(page)
+    failed = [item["message"] for item in state["steps"] if item["status"] == "failed"]
+    assert failed == []
+    return state
+
+
+def _click_to_the_end(page: Page, selector: str) -> dict[str, Any]:
+    steps = len(_state(page)["steps"])
+    page.click(selector)
+    return _done(page, steps)
+
+
+@pytest.mark.parametrize("example", ["1", "3", "6", "neck"])
+def test_every_shipped_example_goes_to_its_end(page: Page, tmp_path: Path, example: str) -> None:
+    with served(folder=tmp_path / "session") as address:
+        page.open(address)
+        _click_to_the_end(page, f"#example-{example}")
+        page.click("#to-model")
+        page.until("!!document.querySelector('#fit')")
+        _click_to_the_end(page, "#fit")  # the kind that is chosen already
+        page.click("#to-fails")
+        page.until("document.querySelectorAll('.panel canvas').length > 0")
+        page.click("#to-missing")
+        page.until("!!document.querySelector('[data-add]')")
+        found = _click_to_the_end(page, "#diagnose")["diagnosis"]
+        page.until("!!document.querySelector('#verdict')")
+        if found["verdict"] == "named":
+            state = _click_to_the_end(page, "#add-named")
+            promised, reached = found["held_out"]["after"], state["fit"]["history"][-1]["held_out"]
+            assert reached < 1.05 * promised
+        page.js("location.hash = 'out'")
+        page.until("!!document.querySelector('#export')")
+        assert _click_to_the_end(page, "#export")["export"]["files"]
+        if example == "neck":
+            assert 4.0 < state["fit"]["history"][0]["train"] < 6.0
+            assert _click_to_the_end_of_reveal(page)["score"]["correct"]
+    assert page.problems() == []
+
+
+def _click_to_the_end_of_reveal(page: Page) -> dict[str, Any]:
+    page.js("location.hash = 'add'")
+    page.until("!!document.querySelector('#reveal')")
+    return dict(_click_to_the_end(page, "#reveal")["truth"])
+
+
+def padded_table(path: Path) -> Path:
+    """Two forces of two axes, a third that is 0 in every row, and no word about the noise."""
+    random = np.random.default_rng(5)
+    y, z = random.uniform(-1e-3, 1e-3, (2, 60))
+    fy, fz = 1e4 * y + 3e9 * y**3, 2e4 * z
+    time_s = 30.0 * np.arange(60)
+    forces = np.stack([0.0 * y, fy, fz + 2e-3 * time_s]) + [[0.0], [0.1], [0.1]] * (
+        random.standard_normal((3, 60))
+    )
+    columns = dict(zip(("y_m", "z_m", "fx_N", "fy_N", "fz_N"), [y, z, *forces], strict=True))
+    path.write_text(csv_text({**columns, "time_s": time_s}), encoding="utf-8")
+    return path
+
+
+_CROSSES = """(() => {
+  const drawn = () => [...document.querySelectorAll(".panel canvas[tabindex]")].map(
+    canvas => [canvas.ariaLabel.split(",")[0], canvas.toDataURL()]);
+  const before = drawn(), item = document.querySelector("[data-add=fts_drift]").closest("li");
+  item.dispatchEvent(new MouseEvent("mouseenter"));
+  const frame = new Promise(done => requestAnimationFrame(() => setTimeout(done)));
+  const changed = () => drawn().filter(([, now], i) => now !== before[i][1]);
+  return frame.then(() => changed().map(([name]) => name));
+})()"""
+
+
+def test_a_column_that_never_varies_and_a_noise_that_is_not_known(
+    page: Page, tmp_path: Path
+) -> None:
+    data = padded_table(tmp_path / "stage.csv")
+    with served(data, folder=tmp_path / "session") as address:
+        page.open(address)
+        page.until("!!document.querySelector('#to-model')")
+        while page.js("document.querySelector('#to-model').disabled"):
+            page.click(".warning button")
+            page.until(_IDLE)
+        page.click("#to-model")
+        page.until("!!document.querySelector('#fit')")
+        _click_to_the_end(page, "#fit")
+        page.click("#to-fails")
+        page.until("document.querySelectorAll('.panel canvas').length > 0")
+        said = page.text()
+        assert "times the noise" not in said
+        assert "% of the spread" in said
+        assert "noise floor" not in said
+        page.click("#to-missing")
+        page.until("!!document.querySelector('[data-add=fts_drift]')")
+        assert page.js(_CROSSES) == ["fy", "fz"]
+        state = _click_to_the_end(page, "[data-add=fts_drift]")
+        assert len(state["rungs"]) == 2
+        page.until("document.querySelectorAll('#main table tbody tr').length >= 2")
+        said = page.text()
+        assert "% of the spread" in said
+        assert "Nothing is known of the noise" in said
+        assert "noise floor" not in said
+    assert page.problems() == []
+
+
+def test_a_refused_export_has_a_button_for_each_way_out(page: Page, tmp_path: Path) -> None:
+    with served(folder=tmp_path / "session") as address:
+        page.open(address)
+        _click_to_the_end(page, "#example-1")
+        page.click("#to-model")
+        _click_to_the_end(page, "#fit")
+        page.js("location.hash = 'missing'")
+        _click_to_the_end(page, "[data-add=hysteresis]")
+        page.js("location.hash = 'out'")
+        page.click("[name=language][value=rust]")  # it holds no steps of a polynomial
+        page.click("#export")
+        page.until("!!document.querySelector('[data-remove=hysteresis]')")
+        page.click("[data-remedy=export]")
+        page.until("!!document.querySelector('.files a') && !document.querySelector('#trouble')")
+        assert page.js("document.querySelector('[name=language]:checked').value") == "rust"
+        steps = _state(page)["steps"]
+        assert "--force" in steps[-1]["command"]
+        page.click("#undo")  # the effect: its files count no more
+        page.until("!document.querySelector('.files a')")
+        linked = page.js("[...document.querySelectorAll('.card a')].map(a => a.textContent)")
+        before = max(item["number"] for item in steps if item["verb"] == "fit")
+        assert linked == [f"compare-{before + 1}.html", f"model-{before}.json", "script.sh"]
+    assert page.problems() == []

@@ -6,6 +6,9 @@ from typing import Any
 
 import typer
 
+typed: tuple[str, ...] = ()
+"""The words after `ecm` of the command at work, for a remedy that repeats it."""
+
 
 def new_application(**options: Any) -> typer.Typer:
     """Return a typer application with plain help and errors."""

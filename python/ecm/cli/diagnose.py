@@ -20,7 +20,7 @@ from ecm.diagnosis.page import write_diagnosis
 from ecm.diagnosis.procedure import STAGES, watched
 from ecm.effects import load_installed
 from ecm.effects.experiments import session_of
-from ecm.errors import Remedy
+from ecm.errors import InputError, Remedy
 from ecm.io.table import Table
 from ecm.models import Model
 
@@ -79,7 +79,11 @@ def _write_next(path: Path, table: Table, document: dict[str, Any], session: Ses
     if action is None:
         session.print(f"{path}: not written, no campaign is needed or could drive what is proposed")
         return
-    plan = follow_up_plan(table, action)
+    try:
+        plan = follow_up_plan(table, action)
+    except InputError as error:  # the verdict stands, and the experiment can be done by hand
+        session.print(f"{path}: not written, {error.message}")
+        return
     plan.write(path)
     session.print(f"{path}: {len(plan)} visits, to {action}")
     by_hand = [part.action for part in session_of(action) if not part.can_be_driven]

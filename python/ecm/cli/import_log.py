@@ -6,7 +6,8 @@ from pathlib import Path
 
 from ecm.cli.options.import_log import Options
 from ecm.cli.session import Session
-from ecm.errors import InputError
+from ecm.errors import InputError, Remedy
+from ecm.io.row_errors import BadRows
 from ecm.logs import import_log as import_any
 from ecm.logs.importing import read_log
 from ecm.logs.page import write_import
@@ -22,16 +23,20 @@ def import_log(options: Options, session: Session) -> None:
         )
     session.check_output(options.out, beside)
     topics = options.topics or []
-    with session.working(f"reading {options.log}") as tell:
-        imported = import_any(
-            read_log(options.log, topics, tell),
-            columns=_pairs(options.columns or []),
-            rotation=options.rotation,
-            units=[word for word in options.units.split(",") if word.strip()],
-            axis=options.axis,
-            meta=options.meta,
-            leave_out=options.leave_out,
-        )
+    try:
+        with session.working(f"reading {options.log}") as tell:
+            imported = import_any(
+                read_log(options.log, topics, tell).without(options.ignore or []),
+                columns=_pairs(options.columns or []),
+                rotation=options.rotation,
+                units=[word for word in options.units.split(",") if word.strip()],
+                axis=options.axis,
+                meta=options.meta,
+                leave_out=options.leave_out,
+            )
+    except BadRows as error:
+        error.remedy = Remedy(error.remedy.words, "AGAIN --leave-out")
+        raise
     session.print(str(imported))
     for warning in imported.table.warnings:
         session.warn(warning)

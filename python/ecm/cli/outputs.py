@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ecm.cli.interrupt import NOTHING_WRITTEN
-from ecm.errors import ComputationError, InputError
+from ecm.errors import ComputationError, InputError, Remedy
 from ecm.io.cache import is_device
 from ecm.io.table import Table, check_description
 
@@ -109,5 +109,5 @@ def saved_by_force(path: Path) -> Iterator[None]:
     except ComputationError as error:
         raise ComputationError(
             f"{path}: not saved, {error.message}. --force saves it all the same.",
-            remedy=error.remedy,
+            remedy=error.remedy or Remedy("save it all the same", "AGAIN --force"),
         ) from None

@@ -8,11 +8,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from ecm.cli import interrupt
+from ecm.cli import application, interrupt
 from ecm.cli.console import Console
 from ecm.cli.outputs import Outputs
-from ecm.errors import EcmError, Refusal, exit_code, remedy_of
+from ecm.errors import EcmError, Refusal, Remedy, exit_code, remedy_of
 from ecm.io.cache import write_json
+from ecm.io.row_errors import BadRows
 from ecm.io.table import Need, Table, read_table
 from ecm.report.page import require_report
 
@@ -79,21 +80,25 @@ class Session(Console):
 
     def read(self, paths: Sequence[Path], need: Need | None = None) -> Table:
         """Read the measurement table of the command and print its warnings."""
-        with self.working("reading") as tell:
-            table = read_table(
-                list(paths),
-                meta=self.meta,
-                skip_bad_rows=self.skip_bad_rows,
-                need=need,
-                progress=tell,
-            )
+        try:
+            with self.working("reading") as tell:
+                table = read_table(
+                    list(paths),
+                    meta=self.meta,
+                    skip_bad_rows=self.skip_bad_rows,
+                    need=need,
+                    progress=tell,
+                )
+        except BadRows as error:
+            error.remedy = Remedy(error.remedy.words, "AGAIN --skip-bad-rows")
+            raise
         for warning in brief(table.warnings, paths):
             self.warn(warning)
         return table
 
     def files_of(self, options: object) -> dict[str, str]:
-        """The command's own files by the names that a remedy has for them."""
-        files = {}
+        """The command itself and its files by the names that a remedy has for them."""
+        files = {"AGAIN": shlex.join(["ecm", *application.typed])}
         for option, name in (("data", "DATA"), ("model", "MODEL"), ("out", "OUT")):
             given = getattr(options, option, None)
             if given is not None:

@@ -67,7 +67,10 @@ def follow_up_plan(data: Table, experiment: str) -> Table:
     """
     lacking = [name for name in POSE if not data.has(name)]
     if lacking:
-        raise InputError(f"{data.source}: a plan needs the pose column {lacking[0]}")
+        raise InputError(
+            f"a plan drives all six coordinates of the pose, and {data.source} has no "
+            f"{', '.join(lacking)}: do the experiment by hand on your rig"
+        )
     driven = {part.recipe for part in session_of(experiment) if part.can_be_driven}
     if not driven:
         raise InputError(

@@ -33,6 +33,8 @@ class EffectPreview:
 class EffectPreviews:
     """The previews of all effects that can be tested, largest share first."""
 
+    outputs: tuple[str, ...]
+    """Columns of the wrench that vary: m names."""
     row: I
     """(N,) rows of the table, from 1."""
     effects: tuple[EffectPreview, ...]
@@ -88,7 +90,7 @@ def preview_effects(
         if candidate.id not in best or preview.share > best[candidate.id].share:
             best[candidate.id] = preview
     ranked = sorted(best.values(), key=lambda item: -item.share)
-    return EffectPreviews(prepared.rows + 1, tuple(ranked))
+    return EffectPreviews(tuple(base.outputs), prepared.rows + 1, tuple(ranked))
 
 
 def _base_part(problem: Problem) -> F:

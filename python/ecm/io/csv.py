@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import shlex
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from io import TextIOWrapper
 from itertools import chain, islice
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.errors import InputError
+from ecm.errors import InputError, Remedy
 from ecm.io.cache import atomic
 from ecm.io.columns import TEXT, WHOLE, is_standard
 from ecm.io.raw_table import Cells, RawTable, check_names, repeated_names
@@ -89,7 +90,11 @@ def _read(
         separators = "semicolons" if ";" in names[0] else "tabs"
         raise InputError(
             f"{path}: the columns are separated by {separators}, expected commas (and a decimal "
-            f"point). ecm import {path} --out table.csv reads it and writes the table."
+            "point)",
+            remedy=Remedy(
+                "import it, which writes a table",
+                f"ecm import {shlex.quote(str(path))} --out table.csv",
+            ),
         )
     columns = [_Column(name in text or i in text) for i, name in enumerate(names, 1)]
     numbers: list[NDArray[np.int64]] = [np.zeros(0, dtype=np.int64)]

@@ -9,7 +9,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.errors import InputError, Remedy
+
 _SHOWN = 10
+
+
+class BadRows(InputError):
+    """Rows that cannot be read, and that may be left out."""
+
+    def __init__(self, message: str, *, remedy: Remedy) -> None:
+        super().__init__(message, remedy=remedy)
+        self.remedy: Remedy = remedy
 
 
 class RowError(NamedTuple):
@@ -57,14 +67,12 @@ class RowErrors:
             lines.append(f"  {where}: found {error.found}, expected {error.expected}")
         return "\n".join(lines)
 
-    def message(self) -> str:
-        """Return the summary and what to do."""
+    def refusal(self) -> BadRows:
+        """Return the error of a table with these rows."""
         rows = len(self.bad_numbers())
         them = "this row" if rows == 1 else f"these {rows} rows"
         in_memory = self.word == "row" and len(self.numbers) > 0 and self.numbers[0] == 0
         table = "data (rows are counted from 0)" if in_memory else "file"
         skip = "as_table(..., skip_bad_rows=True)" if in_memory else "--skip-bad-rows"
-        return (
-            f"{self.summary()}\nCorrect the {table}, or leave {them} out with {skip} "
-            "(which records it)."
-        )
+        words = f"correct the {table}, or leave {them} out with {skip} (which records it)"
+        return BadRows(self.summary(), remedy=Remedy(words))

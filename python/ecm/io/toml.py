@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import importlib
 import json
+import shlex
 import sys
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from ecm.errors import InputError, shown
+from ecm.errors import InputError, Remedy, shown
 
 _MOST_LISTED = 40
 """Names that a message lists."""
@@ -54,10 +55,12 @@ def read_text(path: Path, what: str) -> str:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
-        raise InputError(
-            f"{path}: line {line} is not UTF-8 text, expected a {what} in UTF-8. "
-            "Save it again as UTF-8."
-        ) from None
+        message = f"{path}: line {line} is not UTF-8 text, expected a {what} in UTF-8"
+        words, command = "save it again as UTF-8", ""
+        if what.startswith("table"):
+            words += ", or import it as a log, whose letters may be those of Windows"
+            command = f"ecm import {shlex.quote(str(path))} --out table.csv"
+        raise InputError(message, remedy=Remedy(words, command)) from None
 
 
 def _likely_file(path: Path) -> str:

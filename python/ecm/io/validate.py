@@ -88,7 +88,7 @@ def validated_columns(
         bad = errors.bad_numbers()
         keep = ~np.isin(numbers, list(bad))
         if not skip_bad_rows:
-            raise InputError(errors.message())
+            raise errors.refusal()
         if not keep.any():
             raise InputError(f"{errors.summary()}\nNo row is left without them. Correct the file.")
         columns = {name: column[keep] for name, column in columns.items()}

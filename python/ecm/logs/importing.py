@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.errors import InputError
+from ecm.errors import InputError, Remedy
 from ecm.io.arguments import check_arguments
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE
@@ -22,6 +22,7 @@ from ecm.io.interrupts import uninterrupted
 from ecm.io.leave_out import row_ranges, shown_ranges
 from ecm.io.quaternion_order import ORDERS, order_warning
 from ecm.io.raw_table import check_names
+from ecm.io.row_errors import BadRows
 from ecm.io.steps import Progress
 from ecm.io.table import MetaLike, Table, as_table
 from ecm.io.validate import repeated_rows
@@ -37,10 +38,11 @@ from ecm.logs.log import Log
 from ecm.logs.mapping import propose
 from ecm.logs.objects import log_of_object
 from ecm.logs.rosbag import is_bag, read_bag
-from ecm.logs.sources import UserChoices
+from ecm.logs.sources import UserChoices, without_columns
 from ecm.logs.text import read_text_log
 from ecm.logs.units import given_units
 
+_LEFT_OUT = Remedy("leave them out with --leave-out, which records it")
 _SAMPLED_S = 0.5
 """Rows that follow each other faster are samples of a continuous test."""
 
@@ -205,20 +207,20 @@ def import_log(
                 "WORD:COLUMN,..."
             )
         if not leave_out:
-            raise InputError(
+            raise BadRows(
                 f"{source}: {len(gone)} of {len(usable)} rows hold no number or no rotation in "
-                f"{empty}: rows {shown_ranges(gone.tolist())}. Leave them out with --leave-out, "
-                "which records it."
+                f"{empty}: rows {shown_ranges(gone.tolist())}.",
+                remedy=_LEFT_OUT,
             )
         left["unreadable"] = row_ranges(gone.tolist())
         notes.append(f"left out {len(gone)} rows without numbers: {shown_ranges(gone.tolist())}")
     copies = _copies(table, gone)
     if copies:
         if not leave_out:
-            raise InputError(
+            raise BadRows(
                 f"{source}: {len(copies)} of {len(usable)} rows are copies of another row in every "
-                f"column, the time too: rows {shown_ranges(copies)}. Leave them out with "
-                "--leave-out, which records it."
+                f"column, the time too: rows {shown_ranges(copies)}.",
+                remedy=_LEFT_OUT,
             )
         left["copies"] = row_ranges(copies)
         notes.append(f"left out {len(copies)} copies of rows: {shown_ranges(copies)}")
@@ -245,6 +247,16 @@ class ReadLog(NamedTuple):
     """Name for messages."""
     sha256: str
     """Checksum of the file; empty where there is none."""
+
+    def without(self, columns: Sequence[str]) -> ReadLog:
+        """The log without columns that are not used, whatever their names tell.
+
+        Raises
+        ------
+        InputError
+            For a column that it has not.
+        """
+        return self._replace(log=without_columns(self.log, columns))
 
 
 def read_log(log: Any, topics: Sequence[str], progress: Progress | None = None) -> ReadLog:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -118,6 +118,28 @@ def chosen_source(
             )
         return Source(column, unit)
     return Source(column, stated_unit(column, standard, named[column], choices))
+
+
+def without_columns(log: Log, ignore: Sequence[str]) -> Log:
+    """The log without columns that are not used.
+
+    Raises
+    ------
+    InputError
+        For a column that it has not.
+    """
+    for name in ignore:
+        if column_like(name, log) not in (*log.columns, *log.text):
+            raise InputError(
+                f"--ignore {name}: the log has no column '{name}', "
+                f"{did_you_mean(name, log.columns)}"
+            )
+    gone = {column_like(name, log) for name in ignore}
+    return replace(
+        log,
+        columns={name: values for name, values in log.columns.items() if name not in gone},
+        text={name: values for name, values in log.text.items() if name not in gone},
+    )
 
 
 def column_like(name: str, log: Log) -> str:

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 _MOST_ROWS = 3000
 _WORSE = 1.1
+_ROUNDING = 1e-9
+"""Share of the readings that is rounding: what never moves is predicted to the last digits only."""
 _ONE_COLUMN = 0.99
 """Correlation from which a parameter and a coefficient of the base are one column."""
 _SD = 3.0
@@ -300,13 +302,19 @@ def _is_worse(error: float, other: float, noise: float) -> bool:
 
 
 def _errors(model: Model, table: Table) -> tuple[F, F]:
-    """Return (m,) rms error and noise of the components; no noise where none is known."""
+    """Return (m,) rms error and noise of the components; only rounding where none is known."""
     chosen = spread_rows(table, _MOST_ROWS)
     some = table if len(chosen) == len(table) else table.thinned(chosen)
     scored = is_pose_row(some)
-    left = some.matrix(model.outputs) - model.predict(some, skip_untestable=True)
+    readings = some.matrix(model.outputs)
+    left = readings - model.predict(some, skip_untestable=True)
     errors = np.sqrt((left[scored] ** 2).mean(axis=0))
     if model.noise.is_residual:
-        return errors, np.zeros(len(errors))
+        size = np.sqrt((readings[scored] ** 2).mean(axis=0))
+        of_unit = [
+            max(s for s, other in zip(size, model.outputs, strict=True) if unit_of(other) == unit)
+            for unit in map(unit_of, model.outputs)
+        ]
+        return errors, _ROUNDING * np.array(of_unit)
     variance = np.einsum("nii->ni", model.noise.covariance(Rows(some, model.base)))
     return errors, np.sqrt(variance[scored].mean(axis=0))

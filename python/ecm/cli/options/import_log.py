@@ -36,6 +36,10 @@ class Options:
         list[str] | None,
         typer.Option("--topic", metavar="NAME", help="A topic of a bag; repeat it."),
     ] = None
+    ignore: Annotated[
+        list[str] | None,
+        typer.Option("--ignore", metavar="COLUMN", help="Not used; repeat it."),
+    ] = None
     meta: Annotated[
         Path | None,
         typer.Option("--meta", metavar="FILE", help="TOML with mechanism, frames, instrument."),

@@ -9,7 +9,7 @@ from importlib.resources import files
 from typing import Literal
 
 from ecm._native import export_model, seal_model
-from ecm.errors import InputError
+from ecm.errors import InputError, Remedy
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.models.adapt import AdaptSettings
@@ -79,7 +79,8 @@ class Source:
             raise InputError(
                 f"--to {target} needs a model from the six columns of the pose to the six of the "
                 f"wrench; this one takes {', '.join(self.inside.inputs)} to "
-                f"{', '.join(self.inside.outputs)}: export it to c, or fit a whole one"
+                f"{', '.join(self.inside.outputs)}: export it to c, or fit a whole one",
+                remedy=Remedy("export it to c", "ecm export MODEL --to c --out OUT"),
             )
 
     def template(self, path: str, values: dict[str, str] | None = None) -> str:

@@ -34,6 +34,8 @@ from ecm.models.physics.rod import stated_rod
 from ecm.regression.rows import BodyChange
 
 _DEGREE = 6
+BROUGHT = Path(__file__).parent / "brought"
+"""Families that the package brings: that of the neck, the body of the demo and of the tutorial."""
 _VERSION = 4
 _MESH_VERSION = 1
 _WIDE_VERSION = 2
@@ -357,7 +359,7 @@ def physics_map(
         key["wide"] = _WIDE_VERSION
     directory = cache_directory() if cache is None else cache
     path = directory / f"physics-{hash_of(key)[:32]}.json"
-    family = _read(path)
+    family = _read(path) or _read(BROUGHT / path.name)
     if family is None:
         stage = Stage(directory, "physics-bodies", key)
         family = build_family(shape, settings, stage=stage, threads=threads, progress=progress)

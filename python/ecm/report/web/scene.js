@@ -7,6 +7,7 @@ import {bodyColour, space} from "./space.js";
 import {mark, marked, onMark} from "./selection.js";
 
 export const POSE = ["x_m", "y_m", "z_m", "theta_x_rad", "theta_y_rad", "theta_z_rad"];
+export const WRENCH = ["fx_N", "fy_N", "fz_N", "tau_x_Nm", "tau_y_Nm", "tau_z_Nm"];
 export const mm = values => values.map(v => v * 1e3);
 const FEW = 4;
 const HOW = "Drag turns. A click or a tap marks one row, shift and drag or “Mark a box” those in a box.";

@@ -43,6 +43,7 @@ class Contents:
         model = history.last("fit", "refit", data=data)
         of_model = {"data": data, "model": None if model is None else model_of(model)}
         found = history.last("diagnose", **of_model)
+        checked = history.last("check", data=data)
         answered = history.last("diagnose", data=data)
         written = [] if found is None else found.outputs
         plan = next((name for name in written if name.endswith(".csv")), None)
@@ -56,6 +57,7 @@ class Contents:
             described=frozenset(d for d in logs if self._beside(d, ".toml").is_file()),
             sealed=sealed,
             simulated=sealed is not None and (self.folder / RIG).is_file(),
+            skip_bad_rows=checked is not None and bool(checked.request.get("skip_bad_rows")),
         )
 
     def downloads(self, history: History | None = None) -> list[str]:
@@ -94,12 +96,20 @@ class Contents:
         """Return the JSON document of a step, with its number."""
         if step is None:
             return None
+        document = self._report(step)
+        return None if document is None else {**document, "step": step.number}
+
+    def refusal(self, step: Step) -> tuple[str, dict[str, str] | None] | None:
+        """Return why a command refused, and its way out; None where it died without a word."""
+        error = (self._report(step) or {}).get("error")
+        return None if error is None else (error["message"], error["remedy"])
+
+    def _report(self, step: Step) -> Any:
         name = next((n for n in step.outputs if _is_report(n)), None)
         try:
-            document = json.loads((self.folder / str(name)).read_bytes())
+            return json.loads((self.folder / str(name)).read_bytes())
         except (OSError, ValueError):
             return None
-        return {**document, "step": step.number}
 
     def opened(self, history: History, files: Files) -> Step | None:
         """Return the last step that opened the truth of these tables; undo does not close it."""

@@ -35,13 +35,17 @@ T = TypeVar("T")
 
 @dataclass
 class _Job:
-    number: int
+    step: Step
     process: subprocess.Popen[bytes]
     begun_s: float
     automatic: bool = False
     """It began without a click, to show the result of the step before."""
     ended_by: str = ""
     """`cancelled` or `interrupted`, where the process is killed."""
+
+    @property
+    def number(self) -> int:
+        return self.step.number
 
 
 class Busy(InputError):
@@ -59,7 +63,7 @@ class Jobs:
         self._job: _Job | None = None
         self._threads: list[threading.Thread] = []
         self._closed = False
-        self._ends: list[tuple[int, str, str, float]] = []
+        self._ends: list[tuple[Any, ...]] = []
         """Ends of steps that are still to be written: the disk was full."""
 
     def start(
@@ -197,7 +201,7 @@ class Jobs:
         except (OSError, ValueError) as error:  # no memory, or a text that is no argument
             self._end(step.number, "failed", str(error), 0.0)
             raise InputError(f"the command cannot be run: {error}") from None
-        self._job = job = _Job(step.number, process, time.time(), automatic)
+        self._job = job = _Job(step, process, time.time(), automatic)
         if then is None and verb in _FOLLOWED_BY:
             then = self.session.following(step) or (_FOLLOWED_BY[verb], {})
         thread = threading.Thread(target=self._wait, args=(job, then), daemon=True)
@@ -237,10 +241,14 @@ class Jobs:
             job.process.stdin.close()
         status = job.ended_by or ("done" if code == 0 else "failed")
         message = INTERRUPTED if status == "interrupted" else ""
+        remedy = None
         if status == "failed":
-            message = _last_error(self.session.log(job.number, "err"))
+            message, remedy = self.session.refusal(job.step) or (
+                _last_error(self.session.log(job.number, "err")),
+                None,
+            )
         try:
-            self._end(job.number, status, message, time.time() - job.begun_s)
+            self._end(job.number, status, message, time.time() - job.begun_s, remedy)
         finally:
             with self._lock:
                 following = False
@@ -266,7 +274,7 @@ def _tail(text: bytes) -> str:
 
 
 def _last_error(text: bytes) -> str:
-    """Return what a failed command printed from its last error on."""
+    """Return what a command that wrote no refusal printed from its last error on."""
     shown = _tail(text).strip()
     at = shown.rfind("error: ")
     return (

@@ -43,6 +43,8 @@ class Step:
     begun_s: float
     status: str = "running"
     message: str = ""
+    remedy: dict[str, str] | None = None
+    """The way out of a refusal: words and, where one helps, a command."""
     seconds: float | None = None
 
 
@@ -77,7 +79,7 @@ class History:
         elif event == "end":
             step = self.steps[record["number"]]
             step.status, step.message = record["status"], record["message"]
-            step.seconds = record["seconds"]
+            step.seconds, step.remedy = record["seconds"], record.get("remedy")
             if step.status == "done":
                 self.active.append(step.number)
                 if step.verb in CHANGES:  # one that only looks leaves what was undone

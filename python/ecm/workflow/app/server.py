@@ -162,7 +162,8 @@ class _Routes:
         now = ",".join([*data, *([] if model is None else [model])])
         if request.query_params.get("of", now) != now:
             raise Busy("the session has changed in the meantime")
-        path = await asyncio.to_thread(self.app.views.file, name, data, model)
+        skip = files.skip_bad_rows and name != "log"
+        path = await asyncio.to_thread(self.app.views.file, name, data, model, skip_bad_rows=skip)
         return _file(path)
 
     async def live(self, request: Any) -> Any:
@@ -201,8 +202,11 @@ class _Routes:
         action, body = request.path_params["action"], await _body(request)
         app = self.app
         if action == "step":
-            verb = body.pop("verb", None)
-            number = await asyncio.to_thread(app.jobs.start, str(verb), body)
+            verb, then = body.pop("verb", None), body.pop("then", None)
+            if then is not None and not isinstance(then, dict):
+                raise InputError("then: expected the step that follows, as an object")
+            after = None if then is None else (str(then.pop("verb", None)), then)
+            number = await asyncio.to_thread(app.jobs.start, str(verb), body, after)
             return _json({"step": number})
         if action == "again":
             wanted, steps = body.get("step"), app.session.journal.read().steps

@@ -64,11 +64,18 @@ class Session(Contents):
             inputs["data_after"] = [*_kept(verb, request, files), command.outputs[0]]
         return self._begin(number, verb, request, command.argv, inputs, command.outputs)
 
-    def end(self, number: int, status: str, message: str, seconds: float) -> None:
+    def end(
+        self,
+        number: int,
+        status: str,
+        message: str,
+        seconds: float,
+        remedy: dict[str, str] | None = None,
+    ) -> None:
         """Record how a step ended."""
-        self.journal.append(
-            event="end", number=number, status=status, message=message, seconds=round(seconds, 3)
-        )
+        record = {"status": status, "message": message, "seconds": round(seconds, 3)}
+        record |= {} if remedy is None else {"remedy": remedy}
+        self.journal.append(event="end", number=number, **record)
 
     def add_table(self, source: Path, name: str, *, more: bool = False, move: bool = False) -> Step:
         """Take a table into the session; it replaces the data, or adds a run to them.

@@ -7,7 +7,7 @@ from typing import Any
 
 from ecm.workflow.app.contents import Contents, model_of
 from ecm.workflow.app.journal import History, Step
-from ecm.workflow.app.steps import Files
+from ecm.workflow.app.steps import Files, request_of
 
 
 def state_of(contents: Contents) -> dict[str, Any]:
@@ -29,7 +29,7 @@ def state_of(contents: Contents) -> dict[str, Any]:
         "next_plan": files.next_plan,
         "data": [{"file": name, "name": _own_name(history, name)} for name in files.data],
         "dropped": [_own_name(history, name) for name in files.dropped],
-        "imported": contents.result(history.last("import")),
+        "imported": contents.result(_import_of(history, files)),
         "check": contents.result(check),
         "pending": [] if check is None else contents.pending(history, check),
         "model": files.model,
@@ -41,9 +41,16 @@ def state_of(contents: Contents) -> dict[str, Any]:
         "rungs": [_rung(contents, history, step) for step in _rungs(history, files)],
         "undo": history.can_undo(),
         "redo": bool(history.undone),
-        "steps": [_step(history, step) for step in history.steps.values()],
+        "refused": _refused(history, files),
+        "steps": [_step(history, step, files) for step in history.steps.values()],
         "files": contents.downloads(history),
     }
+
+
+def _import_of(history: History, files: Files) -> Step | None:
+    """Return the import that the last of these tables is from; None of a table as it is."""
+    step = history.last("import")
+    return step if step is not None and step.outputs[0] in files.data else None
 
 
 def _rungs(history: History, files: Files) -> list[Step]:
@@ -76,7 +83,25 @@ def _rung(contents: Contents, history: History, step: Step) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _step(history: History, step: Step) -> dict[str, Any]:
+def _refused(history: History, files: Files) -> dict[str, Any]:
+    """Return the effects that this model and these data did not take, with why and the way out."""
+    return {
+        step.request["add"][0]: {"message": step.message, "remedy": _remedy(step, files)}
+        for step in history.steps.values()
+        if step.verb == "refit" and step.status == "failed"
+        and step.inputs == {"data": files.data, "model": files.model}
+        and len(step.request.get("add", [])) == 1
+    }  # fmt: skip
+
+
+def _remedy(step: Step, files: Files) -> dict[str, Any] | None:
+    """Return the way out of a refusal; its `request` is the step that does it, where one does."""
+    if step.remedy is None:
+        return None
+    return {**step.remedy, "request": request_of(step.remedy["command"], files)}
+
+
+def _step(history: History, step: Step, files: Files) -> dict[str, Any]:
     return {
         "number": step.number,
         "verb": step.verb,
@@ -84,6 +109,7 @@ def _step(history: History, step: Step) -> dict[str, Any]:
         "name": step.request.get("name", ""),
         "status": step.status,
         "message": step.message,
+        "remedy": _remedy(step, files),
         "seconds": step.seconds,
         "counts": step.number in history.active,
     }

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ecm.effects import all_effects, load_installed
+from ecm.effects import get_effect, load_installed
 from ecm.errors import InputError
 from ecm.workflow.app.demo import PLAN, RIG
 
+_HIDDEN = ("random=5", "8")
+"""What the demo hides and its seed: five times the noise, so that it is seen in every picture."""
 _MODEL = re.compile(r"[A-Za-z][A-Za-z0-9:+_-]{0,60}")
 _WORDS = re.compile(r"[A-Za-z0-9 ,/^*.-]{0,80}")
 
@@ -33,6 +37,8 @@ class Files:
     """Table of a simulated campaign whose truth is sealed."""
     simulated: bool = False
     """The rig that measured it is described in the session."""
+    skip_bad_rows: bool = False
+    """These tables were checked without their bad rows: so is every later step."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +67,74 @@ def command_of(verb: str, request: Request, files: Files, number: int) -> Comman
     return _COMMANDS[verb](request, files, number)
 
 
-def _check(_request: Request, files: Files, n: int) -> Command:
+def request_of(command: str, files: Files) -> dict[str, Any] | None:
+    """Return the request of the step that a remedy's command is; None where there is none.
+
+    Parameters
+    ----------
+    command
+        A command line, as a refusal names it. What it writes goes to files of the step's own.
+    files
+        The files that count now: a command of other files is no step.
+
+    Examples
+    --------
+    >>> files = Files(data=["a.csv"], model="model-2.json")
+    >>> request_of("ecm fit a.csv --model physics --out b.json", files)
+    {'verb': 'fit', 'model': 'physics'}
+    >>> request_of("ecm fit b.csv --model physics --out b.json", files) is None
+    True
+    """
+    with suppress(ValueError):  # a quote without its end
+        return _request(*shlex.split(command), files=files)
+    return None
+
+
+def _request(program: str = "", verb: str = "", *words: str, files: Files) -> dict[str, Any] | None:
+    request: dict[str, Any] = {"verb": verb}
+    given, rest = [], iter(words)
+    for word in rest:
+        name = word.removeprefix("--").replace("-", "_")
+        if word in _OWN:
+            next(rest, "")
+        elif word in _FLAGS:
+            request[name] = True
+        elif word in _VALUES:
+            request[name] = next(rest, "")
+        elif word in _LISTS:
+            request.setdefault(name, []).append(next(rest, ""))
+        else:
+            given.append(word)
+    if verb == "import" and given and given[0] in files.dropped[1:]:
+        request["log"] = given[0]
+    known = {
+        "import": given[:1] if given and given[0] in files.dropped else None,
+        "check": files.data,
+        "fit": files.data,
+        "compare": [files.model, *files.data],
+        "diagnose": [files.model, *files.data],
+        "refit": [files.model, *files.data],
+        "export": [files.model],
+    }
+    if program != "ecm" or given != known.get(verb):
+        return None
+    try:
+        command_of(verb, request, files, 0)
+    except InputError:
+        return None
+    return request
+
+
+_OWN = ("--out", "--json", "--report", "--next", "--meta")
+"""Options whose files are chosen by the step itself."""
+_FLAGS = ("--force", "--leave-out", "--skip-bad-rows", "--curve")
+_VALUES = ("--model", "--to", "--rotation", "--units", "--axis")
+_LISTS = ("--map", "--ignore", "--add", "--remove", "--freeze")
+"""The options that a request may have, as `request_of` reads them."""
+
+
+def _check(request: Request, files: Files, n: int) -> Command:
+    files = replace(files, skip_bad_rows=files.skip_bad_rows or bool(request.get("skip_bad_rows")))
     return Command(["check", *_data(files), "--json", f"check-{n}.json"], [f"check-{n}.json"])
 
 
@@ -75,8 +148,9 @@ def _import(request: Request, files: Files, n: int) -> Command:
     argv = ["import", log, "--out", out, "--json", report]
     if log in files.described:
         argv += ["--meta", str(Path(log).with_suffix(".toml"))]
-    for pair in _names(request, "map"):
-        argv += ["--map", pair]
+    for option in ("map", "ignore"):
+        for name in _names(request, option):
+            argv += [f"--{option}", name]
     for option in ("rotation", "units", "axis"):
         value = request.get(option) or ""
         if not isinstance(value, str) or not _WORDS.fullmatch(value):
@@ -94,8 +168,7 @@ def _fit(request: Request, files: Files, n: int) -> Command:
         raise InputError(f"model {name!r}: expected the name of a model, as energy6 or cubic")
     model, report = f"model-{n}.json", f"fit-{n}.json"
     argv = ["fit", *_data(files), "--model", name, "--out", model, "--json", report]
-    if request.get("curve"):
-        argv.append("--curve")
+    argv += [f"--{option}" for option in ("curve", "force") if request.get(option)]
     return Command(argv, [model, report])
 
 
@@ -117,11 +190,10 @@ def _refit(request: Request, files: Files, n: int) -> Command:
     model, report = f"model-{n}.json", f"refit-{n}.json"
     argv = ["refit", _model(files), *_data(files)]
     load_installed()
-    known = {effect.id for effect in all_effects()}
     for option in ("add", "remove", "freeze"):
         for name in _names(request, option):
-            if name not in known and not (option == "freeze" and name == "base"):
-                raise InputError(f"no effect {name!r}; `ecm effects` lists them")
+            if not (option == "freeze" and name == "base"):
+                get_effect(name)  # the only names that reach a command line
             argv += [f"--{option}", name]
     if request.get("force"):
         argv.append("--force")
@@ -132,7 +204,7 @@ def _example(request: Request, _files: Files, n: int) -> Command:
     """A table to begin with, or the neck on a simulated rig with an effect hidden."""
     name = request.get("name")
     if name == "neck":
-        return _on_the_rig(PLAN, "random", "4", n)
+        return _on_the_rig(PLAN, *_HIDDEN, n)
     if name not in ("1", "3", "6"):
         raise InputError(f"example {name!r}: expected neck, 1, 3 or 6 (degrees of freedom)")
     table = f"data-{n}.csv"
@@ -190,7 +262,7 @@ _COMMANDS: dict[str, Callable[[Request, Files, int], Command]] = {
 def _data(files: Files) -> list[str]:
     if not files.data:
         raise InputError("no table yet: drop one, or begin with the demo")
-    return files.data
+    return [*files.data, *(["--skip-bad-rows"] if files.skip_bad_rows else [])]
 
 
 def _model(files: Files) -> str:

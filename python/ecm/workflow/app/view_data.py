@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,40 +16,57 @@ from ecm.effects import get_effect, load_installed
 from ecm.io.arrays import F, I
 from ecm.io.cache import write_json
 from ecm.io.columns import POSE, WRENCH, unit_of
-from ecm.io.table import read_table
+from ecm.io.table import Need, Table, read_table
 from ecm.logs.listing import list_columns
-from ecm.models import load_model
+from ecm.models import Model, load_model
 from ecm.report.mechanism import view_of
 
 MOST_ROWS = 20_000
 """Rows that a view holds; of more, every k-th, and the view says so."""
 
 
-def compute_view(name: str, path: Path, tables: Sequence[Path], model: Path | None) -> None:
+@dataclass(frozen=True)
+class Given:
+    """The files that a view is of."""
+
+    tables: Sequence[Path]
+    model_file: Path | None = None
+    skip_bad_rows: bool = False
+
+    def table(self, need: Need | None = None) -> Table:
+        """Read the tables as the steps do."""
+        return read_table(list(self.tables), need=need, skip_bad_rows=self.skip_bad_rows)
+
+    def model(self) -> Model:
+        """Read the model."""
+        load_installed()
+        return load_model(Path(str(self.model_file)))
+
+
+def compute_view(name: str, path: Path, given: Given) -> None:
     """Compute a view and write it."""
-    write_json(path, VIEWS[name](tables, model))
+    write_json(path, VIEWS[name](given))
 
 
-def poses(tables: Sequence[Path], _model: Path | None) -> dict[str, Any]:
+def poses(given: Given) -> dict[str, Any]:
     """Return the measured poses and wrenches, the outline of the body, and a line about it."""
-    table = read_table(list(tables))
+    table = given.table()
     rows = _thinned(len(table))
     columns = [name for name in (*POSE, *WRENCH) if table.has(name)]
     return {
         "row": (rows + 1).tolist(),
         "columns": {name: _short(table.column(name)[rows]) for name in columns},
         **view_of(table.meta),
+        "body": (body := table.meta.body()) is not None and body.has_body,
         "said": _said(len(rows), len(table)),
     }
 
 
-def residuals(tables: Sequence[Path], model: Path | None) -> dict[str, Any]:
+def residuals(given: Given) -> dict[str, Any]:
     """Return the residual of each measured pose in its unit, over the noise, and as a pose."""
-    load_installed()
-    table = read_table(list(tables), need="fit")
-    fitted = load_model(Path(str(model)))
-    result = compare(fitted, table)
+    result = compare(given.model(), given.table("fit"))
     maps, points = result.where(), residual_points(result, MOST_ROWS)
+    known = not result.noise.is_residual
     kinds: dict[str, dict[str, Any]] = {
         "noise": {
             "label": "over its noise",
@@ -63,10 +81,12 @@ def residuals(tables: Sequence[Path], model: Path | None) -> dict[str, Any]:
             "columns": list(maps.outputs),
             "units": [unit_of(name) for name in maps.outputs],
             "values": _columns(points.physical),
-            "floor": [component.floor for component in result.components],
+            "floor": [component.floor for component in result.components] if known else None,
         },
     }
-    pose = _pose_error(result.pose_error, points.row)
+    if not known:  # the residual over its own size would look like one over a noise
+        del kinds["noise"]
+    pose = _pose_error(result.pose_error, points.row, known=known)
     if pose is not None:
         kinds["pose"] = pose
     return {
@@ -84,14 +104,13 @@ def residuals(tables: Sequence[Path], model: Path | None) -> dict[str, Any]:
     }
 
 
-def effects(tables: Sequence[Path], model: Path | None) -> dict[str, Any]:
+def effects(given: Given) -> dict[str, Any]:
     """Return what each effect would explain of the residual, with its own sentence."""
-    load_installed()
-    table = read_table(list(tables), need="fit")
-    previews = preview_effects(load_model(Path(str(model))), table)
+    previews = preview_effects(given.model(), given.table("fit"))
     at = _thinned(len(previews.row))
     return {
         "row": previews.row[at].tolist(),
+        "columns": list(previews.outputs),
         "effects": {
             item.id: {
                 "share": item.share,
@@ -104,14 +123,14 @@ def effects(tables: Sequence[Path], model: Path | None) -> dict[str, Any]:
     }
 
 
-def plan(tables: Sequence[Path], _model: Path | None) -> dict[str, Any]:
+def plan(given: Given) -> dict[str, Any]:
     """Return the poses of a plan, and the outline of the body."""
-    table = read_table(list(tables), need="predict")
+    table = given.table("predict")
     columns = {name: _short(table.column(name)) for name in POSE if table.has(name)}
     return {**view_of(table.meta), "columns": columns}
 
 
-def log(files: Sequence[Path], _model: Path | None) -> dict[str, Any]:
+def log(given: Given) -> dict[str, Any]:
     """Return the columns of the first of the files that were dropped, for a person to name them."""
     return {
         "columns": [
@@ -122,12 +141,12 @@ def log(files: Sequence[Path], _model: Path | None) -> dict[str, Any]:
                 "standard": column.standard,
                 "quantity": column.quantity,
             }
-            for column in list_columns(files[0])
+            for column in list_columns(given.tables[0])
         ]
     }
 
 
-VIEWS: dict[str, Callable[[Sequence[Path], Path | None], dict[str, Any]]] = {
+VIEWS: dict[str, Callable[[Given], dict[str, Any]]] = {
     "poses": poses,
     "residuals": residuals,
     "effects": effects,
@@ -136,27 +155,27 @@ VIEWS: dict[str, Callable[[Sequence[Path], Path | None], dict[str, Any]]] = {
 }
 
 
-def _pose_error(found: Any, row: I) -> dict[str, Any] | None:
+def _pose_error(found: Any, row: I, *, known: bool) -> dict[str, Any] | None:
     """Return the pose error of these rows (from 1) as a kind of residual; None without one."""
     sizes = [
         ("position", "mm", found.position_mm, found.noise_mm),
         ("rotation", "deg", found.rotation_deg, found.noise_deg),
     ]
-    known = [item for item in sizes if item[2] is not None]
-    if not known:
+    sized = [item for item in sizes if item[2] is not None]
+    if not sized:
         return None
     place = {number: i for i, number in enumerate(found.row.tolist())}
     at = [place.get(number) for number in row.tolist()]
     return {
         "label": "as pose error",
         "unit": "",
-        "columns": [name for name, _, _, _ in known],
-        "units": [unit for _, unit, _, _ in known],
+        "columns": [name for name, _, _, _ in sized],
+        "units": [unit for _, unit, _, _ in sized],
         "values": [
             [None if i is None else float(f"{values[i]:.6g}") for i in at]
-            for _, _, values, _ in known
+            for _, _, values, _ in sized
         ],
-        "floor": [floor for _, _, _, floor in known],
+        "floor": [floor for _, _, _, floor in sized] if known else None,
         "said": found.sentence(),
     }
 

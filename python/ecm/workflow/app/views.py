@@ -38,7 +38,9 @@ class Views:
         """End of a pipe: when it closes, so does the process."""
         self._closed = False
 
-    def file(self, name: str, data: Sequence[str], model: str | None) -> Path:
+    def file(
+        self, name: str, data: Sequence[str], model: str | None, *, skip_bad_rows: bool = False
+    ) -> Path:
         """Return the file of a view; computes it where it is not there yet.
 
         Raises
@@ -46,16 +48,18 @@ class Views:
         InputError
             Where the files do not allow it.
         """
-        path = self.folder / "views" / f"{name}-{hash_of(name, list(data), model)[:16]}.json"
+        key = hash_of(name, list(data), model, *(["skip"] if skip_bad_rows else []))
+        path = self.folder / "views" / f"{name}-{key[:16]}.json"
         if not path.is_file():
             tables = [self.folder / table for table in data]
             of_model = None if model is None else self.folder / model
+            given = (tables, of_model, skip_bad_rows)
             broken: ProcessPoolExecutor | None = None
             for again in (True, False):
                 pool = self._process(broken)
                 try:
                     with writing(path, f"the view {name}"):
-                        pool.submit(_compute, name, path, tables, of_model).result()
+                        pool.submit(_compute, name, path, *given).result()
                     break
                 except BrokenProcessPool:  # killed, or out of memory
                     broken = pool
@@ -98,8 +102,10 @@ def _end_with(life: Connection) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def _compute(name: str, path: Path, tables: Sequence[Path], model: Path | None) -> None:
+def _compute(
+    name: str, path: Path, tables: Sequence[Path], model: Path | None, skip_bad_rows: bool
+) -> None:
     """Compute a view and write it; called in the other process."""
-    from ecm.workflow.app.view_data import compute_view  # noqa: PLC0415 - the server needs no numerics
+    from ecm.workflow.app.view_data import Given, compute_view  # noqa: PLC0415 - the server needs no numerics
 
-    compute_view(name, path, tables, model)
+    compute_view(name, path, Given(tables, model, skip_bad_rows))

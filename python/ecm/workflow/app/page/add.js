@@ -2,20 +2,21 @@
 
 import {busy} from "./api.js";
 import {chart} from "./chart.js";
-import {column, effectName, parameterName, quantity} from "./columns.js";
+import {chance, column, effectName, parameterName, quantity} from "./columns.js";
 import {button, el, number, table} from "./dom.js";
 import {help, term} from "./help.js";
+import {knowsNoise, share} from "./noise.js";
 
 export function draw(root, state, app) {
-  const rungs = rungsOf(state);
-  root.append(el("p", {class: "lead"}, sentence(rungs)),
+  const rungs = rungsOf(state), known = knowsNoise(state), unit = known ? "times the noise" : "% of the spread";
+  root.append(el("p", {class: "lead"}, sentence(rungs, known, unit)),
     el("div", {class: "split"},
       el("section", {"aria-label": "The ladder of errors"}, el("h3", {}, "The ladder of errors", help("held out")),
-        chart({title: `Error over noise of each fit: ${rungs.map(rung => `${rung.name} ${number(rung.train)}`).join(", ")}`,
-          labels: rungs.map(rung => rung.name), floor: 1, yTitle: "error [times the noise]",
+        chart({title: `Error of each fit, ${unit}: ${rungs.map(rung => `${rung.name} ${number(rung.train)}`).join(", ")}`,
+          labels: rungs.map(rung => rung.name), floor: known ? 1 : null, yTitle: `error [${unit}]`,
           lines: [{name: "fitted rows", values: rungs.map(rung => rung.train), colour: "mark"},
             {name: "held out", values: rungs.map(rung => rung.held), colour: "second", dash: "7 5", square: true}]}),
-        table("The rungs of the ladder, in times the noise", ["fit", "fitted rows", "held out", el("span", {}, "is the change real?", help("is the change real?"))],
+        table(`The rungs of the ladder, in ${unit}`, ["fit", "fitted rows", "held out", el("span", {}, "is the change real?", help("is the change real?"))],
           rungs.map(rung => [rung.name, rung.train, rung.held, rung.test]))),
       el("section", {class: "stack", "aria-label": "Parameters"}, el("h3", {}, "Effects in the model"),
         ...parameters(state, app), state.sealed ? sealed(state, app) : null, compare(state))),
@@ -23,12 +24,17 @@ export function draw(root, state, app) {
       {id: "to-missing", class: "first"}), button("To the results", () => app.go("out"), {id: "to-out"})));
 }
 
-// The history of the last fit knows held-out errors; without one there is the base only.
+// The history of the last fit knows held-out errors; without one there is the base only. Without a noise
+// it counts in one that is assumed: then the errors are those of the readings' spread.
 function rungsOf(state) {
-  const history = state.fit?.history ?? [];
-  if (history.length) return history.map(item => ({name: effectName(item.name), train: item.train,
-    held: item.held_out, test: real(item.test ?? "")}));
-  return state.rungs.map(item => ({name: effectName(item.name), train: item.train, held: null, test: ""}));
+  const history = state.fit?.history ?? [], known = knowsNoise(state);
+  const shares = state.rungs.map(rung => share(state, rung.rmse));
+  const named = state.rungs.map((rung, i) => ({name: effectName(rung.name), train: known ? rung.train : shares[i],
+    held: null, test: ""}));
+  if (!history.length) return named;
+  const scale = (shares.at(-1) ?? 0) / history.at(-1).train;
+  return history.map(item => ({name: effectName(item.name), test: real(item.test ?? ""),
+    train: known ? item.train : scale * item.train, held: known ? item.held_out : scale * item.held_out}));
 }
 
 // The server's test of a change, with the answer first.
@@ -36,18 +42,18 @@ function real(test) {
   const found = /^chi2 falls by (\S+) with (\d+) parameters more \(F = \S+, p = (\S+), BIC falls by (\S+)\)$/.exec(test);
   if (!found) return test.replace("chi2", "χ²");
   const [, fall, more, p, bic] = found;
-  return `${Number(p) < 0.01 ? "yes" : "not sure"}: p = ${number(Number(p), 2)}; χ² falls by ${fall} for ${more} `
+  return `${Number(p) < 0.01 ? "yes" : "not sure"}: p ${Number(p) > 0 ? "= " : ""}${chance(p)}; χ² falls by ${fall} for ${more} `
     + `${more === "1" ? "parameter" : "parameters"} more, BIC by ${bic}`;
 }
 
-function sentence(rungs) {
+function sentence(rungs, known, unit) {
   const first = rungs[0], last = rungs.at(-1);
   if (rungs.length < 2) return "The base alone. Add an effect under “What is missing”: the ladder then grows by a rung.";
   const held = first.held && last.held;
   const [from, to] = held ? [first.held, last.held] : [first.train, last.train];
-  return `${last.name}: the error on ${held ? "held-out poses" : "the fitted rows"} went from ${from.toFixed(2)} to `
-    + `${to.toFixed(2)} times the noise. ${to < 1.1 ? "That is the noise floor: nothing is left to find in these rows."
-      : "1 is the noise floor."}`;
+  return `${last.name}: the error on ${held ? "held-out poses" : "the fitted rows"} went from ${number(from)} to ${number(to)} ${unit}. `
+    + (!known ? "Nothing is known of the noise: repeat some poses, or state it, and the page says how much of this is noise."
+      : to < 1.1 ? "That is the noise floor: nothing is left to find in these rows." : "1 is the noise floor.");
 }
 
 function parameters(state, app) {

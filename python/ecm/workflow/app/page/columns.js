@@ -45,6 +45,9 @@ const LETTERS = {g: "share that relaxes", c: "lag of the pose", eta: "share of t
 export const parameterName = name => LETTERS[name] ?? name.replaceAll("_", " ").replace(/(\d)p(?=\d)/g, "$1.")
   .replace(/\btau ([xyz])\b/g, "τ$1");
 
+// A chance that is 0 is one below the smallest number of a computer.
+export const chance = p => Number(p) > 0 ? number(Number(p), 2) : "below 10⁻³⁰⁰";
+
 // A value of the server in the unit of the page, as [number, unit]; a share has no unit.
 const LENGTH_AND_ANGLE = {m: SHOWN.m, rad: SHOWN.rad, "1": ["(no unit)", 1]};
 export function quantity(value, unit) {

@@ -1,7 +1,9 @@
 // The loop: polls the state of the session folder, and shows one of the seven stages.
 
 import {busy, get, post} from "./api.js";
+import {effectName} from "./columns.js";
 import {button, el, waiting} from "./dom.js";
+import {wayOut} from "./remedy.js";
 import {forget, mark} from "./selection.js";
 import {stages} from "./stages.js";
 
@@ -108,11 +110,15 @@ function drawTools() {
 }
 
 // The server's words name options of the command line; the page has a list of the columns.
-function advice({verb, message}) {
-  if (!state.dropped.length) return message;
+function advice({verb, message, remedy}) {
+  if (!state.dropped.length || remedy?.request) return message;
   if (verb === "check" && !state.check) return `${message}\nOr say below what the columns are, and import it.`;
   return verb === "import" ? message.replace(/\s*\b(Say it once|Say which|Name what is one|Say --)[^]*$/, "\nSay so in the list below.") : message;
 }
+
+// What a controller cannot hold may be an effect of the model: each can be left out.
+const without = ({verb, status}) => verb !== "export" || status !== "failed" ? [] : (state.fit?.effects ?? []).map(({id}) =>
+  button(`Leave out ${effectName(id)} and fit again`, () => app.step("refit", {remove: [id]}), {"data-remove": id}));
 
 // What to do after a step that did not end well.
 function trouble() {
@@ -123,8 +129,9 @@ function trouble() {
     cancelled: `${WORK[last.verb] ?? last.verb}: cancelled. Nothing was changed.\n`,
     interrupted: `${WORK[last.verb] ?? last.verb}: cut off (${last.message}). All else is kept.\n`,
   }[last.status];
-  return words ? el("div", {class: "error", role: "alert", id: "trouble"}, words, button("Run again",
-    () => app.act(() => post("/api/again", {step: last.number})), {class: "first"})) : null;
+  const way = wayOut(last.remedy, state, app);
+  return words ? el("div", {class: "error", role: "alert", id: "trouble"}, words, ...way, ...without(last), button("Run again",
+    () => app.act(() => post("/api/again", {step: last.number})), {class: way.length ? "" : "first"})) : null;
 }
 
 function draw() {

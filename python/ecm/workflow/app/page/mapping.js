@@ -4,9 +4,8 @@ import {busy, get} from "./api.js";
 import {column} from "./columns.js";
 import {button, el, number, waiting} from "./dom.js";
 import {term} from "./help.js";
-import {POSE} from "./scene.js";
+import {POSE, WRENCH} from "./scene.js";
 
-const WRENCH = ["fx_N", "fy_N", "fz_N", "tau_x_Nm", "tau_y_Nm", "tau_z_Nm"];
 const UNITS = {m: ["mm", "m", "cm", "in"], rad: ["deg", "rad"], N: ["N", "kN", "mN", "gf", "lbf"],
   Nm: ["N m", "N mm", "gf cm", "lbf in"], s: ["s", "ms", "min"], degC: ["degC", "K"]};
 const ROTATIONS = [["", "guess"], ["rotvec", "rotation vector"], ["wxyz", "quaternion w x y z"], ["xyzw", "quaternion x y z w"],
@@ -15,6 +14,13 @@ const ROTATIONS = [["", "guess"], ["rotvec", "rotation vector"], ["wxyz", "quate
 const ROTATION_WORDS = ["rotation", "euler", "clinical", "quaternion", "matrix"];
 const AXES = [["", "none"], ["x", "x"], ["y", "y"], ["z", "z"]];
 const options = (entries, chosen = "") => entries.map(([value, text]) => el("option", {value, selected: value === chosen}, text));
+const UNUSED = "-", OWN = "own";
+// A name that no reader takes for a pose or a wrench; columns that differ in signs only differ by their place.
+const ownName = (name, columns) => {
+  const plain = text => `own_${text.replace(/[^A-Za-z0-9]+/g, "_").replace(/^_|_$/g, "").toLowerCase()}`;
+  const alike = columns.filter(other => plain(other.name) === plain(name));
+  return alike.length > 1 ? `${plain(name)}_${alike.findIndex(other => other.name === name) + 1}` : plain(name);
+};
 const kindOf = name => name.slice(name.lastIndexOf("_") + 1);
 
 // What was chosen for these files stays when the page is drawn again, as after an import that failed.
@@ -32,7 +38,8 @@ export function mapping(state, app) {
   };
   const value = id => document.getElementById(id).value.trim();
   const run = () => app.step("import", {
-    map: [...picks.flatMap(pick => pick()), ...map.value.split("\n").map(line => line.trim()).filter(Boolean)],
+    ignore: picks.flatMap(pick => pick().ignore ?? []),
+    map: [...picks.flatMap(pick => pick().map ?? []), ...map.value.split("\n").map(line => line.trim()).filter(Boolean)],
     units: value("units"), rotation: value("rotation"), axis: value("axis"),
   });
   get("/api/view/log").then(found => place.replaceChildren(listed(found.columns, picks)),
@@ -60,17 +67,19 @@ function listed(columns, picks) {
       const what = el("select", {"aria-label": `What ${item.name} is`, onchange: () => {
         kept[`what ${item.name}`] = what.value;
         units();
-      }}, options([["", `guess: ${guess}`], ...names.map(name => [name, column(name).words])], kept[`what ${item.name}`]));
+      }}, options([["", `guess: ${guess}`], [UNUSED, "not used"], ...item.standard || item.quantity ? [[OWN, "your own"]] : [], ...names.map(name => [name, column(name).words])], kept[`what ${item.name}`]));
       const units = () => {
-        const standard = what.value || item.standard, own = standard ? UNITS[kindOf(standard)] : turned ? UNITS.rad : [];
+        const said = [UNUSED, OWN].includes(what.value);
+        const standard = said ? "" : what.value || item.standard, own = said ? [] : standard ? UNITS[kindOf(standard)] : turned ? UNITS.rad : [];
         unit.replaceChildren(...options([["", item.unit ? `stated: ${item.unit}` : own.length ? "not stated" : "–"],
           ...own.map(word => [word.replaceAll(" ", ""), word])], kept[`unit ${item.name}`]));
         unit.disabled = !own.length || (!standard && turned);
       };
       units();
       picks.push(() => {
-        const standard = what.value || (unit.value ? item.standard : "");
-        return standard ? [`${standard}=${item.name}${unit.value ? `:${unit.value}` : ""}`] : [];
+        if (what.value === UNUSED) return {ignore: [item.name]};
+        const standard = what.value === OWN ? ownName(item.name, columns) : what.value || (unit.value ? item.standard : "");
+        return standard ? {map: [`${standard}=${item.name}${what.value !== OWN && unit.value ? `:${unit.value}` : ""}`]} : {};
       });
       return el("li", {}, el("div", {}, el("strong", {}, item.name), " ",
         el("span", {class: "soft"}, `${number(item.range[0])} to ${number(item.range[1])}`)), what, unit);

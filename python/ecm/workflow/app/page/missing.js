@@ -1,10 +1,11 @@
 // Stage 4: the verdict, and every effect with what it would explain.
 
 import {busy, view} from "./api.js";
-import {effectName, parameterName, quantity, readable} from "./columns.js";
+import {chance, effectName, parameterName, quantity, readable} from "./columns.js";
 import {button, el, number, waiting} from "./dom.js";
 import {term} from "./help.js";
 import {residualPanels} from "./panels.js";
+import {wayOut} from "./remedy.js";
 
 const FIRST = 8;
 
@@ -39,21 +40,24 @@ function ask(state, app) {
 }
 
 function verdict(found, state, app) {
-  const {before, after} = found.held_out ?? {};
+  const {before, after} = found.held_out ?? {}, known = !found.noise?.is_residual;
   const rests = [
     `${found.ranking.length} effects tested, ${found.not_testable.length} not testable with this table`,
-    found.noise?.source ? `noise from ${found.noise.source}` : null,
+    known ? `noise from ${found.noise.source}` : "nothing is known of the noise",
     ...found.checks.filter(check => check.accepted).map(check =>
-      `${effectName(check.id)}: chance of this by accident ${number(check.p_holm, 2)}, chosen in `
+      `${effectName(check.id)}: chance of this by accident ${chance(check.p_holm)}, chosen in `
       + `${Math.round(100 * check.chosen_share)} % of repetitions`),
     before && after && found.effects.length
-      ? `error on held-out poses ${before.toFixed(2)} → ${after.toFixed(2)} times the noise` : null,
+      ? known ? `error on held-out poses ${before.toFixed(2)} → ${after.toFixed(2)} times the noise`
+        : `error on held-out poses ${Math.round(100 * (1 - after / before))} % less` : null,
   ].filter(Boolean);
   const unknown = found.unknown, inside = new Set((state.fit?.effects ?? []).map(effect => effect.id));
   const named = found.verdict === "named" ? found.answer.flat().filter(id => !inside.has(id)) : [];
+  const other = otherBase(found);
   return el("div", {}, el("div", {class: "lead", id: "verdict", "data-verdict": found.verdict},
     el("strong", {}, term("verdict", "Verdict")), el("p", {}, readable(found.sentence)), named.length === 0 ? null
-    : button(`Add ${named.map(effectName).join(" and ")}`, () => add(app, named), {id: "add-named", class: "first", disabled: busy(state)})),
+    : button(`Add ${named.map(effectName).join(" and ")}${to(other)}`, () => add(app, state, named, other),
+      {id: "add-named", class: "first", disabled: busy(state)})),
   el("p", {class: "rests"}, "It rests on: ", rests.join("; "), "."),
   found.warnings.map(text => el("div", {class: "warning"}, text)),
   (found.look_alikes ?? []).map(item => el("p", {class: "rests"},
@@ -75,16 +79,28 @@ function own(unknown) {
         + "(docs/own_effect.md), and start ecm app again: it is then ranked like all others.")] : null);
 }
 
-function add(app, ids) {
-  app.go("add");
-  return app.step("refit", {add: ids});
+// The base that names are against, where it is another than the model's: what a verdict promises is reached on it.
+function otherBase(found) {
+  const {name = "", base = "", is_base: same} = found?.model ?? {};
+  return same || name.split("+")[0] === base ? "" : base;
 }
+
+// The base is fitted first where it is another one.
+function add(app, state, ids, base) {
+  app.go("add");
+  if (!base) return app.step("refit", {add: ids});
+  const kept = (state.fit?.effects ?? []).map(effect => effect.id);
+  return app.step("fit", {model: base, then: {verb: "refit", add: [...kept, ...ids]}});
+}
+
+const to = base => base ? ` to a fit of ${readable(base)}` : "";
 
 function list(effects, found, state, app, look) {
   const named = new Set((found?.answer ?? []).flat());
   const ranks = new Map((found?.ranking ?? []).map(item => [item.id, item]));
   const alike = id => [...new Set((found?.confusable ?? []).filter(set => set.includes(id)).flat())].filter(other => other !== id);
   const inside = new Set((state.fit?.effects ?? []).map(effect => effect.id));
+  const other = otherBase(found);
   const items = Object.entries(effects.effects).map(([id, item], i) => [named.has(id) || i < FIRST, entry(id, item)]);
   const few = items.filter(([large]) => large), rest = items.filter(([large]) => !large);
   const group = (some, name) => el("ul", {class: "effects", "aria-label": name}, some.map(([, node]) => node));
@@ -93,6 +109,7 @@ function list(effects, found, state, app, look) {
       group(rest, "Effects that explain less")) : null);
 
   function entry(id, item) {
+    const base = named.has(id) ? other : "", refused = base ? null : state.refused[id];
     const rank = ranks.get(id), like = alike(id), share = Math.max(0, item.share);
     const fill = el("i");
     fill.style.width = `${Math.min(100, 100 * share)}%`;
@@ -108,9 +125,11 @@ function list(effects, found, state, app, look) {
       el("div", {class: "gain", role: "img",
         "aria-label": `explains ${Math.round(100 * share)} percent of the squared residual`},
       el("b", {}, fill), `${(100 * share).toFixed(share < 0.1 ? 1 : 0)} %`)),
-    button(inside.has(id) ? "Added" : "Add", () => add(app, [id]),
-      {"data-add": id, "aria-label": `Add ${effectName(id)} and fit again`, class: named.has(id) ? "first" : "",
-        disabled: busy(state) || inside.has(id)}));
+    refused ? null : button(inside.has(id) ? "Added" : "Add", () => add(app, state, [id], base),
+      {"data-add": id, "aria-label": `Add ${effectName(id)}${to(base)} and fit again`, class: named.has(id) ? "first" : "",
+        disabled: busy(state) || inside.has(id)}),
+    refused ? el("div", {class: "refused"}, el("span", {class: "tag"}, "was refused"), ` ${refused.message}`,
+      ...wayOut(refused.remedy, state, app)) : null);
     return node;
   }
 }
@@ -118,20 +137,21 @@ function list(effects, found, state, app, look) {
 function tested({parameter, size, sd, unit, p}) {
   const [value, words] = quantity(size, unit);
   return `${parameterName(parameter ?? "size")} ${number(value)} ± ${number(quantity(sd, unit)[0])} ${words}; `
-    + `chance of this by accident ${number(p, 2)}`;
+    + `chance of this by accident ${chance(p)}`;
 }
 
-// Values of an effect on the rows of the residuals, in the unit shown; null as a pose error.
+// Values of an effect on the rows of the residuals, in the unit shown; null as a pose error, and in a
+// component that never varies.
 function explanation(effects, residuals) {
   const place = new Map(effects.row.map((row, i) => [row, i])), {noise, wrench} = residuals.kinds;
   return (id, kind, j) => {
-    if (kind === "pose") return null;
-    const values = effects.effects[id].values[j];
+    const values = kind === "pose" ? null : effects.effects[id].values[effects.columns.indexOf(wrench.columns[j])];
+    if (!values) return null;
     return residuals.row.map((row, i) => {
       const at = place.get(row);
       if (at === undefined) return null;
-      const scale = kind === "noise" ? wrench.values[j][i] / noise.values[j][i] : 1;
-      return values[at] / scale;
+      const scaled = kind === "noise" ? values[at] * noise.values[j][i] / wrench.values[j][i] : values[at];
+      return Number.isFinite(scaled) ? scaled : null;
     });
   };
 }

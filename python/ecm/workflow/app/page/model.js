@@ -5,7 +5,7 @@ import {chart} from "./chart.js";
 import {column, label, readable} from "./columns.js";
 import {button, el, number, table} from "./dom.js";
 import {help} from "./help.js";
-import {POSE} from "./scene.js";
+import {POSE, WRENCH} from "./scene.js";
 
 const KINDS = [
   ["physics", "Physics", "Finite elements of the described body; its stiffness is fitted. Best where the body is known."],
@@ -17,25 +17,29 @@ const KINDS = [
   ["choose", "Choose for me", "Fits all kinds, keeps the one that predicts held-out poses best. Takes longest."],
 ];
 
-const OF_SIX = ["physics", "energy4", "energy6", "energy6-general"];
+const OF_SIX = ["physics", "energy4", "energy6", "energy6-general", "choose"];
 const TERM = {physics: "physics", energy4: "energy", energy6: "energy", "energy6-general": "energy", choose: "held out"};
 
 // What a person has picked stays picked when the page is drawn again.
 let picked = null, curvePicked = false;
 
 export async function draw(root, state, app) {
-  const {six, length} = await known(state);
-  const now = picked ?? state.rungs[0]?.name ?? (six && length ? "energy6" : "linear");
+  const {six, body} = await known(state);
+  const lacks = name => OF_SIX.includes(name) && !six ? " Needs all six columns of the pose and of the wrench."
+    : name === "physics" && !body ? " Needs the body: [mechanism] builtin, its dimensions and modulus in the description." : "";
+  // Nothing that needs more than these data hold; of many kinds the one that predicts best.
+  const first = lacks("physics") ? lacks("choose") ? "linear" : "choose" : "physics";
+  const now = [picked, state.rungs[0]?.name].find(name => name && !lacks(name)) ?? first;
   const curve = el("input", {type: "checkbox", id: "curve", checked: curvePicked,
     onchange: () => { curvePicked = curve.checked; }});
   const kinds = el("div", {class: "cards kinds", role: "radiogroup", "aria-label": "Kind of model"},
     KINDS.map(([name, title, what]) => el("label", {class: `card ${name === now ? "chosen" : ""}`},
-      el("input", {type: "radio", name: "kind", value: name, checked: name === now, disabled: OF_SIX.includes(name) && !six,
+      el("input", {type: "radio", name: "kind", value: name, checked: name === now, disabled: Boolean(lacks(name)),
         onchange: event => {
           picked = name;
           for (const card of kinds.children) card.classList.toggle("chosen", card === event.target.parentElement);
         }}), " ", el("span", {}, el("strong", {}, title), TERM[name] ? help(TERM[name]) : null), el("div", {class: "soft"}, what,
-        OF_SIX.includes(name) && !six ? el("em", {}, " Needs all six columns of the pose.") : null))));
+        lacks(name) ? el("em", {}, lacks(name)) : null))));
   const fit = () => app.step("fit",
     {model: kinds.querySelector(":checked")?.value ?? now, curve: curve.checked});
   root.append(kinds, el("div", {class: "row"},
@@ -49,10 +53,10 @@ export async function draw(root, state, app) {
   if (base) root.append(...report(base));
 }
 
-// An energy needs six coordinates and the length of the mechanism.
+// An energy needs six coordinates of both, and physics the body.
 async function known(state) {
-  const {columns, length_m} = await view("poses", state);
-  return {six: POSE.every(name => columns[name]) && !state.check.padding.length, length: Boolean(length_m)};
+  const {columns, body} = await view("poses", state);
+  return {six: [...POSE, ...WRENCH].every(name => columns[name]) && !state.check.padding.length, body};
 }
 
 function report(fit) {

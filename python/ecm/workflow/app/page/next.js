@@ -7,6 +7,15 @@ import {help} from "./help.js";
 import {live, measures} from "./live.js";
 import {untestable} from "./missing.js";
 
+// Why no experiment is proposed.
+const NONE = {
+  named: "No further experiment is needed for this verdict.",
+  none: "No further experiment is needed for this verdict.",
+  ambiguous: "No experiment of the catalogue tells these effects apart: measure again with what the list below says to record.",
+  unknown: "No experiment of the catalogue would name an unknown cause. Write an effect of your own (“What is missing” has a draft), "
+    + "or measure again with a column more: what this table cannot test says what to record.",
+};
+
 export function draw(root, state, app) {
   const found = state.diagnosis, off = busy(state);
   if (measures(state)) root.append(live());
@@ -14,7 +23,7 @@ export function draw(root, state, app) {
     root.append(el("ol", {class: "effects", "aria-label": "Experiments, the best first"},
       found.next_experiment.map((item, i) => experiment(item, i))));
   } else {
-    root.append(el("p", {class: "lead"}, "No further experiment is needed for this verdict."));
+    root.append(el("p", {class: "lead"}, NONE[found.verdict]));
   }
   for (const item of found.look_alikes ?? [])
     root.append(el("p", {class: "rests"}, `${effectName(item.id)} looks the same as ${item.what}. To tell them apart: ${item.apart}.`));

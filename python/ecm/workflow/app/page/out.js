@@ -12,26 +12,32 @@ const WHAT = [[/^script\.sh$/, "the commands as a script"], [/^steps\.jsonl$/, "
   [/^found-/, "diagnosis"], [/^truth-/, "opened truth"], [/^export-/, "controller"]];
 const meaning = name => WHAT.find(([pattern]) => pattern.test(name))?.[1] ?? "";
 
+// The language stays chosen when the page is drawn again.
+let to = "c";
+
 export async function draw(root, state, app) {
-  let to = "c";
   const link = (name, text = name) => el("a", {href: address(name), target: name.endsWith(".html") ? "_blank" : null}, text);
-  const last = end => state.files.filter(name => end.test(name)).at(-1);
-  const cards = [["Report", last(/^found-.*html$/) ?? last(/^compare-.*html$/)], ["Model", state.model], ["Script", "script.sh"]];
+  const report = state.diagnosis ? `found-${state.diagnosis.step}.html` : state.compare ? `compare-${state.compare.step}.html` : null;
+  const cards = [["Report", report], ["Model", state.model], ["Script", "script.sh"]];
+  const undone = new Set(state.steps.filter(step => step.status === "done" && !step.counts).map(step => step.number));
+  const counts = name => !undone.has(Number(/^[a-z]+-(\d+)/.exec(name)?.[1]));
+  const list = names => el("ul", {}, names.map(name => el("li", {}, link(name), el("span", {class: "soft"}, ` ${meaning(name)}`))));
+  const kept = state.files.filter(counts), left = state.files.filter(name => !counts(name));
   const script = el("pre", {tabindex: "0", id: "script"});
   root.append(
     el("div", {class: "cards"}, cards.filter(([, name]) => name).map(([title, name]) =>
       el("div", {class: "card"}, el("h3", {}, title), link(name), el("p", {class: "soft"}, meaning(name))))),
     el("h3", {}, "Controller", help("controller")),
     el("div", {class: "row"}, choices("Language", "language", [["c", "C"], ["rust", "Rust"], ["mujoco", "MuJoCo"]],
-      value => { to = value; }),
+      value => { to = value; }, to),
     button("Export", () => app.step("export", {to}), {class: "first", id: "export", disabled: busy(state)})),
     ...controller(state, link),
     el("h3", {}, "The same as commands"),
     el("p", {}, el("code", {}, "sh script.sh NEW_FOLDER"), ", saved in the session folder, writes the same files, byte for byte."), script,
     button("Copy the commands", event => copy(script.textContent, said => { event.target.textContent = said; }),
       {id: "copy-script"}),
-    el("details", {}, el("summary", {}, `All files of the session (${state.files.length})`),
-      el("ul", {}, state.files.map(name => el("li", {}, link(name), el("span", {class: "soft"}, ` ${meaning(name)}`))))));
+    el("details", {}, el("summary", {}, `All files of the session (${kept.length})`), list(kept)),
+    left.length ? el("details", {}, el("summary", {}, `Of steps that were undone (${left.length})`), list(left)) : "");
   const response = await fetch("/files/script.sh", {cache: "no-store"});
   script.textContent = await response.text();
 }

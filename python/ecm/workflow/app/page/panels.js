@@ -25,8 +25,8 @@ export function residualPanels(residuals, {explained = () => null} = {}) {
   const node = el("div", {},
     el("div", {class: "row"}, el("label", {for: "variable"}, "Against"), variable,
       el("span", {}, "shown"), kinds, help(KINDS[kind])),
-    el("p", {class: "hint"}, "The shaded band is the ", term("noise floor"), ". Bars at the right count the "
-      + "rows. Drag a box, or a finger sideways, to mark rows in all figures; arrow keys and space do the same."),
+    el("p", {class: "hint"}, ...residuals.kinds.wrench.floor ? ["The shaded band is the ", term("noise floor"), ". "] : [],
+      "Bars at the right count the rows. Drag a box, or a finger sideways, to mark rows in all figures; arrow keys and space do the same."),
     rows, grid, live);
   const place = new Map(residuals.row.map((row, i) => [row, i]));
   const chosenIndices = () => [...marked].flatMap(row => place.has(row) ? [place.get(row)] : []);

@@ -7,6 +7,7 @@ import * as fails from "./fails.js";
 import * as missing from "./missing.js";
 import * as model from "./model.js";
 import * as next from "./next.js";
+import {errorWords} from "./noise.js";
 import * as out from "./out.js";
 
 const checked = state => Boolean(state.check) && measured(state.check) && state.pending.length === 0;
@@ -25,7 +26,7 @@ export const stages = [
   {id: "fails", title: "Where it fails", draw: fails.draw, open: fitted, compares: true,
     needs: "needs a model",
     purpose: "See in which poses, and along which variable, the model and the measurement differ.",
-    brief: state => state.compare ? `${state.compare.whitened_rms.toFixed(2)} times the noise` : "not computed yet"},
+    brief: state => state.compare ? errorWords(state) : "not computed yet"},
   {id: "missing", title: "What is missing", draw: missing.draw, open: fitted, compares: true,
     needs: "needs a model", late: true,
     purpose: "Which physical effect, or which error of the measurement, would explain the rest.",
@@ -36,7 +37,8 @@ export const stages = [
   {id: "next", title: "Next experiment", draw: next.draw, open: state => Boolean(state.diagnosis),
     purpose: "What to measure so that the verdict becomes sure.",
     needs: "needs a verdict", late: true,
-    brief: state => state.diagnosis.next_experiment.length ? `${state.diagnosis.next_experiment.length} proposed` : "none needed"},
+    brief: state => state.diagnosis.next_experiment.length ? `${state.diagnosis.next_experiment.length} proposed`
+      : ["named", "none"].includes(state.diagnosis.verdict) ? "none needed" : "none known"},
   {id: "out", title: "Out", draw: out.draw, open: fitted,
     purpose: "Take the report, the model, the controller, and the commands that do all this again.",
     needs: "needs a model", late: true, brief: state => `${state.files.length} files`},

@@ -1,0 +1,24 @@
+// The way out of a refusal: a button where a step of the page does it, and the command to copy.
+
+import {busy} from "./api.js";
+import {effectName} from "./columns.js";
+import {button, el} from "./dom.js";
+
+export function wayOut(remedy, state, app) {
+  if (!remedy) return [];
+  const {verb, ...request} = remedy.request ?? {}, words = remedy.words;
+  return [el("p", {}, `${words.charAt(0).toUpperCase()}${words.slice(1)}${remedy.command ? ":" : "."}`),
+    remedy.command ? el("p", {}, el("code", {}, remedy.command)) : null,
+    verb ? button(label(verb, request), () => app.step(verb, request),
+      {class: "first", "data-remedy": verb, disabled: busy(state)}) : null].filter(Boolean);
+}
+
+function label(verb, request) {
+  const names = list => (list ?? []).map(effectName).join(" and ");
+  if (request.skip_bad_rows || request.leave_out) return "Leave these rows out";
+  if (request.force) return verb === "export" ? "Export it all the same" : "Save it all the same";
+  if (request.remove) return `Leave out ${names(request.remove)} and fit again`;
+  if (request.add) return `Add ${names(request.add)} and fit again`;
+  return {fit: `Fit ${effectName(request.model ?? "")}`, import: "Import it", check: "Check again",
+    export: `Export as ${request.to}`}[verb] ?? "Do this";
+}
