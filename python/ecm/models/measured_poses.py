@@ -34,7 +34,7 @@ _NEIGHBOURS = 6
 _SEED = 11
 _FORCE, _TORQUE = slice(3), slice(3, 6)
 _MARGIN = 1.01
-"""Size over that of the data: a fit averages repeated poses, and single ones lie further out."""
+"""Size over that of the data: fits average repeated poses, so that measured ones lie beyond."""
 _THINNEST = 0.03
 """Least extent of a coordinate, over the largest one of its unit, that counts as measured."""
 

@@ -54,20 +54,7 @@ impl Reach {
         let Some(reach) = document.get("reach") else {
             return Ok(None);
         };
-        let list = |key: &str, count: usize| -> Option<Vec<f64>> {
-            let values = reach.get(key)?.as_array()?;
-            let numbers: Option<Vec<f64>> = values.iter().map(Value::as_f64).collect();
-            numbers.filter(|v| v.len() == count && v.iter().all(|x| x.is_finite()))
-        };
-        let found = (|| {
-            Some(Self {
-                low: list("low", n)?,
-                high: list("high", n)?,
-                centre: list("centre", n)?,
-                factor: list("factor", n * (n + 1) / 2)?,
-            })
-        })();
-        let sound = found.filter(|r| {
+        let sound = Self::read(reach, n).filter(|r| {
             let boxed = |i: usize| r.low[i] <= r.centre[i] && r.centre[i] <= r.high[i];
             (0..n).all(|i| boxed(i) && r.factor[i * (i + 3) / 2] > 0.0)
         });
@@ -75,6 +62,21 @@ impl Reach {
             name: "reach",
             found: "lists that are none".into(),
             expected: "low, high, centre and factor of a box and an ellipsoid around its middle",
+        })
+    }
+
+    /// None where a list lacks, or has another length or a number that is not finite.
+    fn read(reach: &Value, n: usize) -> Option<Self> {
+        let list = |key: &str, count: usize| -> Option<Vec<f64>> {
+            let values = reach.get(key)?.as_array()?;
+            let numbers: Option<Vec<f64>> = values.iter().map(Value::as_f64).collect();
+            numbers.filter(|v| v.len() == count && v.iter().all(|x| x.is_finite()))
+        };
+        Some(Self {
+            low: list("low", n)?,
+            high: list("high", n)?,
+            centre: list("centre", n)?,
+            factor: list("factor", n * (n + 1) / 2)?,
         })
     }
 
@@ -102,8 +104,7 @@ impl Reach {
 
 #[cfg(test)]
 mod tests {
-    use std::string::ToString;
-
+    #![allow(clippy::unwrap_used)]
     use super::*;
 
     fn reach(text: &str) -> Result<Option<Reach>, ModelError> {
@@ -114,7 +115,7 @@ mod tests {
     #[test]
     fn points_are_inside_and_lists_that_do_not_fit_are_refused() {
         let text = r#"{"reach": {"low": [-1, -1], "high": [2, 1], "centre": [0, 0.5], "factor": [1, -2, 3]}}"#;
-        let found = reach(text).ok().flatten().expect("a reach");
+        let found = reach(text).unwrap().unwrap();
         for i in 0..50 {
             let x = found.point(|k| (1.0 + (7 * i + 3 * k) as f64).sin());
             let (a, b) = (x[0] - found.centre[0], x[1] - found.centre[1]);
@@ -122,17 +123,13 @@ mod tests {
             assert!((0..2).all(|k| found.low[k] < x[k] && x[k] < found.high[k]));
         }
         assert_eq!(found.point(|_| 0.0), found.centre);
-        assert!(reach("{}").is_ok_and(|none| none.is_none()));
+        assert!(reach("{}").unwrap().is_none());
         for (right, wrong) in [
             ("[0, 0.5]", "[0, 5]"),
             ("-2, 3]", "-2, 0]"),
             ("[-1, -1]", "[-1]"),
         ] {
-            assert!(
-                reach(&text.replace(right, wrong)).is_err(),
-                "{}",
-                wrong.to_string()
-            );
+            assert!(reach(&text.replace(right, wrong)).is_err(), "{wrong}");
         }
     }
 }
