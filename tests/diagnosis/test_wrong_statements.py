@@ -14,9 +14,11 @@ from ecm.diagnosis.check import check
 from ecm.diagnosis.procedure import find_missing
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
-from ecm.io.table import Table, as_table
+from ecm.io.misread import misread
+from ecm.io.table import Table, as_table, read_table
 from ecm.models import fit_model
 from support.campaigns import campaign, model, workspace_poses
+from support.neck import ROOT
 from support.stand_in import L, wrench
 
 F = np.ndarray
@@ -189,6 +191,26 @@ def test_a_turned_wrench_on_a_body_whose_ends_differ() -> None:
     found = find_missing(fit_model(table, "linear"), table, effects=["payload"])
     assert found.unknown is not None
     assert "turned by 90 degrees about x" in found.unknown.words
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [(("fx_N",), "the sign of fx looks reversed"), (WRENCH, "the wrench's sign looks reversed")],
+)
+@pytest.mark.parametrize("name", ["energy4", "quadratic"])
+def test_a_reversed_sign_is_no_effect(name: str, names: tuple[str, ...], words: str) -> None:
+    """An energy of the other sign fits as well, and temperature_modulus was named for the rest."""
+    table = read_table(ROOT / "examples" / "neck_measured.csv")
+    table = table.with_meta(replace(table.meta, mechanism={"length_m": L}))
+    wrong = table.with_columns({one: -table.column(one) for one in names})
+    few = ["temperature_modulus", "payload", "fts_gain"]
+    found = diagnose(fit_model(wrong, name), wrong, effects=few)
+    assert found.verdict == "unknown"
+    assert found.answer == ()
+    assert words in found.sentence()
+    said = misread(wrong)
+    assert said is not None
+    assert said.sentence() in found.warnings
 
 
 def test_minutes_for_seconds() -> None:

@@ -257,6 +257,27 @@ def test_map_finds_a_column_without_regard_to_case_and_separators(tmp_path: Path
     assert imported.meta.origin["x_m"] == "Big Pos X"
 
 
+def test_map_negates_a_column_with_a_minus(
+    tmp_path: Path, ecm_command: Callable[..., Done]
+) -> None:
+    """Names are compared without signs: the minus was dropped without a word."""
+    path = tmp_path / "log.csv"
+    path.write_text("x [mm],Fx [kN],-Q [N]\n0,1,2\n1,2,3\n2,3,4\n", encoding="utf-8")
+    pairs = {"fx_N": "-Fx [kN]", "fy_N": "-Q [N]", "fz_N": "--Q [N]:mN"}
+    imported = import_log(path, columns=pairs)
+    np.testing.assert_allclose(imported.table["fx_N"], [-1e3, -2e3, -3e3])
+    np.testing.assert_allclose(imported.table["fy_N"], [2.0, 3.0, 4.0])  # its own name
+    np.testing.assert_allclose(imported.table["fz_N"], [-2e-3, -3e-3, -4e-3])
+    done = ecm_command("import", path, "--map", "fx_N=-Fx [kN]")
+    assert "fx_N  -1 * Fx [kN] * 1000" in done.out
+    wrong = ecm_command("import", path, "--map", "fx_N=-Fz")
+    assert wrong.code == 2
+    assert "the log has no column 'Fz'" in wrong.err
+    rotation = ecm_command("import", path, "--rotation", "rotvec:-x [mm],-Q [N],Fx [kN]")
+    assert rotation.code == 2
+    assert "the log has no column '-x [mm]'" in rotation.err
+
+
 def test_quaternions_without_direction_are_found_and_left_out(tmp_path: Path) -> None:
     turn = np.tile([0.0, 0.0, 0.0, 1.01], (ROWS, 1))
     turn[[4, 5, 20]] = 0.0

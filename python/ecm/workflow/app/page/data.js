@@ -75,7 +75,7 @@ function checkResult(state, app) {
       + `than once; ${check.testable.length} effects can be tested.`));
   for (const warning of check.warnings) {
     const pending = state.pending.includes(warning);
-    parts.push(el("div", {class: "warning"}, readable(warning), "\n",
+    parts.push(el("div", {class: warning === check.misread?.sentence ? "error" : "warning"}, readable(warning), "\n",
       pending ? button("I take responsibility for this", () => app.act(() => post("/api/accept", {warning})))
         : el("em", {}, "You took responsibility for this.")));
   }
