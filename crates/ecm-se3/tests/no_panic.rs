@@ -73,21 +73,21 @@ fn all<R: Real>(p: &[R; 6], h: &[R; 6], matrix: &[[R; 6]; 6], length_m: R) {
 
 fn linear_algebra<R: Real>(a: &[R; 3], b: &[R; 3], m: &[[R; 3]; 3], six: &[[R; 6]; 6], s: R) {
     use linear::*;
-    (add(a, b), sub(a, b), cross(a, b), scaled(s, a));
-    (
+    let _ = (add(a, b), sub(a, b), cross(a, b), scaled(s, a));
+    let _ = (
         dot(a, b),
         skew(a),
         outer(a, b),
         diagonal(s),
         identity::<R>(),
     );
-    (
+    let _ = (
         apply(m, a),
         apply_transposed(m, a),
         transposed(m),
         times(s, m),
     );
-    (
+    let _ = (
         product(m, m),
         transposed_product(m, m),
         sum(m, m),
