@@ -4,11 +4,17 @@
 ///
 /// `None` where it does not fit into `usize`.
 pub const fn number_of_terms(inputs: usize, degree: usize) -> Option<usize> {
+    // C(d + n, d) is C(d + n, n): the fewer factors end at once, whatever the other number.
+    let (few, many) = if inputs < degree {
+        (inputs, degree)
+    } else {
+        (degree, inputs)
+    };
     let mut k: usize = 1;
     let mut i = 1;
-    while i <= degree {
+    while i <= few {
         // C(n + i, i) = C(n + i − 1, i − 1) (n + i) / i, exact at every step.
-        let Some(factor) = inputs.checked_add(i) else {
+        let Some(factor) = many.checked_add(i) else {
             return None;
         };
         k = match k.checked_mul(factor) {

@@ -35,6 +35,12 @@ impl ThinSvd {
         Ok(Self { rows, ..factors })
     }
 
+    /// `Ok` where row-major `y` has `outputs` numbers for each row of U.
+    pub(crate) fn check_rows(&self, y: &[f64], outputs: usize) -> Result<(), ModelError> {
+        let expected = self.u.nrows().saturating_mul(outputs);
+        check_count("outputs", "numbers", y.len(), expected)
+    }
+
     fn of(matrix: MatRef<'_, f64>) -> Result<Self, ModelError> {
         let (rows, columns) = (matrix.nrows(), matrix.ncols());
         let failed = |_| ModelError::Decomposition { rows, columns };
@@ -88,6 +94,9 @@ impl ThinSvd {
     }
 
     /// V diag(filter(σ)) Uᵀ Y of row-major `y` (rows, outputs): row-major (columns, outputs).
+    ///
+    /// # Panics
+    /// Where `y` has not `outputs` numbers for each row of U, or `singular_values` is no longer as it was.
     pub fn solve(&self, y: &[f64], outputs: usize, filter: impl Fn(usize, f64) -> f64) -> Vec<f64> {
         let y = MatRef::from_row_major_slice(y, self.u.nrows(), outputs);
         let mut projected = self.u.transpose() * y;

@@ -34,6 +34,9 @@ pub fn unit_slope<R: Real>(lower: R, upper: R) -> R {
 }
 
 /// Smallest and largest value of each of `inputs` columns of row-major `rows`.
+///
+/// # Panics
+/// Where `inputs` numbers are more than memory holds.
 #[cfg(feature = "std")]
 pub fn ranges(rows: &[f64], inputs: usize) -> (std::vec::Vec<f64>, std::vec::Vec<f64>) {
     let mut lower = std::vec![f64::INFINITY; inputs];

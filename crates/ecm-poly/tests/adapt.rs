@@ -225,6 +225,8 @@ fn single(reading: &Reading<f64>) -> Reading<f32> {
     }
 }
 
+type Way<'a> = &'a dyn Fn(f64) -> Vec6<f64>;
+
 #[test]
 fn what_is_known_of_the_modulus_does_not_hold_it() {
     let pressed = |mut pose: Vec6<f64>| {
@@ -233,7 +235,7 @@ fn what_is_known_of_the_modulus_does_not_hold_it() {
     };
     let model = neck();
     // The way at its speed, and whether it tells nothing of the modulus.
-    let ways: [(&dyn Fn(f64) -> Vec6<f64>, f64, bool); 6] = [
+    let ways: [(Way<'_>, f64, bool); 6] = [
         (&free, 1.0, false),
         (&free, 4.0, false),
         (&|time| pressed(free(time)), 2.0, false),
@@ -258,7 +260,7 @@ fn what_is_known_of_the_modulus_does_not_hold_it() {
                 for (i, reading) in readings.iter().enumerate() {
                     adapter.step(&mut state, reading, dt);
                     narrow.step(&mut other, &single(reading), dt as f32);
-                    if (i + 1) % rate as usize == 0 {
+                    if (i + 1).is_multiple_of(rate as usize) {
                         seconds.push(adapter.is_held(&state, 0));
                     }
                 }

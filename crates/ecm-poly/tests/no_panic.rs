@@ -3,17 +3,26 @@
 
 mod common;
 
+use std::ops::Range;
+
 use ecm_poly::arithmetic::Plain;
 use ecm_poly::basis::{advance, exponents, number_of_terms};
 use ecm_poly::cubic::Cubic;
+use ecm_poly::dense::{ThinSvd, condition_number, singular_values};
+use ecm_poly::energy::groups::GroupTerm;
 use ecm_poly::energy::plan::{EnergyPlan, ROWS};
 use ecm_poly::energy::regressor::regressor;
+use ecm_poly::energy::terms::term_name;
 use ecm_poly::energy::{EnergyTerms, Group};
+use ecm_poly::metrics::{relative_errors, rmse};
 use ecm_poly::normalise::{ranges, to_unit, unit_slope};
 use ecm_poly::polynomial_model::polynomial_regressor;
+use ecm_poly::regression::leave_one_out::LeaveOneOut;
+use ecm_poly::regression::triangle::Triangle;
+use ecm_poly::regression::{least_squares, pcr, ridge, solve};
 use ecm_poly::{
-    EnergyFit, EnergyModel, Polynomial, PolynomialModel, Pose, PoseModel, PosePolynomial, Symmetry,
-    checked_poses, open_model, seal_model,
+    EnergyFit, EnergyModel, Method, Polynomial, PolynomialModel, Pose, PoseModel, PosePolynomial,
+    Symmetry, checked_poses, open_model, seal_model,
 };
 use ecm_se3::stiffness::StiffnessKind;
 use proptest::prelude::*;
@@ -56,6 +65,11 @@ fn pose() -> impl Strategy<Value = [f64; 6]> {
 
 fn numbers(count: impl Into<prop::collection::SizeRange>) -> impl Strategy<Value = Vec<f64>> {
     prop::collection::vec(number(), count)
+}
+
+/// Small, or anything at all.
+fn count() -> impl Strategy<Value = usize> {
+    prop_oneof![8 => 0..7_usize, 1 => any::<usize>(), 1 => Just(usize::MAX)]
 }
 
 /// Degree, symmetry and groups, most of them possible.
@@ -168,13 +182,68 @@ proptest! {
         inputs in prop_oneof![0..9_usize, any::<usize>()], degree in prop_oneof![0..4_usize, any::<usize>()],
         mut powers in prop::collection::vec(any::<u8>(), 0..8), x in prop::array::uniform3(number()),
     ) {
-        // More factors than this take long to count, not to refuse.
-        number_of_terms(inputs, degree.min(1000));
+        prop_assert_eq!(number_of_terms(inputs, degree), number_of_terms(degree, inputs));
         let _ = exponents(inputs, degree);
         advance(&mut powers);
         prop_assert!(!unit_slope(x[0], x[1]).is_nan());
         to_unit(x[2], x[0], x[1]);
         to_unit(x[2] as f32, x[0] as f32, x[1] as f32);
+    }
+
+    #[test]
+    fn names_and_symmetries(exponents in prop::array::uniform6(any::<u8>()), imaginary in any::<bool>()) {
+        for symmetry in SYMMETRIES {
+            symmetry.admits(&exponents);
+            term_name(symmetry, &exponents);
+        }
+        let term = GroupTerm { powers: exponents, imaginary, monomials: Vec::new() };
+        let _ = (term.name(), term.row());
+    }
+
+    #[test]
+    fn regressions(
+        numbers in numbers(0..40), observations in numbers(0..12), columns in count(), outputs in count(), rank in count(),
+        setting in number(),
+    ) {
+        let _ = (singular_values(&numbers, columns), condition_number(&numbers, columns));
+        let _ = (rmse(&numbers, &observations, outputs), relative_errors(&numbers, &observations));
+        let Ok(factors) = ThinSvd::new(&numbers, columns) else { return Ok(()) };
+        factors.condition_number(rank);
+        let _ = ridge::solve(&factors, &observations, outputs, setting);
+        let _ = pcr::solve(&factors, &observations, outputs, setting);
+        for method in [Method::LeastSquares, Method::Ridge(setting), Method::Pcr(setting)] {
+            let found = solve(&factors, &observations, outputs, method);
+            let rows = numbers.len() / columns;
+            prop_assert!(found.is_err() || Some(observations.len()) == rows.checked_mul(outputs));
+        }
+        if let Ok(curves) = LeaveOneOut::new(&factors, &observations, outputs) { curves.best_rank(&observations); }
+        if Some(observations.len()) == (numbers.len() / columns).checked_mul(outputs) {
+            pcr::truncated(&factors, &observations, outputs, rank);
+            least_squares::solve(&factors, &observations, outputs);
+        }
+    }
+
+    #[test]
+    fn triangles_of_any_rows(
+        rows in 0..9_usize, lines in count(), columns in count(), size in 0..60_usize, k in count(), degree in count(),
+        lower in numbers(0..4), upper in numbers(0..4), values in numbers(1..9), setting in number(),
+    ) {
+        let filled = |n: usize| -> Vec<f64> { values.iter().copied().cycle().take(n).collect() };
+        // Blocks of the right size, or of one that does not follow from the range.
+        let columns = columns.min(9);
+        let right = |part: Range<usize>| Ok(filled(part.len() * lines.min(9) * columns));
+        let any = Triangle::of_rows(rows, lines, columns, |_| Ok(filled(size)));
+        prop_assert!(lines > 0 && columns > 0 || any.is_err());
+        let some = Triangle::of_rows(rows, lines.min(9), columns, right);
+        for triangle in [any, some].into_iter().flatten() {
+            for method in [Method::LeastSquares, Method::Ridge(setting), Method::Pcr(setting)] {
+                let found = triangle.solve(k, method);
+                prop_assert!(found.is_err() || k <= triangle.columns());
+                let _ = PolynomialModel::of_triangle(&triangle, degree, (&lower, &upper), method);
+            }
+            let fit = EnergyFit { length_m: setting, degree, symmetry: Symmetry::Alike, groups: &[], covariance: None };
+            let _ = fit.of_triangle(triangle, [setting, setting], true);
+        }
     }
 
     #[test]

@@ -133,9 +133,13 @@ pub fn outer<R: Real>(a: &Vec3<R>, b: &Vec3<R>) -> Mat3<R> {
     [scaled(a[0], b), scaled(a[1], b), scaled(a[2], b)]
 }
 
-/// The 3 × 3 block of a 6 × 6 matrix whose first row and column are `3 i` and `3 j`.
+/// The 3 × 3 block of a 6 × 6 matrix whose first row and column are `3 i` and `3 j`, i and j 0 or 1;
+/// NaN for others.
 #[inline(always)]
 pub fn block<R: Real>(m: &Mat6<R>, i: usize, j: usize) -> Mat3<R> {
+    if i > 1 || j > 1 {
+        return [[R::NAN; 3]; 3];
+    }
     let row = |k: usize| -> Vec3<R> {
         let r = &m[3 * i + k];
         [r[3 * j], r[3 * j + 1], r[3 * j + 2]]

@@ -36,16 +36,22 @@ impl<R: Real> Stumpff<R> {
         Self { c }
     }
 
-    /// dc_k/ds = (k c_{k+2} − c_{k+1}) / 2, for k ≤ 5.
+    /// dc_k/ds = (k c_{k+2} − c_{k+1}) / 2 for k ≤ 5; NaN for others, whose c_{k+2} is not here.
     #[inline(always)]
     pub fn first(&self, k: usize) -> R {
-        R::HALF * (R::from_u16(k as u16) * self.c[k + 2] - self.c[k + 1])
+        match k {
+            0..=5 => R::HALF * (R::from_u16(k as u16) * self.c[k + 2] - self.c[k + 1]),
+            _ => R::NAN,
+        }
     }
 
-    /// d²c_k/ds², for k ≤ 3.
+    /// d²c_k/ds² for k ≤ 3; NaN for others.
     #[inline(always)]
     pub fn second(&self, k: usize) -> R {
-        R::HALF * (R::from_u16(k as u16) * self.first(k + 2) - self.first(k + 1))
+        match k {
+            0..=3 => R::HALF * (R::from_u16(k as u16) * self.first(k + 2) - self.first(k + 1)),
+            _ => R::NAN,
+        }
     }
 }
 

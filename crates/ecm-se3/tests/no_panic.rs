@@ -46,10 +46,8 @@ fn all<R: Real>(p: &[R; 6], h: &[R; 6], matrix: &[[R; 6]; 6], length_m: R) {
     left_jacobian_derivatives(&theta);
     torque_derivative(&theta, &torque);
     RotationForm::new(&theta, &torque, &[p[0], p[1], p[2]]);
-    let functions = Stumpff::new(p[0]);
-    for k in 0..4 {
-        let _ = (functions.first(k + 2), functions.second(k));
-    }
+    Stumpff::new(p[0]);
+    linear_algebra(&theta, &torque, &rotation, matrix, length_m);
     let wrench = Wrench::from_array(h);
     wrench.moved(&rotation, &torque);
     geometric_skew(&wrench);
@@ -73,8 +71,53 @@ fn all<R: Real>(p: &[R; 6], h: &[R; 6], matrix: &[[R; 6]; 6], length_m: R) {
     }
 }
 
+fn linear_algebra<R: Real>(a: &[R; 3], b: &[R; 3], m: &[[R; 3]; 3], six: &[[R; 6]; 6], s: R) {
+    use linear::*;
+    let _ = (add(a, b), sub(a, b), cross(a, b), scaled(s, a));
+    let _ = (
+        dot(a, b),
+        skew(a),
+        outer(a, b),
+        diagonal(s),
+        identity::<R>(),
+    );
+    let _ = (
+        apply(m, a),
+        apply_transposed(m, a),
+        transposed(m),
+        times(s, m),
+    );
+    let _ = (
+        product(m, m),
+        transposed_product(m, m),
+        sum(m, m),
+        difference(m, m),
+    );
+    from_blocks(m, &block(six, 0, 1), &block(six, 1, 0), m);
+}
+
+fn any_index() -> impl Strategy<Value = usize> {
+    prop_oneof![3 => 0..9_usize, 1 => any::<usize>(), 1 => (0..9_usize).prop_map(|i| usize::MAX - i)]
+}
+
 proptest! {
     #![proptest_config(common::config(500))]
+
+    #[test]
+    fn any_index_has_a_number_or_none(k in any_index(), i in any_index(), j in any_index(), s in 0.0..16.0_f64) {
+        let functions = Stumpff::new(s);
+        prop_assert_eq!(functions.first(k).is_nan(), k > 5);
+        prop_assert_eq!(functions.second(k).is_nan(), k > 3);
+        let matrix: [[f64; 6]; 6] = std::array::from_fn(|a| std::array::from_fn(|b| (6 * a + b) as f64));
+        let found = linear::block(&matrix, i, j);
+        for a in 0..3 {
+            for b in 0..3 {
+                let exact = (i < 2 && j < 2).then(|| matrix[3 * i + a][3 * j + b]);
+                prop_assert_eq!(found[a][b].is_nan(), exact.is_none());
+                prop_assert!(exact.is_none_or(|x| x == found[a][b]));
+            }
+        }
+    }
 
     #[test]
     fn any_numbers(p in prop::array::uniform6(number()), h in prop::array::uniform6(number()),

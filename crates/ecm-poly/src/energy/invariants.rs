@@ -52,9 +52,9 @@ impl Symmetry {
         let [_, _, _, theta_x, a, b] = *exponents;
         match self {
             Symmetry::General => true,
-            Symmetry::Alike => (theta_x + a) % 2 == 0 && b == 0,
+            Symmetry::Alike => theta_x % 2 == a % 2 && b == 0,
             // b² = |c⊥|² |θ⊥|² − a², so one factor b is enough.
-            Symmetry::Revolution => (theta_x + a) % 2 == 0 && b <= 1,
+            Symmetry::Revolution => theta_x % 2 == a % 2 && b <= 1,
         }
     }
 

@@ -97,7 +97,7 @@ impl PolynomialModel {
     /// The fit of a triangle of [X | Y], inputs mapped from these ranges.
     ///
     /// # Errors
-    /// Fewer rows than terms, settings out of range.
+    /// Ranges or columns that do not fit, fewer rows than terms, settings out of range.
     pub fn of_triangle(
         triangle: &Triangle,
         degree: usize,
@@ -105,6 +105,7 @@ impl PolynomialModel {
         method: Method,
     ) -> Result<Self, ModelError> {
         let table = exponents(lower.len(), degree)?;
+        check_count("upper", "numbers", upper.len(), lower.len())?;
         let k = table.len() / lower.len();
         let outputs = triangle.columns().saturating_sub(k);
         check_count(

@@ -7,7 +7,7 @@
 use std::vec::Vec;
 
 use crate::dense::ThinSvd;
-use crate::error::{ModelError, check_count};
+use crate::error::ModelError;
 
 /// Leave-one-out root mean square errors.
 #[derive(Clone, Debug)]
@@ -21,13 +21,16 @@ pub struct LeaveOneOut {
 
 impl LeaveOneOut {
     /// The curves of row-major `observations` (N, outputs).
+    ///
+    /// # Errors
+    /// Another number of observations than `outputs` for each row.
     pub fn new(
         factors: &ThinSvd,
         observations: &[f64],
         outputs: usize,
     ) -> Result<Self, ModelError> {
+        factors.check_rows(observations, outputs)?;
         let rows = factors.u.nrows();
-        check_count("outputs", "numbers", observations.len(), rows * outputs)?;
         let ranks = factors.numerical_rank();
         // Column by column of the residuals, so that the inner loops run along memory.
         let mut residuals: Vec<Vec<f64>> = (0..outputs)

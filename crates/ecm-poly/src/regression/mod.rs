@@ -9,7 +9,7 @@ pub mod triangle;
 use std::vec::Vec;
 
 use crate::dense::ThinSvd;
-use crate::error::{ModelError, check_count};
+use crate::error::ModelError;
 
 /// Method of regression.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,14 +40,16 @@ pub struct Solution {
 }
 
 /// Solves X β = Y with X decomposed.
+///
+/// # Errors
+/// Another number of observations than `outputs` for each row of X; a setting out of range.
 pub fn solve(
     factors: &ThinSvd,
     observations: &[f64],
     outputs: usize,
     method: Method,
 ) -> Result<Solution, ModelError> {
-    let expected = factors.u.nrows().saturating_mul(outputs);
-    check_count("outputs", "numbers", observations.len(), expected)?;
+    factors.check_rows(observations, outputs)?;
     match method {
         Method::LeastSquares => Ok(least_squares::solve(factors, observations, outputs)),
         Method::Ridge(lambda) => ridge::solve(factors, observations, outputs, lambda),

@@ -10,12 +10,16 @@ use crate::error::ModelError;
 use crate::regression::Solution;
 
 /// β = Σ v_j (u_j·Y)/σ_j over the singular values σ_j ≥ `threshold`.
+///
+/// # Errors
+/// Another number of observations than `outputs` for each row of X; a threshold out of range.
 pub fn solve(
     factors: &ThinSvd,
     observations: &[f64],
     outputs: usize,
     threshold: f64,
 ) -> Result<Solution, ModelError> {
+    factors.check_rows(observations, outputs)?;
     if !(threshold >= 0.0 && threshold.is_finite()) {
         return Err(ModelError::Setting {
             name: "threshold",
@@ -40,6 +44,9 @@ pub fn solve(
 }
 
 /// The solution on the first `rank` singular values.
+///
+/// # Panics
+/// Where `observations` has not `outputs` numbers for each row of X.
 pub fn truncated(factors: &ThinSvd, observations: &[f64], outputs: usize, rank: usize) -> Solution {
     let inverse = |power: i32| move |i: usize, s: f64| if i < rank { s.powi(-power) } else { 0.0 };
     Solution {

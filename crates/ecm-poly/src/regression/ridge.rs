@@ -7,12 +7,16 @@ use crate::error::ModelError;
 use crate::regression::Solution;
 
 /// β = (XᵀX + λ I)⁻¹ Xᵀ Y; every coefficient is penalised, the constant too.
+///
+/// # Errors
+/// Another number of observations than `outputs` for each row of X; λ not above 0.
 pub fn solve(
     factors: &ThinSvd,
     observations: &[f64],
     outputs: usize,
     lambda: f64,
 ) -> Result<Solution, ModelError> {
+    factors.check_rows(observations, outputs)?;
     if !(lambda > 0.0 && lambda.is_finite()) {
         return Err(ModelError::Setting {
             name: "ridge",

@@ -19,7 +19,7 @@ use faer::{Accum, Mat, MatMut, MatRef, Par, Side};
 use rayon::prelude::*;
 
 use crate::dense::ThinSvd;
-use crate::error::ModelError;
+use crate::error::{ModelError, check_count};
 use crate::regression::{Method, Solution, solve};
 
 /// Numbers in a block of rows: a few of them fit into a core's cache.
@@ -43,7 +43,7 @@ impl Triangle {
     /// `lines` is the number of matrix rows that a row of the range stands for (six of a wrench).
     ///
     /// # Errors
-    /// The error of `fill` in the first range that has one.
+    /// No line or no column; a block of another size; the error of `fill` in the first range that has one.
     pub fn of_rows<F>(
         rows: usize,
         lines: usize,
@@ -53,13 +53,24 @@ impl Triangle {
     where
         F: Fn(Range<usize>) -> Result<Vec<f64>, ModelError> + Sync,
     {
-        let least = (2 * columns).div_ceil(lines);
-        let block = (BLOCK / (lines * columns)).max(least);
+        if lines == 0 || columns == 0 {
+            return Err(ModelError::Setting {
+                name: "rows",
+                found: std::format!("{lines} lines of {columns} columns"),
+                expected: "one line and one column, or more",
+            });
+        }
+        let least = columns.saturating_mul(2).div_ceil(lines);
+        let block = (BLOCK / lines.saturating_mul(columns)).max(least);
         let turn = |t: usize| -> Result<Self, ModelError> {
             let mut own = Self::none(columns);
             let end = rows.min((t + 1) * TURN * block);
             for start in (t * TURN * block..end).step_by(block) {
-                own.add(&fill(start..end.min(start + block))?);
+                let part = start..end.min(start + block);
+                let expected = part.len().saturating_mul(lines).saturating_mul(columns);
+                let rows = fill(part)?;
+                check_count("rows", "numbers", rows.len(), expected)?;
+                own.add(&rows);
             }
             Ok(own)
         };
@@ -77,6 +88,9 @@ impl Triangle {
     }
 
     /// The triangle of no rows.
+    ///
+    /// # Panics
+    /// Where (columns, columns) numbers are more than memory holds.
     pub fn none(columns: usize) -> Self {
         Self {
             r: Mat::zeros(columns, columns),
@@ -85,6 +99,9 @@ impl Triangle {
     }
 
     /// The triangle of the rows of several (columns, columns), row-major, which stand for `rows` rows.
+    ///
+    /// # Panics
+    /// Where a part is no whole number of rows.
     pub fn of_parts<P: AsRef<[f64]>>(
         parts: impl IntoIterator<Item = P>,
         columns: usize,
@@ -113,6 +130,9 @@ impl Triangle {
     }
 
     /// Adds row-major rows.
+    ///
+    /// # Panics
+    /// Where they are no whole number of rows.
     pub fn add(&mut self, rows: &[f64]) {
         let columns = self.r.ncols();
         let count = rows.len() / columns.max(1);
@@ -164,6 +184,9 @@ impl Triangle {
     }
 
     /// Adds the rows of another triangle.
+    ///
+    /// # Panics
+    /// Where it has another number of columns, and both stand for rows.
     pub fn merge(&mut self, other: &Self) {
         if self.rows == 0 {
             *self = other.clone();
@@ -191,11 +214,17 @@ impl Triangle {
     }
 
     /// Euclidean length of each of the first `k` columns.
+    ///
+    /// # Panics
+    /// Where it has fewer than `k` columns.
     pub fn lengths(&self, k: usize) -> Vec<f64> {
         (0..k).map(|j| self.r.col(j).norm_l2()).collect()
     }
 
     /// Divides the first columns by these lengths.
+    ///
+    /// # Panics
+    /// Where it has fewer columns than there are lengths.
     pub fn divide_columns(&mut self, lengths: &[f64]) {
         for (j, length) in lengths.iter().enumerate() {
             self.r.col_mut(j).iter_mut().for_each(|x| *x /= length);
@@ -205,8 +234,16 @@ impl Triangle {
     /// Least squares of the columns from `k` on by the first `k` ones.
     ///
     /// # Errors
-    /// Singular values that do not converge; settings of the method out of range.
+    /// Fewer than `k` columns; singular values that do not converge; settings of the method out of range.
     pub fn solve(&self, k: usize, method: Method) -> Result<(Solution, ThinSvd), ModelError> {
+        if k > self.columns() {
+            return Err(ModelError::Shape {
+                name: "triangle",
+                unit: "columns",
+                found: self.columns(),
+                expected: k,
+            });
+        }
         let outputs = self.r.ncols() - k;
         let factors = ThinSvd::of_triangle(self.r.submatrix(0, 0, k, k), self.rows)?;
         let sides = row_major(self.r.submatrix(0, k, k, outputs));
@@ -214,6 +251,9 @@ impl Triangle {
     }
 
     /// Σ (y − X β)² of each output, coefficients (k, outputs) row-major.
+    ///
+    /// # Panics
+    /// Where it has fewer than `k` columns, or there are fewer coefficients.
     pub fn residual_squares(&self, k: usize, coefficients: &[f64]) -> Vec<f64> {
         let outputs = self.r.ncols() - k;
         (0..outputs)
