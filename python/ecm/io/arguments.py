@@ -65,7 +65,7 @@ def check_arguments(function: Callable[..., Any], given: Mapping[str, Any]) -> N
     for name, value in given.items():
         if name in hints:
             check_type(name, value, hints[name])
-            if isinstance(value, numbers.Integral) and not isinstance(value, bool) and value < 0:
+            if isinstance(value, numbers.Integral) and int(value) < 0:
                 raise InputError(f"{name} = {value}: expected 0 or more")
 
 
@@ -76,7 +76,7 @@ def hints_of(annotated: Any) -> dict[str, Any]:
         try:
             _hints[annotated] = get_type_hints(annotated, localns=dict(unknown))
         except NameError as error:
-            unknown[error.name] = Any
+            unknown[str(error.name)] = Any
     return _hints[annotated]
 
 

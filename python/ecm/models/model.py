@@ -189,8 +189,9 @@ class Model:
         """(N, m) standard deviation of the base's wrench from its coefficients, where known."""
         if self.covariance is None:
             return None
-        table = isinstance(data, Table)
-        poses = Rows(data, self.base).poses if table else _rows_of_poses(data, self.inputs)
+        if isinstance(data, Table):
+            data = Rows(data, self.base).poses
+        poses = _rows_of_poses(data, self.inputs)
         variance = wrench_variances(self.base, self.covariance, poses)
         return np.asarray(np.sqrt(np.maximum(variance, 0.0) + self.base.error**2))
 
@@ -270,7 +271,7 @@ class Model:
             wrench, stiffness = self._at_poses(rows), self._changed_stiffness(rows, kind)
         else:
             wrench, stiffness = self.base.wrench_and_stiffness(rows, kind)
-        return (wrench, stiffness) if poses.ndim != 1 else (wrench[0], stiffness[0])
+        return (wrench, stiffness) if np.ndim(poses) != 1 else (wrench[0], stiffness[0])
 
     def _changed_stiffness(self, poses: F, kind: str) -> F:
         """(N, m, n) of the base and the effects, by central differences."""
