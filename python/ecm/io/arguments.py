@@ -149,7 +149,7 @@ def _words(hint: Any) -> str:  # noqa: PLR0911 - one return a kind of annotation
     if origin in (Union, types.UnionType):
         return " or ".join(dict.fromkeys(_words(option) for option in options))
     if origin is Literal:
-        return " or ".join(map(str, options))
+        return f"one of {', '.join(map(str, options))}"
     if origin is np.ndarray:
         return _WORDS[np.ndarray]
     if origin in (dict, collections.abc.Mapping):
