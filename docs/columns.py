@@ -35,6 +35,14 @@ Without all six poses and six wrenches these effects are tested in the columns t
 | effect | what it is | needs |
 |---|---|---|
 """
+_OWN = """
+## Columns of your own
+
+Each column of your own that varies is an effect of its own, `unused_column:NAME`, in tables of
+any columns and also of all twelve. It may add to the wrench, scale it, or shift the rest pose, at
+once or (where there is `time_s`) with a lag. Columns that follow from pose, wrench or time are
+left out, and those that an effect of your own needs.
+"""
 
 
 def page() -> str:
@@ -50,6 +58,7 @@ def page() -> str:
         if id(effect) not in plain:
             needs = effect.needs or "20 rows"
             lines.append(f"| `{effect.id}` | {effect.physics} | {needs} |\n")
+    lines.append(_OWN)
     lines.append("\n## Templates\n")
     for dof in DEGREES_OF_FREEDOM:
         lines.append(f"\n`ecm new data --dof {dof}`:\n\n```\n{data_template(dof)}```\n")

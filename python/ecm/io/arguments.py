@@ -65,7 +65,7 @@ def check_arguments(function: Callable[..., Any], given: Mapping[str, Any]) -> N
     for name, value in given.items():
         if name in hints:
             check_type(name, value, hints[name])
-            if type(value) is not bool and isinstance(value, numbers.Integral) and value < 0:
+            if isinstance(value, numbers.Integral) and int(value) < 0:
                 raise InputError(f"{name} = {value}: expected 0 or more")
 
 
@@ -149,7 +149,7 @@ def _words(hint: Any) -> str:  # noqa: PLR0911 - one return a kind of annotation
     if origin in (Union, types.UnionType):
         return " or ".join(dict.fromkeys(_words(option) for option in options))
     if origin is Literal:
-        return " or ".join(map(str, options))
+        return f"one of {', '.join(map(str, options))}"
     if origin is np.ndarray:
         return _WORDS[np.ndarray]
     if origin in (dict, collections.abc.Mapping):

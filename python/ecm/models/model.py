@@ -197,9 +197,8 @@ class Model:
         if self.covariance is None:
             return None
         if isinstance(data, Table):
-            poses = Rows(data, self.base).poses
-        else:
-            poses = _rows_of_poses(data, self.inputs)
+            data = Rows(data, self.base).poses
+        poses = _rows_of_poses(data, self.inputs)
         covariance, base = self.covariance, self.base
 
         def of_coefficients() -> F:
@@ -289,7 +288,7 @@ class Model:
             wrench, stiffness = self._at_poses(rows), self._changed_stiffness(rows, kind)
         else:
             wrench, stiffness = self.base.wrench_and_stiffness(rows, kind)
-        return (wrench, stiffness) if poses.ndim != 1 else (wrench[0], stiffness[0])
+        return (wrench, stiffness) if np.ndim(poses) != 1 else (wrench[0], stiffness[0])
 
     def _changed_stiffness(self, poses: F, kind: str) -> F:
         """(N, m, n) of the base and the effects, by central differences."""

@@ -85,12 +85,12 @@ class MeasuredMap(MapDefaults):
 
     @property
     def bounds(self) -> tuple[F, F] | None:
-        """Of the whole map."""
+        """Those of the whole map."""
         return self.whole.bounds
 
     @property
     def prior(self) -> tuple[F, F] | None:
-        """Of the whole map."""
+        """Those of the whole map."""
         return self.whole.prior
 
     def predict(self, poses: F) -> F:
