@@ -9,6 +9,7 @@ import pytest
 
 import ecm
 from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 
 NOISE_NM = 0.02
@@ -82,3 +83,21 @@ def test_noise_that_is_not_known_has_no_floor() -> None:
     table = ecm.Table({"x_m": x, "fx_N": 3.0 * x + 0.4 * np.sin(40.0 * x)})
     line = next(line for line in str(said(table)).splitlines() if line.startswith("fx "))
     assert line.split()[2:] == ["-", "-", "-", "N"]
+
+
+def test_noise_that_is_only_assumed_is_no_floor() -> None:
+    """All six poses and wrenches, no repeats and no figures: the noise of a common rig weighs."""
+    random = np.random.default_rng(0)
+    at = random.uniform(-1.0, 1.0, (40, 6)) * [4e-3, 8e-3, 8e-3, 0.2, 0.2, 0.2]
+    wrench = at * [2e4, 3e3, 3e3, 4.0, 14.0, 14.0] + 0.002 * random.standard_normal((40, 6))
+    table = ecm.Table(dict(zip((*POSE, *WRENCH), np.hstack([at, wrench]).T, strict=True)))
+    model = ecm.fit(table, "linear")
+    compared, found = ecm.compare(model, table), ecm.diagnose(model, table, effects=[])
+    assert compared.noise.is_assumed
+    assert not compared.noise.is_residual
+    for text in (str(compared), found.model.sentence()):
+        assert "floor" not in text
+        assert "times the noise" not in text
+        assert "% of" in text
+    for document in (compared.to_dict(), found.to_dict()):
+        assert document["noise"]["is_assumed"] is True

@@ -43,7 +43,9 @@ def compare(options: Options, session: Session) -> None:
     if result.pose_error.row.size:
         session.print(_worst_poses(result))
     if result.references is not None:
-        session.print(f"{result.references.levels_in_words()} {result.references.sentence()}")
+        assumed = result.noise.is_assumed
+        levels = result.references.levels_in_words(noise_is_assumed=assumed)
+        session.print(levels if assumed else f"{levels} {result.references.sentence()}")
     if result.rows_used is not None:
         session.print(result.rows_used.sentence())
     for warning in result.warnings:
@@ -60,8 +62,8 @@ def _errors(result: Comparison, constant: Sequence[str]) -> str:
             error = (item.name, f"{item.rmse:.3g}", f"{item.bias:.3g}")
             noise = (f"{item.floor:.3g}", f"{item.excess:.3g}")
             interval = f"{item.excess_low:.3g} .. {item.excess_high:.3g}"
-            # Noise that is only what the model leaves is no floor.
-            known = ("-",) * 3 if result.noise.is_residual else (*noise, interval)
+            # Noise that nobody measured or declared is no floor.
+            known = ("-",) * 3 if result.noise.is_assumed else (*noise, interval)
             rows.append((*error, *known, unit_of(item.name)))
     return columns(rows)
 

@@ -76,7 +76,7 @@ def _basis(document: Mapping[str, Any]) -> str:
     base, gate = document["base"], document["gate"]
     own = f", its own error {base['error_over_noise']:.2f} times the noise"
     # Only a body's FEM has one; how far another form is off is what the tests say.
-    if document["noise"].get("is_residual") or base["error_over_noise"] == 0.0:
+    if document["noise"].get("is_assumed") or base["error_over_noise"] == 0.0:
         own = ""
     pattern = (document["unknown"] or {}).get("pattern")
     return (

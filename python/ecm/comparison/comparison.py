@@ -202,8 +202,8 @@ class Comparison:
         for c in self.components:
             name, unit = c.name.rsplit("_", 1)[0], unit_of(c.name)
             known = f"{c.floor:>10.3g}{c.excess:>10.3g}  {c.excess_low:.3g} to {c.excess_high:.3g}"
-            # Noise that is only what the model leaves is no floor.
-            noise = "{:>10}{:>10}  -".format("-", "-") if self.noise.is_residual else known
+            # Noise that nobody measured or declared is no floor.
+            noise = "{:>10}{:>10}  -".format("-", "-") if self.noise.is_assumed else known
             lines.append(f"{name:<10}{c.rmse:>10.3g}{noise} {unit}")
         lines += textwrap.wrap(self.pose_error.sentence(), 99)
         outside = f", {self.outside_domain} outside the poses of the fit" * (
@@ -217,14 +217,17 @@ class Comparison:
         worst = max(self.components, key=lambda c: c.excess / max(c.floor, 1e-300))
         unit = unit_of(worst.name)
         follows = "follows the pose, the order or another column"
-        if self.noise.is_residual:
+        if self.noise.is_assumed:
             part = f" A part of it {follows}." if self.missing else ""
+            spread = float(self.compared.table.column(worst.name)[self.compared.chosen].std())
+            share = 100.0 * worst.rmse / max(spread, 1e-300)
             return (
-                f"{self.model} errs {worst.rmse:.3g} {unit} in {worst.name.rsplit('_', 1)[0]}; "
+                f"{self.model} errs {worst.rmse:.3g} {unit} in {worst.name.rsplit('_', 1)[0]}, "
+                f"{share:.3g} % of its spread; "
                 "without repeats or [instrument] figures nothing says how much of it is noise."
                 + part
             )
-        where = {"repeats": "from repeats", "declared": "as declared", "assumed": "assumed"}
+        where = {"repeats": "from repeats", "declared": "as declared"}
         floor = f"the noise floor {where[self.noise.source]}"
         if self.excess_low <= 0.0 and not self.missing:
             return (
@@ -316,7 +319,7 @@ class Comparison:
             "model": self.model,
             "rows": self.rows,
             "sentence": self.sentence(),
-            "noise": self.noise.to_dict(),
+            "noise": {**self.noise.to_dict(), "is_assumed": self.noise.is_assumed},
             "rmse": {c.name: c.rmse for c in self.components},
             "components": [asdict(c) for c in self.components],
             "whitened_rms": self.whitened_rms,

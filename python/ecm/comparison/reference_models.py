@@ -55,11 +55,14 @@ class ReferenceModels:
     by: str = "pose"
     """What the held-out parts are: clusters of the `pose`, blocks of `time`, or each `run`."""
 
-    def levels_in_words(self) -> str:
+    def levels_in_words(self, *, noise_is_assumed: bool = False) -> str:
         """Return the known errors and how rows were held out; no number for no prediction."""
         levels = self.levels()
+        if noise_is_assumed:
+            levels.pop("noise floor", None)
         shown = ", ".join(f"{n} {value:.2f}" for n, value in levels.items() if value < _USELESS)
-        text = f"Error over noise, {_HELD_OUT[self.by]} held out: {shown}."
+        over = "an assumed noise (only their ratios count)" if noise_is_assumed else "noise"
+        text = f"Error over {over}, {_HELD_OUT[self.by]} held out: {shown}."
         lost = [name for name, value in levels.items() if value >= _USELESS]
         if lost:
             text += f" The {' and the '.join(lost)} do{'es' * (len(lost) == 1)} not extrapolate to "

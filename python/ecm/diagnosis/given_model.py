@@ -64,6 +64,8 @@ class Errors:
     """Whitened rms; None where nothing is known of the noise."""
     rmse: dict[str, float]
     """Error of each component, in the unit of its column."""
+    of_spread: float | None = field(default=None, metadata={"json": ""})
+    """The largest error of a component over its spread, where the noise is only assumed."""
 
     def __str__(self) -> str:
         parts = []
@@ -72,8 +74,8 @@ class Errors:
             if own:
                 parts.append(f"{float(np.sqrt(np.mean(np.square(own)))):.3g} {unit}")
         sized = ", ".join(parts)
-        if self.over_noise is None:
-            return sized
+        if self.of_spread is not None:
+            return f"{sized}, {100.0 * self.of_spread:.2g} % of the spread"
         return f"{self.over_noise:.3g} times the noise ({sized})"
 
 
@@ -124,7 +126,9 @@ class GivenModel:
         if self.missing:
             text = f"{self.name}, as it stands, errs {self.as_given} on these data"
         elif self.answer == "noise":
-            why = nothing_follows(self.as_given.over_noise or 0.0, self.neighbours_alike)
+            known = self.as_given.of_spread is None
+            over_noise = (self.as_given.over_noise or 0.0) if known else 0.0
+            why = nothing_follows(over_noise, self.neighbours_alike)
             text = f"{self.name} errs {self.as_given} on these data, {why}"
         else:
             text = f"{self.name} fits these data: it errs {self.as_given}"
@@ -195,13 +199,17 @@ def judge_given_model(
     result = compare(model, prepared.table, noise=noise)
     same = isinstance(model.base, PhysicsMap) and isinstance(problem.base, PhysicsMap)
     noise = result.noise
-    base_errors = Errors(
+    base_errors = _sized(
         None if problem.noise.is_residual else held_out_rms(problem, ()),
         dict(zip(problem.base.outputs, problem.rms(problem.fit.residual).tolist(), strict=True)),
+        problem.noise,
+        prepared.table,
     )
-    as_given = Errors(
+    as_given = _sized(
         None if noise.is_residual else result.whitened_rms,
         {c.name: c.rmse for c in result.components},
+        noise,
+        prepared.table,
     )
     # `result.missing` fits a base of its own where neither of the others says so.
     far = _far_behind(as_given, base_errors, settings)
@@ -301,10 +309,22 @@ def _errors(fit: JointFit, noise: Noise) -> Errors:
     whitened, residual = fit.whitened[scored], fit.residual[scored]
     dof = max(1, whitened.size - fit.design.shape[2])
     rms = np.sqrt((residual**2).mean(axis=0))
-    return Errors(
+    return _sized(
         None if noise.is_residual else float(np.sqrt((whitened**2).sum() / dof)),
         dict(zip(fit.base.outputs, rms.tolist(), strict=True)),
+        noise,
+        fit.rows.table,
     )
+
+
+def _sized(over_noise: float | None, rmse: dict[str, float], noise: Noise, table: Table) -> Errors:
+    """Return errors, over the spread of each column where nothing tells the noise."""
+    if not noise.is_assumed:
+        return Errors(over_noise, rmse)
+    measured = table.measured()
+    spread = {name: float(measured.column(name).std()) for name in rmse}
+    shares = [error / spread[name] for name, error in rmse.items() if spread[name] > 0.0]
+    return Errors(over_noise, rmse, max(shares, default=None))
 
 
 def _bic_fall(without: JointFit, with_effects: JointFit) -> float:

@@ -252,7 +252,7 @@ def _component_errors(
     before = np.sqrt(((measured - model.predict(table))[scored] ** 2).mean(axis=0))
     alone, after = problem.rms(problem.fit.residual), problem.rms(final.residual)
     floor: dict[str, float] = {}
-    if not problem.noise.is_residual:
+    if not problem.noise.is_assumed:
         covariance = problem.noise.covariance(problem.rows, problem.base.error)
         sd = np.sqrt(np.einsum("nii->ni", covariance)[scored].mean(axis=0))
         floor = dict(zip(names, sd.tolist(), strict=True))

@@ -58,6 +58,7 @@ class NoiseSummary:
         """Return the part of the report."""
         effects = {"effects": to_json(self.effects), "tested": list(self.tested)}
         own = {"is_residual": True} if self.figures.is_residual else {}
+        own["is_assumed"] = self.figures.is_assumed
         return self.figures.to_dict() | own | effects
 
 
@@ -235,7 +236,7 @@ class Diagnosis:
 
     def _fall(self) -> str:
         before, after = self.held_out.before, self.held_out.after
-        if self.noise.figures.is_residual:
+        if self.noise.figures.is_assumed:
             return f"the base's held-out error falls to {after / max(before, 1e-300):.0%}"
         return f"the base's held-out error {before:.2f} -> {after:.2f} times the noise"
 

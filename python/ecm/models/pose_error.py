@@ -215,7 +215,7 @@ def pose_error(
     ]
     held, change, sizes, noise_sizes = (np.concatenate(part) for part in zip(*parts, strict=True))
     has = [any(k in axes for k in part) for part in (range(3), range(3, 6))]
-    known = noise is not None and not noise.is_residual and held.any()
+    known = noise is not None and not noise.is_assumed and held.any()
     alone = np.median(noise_sizes[held], axis=0) if known else None
     return PoseError(
         axes=tuple(POSE[k] for k in axes),

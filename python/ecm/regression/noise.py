@@ -55,6 +55,14 @@ class Noise:
     growth_per_Nm: float = 0.0
 
     @property
+    def is_assumed(self) -> bool:
+        """Whether neither repeats nor figures tell the noise: an error has no floor to stand on.
+
+        Whether the figures are those of a common rig or the spread of a residual (`is_residual`).
+        """
+        return self.source == "assumed"
+
+    @property
     def is_residual(self) -> bool:
         """Whether nothing is known of the noise, and the spread of a residual stands in its place.
 
