@@ -98,9 +98,9 @@ impl Profile {
                 waist_radius_m,
                 discs,
             } => {
+                // That of crest and waist also between them, where it changes fastest.
                 let turns = (discs.max(&1) - 1) as f64;
-                let wave = (TAU * turns * x_over_l).cos();
-                2.0 * (PI * turns).powi(2) * (radius_m - waist_radius_m) * wave
+                2.0 * (PI * turns).powi(2) * (radius_m - waist_radius_m)
             }
         };
         0.7 * (self.outer_m(x_over_l) / curvature_m.abs()).sqrt()

@@ -298,7 +298,7 @@ pub fn mesh(length_m: f64, profile: &Profile, quality: Quality) -> Result<Mesh, 
                     FemError::InvertedElement { .. } => FemError::Parameter {
                         name: "layers",
                         value: sizes.layers as f64,
-                        expected: "other numbers: elements are inverted or flat; take more layers",
+                        expected: "a larger number: elements are inverted or flat",
                     },
                     other => other,
                 },
