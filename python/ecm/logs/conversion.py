@@ -31,7 +31,7 @@ def standard_columns(
     for name, entry in mapped.columns.items():
         found[name] = log.columns[entry.column] * entry.unit.factor + entry.unit.offset
         words[name] = _words(entry)
-    notes: list[str] = []
+    notes = list(mapped.notes)
     usable = np.ones(len(log), dtype=bool)
     if mapped.rotation is not None:
         parts = mapped.rotation.sources

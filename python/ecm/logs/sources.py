@@ -54,11 +54,14 @@ class ColumnMap:
         Where the three rotations are one group: their source.
     own
         Columns of the log that are kept under a name of their own.
+    notes
+        Sentences about columns that were not asked about.
     """
 
     columns: Mapping[str, Source]
     rotation: RotationSource | None
     own: Mapping[str, str]
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -116,9 +119,10 @@ def chosen_source(
 
 def column_like(name: str, log: Log) -> str:
     """The log's only column of this name without regard to case and separators, else the name."""
-    if name in log.columns:
+    known = (*log.columns, *log.text)
+    if name in known:
         return name
-    alike = [own for own in log.columns if _squeezed(own) == _squeezed(name)]
+    alike = [own for own in known if _squeezed(own) == _squeezed(name)]
     return alike[0] if len(alike) == 1 and _squeezed(name) else name
 
 

@@ -36,6 +36,9 @@ class Options:
         list[str] | None,
         typer.Option("--topic", metavar="NAME", help="A topic of a bag; repeat it."),
     ] = None
+    group: Annotated[
+        str, typer.Option("--group", metavar="NAME", help="Column that tells experiments apart.")
+    ] = ""
     meta: Annotated[
         Path | None,
         typer.Option("--meta", metavar="FILE", help="TOML with mechanism, frames, instrument."),
