@@ -222,3 +222,35 @@ def test_a_pose_that_was_not_tracked_costs_its_row() -> None:
     log = {"time": np.arange(20.0), "tracker.pose": transforms, "wrench": wrench}
     table = import_log(log, units=["SI"], leave_out=True).table
     assert table.column("x_m").tolist() == np.delete(transforms[:, 0, 3], 3).tolist()
+
+
+def test_other_columns_are_not_asked_about_where_pose_and_wrench_are_mapped() -> None:
+    log = {"disp": ANGLE, "load": 2.0 * ANGLE, "load2": 3.0 * ANGLE, "torque": ANGLE}
+    with pytest.raises(ecm.InputError, match="without an axis"):
+        import_log(log, columns={"x_m": "disp:mm"})
+    imported = import_log(log, columns={"x_m": "disp:mm", "fx_N": "load:N"})
+    assert sorted(imported.table.covariates) == ["load2", "torque"]
+    assert "column 'torque' may be tau_x_Nm or tau_y_Nm or tau_z_Nm, and is kept" in str(imported)
+
+
+@pytest.mark.parametrize("words", [False, True])
+def test_experiments_in_one_log_are_asked_about_and_held_out_together(
+    tmp_path: Path, words: bool
+) -> None:
+    number = np.repeat([1.0, 2.0, 3.0], 4)
+    frame = pd.DataFrame(
+        {**JOINT, "Specimen no": [f"S {n:g}" for n in number] if words else number}
+    )
+    asked = str(import_log(frame))
+    assert "column 'Specimen no' has 3 values: are they experiments of their own?" in asked
+    assert "--group 'Specimen no' holds" in asked
+    imported = import_log(frame, group="Specimen no")
+    imported.write(tmp_path / "t.csv")
+    groups = ecm.read_table(tmp_path / "t.csv").groups()
+    assert groups is not None
+    assert groups.tolist() == (number - 1.0).tolist()
+    assert ("S 1 = 0, S 2 = 1, S 3 = 2" in str(imported)) == words
+    assert "--group" not in str(imported)
+    assert "left aside" not in str(imported)
+    with pytest.raises(ecm.InputError, match="--group speciman: no such column, did you mean"):
+        import_log(frame, group="speciman")

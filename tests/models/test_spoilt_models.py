@@ -134,6 +134,8 @@ def test_every_document_is_tried_and_good_as_it_is(tmp_path: Path) -> None:
         ("energy", ("noise", "force_sd_N"), "0.3", "noise.force_sd_N: found '0.3', expected a num"),
         ("rod", ("length_m",), None, "length_m: found None, expected a number above 0"),
         ("family", ("family", "table"), [[1.0]], r"family.table: found shape \(1, 1\), expected"),
+        ("one axis", ("domain", "x_m"), [1.0, 0.0], r"domain.'x_m': found .*, expected the small"),
+        ("one axis", ("domain",), {"y_m": [0.0, 1.0]}, "domain.x_m: missing"),
         ("refitted", ("history", 0, "train"), "good", r"history\[0\].train: found 'good'"),
         ("polynomial", ("covariance_of_outputs",), None, r"covariance: found shape \(7, 7\), exp"),
         ("with effects", ("effects", 0, "shape", "tau_s"), "x", "shape of effect stress_relaxat"),

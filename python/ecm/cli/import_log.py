@@ -31,6 +31,7 @@ def import_log(options: Options, session: Session) -> None:
                 rotation=options.rotation,
                 units=[word for word in options.units.split(",") if word.strip()],
                 axis=options.axis,
+                group=options.group,
                 meta=options.meta,
                 leave_out=options.leave_out,
             )

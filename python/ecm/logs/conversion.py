@@ -33,7 +33,7 @@ def standard_columns(
         values = log.columns[entry.column] * entry.unit.factor + entry.unit.offset
         found[name] = entry.sign * values
         words[name] = _words(entry)
-    notes: list[str] = []
+    notes = list(mapped.notes)
     usable = np.ones(len(log), dtype=bool)
     if mapped.rotation is not None:
         parts = mapped.rotation.sources

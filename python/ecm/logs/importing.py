@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import re
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.errors import InputError, Remedy
+from ecm.errors import InputError, Remedy, shortened
 from ecm.io.arguments import check_arguments
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE
@@ -25,6 +27,7 @@ from ecm.io.raw_table import check_names
 from ecm.io.row_errors import BadRows
 from ecm.io.steps import Progress
 from ecm.io.table import MetaLike, Table, as_table
+from ecm.io.toml import did_you_mean
 from ecm.io.validate import repeated_rows
 from ecm.logs.containers import is_hdf5, read_hdf5, read_matlab, read_numpy, read_parquet_log
 from ecm.logs.conversion import (
@@ -38,11 +41,15 @@ from ecm.logs.log import Log
 from ecm.logs.mapping import propose
 from ecm.logs.objects import log_of_object
 from ecm.logs.rosbag import is_bag, read_bag
-from ecm.logs.sources import UserChoices, without_columns
+from ecm.logs.sources import ColumnMap, UserChoices, column_like, without_columns
 from ecm.logs.text import read_text_log
 from ecm.logs.units import given_units
 
 _LEFT_OUT = Remedy("leave them out with --leave-out, which records it")
+_EXPERIMENTS = {"experiment", "specimen", "sample", "trial", "subject", "test", "repetition"}
+"""Words in names of columns that tell experiments apart."""
+_MOST_WORDS = 8
+"""Words of a column that tells experiments apart that are listed with their numbers."""
 _SAMPLED_S = 0.5
 """Rows that follow each other faster are samples of a continuous test."""
 
@@ -121,7 +128,7 @@ class ImportedLog:
             write_csv(target, self.columns, progress)
 
 
-def import_log(
+def import_log(  # noqa: PLR0913 - one for each question that a log may raise
     log: Any,
     *,
     columns: Mapping[str, str] | None = None,
@@ -129,6 +136,7 @@ def import_log(
     units: Sequence[str] = (),
     axis: str = "",
     topics: Sequence[str] = (),
+    group: str = "",
     meta: MetaLike = None,
     leave_out: bool = False,
 ) -> ImportedLog:
@@ -151,6 +159,9 @@ def import_log(
         Axis of columns without one in their name: x, y or z.
     topics
         Topics of a bag with several poses or wrenches.
+    group
+        Column of the log whose equal values, numbers or words, are one experiment: the rows of one
+        stay together when rows are held out.
     meta
         Description (mechanism, instrument, frames) that goes into the table's own: a dict of what
         the TOML holds, or that file.
@@ -183,9 +194,18 @@ def import_log(
     if axis not in ("", "x", "y", "z"):
         raise InputError(f"--axis {axis}: expected x, y or z")
     choices = UserChoices(dict(columns or {}), rotation, given_units(units), axis)
+    raw, grouped_by = _with_group(raw, group, source) if group else (raw, "")
     mapped = propose(raw, choices, source)
     given = as_meta(meta)
     table, words, notes, usable = standard_columns(raw, mapped, source)
+    if group:
+        standard = {entry.column: name for name, entry in mapped.columns.items()}
+        names = standard | dict(mapped.own)
+        if grouped_by not in names:
+            raise InputError(f"{source}: --group {group}: this column is a part of the rotation")
+        given = replace(given, group=(names[grouped_by],))
+    elif not given.group:
+        notes += _likely_groups(raw, mapped)
     if mapped.rotation is not None and mapped.rotation.word in ORDERS and given.frames.empty:
         # With [frames] the tool may well be half a turn away from the top.
         vectors = np.column_stack([table[name] for name in POSE[3:]])
@@ -193,7 +213,7 @@ def import_log(
         notes += [doubt] if doubt else []
     unwrap_angle(table, notes)
     time_notes = begin_time_at_zero(table)
-    notes += drop_columns_with_gaps(table, words, {*POSE, *mapped.columns})
+    notes += drop_columns_with_gaps(table, words, {*POSE, *mapped.columns, *given.group})
     gone = np.flatnonzero(~(usable & holds_numbers(table))) + 1
     left: dict[str, str] = dict(given.leave_out)
     if len(gone):
@@ -228,6 +248,38 @@ def import_log(
     origin = {"source": source, "sha256": digest} | words | {"notes": list(every)}
     described = replace(given, file=_file(table, given.file), leave_out=left, origin=origin)
     return ImportedLog(table, described, source, every)
+
+
+def _with_group(log: Log, group: str, source: str) -> tuple[Log, str]:
+    """The log with words in the column `group` as numbers, and the column's name."""
+    column = column_like(group, log)
+    if column in log.columns:
+        return log, column
+    if column not in log.text:
+        known = [*log.columns, *log.text]
+        raise InputError(f"{source}: --group {group}: no such column, {did_you_mean(group, known)}")
+    words, codes = np.unique(log.text[column].astype(str), return_inverse=True)
+    listed = ", ".join(f"{shortened(word)} = {i}" for i, word in enumerate(words[:_MOST_WORDS]))
+    note = f"words of '{column}' as numbers: {listed}{', ...' if len(words) > _MOST_WORDS else ''}"
+    columns = {**log.columns, column: codes.astype(np.float64)}
+    text = {name: cells for name, cells in log.text.items() if name != column}
+    return replace(log, columns=columns, text=text, notes=(*log.notes, note)), column
+
+
+def _likely_groups(log: Log, mapped: ColumnMap) -> list[str]:
+    """Ask about columns that seem to tell experiments apart."""
+    notes = []
+    for column in (*mapped.own, *log.text):
+        if not _EXPERIMENTS & set(re.findall("[a-z]+", column.lower())):
+            continue
+        values = log.text[column].astype(str) if column in log.text else log.columns[column]
+        count = len(np.unique(values))
+        if 2 <= count <= len(values) / 2:
+            notes.append(
+                f"column '{column}' has {count} values: are they experiments of their own? "
+                f"--group {shlex.quote(column)} holds the rows of one out together"
+            )
+    return notes
 
 
 def _copies(table: Mapping[str, NDArray[Any]], gone: NDArray[Any]) -> list[int]:

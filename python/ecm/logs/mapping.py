@@ -46,11 +46,22 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
     rotation = rotation_of(named, choices, log, source, used, found)
     used |= {entry.column for entry in rotation.sources} if rotation is not None else set()
     sure = {n.readings[0].quantity for n in named.values() if len(n.readings) == 1}
+    poses = rotation is not None or any(name in POSE for name in choices.columns)
+    needed = poses and any(name in WRENCH for name in choices.columns)
+    notes: list[str] = []
     for name, own in named.items():
         if name in used:
             continue
         readings = _settled(own.readings, sure, rotation)
         standards = {s for r in readings if (s := _standard(r, choices.axis)) is not None}
+        doubtful = _doubtful(readings, standards)
+        # Whoever has named pose and wrench need not say what each other column is.
+        if doubtful and (needed or doubtful <= choices.columns.keys()):
+            notes.append(
+                f"column '{name}' may be {' or '.join(sorted(doubtful))}, and is kept as your own: "
+                "--map decides"
+            )
+            continue
         if len(standards) > 1:
             first, second = sorted(standards)[:2]
             raise InputError(
@@ -71,7 +82,17 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
     ask_units(found, log, source)
     left = [name for name in named if name not in used]
     own_names = unique_names(map(_own_name, left), taken=found)
-    return ColumnMap(found, rotation, dict(zip(left, own_names, strict=True)))
+    return ColumnMap(found, rotation, dict(zip(left, own_names, strict=True)), tuple(notes))
+
+
+def _doubtful(readings: Sequence[Reading], standards: set[str]) -> set[str]:
+    """Standard names between which a name does not decide; empty where it does, or says nothing."""
+    if len(standards) > 1:
+        return standards
+    if readings and not standards and readings[0].quantity in _WITHOUT_AXIS:
+        quantity = readings[0].quantity
+        return set(_STANDARD["rotvec" if quantity == "rotation" else quantity])
+    return set()
 
 
 def _read_names(log: Log) -> dict[str, Named]:

@@ -57,11 +57,14 @@ class ColumnMap:
         Where the three rotations are one group: their source.
     own
         Columns of the log that are kept under a name of their own.
+    notes
+        Sentences about columns that were not asked about.
     """
 
     columns: Mapping[str, Source]
     rotation: RotationSource | None
     own: Mapping[str, str]
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -144,12 +147,13 @@ def without_columns(log: Log, ignore: Sequence[str]) -> Log:
 
 def column_like(name: str, log: Log) -> str:
     """The log's only column of this name without regard to case and separators, else the name."""
-    if name in log.columns:
+    known = (*log.columns, *log.text)
+    if name in known:
         return name
     # A minus is no separator: -Fx is not Fx.
     alike = [
         own
-        for own in log.columns
+        for own in known
         if _squeezed(own) == _squeezed(name) and own.startswith("-") == name.startswith("-")
     ]
     return alike[0] if len(alike) == 1 and _squeezed(name) else name

@@ -7,7 +7,7 @@ what all have. A layout is a function of a value and of its place, which raises 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -191,7 +191,27 @@ def record(needed: Keys, optional: Keys | None = None, *, others: bool = False) 
     return check
 
 
-_RANGE = row(number(), number())
+_PAIR = row(number(), number())
+
+
+def _range(value: Any, place: str) -> None:
+    """Smallest and largest number of a column."""
+    _PAIR(value, place)
+    if value[0] > value[1]:
+        raise _wrong(place, value, "the smaller number first")
+
+
+def _domain(inputs: Sequence[str]) -> Layout:
+    """Ranges of all pose columns, or of none."""
+
+    def check(value: Any, place: str) -> None:
+        named(_range)(value, place)
+        if value:
+            record(dict.fromkeys(inputs, anything), others=True)(value, place)
+
+    return check
+
+
 _ERROR = number(0.0)
 _NOISE = record({"source": one_of("repeats", "declared", "assumed")}, dict.fromkeys((
     "position_sd_m", "rotation_sd_rad", "force_sd_N", "torque_sd_Nm", "growth_per_N",
@@ -263,11 +283,11 @@ def check_document(document: Mapping[str, Any], own: Layout) -> None:
             "effects": items(_EFFECT),
             "covariance": anything,
             "training": _training(n, m),
-            "domain": named(_RANGE),
+            "domain": _domain(document["inputs"]),
         },
         {
             "scene": _SCENE,
-            "conditions": named(_RANGE),
+            "conditions": named(_range),
             "base_frozen": flag,
             "correlations": items(row(text, text, number())),
             "history": items(_FIT),

@@ -40,6 +40,9 @@ class Options:
         list[str] | None,
         typer.Option("--ignore", metavar="COLUMN", help="Not used; repeat it."),
     ] = None
+    group: Annotated[
+        str, typer.Option("--group", metavar="NAME", help="Column that tells experiments apart.")
+    ] = ""
     meta: Annotated[
         Path | None,
         typer.Option("--meta", metavar="FILE", help="TOML with mechanism, frames, instrument."),
