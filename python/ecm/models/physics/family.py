@@ -48,7 +48,7 @@ _LAYOUT = record(
     },
     others=True,
 )
-"""Of a family in a model file and in the cache."""
+"""What a family holds in a model file and in the cache."""
 
 
 def compressibility(poisson_ratio: float) -> float:
