@@ -230,14 +230,15 @@ def _base_summary(problem: Problem) -> BaseSummary:
     """The base, its own error, and that of its mesh beside what its coefficients take in."""
     base, rows = problem.base, problem.rows
     kind, own = base.kind, problem.base_error
-    shares = mesh_shares(base)
-    if shares is None or not isinstance(base, PhysicsMap):
+    if not isinstance(base, PhysicsMap):
         return BaseSummary(kind, own)
     off = base.mesh_error_of(rows.predict(rows.table.matrix(base.inputs)))
+    if off is None:
+        return BaseSummary(kind, own)
     whitened = np.einsum("nij,nj->ni", problem.whitener, off).ravel()
     columns = problem.base_block.reshape(len(whitened), -1)
     left = whitened - columns @ np.linalg.lstsq(columns, whitened, rcond=None)[0]
-    return BaseSummary(kind, own, shares, float(np.sqrt((left**2).mean())))
+    return BaseSummary(kind, own, mesh_shares(base), float(np.sqrt((left**2).mean())))
 
 
 def _component_errors(
