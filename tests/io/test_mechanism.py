@@ -157,7 +157,7 @@ def _scales(low: float, high: float) -> st.SearchStrategy[float]:
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(
     shape=st.sampled_from(["cylinder", "tube", "hourglass", "stacked_discs"]),
-    length=_scales(1e-3, 10.0),
+    length=_scales(1.1e-3, 9.9),
     slender=_scales(1e-6, 9.9),
     share=_scales(1e-4, 0.999),
     discs=st.integers(2, 8),
