@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 from ecm._native import DesignError, EcmError, FemError, ModelError
 
@@ -59,6 +60,8 @@ class Remedy:
 
     words: str
     command: str = ""
+    force: bool = False
+    """Whether --force does all the same what was refused."""
 
     def filled(self, files: Mapping[str, str]) -> Remedy:
         """The remedy with the names of files in place of DATA, MODEL and so on."""
@@ -66,10 +69,10 @@ class Remedy:
         if not names:
             return self
         command = re.sub(rf"\b({names})\b", lambda found: files[found[1]], self.command)
-        return Remedy(self.words, command)
+        return replace(self, command=command)
 
-    def to_dict(self) -> dict[str, str]:
-        """For JSON: `words` and `command`."""
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON: `words`, `command` and `force`."""
         return asdict(self)
 
     def __str__(self) -> str:

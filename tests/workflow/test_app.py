@@ -467,10 +467,11 @@ def test_a_refused_fit_can_be_forced_and_a_refused_effect_is_told(app: App, tmp_
     with client_of(app) as client:
         accept_all(client, drop(client, app, tmp_path / "a.csv", f"x_m,fx_N\n{rows}"))
         state = step(client, app, "fit", model="poly:6")
-        assert state["steps"][-1]["remedy"]["command"].endswith("--force")
+        remedy = state["steps"][-1]["remedy"]
+        assert remedy["command"].startswith("ecm fit upload-1.csv --model choose")
         assert "not saved" in state["steps"][-1]["message"]
         assert "error:" not in state["steps"][-1]["message"]
-        state = take_the_way_out(client, app, state)
+        state = step(client, app, **remedy["again"])
         assert state["model"] is not None
         state = step(client, app, "refit", add=["payload"])  # one axis has none
         assert list(state["refused"]) == ["payload"]

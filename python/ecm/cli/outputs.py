@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from ecm.cli.interrupt import NOTHING_WRITTEN
@@ -109,5 +110,7 @@ def saved_by_force(path: Path) -> Iterator[None]:
     except ComputationError as error:
         raise ComputationError(
             f"{path}: not saved, {error.message}. --force saves it all the same.",
-            remedy=error.remedy or Remedy("save it all the same", "AGAIN --force"),
+            remedy=replace(
+                error.remedy or Remedy("save it all the same", "AGAIN --force"), force=True
+            ),
         ) from None

@@ -359,6 +359,7 @@ class Expression(ModelSpecification):
     equations: Equations
     parameters: Mapping[str, Parameter]
 
+    any_columns = True
     kind = "expression"
     usage = "a TOML with [expression] (docs/models.md)"
 

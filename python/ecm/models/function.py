@@ -109,6 +109,7 @@ class FunctionModel(ModelSpecification):
     function: Callable[..., Any]
     parameters: dict[str, Parameter] = field(default_factory=dict)
 
+    any_columns = True
     kind = "function"
 
     @property

@@ -226,11 +226,12 @@ def _hard_to_fold(model: Model, folded_ids: Sequence[str]) -> Sequence[str]:
 def _without(ids: Sequence[str], again: str) -> Remedy:
     """Fit without effects that the files cannot hold, or write them all the same."""
     if not ids:
-        return Remedy("export it all the same", f"{again} --force")
+        return Remedy("export it all the same", f"{again} --force", force=True)
     options = " ".join(f"--remove {id}" for id in ids)
     return Remedy(
         f"fit again without {' and '.join(ids)} (or export all the same with --force)",
         f"ecm refit MODEL DATA {options} --out without.json",
+        force=True,
     )
 
 

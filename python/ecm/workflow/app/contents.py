@@ -99,7 +99,7 @@ class Contents:
         document = self._report(step)
         return None if document is None else {**document, "step": step.number}
 
-    def refusal(self, step: Step) -> tuple[str, dict[str, str] | None] | None:
+    def refusal(self, step: Step) -> tuple[str, dict[str, Any] | None] | None:
         """Return why a command refused, and its way out; None where it died without a word."""
         error = (self._report(step) or {}).get("error")
         return None if error is None else (error["message"], error["remedy"])

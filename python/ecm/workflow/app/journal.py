@@ -43,7 +43,7 @@ class Step:
     begun_s: float
     status: str = "running"
     message: str = ""
-    remedy: dict[str, str] | None = None
+    remedy: dict[str, Any] | None = None
     """The way out of a refusal: words and, where one helps, a command."""
     seconds: float | None = None
 

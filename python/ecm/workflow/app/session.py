@@ -70,7 +70,7 @@ class Session(Contents):
         status: str,
         message: str,
         seconds: float,
-        remedy: dict[str, str] | None = None,
+        remedy: dict[str, Any] | None = None,
     ) -> None:
         """Record how a step ended."""
         record = {"status": status, "message": message, "seconds": round(seconds, 3)}

@@ -95,10 +95,16 @@ def _refused(history: History, files: Files) -> dict[str, Any]:
 
 
 def _remedy(step: Step, files: Files) -> dict[str, Any] | None:
-    """Return the way out of a refusal; its `request` is the step that does it, where one does."""
+    """Return the way out of a refusal; its `request` is the step that does it, where one does.
+
+    `again` is the request of the refused step by force, where that does it all the same.
+    """
     if step.remedy is None:
         return None
-    return {**step.remedy, "request": request_of(step.remedy["command"], files)}
+    request = request_of(step.remedy["command"], files)
+    forced = step.remedy.get("force") and not (request or {}).get("force")
+    again = {"verb": step.verb, **step.request, "force": True} if forced else None
+    return {**step.remedy, "request": request, "again": again}
 
 
 def _step(history: History, step: Step, files: Files) -> dict[str, Any]:

@@ -117,7 +117,7 @@ function advice({verb, message, remedy}) {
 }
 
 // What a controller cannot hold may be an effect of the model: each can be left out.
-const without = ({verb, status}) => verb !== "export" || status !== "failed" ? [] : (state.fit?.effects ?? []).map(({id}) =>
+const without = ({verb, status, remedy}) => verb !== "export" || status !== "failed" || remedy?.request?.remove ? [] : (state.fit?.effects ?? []).map(({id}) =>
   button(`Leave out ${effectName(id)} and fit again`, () => app.step("refit", {remove: [id]}), {"data-remove": id}));
 
 // What to do after a step that did not end well.

@@ -6,11 +6,12 @@ import {button, el} from "./dom.js";
 
 export function wayOut(remedy, state, app) {
   if (!remedy) return [];
-  const {verb, ...request} = remedy.request ?? {}, words = remedy.words;
+  const words = remedy.words;
   return [el("p", {}, `${words.charAt(0).toUpperCase()}${words.slice(1)}${remedy.command ? ":" : "."}`),
     remedy.command ? el("p", {}, el("code", {}, remedy.command)) : null,
-    verb ? button(label(verb, request), () => app.step(verb, request),
-      {class: "first", "data-remedy": verb, disabled: busy(state)}) : null].filter(Boolean);
+    ...[remedy.request, remedy.again].filter(Boolean).map(({verb, ...request}, place) =>
+      button(label(verb, request), () => app.step(verb, request),
+        {class: place ? null : "first", "data-remedy": verb, disabled: busy(state)}))].filter(Boolean);
 }
 
 function label(verb, request) {
