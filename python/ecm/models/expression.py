@@ -352,8 +352,8 @@ class Expression(ModelSpecification):
     >>> x = np.linspace(-0.01, 0.01, 21)
     >>> table = ecm.as_table({"x_m": x, "fx_N": 2000.0 * x + 4e6 * x**3})
     >>> spring = Expression("fx_N = k * x_m + c * x_m**3", k=(1e3, 0, 1e6), c=0.0)
-    >>> ecm.fit(table, spring).base.coefficients.round(3)
-    array([   2000., 4000000.])
+    >>> ecm.fit(table, spring).base.coefficients.round(1).tolist()
+    [2000.0, 4000000.0]
     """
 
     equations: Equations
