@@ -245,5 +245,5 @@ def test_what_is_done_by_hand_is_said() -> None:
     first = campaign(seed=3)
     with pytest.raises(InputError, match="by hand"):
         follow_up_plan(first, "calliper")
-    with pytest.raises(InputError, match="pose column"):
+    with pytest.raises(InputError, match="all six coordinates"):
         follow_up_plan(first.drop(POSE[0]), "dead weights")

@@ -63,7 +63,7 @@ CASES: dict[str, tuple[str, Callable[[], Table], bool]] = {
     "too plain": ("linear", neck, True),
     "campaign": ("energy6", lambda: campaign("", 1.0, 4), False),
     "payload": ("energy6", lambda: campaign("payload", 1.0, 4), True),
-    "forces only": ("cubic", lambda: neck(200).drop(*WRENCH[3:]), False),
+    "forces only": ("energy6", lambda: neck(200).drop(*WRENCH[3:]), False),
     "a line": ("linear", lambda: line(repeats=False), False),
     "a line, repeated": ("linear", lambda: line(repeats=True), False),
     "a curve": ("linear", lambda: line(repeats=False, bent=2.0), True),

@@ -15,6 +15,7 @@ from ecm.io.extras import require
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.models.fit import fit_rows
 from ecm.models.maps import StiffnessMap
+from ecm.models.partial import measured_part
 from ecm.models.registry import parse_model
 from ecm.models.specification import ModelSpecification
 from ecm.regression.blocks import MANY_ROWS
@@ -136,9 +137,10 @@ def cross_validate(
         if maps is None:
             train = measured.select(np.flatnonzero(fold != part))
             waiting = None if progress is None else part_told
-            predicted = fit_rows(train, specification, progress=waiting).predict(test)
+            base = fit_rows(train, specification, progress=waiting).base
         else:
-            predicted = maps[part].predict(test.matrix(maps[part].inputs))
+            base = maps[part]
+        predicted = measured_part(base, test).predict(test.matrix(base.inputs))
         residual[fold == part] = truth[fold == part] - predicted
         told(part + 1, count)
     rmse = np.sqrt((residual**2).mean(axis=0))

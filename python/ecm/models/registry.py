@@ -8,7 +8,15 @@ from typing import Any
 from ecm.errors import InputError
 from ecm.models.energy import EnergyModel
 from ecm.models.expression import Expression
-from ecm.models.layout import check_covariance, check_document
+from ecm.models.layout import (
+    anything,
+    check_covariance,
+    check_document,
+    items,
+    named,
+    record,
+    text,
+)
 from ecm.models.learned import GaussianProcessModel, NeuralNetworkModel
 from ecm.models.maps import StiffnessMap
 from ecm.models.partial import MEASURED, MeasuredMap
@@ -85,16 +93,32 @@ def _of_name(name: str) -> ModelSpecification:
 def map_from_document(document: dict[str, Any]) -> StiffnessMap:
     """Return the map of an opened model file, whose layout is checked; InputError where wrong."""
     if document["kind"] == MEASURED:
-        whole, names = map_from_document(dict(document["parameters"])), tuple(document["outputs"])
-        if not set(names) < set(whole.outputs) or whole.inputs != tuple(document["inputs"]):
-            raise InputError(f"outputs = {list(names)} of a map of {', '.join(whole.outputs)}")
-        return MeasuredMap(whole, names)
+        check_document(document, record({"parameters": named(anything)}, others=True))
+        base: StiffnessMap = _measured(document)
+    else:
+        sizes = len(document["inputs"]), len(document["outputs"])
+        check_document(document, _family_of(document).layout(*sizes))
+        base = _family_of(document).map_from_document(document)
+    check_covariance(document, len(base.coefficients))
+    return base
+
+
+def _family_of(document: dict[str, Any]) -> type[ModelSpecification]:
     for family in MODELS:
-        if family.kind == document["kind"]:
-            sizes = len(document["inputs"]), len(document["outputs"])
-            check_document(document, family.layout(*sizes))
-            base = family.map_from_document(document)
-            check_covariance(document, len(base.coefficients))
-            return base
+        if family.kind == document.get("kind"):
+            return family
     known = ", ".join(family.kind for family in MODELS)
-    raise InputError(f"kind = {document['kind']!r} (expected one of {known})")
+    raise InputError(f"kind = {document.get('kind')!r} (expected one of {known})")
+
+
+def _measured(document: dict[str, Any]) -> MeasuredMap:
+    """Some wrench columns of a whole map, which is a document of its own."""
+    own, names = dict(document["parameters"]), tuple(document["outputs"])
+    columns = record({"inputs": items(text), "outputs": items(text)}, others=True)
+    columns(own, "parameters")
+    family = _family_of(own)
+    family.layout(len(own["inputs"]), len(own["outputs"]))(own, "parameters")
+    whole = family.map_from_document(own)
+    if not set(names) < set(whole.outputs) or whole.inputs != tuple(document["inputs"]):
+        raise InputError(f"outputs = {list(names)} of a map of {', '.join(whole.outputs)}")
+    return MeasuredMap(whole, names)

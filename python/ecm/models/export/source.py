@@ -76,11 +76,19 @@ class Source:
     def need_whole(self, target: str) -> None:
         """Raise InputError for a model without all six pose and wrench columns."""
         if not self.whole:
+            remedy = Remedy("export it to c", "ecm export MODEL --to c --out OUT")
+            if self.timed.lost:  # what c refuses as well
+                ids = list(self.timed.lost)
+                remedy = Remedy(
+                    f"fit again without {' and '.join(ids)}, and export it to c",
+                    f"ecm refit MODEL DATA {' '.join(f'--remove {id}' for id in ids)} "
+                    "--out without.json",
+                )
             raise InputError(
                 f"--to {target} needs a model from the six columns of the pose to the six of the "
                 f"wrench; this one takes {', '.join(self.inside.inputs)} to "
                 f"{', '.join(self.inside.outputs)}: export it to c, or fit a whole one",
-                remedy=Remedy("export it to c", "ecm export MODEL --to c --out OUT"),
+                remedy=remedy,
             )
 
     def template(self, path: str, values: dict[str, str] | None = None) -> str:
