@@ -148,9 +148,8 @@ def test_a_large_base_hides_no_structure_from_the_gate() -> None:
     nothing, missing = found
     assert nothing.verdict == "none"
     assert 0.7 < nothing.gate.F < 1.4
-    assert missing.verdict == "unknown"
-    assert missing.unknown is not None
-    assert missing.unknown.words.startswith("fx follows humidity")
+    assert missing.verdict == "named"
+    assert missing.answer == (("unused_column:humidity",),)
 
 
 # --- noise of some of the columns -----------------------------------------------------------------

@@ -97,7 +97,7 @@ def test_errors_name_column_and_row_of_the_frame(change: dict[str, Any], words: 
 def test_a_wrong_description_is_refused() -> None:
     with pytest.raises(InputError, match=r"meta.*lenght_m"):
         ecm.Table(spring(), meta={"mechanism": {"lenght_m": 0.1}})
-    with pytest.raises(InputError, match="expected a dict"):
+    with pytest.raises(InputError, match="expected a Meta or a dict"):
         ecm.Table(spring(), meta=["mechanism"])  # type: ignore[arg-type]
 
 

@@ -167,7 +167,6 @@ def test_a_column_with_empty_cells_is_asked_for_with_its_range() -> None:
         import_log({"x_mm": PLACE[:, 0], "Fx": np.full(N, np.nan)})
 
 
-def test_choosing_a_model_of_one_angle_says_which_models_there_are() -> None:
+def test_a_model_of_one_angle_is_chosen_among_nine_polynomials() -> None:
     table = ecm.as_table({"theta_z_rad": TURN[:, 2], "tau_z_Nm": LOAD[:, 3]})
-    with pytest.raises(ecm.InputError, match=r"poly:D, D up to 6 \(9 of one pose column\)"):
-        default_candidates(table)
+    assert [one.name for one in default_candidates(table)] == [f"poly:{d}" for d in range(1, 10)]

@@ -155,9 +155,9 @@ def simulate(
     >>> pairs.table().wrench_columns[:2]
     ('fx_N', 'fy_N')
     """
-    check_arguments(simulate, locals())
     _check_mechanism("simulate", mechanism)
     _check_number("simulate", n)
+    check_arguments(simulate, locals())
     if n < 1:
         raise InputError(f"simulate: n = {n}, expected at least 1 pair")
     workspace = Workspace() if workspace is None else workspace

@@ -247,6 +247,7 @@ class GaussianProcessModel(ModelSpecification):
     GaussianProcessModel()
     """
 
+    any_columns = True
     kind = "gp"
 
     @property
@@ -306,6 +307,7 @@ class NeuralNetworkModel(ModelSpecification):
     NeuralNetworkModel()
     """
 
+    any_columns = True
     kind = "mlp"
 
     @property

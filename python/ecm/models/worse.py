@@ -17,6 +17,7 @@ from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.models.behind import base_and_error, is_far_behind
 from ecm.models.fit import fit_rows
 from ecm.models.joint_fit import joint_fit
+from ecm.models.partial import measured_part
 from ecm.models.registry import parse_model
 from ecm.models.specification import CHOOSE
 from ecm.regression.blocks import MANY_ROWS
@@ -164,7 +165,7 @@ def _stiffness_moves(fitted: Model, table: Table, before: Model) -> list[str]:
         return []
     if len(table) > MANY_ROWS:
         table = table.thinned(spread_rows(table, MANY_ROWS))
-    fit = joint_fit(before.base, before.effects, table, fitted.noise)
+    fit = joint_fit(measured_part(before.base, table), before.effects, table, fitted.noise)
     k = len(fit.base.coefficients)
     alone = replace(before, base=fit.base, effects=fit.effects, covariance=fit.covariance[:k, :k])
     rest = Rows(table, fitted.base).middle_pose[None]
