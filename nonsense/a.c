@@ -10,10 +10,6 @@ typedef a_real real;
 
 enum { INPUTS = 1, OUTPUTS = 1, TERMS = 2, SLOPES = 1 };
 
-static const real lower[INPUTS] = {
-    R(-1e-2)};
-static const real upper[INPUTS] = {
-    R(1e-2)};
 static const real centre[INPUTS] = {
     R(0e0)};
 static const real scale[INPUTS] = {
@@ -99,11 +95,32 @@ void a_value_and_stiffness(const real p[INPUTS], real h[OUTPUTS], real k[INPUTS 
     }
 }
 
+/* Box of the measured poses, and the ellipsoid |factor (x - middle)| <= 1 of their spread. */
+static const real inside_low[1] = {
+    R(-1.01e-2)};
+static const real inside_high[1] = {
+    R(1.01e-2)};
+static const real inside_middle[1] = {
+    R(1.6521175961683876e-19)};
+static const real inside_factor[1] = {
+    R(9.9009900990099e1)};
+
+static int32_t within(const real *x)
+{
+    real away = R(0);
+    int32_t inside = 1;
+    for (int32_t i = 0, e = 0; i < 1; i++) {
+        real sum = R(0);
+        for (int32_t j = 0; j <= i; j++) {
+            sum += inside_factor[e++] * (x[j] - inside_middle[j]);
+        }
+        away += sum * sum;
+        inside &= (int32_t)(x[i] >= inside_low[i]) & (int32_t)(x[i] <= inside_high[i]);
+    }
+    return inside & (int32_t)(away <= R(1));
+}
+
 int32_t a_inside(const real p[INPUTS])
 {
-    int32_t inside = 1;
-    for (int32_t i = 0; i < INPUTS; i++) {
-        inside &= (int32_t)((p[i] >= lower[i]) & (p[i] <= upper[i]));
-    }
-    return inside & (int32_t)(refused(p) <= R(0));
+    return within(p) & (int32_t)(refused(p) <= R(0));
 }

@@ -1,7 +1,7 @@
 /* a: polynomial model of an elastic mechanism
  *
  * Inputs x_m; outputs fx_N;
- * stiffness = d(outputs)/d(inputs), row by row. Model file sha256 6c63a82e94231b89c329d35287a6de14703c2472b0d19db072aeb3195eda79a2.
+ * stiffness = d(outputs)/d(inputs), row by row. Model file sha256 9440392998c725a03e72f489d943d006efbc1936a7f50344d28d5b19edaeb05d.
  * Outputs and stiffness are NaN where an input is not finite, or rotation vectors pass half a turn.
  *
  * Reentrant: nothing static is written, so that tasks and interrupts may call at the same time.
@@ -25,7 +25,7 @@ typedef double a_real;
 
 void a_value(const a_real p[1], a_real h[1]);
 void a_value_and_stiffness(const a_real p[1], a_real h[1], a_real k[1]);
-/* 1 where every input is in the range of the training data, else 0 */
+/* 1 where p lies in the box and the ellipsoid of the measured inputs, else 0 */
 int32_t a_inside(const a_real p[1]);
 
 #ifdef __cplusplus

@@ -109,7 +109,7 @@ def test_names_of_groups() -> None:
         fit_model(campaign(seed=3), "energy4+crooked")
     with pytest.raises(InputError, match="named twice"):
         fit_model(campaign(seed=3), "energy4+anisotropy+anisotropy")
-    with pytest.raises(_native.ModelError, match="already"):
+    with pytest.raises(InputError, match="already"):
         fit_model(campaign(seed=3), "energy4-general+anisotropy")
 
 

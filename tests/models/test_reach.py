@@ -83,6 +83,7 @@ def test_a_wide_family_has_the_poses_that_its_energy_needs(
         raise ComputationError("stop here")
 
     monkeypatch.setattr("ecm.models.physics.map.build_family", built)
+    monkeypatch.setattr("ecm.models.physics.map.BROUGHT", tmp_path)  # the neck's is there
     for reach in (0.88, 2.3, 3.0):
         with pytest.raises(ComputationError, match="stop here"):
             physics_map(Mechanism(), cache=tmp_path, reach_rad=reach)

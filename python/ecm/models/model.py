@@ -688,7 +688,7 @@ def load_model(path: str | Path) -> Model:
     document = file.read_document(path)
     try:
         base = map_from_document(document)
-    except EcmError as error:
+    except (EcmError, KeyError, TypeError, ValueError, IndexError) as error:
         raise InputError(
             f"{path}: the model file lacks or misstates {error}; fit the model again"
         ) from None
