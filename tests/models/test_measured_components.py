@@ -11,7 +11,7 @@ import ecm
 from ecm._native import EnergyModel
 from ecm.errors import InputError, remedy_of
 from ecm.io.columns import POSE, WRENCH
-from ecm.models import surrogate_of
+from ecm.models import choose_model, surrogate_of
 from ecm.models.maps import EnergyMap
 from ecm.models.partial import MeasuredMap
 from ecm.models.physics.refit import PhysicsModel
@@ -110,7 +110,7 @@ def test_what_cannot_do_with_less_says_what_can(name: str) -> None:
     assert remedy is not None
     chosen = remedy.command.split()[4]
     if chosen == "choose":  # a name of the command line
-        chosen = ecm.choose_model(table, ["linear", "quadratic"]).best.name
+        chosen = choose_model(table, ["linear", "quadratic"]).best.name
     ecm.fit(table, chosen)
 
 
