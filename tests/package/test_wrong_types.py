@@ -39,7 +39,7 @@ RESULTS = {
 WITHOUT_ARGUMENTS = {
     "ConstantCurvatureModel", "GaussianProcessModel", "NeuralNetworkModel", "RodModel",
 }  # fmt: skip
-HEAVY = {"campaign", "fem_poses", "identify", "run_campaign", "serve", "simulate"}
+HEAVY = {"campaign", "fem_poses", "identify", "run_campaign", "serve", "simulate", "solve_wrenches"}
 """Functions that would work for minutes, or for ever, with a value that is right."""
 
 X = np.linspace(-0.01, 0.01, 21)
@@ -151,6 +151,7 @@ def test_a_wrong_type_is_refused_in_words(name: str, tmp_path: Path) -> None:
     ("name", "given", "wrong"),
     [
         ("simulate", {"mechanism": ecm.Mechanism(), "n": 1}, ("mechanism", "n", "seed", "threads")),
+        ("solve_wrenches", {"mechanism": ecm.Mechanism()}, ("mechanism",)),
         ("campaign", {"plan": CANDIDATES, "rig": ecm.RigSettings()}, ("plan", "rig", "seed")),
         ("identify", {"config": "c.toml", "out": "o"}, ("config", "out", "seed")),
         ("serve", {"folder": "f"}, ("folder", "port", "tables")),

@@ -368,7 +368,7 @@ def _misread(
 
 def _error(basis: F, wrench: F) -> float:
     """Return the error of the fitted terms (N, m, k) over the rms of each load."""
-    size = np.sqrt((wrench**2).mean(axis=0))
+    size = _rms(wrench)
     y = (wrench / size).ravel()
     z = (basis / size[:, None]).reshape(len(y), -1)
     return _left(z, y)
@@ -390,7 +390,13 @@ def _error_of_quadratic(poses: F, wrench: F) -> float:
     first, second = np.triu_indices(x.shape[1])
     if len(x) >= 2 * (1 + x.shape[1] + len(first)):
         terms.append(x[:, first] * x[:, second])
-    return _left(np.hstack(terms), wrench / np.sqrt((wrench**2).mean(axis=0)))
+    return _left(np.hstack(terms), wrench / _rms(wrench))
+
+
+def _rms(wrench: F) -> F:
+    """(m,) root mean square of each load; the largest first, or squares would be lost."""
+    largest = np.maximum(np.abs(wrench).max(axis=0), 1e-300)
+    return np.asarray(largest * np.sqrt(((wrench / largest) ** 2).mean(axis=0)))
 
 
 def falling_loads(poses: F, wrench: F, there: B) -> tuple[str, ...]:
