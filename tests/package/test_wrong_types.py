@@ -151,7 +151,11 @@ def test_a_wrong_type_is_refused_in_words(name: str, tmp_path: Path) -> None:
     ("name", "given", "wrong"),
     [
         ("simulate", {"mechanism": ecm.Mechanism(), "n": 1}, ("mechanism", "n", "seed", "threads")),
-        ("solve_wrenches", {"mechanism": ecm.Mechanism(), "wrenches": np.zeros((1, 6))}, ("mechanism",)),
+        (
+            "solve_wrenches",
+            {"mechanism": ecm.Mechanism(), "wrenches": np.zeros((1, 6))},
+            ("mechanism",),
+        ),
         ("campaign", {"plan": CANDIDATES, "rig": ecm.RigSettings()}, ("plan", "rig", "seed")),
         ("identify", {"config": "c.toml", "out": "o"}, ("config", "out", "seed")),
         ("serve", {"folder": "f"}, ("folder", "port", "tables")),

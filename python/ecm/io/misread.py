@@ -414,7 +414,7 @@ def falling_loads(poses: F, wrench: F, there: B) -> tuple[str, ...]:
         turned = left_jacobians(np.ascontiguousarray(poses[:, 3:]))
         loads = np.hstack([wrench[:, :3], np.einsum("nji,nj->ni", turned, wrench[:, 3:])])
     x = poses[:, moving] - poses[:, moving].mean(axis=0)
-    spread = x.std(axis=0)
+    spread = _rms(x - x.mean(axis=0))
     u, s, vt = np.linalg.svd(x / spread, full_matrices=False)
     dof = len(x) - 1 - x.shape[1]
     if dof < x.shape[1] + 1:
