@@ -89,7 +89,7 @@ def predicted_table(plan: Table, base: NominalModel, rig: RigSettings | None = N
     time = np.array([visit.time_s for visit in visits])
     climate = Climate.build(settings, 0, timeline.end_s, timeline.heating)
     columns: dict[str, Any] = dict(zip(POSE, poses.T.copy(), strict=True))
-    columns |= dict(zip(WRENCH, wrenches.T.copy(), strict=True))
+    columns |= dict(zip(base.base.outputs, wrenches.T.copy(), strict=True))
     columns |= {
         "pose_id": np.array([visit.pose_id for visit in visits], dtype=np.float64),
         "run": np.array([visit.run for visit in visits], dtype=np.float64),

@@ -268,7 +268,8 @@ def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
     if not has_code and not (whole and model.known_length_m):
         raise InputError(
             f"a model of kind {kind} is not exported as it is, and an energy in its place needs "
-            "all six pose and wrench columns and a length: fit a polynomial or an energy"
+            "all six pose and wrench columns and a length: fit a polynomial or an energy",
+            remedy=Remedy("fit a polynomial", "ecm fit DATA --model linear --out linear.json"),
         )
     one: StiffnessMap
     if isinstance(model.base, PolynomialMap) and not whole:
