@@ -141,7 +141,10 @@ def refuse_wrong(function: Callable[..., Any], given: dict[str, Any], argument: 
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_wrong_type_is_refused_in_words(name: str, tmp_path: Path) -> None:
+def test_a_wrong_type_is_refused_in_words(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # a text is the name of a file to some
     given = right(tmp_path)[name]
     for argument in given:
         refuse_wrong(getattr(ecm, name), given, argument)
