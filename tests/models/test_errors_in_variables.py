@@ -192,7 +192,7 @@ def test_weights_by_spread_and_for_exact_data() -> None:
     )
     with pytest.raises(InputError, match="belongs to ordinary least squares"):
         fit_model(exact, PolynomialModel(2, pcr=0.1), weights="noise")
-    with pytest.raises(InputError, match="expected auto, noise, spread"):
+    with pytest.raises(InputError, match="expected one of auto, noise, spread"):
         fit_model(exact, "quadratic", weights="even")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="polynomials and energies only"):
         fit_model(exact, "rod", weights="spread")
