@@ -484,7 +484,7 @@ def test_diagnose_reports_a_verdict(tmp_path: Path, ecm_command: Command) -> Non
     assert ecm_command("fit", data, "--model", "energy4", "--out", tmp_path / "m.json").code == 0
     done = ecm_command(
         "diagnose", tmp_path / "m.json", data, "--json", tmp_path / "d.json", "--report",
-        tmp_path / "d.html", "--seed", "7",
+        tmp_path / "d.html", "--seed", "7", "--details",
     )  # fmt: skip
     assert done.code == 0, done.err
     document = read(tmp_path / "d.json")

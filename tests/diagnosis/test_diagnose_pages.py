@@ -6,6 +6,7 @@ import html
 import io
 import json
 import re
+from collections.abc import Callable
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,7 @@ from ecm.diagnosis import diagnose
 from ecm.diagnosis.sections import verdict_section
 from ecm.io.table import Table
 from support.campaigns import campaign, model
+from support.neck import Done
 from support.report_pages import figures_of, open_page
 
 HOSTILE = '</script><b>"x*y'
@@ -71,7 +73,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Told]:
         with redirect_stdout(out):
             code = run(
                 ["diagnose", str(folder / "m.json"), places[0], "--json", places[1],
-                 "--report", places[2]]
+                 "--report", places[2], "--details"]
             )  # fmt: skip
         assert code == 0
         document = json.loads(Path(places[1]).read_text(encoding="utf-8"))
@@ -187,3 +189,38 @@ def test_a_single_name_says_what_else_it_may_be() -> None:
     assert document["look_alikes"][0]["apart"] == one.apart
     assert any(one.apart in paragraph for paragraph in paragraphs(document))
     assert one.apart in str(verdict_section(document))
+
+
+@pytest.mark.parametrize("verdict", ["none", "named", "unknown"])
+def test_three_lines_come_first_and_say_what_the_report_says(
+    verdict: str, told: dict[str, Told]
+) -> None:
+    found = told[verdict]
+    summary = found.document["summary"]
+    first = [f"MISSING: {summary['missing']}", f"ADD IT:  {summary['add']}",
+             f"NEXT:    {summary['next']}"]  # fmt: skip
+    assert found.out.splitlines()[:3] == first
+    assert all(f"\n{line}\n" in found.text() for line in summary.values())
+
+
+def test_the_lines_of_a_name_carry_its_size_its_error_and_the_command(
+    told: dict[str, Told],
+) -> None:
+    document = told["named"].document
+    summary, held_out = document["summary"], document["held_out"]
+    mass = document["effects"][0]["parameters"]["mass"]["value"]
+    assert summary["missing"].startswith("payload (a mass on the sensor's side")
+    assert f"mass {mass:.3g} +- " in summary["missing"]
+    assert f"{held_out['before']:.2f} -> {held_out['after']:.2f}" in summary["missing"]
+    assert summary["add"].startswith(document["addition"]["remedy"]["command"])
+    assert document["look_alikes"][0]["apart"] in summary["next"]
+
+
+def test_without_details_three_lines_and_where_the_rest_is(
+    tmp_path: Path, ecm_command: Callable[..., Done]
+) -> None:
+    model().save(tmp_path / "m.json")
+    campaign("payload", 1.0, 4).write(tmp_path / "d.csv")
+    done = ecm_command("diagnose", tmp_path / "m.json", tmp_path / "d.csv")
+    starts = [line.split(":")[0] for line in done.out.splitlines()]
+    assert starts == ["MISSING", "ADD IT", "NEXT", "(--details"]

@@ -52,7 +52,11 @@ def test_each_model_gets_an_answer_of_its_own() -> None:
     assert len({found.sentence() for found in said.values()}) == 3
     assert len({found.model.gate.F for found in said.values()}) == 3
     assert said["linear"].model.answer == "form"
+    assert "a better form of the model" in said["linear"].summary().missing
+    base = said["linear"].model.base
+    assert said["linear"].summary().add == f"ecm fit DATA --model {base} --out OUT"
     assert said["energy6"].model.answer == "fits"
+    assert said["energy6"].summary().add == "nothing"
     for found in said.values():
         own = found.to_dict()["model"]
         assert found.sentence().startswith(found.model.name)
@@ -69,6 +73,7 @@ def test_aprils_model_on_mays_data() -> None:
     april, may = model(), measured(2, factor=1.2)
     found = diagnose(april, may)
     assert found.model.answer == "numbers"
+    assert found.summary().add == "ecm fit DATA --model energy6 --out OUT"
     assert found.model.scale == pytest.approx(1.2, abs=0.01)
     assert found.model.as_given.over_noise == pytest.approx(compare(april, may).whitened_rms)
     refitted = found.model.refitted

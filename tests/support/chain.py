@@ -255,6 +255,7 @@ class Walk:
         missing = "Missing:" in found["sentence"]
         if missing != (found["verdict"] in ("named", "ambiguous")):
             self.broken.append(f"verdict {found['verdict']}, but: {found['sentence']}")
+        self._summary(found)
         if found["model"]["as_given"]["over_noise"] is not None:
             compared = json.loads(Path("compare-1.json").read_text(encoding="utf-8"))
             said = found["model"]["as_given"]["over_noise"]
@@ -262,6 +263,19 @@ class Walk:
             if abs(said - other) > 0.02 * other:
                 self.broken.append(f"diagnose says {said:.4g} times the noise, compare {other:.4g}")
         return found
+
+    def _summary(self, found: dict[str, Any]) -> None:
+        """The three lines must say what the rest of the report says."""
+        lines, named = found["summary"], found["verdict"] in ("named", "ambiguous")
+        first = [members[0] in lines["missing"] for members in found["answer"]]
+        if named and not all(first):
+            self.broken.append(f"{found['answer']} is found, but: {lines['missing']}")
+        for part in (found.get("addition", {}), found["model"]):
+            command = (part.get("remedy") or {}).get("command")
+            if command:
+                if not lines["add"].startswith(command):
+                    self.broken.append(f"{command} is advised, but: {lines['add']}")
+                return
 
     def _additions(self, data: str, found: dict[str, Any]) -> str:
         """Add what is named and each effect of the ranking; the promise must be reached.

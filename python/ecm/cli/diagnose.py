@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +18,16 @@ from ecm.diagnosis import Diagnosis
 from ecm.diagnosis import diagnose as diagnose_model
 from ecm.diagnosis.page import write_diagnosis
 from ecm.diagnosis.procedure import STAGES, watched
+from ecm.diagnosis.summary import Summary
 from ecm.effects import load_installed
 from ecm.effects.experiments import session_of
 from ecm.errors import InputError, Remedy
 from ecm.io.table import Table
 from ecm.models import Model
+
+_MORE = (
+    "(--details: what the names rest on, the ranking, what these data cannot test or tell apart)"
+)
 
 
 def diagnose(options: Options, session: Session) -> None:
@@ -41,22 +46,36 @@ def diagnose(options: Options, session: Session) -> None:
         result = diagnose_model(model, table, seed=session.seed, stages=stages)
         document = result.to_dict()
     document["warnings"] = [*document["warnings"], *table.warnings]
-    if "addition" in document and document["addition"]["remedy"] is not None:
-        effects = "-".join(document["addition"]["effects"])
-        out = Path(options.model).with_suffix("")
-        files = session.files_of(options) | {"OUT": shlex.quote(f"{out}-{effects}.json")}
-        remedy = Remedy(**document["addition"]["remedy"]).filled(files)
-        document["addition"]["remedy"] = remedy.to_dict()
+    _fill_remedies(document, options, session)
+    summary = Summary.of(document)
+    document["summary"] = asdict(summary)
     session.write_json(document)
     if session.report is not None:
         with session.working("writing the report"):
             _write_report(session.report, document, model, table, result)
-    for paragraph in paragraphs(document):
-        session.print(paragraph)
+    session.print(str(summary))
+    if options.details:
+        session.print()
+        for paragraph in paragraphs(document):
+            session.print(paragraph)
+    else:
+        session.print(_MORE)
     if options.next_plan is not None:
         _write_next(options.next_plan, table, document, session)
     for warning in result.warnings:
         session.warn(warning)
+
+
+def _fill_remedies(document: dict[str, Any], options: Options, session: Session) -> None:
+    """Write the files of this command into the commands that the report advises."""
+    out = Path(options.model).with_suffix("")
+    for part in (document.get("addition", {}), document["model"]):
+        if part.get("remedy") is not None:
+            remedy = Remedy(**part["remedy"])
+            added = "--add" in (remedy.command or "") and "effects" in part
+            name = "-".join(part["effects"]) if added else "again"
+            files = session.files_of(options) | {"OUT": shlex.quote(f"{out}-{name}.json")}
+            part["remedy"] = remedy.filled(files).to_dict()
 
 
 def _write_report(

@@ -24,7 +24,7 @@ from ecm.diagnosis.held_out import held_out_rms
 from ecm.diagnosis.readings import WrongStatement
 from ecm.diagnosis.to_json import fields_json
 from ecm.effects import Effect
-from ecm.errors import EcmError
+from ecm.errors import EcmError, Remedy
 from ecm.io.columns import unit_of
 from ecm.io.unit_checks import unit_of_factor
 from ecm.models.behind import is_far_behind
@@ -110,6 +110,8 @@ class GivenModel:
     reason: Literal["", "rows", "weak"] = ""
     """Why a base that is no richer shows nothing: `rows` that are unlike all others count less in
     it, or what the model lacks is too `weak`; empty where it shows it, or is richer."""
+    remedy: Remedy | None = field(default=None, metadata={"optional": True})
+    """The command that mends the model's form or its numbers; None where that is not the answer."""
 
     @property
     def missing(self) -> bool:
@@ -271,7 +273,22 @@ def judge_given_model(
         statement=statement,
         neighbours_alike=result.neighbours_alike,
         reason=reason if answer in ("numbers", "effect") else "",
+        remedy=_remedy(model, problem, answer, reason),
     )
+
+
+def _remedy(model: Model, problem: Problem, answer: Answer, reason: str) -> Remedy | None:
+    """The command that mends what is wrong with the model; None where an effect is missing."""
+    if reason == "rows":
+        return Remedy("look at the rows that are unlike all others", "ecm check DATA")
+    if answer == "form":
+        name = problem.base.name
+        return Remedy("change the model first", f"ecm fit DATA --model {name} --out OUT")
+    if answer == "numbers":
+        added = "".join(f" --add {item.id}" for item in model.effects)
+        fit = f"ecm fit DATA --model {model.base.name}{added} --out OUT"
+        return Remedy("fit the model to these data", fit)
+    return None
 
 
 def refit_of_kind(model: Model, table: Table, noise: Noise) -> JointFit | None:

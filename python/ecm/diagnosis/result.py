@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from ecm.diagnosis.accept import AcceptanceCheck
@@ -16,6 +16,7 @@ from ecm.diagnosis.given_model import GivenModel
 from ecm.diagnosis.next_experiment import Proposal
 from ecm.diagnosis.noise_effects import NoiseFinding
 from ecm.diagnosis.refinement import Refinement
+from ecm.diagnosis.summary import Summary
 from ecm.diagnosis.to_json import fields_json, to_json
 from ecm.diagnosis.unexplained import Unknown
 from ecm.io.extras import require
@@ -128,7 +129,7 @@ class OutsideCause:
 class Diagnosis:
     """What is missing, what this rests on, and what cannot be told.
 
-    `print` shows one sentence, `plot` draws the ranking, `to_pandas` gives it as a table, and
+    `print` shows three lines, `plot` draws the ranking, `to_pandas` gives it as a table, and
     `to_dict` is the report. Rows are counted from 0 here and from 1 in the report.
 
     Examples
@@ -184,7 +185,11 @@ class Diagnosis:
     """What the effects bring to the model that was given; None where none is named."""
 
     def __str__(self) -> str:
-        return self.sentence()
+        return str(self.summary())
+
+    def summary(self) -> Summary:
+        """Return what is missing, how to add it, and what to do next: a line each."""
+        return Summary.of(self._document())
 
     def sentence(self) -> str:
         """Return what is wrong with the model that was given, and the verdict, in plain words."""
@@ -275,6 +280,11 @@ class Diagnosis:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON report (docs/schemas/diagnose.json)."""
+        document = self._document()
+        return document | {"summary": asdict(Summary.of(document))}
+
+    def _document(self) -> dict[str, Any]:
+        """The report without its summary."""
         partial = [item.id for item in self.effects] if self.verdict == "unknown" else []
         document = {"schema": 1, "seed": self.seed, "sentence": self.sentence()}
         return (

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ecm.diagnosis.summary import LINES
 from ecm.report.page import Block, CodeBlock, Section, TableBlock, TextBlock, number, warnings_table
 
 _SHOWN = 12
@@ -12,8 +13,12 @@ _STEPS = ("before", "base", "after", "floor", "ceiling")
 
 
 def verdict_section(document: Mapping[str, Any]) -> Section:
-    """Headline, base, noise and gate, errors, sizes of what is named, what looks alike."""
-    blocks: list[Block] = [TextBlock(document["sentence"], strong=True), _rests_on(document)]
+    """The three lines, base, noise and gate, errors, sizes of what is named, what looks alike."""
+    blocks: list[Block] = [
+        TableBlock("", ("", ""), [[words, document["summary"][key]] for key, words in LINES]),
+        TextBlock(document["sentence"]),
+        _rests_on(document),
+    ]
     blocks += _errors(document)
     rows = [
         [item["id"], name, number(p["value"]), number(p["sd"], 2), p["unit"]]

@@ -21,6 +21,10 @@ class Options:
         Path | None,
         typer.Option("--next", metavar="PLAN", help="Write the next experiment for campaign."),
     ] = None
+    details: Annotated[
+        bool,
+        typer.Option("--details", help="Print all that the three lines rest on."),
+    ] = False
 
 
 diagnose = command("diagnose", Options, tables=True, report=True, seed=True)

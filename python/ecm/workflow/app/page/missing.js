@@ -55,9 +55,11 @@ function verdict(found, state, app) {
   const named = found.verdict === "named" ? found.answer.flat().filter(id => !inside.has(id)) : [];
   const other = otherBase(found);
   return el("div", {}, el("div", {class: "lead", id: "verdict", "data-verdict": found.verdict},
-    el("strong", {}, term("verdict", "Verdict")), el("p", {}, readable(found.sentence)), named.length === 0 ? null
+    el("strong", {}, term("verdict", "Verdict")), el("p", {}, readable(found.summary.missing)), named.length === 0 ? null
     : button(`Add ${named.map(effectName).join(" and ")}${to(other)}`, () => add(app, state, named, other),
       {id: "add-named", class: "first", disabled: busy(state)})),
+  el("p", {}, el("strong", {}, "Next: "), readable(found.summary.next)),
+  el("p", {class: "rests"}, readable(found.sentence)),
   el("p", {class: "rests"}, "It rests on: ", rests.join("; "), "."),
   found.warnings.map(text => el("div", {class: "warning"}, text)),
   (found.look_alikes ?? []).map(item => el("p", {class: "rests"},

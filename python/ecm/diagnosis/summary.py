@@ -1,0 +1,146 @@
+"""A diagnosis in three lines: what is missing, how to add it, and what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ecm.effects import with_shape
+
+LINES = (("missing", "MISSING"), ("add", "ADD IT"), ("next", "NEXT"))
+"""The lines, each by its key in the report and as it is shown."""
+_NOTHING = "nothing"
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The three lines that a person needs first.
+
+    Examples
+    --------
+    >>> print(Summary("payload, 0.2 kg", "ecm refit m.json d.csv --add payload", "none is needed"))
+    MISSING: payload, 0.2 kg
+    ADD IT:  ecm refit m.json d.csv --add payload
+    NEXT:    none is needed
+    """
+
+    missing: str
+    add: str
+    next: str
+
+    @classmethod
+    def of(cls, document: Mapping[str, Any]) -> Summary:
+        """From the report of a diagnosis, whose numbers it repeats."""
+        return cls(_missing(document), _add(document), next(_next(document)))
+
+    def __str__(self) -> str:
+        return "\n".join(f"{words + ':':<9}{getattr(self, key)}" for key, words in LINES)
+
+
+def _missing(document: Mapping[str, Any]) -> str:
+    """What is missing, its size, and the fall of the error on which the name rests."""
+    if document["verdict"] in ("named", "ambiguous"):
+        sizes = {item["id"]: _sized(item) for item in document["effects"]}
+        return f"{' and '.join(_cause(m, sizes) for m in document['answer'])}; {_fall(document)}"
+    unknown = document["unknown"]
+    if unknown is not None:
+        if unknown["misread"]:
+            return f"no effect, the table looks misread: {unknown['words']}"
+        if "slow_noise" in unknown:
+            return f"nothing that can be told from {unknown['words']}"
+        return f"something that no known effect explains: {unknown['words']}"
+    model = document["model"]
+    errs = f"{model['name']} errs {_error(model['as_given'])}"
+    again = model["refitted"] or model["base_errors"]
+    said = {
+        "form": f"no effect, a better form of the model: {errs}, {model['base']} "
+        f"{_error(model['base_errors'])}",
+        "numbers": f"no effect, the model's numbers are not those of this body: {errs}, fitted "
+        f"again {_error(again)}",
+        "effect": f"what {model['name']} lacks is too weak to be named: it errs "
+        f"{_error(model['as_given'])}",
+        "table": "no effect, the table looks misread: "
+        f"{(model.get('statement') or {}).get('what')}",
+        "noise": f"nothing that these data could show, though {errs}",
+    }
+    bound = document["upper_bound"]
+    bounded = f" (below {bound:.2g} times the noise)" if bound < float("inf") else ""
+    return said.get(model["answer"], f"nothing that these data could show{bounded}")
+
+
+def _cause(members: list[str], sizes: Mapping[str, str]) -> str:
+    if len(members) > 1:
+        return f"{' or '.join(members)}, which these data cannot tell apart"
+    return sizes.get(members[0], members[0])
+
+
+def _sized(item: Mapping[str, Any]) -> str:
+    """An effect, what it is, and its best determined parameter."""
+    what = with_shape(item["id"], item.get("shape", {})).physics.split(":")[0].rstrip(".")
+    name, fitted = max(
+        item["parameters"].items(), key=lambda at: abs(at[1]["value"]) / max(at[1]["sd"], 1e-300)
+    )
+    unit = "" if fitted["unit"] == "1" else f" {fitted['unit']}"
+    words = what[:1].lower() + what[1:]
+    return f"{item['id']} ({words}), {name} {fitted['value']:.3g} +- {fitted['sd']:.2g}{unit}"
+
+
+def _fall(document: Mapping[str, Any]) -> str:
+    before, after = document["held_out"]["before"], document["held_out"]["after"]
+    if document["noise"].get("is_assumed"):
+        return f"error of {document['model']['base']} falls to {after / max(before, 1e-300):.0%}"
+    return f"error of {document['model']['base']} {before:.2f} -> {after:.2f} times the noise"
+
+
+def _error(errors: Mapping[str, Any]) -> str:
+    if errors["over_noise"] is not None:
+        return f"{errors['over_noise']:.3g} times the noise"
+    name, value = max(errors["rmse"].items(), key=lambda item: item[1])
+    return f"{value:.3g} in {name}"
+
+
+def _add(document: Mapping[str, Any]) -> str:
+    """The command that puts it into the model that was given, or the one that mends the model."""
+    addition = document.get("addition")
+    if addition is not None:
+        remedy = addition["remedy"] or {"command": "", "words": _NOTHING}
+        command = remedy["command"] or remedy["words"]
+        if addition["refused"]:
+            return f"{command}   (not to this model: --details says why)"
+        before, after = addition["held_out"]["before"], addition["held_out"]["after"]
+        brings = "" if after is None else f"   (this model {before:.2f} -> {after:.2f})"
+        return f"{command}{brings}"
+    if document["verdict"] in ("named", "ambiguous"):
+        return "nothing: the model has it already; refit it to these rows"
+    remedy = document["model"].get("remedy")
+    if remedy is not None:
+        return str(remedy["command"] or remedy["words"])
+    if (document["unknown"] or {}).get("skeleton"):
+        return "an effect of your own: --details prints a draft of it"
+    return _NOTHING
+
+
+def _next(document: Mapping[str, Any]) -> Iterator[str]:
+    """What to do next, the most important first."""
+    unknown = document["unknown"] or {}
+    if unknown.get("misread") or document["model"]["answer"] == "table":
+        yield "mend the table, and diagnose again"
+    for best in document["next_experiment"][:1]:
+        chance = ""
+        if best.get("p_correct") is not None:
+            before, after = best["p_correct_before"], best["p_correct"]
+            chance = f", chance of the right name {before:.2f} -> {after:.2f}"
+        yield f"{best['action']} ({best['minutes']} min{chance})"
+    if "slow_noise" in unknown:
+        yield "a pause, or the same motion again or at another speed"
+    if unknown.get("variables"):
+        alone = ", then ".join(unknown["variables"][:2])
+        yield f"measure again and vary {alone} alone: the residual follows it"
+    for one in document["look_alikes"][:1]:
+        yield f"{one['apart']}: tells {one['id']} from {one['what'].split(':')[0]}"
+    if unknown or document["verdict"] == "ambiguous":
+        yield "record one more column: --details lists what these data cannot test"
+    if document["noise"]["source"] == "assumed":
+        yield "measure some poses twice: the noise is only assumed"
+    yield "no experiment is needed"
