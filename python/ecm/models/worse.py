@@ -82,6 +82,7 @@ def refuse_worse(
     """
     if before is not None:
         refuse_addition(fitted, table, before)
+    fitted = _on_what_is_measured(fitted, table)
     errors, noise = _errors(fitted, table)
     reasons = _worse_than_mean(fitted, table, errors, noise, held_out or {})
     if reasons:
@@ -131,12 +132,18 @@ def objections(fitted: Model, table: Table, before: Model) -> list[str]:
     before
         The model without it.
     """
+    fitted, before = _on_what_is_measured(fitted, table), _on_what_is_measured(before, table)
     errors, noise = _errors(fitted, table)
     return [
         *_worse_than(before, fitted, table, errors, noise),
         *_worse_held_out(fitted),
         *undetermined(fitted, table, before),
     ]
+
+
+def _on_what_is_measured(model: Model, table: Table) -> Model:
+    """The model of the wrench columns that the table has: one of six may be fitted to three."""
+    return replace(model, base=measured_part(model.base, table))
 
 
 def undetermined(fitted: Model, table: Table, before: Model) -> list[str]:
@@ -146,6 +153,7 @@ def undetermined(fitted: Model, table: Table, before: Model) -> list[str]:
     has left the interval that the rows gave it without the effect, although they do not
     determine it with the effect; one that was positive and is not any more.
     """
+    fitted, before = _on_what_is_measured(fitted, table), _on_what_is_measured(before, table)
     bounds = {
         f"{item.id}.{parameter.name}": item.values[j]
         for item in fitted.effects
@@ -165,7 +173,7 @@ def _stiffness_moves(fitted: Model, table: Table, before: Model) -> list[str]:
         return []
     if len(table) > MANY_ROWS:
         table = table.thinned(spread_rows(table, MANY_ROWS))
-    fit = joint_fit(measured_part(before.base, table), before.effects, table, fitted.noise)
+    fit = joint_fit(before.base, before.effects, table, fitted.noise)
     k = len(fit.base.coefficients)
     alone = replace(before, base=fit.base, effects=fit.effects, covariance=fit.covariance[:k, :k])
     rest = Rows(table, fitted.base).middle_pose[None]
