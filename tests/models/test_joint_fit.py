@@ -11,12 +11,12 @@ import pytest
 
 from ecm.comparison import compare, declared_noise
 from ecm.effects import Rows, get_effect
-from ecm.errors import InputError
+from ecm.errors import InputError, ModelError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table
 from ecm.models import load_model
-from ecm.models.joint_fit import FittedEffect, joint_fit
+from ecm.models.joint_fit import FittedEffect, _unit_products, joint_fit
 from support.campaigns import campaign, model, physics, workspace_poses
 from support.neck import Done
 
@@ -299,3 +299,9 @@ def test_one_effect_more_never_raises_the_sum_of_squares(factor: float) -> None:
     start = physics().with_coefficients(factor * physics().coefficients)
     before, after = replace(model(), base=start).add("payload").fit(campaign(seed=3)).history
     assert after.chi2 <= before.chi2 * (1.0 + 1e-6)
+
+
+def test_columns_beyond_a_double_are_refused_in_words() -> None:
+    """A fit whose steps grow without end ends in an error of the package, not in a warning."""
+    with pytest.raises(ModelError, match="does not converge"):
+        _unit_products(np.full((3, 2), 1e200))

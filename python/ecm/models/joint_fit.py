@@ -11,6 +11,7 @@ from scipy.optimize import lsq_linear
 
 from ecm.effects.protocol import Effect
 from ecm.effects.thinned import correction_of, jacobian_of
+from ecm.errors import ModelError
 from ecm.io.arrays import B, F, I
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
@@ -325,10 +326,21 @@ def _unit_products(z: F) -> tuple[F, F]:
     """(k,) lengths of the columns z (M, k), and (k, k) products of the columns of unit length.
 
     Moduli and ratios differ by more than the rounding of a double; a length of zero is taken as 1.
+
+    Raises
+    ------
+    ModelError
+        If a product is too large for a double: the steps before went far from all data.
     """
-    size = np.sqrt(np.einsum("ij,ij->j", z, z))
-    size = np.where(size > 0.0, size, 1.0)
-    return size, z.T @ z / np.outer(size, size)
+    with np.errstate(over="ignore", invalid="ignore"):
+        size = np.sqrt(np.einsum("ij,ij->j", z, z))
+        size = np.where(size > 0.0, size, 1.0)
+        products = z.T @ z
+    if not np.isfinite(products).all():
+        raise ModelError(
+            "the fit does not converge, its steps grow without end: fewer effects or a lower degree"
+        )
+    return size, products / np.outer(size, size)
 
 
 def _bounded_step(
