@@ -57,7 +57,7 @@ from ecm.regression.thinning import HOW, RowsUsed, spread_rows
 
 _NOISE, _FORM, _ALL, _RECORD = "noise", "form of {}", "all values together", "errors"
 """Steps of a fit with effects."""
-_SAID_OF_A_FIT = ("prior", "pose_error", "rows_used")
+_SAID_OF_A_FIT = ("misread", "prior", "pose_error", "rows_used")
 """Parts of `training` that have a sentence in the fit report."""
 
 
