@@ -576,8 +576,8 @@ class Model:
             training["smallest_taken"] = True
         if prior is not None:
             training["prior"] = {"sentence": prior.sentence}
-        if any(item.effect.shape.get("overstress") == "linear" for item in joint.effects):
-            # Such a branch follows it, also in a controller, which has no table.
+        if any(item.effect.shape.get("overstress") for item in joint.effects):
+            # A branch follows it, or has its sign, also in a controller, which has no table.
             training["mean_stiffness"] = joint.rows.stiffness.mean(axis=0).tolist()
         training["effect_sizes"] = effect_sizes(joint, used)
         training["effect_shares"] = effect_shares(joint)
