@@ -531,10 +531,4 @@ def _root(value: float) -> float:
 
 
 def _outside(model: Model, rows: Rows, scored: B) -> int:
-    if not model.domain:
-        return 0
-    low = np.array([model.domain[name][0] for name in model.inputs])
-    high = np.array([model.domain[name][1] for name in model.inputs])
-    slack = 0.02 * (high - low)
-    poses = rows.poses[scored]
-    return int(((poses < low - slack) | (poses > high + slack)).any(axis=1).sum())
+    return int(model.extrapolates(np.ascontiguousarray(rows.poses[scored])).sum())

@@ -12,11 +12,10 @@ from ecm.errors import InputError, ModelError
 from ecm.io.arguments import check_arguments
 from ecm.io.columns import POSE
 from ecm.io.misread import misread, refuse_misread
-from ecm.io.steps import Progress, Steps
+from ecm.io.steps import Progress
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.models.constraints import constrained
 from ecm.models.function import FunctionModel
-from ecm.models.leverage import leverages
 from ecm.models.measured_poses import sample_of
 from ecm.models.model import Model
 from ecm.models.parameters import parameters_of
@@ -153,10 +152,10 @@ def fit_rows(
     used = measured
     if specification.most_rows is not None:
         used = measured.select(spread_rows(measured, specification.most_rows))
-    return _model(specification.fit_map(used, weights, progress), measured, progress)
+    return _model(specification.fit_map(used, weights, progress), measured)
 
 
-def _model(fitted: FittedMap, table: Table, progress: Progress | None) -> Model:
+def _model(fitted: FittedMap, table: Table) -> Model:
     """The model of a fit, its covariance widened where residuals exceed the stated noise."""
     base, covariance, training = fitted.base, fitted.covariance, training_of(table)
     if (error := error_over_noise(measured_part(base, table), fitted.noise, table)) is not None:
@@ -166,11 +165,6 @@ def _model(fitted: FittedMap, table: Table, progress: Progress | None) -> Model:
         training["residual_variance"] = variance
         if covariance is not None:
             covariance = covariance * max(1.0, variance)
-    if covariance is not None and fitted.noise.components is None and base.inputs == POSE:
-        poses = np.ascontiguousarray(table.poses)
-        told = Steps({"leverages": 1}, progress).within("leverages")
-        largest = leverages(base, covariance, fitted.noise, poses, told).max()
-        training["largest_leverage"] = float(largest)
     return Model(
         base=base,
         noise=fitted.noise,
