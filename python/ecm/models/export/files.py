@@ -265,15 +265,16 @@ def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
     if not acting and has_code:
         return bare, [], 0.0
     whole = (model.inputs, model.outputs) == (POSE, WRENCH)
-    if not has_code and not (whole and model.known_length_m):
+    few = len(model.inputs) < len(POSE)
+    if not (has_code or few or (whole and model.known_length_m)):
         raise InputError(
             f"a model of kind {kind} is not exported as it is, and an energy in its place needs "
             "all six pose and wrench columns and a length: fit a polynomial or an energy",
             remedy=Remedy("fit a polynomial", "ecm fit DATA --model linear --out linear.json"),
         )
     one: StiffnessMap
-    if isinstance(model.base, PolynomialMap) and not whole:
-        one, share = folded_polynomial(model, model.base)
+    if few or (isinstance(model.base, PolynomialMap) and not whole):
+        one, share = folded_polynomial(model)
     else:
         one, share = folded(model)
     where = "measured poses" if has_measured_poses(model) else "poses drawn from the domain"
