@@ -67,7 +67,7 @@ class Exported:
     change: float = 0.0
     """Change of the model by the form that the target can hold, over the noise."""
     lost: Mapping[str, str] = field(default_factory=dict)
-    """Effects beyond the noise that files with steps should have and have not: words by id."""
+    """Effects beyond the noise that the files lack: words by id."""
 
 
 def export(
@@ -167,8 +167,6 @@ def export_files(
         )
     timed = time_effects(model, chosen.language)
     lost = dict(zip(timed.lost, timed.lost_sentences(), strict=True))
-    if chosen.language == "none":
-        lost = {}  # nothing of time was to be expected
     given = chosen.write(Source(model, inside, timed, name, precision, loop, adapt))
     return Exported(
         given.files,
