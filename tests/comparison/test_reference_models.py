@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
 import pytest
 
+import ecm
 from ecm.comparison import compare
+from ecm.comparison.page import write_comparison
 from ecm.comparison.reference_models import ReferenceModels
 from support.campaigns import campaign, model
+from support.chain import neck
+from support.neck import Done
 
 
 @pytest.mark.parametrize(
@@ -45,3 +54,56 @@ def test_shares_are_those_of_the_squares() -> None:
     assert "62% of the excess points to elasticity or geometry" in found.sentence()
     # A ceiling that is no better than the energy has nothing of its own.
     assert ReferenceModels(physics=3.0, energy=1.0, ceiling=1.2).shares()["asymmetric"] == 0.0
+
+
+def test_no_fem_runs_for_a_reference_and_the_command_that_shows_it_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Callable[..., Done]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("ECM_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("ecm.models.physics.map.build_family", no_fem)
+    neck(tmp_path)
+    description = Path("data-1.toml").read_text(encoding="utf-8")
+    assert description.count("radius_m = 0.033") == 1
+    wider = description.replace("radius_m = 0.033", "radius_m = 0.0317")
+    Path("data-1.toml").write_text(wider, encoding="utf-8")
+    assert ecm_command("fit", "data-1.csv", "--model", "linear", "--out", "m.json").code == 0
+    done = ecm_command("compare", "m.json", "data-1.csv", "--json", "c.json", "--report", "c.html")
+    assert done.code == 0, done.err
+    asked = done.out.partition("The physics base is left out: ")[2].splitlines()
+    assert "up to ten minutes" in asked[0]
+    assert asked[1].startswith("  ecm fit data-1.csv --model physics --out physics.json && ecm")
+    references = json.loads(Path("c.json").read_text(encoding="utf-8"))["references"]
+    assert references["fem_needed"]
+    assert references["physics"] is None
+    assert "The physics base is left out" in Path("c.html").read_text(encoding="utf-8")
+
+
+def no_fem(*_: object, **__: object) -> None:
+    raise AssertionError("an FEM runs that nobody asked for")
+
+
+def test_a_fem_that_is_there_is_shown_at_once() -> None:
+    found = compare(model(), campaign("payload", 1.0, 0)).references
+    assert found is not None
+    assert not found.fem_needed
+
+
+def test_a_report_draws_no_floor_where_the_noise_is_only_assumed(tmp_path: Path) -> None:
+    random = np.random.default_rng(2)
+    x = np.linspace(-0.01, 0.01, 40)
+    table = ecm.as_table({"x_m": x, "fx_N": 2e3 * x + 3e7 * x**3 + random.normal(0.0, 0.1, 40)})
+    result = compare(ecm.fit(table, "linear"), table)
+    assert result.noise.is_assumed
+    write_comparison(tmp_path / "c.html", result)
+    page = (tmp_path / "c.html").read_text(encoding="utf-8")
+    assert "% of the spread" in page
+    for claim in ("noise floor", "over its noise", "times its noise", "90 % interval"):
+        assert claim not in page
+    declared = ecm.as_table(
+        dict(table.columns), meta={"instrument": {"force_sd_N": 0.1, "pose_position_sd_m": 1e-6}}
+    )
+    write_comparison(tmp_path / "d.html", compare(ecm.fit(declared, "linear"), declared))
+    assert "Error of each component over its noise floor" in (tmp_path / "d.html").read_text(
+        encoding="utf-8"
+    )

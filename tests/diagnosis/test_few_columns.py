@@ -334,3 +334,53 @@ def test_what_takes_work_is_found_under_a_second_load(kind: str, measured: bool)
     assert better.effects[-1].values[0] > 0.0
     before, after = (ecm.compare(item, table).components[0].rmse for item in (model, better))
     assert after < 0.25 * before
+
+
+def test_a_play_is_never_far_wider_than_the_path_that_shapes_it() -> None:
+    """Friction of a slider that nearly no spring holds looks like a play of metres."""
+    random, time = np.random.default_rng(5), 0.02 * np.arange(800)
+    x = 0.02 * np.sin(time)
+    force = -9.0 * x + _sliders(x, np.array([1e-4]), np.array([3.5]))
+    force += 0.1 * random.standard_normal(800)
+    meta = {"instrument": {"force_sd_N": 0.1, "pose_position_sd_m": 1e-6}}
+    table = ecm.Table({"time_s": time, "x_m": x, "fx_N": force}, meta)
+    with_play = ecm.fit(table, "linear", force=True).add("backlash").fit(table)
+    assert with_play.effects[0].values[0] < np.ptp(x)
+
+
+def test_a_branch_resists_also_where_the_static_slope_falls() -> None:
+    """A magnet makes the static force fall; the rubber beside it still takes work."""
+    random, time = np.random.default_rng(4), np.arange(0.0, 60.0, 0.1)
+    x = 0.01 * np.sin(2.0 * np.pi * time / np.where(time < 30.0, 6.0, 1.5))
+    branch = np.zeros(len(x))
+    for i in range(1, len(x)):
+        branch[i] = branch[i - 1] * np.exp(-0.1 / 0.7) + 900.0 * (x[i] - x[i - 1])
+    force = -300.0 * x + branch + 0.02 * random.standard_normal(len(x))
+    meta = {
+        "file": {"kind": "continuous"},
+        "instrument": {"force_sd_N": 0.02, "pose_position_sd_m": 1e-7},
+    }
+    table = ecm.Table({"time_s": time, "x_m": x, "fx_N": force}, meta)
+    found = ecm.fit(table, "linear", force=True).add("stress_relaxation").fit(table)
+    assert found.training["over_noise"] < 3.0
+    (effect,) = found.effects
+    assert effect.effect.shape["loses"] == "x_m>fx_N"
+    np.testing.assert_allclose(effect.values, 900.0 / 300.0, rtol=0.1)
+
+
+@pytest.mark.parametrize("sd", [0.02, 0.2])
+@pytest.mark.parametrize("digits", [None, 2])
+def test_a_second_load_that_is_measured_well_is_a_cause(sd: float, digits: int | None) -> None:
+    """The reading's noise is 0.1 or 1 % of it: a reading in pounds leaves its rounding alone."""
+    random, n = np.random.default_rng(8), 160
+    x = 0.01 * np.sin(0.16 * np.arange(n)) * random.uniform(0.5, 1.0, n)
+    load = 15.0 * np.sin(0.031 * np.arange(n)) + random.uniform(0.0, 20.0, n)
+    force = 900.0 * x - load + sd * random.standard_normal(n)
+    columns = {"x_m": x, "fx_N": force, "load_N": load, "force_lbf": 0.22481 * force}
+    if digits is not None:
+        columns |= {name: np.round(columns[name], digits) for name in ("load_N", "force_lbf")}
+    meta = {"instrument": {"force_sd_N": sd, "pose_position_sd_m": 1e-7}}
+    table = ecm.Table(columns, meta)
+    assert derived_columns(table, ("x_m",), ("fx_N",)) == ("force_lbf",)
+    found = ecm.diagnose(ecm.fit(table, "linear"), table)
+    assert found.answer == (("unused_column:load_N",),), found.sentence()

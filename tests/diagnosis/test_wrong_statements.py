@@ -51,7 +51,9 @@ def stated(change: Callable[[F, F], tuple[F, F]]) -> Diagnosis:
     h = wrench(poses) + random.standard_normal((120, 6)) * NOISE
     table = table_of(*change(poses, h))
     return diagnose(
-        fit_model(table, "linear"), table, effects=["anisotropy", "payload", "fts_frame"]
+        fit_model(table, "linear", force=True),
+        table,
+        effects=["anisotropy", "payload", "fts_frame"],
     )
 
 
@@ -124,7 +126,7 @@ def test_a_reversed_wrench_is_said_without_a_body_and_without_a_length() -> None
     poses, random = workspace_poses(120, 7), np.random.default_rng(8)
     h = wrench(poses) + random.standard_normal((120, 6)) * NOISE
     wrong = table_of(poses, -h).with_meta(Meta(instrument=META.instrument))
-    found = diagnose(fit_model(wrong, "cubic"), wrong)
+    found = diagnose(fit_model(wrong, "cubic", force=True), wrong)
     assert found.verdict == "unknown"
     assert "the wrench's sign looks reversed" in found.sentence()
     assert any("sign looks reversed" in words for words in check(wrong).warnings)
@@ -154,7 +156,7 @@ def test_without_a_length_the_wrench_must_have_an_energy(
     poses, random = workspace_poses(70, 7), np.random.default_rng(8)
     h = wrench(poses) + random.standard_normal((70, 6)) * NOISE
     table = table_of(*change(poses, h)).with_meta(Meta(instrument=META.instrument))
-    found = find_missing(fit_model(table, "quadratic"), table, effects=["payload"])
+    found = find_missing(fit_model(table, "quadratic", force=True), table, effects=["payload"])
     said = "" if found.unknown is None else f"misread: {found.unknown.words}"
     assert words in said if words else said == ""
 
@@ -167,7 +169,7 @@ def test_a_spring_that_is_plain_in_the_rotation_vector_is_not_in_degrees() -> No
     h = (poses - [0.05, 0, 0, 0, 0, 0]) * [3000.0, 300.0, 300.0, 0.3, 0.5, 0.5] + noise
     own = replace(META.instrument, force_sd_N=0.02, torque_sd_Nm=2e-4)
     table = table_of(poses, h).with_meta(Meta(instrument=own))
-    found = find_missing(fit_model(table, "linear"), table, effects=["payload"])
+    found = find_missing(fit_model(table, "linear", force=True), table, effects=["payload"])
     assert found.verdict == "none"
 
 
@@ -176,7 +178,7 @@ def test_a_polynomial_that_leaves_much_follows_no_period_in_time() -> None:
     poses, random = workspace_poses(120, 7), np.random.default_rng(8)
     h = wrench(poses) + random.standard_normal((120, 6)) * NOISE
     table = table_of(poses, h).with_meta(Meta(instrument=META.instrument))
-    found = find_missing(fit_model(table, "cubic"), table, effects=["payload"])
+    found = find_missing(fit_model(table, "cubic", force=True), table, effects=["payload"])
     assert found.verdict == "none"
 
 
@@ -188,7 +190,7 @@ def test_a_turned_wrench_on_a_body_whose_ends_differ() -> None:
     thick[:, 3:] += 20.0 * poses[:, 3:]
     h = thick + random.standard_normal((120, 6)) * NOISE
     table = table_of(poses, in_axes(h, turned("x", 90)))
-    found = find_missing(fit_model(table, "linear"), table, effects=["payload"])
+    found = find_missing(fit_model(table, "linear", force=True), table, effects=["payload"])
     assert found.unknown is not None
     assert "turned by 90 degrees about x" in found.unknown.words
 
@@ -204,7 +206,7 @@ def test_a_reversed_sign_is_no_effect(name: str, names: tuple[str, ...], words: 
     table = table.with_meta(replace(table.meta, mechanism={"length_m": L}))
     wrong = table.with_columns({one: -table.column(one) for one in names})
     few = ["temperature_modulus", "payload", "fts_gain"]
-    found = diagnose(fit_model(wrong, name), wrong, effects=few)
+    found = diagnose(fit_model(wrong, name, force=True), wrong, effects=few)
     assert found.verdict == "unknown"
     assert found.answer == ()
     assert words in found.sentence()

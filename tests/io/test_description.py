@@ -134,3 +134,29 @@ def test_written_toml_is_read_back(
 ) -> None:
     folder = tmp_path_factory.mktemp("toml")
     assert read_toml_text(write_toml(document), folder) == document
+
+
+@pytest.mark.parametrize(
+    ("text", "table", "line"),
+    [
+        ('kind = "continuous"', "file", 'kind = "continuous"'),
+        ('[mechanism]\nkind = "continuous"', "file", 'kind = "continuous"'),
+        ('[columns]\nkind = "continuous"', "file", 'kind = "continuous"'),
+        ("length_m = 0.1", "mechanism", "length_m = 0.1"),
+        ("[scene]\nforce_sd_N = 0.2", "instrument", "force_sd_N = 0.2"),
+        ("[instrument]\npayload_mass_kg = 0.3", "scene", "payload_mass_kg = 0.3"),
+    ],
+)
+def test_a_key_in_the_wrong_table_is_told_the_right_one(
+    text: str, table: str, line: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "t.toml"
+    path.write_text(text + "\n", encoding="utf-8")
+    with pytest.raises(InputError, match=rf"belongs into \[{table}\]") as found:
+        read_meta(path)
+    assert found.value.remedy is not None
+    shown = found.value.remedy.words
+    assert f"[{table}]\n{line}\n" in shown
+    # What is advised, written so, is read.
+    path.write_text(f"[{table}]\n{line}\n", encoding="utf-8")
+    read_meta(path)

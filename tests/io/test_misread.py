@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import ecm
+from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.misread import falling_loads, misread
 from ecm.io.table import Table, as_table, read_table
@@ -241,3 +243,21 @@ def test_only_factors_of_units_are_called_a_unit(factor: float, unit: str) -> No
     found = unit_of_factor(factor)
     assert unit in found
     assert bool(found) == bool(unit)
+
+
+def test_fit_in_python_refuses_what_the_command_refuses(neck: Table) -> None:
+    wrong = negated(neck, "fx_N")
+    with pytest.raises(InputError, match="the sign of fx looks reversed") as refused:
+        ecm.fit(wrong, "energy4")
+    assert refused.value.remedy is not None
+    assert "scale = -1.0" in refused.value.remedy.words
+    assert refused.value.remedy.force
+    assert "force=True in Python" in refused.value.message
+    assert ecm.fit(wrong, "linear", force=True).name == "poly:1"
+    assert "misread" not in ecm.fit(neck, "linear").training
+
+
+def test_what_the_table_does_not_prove_is_in_the_fit_report() -> None:
+    y = np.linspace(-0.01, 0.01, 21)
+    model = ecm.fit({"y_m": y, "fy_N": -3000.0 * y}, "linear")
+    assert "the wrench's sign looks reversed, or the mechanism is not passive" in model.fit_report()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 import tracemalloc
 from collections.abc import Callable
@@ -20,6 +21,7 @@ from ecm.io import csv as csv_files
 from ecm.io.columns import POSE, STANDARD, WRENCH, likely_name
 from ecm.io.description import Meta, Scene
 from ecm.io.table import Table, as_table, read_table
+from ecm.logs import import_log
 from support.neck import csv_text, neck_columns
 
 Edit = Callable[[list[list[str]]], None]
@@ -613,3 +615,12 @@ def test_tables_of_two_experiments_say_what_differs(tmp_path: Path) -> None:
         InputError, match=r"\[mechanism\] is length_m = 0.2, in .* length_m = 0.1. "
     ):
         read_table([one, long])
+
+
+def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
+    """Nobody writes into it: to open it would wait for ever."""
+    os.mkfifo(tmp_path / "pipe.csv")
+    with pytest.raises(InputError, match="a pipe or a device; a table is read more than once"):
+        read_table(tmp_path / "pipe.csv")
+    with pytest.raises(InputError, match="a pipe or a device; a log is read more than once"):
+        import_log(tmp_path / "pipe.csv")

@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 from ecm._native import rotation_matrices
 from ecm.errors import InputError
 from ecm.io.columns import WRENCH
+from ecm.models import fit_model
 from ecm.models.export import export, export_files
 from ecm.models.export.opensim import DEFLECTIONS, deflections
 from ecm.models.measured_poses import noise_sd, poses_like_measured
+from support.campaigns import campaign
 from support.exports import fitted
 
 F = NDArray[np.float64]
@@ -113,3 +115,18 @@ def test_a_change_beyond_the_noise_is_refused(
         export(fitted("energy6"), "opensim", tmp_path)
     assert list(tmp_path.iterdir()) == []
     assert export(fitted("energy6"), "opensim", tmp_path, force=True).change > 1.0
+
+
+def test_an_effect_that_opensim_cannot_hold_is_refused_as_by_other_targets(tmp_path: Path) -> None:
+    table = campaign("temperature_modulus", 3.0, 1)
+    model = fit_model(table, "energy4").add("temperature_modulus").fit(table)
+    with pytest.raises(InputError, match=r"temperature_modulus is .* times the measure") as found:
+        export(model, "opensim", tmp_path)
+    assert found.value.remedy is not None
+    assert found.value.remedy.force
+    assert found.value.remedy.command == (
+        "ecm refit MODEL DATA --remove temperature_modulus --out without.json"
+    )
+    forced = export(model, "opensim", tmp_path, force=True)
+    assert forced.left_out == ("temperature_modulus",)
+    assert export(model.remove("temperature_modulus"), "opensim", tmp_path).lost == {}

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import ecm
 from ecm.effects import all_effects, get_effect
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table, as_table
@@ -192,3 +193,23 @@ def test_a_fit_to_given_pairs_without_any_data_has_poses_too() -> None:
     found = measured_poses(Model(base=map))
     assert len(found) >= 20
     assert np.isfinite(map.predict(found)).all()
+
+
+@pytest.mark.parametrize("name", ["energy4", "linear"])
+def test_all_that_says_outside_means_the_poses_that_were_measured(name: str) -> None:
+    table = ecm.read_table(ROOT / "examples" / "neck_measured.csv").measured()
+    model = ecm.fit(table, name)
+    poses = np.ascontiguousarray(table.poses)
+    assert not model.extrapolates(poses).any()
+    assert ecm.compare(model, table).outside_domain == 0
+    # A corner of the measured ranges that no load reaches: inside each of them, outside together.
+    corner = poses.copy()
+    corner[:, 1:3], corner[:, 4:] = poses[:, 1:3].max(axis=0), poses[:, 4:].max(axis=0)
+    reach = reach_of(model, model.base)
+    assert reach is not None
+    assert model.extrapolates(corner).all()
+    beyond = table.with_columns(dict(zip(POSE, corner.T, strict=True)))
+    assert ecm.compare(model, beyond).outside_domain == len(table)
+    predicted = ecm.predict(model, beyond, leverage=True)
+    assert predicted["extrapolates"].all()
+    assert f"{len(table)} of {len(table)} poses are outside" in "".join(predicted.warnings)

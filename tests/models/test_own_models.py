@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import math
 from pathlib import Path
@@ -20,6 +21,7 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.models import parse_model
 from ecm.models.expression import FUNCTIONS, Expression
+from support.exports import done
 
 NOISE_N = 0.05
 META = {"instrument": {"force_sd_N": NOISE_N, "pose_position_sd_m": 1e-9}}
@@ -139,6 +141,46 @@ def test_an_expression_of_six_columns_is_exported_as_an_energy(tmp_path: Path) -
     np.testing.assert_allclose(model.base.coefficients, own.map().coefficients, rtol=1e-6)
     exported = ecm.export(model, "c", tmp_path, force=True)
     assert any("Folded into energy" in note for note in exported.notes)
+
+
+@pytest.mark.parametrize(
+    ("equations", "form"),
+    [
+        ([SPRING], "poly:3"),
+        (["fx_N = k * x_m + c * tanh(x_m / 0.01)"], "poly:5"),
+        ([SPRING, "fy_N = d * y_m + e * x_m * y_m"], "poly:3"),
+        (
+            [SPRING, "fy_N = d * y_m + e * x_m * y_m", "fz_N = d * z_m + e * z_m**3 * 100.0"],
+            "poly:3",
+        ),
+    ],
+)
+def test_an_expression_of_few_columns_is_exported_as_a_polynomial(
+    equations: list[str], form: str, tmp_path: Path
+) -> None:
+    random = np.random.default_rng(3)
+    x, y, z = random.uniform(-0.01, 0.01, (3, 80))
+    columns = {"x_m": x, "fx_N": spring(x), "y_m": y, "fy_N": 900.0 * y + 2e4 * x * y}
+    columns |= {"z_m": z, "fz_N": 900.0 * z + 2e6 * z**3}
+    kept = [name for name in columns if name[1 if name[0] == "f" else 0] in "xyz"[: len(equations)]]
+    table = ecm.as_table(
+        {name: columns[name] + (0.05 * random.standard_normal(80) if name[0] == "f" else 0.0)
+         for name in kept}, meta=META
+    )  # fmt: skip
+    start = dict.fromkeys([n for n in "kcde" if any(f"{n} *" in text for text in equations)], 1.0)
+    model = ecm.fit(table, Expression("\n".join(equations), **start))
+    exported = ecm.export(model, "c", tmp_path)
+    assert any(f"Folded into {form}: expression" in note for note in exported.notes)
+    source = tmp_path / "ecm_model.c"
+    library = tmp_path / "model.so"
+    done("cc", "-O2", "-shared", "-fPIC", source, "-o", library)
+    code, pointer = ctypes.CDLL(str(library)), ctypes.POINTER(ctypes.c_double)
+    poses = np.ascontiguousarray(table.matrix(model.inputs))
+    got = np.zeros((len(poses), len(model.outputs)))
+    for pose, wrench in zip(poses, got, strict=True):
+        code.ecm_model_value(pose.ctypes.data_as(pointer), wrench.ctypes.data_as(pointer))
+    error = got - model.predict(poses)
+    assert np.sqrt((error**2).mean(axis=0)).max() < 0.2 * NOISE_N
 
 
 def test_predictions_elsewhere_or_twice_are_refused_with_the_row() -> None:

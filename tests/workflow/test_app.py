@@ -991,3 +991,44 @@ def test_every_file_of_the_page_is_served_and_asks_no_other_machine(app: App) ->
             assert answer.content == path.read_bytes()
             assert "http://" not in answer.text.replace("http://www.w3.org/", "")
             assert "https://" not in answer.text
+
+
+def test_a_refused_request_has_the_button_of_a_refused_step(app: App, tmp_path: Path) -> None:
+    app.session.add_table(table(tmp_path / "stage.csv"), "stage.csv")
+    with client_of(app) as client:
+        refused = client.post("/api/step", json={"verb": "fit", "model": "linear"})
+        assert refused.status_code == 400
+        answer = refused.json()
+        assert answer["error"] == (
+            "the tables are not checked: nothing goes on until the check passes"
+        )
+        assert answer["remedy"]["command"] == "ecm check upload-1.csv"
+        way = answer["remedy"]["request"]
+        assert way == {"verb": "check"}
+        assert client.post("/api/step", json=way).status_code == 200
+        accept_all(client, finished(client, app))
+        refused = client.post("/api/step", json={"verb": "export"})
+        assert refused.status_code == 400
+        way = refused.json()["remedy"]["request"]
+        assert way == {"verb": "fit", "model": "choose"}
+        assert client.post("/api/redo", json={}).json()["remedy"] is None
+
+
+def test_experiments_of_a_log_are_told_apart(app: App, tmp_path: Path) -> None:
+    lines = table(tmp_path / "plain.csv").read_text(encoding="utf-8").splitlines()
+    words = [f"{line},{'specimen' if i == 0 else 'AB'[i % 2]}" for i, line in enumerate(lines)]
+    log = tmp_path / "log.csv"
+    log.write_text("\n".join([*words, ""]), encoding="utf-8")
+    with client_of(app) as client:
+        upload(client, log)
+        finished(client, app)
+        step = {"verb": "import", "group": "specimen"}
+        assert client.post("/api/step", json=step).status_code == 200
+        state = finished(client, app)
+        done = next(item for item in state["steps"] if item["verb"] == "import")
+        assert done["status"] == "done", done["message"]
+        assert "--group specimen" in done["command"]
+        assert len(read_table(app.session.folder / state["data"][0]["file"]).meta.group) == 1
+        files = app.session.files(app.session.journal.read())
+        assert request_of("ecm import upload-1.csv --group specimen", files) == step
+        assert client.post("/api/step", json={**step, "group": 3}).status_code == 400

@@ -103,6 +103,9 @@ def page() -> Iterator[Page]:
 _OTHER_TAB = """fetch("/api/redo", {method: "POST", body: "{}",
   headers: {"content-type": "application/json"}}).then(answer => answer.status)"""
 _DRAWN = "!document.querySelector('#main .waiting[role=status]')"
+PAGE_SCRIPT = "/page/main.js"
+_TAKE_ON = """() => [...document.querySelectorAll("button")]
+  .find(button => button.textContent.startsWith("I take responsibility")).click()"""
 ALL_STAGES = ("data", "model", "fails", "missing", "add", "next", "out")
 _PREVIEW = """(() => {
   const drawn = () => document.querySelectorAll(".panel canvas")[1].toDataURL();
@@ -553,3 +556,30 @@ def test_a_refused_export_has_a_button_for_each_way_out(page: Page, tmp_path: Pa
         before = max(item["number"] for item in steps if item["verb"] == "fit")
         assert linked == [f"compare-{before + 1}.html", f"model-{before}.json", "script.sh"]
     assert page.problems() == []
+
+
+def test_a_refused_request_has_its_button_and_experiments_a_field(
+    page: Page, tmp_path: Path
+) -> None:
+    """As of a page that another tab has overtaken: the export comes before a model is there."""
+    log = tmp_path / "log.csv"
+    rows = "".join(f"{0.5 * k},{1.1 * k + 0.01 * (k % 3)},{'AB'[k % 2]}\n" for k in range(20))
+    log.write_text(f"x [mm],fx [N],specimen\n{rows}", encoding="utf-8")
+    with served(log, folder=tmp_path / "session") as address:
+        page.open(address)
+        page.until("document.querySelectorAll('#group-names option').length > 1")
+        page.js("document.querySelector('#group').value = 'specimen'")
+        page.click("#import")
+        page.until("!!document.querySelector('#to-model') && !document.querySelector('#import')")
+        assert "--group specimen" in _state(page)["steps"][-2]["command"]
+        page.js(f"({_TAKE_ON})()")
+        page.until("!document.querySelector('#to-model').disabled")
+        page.js(f"import('{PAGE_SCRIPT}').then(page => page.app.step('export', {{to: 'c'}}))")
+        page.until("!!document.querySelector('#status [data-remedy=fit]')")
+        assert "no model yet" in page.js("document.querySelector('#status').textContent")
+        page.click("#status [data-remedy=fit]")
+        page.until("!document.querySelector('#status .error')")
+        page.until("!document.querySelector('#to-model:disabled')")
+        steps = _state(page)["steps"]
+        assert [step["verb"] for step in steps if step["verb"] == "fit"] == ["fit"]
+    assert all("400 (Bad Request)" in problem for problem in page.problems())

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ecm.cli.models import open_model, prepare_physics
+from ecm.cli.models import open_model
 from ecm.cli.options.compare import Options
 from ecm.cli.session import Session
 from ecm.cli.text import columns
 from ecm.comparison import Comparison
 from ecm.comparison import compare as compare_model
 from ecm.comparison.page import write_comparison
+from ecm.comparison.reference_models import FEM_NEEDED
 from ecm.diagnosis.check import excitation_sentences, never_excited
 from ecm.effects import load_installed
+from ecm.errors import Remedy
 from ecm.io.columns import unit_of
 
 _WORST_POSES = 3
@@ -23,8 +25,6 @@ def compare(options: Options, session: Session) -> None:
     load_installed()
     table = session.read(options.data, need="fit")
     model = open_model(options.model, session, table)
-    if model.base.kind != "physics":
-        prepare_physics(table, session)
     with session.working(f"comparing with {len(table)} rows") as tell:
         result = compare_model(model, table, seed=session.seed, progress=tell)
         result.complete(tell)
@@ -46,6 +46,9 @@ def compare(options: Options, session: Session) -> None:
         assumed = result.noise.is_assumed
         levels = result.references.levels_in_words(noise_is_assumed=assumed)
         session.print(levels if assumed else f"{levels} {result.references.sentence()}")
+        if result.references.fem_needed:
+            shown = Remedy(FEM_NEEDED, "ecm fit DATA --model physics --out physics.json && AGAIN")
+            session.print(str(shown.filled(session.files_of(options))))
     if result.rows_used is not None:
         session.print(result.rows_used.sentence())
     for warning in result.warnings:

@@ -55,6 +55,7 @@ def fit(options: Options, session: Session) -> None:
             zero_at_home=options.zero_at_home,
             stable=options.stable,
             weights=cast("Weights", options.weights),
+            force=True,  # asked above, before a choice that takes minutes
             progress=tell,
         )
     with session.working("errors on held-out rows") as tell:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -151,7 +151,7 @@ class Comparison:
     def references(self) -> ReferenceModels | None:
         """Reference models of the table; None where its columns do not allow them.
 
-        Made when it is asked for: fits two bases, and runs the FEM of a new `[mechanism]`.
+        Made when it is asked for: fits two bases; no FEM runs for it.
         """
         made = self.compared
         return fit_reference_models(made.model, _some(made.table, made.chosen), self.noise)
@@ -176,7 +176,8 @@ class Comparison:
         at = np.ascontiguousarray(rows.poses[scored])
         # The worst rows of a large table are shown, but would count too much.
         counted = np.isin(shown, made.chosen) if len(shown) < len(made.table) else None
-        return residual_maps_of(rows, errors, scored, made.model.leverage(at), counted)
+        maps = residual_maps_of(rows, errors, scored, made.model.leverage(at), counted)
+        return replace(maps, noise_is_assumed=self.noise.is_assumed)
 
     def complete(self, progress: Progress | None = None) -> None:
         """Make the parts that are made when they are asked for.
@@ -530,10 +531,4 @@ def _root(value: float) -> float:
 
 
 def _outside(model: Model, rows: Rows, scored: B) -> int:
-    if not model.domain:
-        return 0
-    low = np.array([model.domain[name][0] for name in model.inputs])
-    high = np.array([model.domain[name][1] for name in model.inputs])
-    slack = 0.02 * (high - low)
-    poses = rows.poses[scored]
-    return int(((poses < low - slack) | (poses > high + slack)).any(axis=1).sum())
+    return int(model.extrapolates(np.ascontiguousarray(rows.poses[scored])).sum())

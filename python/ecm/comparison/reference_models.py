@@ -19,7 +19,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.models.by_degree import symmetric_energy
 from ecm.models.history import ceiling_rms, held_out_rms
 from ecm.models.joint_fit import JointFit, joint_fit
-from ecm.models.physics.map import FREE, PhysicsMap, physics_map, reach_of
+from ecm.models.physics.map import FREE, PhysicsMap, kept_physics, reach_of
 from ecm.regression.folds import folds, held_out_by, is_pose_row, row_groups, without_zero_readings
 from ecm.regression.noise import Noise
 
@@ -38,6 +38,9 @@ _HELD_OUT = {
     "time": "blocks of time",
     "run": "each run in turn",
 }
+FEM_NEEDED = (
+    "the physics base is left out: the FEM of this body did not run yet (up to ten minutes, once)"
+)
 _USELESS = 1e4
 """Held-out errors beyond so many times the noise are no errors of a prediction."""
 _NOTHING = 0.03
@@ -54,6 +57,8 @@ class ReferenceModels:
     floor: float = 1.0
     by: str = "pose"
     """What the held-out parts are: clusters of the `pose`, blocks of `time`, or each `run`."""
+    fem_needed: bool = False
+    """Whether the physics is left out because the FEM of the table's body did not run yet."""
 
     def levels_in_words(self, *, noise_is_assumed: bool = False) -> str:
         """Return the known errors and how rows were held out; no number for no prediction."""
@@ -112,6 +117,7 @@ class ReferenceModels:
             "ceiling": self.ceiling,
             "floor": self.floor,
             "held_out_by": self.by,
+            "fem_needed": self.fem_needed,
             "shares": self.shares(),
             "sentence": self.sentence(),
         }
@@ -121,21 +127,22 @@ def fit_reference_models(model: Model, table: Table, noise: Noise) -> ReferenceM
     """Fit the reference models; None for a table without all six pose and wrench columns.
 
     The physics base is that of the model, where it is one, else that of the table's `[mechanism]`:
-    its FEM runs here where it is not in the cache yet.
+    it is left out where its FEM, which takes minutes, is not in the cache yet.
     """
     if not table.has(*POSE, *WRENCH) or noise.components is not None:
         return None
     kept = without_zero_readings(table)
     physics: StiffnessMap | None = model.base
-    body = kept.meta.body()
+    body, fem_needed = kept.meta.body(), False
     if not isinstance(physics, PhysicsMap) and body is not None and body.has_body:
-        physics = physics_map(body, reach_rad=reach_of(table))
+        physics = kept_physics(body, reach_rad=reach_of(table))
+        fem_needed = physics is None
     if not isinstance(physics, PhysicsMap):
         physics = None
     elif physics.family is not None:
         physics = physics.with_free(*FREE)
     fits = [None if b is None else joint_fit(b, (), kept, noise) for b in (physics, _energy(kept))]
-    if not any(fits):
+    if not any(fits) and not fem_needed:
         return None
     ceilings = [ceiling_rms(fit, kept, noise) for fit in fits if fit is not None]
     known = [item.whitened for item in ceilings if item is not None]
@@ -144,6 +151,7 @@ def fit_reference_models(model: Model, table: Table, noise: Noise) -> ReferenceM
         energy=_held_out(fits[1], kept),
         ceiling=min(known) if known else None,
         by=held_out_by(kept, "time"),
+        fem_needed=fem_needed,
     )
 
 

@@ -59,14 +59,15 @@ def residual_figure(
         ], names.index(variable))
     ]  # fmt: skip
     if not curves:
-        kinds = [(key, unit) for key in maps.physical for unit in ("over its noise", "in its unit")]
+        over = f"over {maps.noise_word}"
+        kinds = [(key, unit) for key in maps.physical for unit in (over, "in its unit")]
         buttons = []
         for key, unit in kinds:
-            values = (maps.over_noise if unit == "over its noise" else maps.physical)[key]
+            values = (maps.over_noise if unit == over else maps.physical)[key]
             arrays = [_plain(values[maps.drawn, j]) for j in range(values.shape[1])]
             label = f"{_FRAMES[key]}, {unit}"
             buttons.append({"label": label, "method": "restyle", "args": [{"y": arrays}]})
-        active = kinds.index((frame, "over its noise" if over_noise else "in its unit"))
+        active = kinds.index((frame, over if over_noise else "in its unit"))
         menus.append(_menu(0.45, buttons, active))
     layout["updatemenus"] = menus
     return {"data": data, "layout": layout}
@@ -99,7 +100,7 @@ def residual_section(maps: ResidualMaps, variables: Sequence[str] = ()) -> Secti
         blocks.append(
             FigureBlock(
                 "Where in the workspace: the larger the marker, the larger the row's residual "
-                "over its noise.",
+                f"over {maps.noise_word}.",
                 workspace_figure(maps),
             )
         )
@@ -121,6 +122,8 @@ def residual_section(maps: ResidualMaps, variables: Sequence[str] = ()) -> Secti
         )
     worst = maps.worst()
     header = ["row", "residual / noise", "component", "residual"]
+    if maps.noise_is_assumed:
+        header[1] = "residual / assumed noise"
     header += ["leverage"] if maps.leverage is not None else []
     blocks.append(
         TableBlock(
@@ -192,7 +195,7 @@ def workspace_figure(maps: ResidualMaps) -> dict[str, Any]:
          if a in columns and b in columns],
         size=np.clip(4.0 + 3.0 * (size - 1.0), 3.0, 18.0),
         rows=maps.row[maps.drawn].tolist(),
-        text=[f"{value:.2f} times its noise" for value in size],
+        text=[f"{value:.2f} times {maps.noise_word}" for value in size],
         link=LINK,
     )  # fmt: skip
 

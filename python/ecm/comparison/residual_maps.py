@@ -69,6 +69,13 @@ class ResidualMaps:
     """(d,) places of the rows that figures draw: all of a small table, else some and the worst."""
     total: int
     """Measured poses of the table."""
+    noise_is_assumed: bool = False
+    """Whether nobody measured or declared the noise: then no more than ratios count."""
+
+    @property
+    def noise_word(self) -> str:
+        """What residuals are divided by, in words."""
+        return "an assumed noise" if self.noise_is_assumed else "its noise"
 
     @property
     def over_noise(self) -> dict[str, F]:

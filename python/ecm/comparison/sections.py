@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ecm.comparison.comparison import Comparison
+from ecm.comparison.reference_models import FEM_NEEDED
 from ecm.comparison.residual_figures import LINK
 from ecm.comparison.residual_points import residual_points
 from ecm.regression.f_test import FTest
@@ -23,6 +24,7 @@ from ecm.report.page import (
 )
 
 _DRAWN = 900
+_RESIDUALS = "Residuals in the unit of each column."
 _MEANING = {
     "physics base": "FEM of the body with E and ν free: what it leaves, no elasticity explains",
     "symmetric energy": "any elasticity or geometry that keeps the symmetry",
@@ -33,6 +35,18 @@ _MEANING = {
 
 def compare_section(result: Comparison, warnings: Sequence[str]) -> Section:
     """Return one sentence, the error of each component against its noise, and warnings."""
+    errors = _over_spread(result) if result.noise.is_assumed else _over_noise(result)
+    blocks: list[Block] = [TextBlock(result.sentence(), strong=True), *workspace_blocks(result)]
+    blocks += [
+        *errors,
+        *([] if result.rows_used is None else [TextBlock(result.rows_used.sentence())]),
+        *warnings_table(warnings),
+    ]
+    return Section("Compare", blocks)
+
+
+def _over_noise(result: Comparison) -> list[Block]:
+    """Return the error of each component, its noise floor and what is above it."""
     names = [item.name for item in result.components]
     rows = [
         [
@@ -44,17 +58,14 @@ def compare_section(result: Comparison, warnings: Sequence[str]) -> Section:
         for item in result.components
     ]
     header = ["component", "RMSE", "bias", "noise floor", "excess", "90 % interval"]
-    if result.lack_of_fit is not None:
-        header += ["lack of fit F", "p"]
     floor = np.array([item.floor for item in result.components])
     shares: dict[str, Sequence[float]] = {
         "noise floor": [1.0] * len(names),
         "RMSE": [item.rmse / f for item, f in zip(result.components, floor, strict=True)],
         "excess": [item.excess / f for item, f in zip(result.components, floor, strict=True)],
     }
-    blocks: list[Block] = [TextBlock(result.sentence(), strong=True), *workspace_blocks(result)]
-    blocks += [
-        TableBlock("Residuals in the unit of each column.", header, rows),
+    return [
+        TableBlock(_RESIDUALS, [*header, *_lack_of_fit_header(result)], rows),
         FigureBlock(
             "Error of each component over its noise floor.",
             draw.bars(shares, names, y_title="over the noise floor"),
@@ -65,10 +76,44 @@ def compare_section(result: Comparison, warnings: Sequence[str]) -> Section:
                 {"rows": result.whitened}, names, limit=8.0, x_title="over noise", y_title="rows"
             ),
         ),
-        *([] if result.rows_used is None else [TextBlock(result.rows_used.sentence())]),
-        *warnings_table(warnings),
     ]
-    return Section("Compare", blocks)
+
+
+def _over_spread(result: Comparison) -> list[Block]:
+    """Return the error of each component beside its spread: nobody knows the noise."""
+    made = result.compared
+    names = [item.name for item in result.components]
+    measured = made.table.matrix(names)[made.chosen]
+    error = np.array([item.rmse for item in result.components])
+    spread = measured.std(axis=0)
+    share = 100.0 * error / np.where(spread > 0.0, spread, np.inf)
+    rows = [
+        [
+            item.name,
+            *(number(value) for value in (item.rmse, item.bias, percent)),
+            *_lack_of_fit(result, item.lack_of_fit),
+        ]
+        for item, percent in zip(result.components, share.tolist(), strict=True)
+    ]
+    header = ["component", "RMSE", "bias", "RMSE, % of the spread", *_lack_of_fit_header(result)]
+    residual = (measured - made.predicted[made.chosen]) / np.maximum(error, 1e-300)
+    return [
+        TableBlock(_RESIDUALS, header, rows),
+        FigureBlock(
+            "Error of each component over the spread of its readings.",
+            draw.bars({"RMSE": share.tolist()}, names, y_title="% of the spread"),
+        ),
+        FigureBlock(
+            "Residuals over the error of their component.",
+            draw.histograms(
+                {"rows": residual}, names, limit=8.0, x_title="over the RMSE", y_title="rows"
+            ),
+        ),
+    ]
+
+
+def _lack_of_fit_header(result: Comparison) -> list[str]:
+    return [] if result.lack_of_fit is None else ["lack of fit F", "p"]
 
 
 def pose_error_section(result: Comparison) -> Section:
@@ -98,15 +143,16 @@ def pose_error_section(result: Comparison) -> Section:
 def workspace_blocks(result: Comparison) -> list[Block]:
     """Return the mechanism in its measured poses, coloured by residual."""
     points = residual_points(result, _DRAWN)
+    over = result.where().noise_word
     return [
         *mechanism_blocks(
             result.compared.table,
-            "The mechanism bent into measured poses, coloured by the residual of the row over its "
-            f"noise. {points.sentence}".rstrip(),
+            "The mechanism bent into measured poses, coloured by the residual of the row over "
+            f"{over}. {points.sentence}".rstrip(),
             rows=points.row - 1,
             values=points.size,
             title="residual",
-            unit="times the noise",
+            unit=f"times {over}",
             link=LINK,
         )
     ]
@@ -124,23 +170,28 @@ def references_section(result: Comparison) -> Section:
     if known is None:
         text = "No references: they need all six pose and wrench columns and the length."
         return Section("References", [TextBlock(text)])
+    assumed = result.noise.is_assumed
     levels = known.levels()
+    if assumed:
+        levels.pop("noise floor")
+    over = "an assumed noise: only the ratios count" if assumed else "the noise"
+    quotient = f"error / {'assumed ' * assumed}noise"
     rows = [[name, number(value), _MEANING[name]] for name, value in levels.items()]
+    left_out = [TextBlock(f"{FEM_NEEDED[0].upper()}{FEM_NEEDED[1:]}.")] if known.fem_needed else []
     return Section(
         "References",
         [
-            TextBlock(known.sentence(), strong=True),
+            *([] if assumed else [TextBlock(known.sentence(), strong=True)]),
+            *left_out,
             TableBlock(
-                "Error on held-out rows over the noise: what each reference leaves.",
-                ("reference", "error / noise", "what it can fit"),
+                f"Error on held-out rows over {over}. What each reference leaves.",
+                ("reference", quotient, "what it can fit"),
                 rows,
             ),
             FigureBlock(
                 "The same side by side. A fall from one to the next is the family of what is "
                 "missing: symmetric, asymmetric, or no function of the pose.",
-                draw.bars(
-                    {"held-out rows": list(levels.values())}, list(levels), y_title="error / noise"
-                ),
+                draw.bars({"held-out rows": list(levels.values())}, list(levels), y_title=quotient),
             ),
         ],
     )

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ecm.errors import InputError
+from ecm.errors import InputError, Remedy
 from ecm.io.columns import is_standard, likely_name
 from ecm.io.frames import Frames
 from ecm.io.leave_out import read_leave_out
@@ -259,6 +259,7 @@ class Meta:
     @staticmethod
     def from_dict(document: Mapping[str, Any], where: str) -> Meta:
         """Check a parsed NAME.toml; InputError names file, table and key."""
+        _check_places(document, where)
         check_keys(document, _TABLES, where)
         columns, group = _columns(document.get("columns", {}), f"{where} [columns]")
         mechanism = document.get("mechanism", {})
@@ -290,6 +291,34 @@ _TABLES = (
     *("file", "columns", "mechanism", "instrument", "scene", "run", "frames", "leave_out"),
     "import",
 )
+
+
+_SECTIONS = {"file": FileMeta, "instrument": Instrument, "scene": Scene, "frames": Frames}
+
+
+def _check_places(document: Mapping[str, Any], where: str) -> None:
+    """Raise InputError for a key that belongs into another table of the description."""
+    known = {name: [item.name for item in fields(of)] for name, of in _SECTIONS.items()}
+    known["mechanism"] = [*MECHANISM_KEYS]
+    homes = {key: name for name, keys in known.items() for key in keys}
+
+    def check(table: Any, own: Iterable[str], place: str) -> None:
+        for key in table if isinstance(table, Mapping) else ():
+            if key in homes and key not in own:
+                right = write_toml({homes[key]: {key: table[key]}}).rstrip()
+                raise InputError(
+                    f"{place}: '{key}' belongs into [{homes[key]}]",
+                    remedy=Remedy(
+                        f"write it there:\n{right}\nThen check the table", "ecm check DATA"
+                    ),
+                )
+
+    check(document, _TABLES, where)
+    for name, own in known.items():
+        check(document.get(name), own, f"{where} [{name}]")
+    columns = document.get("columns")
+    if isinstance(columns, Mapping) and columns.get("kind") in ("static", "continuous"):
+        check({"kind": columns["kind"]}, (), f"{where} [columns]")
 
 
 def read_meta(path: Path) -> Meta:

@@ -132,16 +132,18 @@ def refuse_misread(found: Misread | None, source: str) -> None:
     """
     if found is None or not found.decided:
         return
-    remedy = Remedy("mend the table, then check it again", "ecm check DATA")
+    remedy = Remedy("mend the table, then check it again", "ecm check DATA", force=True)
     if found.mend:
         entries = "\n".join(found.mend)
         remedy = Remedy(
             "mend the columns in the TOML beside the table:\n"
             f"[columns]\n{entries}\nThen check it again",
             "ecm check DATA",
+            force=True,
         )
     raise InputError(
-        f"{source}: {found.sentence()}. --force takes the table as it is.", remedy=remedy
+        f"{source}: {found.sentence()}. --force (force=True in Python) takes the table as it is.",
+        remedy=remedy,
     )
 
 

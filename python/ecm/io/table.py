@@ -29,7 +29,7 @@ from ecm.io.leave_out import without_rows
 from ecm.io.parquet import read_parquet
 from ecm.io.raw_table import RawTable, raw_table
 from ecm.io.steps import Progress, Steps
-from ecm.io.toml import did_you_mean
+from ecm.io.toml import did_you_mean, refuse_pipe
 from ecm.io.validate import validated_columns
 
 __all__ = ["POSE", "TEXT", "WRENCH", "Meta", "Table", "as_table", "read_table"]
@@ -511,6 +511,7 @@ def _read_one(
 
 def _raw(path: Path, meta: Meta | None, progress: Progress | None = None) -> tuple[RawTable, Meta]:
     """Cells of one file, and its description: NAME.toml beside it unless one is given."""
+    refuse_pipe(path, "table")
     if meta is None:
         own = path.with_suffix(".toml")
         meta = read_meta(own) if own.is_file() and own != path else Meta()

@@ -63,6 +63,18 @@ def read_text(path: Path, what: str) -> str:
         raise InputError(message, remedy=Remedy(words, command)) from None
 
 
+def refuse_pipe(path: Path, what: str) -> None:
+    """Raise InputError for what can be read only once: a pipe, a terminal, a device.
+
+    Later steps, and the commands that a refusal names, read a file again.
+    """
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise InputError(
+            f"{path}: a pipe or a device; a {what} is read more than once, also by later steps",
+            remedy=Remedy("save it as a file first, and give that one"),
+        )
+
+
 def _likely_file(path: Path) -> str:
     if not path.parent.is_dir():
         return f"The directory {path.parent} does not exist either: check the path."

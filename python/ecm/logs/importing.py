@@ -27,7 +27,7 @@ from ecm.io.raw_table import check_names
 from ecm.io.row_errors import BadRows
 from ecm.io.steps import Progress
 from ecm.io.table import MetaLike, Table, as_table
-from ecm.io.toml import did_you_mean
+from ecm.io.toml import did_you_mean, refuse_pipe
 from ecm.io.validate import repeated_rows
 from ecm.logs.containers import is_hdf5, read_hdf5, read_matlab, read_numpy, read_parquet_log
 from ecm.logs.conversion import (
@@ -324,8 +324,7 @@ def _read(log: Any, topics: Sequence[str], progress: Progress | None) -> ReadLog
     path = Path(log)
     if not path.exists():
         raise InputError(f"{path}: this log does not exist. Check the path.")
-    if not path.is_file() and not path.is_dir():
-        raise InputError(f"{path}: a pipe or a device; a log is read more than once: save it first")
+    refuse_pipe(path, "log")
     if is_bag(path):
         return ReadLog(read_bag(path, topics, progress), str(path), "")
     if path.is_dir():

@@ -36,7 +36,7 @@ def choose_base(model: Model, table: Table) -> StiffnessMap:
     body = table.meta.body()
     six = table.has(*POSE, *WRENCH) or is_partial(table)
     if six and body is not None and body.has_body:
-        return measured_part(fit_model(table, "physics").base, table)
+        return measured_part(fit_model(table, "physics", force=True).base, table)
     if six and table.meta.length_m is not None:
         return symmetric_energy(table)
     alike = (model.inputs, model.outputs) == (table.pose_columns, table.wrench_columns)

@@ -18,7 +18,7 @@ from ecm.models.model import Model
 from ecm.models.registry import parse_model
 from ecm.models.specification import ModelSpecification, Weights
 
-_OPTIONS = ("model", "length_m", "weights", "zero_at_home", "stable")
+_OPTIONS = ("model", "length_m", "weights", "zero_at_home", "stable", "force")
 
 
 class ModelEstimator:
@@ -30,7 +30,7 @@ class ModelEstimator:
         A specification or its short name.
     length_m
         Length of the mechanism, m; energies, rods and constraints need it.
-    weights, zero_at_home, stable
+    weights, zero_at_home, stable, force
         As in `fit_model`.
 
     Attributes
@@ -60,12 +60,14 @@ class ModelEstimator:
         weights: Weights = "auto",
         zero_at_home: bool = False,
         stable: bool = False,
+        force: bool = False,
     ) -> None:
         self.model = model
         self.length_m = length_m
         self.weights: Weights = weights
         self.zero_at_home = zero_at_home
         self.stable = stable
+        self.force = force
 
     def __repr__(self) -> str:
         options = ", ".join(f"{name}={value!r}" for name, value in self.get_params(False).items())
@@ -88,6 +90,7 @@ class ModelEstimator:
             weights=self.weights,
             zero_at_home=self.zero_at_home,
             stable=self.stable,
+            force=self.force,
         )
         return self
 

@@ -11,11 +11,11 @@ import numpy as np
 from ecm.errors import InputError, ModelError
 from ecm.io.arguments import check_arguments
 from ecm.io.columns import POSE
-from ecm.io.steps import Progress, Steps
+from ecm.io.misread import misread, refuse_misread
+from ecm.io.steps import Progress
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.models.constraints import constrained
 from ecm.models.function import FunctionModel
-from ecm.models.leverage import leverages
 from ecm.models.measured_poses import sample_of
 from ecm.models.model import Model
 from ecm.models.parameters import parameters_of
@@ -27,7 +27,7 @@ from ecm.models.training import conditions_of, domain_of, error_over_noise, trai
 from ecm.regression.thinning import spread_rows
 
 
-def fit_model(
+def fit_model(  # noqa: PLR0913 - a choice each, all with a default
     table: TableLike,
     model: ModelSpecification | str | Callable[..., Any],
     *,
@@ -36,6 +36,7 @@ def fit_model(
     weights: Weights = "auto",
     zero_at_home: bool = False,
     stable: bool = False,
+    force: bool = False,
     progress: Progress | None = None,
 ) -> Model:
     """Fit a model to the measured rows of a table.
@@ -60,6 +61,10 @@ def fit_model(
         is the paper's ordinary least squares. auto: noise for energies, spread for polynomials.
     zero_at_home, stable
         No wrench, and a stable rest, at the undeformed pose.
+    force
+        Take a table as it is, also where an elastic body contradicts its signs or columns. Else
+        such a table is refused where the other columns prove it; where they do not, the fit report
+        says what looks wrong.
     progress
         Called with the part of a step that is done, the whole step, and its name.
 
@@ -71,8 +76,8 @@ def fit_model(
     Raises
     ------
     InputError
-        For an unknown name, a table without rows or columns to fit, or options that do not fit
-        the model.
+        For an unknown name, a table without rows or columns to fit, a misread table, or options
+        that do not fit the model.
 
     Examples
     --------
@@ -97,6 +102,8 @@ def fit_model(
             f"{', '.join(table.pose_columns) or 'none'}",
             remedy=CHOOSE,
         )
+    wrong = None if force else misread(table)
+    refuse_misread(wrong, table.source)
     try:
         fitted = fit_rows(table, specification, weights, progress)
     except ModelError as unfit:  # more coefficients than equations, or columns that never vary
@@ -108,7 +115,10 @@ def fit_model(
     part = replace(fitted, base=measured_part(fitted.base, shown))
     errors = shown.matrix(part.outputs) - part.predict(shown.matrix(part.inputs))
     error = pose_error(part, shown, errors)
-    known = {"pose_error": error.to_dict(), "poses": sample_of(table, fitted.inputs)}
+    known: dict[str, Any] = {"pose_error": error.to_dict()}
+    if wrong is not None:
+        known["misread"] = {"sentence": wrong.sentence()}
+    known["poses"] = sample_of(table, fitted.inputs)
     return replace(fitted, training={**fitted.training, **known})
 
 
@@ -142,10 +152,10 @@ def fit_rows(
     used = measured
     if specification.most_rows is not None:
         used = measured.select(spread_rows(measured, specification.most_rows))
-    return _model(specification.fit_map(used, weights, progress), measured, progress)
+    return _model(specification.fit_map(used, weights, progress), measured)
 
 
-def _model(fitted: FittedMap, table: Table, progress: Progress | None) -> Model:
+def _model(fitted: FittedMap, table: Table) -> Model:
     """The model of a fit, its covariance widened where residuals exceed the stated noise."""
     base, covariance, training = fitted.base, fitted.covariance, training_of(table)
     if (error := error_over_noise(measured_part(base, table), fitted.noise, table)) is not None:
@@ -155,11 +165,6 @@ def _model(fitted: FittedMap, table: Table, progress: Progress | None) -> Model:
         training["residual_variance"] = variance
         if covariance is not None:
             covariance = covariance * max(1.0, variance)
-    if covariance is not None and fitted.noise.components is None and base.inputs == POSE:
-        poses = np.ascontiguousarray(table.poses)
-        told = Steps({"leverages": 1}, progress).within("leverages")
-        largest = leverages(base, covariance, fitted.noise, poses, told).max()
-        training["largest_leverage"] = float(largest)
     return Model(
         base=base,
         noise=fitted.noise,

@@ -59,11 +59,13 @@ def folded(model: Fitted) -> tuple[EnergyMap, float]:
     return _first_near_enough(_ENERGIES, fitted, model)
 
 
-def folded_polynomial(model: Fitted, base: PolynomialMap) -> tuple[PolynomialMap, float]:
-    """The lowest polynomial that is near enough to one with its effects, and how far it differs.
+def folded_polynomial(model: Fitted) -> tuple[PolynomialMap, float]:
+    """The lowest polynomial that is near enough to a map with effects, and how far it differs.
 
-    For models of few columns, which have no energy.
+    For models of few columns, which have no energy: polynomials, and equations of one's own.
     """
+    base = model.base
+    least = base.model.degree if isinstance(base, PolynomialMap) else POLYNOMIAL_DEGREES[0]
     most = MOST_OF_ONE_INPUT if len(base.inputs) == 1 else POLYNOMIAL_DEGREES[1]
 
     def fitted(degree: int, poses: F, wrenches: F) -> PolynomialMap:
@@ -71,7 +73,7 @@ def folded_polynomial(model: Fitted, base: PolynomialMap) -> tuple[PolynomialMap
             PolynomialModel.fit(poses, wrenches, degree), base.inputs, base.outputs
         )
 
-    return _first_near_enough(range(base.model.degree, most + 1), fitted, model)
+    return _first_near_enough(range(least, most + 1), fitted, model)
 
 
 def _first_near_enough(

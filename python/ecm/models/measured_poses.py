@@ -250,10 +250,35 @@ def reach_of(model: Posed, base: StiffnessMap) -> Reach | None:
     """
     if not has_measured_poses(model):
         return None
-    poses = measured_poses(model)
+    return Reach.of(_coordinates_of(base, measured_poses(model)), base.inputs)
+
+
+def are_inside(model: Posed, poses: F) -> B:
+    """(N,) whether poses (N, n) are where the model was measured: `inside` of its export.
+
+    Of a file that holds no measured poses: whether each column is inside its range.
+
+    Examples
+    --------
+    >>> import ecm
+    >>> y = np.linspace(-0.01, 0.01, 9)
+    >>> model = ecm.fit({"y_m": y, "fy_N": 3000.0 * y}, "linear")
+    >>> are_inside(model, np.array([[0.009], [0.02]]))
+    array([ True, False])
+    """
+    reach = reach_of(model, model.base)
+    if reach is not None:
+        return reach.contains(_coordinates_of(model.base, poses))
+    everywhere = (-np.inf, np.inf)
+    low, high = np.array([model.domain.get(name, everywhere) for name in model.base.inputs]).T
+    return np.asarray(((low <= poses) & (poses <= high)).all(axis=1))
+
+
+def _coordinates_of(base: StiffnessMap, poses: F) -> F:
+    """(N, n) mid-frame coordinates of poses where a map is an energy, else the poses."""
     if isinstance(base, EnergyMap | PhysicsMap):
-        return Reach.of(coordinates(poses, base.length_m or 0.0), base.inputs)
-    return Reach.of(poses, base.inputs)
+        return coordinates(poses, base.length_m or 0.0)
+    return poses
 
 
 def largest_coordinates(model: Posed) -> F:

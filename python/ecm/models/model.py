@@ -36,7 +36,7 @@ from ecm.models.joint_fit import (
 )
 from ecm.models.leverage import leverages, variances_of, wrench_variances
 from ecm.models.maps import StiffnessMap, central_differences, finite
-from ecm.models.measured_poses import sample_of
+from ecm.models.measured_poses import are_inside, sample_of
 from ecm.models.partial import MeasuredMap
 from ecm.models.plots import history_figure
 from ecm.models.pose_error import pose_error, report_rows
@@ -57,7 +57,7 @@ from ecm.regression.thinning import HOW, RowsUsed, spread_rows
 
 _NOISE, _FORM, _ALL, _RECORD = "noise", "form of {}", "all values together", "errors"
 """Steps of a fit with effects."""
-_SAID_OF_A_FIT = ("prior", "pose_error", "rows_used")
+_SAID_OF_A_FIT = ("misread", "prior", "pose_error", "rows_used")
 """Parts of `training` that have a sentence in the fit report."""
 
 
@@ -229,21 +229,12 @@ class Model:
         return leverages(self.base, self.covariance, self.noise, poses)
 
     def extrapolates(self, poses: F) -> B:
-        """(N,) whether the model is asked beyond its training data.
+        """(N,) whether the model is asked beyond its measured poses.
 
-        A leverage above the largest of the training rows; where that is not known, a pose column
-        outside its range there.
+        There `inside` of the exported model is 0. A file that holds no measured poses has the range
+        of each pose column.
         """
-        poses = _rows_of_poses(poses, self.inputs)
-        leverage = self.leverage(poses)
-        limit = self.training.get("largest_leverage")
-        if leverage is not None and limit is not None:
-            return np.asarray(leverage > limit * (1.0 + 1e-9))
-        outside = np.zeros(len(poses), dtype=np.bool_)
-        for j, name in enumerate(self.inputs):
-            low, high = self.domain.get(name, (-np.inf, np.inf))
-            outside |= (poses[:, j] < low) | (poses[:, j] > high)
-        return outside
+        return ~are_inside(self, _rows_of_poses(poses, self.inputs))
 
     def stiffness_sd(self, poses: F) -> F | None:
         """(N, m, n) standard deviation of K = dh/dp from the coefficients, where known."""
@@ -576,8 +567,8 @@ class Model:
             training["smallest_taken"] = True
         if prior is not None:
             training["prior"] = {"sentence": prior.sentence}
-        if any(item.effect.shape.get("overstress") == "linear" for item in joint.effects):
-            # Such a branch follows it, also in a controller, which has no table.
+        if any(item.effect.shape.get("overstress") for item in joint.effects):
+            # A branch follows it, or has its sign, also in a controller, which has no table.
             training["mean_stiffness"] = joint.rows.stiffness.mean(axis=0).tolist()
         training["effect_sizes"] = effect_sizes(joint, used)
         training["effect_shares"] = effect_shares(joint)

@@ -27,8 +27,6 @@ _WIDE_ERRS_FROM_RAD, _WIDE_ERROR_AT_RAD = 1.2, 1.8
 """A family of a wide workspace errs by 0.1 % up to the first, and by that share at the second."""
 _ROWS = 4 * 4096
 """Rows whose stiffness is held at once."""
-_MARGIN = 0.1
-"""A pose is outside the training data beyond this share of the range of a column."""
 
 
 def predict(
@@ -175,11 +173,7 @@ def beyond_reach(model: Model, poses: F) -> list[str]:
 
 
 def _outside(model: Model, table: Table) -> list[str]:
-    outside = np.zeros(len(table), dtype=bool)
-    for name, (low, high) in model.domain.items():
-        margin = _MARGIN * (high - low)
-        values = table.column(name)
-        outside |= (values < low - margin) | (values > high + margin)
+    outside = model.extrapolates(table.matrix(model.inputs))
     if not outside.any():
         return []
     return [

@@ -15,7 +15,8 @@ import numpy as np
 from ecm._native import mid_frame
 from ecm.effects import Effect
 from ecm.effects.few.friction import Hysteresis as HysteresisOfPairs
-from ecm.effects.few.pairs import numbers, split
+from ecm.effects.few.history import StressRelaxation as RelaxationOfFew
+from ecm.effects.few.pairs import numbers, split, turns
 from ecm.effects.friction import Hysteresis
 from ecm.effects.mid_frame import generalised, wrench_of
 from ecm.effects.modulus import MullinsSoftening, TemperatureModulus
@@ -243,8 +244,16 @@ def _add_along_a_line(found: TimeEffects, model: Fitted, effect: Effect, values:
         found.document["stiffness"] = [float(np.ravel(stiffness)[0])] + [0.0] * 5
     else:
         found.warnings.append(_NOT_PASSIVE)
-    found.document["branches"] = _branches(effect, values, linear)
+    found.document["branches"] = _branches(effect, _turned(effect, model, values), linear)
     return ""
+
+
+def _turned(effect: StressRelaxation, model: Fitted, values: F) -> F:
+    """The factors of the branches with the sign that their columns had in the fit."""
+    if not isinstance(effect, RelaxationOfFew) or not effect.loses:
+        return values
+    stiffness = np.reshape(model.training["mean_stiffness"], (1, 1))
+    return values * turns(effect.loses, stiffness, model.base.inputs, model.base.outputs)
 
 
 def _friction_along_a_line(found: TimeEffects, effect: HysteresisOfPairs, values: F) -> str:

@@ -41,7 +41,9 @@ class Options:
     ] = None
     force: Annotated[
         bool,
-        typer.Option("--force", help="Save also what is worse than the mean."),
+        typer.Option(
+            "--force", help="Fit a table that looks misread; save also what is worse than the mean."
+        ),
     ] = False
 
 

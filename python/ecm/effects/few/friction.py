@@ -34,6 +34,8 @@ _SLIPS = (0.002, 0.03, 0.1, 0.3)
 """Paths to the slip that are tried, over the range of each pose column."""
 _PLAYS = (0.005, 0.02, 0.06)
 """Half widths of a play that are tried, over the range of each pose column."""
+_MOST_OF_A_WIDTH = 2.0
+"""A play beyond so many times the width that shapes it is none: other widths are tried."""
 _EXPONENTS = (1.0, 0.3)
 """Damping in proportion to the velocity, or nearly without it as in rubber."""
 _LEAST_BACK = 0.05
@@ -109,7 +111,11 @@ class Hysteresis(PairEffect):
 
 @dataclass(eq=False)
 class Backlash(LinearEffect):
-    """(h(q) - h(p)) b / w: the mechanism's pose q stays behind p by a play of half width w."""
+    """(h(q) - h(p)) b / w: the mechanism's pose q stays behind p by a play of half width w.
+
+    Behind a spring it gives work on a way there and back, where friction takes it: the sign is
+    what tells the two apart.
+    """
 
     play: str
     """Half width w of each pose column, m or rad."""
@@ -126,7 +132,7 @@ class Backlash(LinearEffect):
     def __post_init__(self) -> None:
         widths = numbers(self.play)
         self.parameters = tuple(
-            Parameter(f"play_{short(name)}", unit_of(name), width, 0.0)
+            Parameter(f"play_{short(name)}", unit_of(name), width, 0.0, _MOST_OF_A_WIDTH * width)
             for name, width in widths.items()
         )
 

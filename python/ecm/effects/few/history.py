@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
-from ecm.effects.few.pairs import short
+from ecm.effects.few.pairs import losing_pairs, short, turns
 from ecm.effects.modulus import MullinsSoftening as FullSoftening
 from ecm.effects.protocol import (
     Effect,
@@ -40,6 +40,8 @@ class StressRelaxation(FullRelaxation):
 
     samples: str = "time"
     """`time`: by the times of the rows; `dwell`: by their dwell times."""
+    loses: str = optional("")
+    """Pairs whose closed loops lose work: there a branch resists, whatever the static slope."""
 
     physics = "The wrench decays at rest after a move, and creeps where the load is held."
     needs = "time (time_s), or dwell times that differ (dwell_s)"
@@ -56,28 +58,24 @@ class StressRelaxation(FullRelaxation):
             dwell = table.measured().column("dwell_s")
             taus = np.geomspace(max(float(dwell.min()), 0.1), float(dwell.max()), 4)
             return tuple(StressRelaxation(float(tau), samples="dwell") for tau in taus)
+        loses = ",".join(losing_pairs(table))
         return tuple(
-            StressRelaxation(tau, overstress)
+            StressRelaxation(tau, overstress, loses=loses)
             for overstress in ("linear", "elastic")
             for tau in time_constants(table)
         )
 
-    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Time constants between this one and its neighbours."""
-        return tuple(_timed(item) for item in super().refined(table, round_))
-
-    def refinement(self, table: Table) -> tuple[Effect, ...]:
-        """The same with a second branch."""
-        return tuple(_timed(item) for item in super().refinement(table))
+    def columns(self, rows: Rows) -> F:
+        """As of six columns, each branch on the side on which it loses work."""
+        made = super().columns(rows)
+        if not (self.loses and self.overstress):
+            return made
+        turned = turns(self.loses, rows.stiffness.mean(axis=0), rows.base.inputs, rows.base.outputs)
+        return made * turned[:, None]
 
     @staticmethod
     def _by_dwell(table: Table) -> bool:
         return not is_continuous(table) and FullRelaxation().missing(table) is None
-
-
-def _timed(effect: Effect) -> Effect:
-    shape = {item.name: getattr(effect, item.name) for item in fields(FullRelaxation)}
-    return StressRelaxation(**shape)
 
 
 def _needs_unloading(table: Table) -> Missing | None:

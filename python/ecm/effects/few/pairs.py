@@ -3,7 +3,7 @@
 A pair `theta_z_rad>tau_z_Nm` is a pose column and the wrench column on which its signal acts; a
 minus before the wrench column turns it, so that the parameter of what resists is positive: where
 the wrench falls as the pose grows, and for friction and damping where the closed loops of the
-motion take no work either.
+motion take no work either. A relaxing branch gets its sign from these loops too.
 """
 
 from __future__ import annotations
@@ -76,21 +76,53 @@ def resisting_pairs(table: Table) -> tuple[str, ...]:
     (('x_m>-fx_N',), ('x_m>fx_N',))
     """
     found = pairs(table)
-    falling = [pair for pair in found if ">-" in pair and _is_own(*split(pair)[:2])]
+    falling = [pair for pair in found if ">-" in pair]
+    turned = {pair: pair.replace(">-", ">") for pair in _of_losing_loops(table, falling)}
+    return tuple(turned.get(pair, pair) for pair in found)
+
+
+def losing_pairs(table: Table) -> tuple[str, ...]:
+    """The pairs of one axis of which closed loops prove that they lose work, for what lags."""
+    return tuple(pair.replace(">-", ">") for pair in _of_losing_loops(table, pairs(table)))
+
+
+def turns(of: str, stiffness: F, inputs: Sequence[str], outputs: Sequence[str]) -> F:
+    """(m,) -1 where a losing pair's own stiffness (m, n) is negative, else 1.
+
+    What lags behind a stiffness k loses work where k is positive. A second load, or the base that
+    an effect beside it leaves, may make it negative: then the lag is that of its size.
+
+    Examples
+    --------
+    >>> turns("x_m>fx_N", np.array([[-20.0]]), ["x_m"], ["fx_N"])
+    array([-1.])
+    """
+    found = np.ones(len(outputs))
+    for pair in filter(None, of.split(",")):
+        name, other, _ = split(pair)
+        if name in inputs and other in outputs:
+            j = outputs.index(other)
+            found[j] = -1.0 if stiffness[j, inputs.index(name)] < 0.0 else 1.0
+    return found
+
+
+def _of_losing_loops(table: Table, found: Sequence[str]) -> list[str]:
+    """The pairs of one axis among these whose closed loops lose work in the mechanism."""
+    own = [pair for pair in found if _is_own(*split(pair)[:2])]
     measured = table.measured()
-    if not falling or not measured.has("time_s"):
-        return found
-    left = _beside_poses_and_loads(measured, [split(pair)[1] for pair in falling])
+    if not own or not measured.has("time_s"):
+        return []
+    left = _beside_poses_and_loads(measured, [split(pair)[1] for pair in own])
     orders = order_of_visits(measured)
-    turned = {}
-    for pair, rest in zip(falling, left.T, strict=True):
+    losing = []
+    for pair, rest in zip(own, left.T, strict=True):
         path = measured.column(split(pair)[0])
         work = np.array([w for order in orders for w in _work_of_loops(path[order], rest[order])])
         if len(work) >= _LEAST_LOOPS:
             error = float(work.std(ddof=1)) / np.sqrt(len(work))
             if float(work.mean()) > _SURE * error:
-                turned[pair] = pair.replace(">-", ">")
-    return tuple(turned.get(pair, pair) for pair in found)
+                losing.append(pair)
+    return losing
 
 
 def _beside_poses_and_loads(table: Table, outputs: Sequence[str]) -> F:

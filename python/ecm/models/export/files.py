@@ -67,7 +67,7 @@ class Exported:
     change: float = 0.0
     """Change of the model by the form that the target can hold, over the noise."""
     lost: Mapping[str, str] = field(default_factory=dict)
-    """Effects beyond the noise that files with steps should have and have not: words by id."""
+    """Effects beyond the noise that the files lack: words by id."""
 
 
 def export(
@@ -167,8 +167,6 @@ def export_files(
         )
     timed = time_effects(model, chosen.language)
     lost = dict(zip(timed.lost, timed.lost_sentences(), strict=True))
-    if chosen.language == "none":
-        lost = {}  # nothing of time was to be expected
     given = chosen.write(Source(model, inside, timed, name, precision, loop, adapt))
     return Exported(
         given.files,
@@ -265,15 +263,16 @@ def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
     if not acting and has_code:
         return bare, [], 0.0
     whole = (model.inputs, model.outputs) == (POSE, WRENCH)
-    if not has_code and not (whole and model.known_length_m):
+    few = len(model.inputs) < len(POSE)
+    if not (has_code or few or (whole and model.known_length_m)):
         raise InputError(
             f"a model of kind {kind} is not exported as it is, and an energy in its place needs "
             "all six pose and wrench columns and a length: fit a polynomial or an energy",
             remedy=Remedy("fit a polynomial", "ecm fit DATA --model linear --out linear.json"),
         )
     one: StiffnessMap
-    if isinstance(model.base, PolynomialMap) and not whole:
-        one, share = folded_polynomial(model, model.base)
+    if few or (isinstance(model.base, PolynomialMap) and not whole):
+        one, share = folded_polynomial(model)
     else:
         one, share = folded(model)
     where = "measured poses" if has_measured_poses(model) else "poses drawn from the domain"

@@ -344,28 +344,79 @@ def physics_map(
             "the physics model needs a body: give [mechanism] builtin with its dimensions, or "
             "mesh, and young_modulus_Pa"
         )
-    if settings is None:
-        # A mesh of a user may have no symmetry, and then ten times the terms.
-        own_mesh = mechanism.mesh_file is not None
-        settings = BuildSettings(poses=_POSES_OF_A_MESH) if own_mesh else BuildSettings()
-    if reach_rad > MARGIN * settings.rotation_limit_rad:
-        # In steps of 0.2 rad, so that campaigns of similar reach share a family.
-        wider = _REACH_STEP * math.ceil(min(reach_rad, _MOST_REACH) / MARGIN / _REACH_STEP)
-        poses = max(settings.poses, _POSES_OF_A_WIDE_FAMILY)
-        settings = replace(settings, rotation_limit_rad=wider, poses=poses)
-    shape = shape_of(mechanism)
-    key = {"version": _VERSION, "shape": shape.key(), "settings": settings}
-    if settings.rotation_limit_rad > ROTATION_LIMIT_RAD:
-        key["wide"] = _WIDE_VERSION
-    directory = cache_directory() if cache is None else cache
-    path = directory / f"physics-{hash_of(key)[:32]}.json"
-    family = _read(path) or _read(BROUGHT / path.name)
+    kept = _Kept.of(mechanism, settings, reach_rad, cache)
+    family = kept.family()
     if family is None:
-        stage = Stage(directory, "physics-bodies", key)
-        family = build_family(shape, settings, stage=stage, threads=threads, progress=progress)
-        _write(path, family)
+        stage = Stage(kept.directory, "physics-bodies", kept.key)
+        family = build_family(
+            kept.shape, kept.settings, stage=stage, threads=threads, progress=progress
+        )
+        _write(kept.path, family)
         stage.forget_parts()
-    errs = _mesh_error(shape, directory)
+    return _map_of(mechanism, family, _mesh_error(kept.shape, kept.directory))
+
+
+def kept_physics(
+    mechanism: Mechanism, *, cache: Path | None = None, reach_rad: float = 0.0
+) -> PhysicsMap | None:
+    """The same of a FEM that ran before; None where it would have to run, which takes minutes.
+
+    Examples
+    --------
+    >>> kept_physics(Mechanism(radius_m=0.0271), cache=Path("no such folder")) is None
+    True
+    """
+    kept = _Kept.of(mechanism, None, reach_rad, cache)
+    family = kept.family()
+    if family is None:
+        return None
+    return _map_of(mechanism, family, _mesh_error(kept.shape, kept.directory, build=False))
+
+
+@dataclass(frozen=True)
+class _Kept:
+    """Where the family of a body is kept, and what it is made of."""
+
+    shape: Mechanism
+    settings: BuildSettings
+    directory: Path
+    key: dict[str, Any]
+
+    @classmethod
+    def of(
+        cls,
+        mechanism: Mechanism,
+        settings: BuildSettings | None,
+        reach_rad: float,
+        cache: Path | None,
+    ) -> _Kept:
+        """Choose numbers of poses by the kind of body and by how far its poses reach."""
+        if settings is None:
+            # A mesh of a user may have no symmetry, and then ten times the terms.
+            own_mesh = mechanism.mesh_file is not None
+            settings = BuildSettings(poses=_POSES_OF_A_MESH) if own_mesh else BuildSettings()
+        if reach_rad > MARGIN * settings.rotation_limit_rad:
+            # In steps of 0.2 rad, so that campaigns of similar reach share a family.
+            wider = _REACH_STEP * math.ceil(min(reach_rad, _MOST_REACH) / MARGIN / _REACH_STEP)
+            poses = max(settings.poses, _POSES_OF_A_WIDE_FAMILY)
+            settings = replace(settings, rotation_limit_rad=wider, poses=poses)
+        shape = shape_of(mechanism)
+        key = {"version": _VERSION, "shape": shape.key(), "settings": settings}
+        if settings.rotation_limit_rad > ROTATION_LIMIT_RAD:
+            key["wide"] = _WIDE_VERSION
+        return cls(shape, settings, cache_directory() if cache is None else cache, key)
+
+    @property
+    def path(self) -> Path:
+        """File of the family in the cache."""
+        return self.directory / f"physics-{hash_of(self.key)[:32]}.json"
+
+    def family(self) -> PhysicsFamily | None:
+        """The family of the cache, else the one that the package brings; None without both."""
+        return _read(self.path) or _read(BROUGHT / self.path.name)
+
+
+def _map_of(mechanism: Mechanism, family: PhysicsFamily, errs: F | None) -> PhysicsMap:
     length = mechanism.length_m if mechanism.mesh_file is None else mechanism.mesh().length_m
     stated = stated_rod(mechanism) if mechanism.builtin == "rod" else mechanism
     values = {
@@ -392,13 +443,18 @@ def six_by_six(name: str, values: Any) -> F:
     return matrix
 
 
-def _mesh_error(shape: Mechanism, directory: Path) -> F | None:
-    """`mesh_error` of a shape, kept beside its family; the same for both qualities."""
+def _mesh_error(shape: Mechanism, directory: Path, *, build: bool = True) -> F | None:
+    """`mesh_error` of a shape, kept beside its family; the same for both qualities.
+
+    Where it is not there and not to be built: None.
+    """
     key = {"version": _MESH_VERSION, "shape": replace(shape, quality="standard").key()}
     path = directory / f"mesh-{hash_of(key)[:32]}.json"
     with suppress(OSError, ValueError, TypeError, KeyError):
         kept = json.loads(path.read_text(encoding="utf-8"))["mesh_error"]
         return None if kept is None else six_by_six("mesh_error", kept)
+    if not build:
+        return None
     found = mesh_error(shape)
     with suppress(OSError):  # a cache that cannot be written only costs time
         document = {"mesh_error": None if found is None else found.tolist()}

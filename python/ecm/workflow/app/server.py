@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ecm.errors import EcmError, InputError
+from ecm.errors import EcmError, InputError, Refusal
 from ecm.io.extras import require
 from ecm.report.web import WEB
 from ecm.workflow.app.disk import DiskError, sentence, writing
@@ -115,14 +115,9 @@ def application(app: App, *, port: int, token: str) -> Any:
     inner = starlette.Starlette(
         routes=paths,
         lifespan=lifespan,
-        exception_handlers={EcmError: _refused, OSError: _unwritten, gone: _left},
+        exception_handlers={EcmError: routes.refused, OSError: _unwritten, gone: _left},
     )
     return Guard(inner, port=port, token=token)
-
-
-async def _refused(_request: Any, error: Exception) -> Any:
-    known: dict[type[Exception], int] = {Busy: 409, DiskError: 507}
-    return _json({"error": str(error)}, known.get(type(error), 400))
 
 
 async def _unwritten(_request: Any, error: Exception) -> Any:
@@ -197,6 +192,13 @@ class _Routes:
         if name.endswith(".html"):
             headers["content-security-policy"] = REPORT_POLICY
         return _file(self.app.session.folder / name, headers)
+
+    async def refused(self, _request: Any, error: Any) -> Any:
+        """Say what was wrong with a request, and the way out as of a refused step."""
+        known: dict[type[Exception], int] = {Busy: 409, DiskError: 507}
+        message = error.message if isinstance(error, Refusal) else str(error)
+        remedy = self.app.session.way_out(error)
+        return _json({"error": message, "remedy": remedy}, known.get(type(error), 400))
 
     async def action(self, request: Any) -> Any:
         action, body = request.path_params["action"], await _body(request)

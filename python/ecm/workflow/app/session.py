@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import shlex
 import shutil
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ecm.errors import InputError
+from ecm.errors import EcmError, InputError, Remedy, remedy_of
 from ecm.io.cache import write_atomically
 from ecm.workflow.app.contents import Contents
 from ecm.workflow.app.demo import PLAN, write_demo
 from ecm.workflow.app.disk import writing
 from ecm.workflow.app.journal import DATA, History, Step
 from ecm.workflow.app.script import script_of
-from ecm.workflow.app.state import state_of
+from ecm.workflow.app.state import state_of, way_out
 from ecm.workflow.app.steps import Files, command_of
 from ecm.workflow.app.uploads import LOGS, copy_beside, sealed_description, suffix_of
 
@@ -63,6 +64,18 @@ class Session(Contents):
         if verb in DATA:
             inputs["data_after"] = [*_kept(verb, request, files), command.outputs[0]]
         return self._begin(number, verb, request, command.argv, inputs, command.outputs)
+
+    def way_out(self, error: EcmError) -> dict[str, Any] | None:
+        """Return the way out of a request that was refused; None where it has none.
+
+        As that of a refused step: with the request of the step that does it, where one does.
+        """
+        remedy = remedy_of(error)
+        if remedy is None:
+            return None
+        files = self.files(self.journal.read())
+        names = {"DATA": shlex.join(files.data), "MODEL": files.model or "MODEL"}
+        return way_out(remedy.filled({**names, "OUT": "model.json"}).to_dict(), files)
 
     def end(
         self,
@@ -231,10 +244,16 @@ class Session(Contents):
     def _require_checked(self, history: History) -> None:
         check = self.check_step(history, self.files(history))
         if check is None:
-            raise InputError("check the tables first: nothing goes on until the check passes")
+            raise InputError(
+                "the tables are not checked: nothing goes on until the check passes",
+                remedy=Remedy("check them", "ecm check DATA"),
+            )
         pending = self.pending(history, check)
         if pending:
-            raise InputError(f"a warning of the check is open: {pending[0]}")
+            raise InputError(
+                f"a warning of the check is open: {pending[0]}",
+                remedy=Remedy("accept it at the table, or mend the table and drop it again"),
+            )
 
 
 def _kept(verb: str, request: dict[str, Any], files: Files) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Mapping
 from typing import Any
 
 from ecm.workflow.app.contents import Contents, model_of
@@ -101,10 +102,15 @@ def _remedy(step: Step, files: Files) -> dict[str, Any] | None:
     """
     if step.remedy is None:
         return None
-    request = request_of(step.remedy["command"], files)
-    forced = step.remedy.get("force") and not (request or {}).get("force")
+    found = way_out(step.remedy, files)
+    forced = step.remedy.get("force") and not (found["request"] or {}).get("force")
     again = {"verb": step.verb, **step.request, "force": True} if forced else None
-    return {**step.remedy, "request": request, "again": again}
+    return {**found, "again": again}
+
+
+def way_out(remedy: Mapping[str, Any], files: Files) -> dict[str, Any]:
+    """Return a remedy with the request of the step that does it, where one does."""
+    return {**remedy, "request": request_of(remedy["command"], files)}
 
 
 def _step(history: History, step: Step, files: Files) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ecm.effects import get_effect, load_installed
-from ecm.errors import InputError
+from ecm.errors import InputError, Remedy
 from ecm.workflow.app.demo import PLAN, RIG
 
 _HIDDEN = ("random=5", "8")
@@ -128,7 +128,7 @@ def _request(program: str = "", verb: str = "", *words: str, files: Files) -> di
 _OWN = ("--out", "--json", "--report", "--next", "--meta")
 """Options whose files are chosen by the step itself."""
 _FLAGS = ("--force", "--leave-out", "--skip-bad-rows", "--curve")
-_VALUES = ("--model", "--to", "--rotation", "--units", "--axis")
+_VALUES = ("--model", "--to", "--rotation", "--units", "--axis", "--group")
 _LISTS = ("--map", "--ignore", "--add", "--remove", "--freeze")
 """The options that a request may have, as `request_of` reads them."""
 
@@ -157,6 +157,11 @@ def _import(request: Request, files: Files, n: int) -> Command:
             raise InputError(f"{option} {value!r}: expected letters, digits, commas and spaces")
         if value:
             argv += [f"--{option}", value]
+    group = request.get("group") or ""
+    if not isinstance(group, str):
+        raise InputError("group: expected the name of a column")
+    if group:
+        argv += ["--group", group]
     if request.get("leave_out"):
         argv.append("--leave-out")
     return Command(argv, [out, f"data-{n}.toml", report])
@@ -267,7 +272,9 @@ def _data(files: Files) -> list[str]:
 
 def _model(files: Files) -> str:
     if files.model is None:
-        raise InputError("no model yet: fit one first")
+        raise InputError(
+            "no model yet", remedy=Remedy("fit one", "ecm fit DATA --model choose --out OUT")
+        )
     return files.model
 
 

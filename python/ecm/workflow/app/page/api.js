@@ -2,7 +2,7 @@
 
 async function answer(response) {
   const document = await response.json().catch(() => ({error: response.statusText}));
-  if (!response.ok) throw Object.assign(new Error(document.error), {status: response.status});
+  if (!response.ok) throw Object.assign(new Error(document.error), {status: response.status, remedy: document.remedy});
   return document;
 }
 

@@ -23,7 +23,7 @@ export const app = {
     try {
       await work();
     } catch (error) {
-      say(error.message, true);
+      say(error.message, true, error.remedy);
     } finally {
       acting = false;
     }
@@ -32,9 +32,9 @@ export const app = {
   step: (verb, request = {}) => app.act(() => post("/api/step", {verb, ...request})),
 };
 
-function say(text, error = false) {
+function say(text, error = false, remedy = null) {
   document.getElementById("status").replaceChildren(
-    text ? el("div", {class: error ? "error" : "lead", role: error ? "alert" : null}, text, " ",
+    text ? el("div", {class: error ? "error" : "lead", role: error ? "alert" : null}, text, " ", ...state ? wayOut(remedy, state, app) : [],
       button("Close", () => say(""))) : "");
 }
 

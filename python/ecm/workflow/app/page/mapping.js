@@ -40,9 +40,13 @@ export function mapping(state, app) {
   const run = () => app.step("import", {
     ignore: picks.flatMap(pick => pick().ignore ?? []),
     map: [...picks.flatMap(pick => pick().map ?? []), ...map.value.split("\n").map(line => line.trim()).filter(Boolean)],
-    units: value("units"), rotation: value("rotation"), axis: value("axis"),
+    units: value("units"), rotation: value("rotation"), axis: value("axis"), group: value("group"),
   });
-  get("/api/view/log").then(found => place.replaceChildren(listed(found.columns, picks)),
+  const names = el("datalist", {id: "group-names"});
+  get("/api/view/log").then(found => {
+    place.replaceChildren(listed(found.columns, picks));
+    names.append(...found.columns.map(item => el("option", {value: item.name})));
+  },
     error => place.replaceChildren(el("p", {class: "soft"}, `The columns cannot be listed: ${error.message}`)));
   return el("section", {"aria-label": "Columns of the file"}, el("h3", {}, "What the columns are"),
     state.dropped.length > 1 ? el("p", {id: "dropped"}, `${state.dropped.length} files, read in the same way and joined as runs: `
@@ -51,7 +55,9 @@ export function mapping(state, app) {
       term("pose"), " and one of the ", term("wrench"), "."), place,
     el("div", {class: "row"}, el("label", {for: "rotation"}, "The rotation is"), keep(el("select", {id: "rotation"}, options(ROTATIONS))),
       el("label", {for: "axis"}, "Axis of columns that name none"), keep(el("select", {id: "axis"}, options(AXES))),
-      el("label", {for: "units"}, "Units where unstated"), keep(el("input", {id: "units", placeholder: "mm,deg,N,N mm"}))),
+      el("label", {for: "units"}, "Units where unstated"), keep(el("input", {id: "units", placeholder: "mm,deg,N,N mm"})),
+      el("label", {for: "group"}, "Column that tells experiments apart"),
+      keep(el("input", {id: "group", list: "group-names", placeholder: "none: one experiment"})), names),
     el("details", {}, el("summary", {}, "Write it instead, one column a line, as NAME=COLUMN:UNIT"),
       el("div", {class: "row"}, el("label", {for: "map"}, "Columns"), keep(map))),
     button("Import", run, {class: "first", id: "import", disabled: busy(state)}));
