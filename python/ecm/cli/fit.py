@@ -116,7 +116,7 @@ def _named(name: str, pcr: str | None, table: Table, session: Session) -> ModelS
     mechanism = read_mechanism(name) if is_mechanism(name) else None
     specification = parse_model("physics" if mechanism else name, pcr=pcr)
     if isinstance(specification, PhysicsModel):
-        body = mechanism or table.meta.body()
-        if body is not None and (mechanism or body.has_body):
+        body = mechanism or table.meta.elastic_body()
+        if body is not None:
             return PhysicsModel(base=build_physics(body, session, table))
     return specification

@@ -65,8 +65,8 @@ def build_physics(body: Mechanism, session: Session, table: Table | None) -> Phy
 
 def prepare_physics(table: Table, session: Session) -> None:
     """Build the physics of the table's [mechanism], if it has a body, for a later comparison."""
-    body = table.meta.body()
-    if body is not None and body.has_body and table.has(*POSE, *WRENCH):
+    body = table.meta.elastic_body()
+    if body is not None and table.has(*POSE, *WRENCH):
         build_physics(body, session, table)
 
 

@@ -127,8 +127,8 @@ def fit_reference_models(model: Model, table: Table, noise: Noise) -> ReferenceM
         return None
     kept = without_zero_readings(table)
     physics: StiffnessMap | None = model.base
-    body = kept.meta.body()
-    if not isinstance(physics, PhysicsMap) and body is not None and body.has_body:
+    body = kept.meta.elastic_body()
+    if not isinstance(physics, PhysicsMap) and body is not None:
         physics = physics_map(body, reach_rad=reach_of(table))
     if not isinstance(physics, PhysicsMap):
         physics = None

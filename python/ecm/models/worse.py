@@ -229,7 +229,8 @@ def _better_base(fitted: Model, table: Table) -> tuple[str, float] | None:
 def _another_base(fitted: Model, table: Table) -> Remedy:
     """The command that adds the same effects to a base that holds them, where there is one."""
     ids = [item.id for item in fitted.effects]
-    names = ["physics"] if _has_body(table) else []
+    stated = table.meta.elastic_body() is not None and table.has(*POSE, *WRENCH)
+    names = ["physics"] if stated else []
     if (fitted.inputs, fitted.outputs) == (POSE, WRENCH) and fitted.known_length_m is not None:
         names += [f"energy{degree}" for degree in (6, 5, 4)]
     names += [f"poly:{degree}" for degree in (3, 2, 1)]
@@ -251,14 +252,9 @@ def _another_base(fitted: Model, table: Table) -> Remedy:
     return Remedy(
         "leave out what was added, or describe the body in [mechanism] of the data's TOML: its "
         "physics knows the stiffness"
-        if not names or names[0] != "physics"
+        if not stated
         else "leave out what was added, or add something else"
     )
-
-
-def _has_body(table: Table) -> bool:
-    body = table.meta.body()
-    return body is not None and body.has_body and table.has(*POSE, *WRENCH)
 
 
 def _worse_than(before: Model, fitted: Model, table: Table, errors: F, sd: F) -> list[str]:
