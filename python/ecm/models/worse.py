@@ -163,8 +163,7 @@ def undetermined(fitted: Model, table: Table, before: Model) -> list[str]:
 def _stiffness_moves(fitted: Model, table: Table, before: Model) -> list[str]:
     if fitted.base_frozen or fitted.covariance is None:
         return []
-    if len(table) > MANY_ROWS:
-        table = table.thinned(spread_rows(table, MANY_ROWS))
+    table = table.thinned(spread_rows(table, MANY_ROWS))
     fit = joint_fit(measured_part(before.base, table), before.effects, table, fitted.noise)
     k = len(fit.base.coefficients)
     alone = replace(before, base=fit.base, effects=fit.effects, covariance=fit.covariance[:k, :k])
@@ -300,8 +299,7 @@ def _is_worse(error: float, other: float, noise: float) -> bool:
 
 def _errors(model: Model, table: Table) -> tuple[F, F]:
     """Return (m,) rms error and noise of the components; only rounding where none is known."""
-    chosen = spread_rows(table, _MOST_ROWS)
-    some = table if len(chosen) == len(table) else table.thinned(chosen)
+    some = table.thinned(spread_rows(table, _MOST_ROWS))
     scored = is_pose_row(some)
     readings = some.matrix(model.outputs)
     left = readings - model.predict(some, skip_untestable=True)
