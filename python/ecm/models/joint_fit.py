@@ -12,6 +12,7 @@ from scipy.optimize import lsq_linear
 from ecm.effects.protocol import Effect
 from ecm.effects.thinned import correction_of, jacobian_of
 from ecm.io.arrays import B, F, I
+from ecm.io.columns import same_unit
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
 from ecm.models.prior import CoefficientPrior
@@ -237,15 +238,12 @@ def effect_shares(fit: JointFit) -> dict[str, float]:
     The larger of the shares of the outputs with one unit, force or moment.
     """
     scored = is_pose_row(fit.rows.table)
-    outputs = fit.base.outputs
-    wrench = fit.rows.table.matrix(outputs)[scored]
-    units = [name.rpartition("_")[2] for name in outputs]
-    groups = [[u == unit for u in units] for unit in dict.fromkeys(units)]
+    same = same_unit(fit.base.outputs)
+    wrench = same @ (fit.rows.table.matrix(fit.base.outputs)[scored] ** 2).sum(axis=0)
     shares = {}
     for item in fit.effects:
-        acts = correction_of(item.effect, fit.rows, item.values)[scored]
-        sums = [(np.sum(acts[:, g] ** 2), np.sum(wrench[:, g] ** 2)) for g in groups]
-        shares[item.id] = max(float(np.sqrt(a / max(w, 1e-300))) for a, w in sums)
+        acts = same @ (correction_of(item.effect, fit.rows, item.values)[scored] ** 2).sum(axis=0)
+        shares[item.id] = float(np.sqrt(acts / np.maximum(wrench, 1e-300)).max())
     return shares
 
 

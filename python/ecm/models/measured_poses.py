@@ -17,7 +17,7 @@ import numpy as np
 from ecm._native import mid_frame, rotation_matrices
 from ecm.effects import Rows
 from ecm.io.arrays import B, F
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import POSE, WRENCH, same_unit
 from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models.maps import EnergyMap, StiffnessMap
@@ -264,10 +264,7 @@ def largest_coordinates(model: Posed) -> F:
 
 def _extents(q: F, inputs: Sequence[str]) -> F:
     """(n,) largest standard deviation among the coordinates of the same unit."""
-    units = [name.rpartition("_")[2] for name in inputs]
-    spread = q.std(axis=0)
-    largest = np.array([max(s for s, u in zip(spread, units, strict=True) if u == unit)
-                        for unit in units])  # fmt: skip
+    largest = (same_unit(inputs) * q.std(axis=0)).max(axis=1)
     return np.where(largest > 0.0, largest, 1e-9)
 
 

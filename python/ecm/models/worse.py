@@ -13,7 +13,7 @@ import numpy as np
 
 from ecm.errors import ComputationError, EcmError, Remedy
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH, unit_of
+from ecm.io.columns import POSE, WRENCH, same_unit, unit_of
 from ecm.models.behind import base_and_error, is_far_behind
 from ecm.models.fit import fit_rows
 from ecm.models.joint_fit import joint_fit
@@ -306,10 +306,6 @@ def _errors(model: Model, table: Table) -> tuple[F, F]:
     errors = np.sqrt((left[scored] ** 2).mean(axis=0))
     if model.noise.is_residual:
         size = np.sqrt((readings[scored] ** 2).mean(axis=0))
-        of_unit = [
-            max(s for s, other in zip(size, model.outputs, strict=True) if unit_of(other) == unit)
-            for unit in map(unit_of, model.outputs)
-        ]
-        return errors, _ROUNDING * np.array(of_unit)
+        return errors, _ROUNDING * (same_unit(model.outputs) * size).max(axis=1)
     variance = np.einsum("nii->ni", model.noise.covariance(Rows(some, model.base)))
     return errors, np.sqrt(variance[scored].mean(axis=0))
