@@ -22,11 +22,10 @@ from ecm.io.columns import POSE, WRENCH, is_standard
 from ecm.io.steps import Progress
 from ecm.io.table import Table
 from ecm.io.toml import check_keys, did_you_mean
-from ecm.models.maps import StiffnessMap, partial_to
+from ecm.models.maps import partial_to
 from ecm.models.parameters import (
     Parameter,
     ParametrisedMap,
-    at_pose,
     fit_parameters,
     parameters_of,
 )
@@ -259,6 +258,7 @@ class ExpressionMap(ParametrisedMap):
 
     kind = "expression"
     name = "expression"
+    gives = "the equations give"
 
     @property
     def inputs(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -274,34 +274,21 @@ class ExpressionMap(ParametrisedMap):
         """(N, m) wrench, also where it is no number."""
         return self._evaluated(poses)[0]
 
-    def predict(self, poses: F) -> F:
-        """(N, n) poses to (N, m) wrenches; InputError where one is no number."""
-        wrench = self.raw(poses)
-        self._refuse(wrench, poses, "the equations give no number")
-        return wrench
-
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         """(N, m, n), exact; kinds other than `partial` need all six columns on both sides."""
         partial = self._evaluated(poses)[1][:, :, : len(self.inputs)]
-        self._refuse(partial, poses, "the slope of the equations to the pose is no number")
-        return partial_to(kind, np.ascontiguousarray(partial), poses, cast("StiffnessMap", self))
+        self.refuse_unreal(partial, poses, "the slope of the equations to the pose is no number")
+        return partial_to(kind, np.ascontiguousarray(partial), poses, self)
 
     def columns(self, poses: F) -> F:
         """(N, m, k) derivative to the parameters that vary."""
         slopes = self._evaluated(poses)[1][:, :, len(self.inputs) :]
-        self._refuse(slopes, poses, "the slope of the equations to a parameter is no number")
+        self.refuse_unreal(slopes, poses, "the slope of the equations to a parameter is no number")
         return slopes
 
     def _evaluated(self, poses: F) -> tuple[F, F]:
         poses = np.asarray(poses, dtype=np.float64)
         return self.equations.wrench(poses, self.values, self.parameter_names)
-
-    def _refuse(self, numbers: F, poses: F, what: str) -> None:
-        wrong = np.flatnonzero(~np.isfinite(numbers.reshape(len(poses), -1)).all(axis=1))
-        if len(wrong):
-            at = at_pose(self.inputs, poses[wrong[0]])
-            held = ", ".join(f"{name} = {value:g}" for name, value in self.values.items())
-            raise InputError(f"{what} at {at} (row {wrong[0] + 1} of {len(poses)}; {held})")
 
     def document(self) -> dict[str, Any]:
         """Equations and parameters for a model file."""

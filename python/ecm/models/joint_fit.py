@@ -146,7 +146,7 @@ def joint_fit(
         y = np.einsum("nij,nj->ni", whitener, residual) * root[:, None]
         # The shape is given, so that it holds for zero columns as well.
         flat, response = _with_priors(z.reshape(y.size, z.shape[2]), y.ravel(), base, priors)
-        size, products = _unit_products(flat)
+        size, products = unit_products(flat)
         step = _bounded_step(flat, response, base, fitted, free_base, size, products)
         change = float(np.linalg.norm(flat @ step))
         values = _values(base, fitted, free_base)
@@ -169,11 +169,10 @@ def joint_fit(
     z = np.einsum("nij,njk->nik", whitener, design)
     weighted = (z * root[:, None, None]).reshape(residual.size, z.shape[2])
     weighted, _ = _with_priors(weighted, np.zeros(residual.size), base, priors)
-    size, products = _unit_products(weighted)
+    size, products = unit_products(weighted)
     least = _least_effects(size, products, fitted, free_base)
     y = np.einsum("nij,nj->ni", whitener, residual)
-    inverse = np.linalg.pinv(products, hermitian=True)
-    covariance = np.asarray(least @ (inverse / np.outer(size, size)) @ least.T)
+    covariance = np.asarray(least @ covariance_of(size, products) @ least.T)
     # Change of the parameters by one standard deviation of an error that all rows share.
     shared = np.einsum("nij,njk->nik", whitener, shared_zero_error(rows, residual, noise))
     shift = np.einsum("nik,nij->kj", z * root[:, None, None] ** 2, shared)
@@ -319,7 +318,7 @@ def base_columns(rows: Rows, base: StiffnessMap) -> F:
     return columns
 
 
-def _unit_products(z: F) -> tuple[F, F]:
+def unit_products(z: F) -> tuple[F, F]:
     """(k,) lengths of the columns z (M, k), and (k, k) products of the columns of unit length.
 
     Moduli and ratios differ by more than the rounding of a double; a length of zero is taken as 1.
@@ -327,6 +326,11 @@ def _unit_products(z: F) -> tuple[F, F]:
     size = np.sqrt(np.einsum("ij,ij->j", z, z))
     size = np.where(size > 0.0, size, 1.0)
     return size, z.T @ z / np.outer(size, size)
+
+
+def covariance_of(size: F, products: F) -> F:
+    """(k, k) covariance of parameters by `unit_products` of their whitened columns."""
+    return np.asarray(np.linalg.pinv(products, hermitian=True) / np.outer(size, size))
 
 
 def _bounded_step(

@@ -17,7 +17,7 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.steps import Progress
 from ecm.io.table import Table
-from ecm.models.joint_fit import joint_fit
+from ecm.models.joint_fit import joint_fit, unit_products
 from ecm.models.maps import MapDefaults, StiffnessMap, partial_to
 from ecm.models.noise_estimate import declared_or_fitted
 from ecm.models.specification import FittedMap
@@ -100,7 +100,7 @@ class MeasuredMap(MapDefaults):
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         """(N, m, n); kinds other than `partial` need all six wrench columns."""
         partial = np.ascontiguousarray(self.whole.stiffness(poses)[:, self.places])
-        return partial_to(kind, partial, poses, cast("StiffnessMap", self))
+        return partial_to(kind, partial, poses, self)
 
     def columns(self, poses: F) -> F:
         """(N, m, k) derivative to the coefficients."""
@@ -219,7 +219,5 @@ def _refuse_few(table: Table, base: StiffnessMap, seen: int, readings: int) -> N
 
 def _unseen(design: F) -> int:
     """Number of combinations of the coefficients that change nothing that was measured."""
-    size = np.sqrt((design**2).sum(axis=0))
-    scaled = design / np.where(size > 0.0, size, 1.0)
-    squares = np.linalg.eigvalsh(scaled.T @ scaled)
+    squares = np.linalg.eigvalsh(unit_products(design)[1])
     return int(np.count_nonzero(squares < _UNSEEN * max(float(squares[-1]), 1e-300)))
