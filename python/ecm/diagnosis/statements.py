@@ -18,7 +18,7 @@ from ecm._native import EnergyModel
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.readings import WrongStatement, best_readings
 from ecm.errors import EcmError
-from ecm.io.arrays import F, I
+from ecm.io.arrays import F, I, evenly
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.misread import falling_loads
 from ecm.io.restated import Restatement
@@ -122,7 +122,7 @@ def _named(poses: F, wrench: F) -> dict[str, F]:
 
 def _compared_rows(problem: Problem) -> I:
     rows = np.flatnonzero(problem.scored & (problem.weights > 0.0))
-    return rows[np.linspace(0, len(rows) - 1, min(_ROWS, len(rows))).astype(np.int64)]
+    return rows[evenly(len(rows), _ROWS)]
 
 
 def _error(problem: Problem, base: StiffnessMap, reading: Restatement | None) -> float | None:

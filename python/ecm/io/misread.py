@@ -18,7 +18,7 @@ import numpy as np
 
 from ecm._native import EnergyModel, left_jacobians
 from ecm.errors import EcmError, InputError, Remedy
-from ecm.io.arrays import B, F
+from ecm.io.arrays import B, F, evenly
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import ColumnSource
 from ecm.io.restated import (
@@ -160,8 +160,7 @@ def misread(table: Table) -> Misread | None:
     rows = table.measured()
     if len(rows) == 0 or not rows.pose_columns or not rows.wrench_columns:
         return None
-    chosen = np.unique(np.linspace(0, len(rows) - 1, min(_ROWS, len(rows))).astype(np.int64))
-    found = _Readings(rows.select(chosen)).found()
+    found = _Readings(rows.select(evenly(len(rows), _ROWS))).found()
     if found is None:
         return found
     sources = table.meta.applied_columns

@@ -17,7 +17,7 @@ from typing import Any, cast
 import numpy as np
 
 from ecm.errors import InputError
-from ecm.io.arrays import F
+from ecm.io.arrays import LARGEST, F
 from ecm.io.columns import POSE, WRENCH, is_standard
 from ecm.io.steps import Progress
 from ecm.io.table import Table
@@ -219,7 +219,7 @@ def _check(node: ast.expr, line: str, depth: int = 0) -> None:
     if isinstance(node, ast.Constant):
         number = node.value
         known = isinstance(number, int | float) and not isinstance(number, bool)
-        allowed = known and abs(cast("float", number)) <= 1e100
+        allowed = known and abs(cast("float", number)) <= LARGEST
     elif isinstance(node, ast.Name):
         allowed = True
     elif isinstance(node, ast.UnaryOp):

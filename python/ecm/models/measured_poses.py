@@ -16,7 +16,7 @@ import numpy as np
 
 from ecm._native import mid_frame, rotation_matrices
 from ecm.effects import Rows
-from ecm.io.arrays import B, F
+from ecm.io.arrays import B, F, evenly
 from ecm.io.columns import POSE, WRENCH, same_unit
 from ecm.io.description import Meta
 from ecm.io.table import Table
@@ -159,7 +159,7 @@ def poses_like_measured(model: Posed, count: int) -> F:
     """(count, n) measured poses, then mixes of near ones where there are fewer."""
     rows = measured_poses(model)
     if len(rows) >= count:
-        return rows[np.linspace(0, len(rows) - 1, count).astype(np.int64)]
+        return rows[evenly(len(rows), count)]
     return np.vstack([rows, near_poses(model, count - len(rows))])
 
 
