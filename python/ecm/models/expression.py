@@ -16,7 +16,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from ecm.errors import InputError
+from ecm.errors import InputError, shown
 from ecm.io.arrays import LARGEST, F
 from ecm.io.columns import POSE, WRENCH, is_standard
 from ecm.io.steps import Progress
@@ -149,7 +149,7 @@ class Equations:
                 or not isinstance(target, ast.Name)
             ):
                 raise InputError(
-                    f"equation '{_short(line)}': expected WRENCH_COLUMN = EXPRESSION, as in "
+                    f"equation {shown(line)}: expected WRENCH_COLUMN = EXPRESSION, as in "
                     "fx_N = k * x_m + c * x_m**3"
                 )
             _check(statement.value, line)
@@ -213,7 +213,7 @@ _RESERVED = (*FUNCTIONS, *_PAIRS, *_CONSTANTS)
 def _check(node: ast.expr, line: str, depth: int = 0) -> None:
     """Raise InputError for what is not allowed in an equation."""
     if depth > _MOST_DEPTH:
-        raise InputError(f"equation '{_short(line)}': nested too deep; write it in several lines")
+        raise InputError(f"equation {shown(line)}: nested too deep; write it in several lines")
     parts: list[ast.expr] = []
     allowed = False
     if isinstance(node, ast.Constant):
@@ -226,21 +226,16 @@ def _check(node: ast.expr, line: str, depth: int = 0) -> None:
         allowed, parts = isinstance(node.op, ast.UAdd | ast.USub), [node.operand]
     elif isinstance(node, ast.BinOp):
         if isinstance(node.op, ast.BitXor):
-            raise InputError(f"equation '{_short(line)}': ^ is no power; write **")
+            raise InputError(f"equation {shown(line)}: ^ is no power; write **")
         allowed, parts = type(node.op) in _BINARY, [node.left, node.right]
     elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
         count = 1 if node.func.id in FUNCTIONS else 2 if node.func.id in _PAIRS else -1
         allowed, parts = len(node.args) == count and not node.keywords, node.args
     if not allowed:
-        found = _short(ast.unparse(node)) if depth < _MOST_DEPTH else "it"
-        raise InputError(f"equation '{_short(line)}': '{found}' is not known here; use {_WORDS}")
+        found = shown(ast.unparse(node)) if depth < _MOST_DEPTH else "it"
+        raise InputError(f"equation {shown(line)}: {found} is not known here; use {_WORDS}")
     for part in parts:
         _check(part, line, depth + 1)
-
-
-def _short(text: str) -> str:
-    text = text.encode("unicode_escape").decode()
-    return text if len(text) <= 80 else f"{text[:77]}..."
 
 
 @dataclass(frozen=True, eq=False)
