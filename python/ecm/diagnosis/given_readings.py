@@ -15,7 +15,7 @@ from ecm.diagnosis.readings import WrongStatement, best_of
 from ecm.errors import EcmError
 from ecm.io.arrays import B, F, evenly
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.restated import Restatement, rarer_restatements, restatements
+from ecm.io.restated import Restatement, in_words, rarer_restatements, restatements
 from ecm.regression.folds import is_pose_row
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.rows import Rows
@@ -90,9 +90,7 @@ def reading_of_given_model(
     if len(model.inputs) < len(POSE):
         # Of few columns turned axes are signs in other words: the simplest of the best.
         best = [item for value, item in left if item in best and value <= _SAME * after][:1]
-    return WrongStatement(
-        " or ".join(item.words for item in best), float(np.sqrt(now)), float(np.sqrt(after))
-    )
+    return WrongStatement(in_words(best), float(np.sqrt(now)), float(np.sqrt(after)))
 
 
 def _in_six(table: Table, names: Sequence[str], known: Sequence[str]) -> F:

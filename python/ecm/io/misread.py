@@ -370,15 +370,20 @@ def _error(basis: F, wrench: F) -> float:
     size = _rms(wrench)
     y = (wrench / size).ravel()
     z = (basis / size[:, None]).reshape(len(y), -1)
-    return _left(z, y)
+    return _rms_left(z, y)
 
 
-def _left(z: F, y: F) -> float:
+def _rms_left(z: F, y: F) -> float:
+    """Return the rms of what columns leave of numbers, by the degrees of freedom."""
+    freedom = (len(y) - z.shape[1]) * y.size // len(y)
+    return float(np.sqrt((rest_of(z, y) ** 2).sum() / max(1, freedom)))
+
+
+def rest_of(z: F, y: F) -> F:
+    """Return what columns z (r, k) of any size and rank leave of y, (r,) or (r, q)."""
     norms = np.sqrt((z**2).sum(axis=0))
     z = z / np.where(norms > 0.0, norms, 1.0)
-    theta = np.linalg.lstsq(z, y, rcond=1e-10)[0]
-    left = ((y - z @ theta) ** 2).sum() / max(1, y.size - theta.size)
-    return float(np.sqrt(left))
+    return np.asarray(y - z @ np.linalg.lstsq(z, y, rcond=1e-10)[0])
 
 
 def _error_of_quadratic(poses: F, wrench: F) -> float:
@@ -389,7 +394,7 @@ def _error_of_quadratic(poses: F, wrench: F) -> float:
     first, second = np.triu_indices(x.shape[1])
     if len(x) >= 2 * (1 + x.shape[1] + len(first)):
         terms.append(x[:, first] * x[:, second])
-    return _left(np.hstack(terms), wrench / _rms(wrench))
+    return _rms_left(np.hstack(terms), wrench / _rms(wrench))
 
 
 def _rms(wrench: F) -> F:
