@@ -59,6 +59,11 @@ def declared_or_fitted(base: StiffnessMap, table: Table) -> Noise:
     return Noise(source="assumed", components=usable_sd(spread, measured))
 
 
+def spread_noise(measured: F) -> Noise:
+    """Each output (N, m) by its own spread: for the first fit of a model without a noise."""
+    return Noise(source="assumed", components=usable_sd(measured.std(axis=0), measured))
+
+
 def _pure_error(rows: Rows, predicted: F) -> Noise:
     """Spread of each output within repeats, for tables of other columns."""
     table = rows.table

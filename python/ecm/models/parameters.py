@@ -21,7 +21,7 @@ from ecm.io.table import Table
 from ecm.io.toml import check_keys
 from ecm.models.joint_fit import covariance_of, unit_products
 from ecm.models.maps import MapDefaults, StiffnessMap
-from ecm.models.noise_estimate import declared_or_fitted
+from ecm.models.noise_estimate import declared_or_fitted, spread_noise
 from ecm.models.specification import FittedMap
 from ecm.regression.noise import whiteners
 from ecm.regression.rows import Rows
@@ -196,28 +196,20 @@ def fit_parameters(base: AMap, table: Table, progress: Progress | None = None) -
     ComputationError
         Where the steps do not converge.
     """
-    as_map = cast("StiffnessMap", base)
     measured, poses = table.matrix(base.outputs), table.matrix(base.inputs)
-    spread = measured.std(axis=0)
-    whitener = np.broadcast_to(
-        np.diag(1.0 / np.where(spread > 0.0, spread, 1.0)), (len(poses), *[len(spread)] * 2)
-    )
     base.predict(poses)  # refuses what gives no number
+    as_map = cast("StiffnessMap", base)
     if not base.parameter_names:
         return FittedMap(as_map, declared_or_fitted(as_map, table))
-    fitted, jacobian, squares = base, np.zeros((0, 0)), 0.0
+    noise, fitted, jacobian, squares = spread_noise(measured), base, np.zeros((0, 0)), 0.0
     for i in range(_WEIGHTINGS):
         if progress is not None:
             progress(i, _WEIGHTINGS, f"weighting {i + 1} of {_WEIGHTINGS}")
-        if i:
-            noise = declared_or_fitted(cast("StiffnessMap", fitted), table)
-            rows = Rows(table, cast("StiffnessMap", fitted))
-            whitener = whiteners(noise.covariance(rows, fitted.error))
+        whitener = whiteners(noise.covariance(Rows(table, as_map), fitted.error))
         fitted, jacobian, squares = _least_squares(fitted, poses, measured, whitener)
-    as_map = cast("StiffnessMap", fitted)
-    noise = declared_or_fitted(as_map, table)
-    k = len(fitted.parameter_names)
-    freedom = measured.size - k
+        as_map = cast("StiffnessMap", fitted)
+        noise = declared_or_fitted(as_map, table)
+    freedom = measured.size - len(fitted.parameter_names)
     variance = None if noise.is_residual or freedom <= 0 else squares / freedom
     return FittedMap(as_map, noise, covariance_of(*unit_products(jacobian)), variance)
 
