@@ -23,6 +23,7 @@ from ecm.io.table import Table
 from ecm.models.maps import EnergyMap, StiffnessMap
 from ecm.models.physics.map import PhysicsMap
 from ecm.regression.noise import Noise
+from ecm.regression.rows import is_whole
 from ecm.regression.thinning import spread_rows
 
 _MOST_STORED = 200
@@ -293,10 +294,9 @@ def _loaded_poses(model: Posed) -> F:
     shortens a mechanism by more than any axial load. Other columns are drawn between their ends.
     """
     random = np.random.default_rng(_SEED)
-    inputs, ranges = model.base.inputs, _ranges(model)
-    low, high = ranges.T
+    low, high = _ranges(model).T
     box = random.uniform(low, high, (_MOST_STORED, len(low)))
-    if inputs != POSE or model.base.outputs != WRENCH:
+    if not is_whole(model.base):
         box[0], box[-1] = low, high
         return np.asarray(box)
     length = model.known_length_m

@@ -17,7 +17,7 @@ from ecm.effects.thinned import correction_of
 from ecm.errors import EcmError, InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import POSE
 from ecm.io.description import Meta, Scene
 from ecm.io.extras import require
 from ecm.io.steps import Progress, Steps
@@ -53,6 +53,7 @@ from ecm.models.training import (
 from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import without_zero_readings
 from ecm.regression.noise import Noise
+from ecm.regression.rows import is_whole
 from ecm.regression.thinning import HOW, RowsUsed, spread_rows
 
 _NOISE, _FORM, _ALL, _RECORD = "noise", "form of {}", "all values together", "errors"
@@ -140,7 +141,7 @@ class Model:
             Where the model has fewer columns or no length; the message begins with `purpose`.
         """
         length = self.known_length_m
-        if self.inputs != POSE or self.outputs != WRENCH or length is None:
+        if not is_whole(self.base) or length is None:
             raise InputError(
                 f"{purpose} needs all six pose and wrench columns and the mechanism's length: "
                 "give [mechanism] length_m in the data's TOML"
@@ -325,7 +326,7 @@ class Model:
         >>> bool(np.allclose(wrench, wrenches[1])), tangent.shape
         (True, (6, 6))
         """
-        if (self.inputs, self.outputs) != (POSE, WRENCH):
+        if not is_whole(self.base):
             raise InputError(
                 f"{self.name}: a controller needs a model of all six pose and wrench columns"
             )

@@ -22,7 +22,7 @@ from ecm.models.registry import parse_model
 from ecm.models.specification import CHOOSE
 from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import is_pose_row
-from ecm.regression.rows import Rows
+from ecm.regression.rows import Rows, is_whole
 from ecm.regression.thinning import spread_rows
 
 if TYPE_CHECKING:
@@ -230,7 +230,7 @@ def _another_base(fitted: Model, table: Table) -> Remedy:
     ids = [item.id for item in fitted.effects]
     stated = table.meta.elastic_body() is not None and table.has(*POSE, *WRENCH)
     names = ["physics"] if stated else []
-    if (fitted.inputs, fitted.outputs) == (POSE, WRENCH) and fitted.known_length_m is not None:
+    if is_whole(fitted.base) and fitted.known_length_m is not None:
         names += [f"energy{degree}" for degree in (6, 5, 4)]
     names += [f"poly:{degree}" for degree in (3, 2, 1)]
     for name in names:

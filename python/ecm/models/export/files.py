@@ -15,7 +15,6 @@ from pathlib import Path
 from ecm.errors import InputError, Remedy
 from ecm.io.arguments import check_arguments
 from ecm.io.cache import write_atomically
-from ecm.io.columns import POSE, WRENCH
 from ecm.io.interrupts import uninterrupted
 from ecm.models.adapt import AdaptSettings
 from ecm.models.control import ControlLoop, LoopSettings
@@ -26,8 +25,8 @@ from ecm.models.maps import PolynomialMap, StiffnessMap
 from ecm.models.measured_poses import has_measured_poses, measured_poses
 from ecm.models.model import Model
 from ecm.models.time_effects import time_effects
+from ecm.regression.rows import is_whole
 
-_WHOLE = (POSE, WRENCH)
 _WITH_CODE = ("polynomial", "energy", "physics")
 """Kinds of maps that `ecm._native.export_model` writes as code."""
 _EXPORTED = "Wrench and stiffness of an elastic mechanism"
@@ -158,9 +157,7 @@ def export_files(
     inside, notes, folding = _mechanism_alone(model)
     if not has_measured_poses(model):
         notes.append(_NO_POSES)
-    if adapt is not None and (
-        target not in ("c", "rust") or (model.inputs, model.outputs) != _WHOLE
-    ):
+    if adapt is not None and (target not in ("c", "rust") or not is_whole(model.base)):
         raise InputError(
             "adapt: parameters follow readings in C and Rust, with a model of all six pose and "
             "wrench columns; leave it out here"
@@ -264,7 +261,7 @@ def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
     has_code = kind in _WITH_CODE
     if not acting and has_code:
         return bare, [], 0.0
-    whole = (model.inputs, model.outputs) == (POSE, WRENCH)
+    whole = is_whole(model.base)
     if not has_code and not (whole and model.known_length_m):
         raise InputError(
             f"a model of kind {kind} is not exported as it is, and an energy in its place needs "

@@ -11,12 +11,12 @@ from typing import Literal
 from ecm._native import export_model, seal_model
 from ecm.errors import InputError, Remedy
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH
 from ecm.models.adapt import AdaptSettings
 from ecm.models.control import ControlLoop, LoopSettings
 from ecm.models.measured_poses import poses_like_measured, reach_of
 from ecm.models.model import Model
 from ecm.models.time_effects import TimeEffects
+from ecm.regression.rows import is_whole
 
 Precision = Literal["double", "single"]
 
@@ -45,7 +45,7 @@ class Source:
     @property
     def whole(self) -> bool:
         """Whether the model takes a pose to a wrench."""
-        return (self.inside.inputs, self.inside.outputs) == (POSE, WRENCH)
+        return is_whole(self.inside.base)
 
     def code(
         self, language: Literal["c", "rust"] = "c", precision: Precision = "double"
