@@ -268,7 +268,7 @@ class Model:
         One pose (n,) gives one stiffness (m, n).
         """
         rows = _rows_of_poses(poses, self.inputs)
-        acting = self._acting_at_poses()
+        acting = self.acting_at_poses
         found = self._changed_stiffness(rows, kind) if acting else self.base.stiffness(rows, kind)
         return found if np.ndim(poses) != 1 else np.asarray(found[0])
 
@@ -285,7 +285,7 @@ class Model:
         (array([15.]), array([[3000.]]))
         """
         rows = _rows_of_poses(poses, self.inputs)
-        if self._acting_at_poses():
+        if self.acting_at_poses:
             wrench, stiffness = self._at_poses(rows), self._changed_stiffness(rows, kind)
         else:
             wrench, stiffness = self.base.wrench_and_stiffness(rows, kind)
@@ -331,7 +331,7 @@ class Model:
                 f"{self.name}: a controller needs a model of all six pose and wrench columns"
             )
         bare = replace(self, effects=(), history=(), correlations=())
-        if self._acting_at_poses():
+        if self.acting_at_poses:
             bare = replace(bare, base=folded(self)[0], covariance=None)
         return Controller(json.dumps(bare.document()), time_effects(self))
 
@@ -351,14 +351,14 @@ class Model:
         poses = sample_of(as_table(table), self.inputs)
         return replace(self, training={**self.training, "poses": poses})
 
-    def _acting_at_poses(self) -> list[FittedEffect]:
-        if not self.effects:  # a single pose takes microseconds
-            return []
+    @property
+    def acting_at_poses(self) -> list[FittedEffect]:
+        """Effects of physics that need the pose alone."""
         return [i for i in self.effects if i.effect.kind == "pose" and i.effect.side == "physics"]
 
     def _at_poses(self, poses: F) -> F:
         wrench = self.base.predict(poses)
-        acting = self._acting_at_poses()
+        acting = self.acting_at_poses
         if not acting:
             return wrench
         return self._with_corrections(wrench, self.rows_at(poses), acting)

@@ -19,7 +19,7 @@ from ecm.io.interrupts import uninterrupted
 from ecm.models.adapt import AdaptSettings
 from ecm.models.control import ControlLoop, LoopSettings
 from ecm.models.export.registry import TARGETS
-from ecm.models.export.source import Precision, Source
+from ecm.models.export.source import Precision, Source, without
 from ecm.models.folding import folded, folded_polynomial
 from ecm.models.maps import PolynomialMap, StiffnessMap
 from ecm.models.measured_poses import has_measured_poses, measured_poses
@@ -174,7 +174,7 @@ def export_files(
         given.loop,
         given.next_step,
         folding,
-        tuple(_acting(model)),
+        tuple(sorted(item.id for item in model.acting_at_poses)),
         given.change,
         lost,
     )
@@ -224,12 +224,8 @@ def _without(ids: Sequence[str], again: str) -> Remedy:
     """Fit without effects that the files cannot hold, or write them all the same."""
     if not ids:
         return Remedy("export it all the same", f"{again} --force", force=True)
-    options = " ".join(f"--remove {id}" for id in ids)
-    return Remedy(
-        f"fit again without {' and '.join(ids)} (or export all the same with --force)",
-        f"ecm refit MODEL DATA {options} --out without.json",
-        force=True,
-    )
+    left_out = without(ids, " (or export all the same with --force)")
+    return replace(left_out, force=True)
 
 
 def _check_crate(manifest: Path, files: Mapping[str, str | bytes]) -> None:
@@ -242,20 +238,13 @@ def _check_crate(manifest: Path, files: Mapping[str, str | bytes]) -> None:
         )
 
 
-def _acting(model: Model) -> list[str]:
-    """Ids of the effects of physics that act through the pose."""
-    return sorted(
-        i.id for i in model.effects if i.effect.kind == "pose" and i.effect.side == "physics"
-    )
-
-
 def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
     """The model without effects beside the pose, those of physics folded into its base.
 
     Also notes, and the change by folding over the noise. A map without code of its own, such as
     a rod or a learned one, becomes an energy as well.
     """
-    acting = _acting(model)
+    acting = sorted(item.id for item in model.acting_at_poses)
     bare = replace(model, effects=(), history=(), correlations=())
     kind = model.base.document().get("kind")
     has_code = kind in _WITH_CODE
