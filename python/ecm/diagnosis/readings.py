@@ -9,8 +9,7 @@ import numpy as np
 
 from ecm.diagnosis.restated_points import moved_points
 from ecm.errors import EcmError, ModelError
-from ecm.io.arrays import F
-from ecm.io.misread import rest_of
+from ecm.io.arrays import F, rest_of
 from ecm.io.restated import Restatement, restatements
 from ecm.models.maps import StiffnessMap
 

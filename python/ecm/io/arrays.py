@@ -1,4 +1,4 @@
-"""Types of numpy arrays for signatures, as `poses: F` of floats; rows chosen evenly."""
+"""Types of numpy arrays for signatures, as `poses: F` of floats, and what many do with them."""
 
 from __future__ import annotations
 
@@ -25,3 +25,10 @@ def evenly(count: int, most: int) -> I:
     (array([0, 2, 4]), array([0, 1]))
     """
     return np.linspace(0, count - 1, min(count, most)).astype(np.int64)
+
+
+def rest_of(z: F, y: F) -> F:
+    """What columns z (r, k) of any size and rank leave of y, (r,) or (r, q)."""
+    norms = np.sqrt((z**2).sum(axis=0))
+    z = z / np.where(norms > 0.0, norms, 1.0)
+    return np.asarray(y - z @ np.linalg.lstsq(z, y, rcond=1e-10)[0])

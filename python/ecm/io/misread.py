@@ -18,7 +18,7 @@ import numpy as np
 
 from ecm._native import EnergyModel, left_jacobians
 from ecm.errors import EcmError, InputError, Remedy
-from ecm.io.arrays import B, F, evenly
+from ecm.io.arrays import B, F, evenly, rest_of
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import ColumnSource
 from ecm.io.restated import (
@@ -377,13 +377,6 @@ def _rms_left(z: F, y: F) -> float:
     """Return the rms of what columns leave of numbers, by the degrees of freedom."""
     freedom = (len(y) - z.shape[1]) * y.size // len(y)
     return float(np.sqrt((rest_of(z, y) ** 2).sum() / max(1, freedom)))
-
-
-def rest_of(z: F, y: F) -> F:
-    """Return what columns z (r, k) of any size and rank leave of y, (r,) or (r, q)."""
-    norms = np.sqrt((z**2).sum(axis=0))
-    z = z / np.where(norms > 0.0, norms, 1.0)
-    return np.asarray(y - z @ np.linalg.lstsq(z, y, rcond=1e-10)[0])
 
 
 def _error_of_quadratic(poses: F, wrench: F) -> float:
