@@ -14,7 +14,7 @@ use crate::export::history::History;
 use crate::export::model::{Model, columns, identifier};
 use crate::export::reach::{Reach, inside_words, within};
 use crate::export::terms::{Terms, half_turn_squared, inverse_factorial, turns};
-use crate::export::{Precision, SourceFile, filled};
+use crate::export::{Precision, SourceFile, filled, list};
 use crate::normalise::unit_slope;
 use crate::polynomial_model::PolynomialModel;
 use crate::stepper::line::LINE_NUMBERS;
@@ -360,18 +360,4 @@ fn real(x: f64) -> String {
 
 fn cast(x: f64, name: &str) -> String {
     format!("({name}_real)({x:e})")
-}
-
-/// Items with commas, six on a line.
-pub(super) fn list(items: impl Iterator<Item = String>) -> String {
-    let mut text = String::new();
-    for (i, item) in items.enumerate() {
-        text.push_str(match i {
-            0 => "\n    ",
-            i if i % 6 == 0 => ",\n    ",
-            _ => ", ",
-        });
-        text.push_str(&item);
-    }
-    text
 }

@@ -6,9 +6,8 @@ use std::vec::Vec;
 use serde_json::{Map, Value};
 
 use crate::error::ModelError;
-use crate::export::c::list;
-use crate::export::filled;
 use crate::export::model::Model;
+use crate::export::{filled, list};
 
 /// low <= x <= high and |factor (x - centre)| <= 1, in the mid-frame coordinates of an energy and the
 /// inputs of a polynomial.
