@@ -65,11 +65,7 @@ def _addition(addition: Mapping[str, Any]) -> Iterator[str]:
             f"{held_out['after']:.2f} times the noise"
         )
     if remedy is not None:
-        yield (
-            str(Remedy(remedy["words"], remedy["command"]))
-            if addition["refused"]
-            else (f"  {remedy['command']}")
-        )
+        yield str(Remedy(**remedy)) if addition["refused"] else f"  {remedy['command']}"
 
 
 def _basis(document: Mapping[str, Any]) -> str:

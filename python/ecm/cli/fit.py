@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import cast
 
-from ecm.cli.models import build_physics, is_mechanism, read_expression, read_mechanism
+from ecm.cli.models import build_physics, is_toml, read_own
 from ecm.cli.options.fit import Options
 from ecm.cli.outputs import saved_by_force
 from ecm.cli.session import Session
@@ -16,6 +16,7 @@ from ecm.io.columns import POSE
 from ecm.io.misread import misread, refuse_misread
 from ecm.io.table import Table
 from ecm.models import (
+    Expression,
     Model,
     ModelChoice,
     ModelSpecification,
@@ -110,14 +111,12 @@ def _with_effects(model: Model, ids: Sequence[str], table: Table, session: Sessi
 
 def _named(name: str, pcr: str | None, table: Table, session: Session) -> ModelSpecification:
     """Specification of --model NAME; the physics of a body is built under a progress bar."""
-    if is_mechanism(name):
-        expression = read_expression(name)
-        if expression is not None:
-            return parse_model(expression, pcr=pcr)
-    mechanism = read_mechanism(name) if is_mechanism(name) else None
-    specification = parse_model("physics" if mechanism else name, pcr=pcr)
+    own = read_own(name) if is_toml(name) else None
+    if isinstance(own, Expression):
+        return parse_model(own, pcr=pcr)
+    specification = parse_model("physics" if own else name, pcr=pcr)
     if isinstance(specification, PhysicsModel):
-        body = mechanism or table.meta.body()
-        if body is not None and (mechanism or body.has_body):
+        body = own or table.meta.elastic_body()
+        if body is not None:
             return PhysicsModel(base=build_physics(body, session, table))
     return specification

@@ -22,7 +22,7 @@ from ecm.models.physics.map import reach_of
 _TABLES = (".csv", ".parquet", ".pq")
 
 
-def is_mechanism(name: str) -> bool:
+def is_toml(name: str) -> bool:
     """Whether MODEL is a TOML, of a body or of equations."""
     return name.lower().endswith(".toml")
 
@@ -37,22 +37,14 @@ def open_model(name: str, session: Session, table: Table | None = None) -> Model
                 remedy=Remedy("fit a model to them", f"ecm fit {name} --model linear --out OUT"),
             )
         return as_model(Path(name), table)
-    if not is_mechanism(name):
+    if not is_toml(name):
         return load_model(Path(name))
-    expression = read_expression(name)
-    if expression is not None and table is not None and table.wrench_columns:
-        return as_model(expression, table)
-    if expression is not None:
-        return Model(base=expression.map())
-    return Model(base=build_physics(read_mechanism(name), session, table))
-
-
-def read_expression(name: str) -> Expression | None:
-    """Read [expression] of a TOML; None where it has none."""
-    document = read_toml(Path(name), "description of a model")
-    if "expression" not in document:
-        return None
-    return Expression.from_dict(document["expression"], f"{name} [expression]")
+    own = read_own(name)
+    if isinstance(own, Mechanism):
+        return Model(base=build_physics(own, session, table))
+    if table is not None and table.wrench_columns:
+        return as_model(own, table)
+    return Model(base=own.map())
 
 
 def build_physics(body: Mechanism, session: Session, table: Table | None) -> PhysicsMap:
@@ -65,15 +57,17 @@ def build_physics(body: Mechanism, session: Session, table: Table | None) -> Phy
 
 def prepare_physics(table: Table, session: Session) -> None:
     """Build the physics of the table's [mechanism], if it has a body, for a later comparison."""
-    body = table.meta.body()
-    if body is not None and body.has_body and table.has(*POSE, *WRENCH):
+    body = table.meta.elastic_body()
+    if body is not None and table.has(*POSE, *WRENCH):
         build_physics(body, session, table)
 
 
-def read_mechanism(name: str) -> Mechanism:
-    """Read [mechanism] of a TOML; its other tables (of a CONFIG, say) are ignored."""
+def read_own(name: str) -> Expression | Mechanism:
+    """Read [expression] of a TOML, else [mechanism]; its other tables are ignored."""
     path = Path(name)
-    document = read_toml(path, "description of a mechanism")
+    document = read_toml(path, "description of a model")
+    if "expression" in document:
+        return Expression.from_dict(document["expression"], f"{path} [expression]")
     if "mechanism" not in document:
         raise InputError(
             f"{path}: no table [mechanism] and no table [expression], expected one: the body of "

@@ -14,9 +14,9 @@ from ecm.comparison.residuals import Residuals
 from ecm.comparison.signature import signature_shares
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import POSE
 from ecm.regression.folds import is_pose_row
-from ecm.regression.rows import Rows
+from ecm.regression.rows import Rows, is_whole
 from ecm.regression.thinning import spread_rows
 from ecm.report.figures import MOST_DRAWN
 
@@ -223,7 +223,7 @@ def residual_maps_of(
     variables = {name: v for name, v in variables.items() if name == "row" or np.ptp(v) > 0.0}
     physical = {"base": errors.physical[scored]}
     spread = {"base": np.sqrt(np.einsum("nii->ni", errors.covariance[scored]))}
-    full = rows.base.inputs == POSE and outputs == WRENCH
+    full = is_whole(rows.base)
     stiffness = sd = turn = None
     shares: dict[str, float] = {}
     if full:

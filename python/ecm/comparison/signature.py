@@ -6,10 +6,9 @@ import numpy as np
 
 from ecm.comparison.residuals import features
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH
 from ecm.regression.blocks import in_threads
 from ecm.regression.f_test import explained_by_span
-from ecm.regression.rows import Rows
+from ecm.regression.rows import Rows, is_whole
 
 _COVARIATES = ("time_s", "temperature_degC", "sensor_temperature_degC", "dwell_s", "approach")
 
@@ -33,7 +32,7 @@ def signature_shares(
     dict
         Share by signature; empty for tables without all six pose and wrench columns.
     """
-    if rows.base.inputs != POSE or rows.base.outputs != WRENCH or not rows.has_length:
+    if not is_whole(rows.base) or not rows.has_length:
         return {}
     n, m = whitened.shape
     root = np.ones(n) if weights is None else np.sqrt(weights)

@@ -154,17 +154,16 @@ def nominal_model(
         scene=candidates.meta.scene,
         instrument=candidates.meta.instrument,
     )
-    body = candidates.meta.body()
-    known = body is not None and body.has_body
+    body = candidates.meta.elastic_body()
     if physics:
-        own = _physics(where, body if known else None, model, threads, progress)
+        own = _physics(where, body, model, threads, progress)
         return NominalModel(own, noise, meta.with_length(own.length_m))
     if model is not None:
         return NominalModel(model.base, noise, meta.with_length(model.base.length_m))
     length = candidates.meta.length_m
     if candidates.wrench_columns == WRENCH and length is not None:
-        return NominalModel(_fitted_map(candidates, length, known=known), noise, meta)
-    if body is not None and known:
+        return NominalModel(_fitted_map(candidates, length, known=body is not None), noise, meta)
+    if body is not None:
         return NominalModel(physics_map(body, threads=threads, progress=progress), noise, meta)
     raise InputError(
         f"{where}: the nominal stiffness is not known; give --base MODEL, simulated wrenches "

@@ -16,13 +16,10 @@ from ecm.designs.regressors import regressor
 from ecm.designs.settings import AVERAGED, CRITERIA, DesignSettings
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
-from ecm.io.arrays import F, I
+from ecm.io.arrays import LARGEST, F, I
 
 Progress = Callable[[int, int], object] | None
 _DEFAULT = DesignSettings()
-
-_MOST_SIZE = 1e100
-"""Largest coordinate: squares and products of larger ones overflow."""
 
 
 @dataclass(frozen=True)
@@ -186,12 +183,12 @@ def _checked(poses: F, name: str) -> F:
             f"design: {name} has shape {poses.shape}, expected rows of coordinates (N, d); "
             "give at least one pose"
         )
-    bad = np.argwhere(~(np.abs(poses) <= _MOST_SIZE))
+    bad = np.argwhere(~(np.abs(poses) <= LARGEST))
     if len(bad):
         row, column = (int(i) for i in bad[0])
         raise InputError(
             f"design: {name}: row {row}, column {column} is {poses[row, column]:g}, expected a "
-            f"number of at most {_MOST_SIZE:g} in size; correct or leave out this row"
+            f"number of at most {LARGEST:g} in size; correct or leave out this row"
         )
     return poses
 

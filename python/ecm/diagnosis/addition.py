@@ -27,8 +27,9 @@ class Addition:
 
     Examples
     --------
-    >>> print(Addition(("payload",), 1.48, 1.18, "", Remedy("add it", "ecm refit MODEL DATA")))
-    held-out error 1.48 -> 1.18 times the noise
+    >>> found = Addition(("payload",), 1.48, 1.18, "", Remedy("add it", "ecm refit MODEL DATA"))
+    >>> found.to_dict()["held_out"]
+    {'before': 1.48, 'after': 1.18}
     """
 
     effects: tuple[str, ...]
@@ -40,13 +41,6 @@ class Addition:
     """Why `ecm refit` would refuse; empty where it adds them."""
     remedy: Remedy | None
     """The command that adds them: to this model, else to one that holds them."""
-
-    def __str__(self) -> str:
-        if self.refused:
-            return f"not to this model: {self.refused}"
-        if self.before is None or self.after is None:
-            return "the noise is not known"
-        return f"held-out error {self.before:.2f} -> {self.after:.2f} times the noise"
 
     def to_dict(self) -> dict[str, Any]:
         """For the report: plain values."""

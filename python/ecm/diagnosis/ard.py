@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
-from ecm.io.arrays import F
+from ecm.io.arrays import F, evenly
 
 _MOST_ROWS = 220
 _ITERATIONS = 40
@@ -29,7 +29,7 @@ def ard_relevance(variables: F, targets: F) -> F:
     targets
         (N, c) residual along the directions in which something is seen.
     """
-    take = np.linspace(0, len(variables) - 1, min(len(variables), _MOST_ROWS)).astype(np.int64)
+    take = evenly(len(variables), _MOST_ROWS)
     u = variables[take]
     y = targets[take] - targets[take].mean(axis=0)
     spread = y.std(axis=0)

@@ -217,8 +217,7 @@ def padding(table: Table) -> tuple[str, ...]:
     With a body in [mechanism] a pose may well stay zero: then the physics tells what follows.
     """
     measured = table.measured()
-    body = table.meta.body()
-    if body is not None and body.has_body:
+    if table.meta.elastic_body() is not None:
         return ()
     names = (*measured.pose_columns, *measured.wrench_columns)
     zero = tuple(name for name in names if not measured.column(name).any())

@@ -16,9 +16,10 @@ from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import delta_chi2
 from ecm.diagnosis.whiteness import Pattern
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import WRENCH
 from ecm.regression.noise import whiteners
 from ecm.regression.reml import weighed_by_rest
+from ecm.regression.rows import is_whole
 
 _LEAST_ROWS = 24
 _MOST_OF_IT = 0.5
@@ -33,7 +34,7 @@ def find_direction(problem: Problem, effects: Sequence[Candidate]) -> Pattern | 
     explain.
     """
     base = problem.base
-    if base.inputs != POSE or base.outputs != WRENCH or not effects:
+    if not is_whole(base) or not effects:
         return None
     counted = problem.scored & (problem.weights > 0.5)
     rest = residual_after(problem, effects)

@@ -13,9 +13,9 @@ import numpy as np
 
 from ecm.diagnosis.readings import WrongStatement, best_of
 from ecm.errors import EcmError
-from ecm.io.arrays import B, F
+from ecm.io.arrays import B, F, evenly
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.restated import Restatement, rarer_restatements, restatements
+from ecm.io.restated import Restatement, in_words, rarer_restatements, restatements
 from ecm.regression.folds import is_pose_row
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.rows import Rows
@@ -50,7 +50,7 @@ def reading_of_given_model(
     if noise.is_residual or not known:
         return None
     rows = np.flatnonzero(is_pose_row(table))
-    rows = rows[np.linspace(0, len(rows) - 1, min(_ROWS, len(rows))).astype(np.int64)]
+    rows = rows[evenly(len(rows), _ROWS)]
     part = table.select(rows)
     whitener = whiteners(noise.covariance(Rows(part, model.base), model.base.error))
     poses, wrench = _in_six(part, POSE, model.inputs), _in_six(part, WRENCH, model.outputs)
@@ -90,9 +90,7 @@ def reading_of_given_model(
     if len(model.inputs) < len(POSE):
         # Of few columns turned axes are signs in other words: the simplest of the best.
         best = [item for value, item in left if item in best and value <= _SAME * after][:1]
-    return WrongStatement(
-        " or ".join(item.words for item in best), float(np.sqrt(now)), float(np.sqrt(after))
-    )
+    return WrongStatement(in_words(best), float(np.sqrt(now)), float(np.sqrt(after)))
 
 
 def _in_six(table: Table, names: Sequence[str], known: Sequence[str]) -> F:

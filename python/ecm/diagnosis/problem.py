@@ -15,7 +15,6 @@ from ecm.diagnosis.score_columns import effect_columns, score_columns
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
 from ecm.io.arrays import B, F, I
-from ecm.io.columns import POSE, WRENCH
 from ecm.models.joint_fit import JointFit, base_columns, joint_fit
 from ecm.models.noise_estimate import declared_or_fitted, estimate_noise
 from ecm.regression.folds import is_pose_row, row_groups
@@ -28,6 +27,7 @@ from ecm.regression.normal_equations import (
     projected_out,
 )
 from ecm.regression.reml import some_rows, weighed_by_rest
+from ecm.regression.rows import is_whole
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
@@ -320,8 +320,7 @@ def _significant(problem: Problem) -> F:
 def noise_by_rest(problem: Problem) -> Noise:
     """Return the noise; where it is only assumed, with the ratios that the residual shows."""
     noise, base = problem.noise, problem.base
-    full = base.inputs == POSE and base.outputs == WRENCH
-    if noise.source != "assumed" or noise.components is not None or not full:
+    if noise.source != "assumed" or noise.components is not None or not is_whole(base):
         return noise
     smooth = omnibus_columns(problem, problem.size // (6 * problem.response.shape[1]))
     take = some_rows(len(problem.table))

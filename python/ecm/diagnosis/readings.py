@@ -9,7 +9,7 @@ import numpy as np
 
 from ecm.diagnosis.restated_points import moved_points
 from ecm.errors import EcmError, ModelError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, rest_of
 from ecm.io.restated import Restatement, restatements
 from ecm.models.maps import StiffnessMap
 
@@ -110,7 +110,4 @@ def _rest(base: tuple[F, F], wrench: F) -> F:
     size = np.where(size > 0.0, size, 1.0)
     y = ((wrench - predicted) / size).ravel()
     z = (columns / size[:, None]).reshape(len(y), -1)
-    norms = np.sqrt((z**2).sum(axis=0))
-    z = z / np.where(norms > 0.0, norms, 1.0)
-    theta = np.linalg.lstsq(z, y, rcond=1e-10)[0]
-    return np.asarray(y - z @ theta)
+    return rest_of(z, y)

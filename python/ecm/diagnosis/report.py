@@ -44,6 +44,7 @@ from ecm.diagnosis.search import Ranked, estimate
 from ecm.diagnosis.stated_numbers import negative_payload, stated_numbers
 from ecm.diagnosis.statements import time_unit
 from ecm.diagnosis.unexplained import misread_table
+from ecm.io.arrays import rest_of
 from ecm.io.leave_out import shown_ranges
 from ecm.models.history import Ceiling, ceiling_rms
 from ecm.models.joint_fit import JointFit, joint_fit
@@ -229,17 +230,13 @@ def _held_out(problem: Problem, accepted: Sequence[Candidate], ceiling: Ceiling 
 def _base_summary(problem: Problem) -> BaseSummary:
     """The base, its own error, and that of its mesh beside what its coefficients take in."""
     base, rows = problem.base, problem.rows
-    kind, own = base.kind, problem.base_error
-    shares = mesh_shares(base)
-    if not isinstance(base, PhysicsMap):
-        return BaseSummary(kind, own)
-    off = base.mesh_error_of(rows.predict(rows.table.matrix(base.inputs)))
+    off = base.mesh_error_of(rows.wrench) if isinstance(base, PhysicsMap) else None
     if off is None:
-        return BaseSummary(kind, own)
+        return BaseSummary(base.kind, problem.base_error)
     whitened = np.einsum("nij,nj->ni", problem.whitener, off).ravel()
-    columns = problem.base_block.reshape(len(whitened), -1)
-    left = whitened - columns @ np.linalg.lstsq(columns, whitened, rcond=None)[0]
-    return BaseSummary(kind, own, shares, float(np.sqrt((left**2).mean())))
+    left = rest_of(problem.base_block.reshape(len(whitened), -1), whitened)
+    over_noise = float(np.sqrt((left**2).mean()))
+    return BaseSummary(base.kind, problem.base_error, mesh_shares(base), over_noise)
 
 
 def _component_errors(

@@ -78,13 +78,8 @@ class Projection:
 
         return _of_parts(of_part, blocks)
 
-    def explained(self, columns: F, response: F) -> float:
-        """Return the squares of the weighted response (N m,) that columns add to the base."""
-        flat = self.flat(columns)
-        return explained_by_span(flat - self.basis @ (self.basis.T @ flat), response)[0]
-
     def explained_by_each(self, blocks: Sequence[F], response: F) -> list[float]:
-        """Return the same for each of the blocks of columns (N, m, k), some dozens at a time.
+        """Return the squares of the response (N m,) that columns (N, m, k) of each add to the base.
 
         A product with a large base reads all of it: with one block at a time that is all its work.
         """
@@ -227,7 +222,7 @@ def _refined_shapes(
         for round_ in range(rounds):
             for shape in first.effect.refined(table, round_):
                 trial = ScoreColumns(shape, score_columns(rows, whitener, shape), False)
-                gain = projection.explained(trial.columns, y)
+                gain = projection.explained_by_each([trial.columns], y)[0]
                 if gain > best:
                     best, first = gain, trial
         return None if first is start else first

@@ -1,7 +1,7 @@
 """Wrong statements of the user: the tool tries other readings of the table and names what fits.
 
 A frame that is turned by 90 degrees, a reversed torque or degrees for radians leave an error that
-effects can imitate in part. Each other reading (`ecm.diagnosis.restated`) is fitted by the same
+effects can imitate in part. Each other reading (`ecm.io.restated`) is fitted by the same
 base; one that brings the error down to a third, and far below what the accepted effects leave, is
 named as what it is. A polynomial takes in most wrong readings. Where no length is stated, so that
 nothing else serves as base, an energy without symmetry is asked: any elastic body has one.
@@ -18,10 +18,10 @@ from ecm._native import EnergyModel
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.readings import WrongStatement, best_readings
 from ecm.errors import EcmError
-from ecm.io.arrays import F, I
+from ecm.io.arrays import F, I, evenly
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.misread import falling_loads
-from ecm.io.restated import Restatement
+from ecm.io.restated import Restatement, in_words
 from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import EnergyMap, StiffnessMap
 
@@ -64,7 +64,7 @@ def find_wrong_statement(
         if mended is None or mended > settings.mended_share * before:
             continue
         if not effects or mended <= 0.5 * after:
-            return WrongStatement(" or ".join(item.words for item in best), before, mended)
+            return WrongStatement(in_words(best), before, mended)
     return None
 
 
@@ -106,8 +106,7 @@ def _of_any_elastic_body(problem: Problem, before: float) -> WrongStatement | No
     for item in (upright or best)[:1]:
         mended = _error(problem, energy(*item.change(poses, wrench)), item)
         if mended is not None and mended <= min(settings.mended_share * as_stated, most):
-            words = " or ".join(one.words for one in upright or best)
-            return WrongStatement(words, as_stated, mended)
+            return WrongStatement(in_words(upright or best), as_stated, mended)
     return None
 
 
@@ -122,7 +121,7 @@ def _named(poses: F, wrench: F) -> dict[str, F]:
 
 def _compared_rows(problem: Problem) -> I:
     rows = np.flatnonzero(problem.scored & (problem.weights > 0.0))
-    return rows[np.linspace(0, len(rows) - 1, min(_ROWS, len(rows))).astype(np.int64)]
+    return rows[evenly(len(rows), _ROWS)]
 
 
 def _error(problem: Problem, base: StiffnessMap, reading: Restatement | None) -> float | None:

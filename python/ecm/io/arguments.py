@@ -6,18 +6,16 @@ any work begins. What an annotation leaves open (`Any`, a table of any kind) is 
 
 from __future__ import annotations
 
-import collections.abc
 import numbers
 import types
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ecm.errors import InputError
+from ecm.errors import InputError, shown
 
 _WORDS: dict[Any, str] = {
     bool: "True or False",
@@ -26,14 +24,19 @@ _WORDS: dict[Any, str] = {
     str: "text",
     Path: "a path",
     np.ndarray: "an array of numbers",
+    dict: "a dict",
+    Mapping: "a dict",
+    Callable: "a function",
     type(None): "None",
 }
-_NUMBERS: dict[Any, Any] = {
+_KINDS: dict[Any, Any] = {
     bool: (bool, np.bool_),
     int: numbers.Integral,
     float: numbers.Real,
     Path: (Path, str),
+    dict: Mapping,
 }
+"""What an annotation takes beside its own type."""
 _hints: dict[Any, dict[str, Any]] = {}
 
 
@@ -80,48 +83,42 @@ def hints_of(annotated: Any) -> dict[str, Any]:
     return _hints[annotated]
 
 
-def check_fields(settings: Any) -> None:
-    """Refuse fields of a dataclass that are of a wrong type; for its `__post_init__`."""
-    hints = hints_of(type(settings))
-    for item in fields(settings):
-        check_type(item.name, getattr(settings, item.name), hints[item.name])
-
-
 def check_type(name: str, value: Any, hint: Any) -> None:
     """Raise InputError where a value does not fit an annotation."""
     if not _fits(value, hint):
         raise InputError(f"{name} = {_shown(value)}: expected {_words(hint)}")
 
 
+def _origin(hint: Any) -> Any:
+    """`list` of `list[str]`; what has no parts is its own origin."""
+    return np.ndarray if hint == ArrayLike else get_origin(hint) or hint
+
+
 def _fits(value: Any, hint: Any) -> bool:  # noqa: PLR0911 - one return a kind of annotation
-    origin, options = get_origin(hint), get_args(hint)
-    if hint is Any or hint is object or isinstance(hint, str):
+    origin, options = _origin(hint), get_args(hint)
+    if origin in (Any, object) or isinstance(hint, str):
         return True
-    if hint == ArrayLike:
+    if origin is np.ndarray:
         return _is_array(value)
-    if hint is None or hint is type(None):
-        return value is None
     if origin in (Union, types.UnionType):
         return any(_fits(value, option) for option in options)
     if origin is Literal:
         return any(type(value) is type(option) and value == option for option in options)
-    if hint is np.ndarray or origin is np.ndarray:
-        return _is_array(value)
-    if origin is tuple or origin in (list, collections.abc.Sequence, collections.abc.Collection):
-        return _is_sequence(value) and all(_fits(item, options[0]) for item in value)
-    if origin in (dict, collections.abc.Mapping):
-        return isinstance(value, Mapping) and all(
-            _fits(key, options[0]) and _fits(item, options[1]) for key, item in value.items()
-        )
-    if origin is collections.abc.Callable or hint is Callable:
-        return callable(value) and not isinstance(value, type)
-    if hint in (int, float) and isinstance(value, (bool, np.bool_)):
+    if origin in (tuple, list, Sequence, Collection):
+        own = options[:1]
+        return _is_sequence(value) and all(_fits(item, kind) for kind in own for item in value)
+    if origin in (int, float) and isinstance(value, (bool, np.bool_)):
         return False
-    known = _NUMBERS.get(hint, origin or hint)
     try:
-        return isinstance(value, known)
+        known = isinstance(value, _KINDS.get(origin, origin))
     except TypeError:  # a protocol that cannot be looked at
         return True
+    if origin is Callable:
+        return known and not isinstance(value, type)
+    if origin in (dict, Mapping) and known and options:
+        parts = zip(options, (value.keys(), value.values()), strict=True)
+        return all(_fits(item, option) for option, part in parts for item in part)
+    return known
 
 
 def _is_sequence(value: Any) -> bool:
@@ -139,33 +136,24 @@ def _is_array(value: Any) -> bool:
         return False
 
 
-def _words(hint: Any) -> str:  # noqa: PLR0911 - one return a kind of annotation
+def _words(hint: Any) -> str:
     """What an annotation expects, in words."""
-    origin, options = get_origin(hint), get_args(hint)
-    if hint == ArrayLike:
-        return _WORDS[np.ndarray]
-    if hint in _WORDS:
-        return _WORDS[hint]
+    origin, options = _origin(hint), get_args(hint)
+    if origin in _WORDS:
+        return _WORDS[origin]
     if origin in (Union, types.UnionType):
         return " or ".join(dict.fromkeys(_words(option) for option in options))
     if origin is Literal:
         return f"one of {', '.join(map(str, options))}"
-    if origin is np.ndarray:
-        return _WORDS[np.ndarray]
-    if origin in (dict, collections.abc.Mapping):
-        return "a dict"
-    if origin is collections.abc.Callable:
-        return "a function"
-    if origin is not None and options:
+    if options:
         return f"a list of {_words(options[0])}"
     return f"a {getattr(hint, '__name__', hint)}"
 
 
 def _shown(value: Any) -> str:
-    """A value as text of one line; of what is long, its type."""
+    """A value as text of one line; of what is no number and no text, its type."""
     if isinstance(value, (str, bytes, numbers.Number, type(None))):
-        text = repr(value)
-        return text if len(text) <= 60 else f"{text[:57]}..."
+        return shown(value)
     shape = getattr(value, "shape", None)
     of = f" of shape {shape}" if isinstance(shape, tuple) else ""
     name = value.__name__ if isinstance(value, type) else type(value).__name__

@@ -1,4 +1,4 @@
-"""Short names of numpy array types for signatures: `poses: F` is an array of float64."""
+"""Types of numpy arrays for signatures, as `poses: F` of floats, and what many do with them."""
 
 from __future__ import annotations
 
@@ -11,3 +11,24 @@ I = NDArray[np.int64]
 """Whole numbers: rows, groups, folds."""
 B = NDArray[np.bool_]
 """Masks."""
+
+LARGEST = 1e100
+"""Largest size of a number of a user: squares and products of larger ones overflow."""
+
+
+def evenly(count: int, most: int) -> I:
+    """Numbers of at most so many of `count` rows, evenly spaced, the first and the last with them.
+
+    Examples
+    --------
+    >>> evenly(5, 3), evenly(2, 3)
+    (array([0, 2, 4]), array([0, 1]))
+    """
+    return np.linspace(0, count - 1, min(count, most)).astype(np.int64)
+
+
+def rest_of(z: F, y: F) -> F:
+    """What columns z (r, k) of any size and rank leave of y, (r,) or (r, q)."""
+    norms = np.sqrt((z**2).sum(axis=0))
+    z = z / np.where(norms > 0.0, norms, 1.0)
+    return np.asarray(y - z @ np.linalg.lstsq(z, y, rcond=1e-10)[0])

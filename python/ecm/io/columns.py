@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
+import numpy as np
+
+from ecm.io.arrays import B
 from ecm.io.toml import closest
 
 POSE = ("x_m", "y_m", "z_m", "theta_x_rad", "theta_y_rad", "theta_z_rad")
@@ -90,6 +94,18 @@ def likely_name(name: str) -> str | None:
 def unit_of(name: str) -> str:
     """Return the unit at the end of a column's name, e.g. 'N m' of tau_x_Nm."""
     return name.rsplit("_", 1)[1].replace("Nm", "N m")
+
+
+def same_unit(names: Sequence[str]) -> B:
+    """(m, m) whether two columns have one unit, by the ends of their names.
+
+    Examples
+    --------
+    >>> same_unit(["fx_N", "fy_N", "tau_x_Nm"])[0]
+    array([ True,  True, False])
+    """
+    units = np.array([name.rpartition("_")[2] for name in names])
+    return np.asarray(units[:, None] == units)
 
 
 def close_name(name: str) -> str | None:

@@ -208,6 +208,11 @@ class Meta:
         where = Path(self.source) if self.source else "[mechanism]"
         return Mechanism.from_dict(self.mechanism, where)
 
+    def elastic_body(self) -> Mechanism | None:
+        """Return the mechanism; None where its shape or its stiffness is not known."""
+        body = self.body()
+        return body if body is not None and body.has_body else None
+
     @property
     def empty(self) -> bool:
         """Whether it has nothing to write into a file."""

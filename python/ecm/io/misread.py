@@ -18,7 +18,7 @@ import numpy as np
 
 from ecm._native import EnergyModel, left_jacobians
 from ecm.errors import EcmError, InputError, Remedy
-from ecm.io.arrays import B, F
+from ecm.io.arrays import B, F, evenly, rest_of
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import ColumnSource
 from ecm.io.restated import (
@@ -162,8 +162,7 @@ def misread(table: Table) -> Misread | None:
     rows = table.measured()
     if len(rows) == 0 or not rows.pose_columns or not rows.wrench_columns:
         return None
-    chosen = np.unique(np.linspace(0, len(rows) - 1, min(_ROWS, len(rows))).astype(np.int64))
-    found = _Readings(rows.select(chosen)).found()
+    found = _Readings(rows.select(evenly(len(rows), _ROWS))).found()
     if found is None:
         return found
     sources = table.meta.applied_columns
@@ -373,15 +372,13 @@ def _error(basis: F, wrench: F) -> float:
     size = _rms(wrench)
     y = (wrench / size).ravel()
     z = (basis / size[:, None]).reshape(len(y), -1)
-    return _left(z, y)
+    return _rms_left(z, y)
 
 
-def _left(z: F, y: F) -> float:
-    norms = np.sqrt((z**2).sum(axis=0))
-    z = z / np.where(norms > 0.0, norms, 1.0)
-    theta = np.linalg.lstsq(z, y, rcond=1e-10)[0]
-    left = ((y - z @ theta) ** 2).sum() / max(1, y.size - theta.size)
-    return float(np.sqrt(left))
+def _rms_left(z: F, y: F) -> float:
+    """Return the rms of what columns leave of numbers, by the degrees of freedom."""
+    freedom = (len(y) - z.shape[1]) * y.size // len(y)
+    return float(np.sqrt((rest_of(z, y) ** 2).sum() / max(1, freedom)))
 
 
 def _error_of_quadratic(poses: F, wrench: F) -> float:
@@ -392,7 +389,7 @@ def _error_of_quadratic(poses: F, wrench: F) -> float:
     first, second = np.triu_indices(x.shape[1])
     if len(x) >= 2 * (1 + x.shape[1] + len(first)):
         terms.append(x[:, first] * x[:, second])
-    return _left(np.hstack(terms), wrench / _rms(wrench))
+    return _rms_left(np.hstack(terms), wrench / _rms(wrench))
 
 
 def _rms(wrench: F) -> F:

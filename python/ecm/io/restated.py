@@ -13,6 +13,7 @@ from ecm._native import rotation_matrices, rotation_vectors
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.quaternion_order import ORDERS, read_in_other_order
+from ecm.io.units import factor_of
 
 Change = Callable[[F, F], tuple[F, F]]
 """(poses (N, 6), wrenches (N, 6)) as stated -> the same as they may have been meant."""
@@ -181,20 +182,14 @@ def _short(name: str) -> str:
 
 
 def _units() -> Iterator[Restatement]:
-    torques = {
-        "N mm": 1e-3,
-        "N cm": 1e-2,
-        "kgf cm": 0.0980665,
-        "lbf in": 0.1129848,
-        "lbf ft": 1.3558,
-    }
-    for unit, factor in torques.items():
+    for unit in ("N mm", "N cm", "kgf cm", "lbf in", "lbf ft"):
         words = f"the torque looks stated in {unit}, not N m"
-        yield Restatement(words, _scaled_wrench(np.array([1.0] * 3 + [factor] * 3)), False)
-    forces = {"kN": 1e3, "mN": 1e-3, "gf": 9.80665e-3, "kgf": 9.80665, "lbf": 4.448222}
-    for unit, factor in forces.items():
+        factors = np.array([1.0] * 3 + [factor_of(unit)] * 3)
+        yield Restatement(words, _scaled_wrench(factors), False)
+    for unit in ("kN", "mN", "gf", "kgf", "lbf"):
         words = f"the force looks stated in {unit}, not N"
-        yield Restatement(words, _scaled_wrench(np.array([factor] * 3 + [1.0] * 3)), False)
+        factors = np.array([factor_of(unit)] * 3 + [1.0] * 3)
+        yield Restatement(words, _scaled_wrench(factors), False)
     for words, place, angle in (
         ("the positions look stated in mm, not m", 1e-3, 1.0),
         ("the positions look stated in cm, not m", 1e-2, 1.0),

@@ -15,10 +15,10 @@ from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from numbers import Real
 from pathlib import Path
-from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, Union, get_args, get_origin
 
 from ecm.errors import InputError, shown
-from ecm.io.arguments import check_fields
+from ecm.io.arguments import check_type, hints_of
 from ecm.io.toml import check_keys, closest
 
 T = TypeVar("T")
@@ -118,12 +118,14 @@ def _limits(item: Any) -> Limits:
 
 
 class Checked:
-    """Base of settings that users also create in Python: ranges are checked then, too."""
+    """Base of settings that users also create in Python: types and ranges are checked then, too."""
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        hints = hints_of(self.__class__)
         for item in fields(self):  # type: ignore[arg-type]  # every subclass is a dataclass
-            _limits(item).check(getattr(self, item.name), item.name)
+            value = getattr(self, item.name)
+            check_type(item.name, value, hints[item.name])
+            _limits(item).check(value, item.name)
 
 
 def read_settings(cls: type[T], table: Any, where: str) -> T:
@@ -140,7 +142,7 @@ def read_settings(cls: type[T], table: Any, where: str) -> T:
         required = item.default is MISSING and item.default_factory is MISSING
         if required and name not in table:
             raise InputError(f"{where}: the key '{name}' is missing")
-    hints = get_type_hints(cls)
+    hints = hints_of(cls)
     values = {}
     for key, value in table.items():
         values[key] = _converted(value, hints[key], f"{where}: {key}")

@@ -252,7 +252,7 @@ class Table:
         return self if self.whole is None else self.whole
 
     def thinned(self, rows: ArrayLike) -> Table:
-        """Return the rows of growing row numbers, which keep the history of all rows.
+        """Return rows of growing numbers, which keep the history of all; all are the table itself.
 
         What depends on earlier rows, such as the pose before or the load so far, is computed on
         the `whole` table.
@@ -265,6 +265,8 @@ class Table:
         (2, 3, array([0, 2]))
         """
         index = np.asarray(rows, dtype=np.int64)
+        if len(index) == len(self):
+            return self
         few = self.select(index)
         return few if self.whole is not None else replace(few, whole=self, places=index)
 

@@ -11,6 +11,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE
 from ecm.io.row_errors import RowErrors
+from ecm.io.units import factor_of
 
 _LONGEST_M = 2.0
 """Largest position, m, if the length of the mechanism is unknown."""
@@ -29,12 +30,12 @@ _FACTORS = {
     1e6: "N mm beside mm",
     100.0: "cm or N cm",
     180.0 / math.pi: "degrees",
-    1.0 / 0.0254: "inches",
-    25.4: "inches beside mm",
-    9.80665: "kgf",
-    1e3 / 9.80665: "gf",
-    4.448222: "lbf",
-    1.0 / 0.1129848: "lbf in",
+    1.0 / factor_of("in"): "inches",
+    factor_of("in") / factor_of("mm"): "inches beside mm",
+    factor_of("kgf"): "kgf",
+    1.0 / factor_of("gf"): "gf",
+    factor_of("lbf"): "lbf",
+    1.0 / factor_of("lbf in"): "lbf in",
 }
 """Factors between a unit and that of the table, and the unit."""
 

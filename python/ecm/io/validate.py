@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.errors import InputError, shown
-from ecm.io.arrays import B, F, I
+from ecm.io.arrays import LARGEST, B, F, I
 from ecm.io.columns import (
     JOINT_SIGNS,
     KINDS,
@@ -29,9 +29,6 @@ from ecm.io.unit_checks import check_positions, check_rotations
 
 _MOST_HINTS = 50
 Columns = dict[str, NDArray[Any]]
-
-_MOST_SIZE = 1e100
-"""Largest size of a number in a table: squares and products of larger ones overflow."""
 
 
 def validated_columns(
@@ -145,7 +142,7 @@ def _numbers(name: str, own: str, cells: Cells, errors: RowErrors) -> F:
         unread = np.zeros(len(values), dtype=bool)
     except (TypeError, ValueError):
         values, unread = _parse_cells(name, own, cells, errors)
-    for row in np.flatnonzero(~(np.abs(values) <= _MOST_SIZE) & ~unread):
+    for row in np.flatnonzero(~(np.abs(values) <= LARGEST) & ~unread):
         if not (name in MAY_BE_EMPTY and np.isnan(values[row])):
             wanted = "a number of at most 1e100" if np.isfinite(values[row]) else "a finite number"
             errors.add(int(row), own, shown(str(cells[int(row)]).strip()), wanted)

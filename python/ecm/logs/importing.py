@@ -28,6 +28,7 @@ from ecm.io.row_errors import BadRows
 from ecm.io.steps import Progress
 from ecm.io.table import MetaLike, Table, as_table
 from ecm.io.toml import did_you_mean, refuse_pipe
+from ecm.io.units import given_units
 from ecm.io.validate import repeated_rows
 from ecm.logs.containers import is_hdf5, read_hdf5, read_matlab, read_numpy, read_parquet_log
 from ecm.logs.conversion import (
@@ -43,7 +44,6 @@ from ecm.logs.objects import log_of_object
 from ecm.logs.rosbag import is_bag, read_bag
 from ecm.logs.sources import ColumnMap, UserChoices, column_like, without_columns
 from ecm.logs.text import read_text_log
-from ecm.logs.units import given_units
 
 _LEFT_OUT = Remedy("leave them out with --leave-out, which records it")
 _EXPERIMENTS = {"experiment", "specimen", "sample", "trial", "subject", "test", "repetition"}

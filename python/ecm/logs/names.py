@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 
 from ecm.io.columns import is_standard
-from ecm.logs.units import Unit, find_unit, is_other_unit
+from ecm.io.units import Unit, find_unit, is_other_unit
 
 DIMENSION = {
     "position": "length",

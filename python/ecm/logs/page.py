@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ecm.io.arrays import evenly
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.logs.importing import ImportedLog
@@ -71,7 +72,7 @@ def _columns(imported: ImportedLog, table: Table) -> list[Block]:
 
 
 def _curves(table: Table) -> list[Block]:
-    rows = np.unique(np.linspace(0, len(table) - 1, _CURVE).astype(int))
+    rows = evenly(len(table), _CURVE)
     x = (table.column("time_s")[rows] if table.has("time_s") else rows + 1.0).tolist()
     title = "time [s]" if table.has("time_s") else "row"
     groups = (

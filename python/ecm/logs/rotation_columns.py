@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from ecm.errors import InputError
 from ecm.io.columns import POSE
 from ecm.io.toml import did_you_mean
+from ecm.io.units import Unit
 from ecm.logs.log import Log
 from ecm.logs.names import Named
 from ecm.logs.rotations import COUNT, check_rotation_word
@@ -18,7 +19,6 @@ from ecm.logs.sources import (
     column_like,
     stated_unit,
 )
-from ecm.logs.units import Unit
 
 
 def rotation_of(

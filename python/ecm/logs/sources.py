@@ -10,9 +10,9 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.columns import is_standard
 from ecm.io.toml import did_you_mean
+from ecm.io.units import Unit, find_unit
 from ecm.logs.log import Log
 from ecm.logs.names import Named, trailing_units
-from ecm.logs.units import Unit, find_unit
 
 _SI = {"length": "m", "angle": "rad", "force": "N", "torque": "Nm", "time": "s",
        "temperature": "degC"}  # fmt: skip

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.steps import Progress, after_a_part
+from ecm.io.units import find_unit, is_other_unit
 from ecm.logs.log import Log, seconds_of_dates, unique_names
 from ecm.logs.text_cells import (
     SEPARATORS,
@@ -24,7 +25,6 @@ from ecm.logs.text_cells import (
     of_width,
     trimmed,
 )
-from ecm.logs.units import find_unit, is_other_unit
 
 _SAMPLE = 400
 """Lines from which separator and first row of numbers are found."""

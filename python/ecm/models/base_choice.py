@@ -33,9 +33,9 @@ def choose_base(model: Model, table: Table) -> StiffnessMap:
     if isinstance(base, PhysicsMap):
         free = base if base.family is None else base.with_free(*FREE)
         return measured_part(free, table)
-    body = table.meta.body()
+    body = table.meta.elastic_body()
     six = table.has(*POSE, *WRENCH) or is_partial(table)
-    if six and body is not None and body.has_body:
+    if six and body is not None:
         return measured_part(fit_model(table, "physics", force=True).base, table)
     if six and table.meta.length_m is not None:
         return symmetric_energy(table)

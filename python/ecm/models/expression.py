@@ -16,17 +16,16 @@ from typing import Any, cast
 
 import numpy as np
 
-from ecm.errors import InputError
-from ecm.io.arrays import F
+from ecm.errors import InputError, shown
+from ecm.io.arrays import LARGEST, F
 from ecm.io.columns import POSE, WRENCH, is_standard
 from ecm.io.steps import Progress
 from ecm.io.table import Table
 from ecm.io.toml import check_keys, did_you_mean
-from ecm.models.maps import StiffnessMap, partial_to
+from ecm.models.maps import partial_to
 from ecm.models.parameters import (
     Parameter,
     ParametrisedMap,
-    at_pose,
     fit_parameters,
     parameters_of,
 )
@@ -150,7 +149,7 @@ class Equations:
                 or not isinstance(target, ast.Name)
             ):
                 raise InputError(
-                    f"equation '{_short(line)}': expected WRENCH_COLUMN = EXPRESSION, as in "
+                    f"equation {shown(line)}: expected WRENCH_COLUMN = EXPRESSION, as in "
                     "fx_N = k * x_m + c * x_m**3"
                 )
             _check(statement.value, line)
@@ -214,34 +213,29 @@ _RESERVED = (*FUNCTIONS, *_PAIRS, *_CONSTANTS)
 def _check(node: ast.expr, line: str, depth: int = 0) -> None:
     """Raise InputError for what is not allowed in an equation."""
     if depth > _MOST_DEPTH:
-        raise InputError(f"equation '{_short(line)}': nested too deep; write it in several lines")
+        raise InputError(f"equation {shown(line)}: nested too deep; write it in several lines")
     parts: list[ast.expr] = []
     allowed = False
     if isinstance(node, ast.Constant):
         number = node.value
         known = isinstance(number, int | float) and not isinstance(number, bool)
-        allowed = known and abs(cast("float", number)) <= 1e100
+        allowed = known and abs(cast("float", number)) <= LARGEST
     elif isinstance(node, ast.Name):
         allowed = True
     elif isinstance(node, ast.UnaryOp):
         allowed, parts = isinstance(node.op, ast.UAdd | ast.USub), [node.operand]
     elif isinstance(node, ast.BinOp):
         if isinstance(node.op, ast.BitXor):
-            raise InputError(f"equation '{_short(line)}': ^ is no power; write **")
+            raise InputError(f"equation {shown(line)}: ^ is no power; write **")
         allowed, parts = type(node.op) in _BINARY, [node.left, node.right]
     elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
         count = 1 if node.func.id in FUNCTIONS else 2 if node.func.id in _PAIRS else -1
         allowed, parts = len(node.args) == count and not node.keywords, node.args
     if not allowed:
-        found = _short(ast.unparse(node)) if depth < _MOST_DEPTH else "it"
-        raise InputError(f"equation '{_short(line)}': '{found}' is not known here; use {_WORDS}")
+        found = shown(ast.unparse(node)) if depth < _MOST_DEPTH else "it"
+        raise InputError(f"equation {shown(line)}: {found} is not known here; use {_WORDS}")
     for part in parts:
         _check(part, line, depth + 1)
-
-
-def _short(text: str) -> str:
-    text = text.encode("unicode_escape").decode()
-    return text if len(text) <= 80 else f"{text[:77]}..."
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,6 +253,7 @@ class ExpressionMap(ParametrisedMap):
 
     kind = "expression"
     name = "expression"
+    gives = "the equations give"
 
     @property
     def inputs(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -274,34 +269,21 @@ class ExpressionMap(ParametrisedMap):
         """(N, m) wrench, also where it is no number."""
         return self._evaluated(poses)[0]
 
-    def predict(self, poses: F) -> F:
-        """(N, n) poses to (N, m) wrenches; InputError where one is no number."""
-        wrench = self.raw(poses)
-        self._refuse(wrench, poses, "the equations give no number")
-        return wrench
-
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         """(N, m, n), exact; kinds other than `partial` need all six columns on both sides."""
         partial = self._evaluated(poses)[1][:, :, : len(self.inputs)]
-        self._refuse(partial, poses, "the slope of the equations to the pose is no number")
-        return partial_to(kind, np.ascontiguousarray(partial), poses, cast("StiffnessMap", self))
+        self.refuse_unreal(partial, poses, "the slope of the equations to the pose is no number")
+        return partial_to(kind, np.ascontiguousarray(partial), poses, self)
 
     def columns(self, poses: F) -> F:
         """(N, m, k) derivative to the parameters that vary."""
         slopes = self._evaluated(poses)[1][:, :, len(self.inputs) :]
-        self._refuse(slopes, poses, "the slope of the equations to a parameter is no number")
+        self.refuse_unreal(slopes, poses, "the slope of the equations to a parameter is no number")
         return slopes
 
     def _evaluated(self, poses: F) -> tuple[F, F]:
         poses = np.asarray(poses, dtype=np.float64)
         return self.equations.wrench(poses, self.values, self.parameter_names)
-
-    def _refuse(self, numbers: F, poses: F, what: str) -> None:
-        wrong = np.flatnonzero(~np.isfinite(numbers.reshape(len(poses), -1)).all(axis=1))
-        if len(wrong):
-            at = at_pose(self.inputs, poses[wrong[0]])
-            held = ", ".join(f"{name} = {value:g}" for name, value in self.values.items())
-            raise InputError(f"{what} at {at} (row {wrong[0] + 1} of {len(poses)}; {held})")
 
     def document(self) -> dict[str, Any]:
         """Equations and parameters for a model file."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -12,8 +12,8 @@ from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F
 from ecm.io.steps import Progress
 from ecm.io.table import Table
-from ecm.models.maps import StiffnessMap, central_differences, partial_to
-from ecm.models.parameters import Parameter, ParametrisedMap, at_pose, fit_parameters
+from ecm.models.maps import central_differences, partial_to
+from ecm.models.parameters import Parameter, ParametrisedMap, fit_parameters
 from ecm.models.specification import (
     FittedMap,
     ModelSpecification,
@@ -41,6 +41,11 @@ class FunctionMap(ParametrisedMap):
         name = str(getattr(self.function, "__name__", ""))
         return name if name.isidentifier() else "lambda" if name == "<lambda>" else "own"
 
+    @property
+    def gives(self) -> str:
+        """`the function NAME gives`."""
+        return f"the function {self.name} gives"
+
     def raw(self, poses: F) -> F:
         """(N, m) what the function gives, also where it is no number."""
         poses = np.ascontiguousarray(poses, dtype=np.float64)
@@ -58,26 +63,17 @@ class FunctionMap(ParametrisedMap):
             wrench = wrench[:, None]
         if wrench.shape != (len(poses), m):
             raise InputError(
-                f"the function {self.name} gives shape {wrench.shape} at poses of shape "
+                f"{self.gives} shape {wrench.shape} at poses of shape "
                 f"{poses.shape}, expected {(len(poses), m)}: a row a pose, a column each of "
                 f"{', '.join(self.outputs)}"
             )
-        return wrench
-
-    def predict(self, poses: F) -> F:
-        """(N, n) poses to (N, m) wrenches; InputError where one is no number."""
-        wrench = self.raw(poses)
-        wrong = np.flatnonzero(~np.isfinite(wrench).all(axis=1))
-        if len(wrong):
-            at = at_pose(self.inputs, poses[wrong[0]])
-            raise InputError(f"the function {self.name} gives no number at {at}")
         return wrench
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         """(N, m, n) by central differences."""
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         slope = np.stack(central_differences(self.predict, poses, _STEP), axis=2)
-        return partial_to(kind, slope, poses, cast("StiffnessMap", self))
+        return partial_to(kind, slope, poses, self)
 
     def columns(self, poses: F) -> F:
         """(N, m, k) derivative to the parameters that vary, by central differences."""

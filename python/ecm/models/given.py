@@ -89,9 +89,6 @@ class PredictedMap(MapDefaults):
 
     def refuse_other_poses(self, table: Table) -> None:
         """Raise InputError where a row of the table is at no pose of the predictions."""
-        lacking = [name for name in self.inputs if not table.has(name)]
-        if lacking:
-            raise InputError(f"{table.source}: no column {lacking[0]}, which {self.name} has")
         distance, _ = self._tree.query(table.matrix(self.inputs) / self._span)
         far = np.flatnonzero(~(distance <= _NEAR))
         if len(far):

@@ -13,6 +13,7 @@ from ecm.effects.protocol import Effect
 from ecm.effects.thinned import correction_of, jacobian_of
 from ecm.errors import ModelError
 from ecm.io.arrays import B, F, I
+from ecm.io.columns import same_unit
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
 from ecm.models.prior import CoefficientPrior
@@ -146,7 +147,7 @@ def joint_fit(
         y = np.einsum("nij,nj->ni", whitener, residual) * root[:, None]
         # The shape is given, so that it holds for zero columns as well.
         flat, response = _with_priors(z.reshape(y.size, z.shape[2]), y.ravel(), base, priors)
-        size, products = _unit_products(flat)
+        size, products = unit_products(flat)
         step = _bounded_step(flat, response, base, fitted, free_base, size, products)
         change = float(np.linalg.norm(flat @ step))
         values = _values(base, fitted, free_base)
@@ -169,11 +170,10 @@ def joint_fit(
     z = np.einsum("nij,njk->nik", whitener, design)
     weighted = (z * root[:, None, None]).reshape(residual.size, z.shape[2])
     weighted, _ = _with_priors(weighted, np.zeros(residual.size), base, priors)
-    size, products = _unit_products(weighted)
+    size, products = unit_products(weighted)
     least = _least_effects(size, products, fitted, free_base)
     y = np.einsum("nij,nj->ni", whitener, residual)
-    inverse = np.linalg.pinv(products, hermitian=True)
-    covariance = np.asarray(least @ (inverse / np.outer(size, size)) @ least.T)
+    covariance = np.asarray(least @ covariance_of(size, products) @ least.T)
     # Change of the parameters by one standard deviation of an error that all rows share.
     shared = np.einsum("nij,njk->nik", whitener, shared_zero_error(rows, residual, noise))
     shift = np.einsum("nik,nij->kj", z * root[:, None, None] ** 2, shared)
@@ -238,15 +238,12 @@ def effect_shares(fit: JointFit) -> dict[str, float]:
     The larger of the shares of the outputs with one unit, force or moment.
     """
     scored = is_pose_row(fit.rows.table)
-    outputs = fit.base.outputs
-    wrench = fit.rows.table.matrix(outputs)[scored]
-    units = [name.rpartition("_")[2] for name in outputs]
-    groups = [[u == unit for u in units] for unit in dict.fromkeys(units)]
+    same = same_unit(fit.base.outputs)
+    wrench = same @ (fit.rows.table.matrix(fit.base.outputs)[scored] ** 2).sum(axis=0)
     shares = {}
     for item in fit.effects:
-        acts = correction_of(item.effect, fit.rows, item.values)[scored]
-        sums = [(np.sum(acts[:, g] ** 2), np.sum(wrench[:, g] ** 2)) for g in groups]
-        shares[item.id] = max(float(np.sqrt(a / max(w, 1e-300))) for a, w in sums)
+        acts = same @ (correction_of(item.effect, fit.rows, item.values)[scored] ** 2).sum(axis=0)
+        shares[item.id] = float(np.sqrt(acts / np.maximum(wrench, 1e-300)).max())
     return shares
 
 
@@ -322,7 +319,7 @@ def base_columns(rows: Rows, base: StiffnessMap) -> F:
     return columns
 
 
-def _unit_products(z: F) -> tuple[F, F]:
+def unit_products(z: F) -> tuple[F, F]:
     """(k,) lengths of the columns z (M, k), and (k, k) products of the columns of unit length.
 
     Moduli and ratios differ by more than the rounding of a double; a length of zero is taken as 1.
@@ -341,6 +338,11 @@ def _unit_products(z: F) -> tuple[F, F]:
             "the fit does not converge, its steps grow without end: fewer effects or a lower degree"
         )
     return size, products / np.outer(size, size)
+
+
+def covariance_of(size: F, products: F) -> F:
+    """(k, k) covariance of parameters by `unit_products` of their whitened columns."""
+    return np.asarray(np.linalg.pinv(products, hermitian=True) / np.outer(size, size))
 
 
 def _bounded_step(

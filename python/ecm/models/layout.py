@@ -13,12 +13,11 @@ from typing import Any
 import numpy as np
 
 from ecm.errors import InputError, shown
+from ecm.io.arrays import LARGEST
 
 Layout = Callable[[Any, str], None]
 Keys = Mapping[str, Layout]
 
-_MOST = 1e100
-"""Largest size of a number, as in tables: squares and products of larger ones overflow."""
 _LEAST = 1e-100
 """Smallest positive number: the inverse of a smaller one is too large."""
 
@@ -28,7 +27,7 @@ def _wrong(place: str, value: Any, expected: str) -> InputError:
     return InputError(f"{place}: found {found}, expected {expected}")
 
 
-def number(low: float = -_MOST, *, positive: bool = False) -> Layout:
+def number(low: float = -LARGEST, *, positive: bool = False) -> Layout:
     """A finite number from `low`, or above 0, to 1e100.
 
     Examples
@@ -41,11 +40,11 @@ def number(low: float = -_MOST, *, positive: bool = False) -> Layout:
     noise.force_sd_N: found '2.5', expected a number of at least 0
     """
     least = _LEAST if positive else low
-    words = "above 0" if positive else f"of at least {low:g}" if low > -_MOST else "up to 1e100"
+    words = "above 0" if positive else f"of at least {low:g}" if low > -LARGEST else "up to 1e100"
 
     def check(value: Any, place: str) -> None:
         known = isinstance(value, int | float) and not isinstance(value, bool)
-        if not known or not least <= value <= _MOST:  # nan fails, too
+        if not known or not least <= value <= LARGEST:  # nan fails, too
             raise _wrong(place, value, f"a number {words}")
 
     return check
@@ -96,7 +95,7 @@ def or_null(layout: Layout) -> Layout:
     return check
 
 
-def array(*shape: int | None, positive: bool = False, most: float = _MOST) -> Layout:
+def array(*shape: int | None, positive: bool = False, most: float = LARGEST) -> Layout:
     """Nested lists of finite numbers; None leaves a length open, which is at least 1.
 
     Examples

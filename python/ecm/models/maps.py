@@ -23,7 +23,7 @@ from ecm._native import (
 from ecm.errors import InputError, ModelError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
-from ecm.regression.rows import BaseMap, BodyChange
+from ecm.regression.rows import BaseMap, BodyChange, is_whole
 
 StiffnessKind = Literal["partial", "generalised", "screw"]
 Symmetry = Literal["alike", "revolution", "general"]
@@ -394,7 +394,7 @@ def partial_to(kind: str, partial: F, poses: F, base: StiffnessMap) -> F:
     """(N, m, n) another kind of stiffness from K = dh/dp; needs all six columns on both sides."""
     if kind == "partial":
         return partial
-    if base.inputs != POSE or base.outputs != WRENCH:
+    if not is_whole(base):
         raise InputError(
             f"stiffness kind {kind} needs a model of all six pose and six wrench columns; "
             f"this one has {len(base.inputs)} and {len(base.outputs)}: ask for partial"

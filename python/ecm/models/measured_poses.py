@@ -16,13 +16,14 @@ import numpy as np
 
 from ecm._native import mid_frame, rotation_matrices
 from ecm.effects import Rows
-from ecm.io.arrays import B, F
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.arrays import B, F, evenly
+from ecm.io.columns import POSE, WRENCH, same_unit
 from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models.maps import EnergyMap, StiffnessMap
 from ecm.models.physics.map import PhysicsMap
 from ecm.regression.noise import Noise
+from ecm.regression.rows import is_whole
 from ecm.regression.thinning import spread_rows
 
 _MOST_STORED = 200
@@ -159,7 +160,7 @@ def poses_like_measured(model: Posed, count: int) -> F:
     """(count, n) measured poses, then mixes of near ones where there are fewer."""
     rows = measured_poses(model)
     if len(rows) >= count:
-        return rows[np.linspace(0, len(rows) - 1, count).astype(np.int64)]
+        return rows[evenly(len(rows), count)]
     return np.vstack([rows, near_poses(model, count - len(rows))])
 
 
@@ -289,10 +290,7 @@ def largest_coordinates(model: Posed) -> F:
 
 def _extents(q: F, inputs: Sequence[str]) -> F:
     """(n,) largest standard deviation among the coordinates of the same unit."""
-    units = [name.rpartition("_")[2] for name in inputs]
-    spread = q.std(axis=0)
-    largest = np.array([max(s for s, u in zip(spread, units, strict=True) if u == unit)
-                        for unit in units])  # fmt: skip
+    largest = (same_unit(inputs) * q.std(axis=0)).max(axis=1)
     return np.where(largest > 0.0, largest, 1e-9)
 
 
@@ -321,10 +319,9 @@ def _loaded_poses(model: Posed) -> F:
     shortens a mechanism by more than any axial load. Other columns are drawn between their ends.
     """
     random = np.random.default_rng(_SEED)
-    inputs, ranges = model.base.inputs, _ranges(model)
-    low, high = ranges.T
+    low, high = _ranges(model).T
     box = random.uniform(low, high, (_MOST_STORED, len(low)))
-    if inputs != POSE or model.base.outputs != WRENCH:
+    if not is_whole(model.base):
         box[0], box[-1] = low, high
         return np.asarray(box)
     length = model.known_length_m

@@ -17,7 +17,7 @@ from ecm.effects.thinned import correction_of
 from ecm.errors import EcmError, InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import POSE
 from ecm.io.description import Meta, Scene
 from ecm.io.extras import require
 from ecm.io.steps import Progress, Steps
@@ -53,6 +53,7 @@ from ecm.models.training import (
 from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import without_zero_readings
 from ecm.regression.noise import Noise
+from ecm.regression.rows import is_whole
 from ecm.regression.thinning import HOW, RowsUsed, spread_rows
 
 _NOISE, _FORM, _ALL, _RECORD = "noise", "form of {}", "all values together", "errors"
@@ -140,7 +141,7 @@ class Model:
             Where the model has fewer columns or no length; the message begins with `purpose`.
         """
         length = self.known_length_m
-        if self.inputs != POSE or self.outputs != WRENCH or length is None:
+        if not is_whole(self.base) or length is None:
             raise InputError(
                 f"{purpose} needs all six pose and wrench columns and the mechanism's length: "
                 "give [mechanism] length_m in the data's TOML"
@@ -258,7 +259,7 @@ class Model:
         One pose (n,) gives one stiffness (m, n).
         """
         rows = _rows_of_poses(poses, self.inputs)
-        acting = self._acting_at_poses()
+        acting = self.acting_at_poses
         found = self._changed_stiffness(rows, kind) if acting else self.base.stiffness(rows, kind)
         return found if np.ndim(poses) != 1 else np.asarray(found[0])
 
@@ -275,7 +276,7 @@ class Model:
         (array([15.]), array([[3000.]]))
         """
         rows = _rows_of_poses(poses, self.inputs)
-        if self._acting_at_poses():
+        if self.acting_at_poses:
             wrench, stiffness = self._at_poses(rows), self._changed_stiffness(rows, kind)
         else:
             wrench, stiffness = self.base.wrench_and_stiffness(rows, kind)
@@ -316,12 +317,12 @@ class Model:
         >>> bool(np.allclose(wrench, wrenches[1])), tangent.shape
         (True, (6, 6))
         """
-        if (self.inputs, self.outputs) != (POSE, WRENCH):
+        if not is_whole(self.base):
             raise InputError(
                 f"{self.name}: a controller needs a model of all six pose and wrench columns"
             )
         bare = replace(self, effects=(), history=(), correlations=())
-        if self._acting_at_poses():
+        if self.acting_at_poses:
             bare = replace(bare, base=folded(self)[0], covariance=None)
         return Controller(json.dumps(bare.document()), time_effects(self))
 
@@ -341,14 +342,14 @@ class Model:
         poses = sample_of(as_table(table), self.inputs)
         return replace(self, training={**self.training, "poses": poses})
 
-    def _acting_at_poses(self) -> list[FittedEffect]:
-        if not self.effects:  # a single pose takes microseconds
-            return []
+    @property
+    def acting_at_poses(self) -> list[FittedEffect]:
+        """Effects of physics that need the pose alone."""
         return [i for i in self.effects if i.effect.kind == "pose" and i.effect.side == "physics"]
 
     def _at_poses(self, poses: F) -> F:
         wrench = self.base.predict(poses)
-        acting = self._acting_at_poses()
+        acting = self.acting_at_poses
         if not acting:
             return wrench
         return self._with_corrections(wrench, self.rows_at(poses), acting)

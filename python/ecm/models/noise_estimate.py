@@ -8,14 +8,13 @@ from ecm.effects import effects_of
 from ecm.effects.thinned import jacobian_of
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
 from ecm.regression.folds import is_pose_row
 from ecm.regression.noise import Noise, declared_noise
 from ecm.regression.reml import reml_noise
 from ecm.regression.repeats import noise_source, repeat_cells
-from ecm.regression.rows import Rows
+from ecm.regression.rows import Rows, is_whole
 
 
 def estimate_noise(rows: Rows, predicted: F, *, fallback: Noise | None = None) -> Noise:
@@ -27,7 +26,7 @@ def estimate_noise(rows: Rows, predicted: F, *, fallback: Noise | None = None) -
     table = rows.table
     columns = (*rows.base.inputs, *rows.base.outputs)
     repeated = noise_source(table, columns) == "repeats"
-    if rows.base.inputs != POSE or rows.base.outputs != WRENCH:
+    if not is_whole(rows.base):
         if repeated:
             return _pure_error(rows, predicted)
         declared = declared_noise(table, columns)
@@ -46,8 +45,7 @@ def estimate_noise(rows: Rows, predicted: F, *, fallback: Noise | None = None) -
 def declared_or_fitted(base: StiffnessMap, table: Table) -> Noise:
     """Declared figures; for tables of other columns without any the spread of the residual."""
     declared = declared_noise(table, (*base.inputs, *base.outputs))
-    full = base.inputs == POSE and base.outputs == WRENCH
-    if full or declared.source == "declared":
+    if is_whole(base) or declared.source == "declared":
         return declared
     rows = Rows(table, base)
     measured = table.matrix(base.outputs)
@@ -57,6 +55,11 @@ def declared_or_fitted(base: StiffnessMap, table: Table) -> Noise:
     dof = max(1, len(residual) - own // len(base.outputs))
     spread = np.sqrt((residual**2).sum(axis=0) / dof)
     return Noise(source="assumed", components=usable_sd(spread, measured))
+
+
+def spread_noise(measured: F) -> Noise:
+    """Each output (N, m) by its own spread: for the first fit of a model without a noise."""
+    return Noise(source="assumed", components=usable_sd(measured.std(axis=0), measured))
 
 
 def _pure_error(rows: Rows, predicted: F) -> Noise:

@@ -7,7 +7,7 @@ counts as one more reading of the parameter.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar, cast
 
@@ -19,8 +19,9 @@ from ecm.io.arrays import F
 from ecm.io.steps import Progress
 from ecm.io.table import Table
 from ecm.io.toml import check_keys
+from ecm.models.joint_fit import covariance_of, unit_products
 from ecm.models.maps import MapDefaults, StiffnessMap
-from ecm.models.noise_estimate import declared_or_fitted
+from ecm.models.noise_estimate import declared_or_fitted, spread_noise
 from ecm.models.specification import FittedMap
 from ecm.regression.noise import whiteners
 from ecm.regression.rows import Rows
@@ -138,6 +139,30 @@ class ParametrisedMap(MapDefaults):
         sd = [math.inf if p.sd is None else p.sd for p in own]
         return np.array([p.value for p in own]), np.array(sd)
 
+    @property
+    def gives(self) -> str:
+        """Subject and verb of a message about what the map gives."""
+        raise NotImplementedError
+
+    def raw(self, poses: F) -> F:
+        """(N, m) wrench, also where it is no number."""
+        raise NotImplementedError
+
+    def predict(self, poses: F) -> F:
+        """(N, n) poses to (N, m) wrenches; InputError where one is no number."""
+        wrench = self.raw(poses)
+        self.refuse_unreal(wrench, poses, f"{self.gives} no number")
+        return wrench
+
+    def refuse_unreal(self, numbers: F, poses: F, what: str) -> None:
+        """Raise InputError where a number is none: `what`, the pose and the parameters."""
+        wrong = np.flatnonzero(~np.isfinite(numbers.reshape(len(poses), -1)).all(axis=1))
+        if len(wrong):
+            pairs = [*zip(self.inputs, poses[wrong[0]], strict=True)], self.values.items()
+            at, held = (", ".join(f"{name} = {value:g}" for name, value in own) for own in pairs)
+            row = f"row {wrong[0] + 1} of {len(poses)}"
+            raise InputError(f"{what} at {at} ({'; '.join(filter(None, (row, held)))})")
+
     def sentences(self, covariance: F | None) -> list[str]:
         """A line for each parameter: value and error, and whether it is at a bound."""
         sd = np.full(len(self.parameters), np.nan)
@@ -153,11 +178,6 @@ class ParametrisedMap(MapDefaults):
             text += ", at its bound" if own.vary and at_bound else ""
             lines.append(text)
         return lines
-
-
-def at_pose(names: Sequence[str], pose: F) -> str:
-    """A pose (n,) in words: `x_m = 0.01, y_m = 0`."""
-    return ", ".join(f"{name} = {v:g}" for name, v in zip(names, pose, strict=True))
 
 
 AMap = TypeVar("AMap", bound=ParametrisedMap)
@@ -176,30 +196,22 @@ def fit_parameters(base: AMap, table: Table, progress: Progress | None = None) -
     ComputationError
         Where the steps do not converge.
     """
-    as_map = cast("StiffnessMap", base)
     measured, poses = table.matrix(base.outputs), table.matrix(base.inputs)
-    spread = measured.std(axis=0)
-    whitener = np.broadcast_to(
-        np.diag(1.0 / np.where(spread > 0.0, spread, 1.0)), (len(poses), *[len(spread)] * 2)
-    )
-    as_map.predict(poses)  # refuses what gives no number
+    base.predict(poses)  # refuses what gives no number
+    as_map = cast("StiffnessMap", base)
     if not base.parameter_names:
         return FittedMap(as_map, declared_or_fitted(as_map, table))
-    fitted, jacobian, squares = base, np.zeros((0, 0)), 0.0
+    noise, fitted, jacobian, squares = spread_noise(measured), base, np.zeros((0, 0)), 0.0
     for i in range(_WEIGHTINGS):
         if progress is not None:
             progress(i, _WEIGHTINGS, f"weighting {i + 1} of {_WEIGHTINGS}")
-        if i:
-            noise = declared_or_fitted(cast("StiffnessMap", fitted), table)
-            rows = Rows(table, cast("StiffnessMap", fitted))
-            whitener = whiteners(noise.covariance(rows, fitted.error))
+        whitener = whiteners(noise.covariance(Rows(table, as_map), fitted.error))
         fitted, jacobian, squares = _least_squares(fitted, poses, measured, whitener)
-    as_map = cast("StiffnessMap", fitted)
-    noise = declared_or_fitted(as_map, table)
-    k = len(fitted.parameter_names)
-    freedom = measured.size - k
+        as_map = cast("StiffnessMap", fitted)
+        noise = declared_or_fitted(as_map, table)
+    freedom = measured.size - len(fitted.parameter_names)
     variance = None if noise.is_residual or freedom <= 0 else squares / freedom
-    return FittedMap(as_map, noise, _inverse(jacobian), variance)
+    return FittedMap(as_map, noise, covariance_of(*unit_products(jacobian)), variance)
 
 
 def _least_squares(base: AMap, poses: F, measured: F, whitener: F) -> tuple[AMap, F, float]:
@@ -208,12 +220,12 @@ def _least_squares(base: AMap, poses: F, measured: F, whitener: F) -> tuple[AMap
     known = np.isfinite(sd)
 
     def residual(at: F) -> F:
-        errors = measured - cast("Any", base.with_coefficients(at)).raw(poses)
+        errors = measured - base.with_coefficients(at).raw(poses)
         own = np.einsum("nij,nj->ni", whitener, errors).ravel()
         return np.concatenate([own, ((mean - at) / sd)[known]])
 
     def jacobian(at: F) -> F:
-        columns = cast("StiffnessMap", base.with_coefficients(at)).columns(poses)
+        columns = base.with_coefficients(at).columns(poses)
         own = np.einsum("nij,njk->nik", whitener, columns).reshape(measured.size, -1)
         return -np.concatenate([own, np.diag(1.0 / sd)[known]])
 
@@ -238,11 +250,3 @@ def _least_squares(base: AMap, poses: F, measured: F, whitener: F) -> tuple[AMap
         )
     left = residual(found.x)
     return fitted, jacobian(found.x), float((left[: measured.size] ** 2).sum())
-
-
-def _inverse(jacobian: F) -> F:
-    """(k, k) covariance of parameters that differ in size, from a whitened Jacobian."""
-    size = np.linalg.norm(jacobian, axis=0)
-    size = np.where(size > 0.0, size, 1.0)
-    scaled = jacobian / size
-    return np.asarray(np.linalg.pinv(scaled.T @ scaled, hermitian=True) / np.outer(size, size))

@@ -17,11 +17,10 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.steps import Progress
 from ecm.io.table import Table
-from ecm.models.joint_fit import joint_fit
+from ecm.models.joint_fit import joint_fit, unit_products
 from ecm.models.maps import MapDefaults, StiffnessMap, partial_to
-from ecm.models.noise_estimate import declared_or_fitted
+from ecm.models.noise_estimate import declared_or_fitted, spread_noise
 from ecm.models.specification import FittedMap
-from ecm.regression.noise import Noise
 from ecm.regression.rows import BaseMap, BodyChange
 
 MEASURED = "measured"
@@ -100,7 +99,7 @@ class MeasuredMap(MapDefaults):
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         """(N, m, n); kinds other than `partial` need all six wrench columns."""
         partial = np.ascontiguousarray(self.whole.stiffness(poses)[:, self.places])
-        return partial_to(kind, partial, poses, cast("StiffnessMap", self))
+        return partial_to(kind, partial, poses, self)
 
     def columns(self, poses: F) -> F:
         """(N, m, k) derivative to the coefficients."""
@@ -190,16 +189,15 @@ def fit_measured(
     """
     base: StiffnessMap = MeasuredMap(start, measured_outputs(table, start))
     measured = table.matrix(base.outputs)
-    width = np.where(measured.std(axis=0) > 0.0, measured.std(axis=0), 1.0)
-    by_spread = Noise(source="assumed", components=tuple(width.tolist()))
-    joint = joint_fit(base, (), table, by_spread)
+    joint = joint_fit(base, (), table, spread_noise(measured))
     size = np.sqrt((joint.design**2).sum(axis=(0, 1)))
     _refuse_few(table, base, int(np.count_nonzero(size > 0.0)), measured.size)
+    noise = declared_or_fitted(joint.base, table)
     for i in range(0 if spread else _WEIGHTINGS):
         if progress is not None:
             progress(i, _WEIGHTINGS, f"weighting {i + 1} of {_WEIGHTINGS}")
-        joint = joint_fit(joint.base, (), table, declared_or_fitted(joint.base, table))
-    noise = declared_or_fitted(joint.base, table)
+        joint = joint_fit(joint.base, (), table, noise)
+        noise = declared_or_fitted(joint.base, table)
     unseen = _unseen(joint.design.reshape(measured.size, -1))
     fitted = joint.base if unseen else cast("MeasuredMap", joint.base).whole
     freedom = measured.size - len(base.coefficients) + unseen
@@ -219,7 +217,5 @@ def _refuse_few(table: Table, base: StiffnessMap, seen: int, readings: int) -> N
 
 def _unseen(design: F) -> int:
     """Number of combinations of the coefficients that change nothing that was measured."""
-    size = np.sqrt((design**2).sum(axis=0))
-    scaled = design / np.where(size > 0.0, size, 1.0)
-    squares = np.linalg.eigvalsh(scaled.T @ scaled)
+    squares = np.linalg.eigvalsh(unit_products(design)[1])
     return int(np.count_nonzero(squares < _UNSEEN * max(float(squares[-1]), 1e-300)))

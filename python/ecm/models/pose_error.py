@@ -13,7 +13,7 @@ import numpy as np
 
 from ecm._native import inverse_left_jacobians, left_jacobians
 from ecm.errors import InputError
-from ecm.io.arrays import B, F, I
+from ecm.io.arrays import B, F, I, evenly
 from ecm.io.columns import POSE, WRENCH
 from ecm.regression.folds import is_pose_row
 from ecm.regression.rows import Rows
@@ -207,7 +207,7 @@ def pose_error(
     axes = _axes(model, table.select(measured))
     if not axes:
         return PoseError((), numbers[:0], np.zeros((0, 6)), None, None, numbers)
-    some = table.select(_evenly(measured, _TYPICAL_ROWS))
+    some = table.select(measured[evenly(len(measured), _TYPICAL_ROWS)])
     typical = _typical_stiffness(model, some, axes)
     parts = [
         _of_block(model, table.select(rows), errors[rows], noise, axes, typical)
@@ -239,7 +239,8 @@ def report_rows(table: Table) -> I:
     >>> len(report_rows(ecm.as_table({"x_m": x, "fx_N": 2000.0 * x})))
     200
     """
-    return _evenly(np.flatnonzero(is_pose_row(table)), _ROWS_OF_A_FIT)
+    rows = np.flatnonzero(is_pose_row(table))
+    return rows[evenly(len(rows), _ROWS_OF_A_FIT)]
 
 
 def _axes(model: HasStiffness, measured: Table) -> list[int]:
@@ -252,10 +253,6 @@ def _axes(model: HasStiffness, measured: Table) -> list[int]:
         and pair[1] in model.outputs
         and all(len(measured) and np.ptp(measured.column(name)) > _CONSTANT for name in pair)
     ]
-
-
-def _evenly(rows: I, most: int) -> I:
-    return rows[np.linspace(0, len(rows) - 1, min(len(rows), most)).astype(np.int64)]
 
 
 def _stiffness(model: HasStiffness, table: Table, axes: list[int]) -> tuple[F, F]:

@@ -102,11 +102,9 @@ def _held_near_physics(changed: Model, table: Table) -> Model | None:
 
     None where no body is stated, and for a base that is no free map of all columns.
     """
-    body = table.meta.body()
     free = isinstance(changed.base, EnergyMap | PolynomialMap) and not changed.base_frozen
-    if not free or body is None or not body.has_body or changed.inputs != POSE:
-        return None
-    if not table.has(*POSE, *WRENCH):
+    stated = table.meta.elastic_body() is not None and table.has(*POSE, *WRENCH)
+    if not free or not stated or changed.inputs != POSE:
         return None
     physics = replace(changed, base=fit_rows(table, PhysicsModel()).base, history=()).fit(table)
     if not isinstance(physics.base, PhysicsMap):

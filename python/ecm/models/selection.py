@@ -104,7 +104,7 @@ class ModelChoice:
 
 def default_candidates(table: Table) -> list[ModelSpecification]:
     """Models of `ecm fit --model choose`: polynomials, and energies where the length is known."""
-    if not _is_whole(table):
+    if not table.has(*POSE, *WRENCH):
         most = MOST_OF_ONE_INPUT if len(table.pose_columns) == 1 else POLYNOMIAL_DEGREES[1]
         return [PolynomialModel(degree) for degree in range(1, most + 1)]
     candidates: list[ModelSpecification] = [PolynomialModel(degree) for degree in (1, 2, 3)]
@@ -371,12 +371,8 @@ def _standard_error(squares: Sequence[float]) -> float:
     return float(deviation / np.sqrt(len(squares)) / (2 * np.sqrt(mean)))
 
 
-def _is_whole(table: Table) -> bool:
-    return table.pose_columns == POSE and table.wrench_columns == WRENCH
-
-
 def _over(table: Table) -> str:
-    return "noise" if _is_whole(table) else "spread"
+    return "noise" if table.has(*POSE, *WRENCH) else "spread"
 
 
 def _whitener(table: Table) -> F:
@@ -384,7 +380,7 @@ def _whitener(table: Table) -> F:
 
     Of fewer columns one over the spread; a column that never varies has none.
     """
-    if not _is_whole(table):
+    if not table.has(*POSE, *WRENCH):
         truth = table.matrix(table.wrench_columns)
         varies = np.ptp(truth, axis=0) > 1e-12
         spread = np.where(varies, truth.std(axis=0), np.inf)

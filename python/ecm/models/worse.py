@@ -13,7 +13,7 @@ import numpy as np
 
 from ecm.errors import ComputationError, EcmError, Remedy
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH, unit_of
+from ecm.io.columns import POSE, WRENCH, same_unit, unit_of
 from ecm.models.behind import base_and_error, is_far_behind
 from ecm.models.fit import fit_rows
 from ecm.models.joint_fit import joint_fit
@@ -22,7 +22,7 @@ from ecm.models.registry import parse_model
 from ecm.models.specification import CHOOSE
 from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import is_pose_row
-from ecm.regression.rows import Rows
+from ecm.regression.rows import Rows, is_whole
 from ecm.regression.thinning import spread_rows
 
 if TYPE_CHECKING:
@@ -171,8 +171,7 @@ def undetermined(fitted: Model, table: Table, before: Model) -> list[str]:
 def _stiffness_moves(fitted: Model, table: Table, before: Model) -> list[str]:
     if fitted.base_frozen or fitted.covariance is None:
         return []
-    if len(table) > MANY_ROWS:
-        table = table.thinned(spread_rows(table, MANY_ROWS))
+    table = table.thinned(spread_rows(table, MANY_ROWS))
     fit = joint_fit(before.base, before.effects, table, fitted.noise)
     k = len(fit.base.coefficients)
     alone = replace(before, base=fit.base, effects=fit.effects, covariance=fit.covariance[:k, :k])
@@ -237,8 +236,9 @@ def _better_base(fitted: Model, table: Table) -> tuple[str, float] | None:
 def _another_base(fitted: Model, table: Table) -> Remedy:
     """The command that adds the same effects to a base that holds them, where there is one."""
     ids = [item.id for item in fitted.effects]
-    names = ["physics"] if _has_body(table) else []
-    if (fitted.inputs, fitted.outputs) == (POSE, WRENCH) and fitted.known_length_m is not None:
+    stated = table.meta.elastic_body() is not None and table.has(*POSE, *WRENCH)
+    names = ["physics"] if stated else []
+    if is_whole(fitted.base) and fitted.known_length_m is not None:
         names += [f"energy{degree}" for degree in (6, 5, 4)]
     names += [f"poly:{degree}" for degree in (3, 2, 1)]
     for name in names:
@@ -259,14 +259,9 @@ def _another_base(fitted: Model, table: Table) -> Remedy:
     return Remedy(
         "leave out what was added, or describe the body in [mechanism] of the data's TOML: its "
         "physics knows the stiffness"
-        if not names or names[0] != "physics"
+        if not stated
         else "leave out what was added, or add something else"
     )
-
-
-def _has_body(table: Table) -> bool:
-    body = table.meta.body()
-    return body is not None and body.has_body and table.has(*POSE, *WRENCH)
 
 
 def _worse_than(before: Model, fitted: Model, table: Table, errors: F, sd: F) -> list[str]:
@@ -312,18 +307,13 @@ def _is_worse(error: float, other: float, noise: float) -> bool:
 
 def _errors(model: Model, table: Table) -> tuple[F, F]:
     """Return (m,) rms error and noise of the components; only rounding where none is known."""
-    chosen = spread_rows(table, _MOST_ROWS)
-    some = table if len(chosen) == len(table) else table.thinned(chosen)
+    some = table.thinned(spread_rows(table, _MOST_ROWS))
     scored = is_pose_row(some)
     readings = some.matrix(model.outputs)
     left = readings - model.predict(some, skip_untestable=True)
     errors = np.sqrt((left[scored] ** 2).mean(axis=0))
     if model.noise.is_residual:
         size = np.sqrt((readings[scored] ** 2).mean(axis=0))
-        of_unit = [
-            max(s for s, other in zip(size, model.outputs, strict=True) if unit_of(other) == unit)
-            for unit in map(unit_of, model.outputs)
-        ]
-        return errors, _ROUNDING * np.array(of_unit)
+        return errors, _ROUNDING * (same_unit(model.outputs) * size).max(axis=1)
     variance = np.einsum("nii->ni", model.noise.covariance(Rows(some, model.base)))
     return errors, np.sqrt(variance[scored].mean(axis=0))

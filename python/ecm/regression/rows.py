@@ -12,7 +12,7 @@ import numpy as np
 from ecm._native import inverse_left_jacobians, rotation_matrices
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
-from ecm.io.columns import WRENCH
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.regression.approach import pose_before
 
@@ -65,6 +65,11 @@ class BaseMap(Protocol):
 
     def other_body(self, change: BodyChange) -> BaseMap | None:
         """The map of a changed body; None where it knows one body only."""
+
+
+def is_whole(base: BaseMap) -> bool:
+    """Whether a map takes all six pose columns to all six wrench columns."""
+    return base.inputs == POSE and base.outputs == WRENCH
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH
 from ecm.regression.noise import Noise
-from ecm.regression.rows import Rows
+from ecm.regression.rows import Rows, is_whole
 
 _LEAST_READINGS = 3
 
@@ -29,7 +28,7 @@ def shared_zero_error(rows: Rows, residual: F, noise: Noise) -> F:
     residual
         (N, m) measured minus predicted.
     """
-    if rows.base.inputs != POSE or rows.base.outputs != WRENCH:
+    if not is_whole(rows.base):
         return np.zeros((*residual.shape, 0))
     free = rows.unloaded & rows.table.wrenches.any(axis=1) & ~rows.dead_weight
     most = np.array([noise.force_sd_N, noise.torque_sd_Nm])

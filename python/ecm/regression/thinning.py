@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm.io.arrays import F, I
+from ecm.io.arrays import F, I, evenly
 from ecm.io.table import Table
 from ecm.regression.approach import order_of_visits
 from ecm.regression.folds import is_continuous, is_pose_row
@@ -100,7 +100,8 @@ def spread_rows(table: Table, most: int) -> I:
     poses = _scaled_poses(table)
     order = _in_order(table)
     measured = is_pose_row(table)
-    checks = _evenly(order[~measured[order]], int(_CHECKS * most))
+    checks = order[~measured[order]]
+    checks = checks[evenly(len(checks), int(_CHECKS * most))]
     room = most - len(checks)
     order = order[measured[order]]
     far = _Farthest(poses, rng)
@@ -173,12 +174,6 @@ def _one_of_each_part(rows: I, count: int, rng: np.random.Generator) -> I:
         return rows
     bounds = np.linspace(0, len(rows), count + 1).astype(np.int64)
     return rows[rng.integers(bounds[:-1], bounds[1:])]
-
-
-def _evenly(rows: I, most: int) -> I:
-    if len(rows) <= most:
-        return rows
-    return rows[np.linspace(0, len(rows) - 1, most).astype(np.int64)]
 
 
 def _in_order(table: Table) -> I:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm.io.arrays import F, I
+from ecm.io.arrays import F, I, evenly
 
 INK = "#1c2430"
 # Wong's palette, distinct for colour-blind readers; order by darkness for print.
@@ -31,10 +31,9 @@ def drawn_rows(values: F) -> I:
     """Rows of (N, m) values to draw: all up to `MOST_DRAWN`, else some evenly and the largest."""
     if len(values) <= MOST_DRAWN:
         return np.arange(len(values), dtype=np.int64)
-    evenly = np.linspace(0, len(values) - 1, MOST_DRAWN).astype(np.int64)
     spread = values.std(axis=0)
     size = (((values - values.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0)) ** 2).sum(axis=1)
-    return np.union1d(evenly, np.argsort(-size, kind="stable")[:_LARGEST])
+    return np.union1d(evenly(len(values), MOST_DRAWN), np.argsort(-size, kind="stable")[:_LARGEST])
 
 
 def drawn_sentence(values: F) -> str:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm.io.arrays import F, I
+from ecm.io.arrays import F, I, evenly
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.mechanism import Mechanism
@@ -85,8 +85,7 @@ def mechanism_blocks(
     if not table.has(*POSE[:3]):
         return []
     if len(rows) > _MOST:
-        evenly = np.linspace(0, len(rows) - 1, _MOST).astype(np.int64)
-        chosen = np.union1d(evenly, np.argsort(-values, kind="stable")[:10])
+        chosen = np.union1d(evenly(len(rows), _MOST), np.argsort(-values, kind="stable")[:10])
         caption += (
             f" {len(chosen)} of {len(rows)} rows are drawn: evenly over their order, and the "
         )

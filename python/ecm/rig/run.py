@@ -238,8 +238,8 @@ def fem_source(plan: Table, threads: int = 0) -> Source:
     >>> fem_source(plan).length_m
     0.1
     """
-    body = plan.meta.body()
-    if body is None or not body.has_body:
+    body = plan.meta.elastic_body()
+    if body is None:
         raise InputError(
             f"{plan.source}: its TOML names no [mechanism] that FEM could solve; add builtin, its "
             "dimensions and young_modulus_Pa, as `ecm design` copies them from the candidates"

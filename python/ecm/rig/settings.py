@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from ecm.errors import InputError
-from ecm.io.arguments import check_fields
-from ecm.io.settings import read_settings, setting
+from ecm.io.settings import Checked, read_settings, setting
 from ecm.io.toml import check_keys, closest
 from ecm.rig.arm.settings import ArmSettings
 from ecm.rig.hidden.spec import Hidden
@@ -286,7 +285,7 @@ class HiddenTable:
 
 
 @dataclass(frozen=True)
-class RigSettings:
+class RigSettings(Checked):
     """A whole rig file.
 
     Examples
@@ -304,7 +303,7 @@ class RigSettings:
     """Keys of [rig] that mode = "robot" adds."""
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        super().__post_init__()
         quaternion = np.asarray(self.instrument.top_from_sensor[3:])
         if abs(float(np.linalg.norm(quaternion)) - 1.0) > 1e-6:
             raise InputError(

@@ -1,7 +1,7 @@
 //! Outlines of the built-in solids of revolution.
 
 use crate::FemError;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 /// Thinnest wall, and narrowest or widest waist, over the radius: elements follow thinner ones too,
 /// but nobody has compared their stiffness with a finer mesh.
@@ -55,23 +55,29 @@ impl Profile {
         }
     }
 
-    pub(super) fn outer_m(&self, x_over_l: f64) -> f64 {
-        match self {
-            Self::Cylinder { radius_m } | Self::Tube { radius_m, .. } => *radius_m,
+    /// Radius at both ends, and where the outline is narrowest or widest.
+    fn radii_m(&self) -> [f64; 2] {
+        match *self {
+            Self::Cylinder { radius_m } | Self::Tube { radius_m, .. } => [radius_m; 2],
             Self::Hourglass {
                 radius_m,
                 waist_radius_m,
-            } => waist_radius_m + (radius_m - waist_radius_m) * (2.0 * x_over_l - 1.0).powi(2),
-            Self::StackedDiscs {
+            }
+            | Self::StackedDiscs {
                 radius_m,
                 waist_radius_m,
-                discs,
-            } => {
-                let turns = (discs.max(&1) - 1) as f64;
-                let wave = (0.5 * TAU * turns * x_over_l).cos();
-                waist_radius_m + (radius_m - waist_radius_m) * wave * wave
-            }
+                ..
+            } => [radius_m, waist_radius_m],
         }
+    }
+
+    pub(super) fn outer_m(&self, x_over_l: f64) -> f64 {
+        let [radius_m, waist_radius_m] = self.radii_m();
+        let wave = match self {
+            Self::StackedDiscs { discs, .. } => (PI * turns(*discs) * x_over_l).cos(),
+            _ => 2.0 * x_over_l - 1.0,
+        };
+        waist_radius_m + (radius_m - waist_radius_m) * wave * wave
     }
 
     /// Longest layer at `x_over_l`, over the length, that the outline's curvature allows.
@@ -80,30 +86,18 @@ impl Profile {
     /// of √(radius × wall), over which a clamped edge bends it, growing with the distance from the
     /// nearest edge.
     pub(super) fn longest_layer(&self, x_over_l: f64, length_m: f64) -> f64 {
-        let curvature_m = match self {
-            Self::Cylinder { .. } => return f64::INFINITY,
-            Self::Tube {
-                radius_m,
-                inner_radius_m,
-            } => {
+        let [radius_m, waist_radius_m] = self.radii_m();
+        let bends = match self {
+            Self::Tube { inner_radius_m, .. } => {
                 let bends_over_m = (radius_m * (radius_m - inner_radius_m)).sqrt();
                 return 0.5 * (bends_over_m / length_m + x_over_l.min(1.0 - x_over_l));
             }
-            Self::Hourglass {
-                radius_m,
-                waist_radius_m,
-            } => 8.0 * (radius_m - waist_radius_m),
-            Self::StackedDiscs {
-                radius_m,
-                waist_radius_m,
-                discs,
-            } => {
-                // That of crest and waist also between them, where it changes fastest.
-                let turns = (discs.max(&1) - 1) as f64;
-                2.0 * (PI * turns).powi(2) * (radius_m - waist_radius_m)
-            }
+            // That of crest and waist also between them, where it changes fastest.
+            Self::StackedDiscs { discs, .. } => 2.0 * (PI * turns(*discs)).powi(2),
+            _ => 8.0,
         };
-        0.7 * (self.outer_m(x_over_l) / curvature_m.abs()).sqrt()
+        let curvature_m = bends * (radius_m - waist_radius_m).abs();
+        0.7 * (self.outer_m(x_over_l) / curvature_m).sqrt()
     }
 
     /// Fewest points around that the curvature of a tube's wall needs: 1.1 √(radius × wall) apart.
@@ -142,24 +136,16 @@ impl Profile {
             }
             Ok(())
         };
-        let waisted = |radius_m: f64, waist_radius_m: f64| {
-            across("radius_m", radius_m)?;
-            across("waist_radius_m", waist_radius_m)?;
-            let ratio = waist_radius_m / radius_m;
-            if (THINNEST..=1.0 / THINNEST).contains(&ratio) {
-                return Ok(());
-            }
-            let expected = "1 % of radius_m or more, and at most 100 times as much";
-            refused("waist_radius_m", waist_radius_m, expected)
-        };
         positive("length_m", length_m)?;
+        let [radius_m, waist_radius_m] = self.radii_m();
+        across("radius_m", radius_m)?;
+        across("waist_radius_m", waist_radius_m)?;
+        if !(THINNEST..=1.0 / THINNEST).contains(&(waist_radius_m / radius_m)) {
+            let expected = "1 % of radius_m or more, and at most 100 times as much";
+            return refused("waist_radius_m", waist_radius_m, expected);
+        }
         match *self {
-            Self::Cylinder { radius_m } => across("radius_m", radius_m),
-            Self::Tube {
-                radius_m,
-                inner_radius_m,
-            } => {
-                across("radius_m", radius_m)?;
+            Self::Tube { inner_radius_m, .. } => {
                 if !(inner_radius_m.is_finite() && inner_radius_m > 0.0) {
                     let expected = "a positive length in metres";
                     return refused("inner_radius_m", inner_radius_m, expected);
@@ -174,21 +160,15 @@ impl Profile {
                 }
                 Ok(())
             }
-            Self::Hourglass {
-                radius_m,
-                waist_radius_m,
-            } => waisted(radius_m, waist_radius_m),
-            Self::StackedDiscs {
-                radius_m,
-                waist_radius_m,
-                discs,
-            } => {
-                waisted(radius_m, waist_radius_m)?;
-                if (2..=40).contains(&discs) {
-                    return Ok(());
-                }
+            Self::StackedDiscs { discs, .. } if !(2..=40).contains(&discs) => {
                 refused("disc_count", discs as f64, "2 to 40")
             }
+            _ => Ok(()),
         }
     }
+}
+
+/// Half waves of stacked discs along the body.
+fn turns(discs: usize) -> f64 {
+    (discs.max(1) - 1) as f64
 }

@@ -12,13 +12,19 @@ use crate::error::ModelError;
 use crate::export::golden::Golden;
 use crate::export::history::History;
 use crate::export::model::{Model, columns, identifier};
-use crate::export::reach::{Reach, inside_words};
+use crate::export::reach::{Reach, inside_words, within};
 use crate::export::terms::{Terms, half_turn_squared, inverse_factorial, turns};
-use crate::export::{Precision, SourceFile, filled};
+use crate::export::{Precision, SourceFile, filled, list};
 use crate::normalise::unit_slope;
 use crate::polynomial_model::PolynomialModel;
 use crate::stepper::line::LINE_NUMBERS;
 use crate::stepper::{Branch, Effects, STATE_NUMBERS};
+
+const WITHIN: [&str; 3] = [
+    include_str!("templates/inside_reach.c"),
+    include_str!("templates/inside_range.c"),
+    include_str!("templates/inside_box.c"),
+];
 
 /// The files of an opened model; `name` begins every public name.
 pub fn export(
@@ -106,10 +112,16 @@ pub fn export_with_effects(
         }
         None => Steps::default(),
     };
-    let inside = Inside::new(&model, reach.as_ref());
+    let inside = [
+        (
+            "WITHIN",
+            &*within(&model, reach.as_ref(), WITHIN, self::real),
+        ),
+        ("INSIDEWORDS", inside_words(&model, reach.as_ref())),
+    ];
     let with_steps = |template: &str| {
         let template = filled(template, &steps.keys());
-        let template = filled(&template, &inside.keys());
+        let template = filled(&template, &inside);
         filled(&filled(&template, &[("PARTIAL", PARTIAL)]), &common)
     };
     let file = |suffix: &str, text: String| SourceFile {
@@ -122,53 +134,6 @@ pub fn export_with_effects(
         file("_golden.h", golden),
         file("_check.c", with_steps(include_str!("templates/check.c"))),
     ])
-}
-
-/// Texts of what counts as inside.
-struct Inside {
-    tables: String,
-    words: &'static str,
-}
-
-impl Inside {
-    fn new(model: &Model, reach: Option<&Reach>) -> Self {
-        let row = |values: &[f64]| list(values.iter().map(|&x| real(x)));
-        let tables = match (reach, model) {
-            (Some(reach), _) => filled(
-                include_str!("templates/inside_reach.c"),
-                &[
-                    ("N", &reach.low.len().to_string()),
-                    ("LOW", &row(&reach.low)),
-                    ("HIGH", &row(&reach.high)),
-                    ("MIDDLE", &row(&reach.centre)),
-                    ("TRIANGLE", &reach.factor.len().to_string()),
-                    ("FACTOR", &row(&reach.factor)),
-                ],
-            ),
-            (None, Model::Energy(model)) => {
-                let [c, theta] = model.reach_squared().map(|x| format!("{x:e}"));
-                filled(
-                    include_str!("templates/inside_range.c"),
-                    &[("CSQUARED", &c), ("THETASQUARED", &theta)],
-                )
-            }
-            (None, Model::Polynomial(model)) => filled(
-                include_str!("templates/inside_box.c"),
-                &[
-                    ("LOWER", &row(model.lower())),
-                    ("UPPER", &row(model.upper())),
-                ],
-            ),
-        };
-        Self {
-            tables,
-            words: inside_words(model, reach),
-        }
-    }
-
-    fn keys(&self) -> [(&str, &str); 2] {
-        [("WITHIN", &self.tables), ("INSIDEWORDS", self.words)]
-    }
 }
 
 /// K = dh/dp of a force to q and its derivative, in the words of `templates/energy.c`.
@@ -395,18 +360,4 @@ fn real(x: f64) -> String {
 
 fn cast(x: f64, name: &str) -> String {
     format!("({name}_real)({x:e})")
-}
-
-/// Items with commas, six on a line.
-fn list(items: impl Iterator<Item = String>) -> String {
-    let mut text = String::new();
-    for (i, item) in items.enumerate() {
-        text.push_str(match i {
-            0 => "\n    ",
-            i if i % 6 == 0 => ",\n    ",
-            _ => ", ",
-        });
-        text.push_str(&item);
-    }
-    text
 }

@@ -82,3 +82,17 @@ pub(crate) fn filled(template: &str, values: &[(&str, &str)]) -> String {
     }
     text
 }
+
+/// Items with commas, six on a line.
+pub(crate) fn list(items: impl Iterator<Item = String>) -> String {
+    let mut text = String::new();
+    for (i, item) in items.enumerate() {
+        text.push_str(match i {
+            0 => "\n    ",
+            i if i % 6 == 0 => ",\n    ",
+            _ => ", ",
+        });
+        text.push_str(&item);
+    }
+    text
+}

@@ -1,12 +1,13 @@
 //! Where a model counts as inside its data: a box of coordinates, and an ellipsoid in it.
 
-use std::string::String;
+use std::string::{String, ToString};
 use std::vec::Vec;
 
 use serde_json::{Map, Value};
 
 use crate::error::ModelError;
 use crate::export::model::Model;
+use crate::export::{filled, list};
 
 /// low <= x <= high and |factor (x - centre)| <= 1, in the mid-frame coordinates of an energy and the
 /// inputs of a polynomial.
@@ -35,6 +36,39 @@ pub fn inside_words(model: &Model, reach: Option<&Reach>) -> &'static str {
             "|c| and |theta| of the mid frame are at most 1.01 times those of the training data"
         }
         (None, Model::Polynomial(_)) => "every input is in the range of the training data",
+    }
+}
+
+/// The function `within` and its tables, by the template of a reach, a range or a box.
+pub fn within(
+    model: &Model,
+    reach: Option<&Reach>,
+    [of_reach, of_range, of_box]: [&str; 3],
+    number: impl Fn(f64) -> String,
+) -> String {
+    let row = |values: &[f64]| list(values.iter().map(|&x| number(x)));
+    match (reach, model) {
+        (Some(reach), _) => filled(
+            of_reach,
+            &[
+                ("LOW", &row(&reach.low)),
+                ("HIGH", &row(&reach.high)),
+                ("MIDDLE", &row(&reach.centre)),
+                ("TRIANGLE", &reach.factor.len().to_string()),
+                ("FACTOR", &row(&reach.factor)),
+            ],
+        ),
+        (None, Model::Energy(model)) => {
+            let [c, theta] = model.reach_squared().map(number);
+            filled(of_range, &[("CSQUARED", &c), ("THETASQUARED", &theta)])
+        }
+        (None, Model::Polynomial(model)) => filled(
+            of_box,
+            &[
+                ("LOWER", &row(model.lower())),
+                ("UPPER", &row(model.upper())),
+            ],
+        ),
     }
 }
 

@@ -18,13 +18,19 @@ use crate::error::ModelError;
 use crate::export::golden::Golden;
 use crate::export::history::History;
 use crate::export::model::{Model, columns, identifier};
-use crate::export::reach::{Reach, inside_words};
+use crate::export::reach::{Reach, inside_words, within};
 use crate::export::source;
 use crate::export::terms::{Terms, half_turn_squared, turns};
 use crate::export::{Precision, SourceFile, filled};
 use crate::normalise::unit_slope;
 use crate::polynomial_model::PolynomialModel;
 use crate::stepper::{Effects, STATE_NUMBERS};
+
+const WITHIN: [&str; 3] = [
+    include_str!("templates/inside_reach.rs.txt"),
+    include_str!("templates/inside_range.rs.txt"),
+    include_str!("templates/inside_box.rs.txt"),
+];
 
 /// The files of an opened model; `name` is the crate's name.
 pub fn export(
@@ -97,10 +103,9 @@ pub fn export_with_effects(
         ),
         None => (String::new(), String::new()),
     };
-    let within = match precision {
-        Precision::Single => within::<f32>(&model, reach.as_ref()),
-        Precision::Double => within::<f64>(&model, reach.as_ref()),
-    };
+    let within = within(&model, reach.as_ref(), WITHIN, |x| {
+        number(precision.rounded(x))
+    });
     let words = inside_words(&model, reach.as_ref());
     let body = filled(
         &body,
@@ -161,44 +166,6 @@ fn energy<R: Real>(model: &EnergyModel) -> Result<(String, usize), ModelError> {
         ],
     );
     Ok((text, memory + 560))
-}
-
-/// What counts as inside: the function `within` and its tables.
-fn within<R: Real>(model: &Model, reach: Option<&Reach>) -> String {
-    let narrow = |x: f64| number(R::from_f64(x));
-    let row = |values: &[f64]| list(values.iter().map(|&x| narrow(x)));
-    match (reach, model) {
-        (Some(reach), _) => {
-            let n = reach.low.len();
-            let triangle = (0..n).map(|i| {
-                let first = i * (i + 1) / 2;
-                format!("&[{}]", row(&reach.factor[first..=first + i]))
-            });
-            filled(
-                include_str!("templates/inside_reach.rs.txt"),
-                &[
-                    ("LOW", &row(&reach.low)),
-                    ("HIGH", &row(&reach.high)),
-                    ("MIDDLE", &row(&reach.centre)),
-                    ("FACTOR", &list(triangle)),
-                ],
-            )
-        }
-        (None, Model::Energy(model)) => {
-            let [c, theta] = model.reach_squared().map(narrow);
-            filled(
-                include_str!("templates/inside_range.rs.txt"),
-                &[("CSQUARED", &c), ("THETASQUARED", &theta)],
-            )
-        }
-        (None, Model::Polynomial(model)) => filled(
-            include_str!("templates/inside_box.rs.txt"),
-            &[
-                ("LOWER", &row(model.lower())),
-                ("UPPER", &row(model.upper())),
-            ],
-        ),
-    }
 }
 
 /// Words that Rust or its test harness keeps: no crate can have these names.

@@ -97,7 +97,10 @@ fn exported_c_follows_golden_readings() {
             ("R(1e-1), R(1e-3)", "R(1e-1), R(9e-3)"),
             ("R(4e0), R(2e0)", "R(4e0), R(3e0)"),
             ("R(3e-1), R(0e0)}", "R(2e0), R(0e0)}"),
-            ("x->excitation[h][0] > R(TOLD)", "x->excitation[h][0] > R(1e30)"),
+            (
+                "x->excitation[h][0] > R(TOLD)",
+                "x->excitation[h][0] > R(1e30)",
+            ),
             ("R(100) / n", "R(1e30) / n"),
         ] {
             assert!(right.contains(from), "{from}");

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ecm.effects.protocol import LinearEffect, Missing, Need, Parameter
-from ecm.io.arrays import F
+from ecm.io.arrays import F, rest_of
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.table import Table
 from ecm.regression.approach import order_of_visits
@@ -135,9 +135,7 @@ def _beside_poses_and_loads(table: Table, outputs: Sequence[str]) -> F:
     columns = [np.ones(len(table)), *poses.T, *(poses**3).T]
     columns += [poses[:, i] * poses[:, j] for i in range(k) for j in range(i, k)]
     columns += [u - u.mean() for u in own if float(np.ptp(u)) > 0.0]
-    design, wrench = np.column_stack(columns), table.matrix(tuple(outputs))
-    unit = design / np.sqrt((design**2).sum(axis=0))
-    return np.asarray(wrench - unit @ np.linalg.lstsq(unit, wrench, rcond=1e-10)[0])
+    return rest_of(np.column_stack(columns), table.matrix(tuple(outputs)))
 
 
 def _work_of_loops(path: F, force: F) -> list[float]:

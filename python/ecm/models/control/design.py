@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ecm.errors import InputError
-from ecm.io.arguments import check_fields
 from ecm.io.arrays import B, F
+from ecm.io.settings import Checked, setting
 from ecm.models.control.poles import C, Gains
 
 SOFTNESS = (0.8, 1.0, 1.2)
@@ -23,7 +23,7 @@ _LAGS = np.geomspace(0.08, 0.6, 9)
 
 
 @dataclass(frozen=True)
-class LoopSettings:
+class LoopSettings(Checked):
     """What a control loop must know of the robot.
 
     Examples
@@ -32,22 +32,17 @@ class LoopSettings:
     0.003
     """
 
-    mass_kg: float | None = None
+    mass_kg: float | None = setting(None, above=0.0, high=1e6)
     """Mass of the platform and what it carries; default: by the mechanism's own frequency."""
-    inertia_kg_m2: float | None = None
+    inertia_kg_m2: float | None = setting(None, above=0.0, high=1e6)
     """Inertia about any axis through the origin of the top frame; default: as the mass."""
-    delay_s: float = 0.003
+    delay_s: float = setting(0.003, low=0.0)
     """Longest time between the reading of a pose and the moment from which its wrench acts."""
-    dt_s: float = 0.001
+    dt_s: float = setting(0.001, above=0.0, high=1e6)
     """Time between two steps of the loop."""
 
     def __post_init__(self) -> None:
-        check_fields(self)
-        for name in ("mass_kg", "inertia_kg_m2", "delay_s", "dt_s"):
-            value = getattr(self, name)
-            least = -1e-300 if name == "delay_s" else 0.0
-            if value is not None and not (least < value < 1e6):
-                raise InputError(f"{name} = {value}: expected a number above 0")
+        super().__post_init__()
         if self.delay_s > 50 * self.dt_s:
             raise InputError(
                 f"delay_s = {self.delay_s:g}: expected at most 50 steps of dt_s = {self.dt_s:g}"

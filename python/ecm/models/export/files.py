@@ -15,19 +15,19 @@ from pathlib import Path
 from ecm.errors import InputError, Remedy
 from ecm.io.arguments import check_arguments
 from ecm.io.cache import write_atomically
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import POSE
 from ecm.io.interrupts import uninterrupted
 from ecm.models.adapt import AdaptSettings
 from ecm.models.control import ControlLoop, LoopSettings
 from ecm.models.export.registry import TARGETS
-from ecm.models.export.source import Precision, Source
+from ecm.models.export.source import Precision, Source, without
 from ecm.models.folding import folded, folded_polynomial
 from ecm.models.maps import PolynomialMap, StiffnessMap
 from ecm.models.measured_poses import has_measured_poses, measured_poses
 from ecm.models.model import Model
 from ecm.models.time_effects import time_effects
+from ecm.regression.rows import is_whole
 
-_WHOLE = (POSE, WRENCH)
 _WITH_CODE = ("polynomial", "energy", "physics")
 """Kinds of maps that `ecm._native.export_model` writes as code."""
 _EXPORTED = "Wrench and stiffness of an elastic mechanism"
@@ -158,9 +158,7 @@ def export_files(
     inside, notes, folding = _mechanism_alone(model)
     if not has_measured_poses(model):
         notes.append(_NO_POSES)
-    if adapt is not None and (
-        target not in ("c", "rust") or (model.inputs, model.outputs) != _WHOLE
-    ):
+    if adapt is not None and (target not in ("c", "rust") or not is_whole(model.base)):
         raise InputError(
             "adapt: parameters follow readings in C and Rust, with a model of all six pose and "
             "wrench columns; leave it out here"
@@ -175,7 +173,7 @@ def export_files(
         given.loop,
         given.next_step,
         folding,
-        tuple(_acting(model)),
+        tuple(sorted(item.id for item in model.acting_at_poses)),
         given.change,
         lost,
     )
@@ -225,12 +223,8 @@ def _without(ids: Sequence[str], again: str) -> Remedy:
     """Fit without effects that the files cannot hold, or write them all the same."""
     if not ids:
         return Remedy("export it all the same", f"{again} --force", force=True)
-    options = " ".join(f"--remove {id}" for id in ids)
-    return Remedy(
-        f"fit again without {' and '.join(ids)} (or export all the same with --force)",
-        f"ecm refit MODEL DATA {options} --out without.json",
-        force=True,
-    )
+    left_out = without(ids, " (or export all the same with --force)")
+    return replace(left_out, force=True)
 
 
 def _check_crate(manifest: Path, files: Mapping[str, str | bytes]) -> None:
@@ -243,26 +237,19 @@ def _check_crate(manifest: Path, files: Mapping[str, str | bytes]) -> None:
         )
 
 
-def _acting(model: Model) -> list[str]:
-    """Ids of the effects of physics that act through the pose."""
-    return sorted(
-        i.id for i in model.effects if i.effect.kind == "pose" and i.effect.side == "physics"
-    )
-
-
 def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
     """The model without effects beside the pose, those of physics folded into its base.
 
     Also notes, and the change by folding over the noise. A map without code of its own, such as
     a rod or a learned one, becomes an energy as well.
     """
-    acting = _acting(model)
+    acting = sorted(item.id for item in model.acting_at_poses)
     bare = replace(model, effects=(), history=(), correlations=())
     kind = model.base.document().get("kind")
     has_code = kind in _WITH_CODE
     if not acting and has_code:
         return bare, [], 0.0
-    whole = (model.inputs, model.outputs) == (POSE, WRENCH)
+    whole = is_whole(model.base)
     few = len(model.inputs) < len(POSE)
     if not (has_code or few or (whole and model.known_length_m)):
         raise InputError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from typing import Literal
@@ -11,12 +11,12 @@ from typing import Literal
 from ecm._native import export_model, seal_model
 from ecm.errors import InputError, Remedy
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH
 from ecm.models.adapt import AdaptSettings
 from ecm.models.control import ControlLoop, LoopSettings
 from ecm.models.measured_poses import poses_like_measured, reach_of
 from ecm.models.model import Model
 from ecm.models.time_effects import TimeEffects
+from ecm.regression.rows import is_whole
 
 Precision = Literal["double", "single"]
 
@@ -45,7 +45,7 @@ class Source:
     @property
     def whole(self) -> bool:
         """Whether the model takes a pose to a wrench."""
-        return (self.inside.inputs, self.inside.outputs) == (POSE, WRENCH)
+        return is_whole(self.inside.base)
 
     def code(
         self, language: Literal["c", "rust"] = "c", precision: Precision = "double"
@@ -78,12 +78,7 @@ class Source:
         if not self.whole:
             remedy = Remedy("export it to c", "ecm export MODEL --to c --out OUT")
             if self.timed.lost:  # what c refuses as well
-                ids = list(self.timed.lost)
-                remedy = Remedy(
-                    f"fit again without {' and '.join(ids)}, and export it to c",
-                    f"ecm refit MODEL DATA {' '.join(f'--remove {id}' for id in ids)} "
-                    "--out without.json",
-                )
+                remedy = without(list(self.timed.lost), ", and export it to c")
             raise InputError(
                 f"--to {target} needs a model from the six columns of the pose to the six of the "
                 f"wrench; this one takes {', '.join(self.inside.inputs)} to "
@@ -102,6 +97,15 @@ class Source:
     def poses(self, count: int = 200) -> F:
         """(count, n) measured poses and mixes of near ones."""
         return poses_like_measured(self.model, count)
+
+
+def without(ids: Sequence[str], then: str) -> Remedy:
+    """Fit again without effects that files cannot hold, and what comes then."""
+    options = " ".join(f"--remove {id}" for id in ids)
+    return Remedy(
+        f"fit again without {' and '.join(ids)}{then}",
+        f"ecm refit MODEL DATA {options} --out without.json",
+    )
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ from ecm.io.mechanism import Mechanism
 from ecm.io.quaternion_order import ORDERS, likely_order, read_in_other_order
 from ecm.io.steps import Progress
 from ecm.io.table import Table
+from ecm.models.layout import array, or_null
 from ecm.models.maps import EnergyMap, SixAxisMap, Symmetry, finite
 from ecm.models.physics.build import BuildSettings, build_family, mesh_error, shape_of
 from ecm.models.physics.family import PARAMETERS, PhysicsFamily, check_parameters
@@ -236,7 +237,7 @@ class PhysicsMap(SixAxisMap):
         """The map of an opened model file."""
         known: dict[str, Any] = {}
         if "mesh_error" in document:
-            known["mesh_error"] = six_by_six("mesh_error", document["mesh_error"])
+            known["mesh_error"] = np.array(document["mesh_error"], dtype=np.float64)
         if "family" in document:
             values = {name: float(document["parameters"][name]) for name in PARAMETERS}
             known["family"] = PhysicsFamily.from_dict(document["family"])
@@ -435,14 +436,6 @@ def _map_of(mechanism: Mechanism, family: PhysicsFamily, errs: F | None) -> Phys
     )
 
 
-def six_by_six(name: str, values: Any) -> F:
-    """A (6, 6) matrix of finite numbers of a document; ValueError for another."""
-    matrix = np.asarray(values, dtype=np.float64)
-    if matrix.shape != (6, 6) or not np.isfinite(matrix).all():
-        raise ValueError(f"{name} of shape {matrix.shape}, expected (6, 6) finite numbers")
-    return matrix
-
-
 def _mesh_error(shape: Mechanism, directory: Path, *, build: bool = True) -> F | None:
     """`mesh_error` of a shape, kept beside its family; the same for both qualities.
 
@@ -450,9 +443,10 @@ def _mesh_error(shape: Mechanism, directory: Path, *, build: bool = True) -> F |
     """
     key = {"version": _MESH_VERSION, "shape": replace(shape, quality="standard").key()}
     path = directory / f"mesh-{hash_of(key)[:32]}.json"
-    with suppress(OSError, ValueError, TypeError, KeyError):
+    with suppress(OSError, ValueError, TypeError, KeyError, EcmError):
         kept = json.loads(path.read_text(encoding="utf-8"))["mesh_error"]
-        return None if kept is None else six_by_six("mesh_error", kept)
+        or_null(array(6, 6))(kept, path.name)
+        return None if kept is None else np.array(kept, dtype=np.float64)
     if not build:
         return None
     found = mesh_error(shape)

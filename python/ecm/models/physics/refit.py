@@ -198,8 +198,8 @@ class PhysicsModel(ModelSpecification):
         base = self.base
         need_pose(table, self.name)
         if base is None:
-            body = table.meta.body() if self.mechanism is None else self.mechanism
-            if body is None or not body.has_body:
+            body = self.mechanism or table.meta.elastic_body()
+            if body is None:
                 raise InputError(
                     f"{table.source}: the physics model needs the body; "
                     "give [mechanism] builtin with its dimensions, or mesh, in the data's TOML",

@@ -57,7 +57,7 @@ def poses(given: Given) -> dict[str, Any]:
         "row": (rows + 1).tolist(),
         "columns": {name: _short(table.column(name)[rows]) for name in columns},
         **view_of(table.meta),
-        "body": (body := table.meta.body()) is not None and body.has_body,
+        "body": table.meta.elastic_body() is not None,
         "said": _said(len(rows), len(table)),
     }
 

@@ -1,6 +1,6 @@
 /* Squares of the largest |c| (m) and |theta| (rad) of the training data and 1 %. */
-static const real c_squared = R(@CSQUARED@);
-static const real theta_squared = R(@THETASQUARED@);
+static const real c_squared = @CSQUARED@;
+static const real theta_squared = @THETASQUARED@;
 
 static int32_t within(const real *q)
 {

@@ -92,6 +92,11 @@ def find_unit(word: str) -> Unit | None:
     return _UNITS.get(squeezed) or _LOWER.get(squeezed.lower())
 
 
+def factor_of(word: str) -> float:
+    """Return the SI value of one of a known unit: 0.001 of `N mm`."""
+    return _UNITS[word.replace(" ", "")].factor
+
+
 def is_other_unit(word: str) -> bool:
     """Whether a word is a unit of something else, such as V, kg or mm/s.
 
