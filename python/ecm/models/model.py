@@ -304,6 +304,7 @@ class Model:
 
         Examples
         --------
+        >>> from ecm.io.columns import POSE, WRENCH
         >>> from ecm.io.table import as_table
         >>> from ecm.models import fit_model
         >>> random = np.random.default_rng(0)

@@ -1,0 +1,132 @@
+"""The third blind benchmark of docs/discovery.md: bodies, laws and protocols of their own.
+
+    python benches/blind_third.py --out build/third [--sets 104] [--seed 1]
+
+Every set is a file in a folder named by a hash of the code; one that is there is not run again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from collections import Counter
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+# Before numpy is imported, here and in the workers.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("RAYON_NUM_THREADS", "1")
+
+import numpy as np
+
+from blind import code_hash
+from blind_parts.third import (
+    BODIES,
+    HIDDEN,
+    ThirdSet,
+    given_model,
+    outcome,
+    solved,
+    third_sets,
+    third_table,
+)
+from blind_parts.workers import run_all
+from ecm.diagnosis import diagnose
+from ecm.errors import EcmError
+from ecm.io.cache import write_atomically
+from ecm.io.cores import own_cores
+
+_OUTCOMES = (
+    "right", "family", "unknown", "none", "ambiguous", "wrong class", "wrong name", "alarm",
+    "refused",
+)  # fmt: skip
+
+
+def run_one(case: ThirdSet, folder: Path) -> None:
+    """Diagnose a set and write its file; in whichever process."""
+    table = third_table(case, folder.parent)
+    began = time.process_time()
+    try:
+        found = diagnose(given_model(table), table)
+        verdict, answer = found.verdict, [list(members) for members in found.answer]
+        said = found.sentence()
+    except EcmError as error:
+        verdict, answer, said = "refused", [], str(error)
+    result = {"set": case.to_dict(), "verdict": verdict, "answer": answer, "said": said}
+    result["outcome"] = outcome(case, verdict, answer, said)
+    result["seconds"] = time.process_time() - began
+    write_atomically(_file(case, folder), json.dumps(result))
+
+
+def _file(case: ThirdSet, folder: Path) -> Path:
+    return folder / f"{case.seed}-{case.index:04d}.json"
+
+
+def table_text(results: list[dict[str, Any]]) -> str:
+    """Markdown: a line for each law, for each protocol, and for each set that is not right."""
+    lines = [
+        "| hidden | sets | " + " | ".join(_OUTCOMES) + " |",
+        "|---" * (len(_OUTCOMES) + 2) + "|",
+    ]
+    groups = [(name or "nothing", lambda r, name=name: r["set"]["name"] == name)
+              for name in ("", *HIDDEN)]  # fmt: skip
+    protocols = sorted({r["set"]["protocol"] for r in results})
+    groups += [(f"*{p}*", lambda r, p=p: r["set"]["protocol"] == p) for p in protocols]
+    groups.append(("all", lambda r: True))
+    for what, test in groups:
+        own = Counter(r["outcome"] for r in results if test(r))
+        shown = " | ".join(str(own[key] or "") for key in _OUTCOMES)
+        lines.append(f"| {what} | {own.total()} | {shown} |")
+    for r in results:
+        if r["outcome"] != "right":
+            case = r["set"]
+            answer = " + ".join("|".join(members) for members in r["answer"])
+            lines.append(
+                f"- {case['index']} {case['name'] or 'nothing'} at {case['strength']:g} "
+                f"({case['body']}, {case['protocol']}, {case['rows']} rows): "
+                f"{r['verdict']} {answer}"
+            )
+    return "\n".join(lines) + "\n"
+
+
+def main() -> int:
+    """Run what is missing, then print and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--sets", type=int, default=104)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--workers", type=int, default=own_cores())
+    parser.add_argument("--seconds", type=float, default=np.inf, help="begin no set after that")
+    given = parser.parse_args()
+    folder = given.out / f"sets-{code_hash()}"
+    folder.mkdir(parents=True, exist_ok=True)
+    cases = third_sets(given.sets, given.seed)
+    todo = [case for case in cases if not _file(case, folder).exists()]
+    if todo:
+        for body in BODIES:  # solved once, before several processes ask for them
+            solved(body, given.out)
+    run_all(
+        todo,
+        partial(run_one, folder=folder),
+        workers=given.workers,
+        seconds=given.seconds,
+        progress=lambda done, left_s: print(
+            f"\r{done}/{len(todo)} sets, about {left_s / 60.0:.0f} min left ",
+            end="",
+            file=sys.stderr,
+            flush=True,
+        ),
+    )
+    found = [json.loads(_file(c, folder).read_text()) for c in cases if _file(c, folder).exists()]
+    text = table_text(found)
+    print(f"\nSets: {len(found)} of {len(cases)}, seed {given.seed}.\n\n{text}")
+    write_atomically(given.out / "table.md", text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
