@@ -40,10 +40,7 @@ class Options:
         typer.Option("--add", metavar="EFFECT", help="Fitted with this effect; repeatable."),
     ] = None
     force: Annotated[
-        bool,
-        typer.Option(
-            "--force", help="Fit a table that looks misread; save also what is worse than the mean."
-        ),
+        bool, typer.Option("--force", help="Fit a misread table; save what is worse.")
     ] = False
 
 
