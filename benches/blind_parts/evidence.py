@@ -37,7 +37,7 @@ SIZES = np.exp(np.linspace(np.log(0.1), np.log(30.0), 13))
 """Rms of a cause over the noise."""
 FORMS = (0.0, 0.1, 0.3)
 """Share by which the form of an effect may be wrong."""
-BASE_ERROR = {"physics": (0.03, 0.1, 0.25), "": (0.03, 0.1, 0.3, 1.0)}
+BASE_ERROR = {"physics": (0.03, 0.1, 0.25), "": (0.03, 0.1, 0.3, 1.0, 3.0)}
 """Rms of the base's own error over the noise: of a stated body, and of a form that is fitted."""
 FREEDOM = {"repeats": 30.0, "declared": 30.0, "assumed": 1.0}
 """Degrees of freedom of what is known of the noise."""
@@ -256,6 +256,7 @@ class Evidence:
         """Once for each size of the base's own error: rows and columns beside it."""
         body = [self.parts[k][len(self.parts[k]) // 2] for k in _BODY if k in self.parts]
         own = [self.parts["~pose"][0], *(c / np.sqrt(len(body)) for c in body)]
+        own += [3.0 * c for c in self.parts.get(_OF_BASE, [])]  # a fitted form is too plain
         g = np.concatenate(own, axis=1)
         all_columns = np.concatenate([self.parts[k][i] for k, i in self.keys], axis=1)
         kind = self.problem.base.kind

@@ -63,6 +63,13 @@ def test_a_tapered_body_lacks_no_effect(name: str, answer: str) -> None:
     assert any("the ends of the body differ" in text for text in found.warnings)
 
 
+def test_nor_does_it_where_three_forces_are_measured() -> None:
+    table = measured().drop(*WRENCH[3:])
+    found = diagnose(fit_model(table, "linear"), table)
+    assert (found.verdict, found.answer) == ("none", ()), found.sentence()
+    assert any("the ends of the body differ" in text for text in found.warnings)
+
+
 def test_what_else_is_missing_is_named_against_it() -> None:
     drift: F = np.outer(np.arange(120.0), [0.01, 0.0, 0.0, 0.0, 0.0004, 0.0])
     table = measured(drift)

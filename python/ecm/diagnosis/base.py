@@ -16,6 +16,7 @@ from ecm.io.arrays import F
 from ecm.models.by_degree import energy_of_unlike_ends, next_degree
 from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import EnergyMap, StiffnessMap
+from ecm.models.partial import whole_map
 
 _BY_ITSELF = 0.5
 """Share of the error that another body must leave at most, by itself, to be tried."""
@@ -34,7 +35,8 @@ def base_of_unlike_ends(decision: Decision) -> StiffnessMap | None:
     energy.
     """
     problem = decision.problem
-    if not isinstance(problem.base, EnergyMap) or problem.base.model.symmetry != "alike":
+    whole = whole_map(problem.base)
+    if not isinstance(whole, EnergyMap) or whole.model.symmetry != "alike":
         return None
     try:
         base = energy_of_unlike_ends(problem.table)

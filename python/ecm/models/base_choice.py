@@ -8,7 +8,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.models.by_degree import polynomial, symmetric_energy
 from ecm.models.fit import fit_model
 from ecm.models.maps import PolynomialMap
-from ecm.models.partial import MeasuredMap, is_partial, measured_part
+from ecm.models.partial import is_partial, measured_part, whole_map
 from ecm.models.physics.map import FREE, PhysicsMap
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def choose_base(model: Model, table: Table) -> StiffnessMap:
     generalised cross-validation. A rod that was fitted is no physics base: its sections absorbed a
     part of the missing effect, and with fixed ratios they would need an effect of their own.
     """
-    base = model.base.whole if isinstance(model.base, MeasuredMap) else model.base
+    base = whole_map(model.base)
     if isinstance(base, PhysicsMap):
         free = base if base.family is None else base.with_free(*FREE)
         return measured_part(free, table)

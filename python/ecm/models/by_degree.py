@@ -13,7 +13,7 @@ from ecm.io.table import Table
 from ecm.models.energy import EnergyModel
 from ecm.models.fit import fit_rows
 from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap, Symmetry
-from ecm.models.partial import measured_part
+from ecm.models.partial import measured_part, whole_map
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.specification import ModelSpecification
 
@@ -48,9 +48,10 @@ def next_degree(base: StiffnessMap, table: Table) -> StiffnessMap | None:
     A free polynomial of six columns takes in nearly every effect of the pose: none is returned.
     """
     model: ModelSpecification
-    if isinstance(base, EnergyMap) and base.model.degree < _ENERGY[-1]:
-        symmetry = cast(Symmetry, base.model.symmetry)
-        model = EnergyModel(base.model.degree + 1, symmetry, tuple(base.model.groups))
+    whole = whole_map(base)
+    if isinstance(whole, EnergyMap) and whole.model.degree < _ENERGY[-1]:
+        symmetry = cast(Symmetry, whole.model.symmetry)
+        model = EnergyModel(whole.model.degree + 1, symmetry, tuple(whole.model.groups))
     elif (
         isinstance(base, PolynomialMap)
         and base.model.degree < _POLYNOMIAL[-1]
@@ -61,7 +62,7 @@ def next_degree(base: StiffnessMap, table: Table) -> StiffnessMap | None:
         return None
     measured = table.measured()
     try:
-        higher = fit_rows(measured, model).base
+        higher = measured_part(fit_rows(measured, model).base, measured)
     except ModelError:
         return None
     equations = len(measured) * len(higher.outputs)

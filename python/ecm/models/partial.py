@@ -138,8 +138,12 @@ def measured_part(base: StiffnessMap, table: Table) -> StiffnessMap:
     there = measured_outputs(table, base)
     if len(there) in (0, len(base.outputs)):
         return base
-    whole = base.whole if isinstance(base, MeasuredMap) else base
-    return MeasuredMap(whole, there)
+    return MeasuredMap(whole_map(base), there)
+
+
+def whole_map(base: StiffnessMap) -> StiffnessMap:
+    """The map itself, or the whole of which a few wrench columns were measured."""
+    return base.whole if isinstance(base, MeasuredMap) else base
 
 
 def is_partial(table: Table) -> bool:
