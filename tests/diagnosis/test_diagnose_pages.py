@@ -19,6 +19,7 @@ from ecm.cli import run
 from ecm.cli.diagnosis_text import paragraphs
 from ecm.diagnosis import diagnose
 from ecm.diagnosis.sections import verdict_section
+from ecm.diagnosis.summary import Summary
 from ecm.io.table import Table
 from support.campaigns import campaign, model
 from support.neck import Done
@@ -214,6 +215,11 @@ def test_the_lines_of_a_name_carry_its_size_its_error_and_the_command(
     assert f"{held_out['before']:.2f} -> {held_out['after']:.2f}" in summary["missing"]
     assert summary["add"].startswith(document["addition"]["remedy"]["command"])
     assert document["look_alikes"][0]["apart"] in summary["next"]
+
+
+def test_a_base_that_too_few_rows_tell_asks_for_more_poses(told: dict[str, Told]) -> None:
+    few = told["none"].document | {"held_out": {"before": 5.9, "after": 5.9}}
+    assert Summary.of(few).next.startswith("measure more poses: on held-out rows physics errs 5.9")
 
 
 def test_without_details_three_lines_and_where_the_rest_is(

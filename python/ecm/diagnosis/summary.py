@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ecm.effects import with_shape
+from ecm.models.behind import FAR_BEYOND_NOISE
 
 LINES = (("missing", "MISSING"), ("add", "ADD IT"), ("next", "NEXT"))
 """The lines, each by its key in the report and as it is shown."""
@@ -141,6 +142,10 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
         yield f"{one['apart']}: tells {one['id']} from {one['what'].split(':')[0]}"
     if unknown or document["verdict"] == "ambiguous":
         yield "record one more column: --details lists what these data cannot test"
+    before = document["held_out"]["before"]
+    if document["verdict"] == "none" and before > FAR_BEYOND_NOISE:
+        base = document["model"]["base"]
+        yield f"measure more poses: on held-out rows {base} errs {before:.2g} times the noise"
     if document["noise"]["source"] == "assumed":
         yield "measure some poses twice: the noise is only assumed"
     yield "no experiment is needed"
