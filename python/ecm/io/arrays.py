@@ -29,6 +29,8 @@ def evenly(count: int, most: int) -> I:
 
 def rest_of(z: F, y: F) -> F:
     """What columns z (r, k) of any size and rank leave of y, (r,) or (r, q)."""
+    largest = np.abs(z).max(axis=0, initial=0.0)
+    z = z / np.where(largest > 0.0, largest, 1.0)  # before squares, which may overflow
     norms = np.sqrt((z**2).sum(axis=0))
     z = z / np.where(norms > 0.0, norms, 1.0)
     return np.asarray(y - z @ np.linalg.lstsq(z, y, rcond=1e-10)[0])

@@ -229,8 +229,9 @@ class Reach:
     def contains(self, q: F) -> B:
         """(N,) whether coordinates (N, n) are inside."""
         boxed = ((self.low <= q) & (q <= self.high)).all(axis=1)
-        away = ((q - self.centre) @ self.factor.T) ** 2
-        return np.asarray(boxed & (away.sum(axis=1) <= 1.0))
+        away = np.abs((q - self.centre) @ self.factor.T)
+        near = (away <= 1.0).all(axis=1)  # beyond, squares may overflow
+        return np.asarray(boxed & near & ((np.minimum(away, 1.0) ** 2).sum(axis=1) <= 1.0))
 
     def document(self) -> dict[str, list[float]]:
         """For the exported code: the rows of the triangle one after the other."""
