@@ -127,7 +127,8 @@ def test_a_folded_model_without_a_control_loop_is_refused_as_well(
     poses = np.random.default_rng(2).normal(size=(60, 6)) * [1e-3, 1e-3, 1e-3, 0.05, 0.05, 0.05]
     wrenches = -poses * [3000.0, 3000.0, 3000.0, 1.0, 1.0, 1.0]
     columns = np.hstack([poses, wrenches]).T
-    model = ecm.fit(ecm.as_table(dict(zip((*POSE, *WRENCH), columns, strict=True))), "linear")
+    table = ecm.as_table(dict(zip((*POSE, *WRENCH), columns, strict=True)))
+    model = ecm.fit(table, "linear", force=True)
     folded = export_module.__globals__["_mechanism_alone"]
     monkeypatch.setitem(
         export_module.__globals__, "_mechanism_alone", lambda m: (*folded(m)[:2], 36.0)

@@ -16,7 +16,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table
 from ecm.models import load_model
-from ecm.models.joint_fit import FittedEffect, _unit_products, joint_fit
+from ecm.models.joint_fit import FittedEffect, joint_fit, unit_products
 from support.campaigns import campaign, model, physics, workspace_poses
 from support.neck import Done
 
@@ -304,4 +304,4 @@ def test_one_effect_more_never_raises_the_sum_of_squares(factor: float) -> None:
 def test_columns_beyond_a_double_are_refused_in_words() -> None:
     """A fit whose steps grow without end ends in an error of the package, not in a warning."""
     with pytest.raises(ModelError, match="does not converge"):
-        _unit_products(np.full((3, 2), 1e200))
+        unit_products(np.full((3, 2), 1e200))
