@@ -1,7 +1,8 @@
 """The third blind benchmark of docs/discovery.md: bodies, laws and protocols of their own.
 
-    python benches/blind_third.py --out build/third [--sets 104] [--seed 1]
+    python benches/blind_third.py --out build/third [--sets 104] [--seed 1] [--evidence]
 
+With --evidence the posterior of `blind_parts.evidence` answers in place of `ecm diagnose`.
 Every set is a file in a folder named by a hash of the code; one that is there is not run again.
 """
 
@@ -24,6 +25,7 @@ os.environ.setdefault("RAYON_NUM_THREADS", "1")
 import numpy as np
 
 from blind import code_hash
+from blind_parts.evidence import answer_by_evidence
 from blind_parts.third import (
     BODIES,
     HIDDEN,
@@ -46,14 +48,18 @@ _OUTCOMES = (
 )  # fmt: skip
 
 
-def run_one(case: ThirdSet, folder: Path) -> None:
+def run_one(case: ThirdSet, folder: Path, *, evidence: bool) -> None:
     """Diagnose a set and write its file; in whichever process."""
     table = third_table(case, folder.parent)
     began = time.process_time()
     try:
-        found = diagnose(given_model(table), table)
-        verdict, answer = found.verdict, [list(members) for members in found.answer]
-        said = found.sentence()
+        if evidence:
+            one = answer_by_evidence(given_model(table), table)
+            verdict, answer, said = one.verdict, one.answer, " ".join(one.families)
+        else:
+            found = diagnose(given_model(table), table)
+            verdict, answer = found.verdict, [list(members) for members in found.answer]
+            said = found.sentence()
     except EcmError as error:
         verdict, answer, said = "refused", [], str(error)
     result = {"set": case.to_dict(), "verdict": verdict, "answer": answer, "said": said}
@@ -100,9 +106,10 @@ def main() -> int:
     parser.add_argument("--sets", type=int, default=104)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--workers", type=int, default=own_cores())
+    parser.add_argument("--evidence", action="store_true", help="the posterior answers")
     parser.add_argument("--seconds", type=float, default=np.inf, help="begin no set after that")
     given = parser.parse_args()
-    folder = given.out / f"sets-{code_hash()}"
+    folder = given.out / f"{'evidence' if given.evidence else 'sets'}-{code_hash()}"
     folder.mkdir(parents=True, exist_ok=True)
     cases = third_sets(given.sets, given.seed)
     todo = [case for case in cases if not _file(case, folder).exists()]
@@ -111,7 +118,7 @@ def main() -> int:
             solved(body, given.out)
     run_all(
         todo,
-        partial(run_one, folder=folder),
+        partial(run_one, folder=folder, evidence=given.evidence),
         workers=given.workers,
         seconds=given.seconds,
         progress=lambda done, left_s: print(

@@ -12,19 +12,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
-from ecm.diagnosis.noise_effects import noise_findings, with_load_growth
-from ecm.diagnosis.preparation import prepare
-from ecm.diagnosis.problem import Problem, assemble, noise_by_rest
+from ecm.diagnosis.problem import Problem
+from ecm.diagnosis.procedure import find_missing
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models import Model
-from ecm.models.base_choice import choose_base
 from ecm.models.by_degree import next_degree
 from ecm.models.joint_fit import base_columns
 
@@ -570,15 +567,10 @@ def _group(found: Posterior, name: str, causes: list[str]) -> list[str]:
     return []
 
 
-def answer_by_evidence(model: Model, table: Table, effects: Any = None) -> Answer:
-    """Diagnose a table by the posterior alone."""
-    prepared = prepare(model, table, effects)
-    base = choose_base(model, prepared.table.drop(*prepared.padding))
-    problem = assemble(base, prepared.unexplained, prepared.effects)
-    weighed = noise_by_rest(problem)
-    if weighed is not problem.noise:
-        problem = assemble(problem.base, problem.table, prepared.effects, weighed)
-    grown = with_load_growth(problem.noise, noise_findings(problem, prepared.effects))
-    if grown is not problem.noise:
-        problem = assemble(problem.base, problem.table, prepared.effects, grown)
-    return answer_of(posterior(Evidence(problem)))
+def answer_by_evidence(model: Model, table: Table) -> Answer:
+    """Diagnose a table by the posterior alone, on the base and the noise that `diagnose` ends with.
+
+    Which base fits is no part of this experiment: against a base of alike ends every posterior
+    names a taper on a notched bar.
+    """
+    return answer_of(posterior(Evidence(find_missing(model, table).problem)))

@@ -231,7 +231,7 @@ def _humid(m: Made) -> F:
 HIDDEN: Mapping[str, Hidden] = {
     "five sliders": Hidden(_sliders, ("hysteresis",), "approach"),
     "uneven friction": Hidden(_uneven_friction, ("hysteresis",), "approach"),
-    "stretched exponential": Hidden(_stretched, ("stress_relaxation",), "rest"),
+    "stretched exponential": Hidden(_stretched, ("stress_relaxation",), "dwell"),
     "modulus and expansion": Hidden(_warm, ("temperature_modulus",), "temperature"),
     "wear below the largest load": Hidden(_worn, ("mullins_softening",), "largest"),
     "hardening in log time": Hidden(_hardened, ("ageing",), "time"),
