@@ -129,3 +129,35 @@ def test_a_column_that_an_effect_of_ones_own_uses_is_not_unused() -> None:
 def test_a_model_file_from_before_columns_had_effects_of_their_own_is_read() -> None:
     old = {"column": "valve", "zero": 2.0, "acts": "scales", "outputs": "fx_N"}
     assert with_shape("unused_column", old).id == "unused_column:valve"
+
+
+def piston() -> ecm.Table:
+    """A cubic spring and three pressures that add to it, of 220, 84 and 35 times the noise."""
+    random, rows = np.random.default_rng(9), 200
+    x = 0.01 * np.sin(np.linspace(0.0, 20.0, rows)) * random.uniform(0.5, 1.0, rows)
+    pressures = {
+        "pressure_1_Pa": 2e5 * (1.5 + np.sin(np.linspace(0.0, 7.0, rows) + 1.0)),
+        "pressure_2_Pa": 1e5 * random.choice([0.2, 0.5, 1.0, 1.4], rows),
+        "pressure_3_Pa": 5e4 * (1.0 + np.cos(np.linspace(0.0, 31.0, rows))),
+    }
+    force = 900.0 * x + 2e6 * x**3 + 0.05 * random.standard_normal(rows)
+    for value, slope in zip(pressures.values(), (-1.2e-4, 0.8e-4, -0.5e-4), strict=True):
+        force += slope * value
+    columns = {"time_s": 2.0 * np.arange(rows), "x_m": x, "fx_N": force} | pressures
+    return ecm.as_table(
+        columns, meta={"instrument": {"force_sd_N": 0.05, "pose_position_sd_m": 1e-6}}
+    )
+
+
+def test_three_pressures_are_named_at_once_and_beside_one_that_the_model_has() -> None:
+    """The straight line that is chosen beside so large loads is no base once these are named."""
+    table, ids = piston(), [f"unused_column:pressure_{k}_Pa" for k in (1, 2, 3)]
+    model = ecm.fit_model(table, "cubic")
+    found = ecm.diagnose(model, table)
+    assert {members[0] for members in found.answer} == set(ids), found.sentence()
+    assert found.addition is not None
+    assert found.addition.after is not None
+    assert found.addition.after < 1.3
+    with_one = ecm.refit(model, table, add=ids[:1])
+    named = ecm.diagnose(with_one, table).answer
+    assert {members[0] for members in named} == set(ids[1:])

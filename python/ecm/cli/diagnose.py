@@ -73,8 +73,9 @@ def _fill_remedies(document: dict[str, Any], options: Options, session: Session)
         if part.get("remedy") is not None:
             remedy = Remedy(**part["remedy"])
             added = "--add" in (remedy.command or "") and "effects" in part
-            name = "-".join(part["effects"]) if added else "again"
-            files = session.files_of(options) | {"OUT": shlex.quote(f"{out}-{name}.json")}
+            ids = [id.rpartition(":")[2] for id in part["effects"]] if added else ["again"]
+            name = "-".join([str(out), *ids]) + ".json"
+            files = session.files_of(options) | {"OUT": shlex.quote(name)}
             part["remedy"] = remedy.filled(files).to_dict()
 
 

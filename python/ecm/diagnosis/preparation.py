@@ -20,6 +20,7 @@ from ecm.regression.thinning import spread_rows
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
+    from ecm.models.joint_fit import FittedEffect
     from ecm.models.model import Model
 
 _LEAST_ROWS = 8
@@ -77,7 +78,7 @@ def prepare(
     distinct = distinct_rows(table.select(rows))
     copies, rows = len(rows) - len(distinct), rows[distinct]
     table = replace(table.select(rows), zeros_s=zero_times(table))
-    unexplained = _without_effects(model, table)
+    unexplained = without_effects(model.effects, Rows(table, model.base))
     if len(table) > settings.most_rows:
         chosen = spread_rows(table, settings.most_rows)
         rows, table, unexplained = rows[chosen], table.thinned(chosen), unexplained.thinned(chosen)
@@ -99,15 +100,15 @@ def prepare(
     )
 
 
-def _without_effects(model: Model, table: Table) -> Table:
-    """Return the table without what the model's effects explain."""
-    if not model.effects:
+def without_effects(effects: Sequence[FittedEffect], rows: Rows) -> Table:
+    """Return the table of rows without what fitted effects explain."""
+    table = rows.table
+    if not effects:
         return table
-    rows = Rows(table, model.base)
-    correction = sum(item.effect.correction(rows, item.values) for item in model.effects)
+    correction = sum(item.effect.correction(rows, item.values) for item in effects)
     return table.with_columns(
         {
             name: table.column(name) - np.asarray(correction)[:, j]
-            for j, name in enumerate(model.outputs)
+            for j, name in enumerate(rows.base.outputs)
         }
     )

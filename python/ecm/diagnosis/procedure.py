@@ -23,7 +23,12 @@ from typing import TYPE_CHECKING, Any
 
 from ecm.diagnosis.accept import Accepted, accept, fullest_forms
 from ecm.diagnosis.addition import addition_to
-from ecm.diagnosis.base import base_of_next_degree, base_of_unlike_ends, leaves_less
+from ecm.diagnosis.base import (
+    base_beside_names,
+    base_of_next_degree,
+    base_of_unlike_ends,
+    leaves_less,
+)
 from ecm.diagnosis.classify import Verdict, classify, modulus_warning, verdict
 from ecm.diagnosis.decision import Decision
 from ecm.diagnosis.direction import find_direction
@@ -277,6 +282,10 @@ def _of_rows(
         longer = base_of_next_degree(decision)
         if longer is not None:
             decision = replace(against(longer), warnings=decision.warnings)
+        richer = base_beside_names(model, decision)
+        again = None if richer is None else against(richer)
+        if again is not None and leaves_less(again, decision):
+            decision = replace(again, warnings=decision.warnings)
     if not may_be_another_body(decision):
         return decision
     energy = against(symmetric_energy(prepared.unexplained), other_body=True)

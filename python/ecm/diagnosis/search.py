@@ -174,9 +174,24 @@ def all_needed(problem: Problem, chosen: Sequence[Candidate]) -> bool:
         alone = total - delta_chi2(problem, others)
         if alone - item.parameters * np.log(problem.size) < settings.least_bic:
             return False
-        if others and alone < _material_share(problem, item, others) * total:
+        if others and alone < _least_explained(problem, item, others, total):
             return False
     return True
+
+
+def _least_explained(
+    problem: Problem, item: Candidate, others: Sequence[Candidate], total: float
+) -> float:
+    """Return the delta chi² that an effect must have beside others, of `total` for all of them.
+
+    What the form of the others leaves does not follow a recorded column that none of them follows:
+    an effect of that column must explain its share of what they leave, however much they explain.
+    """
+    column = getattr(item.effect, "column", None)
+    if column and all(getattr(one.effect, "column", None) != column for one in others):
+        left = problem.squares_beside_base / problem.scale - delta_chi2(problem, others)
+        return problem.settings.material_share * left
+    return _material_share(problem, item, others) * total
 
 
 def _material_share(problem: Problem, item: Candidate, others: Sequence[Candidate]) -> float:

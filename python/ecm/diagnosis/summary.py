@@ -110,7 +110,9 @@ def _add(document: Mapping[str, Any]) -> str:
         if addition["refused"]:
             return f"{command}   (not to this model: --details says why)"
         before, after = addition["held_out"]["before"], addition["held_out"]["after"]
-        brings = "" if after is None else f"   (this model {before:.2f} -> {after:.2f} times the noise)"
+        brings = (
+            "" if after is None else f"   (this model {before:.2f} -> {after:.2f} times the noise)"
+        )
         return f"{command}{brings}"
     if document["verdict"] in ("named", "ambiguous"):
         return "nothing: the model has it already; refit it to these rows"
