@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,6 +30,7 @@ _NULL = 1e-12
 _AT_BOUND = 1e-9
 _TOLERANCE = 1e-4
 _REFINEMENTS = 4
+_RAN_AWAY = "the fit does not converge, its steps grow without end: fewer effects or a lower degree"
 
 
 @dataclass(frozen=True)
@@ -142,7 +144,8 @@ def joint_fit(
     converged, iteration = False, 0
     while iteration < _MAX_ITERATIONS and not converged:
         iteration += 1
-        residual, design = _linearised(rows, base, fitted, measured, free_base)
+        with _naming_what_ran_away(iteration):
+            residual, design = _linearised(rows, base, fitted, measured, free_base)
         z = np.einsum("nij,njk->nik", whitener, design) * root[:, None, None]
         y = np.einsum("nij,nj->ni", whitener, residual) * root[:, None]
         # The shape is given, so that it holds for zero columns as well.
@@ -198,6 +201,17 @@ def joint_fit(
         if priors
         else None,
     )
+
+
+@contextmanager
+def _naming_what_ran_away(iteration: int) -> Iterator[None]:
+    """After a first step no row is to blame where an effect has no value: the steps are."""
+    try:
+        yield
+    except ModelError as error:
+        if iteration == 1:
+            raise
+        raise ModelError(_RAN_AWAY) from error
 
 
 def _priors_of(
@@ -334,9 +348,7 @@ def unit_products(z: F) -> tuple[F, F]:
         size = np.where(size > 0.0, size, 1.0)
         products = z.T @ z
     if not np.isfinite(products).all():
-        raise ModelError(
-            "the fit does not converge, its steps grow without end: fewer effects or a lower degree"
-        )
+        raise ModelError(_RAN_AWAY)
     return size, products / np.outer(size, size)
 
 
