@@ -1,4 +1,6 @@
-"""Writes the FEM family of the neck, which the package brings so that its first fit takes seconds.
+"""Writes the FEM family of the neck and the difference of its two meshes.
+
+The package brings them, so that the first fit takes seconds.
 
 python scripts/neck_family.py     # minutes; after a change of the FEM, its meshes or `physics_map`
 """
@@ -21,7 +23,7 @@ def main() -> None:
         physics.physics_map(Mechanism(), cache=Path(name), progress=print)
         shutil.rmtree(brought, ignore_errors=True)
         brought.mkdir()
-        for path in Path(name).glob("physics-*.json"):
+        for path in Path(name).glob("*.json"):
             shutil.copy(path, brought)
             print(path.name)
 

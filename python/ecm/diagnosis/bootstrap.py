@@ -88,13 +88,16 @@ class _Fixed:
     """(n, f + 1) fixed columns and response."""
     squares: F
     """(g, f (f + 1))."""
+    precision: F
+    """(f,) of the prior; see `NormalEquations`."""
 
     @staticmethod
     def of(normal: NormalEquations, fixed: Sequence[int]) -> _Fixed:
         """Sums over the rows of each group."""
         columns = np.column_stack([normal.rows[:, list(fixed)], normal.response])
         parts = [columns[a:b] for a, b in pairwise(normal.bounds.tolist())]
-        return _Fixed(columns, np.stack([(part[:, :-1].T @ part).ravel() for part in parts]))
+        squares = np.stack([(part[:, :-1].T @ part).ravel() for part in parts])
+        return _Fixed(columns, squares, normal.precision[list(fixed)])
 
 
 @dataclass(frozen=True)
@@ -151,6 +154,7 @@ def _falls(weights: F, known: _Fixed, blocks: Sequence[_Block], problem: Problem
     """Return (d, c) the fall of BIC by each candidate beside the fixed columns, per draw."""
     d, f = len(weights), known.columns.shape[1] - 1
     fixed = (weights @ known.squares).reshape(d, f, f + 1)
+    fixed[:, range(f), range(f)] += known.precision
     size = np.sqrt(np.maximum(np.einsum("dii->di", fixed[:, :, :f]), 1e-300))
     inner = fixed[:, :, :f] / (size[:, :, None] * size[:, None, :]) + RIDGE * np.eye(f)
     # Columns and response in coordinates in which the fixed columns are orthonormal: what they

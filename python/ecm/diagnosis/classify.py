@@ -92,7 +92,7 @@ def verdict(
     asked = gate.rejected or problem.base.kind == "polynomial"
     wrong = _wrong_statement(problem, accepted) if asked else None
     if wrong is not None:
-        unknown = describe(problem, problem.response, (), gate.structure)
+        unknown = describe(problem, residual_after(problem, ()), (), gate.structure)
         said = replace(
             unknown,
             words=wrong.sentence(),
@@ -104,7 +104,7 @@ def verdict(
         return Verdict("unknown", Accepted(checks=accepted.checks), said)
     strange = _strange(problem, misread)
     if strange:
-        unknown = describe(problem, problem.response, (), gate.structure)
+        unknown = describe(problem, residual_after(problem, ()), (), gate.structure)
         nothing = Accepted(checks=accepted.checks)
         said = replace(unknown, words=strange, nearest=None, misread=True, template="")
         return Verdict("unknown", nothing, said)

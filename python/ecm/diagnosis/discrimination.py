@@ -26,7 +26,7 @@ from ecm.effects.experiments import Experiment
 from ecm.effects.registry import with_shape
 from ecm.errors import EcmError
 from ecm.io.arrays import F, I
-from ecm.models.joint_fit import base_columns
+from ecm.models.joint_fit import base_columns, error_columns
 from ecm.regression.noise import whiteners
 from ecm.regression.normal_equations import solve
 
@@ -187,7 +187,8 @@ class _Added:
         fresh = np.arange(len(problem.table), len(joined))
         whitener = whiteners(problem.noise.covariance(joined, problem.base.error))
         candidates = [*others, *(shape for some in shapes.values() for shape in some)]
-        parts = [base_columns(joined, problem.base)] if problem.n_base else []
+        base = problem.base
+        parts = [base_columns(joined, base), error_columns(joined, base)] if problem.n_base else []
         blocks = [np.einsum("nij,njk->nik", whitener, part)[fresh] for part in parts]
         blocks += [
             score_columns(joined, whitener, candidate.effect)[fresh] for candidate in candidates

@@ -15,7 +15,7 @@ from ecm.diagnosis.score_columns import effect_columns, score_columns
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
 from ecm.io.arrays import B, F, I
-from ecm.models.joint_fit import JointFit, base_columns, joint_fit
+from ecm.models.joint_fit import JointFit, base_columns, error_columns, joint_fit
 from ecm.models.noise_estimate import declared_or_fitted, estimate_noise
 from ecm.regression.folds import is_pose_row, row_groups
 from ecm.regression.noise import Noise, is_exact, whiteners
@@ -86,7 +86,8 @@ class Problem:
     norms: F
     """(K,) lengths of the columns before they were made unit."""
     n_base: int
-    """Number of base columns in the design."""
+    """Number of base columns in the design: of its coefficients, then those of its known errors,
+    whose size has a normal prior of standard deviation 1."""
     projected_base: F
     """(N, m, b) orthogonal columns of a base that is too large for the design; else b = 0."""
     candidates: tuple[Candidate, ...]
@@ -241,10 +242,16 @@ def assemble(
         kept = [replace(one, columns=projection.orthogonalised(one.columns)) for one in kept]
         projected = projection.basis.reshape(*response.shape, -1) / projection.root[:, None, None]
         base_block = base_block[:, :, :0]
+    free = base_block.shape[2]
+    if free:
+        errs = np.einsum("nij,njk->nik", whitener, error_columns(rows, base))
+        base_block = np.concatenate([base_block, errs], axis=2)
     design = np.concatenate([base_block, *(one.columns for one in kept)], axis=2)
     norms = np.sqrt(np.einsum("nmk,nmk->k", design, design))
     norms = np.where(norms > 0.0, norms, 1.0)
     design /= norms
+    precision = np.zeros(len(norms))
+    precision[free : base_block.shape[2]] = 1.0 / norms[free : base_block.shape[2]] ** 2
     ends = base_block.shape[2] + np.cumsum([one.columns.shape[2] for one in kept], dtype=np.int64)
     placed = [
         (one.imitates, Candidate(one.effect, tuple(range(end - one.columns.shape[2], end))))
@@ -271,7 +278,7 @@ def assemble(
         candidates=tuple(candidate for imitates, candidate in placed if not imitates),
         imitators=tuple(candidate for imitates, candidate in placed if imitates),
         untestable=untestable,
-        normal=NormalEquations.of(design, response, groups, weights),
+        normal=NormalEquations.of(design, response, groups, weights, precision),
         scale=1.0,
         scale_freedom=0,
         base_error=_base_error(base, rows, whitener),
@@ -341,11 +348,15 @@ def with_more(problem: Problem, effects: Sequence[Effect]) -> tuple[Problem, lis
         at += block.shape[2]
     scaled = [block / np.where(n > 0.0, n, 1.0) for block, n in zip(blocks, norms, strict=True)]
     design = np.concatenate([problem.design, *scaled], axis=2)
+    precision = np.zeros(at)
+    precision[: len(problem.normal.precision)] = problem.normal.precision
     wider = replace(
         problem,
         design=design,
         norms=np.concatenate([problem.norms, *norms]),
-        normal=NormalEquations.of(design, problem.response, problem.groups, problem.weights),
+        normal=NormalEquations.of(
+            design, problem.response, problem.groups, problem.weights, precision
+        ),
     )
     return wider, candidates
 

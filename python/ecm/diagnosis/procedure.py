@@ -396,5 +396,5 @@ def against_energy(physics: Decision, energy: Decision, stages: Stages = STAGES)
     energy = replace(energy, warnings=(f"{words}; {advice}",))
     if energy.verdict != "none":
         return energy
-    everything = stages.describe(problem, problem.response, (), physics.gate.structure)
+    everything = stages.describe(problem, residual_after(problem, ()), (), physics.gate.structure)
     return replace(energy, verdict="unknown", unknown=replace(everything, words=words))

@@ -49,8 +49,8 @@ from ecm.io.leave_out import shown_ranges
 from ecm.models.history import Ceiling, ceiling_rms
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.model import Model
+from ecm.models.partial import MeasuredMap
 from ecm.models.physics.map import PhysicsMap
-from ecm.models.physics.refit import mesh_shares
 from ecm.regression.blocks import beside
 from ecm.regression.derived import derived_columns
 from ecm.regression.f_test import FTest
@@ -229,14 +229,17 @@ def _held_out(problem: Problem, accepted: Sequence[Candidate], ceiling: Ceiling 
 
 def _base_summary(problem: Problem) -> BaseSummary:
     """The base, its own error, and that of its mesh beside what its coefficients take in."""
-    base, rows = problem.base, problem.rows
-    off = base.mesh_error_of(rows.wrench) if isinstance(base, PhysicsMap) else None
-    if off is None:
+    base = problem.base
+    whole = base.whole if isinstance(base, MeasuredMap) else base
+    shares = whole.mesh_shares if isinstance(whole, PhysicsMap) else None
+    free = len(base.coefficients)
+    block = problem.base_block.reshape(problem.response.size, -1)
+    if shares is None or block.shape[1] == free:
         return BaseSummary(base.kind, problem.base_error)
-    whitened = np.einsum("nij,nj->ni", problem.whitener, off).ravel()
-    left = rest_of(problem.base_block.reshape(len(whitened), -1), whitened)
+    whitened = block[:, free] * problem.norms[free]
+    left = rest_of(block[:, :free], whitened)
     over_noise = float(np.sqrt((left**2).mean()))
-    return BaseSummary(base.kind, problem.base_error, mesh_shares(base), over_noise)
+    return BaseSummary(base.kind, problem.base_error, shares, over_noise)
 
 
 def _component_errors(

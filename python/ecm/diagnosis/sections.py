@@ -72,6 +72,7 @@ def _mesh_row(base: Mapping[str, Any]) -> list[list[str]]:
         return []
     share = max(abs(value) for value in base["mesh_error"].values())
     left = f"{base['mesh_error_over_noise']:.2f} times the noise beside E and nu"
+    left += ", a direction in which the base may err"
     return [["standard mesh against the fine one", f"up to {share:.1%} of the wrench, {left}"]]
 
 

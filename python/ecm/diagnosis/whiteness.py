@@ -15,6 +15,7 @@ import numpy as np
 from scipy import special
 
 from ecm.comparison.dependence import dependence_variables
+from ecm.diagnosis.gate import residual_after
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import delta_chi2
 from ecm.io.arrays import B, F
@@ -53,7 +54,7 @@ def find_pattern(problem: Problem) -> Pattern | None:
     counted = problem.scored & (problem.weights > 0.5)
     if int(counted.sum()) < _LEAST_ROWS:
         return None
-    left = problem.response[counted] / np.sqrt(problem.scale)
+    left = residual_after(problem, ())[counted] / np.sqrt(problem.scale)
     left = left - left.mean(axis=0)
     found = [
         *_periods(problem, left, counted),

@@ -18,7 +18,7 @@ from ecm.models.model import Model
 from ecm.models.parameters import ParametrisedMap
 from ecm.models.partial import MeasuredMap, measured_part
 from ecm.models.physics.map import PhysicsMap
-from ecm.models.physics.refit import PhysicsModel, mesh_shares, physics_sentences
+from ecm.models.physics.refit import PhysicsModel, physics_sentences
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.specification import ModelSpecification
 from ecm.regression.correlation import correlation_time
@@ -104,7 +104,7 @@ def fit_summary(
         "seed": seed,
         "model": fitted.name,
         "parameters": parameters,
-        "mesh_error": mesh_shares(fitted.base),
+        "mesh_error": fitted.base.mesh_shares if isinstance(fitted.base, PhysicsMap) else None,
         "rows": len(measured),
         "held_out": held_out,
         "inputs": list(fitted.inputs),

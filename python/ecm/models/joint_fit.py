@@ -333,6 +333,13 @@ def base_columns(rows: Rows, base: StiffnessMap) -> F:
     return columns
 
 
+def error_columns(rows: Rows, base: StiffnessMap) -> F:
+    """(N, m, e) directions in which the base may err, each with sd 1; zero where unloaded."""
+    columns = base.error_columns(rows.poses)
+    columns[rows.unloaded] = 0.0
+    return columns
+
+
 def unit_products(z: F) -> tuple[F, F]:
     """(k,) lengths of the columns z (M, k), and (k, k) products of the columns of unit length.
 

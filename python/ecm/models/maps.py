@@ -73,6 +73,9 @@ class StiffnessMap(Protocol):
     def error(self) -> F:
         """(m,) root mean square error of the map itself; zero where it is fitted to data."""
 
+    def error_columns(self, poses: F) -> F:
+        """(N, n) poses to (N, m, e): by how much the map may err as a whole, each with sd 1."""
+
     def predict(self, poses: F) -> F:
         """(N, n) poses to (N, m) wrenches."""
 
@@ -122,6 +125,10 @@ class MapDefaults:
     def error(self) -> F:
         """(m,) zeros: the map stands for the data."""
         return np.zeros(len(self.outputs))
+
+    def error_columns(self, poses: F) -> F:
+        """(N, m, 0): no direction is known in which the map errs."""
+        return np.zeros((len(poses), len(self.outputs), 0))
 
     @property
     def bounds(self) -> tuple[F, F] | None:

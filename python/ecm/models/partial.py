@@ -82,6 +82,10 @@ class MeasuredMap(MapDefaults):
         """(m,) own error of these columns."""
         return np.asarray(self.whole.error[self.places])
 
+    def error_columns(self, poses: F) -> F:
+        """(N, m, e) of these columns."""
+        return np.ascontiguousarray(self.whole.error_columns(poses)[:, self.places])
+
     @property
     def bounds(self) -> tuple[F, F] | None:
         """Those of the whole map."""

@@ -40,10 +40,21 @@ class NormalEquations:
     """(g,)."""
     counts: F
     """(g,) rows times components."""
+    precision: F
+    """(k,) 1 / variance of a normal prior of each coefficient around zero; 0: nothing is known."""
 
     @staticmethod
-    def of(design: F, response: F, groups: I, row_weights: F | None = None) -> NormalEquations:
-        """Whitened design (N, m, k) and response (N, m), groups (N,) from 0 on."""
+    def of(
+        design: F,
+        response: F,
+        groups: I,
+        row_weights: F | None = None,
+        precision: F | None = None,
+    ) -> NormalEquations:
+        """Whitened design (N, m, k) and response (N, m), groups (N,) from 0 on.
+
+        `precision`: (k,), see the class.
+        """
         n, m, k = design.shape
         root = np.ones(n) if row_weights is None else np.sqrt(row_weights)
         count = int(groups.max()) + 1
@@ -56,7 +67,12 @@ class NormalEquations:
         members = (root > 0.0) * float(m)
         counts = np.asarray(np.bincount(groups, members, count), dtype=np.float64)
         return NormalEquations(
-            rows.reshape(n * m, k), y[order].ravel(), bounds.astype(np.int64), squares, counts
+            rows.reshape(n * m, k),
+            y[order].ravel(),
+            bounds.astype(np.int64),
+            squares,
+            counts,
+            np.zeros(k) if precision is None else precision,
         )
 
     @cached_property
@@ -74,17 +90,19 @@ class NormalEquations:
         """G, c, s summed over groups, each with its weight."""
         if weights is None:
             return self._total
-        matrix = np.tensordot(weights, self.matrices, axes=1)
+        matrix = np.tensordot(weights, self.matrices, axes=1) + np.diag(self.precision)
         return np.asarray(matrix), np.asarray(weights @ self.vectors), float(weights @ self.squares)
 
     def only(self, columns: Sequence[int]) -> NormalEquations:
         """The equations of some of the columns, in their order."""
         take = np.asarray(columns, dtype=np.int64)
-        return replace(self, rows=self.rows[:, take])
+        return replace(self, rows=self.rows[:, take], precision=self.precision[take])
 
     @cached_property
     def _total(self) -> tuple[F, F, float]:
-        return self.rows.T @ self.rows, self.response @ self.rows, float(self.squares.sum())
+        matrix = self.rows.T @ self.rows
+        matrix[np.diag_indices_from(matrix)] += self.precision
+        return matrix, self.response @ self.rows, float(self.squares.sum())
 
     def held_out(self, columns: Sequence[int], fold_of_group: I, scored: F) -> F:
         """(g,) held-out sum of squares of each group, fitted without its fold.

@@ -21,15 +21,15 @@ from ecm._native import EcmError, EnergyModel
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.cache import Stage, cache_directory, hash_of, write_atomically
-from ecm.io.columns import POSE
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.mechanism import Mechanism
 from ecm.io.quaternion_order import ORDERS, likely_order, read_in_other_order
 from ecm.io.steps import Progress
 from ecm.io.table import Table
-from ecm.models.layout import array, or_null
 from ecm.models.maps import EnergyMap, SixAxisMap, Symmetry, finite
-from ecm.models.physics.build import BuildSettings, build_family, mesh_error, shape_of
+from ecm.models.physics.build import BuildSettings, build_family, mesh_difference, shape_of
 from ecm.models.physics.family import PARAMETERS, PhysicsFamily, check_parameters
+from ecm.models.physics.mesh import MeshDifference
 from ecm.models.physics.poses import MARGIN, ROTATION_LIMIT_RAD
 from ecm.models.physics.rod import stated_rod
 from ecm.regression.rows import BodyChange
@@ -38,7 +38,7 @@ _DEGREE = 6
 BROUGHT = Path(__file__).parent / "brought"
 """Families that the package brings: that of the neck, the body of the demo and of the tutorial."""
 _VERSION = 4
-_MESH_VERSION = 1
+_MESH_VERSION = 2
 _WIDE_VERSION = 2
 """Version of the poses of wide families: those that a load holds."""
 _REACH_STEP = 0.2
@@ -79,9 +79,8 @@ class PhysicsMap(SixAxisMap):
     """E, nu, L, D by name, where there is a family; E includes the factor."""
     free: tuple[str, ...] = FREE
     """Names of the values that `coefficients` holds."""
-    mesh_error: F | None = None
-    """(6, 6) E of `mesh_error`: a wrench h errs by E h by the size of the elements, lengths over
-    L; None where there is no second mesh to compare with."""
+    mesh: MeshDifference | None = None
+    """What the size of the elements makes; None where there is no second mesh to compare with."""
 
     name = "physics"
     kind = "physics"
@@ -122,12 +121,22 @@ class PhysicsMap(SixAxisMap):
         """The surrogate's own error, scaled like its wrench."""
         return abs(self.factor) * self.own_error
 
-    def mesh_error_of(self, wrenches: F) -> F | None:
-        """(N, 6) by how much wrenches (N, 6) would differ on a fine mesh; None: not known."""
-        if self.mesh_error is None:
+    def error_columns(self, poses: F) -> F:
+        """(N, 6, 1) wrench of the standard mesh less that of the fine one; (N, 6, 0): not known."""
+        if self.mesh is None or self.values is None:
+            return super().error_columns(poses)
+        return self.mesh.at(self.values).predict(poses)[:, :, None]
+
+    @property
+    def mesh_shares(self) -> dict[str, float] | None:
+        """Share of each wrench component by which the standard mesh differs from the fine one.
+
+        At rest; None where there is no second mesh to compare with.
+        """
+        if self.mesh is None or self.values is None:
             return None
-        unit = np.repeat([1.0, self.surrogate.length_m], 3)
-        return np.asarray(wrenches @ (self.mesh_error * np.outer(unit, 1.0 / unit)).T)
+        shares = self.mesh.shares(self.values, self.at())
+        return dict(zip(WRENCH, shares.tolist(), strict=True))
 
     def predict(self, poses: F) -> F:
         """(N, 6) poses to (N, 6) wrenches."""
@@ -224,8 +233,8 @@ class PhysicsMap(SixAxisMap):
             "own_error": self.own_error.tolist(),
             "mechanism": self.mechanism,
         }
-        if self.mesh_error is not None:
-            document["mesh_error"] = self.mesh_error.tolist()
+        if self.mesh is not None:
+            document["mesh_difference"] = self.mesh.to_dict()
         if self.family is not None and self.values is not None:
             document["parameters"] = dict(self.values)
             document["free"] = list(self.free)
@@ -236,8 +245,8 @@ class PhysicsMap(SixAxisMap):
     def from_document(document: dict[str, Any]) -> PhysicsMap:
         """The map of an opened model file."""
         known: dict[str, Any] = {}
-        if "mesh_error" in document:
-            known["mesh_error"] = np.array(document["mesh_error"], dtype=np.float64)
+        if "mesh_difference" in document:
+            known["mesh"] = MeshDifference.from_dict(document["mesh_difference"])
         if "family" in document:
             values = {name: float(document["parameters"][name]) for name in PARAMETERS}
             known["family"] = PhysicsFamily.from_dict(document["family"])
@@ -354,7 +363,7 @@ def physics_map(
         )
         _write(kept.path, family)
         stage.forget_parts()
-    return _map_of(mechanism, family, _mesh_error(kept.shape, kept.directory))
+    return _map_of(mechanism, family, kept.mesh(family, threads=threads, progress=progress))
 
 
 def kept_physics(
@@ -371,7 +380,7 @@ def kept_physics(
     family = kept.family()
     if family is None:
         return None
-    return _map_of(mechanism, family, _mesh_error(kept.shape, kept.directory, build=False))
+    return _map_of(mechanism, family, kept.mesh(family, build=False))
 
 
 @dataclass(frozen=True)
@@ -416,8 +425,35 @@ class _Kept:
         """The family of the cache, else the one that the package brings; None without both."""
         return _read(self.path) or _read(BROUGHT / self.path.name)
 
+    def mesh(
+        self,
+        family: PhysicsFamily,
+        *,
+        build: bool = True,
+        threads: int = 0,
+        progress: Progress | None = None,
+    ) -> MeshDifference | None:
+        """The difference of two meshes, kept beside the family; the same for both qualities.
 
-def _map_of(mechanism: Mechanism, family: PhysicsFamily, errs: F | None) -> PhysicsMap:
+        Where it is not there and not to be built: None.
+        """
+        shape = replace(self.shape, quality="standard").key()
+        key = {"version": _MESH_VERSION, "shape": shape, "symmetry": family.symmetry}
+        name = f"mesh-{hash_of(key)[:32]}.json"
+        for folder in (self.directory, BROUGHT):
+            with suppress(OSError, ValueError, TypeError, KeyError, EcmError):
+                kept = json.loads((folder / name).read_text(encoding="utf-8"))["mesh_difference"]
+                return None if kept is None else MeshDifference.from_dict(kept)
+        if not build:
+            return None
+        found = mesh_difference(self.shape, family.symmetry, threads=threads, progress=progress)
+        with suppress(OSError):  # a cache that cannot be written only costs time
+            document = {"mesh_difference": None if found is None else found.to_dict()}
+            write_atomically(self.directory / name, json.dumps(document))
+        return found
+
+
+def _map_of(mechanism: Mechanism, family: PhysicsFamily, mesh: MeshDifference | None) -> PhysicsMap:
     length = mechanism.length_m if mechanism.mesh_file is None else mechanism.mesh().length_m
     stated = stated_rod(mechanism) if mechanism.builtin == "rod" else mechanism
     values = {
@@ -432,28 +468,8 @@ def _map_of(mechanism: Mechanism, family: PhysicsFamily, errs: F | None) -> Phys
         mechanism=mechanism.to_dict(),
         family=family,
         values=values,
-        mesh_error=errs,
+        mesh=mesh,
     )
-
-
-def _mesh_error(shape: Mechanism, directory: Path, *, build: bool = True) -> F | None:
-    """`mesh_error` of a shape, kept beside its family; the same for both qualities.
-
-    Where it is not there and not to be built: None.
-    """
-    key = {"version": _MESH_VERSION, "shape": replace(shape, quality="standard").key()}
-    path = directory / f"mesh-{hash_of(key)[:32]}.json"
-    with suppress(OSError, ValueError, TypeError, KeyError, EcmError):
-        kept = json.loads(path.read_text(encoding="utf-8"))["mesh_error"]
-        or_null(array(6, 6))(kept, path.name)
-        return None if kept is None else np.array(kept, dtype=np.float64)
-    if not build:
-        return None
-    found = mesh_error(shape)
-    with suppress(OSError):  # a cache that cannot be written only costs time
-        document = {"mesh_error": None if found is None else found.tolist()}
-        write_atomically(path, json.dumps(document))
-    return found
 
 
 def reach_of(table: Table) -> float:

@@ -10,16 +10,15 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.io.columns import WRENCH
 from ecm.io.mechanism import Mechanism
 from ecm.io.steps import Progress, Steps
 from ecm.io.table import Table
 from ecm.models.joint_fit import joint_fit
 from ecm.models.layout import Layout, anything, array, items, named, number, one_of, record
-from ecm.models.maps import StiffnessMap
 from ecm.models.partial import fit_measured, is_partial, need_pose
 from ecm.models.physics.family import PARAMETERS
 from ecm.models.physics.map import PhysicsMap, physics_map, reach_of
+from ecm.models.physics.mesh import LAYOUT
 from ecm.models.specification import CHOOSE, FittedMap, ModelSpecification, Weights
 from ecm.regression.noise import Noise, declared_noise
 
@@ -88,21 +87,11 @@ def physics_sentences(base: PhysicsMap, covariance: F) -> list[str]:
             f"the model's own error is {own:.2g} times the noise of the paper's rig, above "
             f"{OWN_ERROR_LIMIT}: small effects cannot be distinguished from it (docs/models.md)"
         )
-    shares = mesh_shares(base)
+    shares = base.mesh_shares
     if shares is not None:
         parts = ", ".join(f"{name.split('_')[0]} {share:+.1%}" for name, share in shares.items())
         lines.append(f"error of the standard mesh against the fine one: {parts}")
     return lines
-
-
-def mesh_shares(base: StiffnessMap) -> dict[str, float] | None:
-    """Share of each wrench component by which the standard mesh differs from the fine one.
-
-    None for a base that is no body's, and where there is no second mesh to compare with.
-    """
-    if not isinstance(base, PhysicsMap) or base.mesh_error is None:
-        return None
-    return dict(zip(WRENCH, np.diag(base.mesh_error).tolist(), strict=True))
 
 
 def refit_physics(
@@ -219,7 +208,7 @@ class PhysicsModel(ModelSpecification):
         free = items(one_of(*PARAMETERS), least=1)
         return record(
             {"own_error": array(6), "mechanism": named(anything), "factor": number()},
-            {"parameters": values, "free": free, "mesh_error": array(6, 6)},
+            {"parameters": values, "free": free, "mesh_difference": LAYOUT},
             others=True,
         )
 
