@@ -74,6 +74,7 @@ test-python: build
 	@$(MAKE) --no-print-directory python-checks
 
 python-checks:
+	@$(BIN)/python scripts/size.py
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy

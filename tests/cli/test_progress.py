@@ -14,8 +14,10 @@ import pytest
 
 from ecm.cli import console
 from ecm.cli.console import Console
+from ecm.cli.main import run
 from ecm.diagnosis.check import check
 from ecm.fem.material_fit import MaterialTest, fit_material
+from ecm.io import events
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.material import Material
 from ecm.io.table import Table, as_table, read_table
@@ -181,3 +183,40 @@ def test_predict_says_the_time_left(
 def test_nobody_waits_for_a_quiet_command() -> None:
     with Console(quiet=True).working("reading") as tell:
         tell(1, 2, "")
+
+
+def test_another_program_reads_steps_and_errors_as_lines_of_json(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = tmp_path / "events"
+    monkeypatch.setenv(events.VARIABLE, str(path))
+    monkeypatch.setattr(events, "EVERY_S", 0.0)
+    show = Console().progress("FEM poses")
+    assert show is not None
+    show(3, 240, "solving")
+    assert events.last(path, "what") == {
+        "what": "FEM poses, solving", "done": 3, "total": 240, "left_s": None,
+    }  # fmt: skip
+    with Console().working("fitting") as tell:
+        tell(1, 4, "noise")
+        for _ in range(2000):
+            found = events.last(path, "what") or {}
+            if found["what"] == "fitting, noise":
+                break
+            time.sleep(0.005)
+    assert found["total"] == 4
+    assert run(["check", str(tmp_path / "none.csv")]) != 0
+    said = capsys.readouterr().err.strip().splitlines()[-1]
+    told = events.last(path, "error")
+    assert told is not None
+    assert f"error: {told['error']}".startswith(said[:40])
+    assert run(["fit"]) == 2
+    told = events.last(path, "error")
+    assert told is not None
+    assert "issing" in told["error"]
+    with path.open("a", encoding="utf-8") as file:
+        file.write('{"what": "half')
+    assert events.last(path, "error") == told
+    # A folder that is not there costs nothing but the events.
+    monkeypatch.setenv(events.VARIABLE, str(tmp_path / "none" / "events"))
+    show(240, 240)

@@ -162,12 +162,13 @@ def test_the_end_of_the_server_refuses_the_click_that_waits(app: App) -> None:
     assert "being ended" in answers[0].json()["error"]
 
 
-def test_what_a_step_prints_becomes_its_progress_and_time_left(app: App) -> None:
+def test_what_a_step_tells_becomes_its_progress_and_time_left(app: App) -> None:
     step = app.state()["running"]["step"]
-    log = app.session.folder / "logs" / f"{step}.err"
+    log = app.session.folder / "logs" / f"{step}.events"
     log.parent.mkdir(exist_ok=True)
-    log.write_text("folds: 1 of 10\nfolds: 3 of 10, 4 s left\nnot counted\n", encoding="utf-8")
+    event = '{"what": "folds", "done": 3, "total": 10, "left_s": 4.0}\n'
+    log.write_text(event + '{"what": "folds", "done"', encoding="utf-8")
     running = client_of(app).get("/api/state").json()["running"]
-    assert {name: running[name] for name in ("what", "done", "total", "left")} == {
-        "what": "folds", "done": 3, "total": 10, "left": "4 s left",
+    assert {name: running[name] for name in ("what", "done", "total", "left_s")} == {
+        "what": "folds", "done": 3, "total": 10, "left_s": 4.0,
     }  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import math
 import sys
 import threading
 import time
@@ -14,18 +14,10 @@ from typing import Any
 
 from ecm.cli import interrupt
 from ecm.errors import visible
+from ecm.io import events
 
-
-def _line_every_s() -> float:
-    """Seconds between two lines of progress: ECM_PROGRESS_S of the environment, else 10."""
-    try:
-        return max(0.1, float(os.environ["ECM_PROGRESS_S"]))
-    except (KeyError, ValueError):
-        return 10.0
-
-
-_LINE_EVERY_S = _line_every_s()
-_FIRST_LINE_S = min(2.0, _LINE_EVERY_S)
+_LINE_EVERY_S = 10.0
+_FIRST_LINE_S = 2.0
 _MOST_COUNTED = 100
 _LONGER = 0.2
 """Least share of the time since the last word that a work still takes."""
@@ -83,11 +75,13 @@ class Console:
         begin, end = ("\r", "\x1b[K") if alone else ("", "\n")
 
         def say() -> None:
-            start, wait, shown = time.monotonic(), _FIRST_LINE_S, False
-            while not ended.wait(wait):
-                wait = 1.0 if alone else _LINE_EVERY_S
-                if self._progress is None:
-                    now = time.monotonic()
+            start, shown = time.monotonic(), False
+            due = start + _FIRST_LINE_S
+            while not ended.wait(min(events.EVERY_S, _LINE_EVERY_S)):
+                now = time.monotonic()
+                events.tell_progress(*steps.at(title, now))
+                if self._progress is None and now >= due:
+                    due = now + (1.0 if alone else _LINE_EVERY_S)
                     so_far = f"{_duration(now - start)} so far"
                     line = visible(steps.line(title, so_far, now))
                     sys.stderr.write(f"{begin}{line}{end}")
@@ -202,43 +196,53 @@ class _Steps:
         self._since = time.monotonic()
         self._expected = self._phase.seconds_left(self._since)
 
-    def line(self, title: str, so_far: str, now: float) -> str:
-        """The line that is shown, with the time left where a step has ended."""
+    def at(self, title: str, now: float) -> tuple[str, float, float, float]:
+        """What goes on, the part that is done, the whole, and the seconds left.
+
+        A whole or a time of 0 is not known.
+        """
         done, total = self._at
-        if not total:
-            return f"{title}: {so_far}"
-        what = ", ".join(filter(None, (title, self._words, so_far)))
         # Parts take unlike times, and one that lasts longer than was expected is not over at once.
         taken = now - self._since
         left = max(self._expected - taken, _LONGER * taken) if self._expected else 0.0
         if left:
-            what_left = f", about {_duration(left)} left"
             done += (total - done) * taken / (taken + left)
-        else:
-            what_left = ""
+        return ", ".join(filter(None, (title, self._words))), done, total, left
+
+    def line(self, title: str, so_far: str, now: float) -> str:
+        """The line that is shown, with the time left where a step has ended."""
+        what, done, total, left = self.at(title, now)
+        if not total:
+            return f"{title}: {so_far}"
+        what_left = f", about {_duration(left)} left" if left else ""
         # What is more than a few is easier to read as a share.
         few = 1 < total <= _MOST_COUNTED
         share = f"{int(self._at[0])} of {total:.0f}" if few else f"{100.0 * done / total:.0f} %"
-        return f"{what}: {share}{what_left}"
+        return f"{what}, {so_far}: {share}{what_left}"
 
 
 def _lines(title: str) -> Callable[..., None]:
     phase = _Phase()
     last = phase.start - _LINE_EVERY_S + _FIRST_LINE_S
+    told = -math.inf
     complete = False
 
     def show(done: int, total: int, *words: Any) -> None:
-        nonlocal last, complete
+        nonlocal last, told, complete
         now = time.monotonic()
         if phase.begins(done, total):
             complete = False
         finished = bool(total) and done >= total
+        what = ", ".join([title, *map(str, words)])
+        if finished or now - told >= events.EVERY_S:
+            told = now
+            events.tell_progress(what, done, total, phase.seconds_left(now))
         slow = now - phase.start > _LINE_EVERY_S
         if complete or (now - last < _LINE_EVERY_S and not (finished and slow)):
             return
         last, complete = now, finished
-        what = visible(", ".join([title, *map(str, words)]))
-        sys.stderr.write(f"{what}: {done}{f' of {total}' if total else ''}{phase.left(now)}\n")
+        count = f"{done}{f' of {total}' if total else ''}"
+        sys.stderr.write(f"{visible(what)}: {count}{phase.left(now)}\n")
         sys.stderr.flush()
 
     return show

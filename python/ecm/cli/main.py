@@ -19,6 +19,7 @@ from typer.main import get_command
 from ecm.cli import application, interrupt
 from ecm.cli.app import app
 from ecm.errors import EcmError, exit_code, visible
+from ecm.io import events
 from ecm.regression.blas import one_blas_thread_later
 
 _BROKEN_PIPE = -1
@@ -69,7 +70,7 @@ def reported(work: Callable[[], int]) -> int:  # noqa: PLR0911 - a code per kind
             raise
         return _system_error(error)
     except MemoryError:
-        _print("error: not enough memory. Use fewer rows, a coarser mesh or fewer --threads.")
+        _print_error("not enough memory. Use fewer rows, a coarser mesh or fewer --threads.")
         return 1
     except Exception as error:
         if debug:
@@ -101,17 +102,19 @@ def _known_error(error: Exception) -> int:
     show, code = getattr(error, "show", None), getattr(error, "exit_code", None)
     if callable(show) and isinstance(code, int):  # the parser: unknown option, missing argument
         show()
+        words = getattr(error, "format_message", None)
+        events.tell(error=str(words() if callable(words) else error))
         return code
     if isinstance(error, EcmError):
-        _print(f"error: {error}")
+        _print_error(str(error))
         return exit_code(error)
     return _unexpected_error(error)
 
 
 def _unexpected_error(error: BaseException) -> int:
     kind = type(error).__name__
-    _print(
-        f"error: something unexpected happened ({kind}: {error}).\n"
+    _print_error(
+        f"something unexpected happened ({kind}: {error}).\n"
         "This is a fault of ecm: please report it with the command line and, if you can, the "
         "files.\nWith ECM_DEBUG=1 in the environment the command shows where it happened."
     )
@@ -121,11 +124,11 @@ def _unexpected_error(error: BaseException) -> int:
 def _system_error(error: OSError) -> int:
     place = f"{error.filename}: " if error.filename else ""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        _print(
-            f"error: {place}the disk is full. Finished parts are kept: free some space, run again."
+        _print_error(
+            f"{place}the disk is full. Finished parts are kept: free some space, run again."
         )
     else:
-        _print(f"error: {place}{error.strerror or error}. Check the path and its permissions.")
+        _print_error(f"{place}{error.strerror or error}. Check the path and its permissions.")
     return 1
 
 
@@ -133,6 +136,11 @@ def _interrupted() -> int:
     start = "\n" if sys.stderr.isatty() else ""  # after the ^C
     _print(f"{start}{interrupt.line()}")
     return interrupt.INTERRUPTED
+
+
+def _print_error(text: str) -> None:
+    events.tell(error=text)
+    _print(f"error: {text}")
 
 
 def _print(text: str) -> None:

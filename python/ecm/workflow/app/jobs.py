@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import subprocess
 import sys
 import threading
@@ -11,9 +10,11 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TypeVar
 
 from ecm.errors import InputError
+from ecm.io import events
 from ecm.workflow.app.disk import DiskError
 from ecm.workflow.app.journal import Step
 from ecm.workflow.app.session import INTERRUPTED, Session
@@ -26,10 +27,8 @@ _FOLLOWED_BY = {
     "refit": "compare",
 }
 """What is computed next without a click: the page shows it beside the result."""
-_PROGRESS = re.compile(r"^(?P<what>.*): (?P<done>\d+)(?: of (?P<total>\d+))?(?P<left>, .* left)?$")
-_TAIL = 4000
-_WATCHED = {"ECM_PROGRESS_S": "0.3", "ECM_READING_S": "0.02", "PYTHONUNBUFFERED": "1"}
-"""A person looks on: a line of progress every 0.3 s, and no reading of the rig is too fast."""
+_WATCHED = {"ECM_READING_S": "0.02", "PYTHONUNBUFFERED": "1"}
+"""A person looks on: no reading of the rig is too fast."""
 T = TypeVar("T")
 
 
@@ -160,7 +159,7 @@ class Jobs:
             time.sleep(0.01)
 
     def progress(self) -> dict[str, Any] | None:
-        """Return the step that is being computed and how far it is, from what it printed."""
+        """Return the step that is being computed and how far it is, from the events it told."""
         job = self._job
         if job is None:
             return None
@@ -170,22 +169,12 @@ class Jobs:
             "what": "",
             "done": None,
             "total": None,
-            "left": "",
+            "left_s": None,
             "automatic": job.automatic,
             "waiting": self._waiting,
         }
-        for line in reversed(_tail(self.session.log(job.number, "err")).splitlines()):
-            match = _PROGRESS.match(line)
-            if match is not None:
-                done, total = match["done"], match["total"]
-                found |= {
-                    "what": match["what"],
-                    "done": int(done),
-                    "total": None if total is None else int(total),
-                    "left": (match["left"] or "").strip(", "),
-                }
-                break
-        return found
+        told = events.last(self._log_of(job, "events"), "what") or {}
+        return found | {name: value for name, value in told.items() if name in found}
 
     def _begin(
         self,
@@ -216,15 +205,24 @@ class Jobs:
             (logs / f"{step.number}.out").open("wb") as out,
             (logs / f"{step.number}.err").open("wb") as err,
         ):
+            watched = {events.VARIABLE: str((logs / f"{step.number}.events").resolve())}
             return subprocess.Popen(
                 [sys.executable, "-m", "ecm.workflow.app.worker", *step.argv],
                 cwd=self.session.folder,
                 stdin=subprocess.PIPE,
                 stdout=out,
                 stderr=err,
-                env={**_WATCHED, **os.environ},
+                env={**_WATCHED, **os.environ, **watched},
                 start_new_session=True,  # Ctrl-C is for the server, which ends this process
             )
+
+    def _log_of(self, job: _Job, kind: str) -> Path:
+        return self.session.folder / "logs" / f"{job.number}.{kind}"
+
+    def _last_error(self, job: _Job) -> str:
+        """Return the error of a command that wrote no refusal."""
+        told = events.last(self._log_of(job, "events"), "error")
+        return "the command ended by itself" if told is None else str(told["error"])
 
     def _kill(self, reason: str) -> bool:
         with self._lock:
@@ -244,7 +242,7 @@ class Jobs:
         remedy = None
         if status == "failed":
             message, remedy = self.session.refusal(job.step) or (
-                _last_error(self.session.log(job.number, "err")),
+                self._last_error(job),
                 None,
             )
         try:
@@ -267,16 +265,3 @@ class Jobs:
             self._begin(*then, automatic=then[0] in _FOLLOWED_BY.values())
             return True
         return False
-
-
-def _tail(text: bytes) -> str:
-    return text[-_TAIL:].decode("utf-8", errors="replace")
-
-
-def _last_error(text: bytes) -> str:
-    """Return what a command that wrote no refusal printed from its last error on."""
-    shown = _tail(text).strip()
-    at = shown.rfind("error: ")
-    return (
-        shown if at < 0 else shown[at:].removeprefix("error: ")
-    ) or "the command ended by itself"

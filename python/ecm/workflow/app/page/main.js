@@ -84,9 +84,12 @@ function drawRunning() {
   if (what !== wasRunning) announce(`${what} …`);
   wasRunning = what;
   node.querySelector("strong").textContent = what;
-  const count = running.total ? `${running.done} of ${running.total}` : "";
+  const few = running.total > 1 && running.total <= 100;
+  const count = !running.total ? "" : few ? `${Math.floor(running.done)} of ${running.total}`
+    : `${Math.round(100 * running.done / running.total)} %`;
+  const left = running.left_s ? `about ${Math.ceil(running.left_s)} s left` : "";
   node.querySelector(".soft").textContent = [running.what, count, `${Math.round(running.seconds)} s so far`,
-    running.left, running.waiting ? "your click comes next" : ""].filter(Boolean).join(", ");
+    left, running.waiting ? "your click comes next" : ""].filter(Boolean).join(", ");
   const bar = node.querySelector("progress");
   if (running.total) { bar.max = running.total; bar.value = running.done; }
   else bar.removeAttribute("value");

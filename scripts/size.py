@@ -1,0 +1,90 @@
+"""Prints the lines of code of each part; `make test` shows them, a test holds the limits.
+
+A line of code holds a token other than a comment or a docstring. Of the crates all lines count,
+without those of tests, benches and examples.
+
+    python scripts/size.py            # the table
+    python scripts/size.py python/ecm # by folder
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+import tokenize
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+PARTS = {
+    "python/ecm": "*.py",
+    "benches": "*.py",
+    "examples": "*.py",
+    "tests": "*.py",
+    "crates": "*.rs",
+}
+_SILENT = {
+    tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT,
+    tokenize.ENCODING, tokenize.ENDMARKER,
+}  # fmt: skip
+_DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+
+
+def python_lines(path: Path) -> int:
+    """Lines that hold a token other than a comment or a docstring."""
+    docstrings: set[int] = set()
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        body = getattr(node, "body", None)
+        first = body[0] if isinstance(body, list) and body else None
+        if isinstance(node, _DOCUMENTED) and isinstance(first, ast.Expr):
+            value = first.value
+            if isinstance(value, ast.Constant) and isinstance(value.value, str):
+                docstrings.update(range(first.lineno, (first.end_lineno or first.lineno) + 1))
+    lines: set[int] = set()
+    with path.open("rb") as file:
+        for token in tokenize.tokenize(file.readline):
+            if token.type not in _SILENT:
+                lines.update(range(token.start[0], token.end[0] + 1))
+    return len(lines - docstrings)
+
+
+def rust_lines(path: Path) -> int:
+    """All lines."""
+    return len(path.read_text(encoding="utf-8").splitlines())
+
+
+def files_of(part: str) -> Iterator[Path]:
+    """The files of a part; of the crates without built ones and tests."""
+    left_out = {"target", "tests", "tests.rs", "benches", "examples"} if part == "crates" else set()
+    for path in sorted((ROOT / part).rglob(PARTS[part])):
+        if not left_out.intersection(path.relative_to(ROOT).parts):
+            yield path
+
+
+def size_of(part: str) -> tuple[int, int]:
+    """Lines of code and number of files."""
+    count = rust_lines if PARTS[part] == "*.rs" else python_lines
+    sizes = [count(path) for path in files_of(part)]
+    return sum(sizes), len(sizes)
+
+
+def by_folder(part: str) -> dict[str, tuple[int, int]]:
+    """The same of each folder within a part, the largest first."""
+    count = rust_lines if PARTS[part] == "*.rs" else python_lines
+    found: dict[str, list[int]] = defaultdict(list)
+    for path in files_of(part):
+        found[path.parent.relative_to(ROOT).as_posix()].append(count(path))
+    ordered = sorted(found.items(), key=lambda item: -sum(item[1]))
+    return {name: (sum(sizes), len(sizes)) for name, sizes in ordered}
+
+
+def main() -> None:
+    """Print the table."""
+    rows = by_folder(sys.argv[1]) if len(sys.argv) > 1 else {p: size_of(p) for p in PARTS}
+    for name, (lines, files) in rows.items():
+        print(f"{name:40s} {lines:7,d} lines in {files:3d} files")
+
+
+if __name__ == "__main__":
+    main()
