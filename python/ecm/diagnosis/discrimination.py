@@ -188,7 +188,7 @@ class _Added:
         whitener = whiteners(problem.noise.covariance(joined, problem.base.error))
         candidates = [*others, *(shape for some in shapes.values() for shape in some)]
         parts = [base_columns(joined, problem.base)] if problem.n_base else []
-        blocks = [np.einsum("nij,njk->nik", whitener, part)[fresh] for part in parts]
+        blocks = [(whitener @ part)[fresh] for part in parts]
         blocks += [
             score_columns(joined, whitener, candidate.effect)[fresh] for candidate in candidates
         ]

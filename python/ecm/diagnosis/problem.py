@@ -222,7 +222,7 @@ def assemble(
     fit = joint_fit(base, (), table, noise)
     base, rows = fit.base, fit.rows
     whitener = whiteners(noise.covariance(rows, base.error))
-    base_block = np.einsum("nij,njk->nik", whitener, base_columns(rows, base))
+    base_block = whitener @ base_columns(rows, base)
     columns = effect_columns(
         rows,
         effects,
