@@ -470,7 +470,7 @@ def _structure(model: Model, table: Table, predicted: F, chosen: I, noise: Noise
     own = None
     refitted = not model.base_frozen and model.base.kind not in LEARNED
     if refitted and _fitted_here(model, table):
-        own = np.einsum("nij,njk->nik", errors.whitener, base_columns(rows, model.base))
+        own = errors.whitener @ base_columns(rows, model.base)
     scored = is_pose_row(rows.table)
     return structure_test(rows, errors.whitened, errors.whitener, scored, fitted=own)
 

@@ -57,7 +57,7 @@ def signature_shares(
             named[covariate] = _spread(values[:, own])
 
     def share(columns: F) -> float | None:
-        z = np.einsum("nij,njk->nik", whitener, columns)
+        z = whitener @ columns
         z = (z * root[:, None, None]).reshape(n * m, -1)
         if z.shape[1] >= n * m // 2:
             return None

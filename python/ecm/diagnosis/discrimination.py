@@ -189,7 +189,7 @@ class _Added:
         candidates = [*others, *(shape for some in shapes.values() for shape in some)]
         base = problem.base
         parts = [base_columns(joined, base), error_columns(joined, base)] if problem.n_base else []
-        blocks = [np.einsum("nij,njk->nik", whitener, part)[fresh] for part in parts]
+        blocks = [(whitener @ part)[fresh] for part in parts]
         blocks += [
             score_columns(joined, whitener, candidate.effect)[fresh] for candidate in candidates
         ]

@@ -223,7 +223,7 @@ def assemble(
     fit = joint_fit(base, (), table, noise)
     base, rows = fit.base, fit.rows
     whitener = whiteners(noise.covariance(rows, base.error))
-    base_block = np.einsum("nij,njk->nik", whitener, base_columns(rows, base))
+    base_block = whitener @ base_columns(rows, base)
     columns = effect_columns(
         rows,
         effects,
@@ -244,7 +244,7 @@ def assemble(
         base_block = base_block[:, :, :0]
     free = base_block.shape[2]
     if free:
-        errs = np.einsum("nij,njk->nik", whitener, error_columns(rows, base))
+        errs = whitener @ error_columns(rows, base)
         base_block = np.concatenate([base_block, errs], axis=2)
     design = np.concatenate([base_block, *(one.columns for one in kept)], axis=2)
     norms = np.sqrt(np.einsum("nmk,nmk->k", design, design))

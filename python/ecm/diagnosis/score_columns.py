@@ -183,7 +183,7 @@ def all_score_columns(
 def score_columns(rows: Rows, whitener: F, effect: Effect) -> F:
     """Return (N, m, k) whitened derivative of the effect's correction at zero."""
     jacobian = jacobian_of(effect, rows, np.zeros(len(effect.parameters)))
-    return np.asarray(np.einsum("nij,njk->nik", whitener, jacobian))
+    return np.asarray(whitener @ jacobian)
 
 
 def _leading_shapes(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ecm._native import mid_frame
-from ecm.effects.memory import slipping
+from ecm.effects.memory import play
 from ecm.effects.mid_frame import wrench_of
 from ecm.effects.protocol import (
     Effect,
@@ -136,10 +136,8 @@ class Hysteresis(LinearEffect):
             at, came = mid_frame(rows.poses, length), mid_frame(before, length)
         friction = np.zeros_like(at)
         for order in order_of_visits(rows.table):
-            goals = np.stack([came[order], at[order]], axis=1).reshape(-1, 6)
-            steps = np.diff(goals, axis=0, prepend=np.zeros((1, 6))) * metric
-            for j in range(6):
-                friction[order, j] = slipping(steps[:, j], self.yield_m)[1::2]
+            path = np.stack([came[order], at[order]], axis=1).reshape(-1, 6) * metric
+            friction[order] = (path - play(path, self.yield_m))[1::2]
         friction *= (~rows.unloaded)[:, None] / self.yield_m
         if self.stiffness == "each":
             return np.asarray((friction * np.diag(rest) / metric)[:, :, None] * np.eye(6))

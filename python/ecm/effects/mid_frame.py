@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ecm._native import left_jacobians, mid_frame, rotation_matrices
+from ecm._native import inverse_left_jacobians, left_jacobians, mid_frame, rotation_matrices
 from ecm.io.arrays import F
 from ecm.regression.rows import Rows
 
@@ -55,6 +55,6 @@ def wrench_of(poses: F, generalised: F) -> F:
     half_jacobian = left_jacobians(half_angle)
     lever = np.cross(poses[:, :3], force)
     moment = generalised[:, 3:] - 0.5 * np.einsum("nji,nj->ni", half_jacobian, lever)
-    whole_jacobian = left_jacobians(np.ascontiguousarray(poses[:, 3:]))
-    torque = np.linalg.solve(np.swapaxes(whole_jacobian, 1, 2), moment[:, :, None])[:, :, 0]
+    inverse = inverse_left_jacobians(np.ascontiguousarray(poses[:, 3:]))
+    torque = np.einsum("nji,nj->ni", inverse, moment)
     return np.concatenate([force, torque], axis=1)

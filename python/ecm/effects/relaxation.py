@@ -205,8 +205,7 @@ def hereditary(table: Table, driven: F, tau_s: float) -> F:
         shares = _remaining_shares(steps, tau_s)
         grown = np.diff(driven[order], axis=0) * shares[:, None]
         fades = np.exp(-steps / tau_s)
-        for j, first in enumerate((driven[order[0]] * shares[0]).tolist()):
-            integral[order, j] = fading(fades, grown[:, j], first)
+        integral[order] = fading(fades, grown, driven[order[0]] * shares[0])
     return integral
 
 
@@ -250,8 +249,7 @@ def over_visits(rows: Rows, tau_s: float, frame: str = "") -> F:
         steps = np.diff(goals[order].reshape(-1, 6), axis=0, prepend=np.zeros((1, 6)))
         grown = np.zeros((len(order), 3, 6))
         grown[:, :2] = steps.reshape(-1, 2, 6) * shares[:, None, None]
-        for j in range(6):
-            integral[order, j] = fading(parts, grown[:, :, j].ravel())[3::3]
+        integral[order] = fading(parts, grown.reshape(-1, 6), np.zeros(6))[3::3]
     if frame == "middle":
         integral = wrench_of(rows.poses, integral)
     integral[rows.unloaded] = 0.0

@@ -276,8 +276,7 @@ class FtsHysteresis(LinearEffect):
         free = np.zeros((len(zeros), 2, 6))
         loads = np.concatenate([np.stack([own_before, own], axis=1), free])[order].reshape(-1, 6)
         states = np.empty((len(order), 6))
-        for j in range(6):
-            states[order, j] = play(loads[:, j], float(width[j]))[1::2]
+        states[order] = play(loads, width)[1::2]
         lag = states[: len(own)] - own
         lag -= zero_of_rows(time, zeros, states[len(own) :])
         columns = base_from_sensor * lag[:, None, :]

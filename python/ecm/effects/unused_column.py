@@ -142,7 +142,8 @@ class UnusedColumn(LinearEffect):
         time = table.column("time_s")
         for order in order_of_visits(table):
             fades = np.exp(-np.diff(time[order]) / self.lag_s)
-            late[order] = value[order] - fading(fades, fades * np.diff(value[order]))
+            grown = (fades * np.diff(value[order]))[:, None]
+            late[order] = value[order] - fading(fades, grown, np.zeros(1))[:, 0]
         return late
 
 

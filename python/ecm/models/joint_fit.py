@@ -146,7 +146,7 @@ def joint_fit(
         iteration += 1
         with _naming_what_ran_away(iteration):
             residual, design = _linearised(rows, base, fitted, measured, free_base)
-        z = np.einsum("nij,njk->nik", whitener, design) * root[:, None, None]
+        z = (whitener @ design) * root[:, None, None]
         y = np.einsum("nij,nj->ni", whitener, residual) * root[:, None]
         # The shape is given, so that it holds for zero columns as well.
         flat, response = _with_priors(z.reshape(y.size, z.shape[2]), y.ravel(), base, priors)
@@ -170,7 +170,7 @@ def joint_fit(
         ]
         converged = change < _TOLERANCE * np.sqrt(max(1, y.size))
     residual, design = _linearised(rows, base, fitted, measured, free_base)
-    z = np.einsum("nij,njk->nik", whitener, design)
+    z = whitener @ design
     weighted = (z * root[:, None, None]).reshape(residual.size, z.shape[2])
     weighted, _ = _with_priors(weighted, np.zeros(residual.size), base, priors)
     size, products = unit_products(weighted)
@@ -178,7 +178,7 @@ def joint_fit(
     y = np.einsum("nij,nj->ni", whitener, residual)
     covariance = np.asarray(least @ covariance_of(size, products) @ least.T)
     # Change of the parameters by one standard deviation of an error that all rows share.
-    shared = np.einsum("nij,njk->nik", whitener, shared_zero_error(rows, residual, noise))
+    shared = whitener @ shared_zero_error(rows, residual, noise)
     shift = np.einsum("nik,nij->kj", z * root[:, None, None] ** 2, shared)
     shift = covariance @ shift
     covariance = covariance + shift @ shift.T
@@ -286,9 +286,8 @@ def best_shape(
     y = fit.whitened.ravel() - fixed @ (fixed.T @ fit.whitened.ravel())
 
     def value(shape: Effect) -> float:
-        columns = np.einsum(
-            "nij,njk->nik", whitener, jacobian_of(shape, fit.rows, np.zeros(len(shape.parameters)))
-        ).reshape(size, -1)
+        jacobian = jacobian_of(shape, fit.rows, np.zeros(len(shape.parameters)))
+        columns = (whitener @ jacobian).reshape(size, -1)
         left = columns - fixed @ (fixed.T @ columns)
         if left.shape[1] == 1 and not shape.parameters[0].allows(float(left[:, 0] @ y)):
             return -np.inf

@@ -226,7 +226,7 @@ def _least_squares(base: AMap, poses: F, measured: F, whitener: F) -> tuple[AMap
 
     def jacobian(at: F) -> F:
         columns = base.with_coefficients(at).columns(poses)
-        own = np.einsum("nij,njk->nik", whitener, columns).reshape(measured.size, -1)
+        own = (whitener @ columns).reshape(measured.size, -1)
         return -np.concatenate([own, np.diag(1.0 / sd)[known]])
 
     start = base.coefficients

@@ -19,7 +19,7 @@ from ecm.effects.few.pairs import (
     spans,
 )
 from ecm.effects.friction import Hysteresis as FullHysteresis
-from ecm.effects.memory import play, slipping
+from ecm.effects.memory import play
 from ecm.effects.motion import ViscousDamping as FullDamping
 from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, beside, needs_time
 from ecm.effects.robot import Backlash as FullBacklash
@@ -104,8 +104,8 @@ class Hysteresis(PairEffect):
         limit = numbers(self.slip)[name]
         values, signal = rows.table.column(name), np.zeros(len(rows))
         for order in order_of_visits(rows.table):
-            steps = np.diff(values[order], prepend=values[order[:1]])
-            signal[order] = slipping(steps, limit) / limit
+            path = (values[order] - values[order[0]])[:, None]
+            signal[order] = (path - play(path, limit))[:, 0] / limit
         return signal
 
 
@@ -161,7 +161,8 @@ class Backlash(LinearEffect):
                 j = rows.base.inputs.index(name)
                 for order in order_of_visits(rows.table):
                     start = poses[order[0], j]
-                    poses[order, j] = start + play(poses[order, j] - start, width)
+                    path = (poses[order, j] - start)[:, None]
+                    poses[order, j] = start + play(path, width)[:, 0]
             made.append((rows.predict(poses) - rows.wrench) / width)
         return np.stack(made, axis=2)
 
