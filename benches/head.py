@@ -47,6 +47,7 @@ _GOAL_MM, _GOAL_DEG = 0.5, 0.2
 _OSCILLATES_DEG = 0.5
 """Standard deviation of the head's angle, long after a push, at which it counts as oscillating."""
 _MOST_DELAY_S = 0.128
+_UNITS = ("mm", "deg")
 Result = dict[str, Any]
 
 
@@ -110,9 +111,7 @@ class Bench:
         plain = replace(moved, settings=without_integral(self.settings))
         asked = [(motion.name, moved, motion) for motion in motions]
         asked += [(WITHOUT, plain, motions[0]), (BY_SHAPE, felt, motions[0])]
-        figures = [
-            {**by.run(motion, seed).figures(), "motion": name} for name, by, motion in asked
-        ]
+        figures = [{**by.run(motion, seed).figures(), "motion": name} for name, by, motion in asked]
         document: Result = {"row": row, "seed": seed, "motions": figures}
         if len(motions) > 1:
             document["delay_margin_s"] = delay_margin(moved, push)
@@ -262,7 +261,6 @@ def loop_lines(bench: Bench) -> list[str]:
     return lines
 
 
-_UNITS = ("mm", "deg")
 _SET_POINTS = {
     "model alone mm": (WITHOUT, "settled_mm"), "model alone deg": (WITHOUT, "settled_deg"),
     "settled mm": (PLAIN, "settled_mm"), "settled deg": (PLAIN, "settled_deg"),
@@ -324,7 +322,9 @@ def _line(row: str, own: Sequence[Result], cells: list[str], more: Sequence[str]
 def _cell(own: Sequence[Result], where: tuple[str, str] | None) -> str:
     if where is not None:
         return _shown(_values(own, *where))
-    settled = zip(_values(own, PLAIN, "settled_mm"), _values(own, PLAIN, "settled_deg"), strict=True)
+    settled = zip(
+        _values(own, PLAIN, "settled_mm"), _values(own, PLAIN, "settled_deg"), strict=True
+    )
     return str(sum(mm <= _GOAL_MM and deg <= _GOAL_DEG for mm, deg in settled))
 
 
@@ -387,7 +387,10 @@ def main() -> None:
     elif given.loop:
         part, lines = "loop", loop_lines(bench)
     elif given.steps:
-        part, lines = "steps", [line for row in rows for line in step_lines(bench, row, given.steps)]
+        part, lines = (
+            "steps",
+            [line for row in rows for line in step_lines(bench, row, given.steps)],
+        )
     else:
 
         def progress(done: int, left_s: float) -> None:

@@ -18,7 +18,9 @@ import ecm
 
 def main() -> None:
     """Run the command."""
-    parser = argparse.ArgumentParser(prog="examples/head", description=(__doc__ or "").split("\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="examples/head", description=(__doc__ or "").split("\n")[0]
+    )
     parser.add_argument("--out", type=Path, required=True, help="folder to write into")
     parser.add_argument(
         "--hide", default="temperature_modulus", metavar="EFFECT",
@@ -31,7 +33,9 @@ def main() -> None:
     given = parser.parse_args()
     if given.film is not None:
         given.film.parent.mkdir(parents=True, exist_ok=True)
-        if sys.platform == "linux":  # MuJoCo asks for it when it is loaded; it draws without a screen
+        if (
+            sys.platform == "linux"
+        ):  # MuJoCo asks for it when it is loaded; it draws without a screen
             os.environ.setdefault("MUJOCO_GL", "egl")
     try:
         run(given.out, given.hide, given.poses, given.seed, given.film)

@@ -56,7 +56,9 @@ def compile_controller(model: Model | None, folder: Path) -> Path:
     library = folder / f"head-{_digest(files, options)}.so"
     names = [name for name in files if name.endswith(".c")]
     flags = ["-std=c99", "-O2", "-s", "-shared", "-fPIC", "-fvisibility=hidden", *options]
-    return _built(library, files, [os.environ.get("CC", "cc"), *flags, *names, "-lm", "-o", library.name])
+    return _built(
+        library, files, [os.environ.get("CC", "cc"), *flags, *names, "-lm", "-o", library.name]
+    )
 
 
 def build_plugin(neck: TrueNeck, folder: Path) -> Path:
@@ -169,8 +171,7 @@ class CompiledController:
         """(4,) what the motors pull beyond them, for their own damping."""
         self.restart(pose)
         self._arguments = tuple(
-            ctypes.byref(part)
-            for part in (self._settings, self._state, self.inputs, self._outputs)
+            ctypes.byref(part) for part in (self._settings, self._state, self.inputs, self._outputs)
         )
 
     @property
@@ -180,7 +181,7 @@ class CompiledController:
 
     def restart(self, pose: F) -> None:
         """Forget everything; the head rests at a pose (6,)."""
-        self._code.head_init(self._state, (_D * 6)(*pose))
+        self._code.head_init(self._state, _numbers(pose))
 
     def step(self) -> None:
         """Find the wanted tendon forces for what `inputs` holds."""
@@ -188,26 +189,27 @@ class CompiledController:
 
     def model(self, pose: F) -> tuple[F, F]:
         """Wrench (6,) and stiffness (6, 6) of the model at a pose, without effects of time."""
-        wrench, stiffness = np.zeros(6), np.zeros((6, 6))
-        self._code.head_neck((_D * 6)(*pose), _pointer(wrench), _pointer(stiffness))
-        return wrench, stiffness
+        wrench, stiffness = _numbers(np.zeros(6)), _numbers(np.zeros(36))
+        self._code.head_neck(_numbers(pose), wrench, stiffness)
+        return np.array(wrench), np.reshape(stiffness, (6, 6))
 
     def hold(self, pose: F, wrench: F, stiffness: F) -> tuple[F, int]:
         """Forces (4,) that hold a pose under a wrench, and how many are at a limit."""
-        forces = np.zeros(4)
-        parts = (_pointer(part) for part in (pose, wrench, stiffness, forces))
-        return forces, int(self._code.head_hold(ctypes.byref(self._settings), *parts))
+        forces = _numbers(np.zeros(4))
+        given = map(_numbers, (pose, wrench, stiffness))
+        limited = self._code.head_hold(ctypes.byref(self._settings), *given, forces)
+        return np.array(forces), int(limited)
 
     def reach(self, pose: F, stiffness: F, forces: F, away: F) -> F:
         """Change of the forces (4,) that moves the equilibrium nearest to a small twist (6,)."""
-        change = np.zeros(4)
-        parts = (_pointer(part) for part in (pose, stiffness, forces, away, change))
-        self._code.head_reach(ctypes.byref(self._settings), *parts)
-        return change
+        change = _numbers(np.zeros(4))
+        given = map(_numbers, (pose, stiffness, forces, away))
+        self._code.head_reach(ctypes.byref(self._settings), *given, change)
+        return np.array(change)
 
 
-def _pointer(numbers: F) -> ctypes.c_void_p:
-    return ctypes.c_void_p(numbers.ctypes.data)
+def _numbers(values: F) -> ctypes.Array[ctypes.c_double]:
+    return (_D * values.size)(*values.ravel())
 
 
 def _c_settings(settings: HeadSettings, length_m: float) -> _Settings:

@@ -26,9 +26,7 @@ _LEAST_SD = np.repeat([1e-4, 5e-4], 3)
 """Noise of a reading below which the filter does not trust it, m and rad."""
 
 
-def design_observer(
-    neck: Statics, settings: HeadSettings, pose: F, length_m: float
-) -> tuple[F, F]:
+def design_observer(neck: Statics, settings: HeadSettings, pose: F, length_m: float) -> tuple[F, F]:
     """Return the gain (18, 6) of a reading, and the motion (18, 18) of one step, of (x, x', d).
 
     Parameters

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from functools import cache
 from pathlib import Path
 
 import mujoco
@@ -20,8 +19,8 @@ _REEL_M = 0.05
 _TOO_FAR_RAD = 2.5
 """Rotation of the head at which a simulation is given up."""
 
-load_plugin = cache(mujoco.mj_loadPluginLibrary)
-"""MuJoCo takes a library once in a process."""
+_loaded: set[str] = set()
+"""MuJoCo takes a plugin once in a process; its name holds the hash of its source."""
 
 
 class HeadPlant:
@@ -55,7 +54,7 @@ class HeadPlant:
         self._elastic, self.memory = neck.elastic, NeckMemory(neck)
         self._k = tendons.stiffness_N_m
         self._slack = tendon_lengths(tendons, neck.rest) + _REEL_M - tendons.rest_N / self._k
-        self.model.tendon_lengthspring[:, 1] = self._slack
+        self.model.tendon_lengthspring[:] = np.stack([np.zeros(4), self._slack], axis=1)
         self.model.tendon_stiffness[:] = 0.0 if free else self._k
         stiffness = np.diag(neck.elastic.stiffness(neck.rest[None])[0])
         self.model.dof_damping[:4] = tendons.motor_damping_N_s_m
@@ -149,7 +148,9 @@ class HeadPlant:
 
 def _scene(settings: HeadSettings, length_m: float, plugin: Path) -> mujoco.MjModel:
     """`scene.xml` with the plugin and the numbers of the robot."""
-    load_plugin(str(plugin))
+    if plugin.name not in _loaded:
+        mujoco.mj_loadPluginLibrary(str(plugin))
+        _loaded.add(plugin.name)
     name = plugin.stem.removeprefix("lib").removesuffix("_plugin")
     text = _SCENE.read_text(encoding="utf-8").replace('"NECK"', f'"ecm.{name}"')
     spec = mujoco.MjSpec.from_string(text)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ecm.workflow.head.plant import HeadPlant
-from ecm.workflow.head.sensing import PoseReadings
-from ecm.workflow.head.settings import CAMERA, SHAPE, HeadSettings, PoseSensor, Tendons
-from support.head import closed_neck
+from plant import HeadPlant, PoseReadings
+from robot import CAMERA, SHAPE, HeadSettings, PoseSensor, Tendons
+from support.head_example import closed_neck
 
 QUIET = Tendons(force_noise_N=0.0, friction_N=0.0, friction_share=0.0)
 
@@ -35,14 +35,12 @@ def test_readings_come_at_their_rate_late_and_with_their_noise(sensor: PoseSenso
     assert np.linalg.norm(noise.mean(axis=0) / constants) > 0.3
 
 
-def test_a_motor_is_late_and_keeps_to_its_rate_and_its_force() -> None:
-    pytest.importorskip("mujoco")
+def test_a_motor_is_late_and_keeps_to_its_rate_and_its_force(plugin: Path) -> None:
     neck = closed_neck()
     stiff = replace(QUIET, motor_damping_N_s_m=0.0, force_gain=0.0, force_rate_per_s=0.0)
 
     def forces(tendons: Tendons, command: float, steps: int) -> np.ndarray:
-        plant = HeadPlant(HeadSettings(tendons=tendons), neck)
-        plant.at(neck.rest)
+        plant = HeadPlant(HeadSettings(tendons=tendons), neck, plugin)
         wanted = np.empty(steps)
         for i in range(steps):
             plant.step(np.full(4, command))

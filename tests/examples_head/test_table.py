@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ecm.io.mechanism import Mechanism
-from ecm.workflow.head import table as module
-from ecm.workflow.head.experiment import Record
-from ecm.workflow.head.settings import HeadSettings
-from ecm.workflow.head.table import BY_SHAPE, WITHOUT, Bench, table_lines
-from support.head import closed_neck
+import head as module
+from experiment import Record
+from head import BY_SHAPE, WITHOUT, Bench, table_lines
+from robot import HeadSettings
+from support.head_example import closed_neck
 
 
 def test_the_figures_of_a_record_are_those_of_its_ends() -> None:
@@ -27,11 +26,11 @@ def test_the_figures_of_a_record_are_those_of_its_ends() -> None:
     limited = np.where(np.arange(100) < 10, 1.0, 0.0)
     record = Record("x", wanted, reached, forces, limited, ((80, 100),))
     figures = record.figures()
-    assert figures.settled_mm == pytest.approx(1.0)
-    assert figures.settled_deg == pytest.approx(0.3)
-    assert figures.tracking_mm == pytest.approx(np.sqrt(0.5 * 16.0 + 0.2 * 1.0))
-    assert figures.least_force_N == 4.0
-    assert figures.limited_share == pytest.approx(0.1)
+    assert figures["settled_mm"] == pytest.approx(1.0)
+    assert figures["settled_deg"] == pytest.approx(0.3)
+    assert figures["tracking_mm"] == pytest.approx(np.sqrt(0.5 * 16.0 + 0.2 * 1.0))
+    assert figures["least_force_N"] == 4.0
+    assert figures["limited_share"] == pytest.approx(0.1)
 
 
 def test_overshoot_is_what_goes_beyond_the_end_of_a_way() -> None:
@@ -41,7 +40,7 @@ def test_overshoot_is_what_goes_beyond_the_end_of_a_way() -> None:
     reached[20:25, 4] += 0.01
     reached[25:30, 3] += 0.05  # across the way
     record = Record("x", wanted, reached, np.ones((50, 4)), np.zeros(50), ((40, 50),))
-    assert record.figures().overshoot_deg == pytest.approx(np.degrees(0.01))
+    assert record.figures()["overshoot_deg"] == pytest.approx(np.degrees(0.01))
 
 
 def test_the_table_shows_medians_with_their_range_and_falls() -> None:
@@ -60,7 +59,7 @@ def test_the_table_shows_medians_with_their_range_and_falls() -> None:
         figures = Record(
             "x", np.zeros((1, 6)), np.zeros((1, 6)), np.full((1, 4), 9.0), np.zeros(1), ((0, 1),)
         ).figures()
-        own = figures.to_dict() | {"settled_mm": settled, "fallen": seed == 2}
+        own = figures | {"settled_mm": settled, "fallen": seed == 2}
         motions = [own | {"motion": name} for name in names]
         margins = {"delay_margin_s": 0.01 + 0.001 * seed, "delay_margin_shape_s": 0.02}
         return {"row": "energy6, 50 poses", "seed": seed, "motions": motions, **margins}
@@ -92,13 +91,11 @@ def test_a_bench_goes_on_where_it_was_stopped(
             return {"row": row, "seed": seed, "motions": [{}] * (len(motions) + 2)}
 
     monkeypatch.setattr(module, "Motions", lambda *arguments: _NoMotions())
-    bench = Quick(closed_neck(), HeadSettings(), Mechanism(), tmp_path)
-    bench.run([0], ["no model (PD)"], full=1)
-    bench.run([0, 1], ["no model (PD)", "energy6, 50 poses"], full=1)
-    assert len(called) == len(set(called)) == 4
-    bench.run([1], ["no model (PD)"], full=1)
-    assert len(called) == 4
-    assert len(bench.results()) == 4
+    bench = Quick(closed_neck(), HeadSettings(), tmp_path)
+    for seed, row in ((0, "no model (PD)"), (0, "energy6, 50 poses"), (1, "no model (PD)")) * 2:
+        bench.run(seed, row, full=1)
+    assert len(called) == len(set(called)) == 3
+    assert len(bench.results()) == 3
     assert all(json.loads(path.read_bytes()) for path in tmp_path.glob("*.json"))
 
 

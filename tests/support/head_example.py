@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm._native import EnergyModel
-from ecm.workflow.head.neck_wrench import TrueNeck
+from ecm.models import EnergyMap
+from neck import TrueEffect, TrueNeck
 from support.neck import LENGTH_M, STIFFNESS
 
 F = NDArray[np.float64]
@@ -21,18 +22,8 @@ def neck_pairs(n: int, seed: int = 0) -> tuple[F, F]:
     return away + np.array([LENGTH_M, 0, 0, 0, 0, 0]), wrenches
 
 
-def closed_neck(*effects: object) -> TrueNeck:
+def closed_neck(*effects: TrueEffect) -> TrueNeck:
     """A true neck without FEM."""
     poses, wrenches = neck_pairs(200)
     energy = EnergyModel.fit(poses, wrenches, length_m=LENGTH_M, degree=4, symmetry="revolution")
-    return TrueNeck(energy, effects)  # type: ignore[arg-type]
-
-
-def statics(neck: TrueNeck):  # type: ignore[no-untyped-def]
-    """Wrench and stiffness at one pose."""
-
-    def at(pose: F) -> tuple[F, F]:
-        wrench, stiffness = neck.energy.wrench_and_stiffness(pose[None])
-        return wrench[0], stiffness[0]
-
-    return at
+    return TrueNeck(EnergyMap(energy), effects)
