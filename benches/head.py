@@ -34,9 +34,9 @@ from ecm.io.cores import own_cores
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "head"))
 
 from experiment import Robot
-from loop import HIDDEN, campaign, run_loop, with_effects, without_integral, workspace_poses
+from loop import campaign, run_loop, with_effects, without_integral, workspace_poses
 from motions import Motion, Motions, held_pose
-from neck import TrueNeck, fem_neck
+from neck import HIDDEN, TrueNeck, fem_neck
 from robot import SHAPE, HeadSettings, tendon_matrix
 
 F = NDArray[np.float64]
@@ -142,7 +142,7 @@ class Bench:
 
 
 def exportable(model: ecm.Model, poses: F) -> ecm.Model:
-    """Return the model, or an energy fitted to it at poses (N, 6) where C does not know its kind."""
+    """Return the model, or an energy fitted to it at poses (N, 6) where C lacks its kind."""
     if model.base.document().get("kind") in ("polynomial", "energy", "physics"):
         return model
     columns = [*model.inputs, *model.outputs]

@@ -49,8 +49,8 @@ def run(out: Path, hide: str, poses: int, seed: int, film: Path | None) -> None:
     """Carry out the loop and write campaign, models, figures and film."""
     from experiment import Robot  # noqa: PLC0415 - it loads MuJoCo
     from film import write_film  # noqa: PLC0415
-    from loop import HIDDEN, run_loop  # noqa: PLC0415
-    from neck import fem_neck  # noqa: PLC0415
+    from loop import run_loop  # noqa: PLC0415
+    from neck import HIDDEN, fem_neck  # noqa: PLC0415
     from robot import HeadSettings  # noqa: PLC0415
 
     out.mkdir(parents=True, exist_ok=True)

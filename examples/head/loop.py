@@ -20,13 +20,9 @@ from ecm.effects import with_shape
 from ecm.rig import CampaignOptions, PlantTable
 from experiment import Record, Robot
 from motions import Motion, Motions
-from neck import Hysteresis, Relaxation, Temperature, TrueEffect, TrueNeck
+from neck import TrueNeck
 from robot import F, HeadSettings
 
-HIDDEN: dict[str, TrueEffect] = {
-    effect.effect: effect for effect in (Temperature(-0.015), Relaxation(0.25), Hysteresis(4e-4))
-}
-"""What can be hidden in the neck, large enough to be seen by eye."""
 _RIG = ecm.RigSettings(plant=PlantTable(room_cycle_degC=4.0))
 """A room whose heating is felt, so that a campaign can see what temperature does."""
 _MIDDLE_M = 0.006
@@ -72,7 +68,7 @@ class HeadLoop:
         }
 
 
-def run_loop(
+def run_loop(  # noqa: PLR0913 - a choice each, all with a default
     neck: TrueNeck, folder: Path, settings: HeadSettings | None = None, *, seed: int = 0,
     model: str = "energy6", poses: int = 50, motion: Motion | None = None,
     effects: Sequence[str] | None = None, mechanism: ecm.Mechanism | None = None,

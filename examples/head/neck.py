@@ -26,6 +26,10 @@ TrueEffect = Relaxation | Hysteresis | Temperature
 USUAL: tuple[TrueEffect, ...] = (Relaxation(0.10), Hysteresis(1.5e-4), Temperature(-0.006))
 """10 % of the stress relax, friction holds 0.15 mm, and the modulus falls by 0.6 % per kelvin:
 assumed sizes of a filled silicone."""
+HIDDEN: dict[str, TrueEffect] = {
+    effect.effect: effect for effect in (Temperature(-0.015), Relaxation(0.25), Hysteresis(4e-4))
+}
+"""What can be hidden in the neck, large enough to be seen by eye."""
 _DEGREE, _FEM_POSES = 8, 420
 _SPREAD = np.array([0.006, 0.012, 0.012, 0.4, 0.45, 0.45])
 """Half of the box of FEM poses; x is mostly pressed."""

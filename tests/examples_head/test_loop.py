@@ -13,9 +13,9 @@ import pytest
 
 from ecm import Mechanism, fit
 from experiment import Record
-from loop import HIDDEN, HeadLoop, run_loop
+from loop import HeadLoop, run_loop
 from motions import Motions
-from neck import Temperature
+from neck import HIDDEN, Temperature
 from robot import HeadSettings
 from support.full_table import full_table
 from support.head_example import closed_neck

@@ -35,7 +35,7 @@ def test_the_free_head_keeps_its_energy_within_a_tenth_of_a_percent_in_a_minute(
     neck = closed_neck()
     plant = HeadPlant(SETTINGS, neck, plugin, free=True)
     lowest = energy_J(plant)
-    plant.at(neck.rest + [-0.001, 0.002, -0.003, 0.05, 0.04, 0.08], np.zeros(4))
+    plant.at(neck.rest + np.array([-0.001, 0.002, -0.003, 0.05, 0.04, 0.08]), np.zeros(4))
     begin = energy_J(plant) - lowest
     for _ in range(3000):  # of the 60,000 of a minute: the drift is even
         plant.step(np.zeros(4))
