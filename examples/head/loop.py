@@ -68,10 +68,9 @@ class HeadLoop:
         }
 
 
-def run_loop(  # noqa: PLR0913 - a choice each, all with a default
+def run_loop(
     neck: TrueNeck, folder: Path, settings: HeadSettings | None = None, *, seed: int = 0,
     model: str = "energy6", poses: int = 50, motion: Motion | None = None,
-    effects: Sequence[str] | None = None, mechanism: ecm.Mechanism | None = None,
     say: Callable[[str], object] = lambda text: None,
 ) -> HeadLoop:  # fmt: skip
     """Miss, measure, diagnose, refit, export, hit.
@@ -92,10 +91,6 @@ def run_loop(  # noqa: PLR0913 - a choice each, all with a default
         Poses of the campaign; each is visited twice.
     motion
         What the head is asked for; default an hour of warming.
-    effects
-        Ids that the diagnosis may name; default all.
-    mechanism
-        The body that the campaign's description names; default that of the paper.
     say
         Told what is being done.
     """
@@ -106,12 +101,12 @@ def run_loop(  # noqa: PLR0913 - a choice each, all with a default
         return Robot.with_model(settings, neck, found, folder).run(motion, seed)
 
     say("campaign on the neck")
-    table = campaign(neck, poses, model, seed, diagnosable=True, mechanism=mechanism)
+    table = campaign(neck, poses, model, seed, diagnosable=True)
     before = ecm.fit(table, model)
     say("the head with the model that lacks the effect")
     missed = moved(before)
     say("diagnosis")
-    answer = ecm.diagnose(before, table, seed=seed, effects=effects).to_dict()["answer"]
+    answer = ecm.diagnose(before, table, seed=seed).to_dict()["answer"]
     named = tuple(members[0] for members in answer)
     after = with_effects(before, named, table)
     say("the head with the model that has it")
@@ -125,7 +120,7 @@ def without_integral(settings: HeadSettings) -> HeadSettings:
 
 def campaign(
     neck: TrueNeck, poses: int, model: str, seed: int, *, diagnosable: bool = False,
-    share: float = 1.0, mechanism: ecm.Mechanism | None = None,
+    share: float = 1.0,
 ) -> ecm.Table:  # fmt: skip
     """Measure the true neck on the simulated rig; all that is hidden in it acts there as well.
 
@@ -143,11 +138,9 @@ def campaign(
         Each pose twice, from two sides, with several dwells; else once.
     share
         Size of the campaign's box over that of the workspace.
-    mechanism
-        The body that the table's description names; default that of the paper.
     """
     candidates = workspace_poses(neck, max(600, 3 * poses), [seed, 5], share)
-    meta = {"mechanism": (mechanism or ecm.Mechanism()).to_dict()}
+    meta = {"mechanism": neck.mechanism.to_dict()}
     table = ecm.as_table(dict(zip(_POSE, candidates.T, strict=True)), meta=meta)
     design = ecm.DesignSettings(
         model=model, length_m=neck.length_m, seed=seed, starts=1, iterations=4

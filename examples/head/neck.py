@@ -8,7 +8,7 @@ exact answer to a step, friction along the way between two steps.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from hashlib import sha256
 from pathlib import Path
 
@@ -41,6 +41,8 @@ class TrueNeck:
 
     elastic: EnergyMap
     effects: tuple[TrueEffect, ...] = ()
+    mechanism: ecm.Mechanism = field(default_factory=ecm.Mechanism)
+    """The body that the description of a campaign names."""
 
     @property
     def length_m(self) -> float:

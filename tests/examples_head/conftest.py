@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -16,8 +17,7 @@ if find_spec("mujoco") is None:
 @pytest.fixture(scope="session")
 def plugin(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The neck of `support.head_example` as MuJoCo's plugin."""
-    from compiled import build_plugin  # noqa: PLC0415 - MuJoCo may be missing
-    from support.head_example import closed_neck  # noqa: PLC0415
-
     need_program("c++", "g++")
-    return build_plugin(closed_neck(), tmp_path_factory.mktemp("plugin"))
+    build = import_module("compiled").build_plugin  # MuJoCo may be missing
+    neck = import_module("support.head_example").closed_neck()
+    return Path(build(neck, tmp_path_factory.mktemp("plugin")))

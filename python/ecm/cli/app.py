@@ -33,7 +33,7 @@ COMMANDS = {
 }
 """Every command with its line of `ecm --help`: NAME of the file `options/NAME.py`."""
 
-_MOVED = {
+MOVED = {
     "head": "is an example of the repository now: in a copy of "
     "https://github.com/ecm-stiffness/ecm type `python examples/head --out DIR` (docs/head.md)",
 }
@@ -75,10 +75,10 @@ class _Commands(TyperGroup):
             formatter.write_dl(list(COMMANDS.items()))
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        if args and args[0] in _MOVED:
+        if args and args[0] in MOVED:
             from ecm.errors import InputError  # noqa: PLC0415 - help loads no engine
 
-            raise InputError(f"ecm {args[0]} {_MOVED[args[0]]}")
+            raise InputError(f"ecm {args[0]} {MOVED[args[0]]}")
         if args and args[0] not in COMMANDS:  # the parser suggests names of this mapping
             self.commands: Any = dict.fromkeys(COMMANDS)
         return super().resolve_command(ctx, args)
