@@ -41,6 +41,8 @@ PAGE = re.compile(r"(?<![\w*{}./-])[\w./-]*\w\.md\b")
 
 WRITTEN = ("demo/", "out/", "examples/control.rs")
 """What commands write: folders of results, and a file of the exported crate."""
+GONE = {"ecm.workflow.head"}
+"""Names of earlier versions that CHANGELOG.md tells of."""
 ELSEWHERE = {
     "model/kuka_lwr4_gaz.urdf",
     "model/kuka_lwr4_identified.urdf",
@@ -152,6 +154,7 @@ def test_tests_that_a_page_names_exist(page: Path) -> None:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_names_of_the_package_that_a_page_uses_exist(page: Path) -> None:
     names = {name.group() for name in NAME.finditer(page.read_text(encoding="utf-8"))}
+    names -= GONE if page.name == "CHANGELOG.md" else set()
     assert [name for name in sorted(names) if not exists(name)] == []
 
 
