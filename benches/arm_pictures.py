@@ -1,11 +1,17 @@
-"""A film of the first poses of a campaign: the arm, and a close view of the mechanism, by MuJoCo.
+"""A film of the first poses of a campaign of the arm, and the paper's Fig. 7 of one of them.
 
-The mechanism is no body of the scene; it is drawn as a row of cylinders along the cubic curve that
-is tangent to the axes of the base and of the top frame.
+    .venv/bin/python benches/arm_pictures.py plan.csv --rig examples/robot.toml \\
+        --film film.gif --phases phases.png
+
+The film shows the arm and a close view of the mechanism, by MuJoCo, at four times their speed. The
+mechanism is no body of the scene; it is drawn as a row of cylinders along the cubic curve that is
+tangent to the axes of the base and of the top frame.
 """
 
 from __future__ import annotations
 
+import argparse
+import sys
 from collections.abc import Sequence
 from importlib import import_module
 from itertools import pairwise
@@ -15,14 +21,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.errors import ComputationError
+import ecm
+from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F
 from ecm.io.extras import require
+from ecm.rig.arm.first_pose import PictureSource, first_reached
+from ecm.rig.arm.plot_style import COLOURS, PANELS
 from ecm.rig.arm.scene import mujoco
 from ecm.rig.arm.simulation import Simulation
-from ecm.rig.arm.sorties import Stop
+from ecm.rig.arm.sorties import SortieResult, Stop, full_trace
 from ecm.rig.arm.worker import ArmSetup
 from ecm.rig.elastic import Progress
+from ecm.rig.plan import rest_pose
+from ecm.workflow.config import read_rig
 
 WIDTH, HEIGHT = 480, 400
 NEAR_WIDTH = 260
@@ -32,6 +43,8 @@ FASTER = 4.0
 """Simulated time divided by filmed time."""
 _PIECES = 12
 _UNLOADED, _LOADED = np.array([0.55, 0.75, 0.95, 1.0]), np.array([0.95, 0.35, 0.25, 1.0])
+_FILMED, _RADIUS_M = 3, 0.033
+"""Poses; radius that is drawn if the plan's mechanism names none."""
 _FULL_N = 120.0
 """Force at which the mechanism is drawn red."""
 
@@ -190,3 +203,86 @@ def gl_context(width: int, height: int) -> Any:
         "the film needs a graphics library that draws without a screen; install libegl1 or "
         f"libosmesa6 ({'; '.join(tried)[:300]})"
     )
+
+
+def draw_phases(sortie: SortieResult, stop: Stop, length_m: float, path: Path) -> None:
+    """Draw Fig. 7 of a sortie with one stop: each component of the pose, with the phases."""
+    figure = require("matplotlib.figure", "report", "--phases").Figure(
+        figsize=(9.0, 6.0), layout="constrained"
+    )
+    result = sortie.stops[0]
+    time_s, trace = full_trace(sortie)
+    rest = rest_pose(length_m)
+    axes: Any = figure.subplots(2, 3, sharex=True)
+    for j, axis in enumerate(axes.ravel()):
+        for name, begin, end in (*result.phases, *sortie.home.phases):
+            axis.axvspan(begin, end, color=COLOURS[name], lw=0, label=name if j == 0 else None)
+        axis.plot(time_s, 1e3 * (trace[:, j] - rest[j]), color="#204a87", lw=1.5)
+        axis.axhline(1e3 * (stop.goal[j] - rest[j]), color="#a40000", lw=1.0, ls="--")
+        axis.set_title(PANELS[j], fontsize=10)
+        axis.margins(x=0)
+    for axis in axes[1]:
+        axis.set_xlabel("time [s]")
+    status = f"skipped: {result.reason}" if result.reason else "reached"
+    figure.suptitle(f"One pose of the procedure ({status}); dashed: goal", fontsize=11)
+    figure.legend(loc="outside lower center", ncols=len(COLOURS), fontsize=9, frameon=False)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    # Without a date the same picture gives the same bytes.
+    figure.savefig(path, dpi=110, metadata={"Date": None} if path.suffix == ".svg" else {})
+
+
+def write_pictures(
+    pictures: PictureSource, film: Path | None, phases: Path | None, progress: Progress = None
+) -> list[str]:
+    """Write the requested pictures; return a line about each.
+
+    Parameters
+    ----------
+    pictures
+        Plan and rig.
+    film
+        GIF of the first poses at four times their speed.
+    phases
+        Fig. 7 of the first pose that is reached, PNG, SVG or PDF.
+    progress
+        Called while poses are solved and filmed.
+    """
+    if pictures.rig.rig.mode != "robot":
+        raise InputError('the pictures show the arm; set [rig] mode = "robot" in the rig file')
+    campaign = pictures.campaign(progress)
+    lines = []
+    if phases is not None:
+        sortie, stop = first_reached(campaign)
+        draw_phases(sortie, stop, campaign.plant.length_m, phases)
+        reason = sortie.stops[0].reason
+        lines.append(
+            f"{phases}: the phases of the first pose that the arm reaches"
+            if not reason
+            else f"{phases}: the phases of the first pose, which the arm does not reach: {reason}"
+        )
+    if film is not None:
+        radius = float((pictures.plan.meta.mechanism or {}).get("radius_m", _RADIUS_M))
+        stops = [sortie.stops[0] for sortie in campaign.sorties[:_FILMED]]
+        frames = write_film(campaign.setup, stops, film, radius, progress)
+        lines.append(f"{film}: {len(stops)} poses, {frames} frames")
+    return lines
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("plan", type=Path)
+    parser.add_argument("--rig", type=Path, required=True)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--film", type=Path, metavar="FILE.gif")
+    parser.add_argument("--phases", type=Path, metavar="FILE.png")
+    given = parser.parse_args()
+    try:
+        plan = ecm.read_table(given.plan, need="predict")
+        pictures = PictureSource(plan, read_rig(given.rig), given.seed)
+        print("\n".join(write_pictures(pictures, given.film, given.phases)))
+    except ecm.EcmError as error:
+        sys.exit(f"error: {error}")
+
+
+if __name__ == "__main__":
+    main()
