@@ -35,10 +35,13 @@ def main() -> None:
         "--hide",
         default="temperature_modulus",
         choices=HIDDEN,
-        help="in the neck; the first is usual",
+        help="in the neck: %(choices)s (%(default)s)",
+        metavar="EFFECT",
     )
-    parser.add_argument("--poses", type=int, default=50, help="poses of the campaign (50)")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the random generator (0)")
+    parser.add_argument("--poses", type=int, default=50, help="poses of the campaign (%(default)s)")
+    parser.add_argument(
+        "--seed", type=int, default=0, help="seed of the random generator (%(default)s)"
+    )
     parser.add_argument("--film", type=Path, metavar="FILE.gif", help="film of both, side by side")
     given = parser.parse_args()
     try:
