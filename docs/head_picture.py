@@ -1,4 +1,4 @@
-"""docs/head.png: a moment of the film that `ecm head --film` writes.
+"""docs/head.png: a moment of the film that `examples/head --film` writes.
 
 .venv/bin/python docs/head_picture.py out/head/film.gif
 """

@@ -39,7 +39,7 @@ from ecm.models import PhysicsMap, fit_model
 from ecm.models.refit import refit
 from ecm.report.page import number
 from support.campaigns import campaign, physics
-from support.neck import LENGTH_M, Done, csv_text, neck_columns, neck_rows
+from support.neck import LENGTH_M, ROOT, Done, csv_text, neck_columns, neck_rows
 from support.neck import STIFFNESS as K
 
 Command = Callable[..., Done]
@@ -48,7 +48,15 @@ COMMANDS = sorted(set(REGISTRY) - {"material"})  # a group: `material fit`
 
 def test_the_commands_are_those_of_this_version() -> None:
     names = "identify simulate fit predict design campaign check compare diagnose refit reveal"
-    assert sorted([*names.split(), "app", "effects", "export", "head", "import", "new"]) == COMMANDS
+    assert sorted([*names.split(), "app", "effects", "export", "import", "new"]) == COMMANDS
+
+
+def test_a_command_that_moved_says_where_in_one_line(ecm_command: Command) -> None:
+    done = ecm_command("head", "--out", "x", "--film", "x.gif")
+    assert (done.code, done.err.count("\n")) == (2, 1)
+    assert done.err.startswith("error: ecm head is an example of the repository now")
+    assert (ROOT / "examples" / "head" / "__main__.py").is_file()
+    assert "python examples/head --out DIR" in done.err
 
 
 def test_help_of_all_loads_no_command() -> None:

@@ -9,15 +9,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from docsite.json_page import SCHEMAS, page
 from ecm.errors import InputError, Remedy
-from ecm.models import fit_model
-from ecm.workflow.head.experiment import Record
-from ecm.workflow.head.loop import HeadLoop
-from support.full_table import full_table
 from support.neck import ROOT, Done
 from support.programs import need_packages
 
@@ -105,26 +100,6 @@ def test_the_summary_of_a_job_fits_its_schema(quick_job: Path) -> None:
     assert problems("identify", summary) == []
 
 
-def test_what_ecm_head_writes_fits_its_schema(
-    tmp_path: Path, ecm_command: Callable[..., Done], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The command with a loop that is done already: the true one takes minutes."""
-    need_packages("mujoco")
-    model = fit_model(full_table(), "linear")
-    still = Record("still", *np.zeros((2, 1, 6)), np.full((1, 4), 9.0), np.zeros(1), ((0, 1),))
-    loop = HeadLoop(full_table(), model, model, ("hysteresis",), still, still)
-    command = import_module("ecm.cli.head")
-    monkeypatch.setattr(command, "fem_neck", lambda *given, **named: None)
-    monkeypatch.setattr(command, "Bench", lambda *given: None)
-    monkeypatch.setattr(command, "run_loop", lambda bench, **named: loop)
-    written = tmp_path / "head.json"
-    done = ecm_command("head", "--out", tmp_path, "--hide", "hysteresis", "--json", written)
-    assert done.code == 0, done.err
-    assert problems("head", json.loads(written.read_text(encoding="utf-8"))) == []
-    assert {"campaign.csv", "before.json", "after.json"} <= {f.name for f in tmp_path.iterdir()}
-    assert f"next: ecm compare {tmp_path}/after.json" in done.out
-
-
 def test_what_a_refused_command_writes_fits_its_schema(
     tmp_path: Path, ecm_command: Callable[..., Done], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -157,7 +132,7 @@ def test_what_does_not_fit_is_noticed(folder: Path) -> None:
 
 def test_every_layout_is_tried_and_shown() -> None:
     names = sorted(path.stem for path in SCHEMAS.glob("*.json"))
-    assert names == sorted([*COMMANDS, "head", "identify", "model", "refusal"])
+    assert names == sorted([*COMMANDS, "identify", "model", "refusal"])
     assert all(f"(../schemas/{name}.json)" in page() for name in names)
     assert "| `answer` | array |" in page()
     assert "| `ranking[].delta_bic` | number |" in page()

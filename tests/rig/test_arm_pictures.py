@@ -12,17 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from arm_pictures import Film, centre_line, draw_phases, write_film, write_pictures
 from ecm.errors import ComputationError, InputError, MissingExtra
 from ecm.report.page import FigureBlock
 from ecm.rig import RigSettings
-from ecm.rig.arm.film import Film, centre_line, write_film
-from ecm.rig.arm.pictures import (
-    PictureSource,
-    draw_phases,
-    first_pose_trace,
-    require_robot,
-    write_pictures,
-)
+from ecm.rig.arm.first_pose import PictureSource, first_pose_trace
 from ecm.rig.arm.scene import mujoco
 from ecm.rig.arm.sorties import Stop
 from ecm.workflow.report_arm import arm_section
@@ -83,7 +77,7 @@ def test_phases_are_drawn(tmp_path: Path) -> None:
 def test_show_writes_what_is_asked_for(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="matplotlib is missing: see the extra report")
     out = tmp_path / "fig7.png"
-    (line,) = write_pictures(pictures(tmp_path / "cache"), phases=out)
+    (line,) = write_pictures(pictures(tmp_path / "cache"), None, out)
     assert str(out) in line
     assert out.read_bytes()[:4] == b"\x89PNG"
 
@@ -92,9 +86,9 @@ def test_a_pose_that_no_limit_lets_the_arm_reach_is_not_called_reached(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("matplotlib", reason="matplotlib is missing: see the extra report")
-    monkeypatch.setattr("ecm.rig.arm.pictures._TRIED", 2)
+    monkeypatch.setattr("ecm.rig.arm.first_pose._TRIED", 2)
     weak = pictures(tmp_path / "cache", force_limit_N=1.0)
-    (line,) = write_pictures(weak, phases=tmp_path / "fig7.png")
+    (line,) = write_pictures(weak, None, tmp_path / "fig7.png")
     assert "does not reach: while in phase impedance: force" in line
     arrays, phases, reason = first_pose_trace(weak)
     assert "limit 1 N" in reason
@@ -119,21 +113,31 @@ def test_a_compiler_is_asked_for_where_no_controller_is_kept_and_before_any_work
     pytest.importorskip("matplotlib", reason="matplotlib is missing: see the extra report")
     library()  # skips where there is no compiler at all
     kept, out = pictures(tmp_path / "kept"), tmp_path / "fig7.png"
-    write_pictures(kept, phases=out)
+    write_pictures(kept, None, out)
     monkeypatch.setattr("ecm.rig.arm.controller_model.shutil.which", lambda _name: None)
-    write_pictures(kept, phases=out)
+    write_pictures(kept, None, out)
     with pytest.raises(ComputationError, match="no C compiler"):
-        write_pictures(pictures(tmp_path / "bare"), phases=out)
+        write_pictures(pictures(tmp_path / "bare"), None, out)
     assert not (tmp_path / "bare").exists()
     with pytest.raises(ComputationError, match="no C compiler"):  # another controller than the kept
-        write_pictures(replace(kept, plan=plan(some_poses(8, seed=5))), phases=out)
+        write_pictures(replace(kept, plan=plan(some_poses(8, seed=5))), None, out)
 
 
-def test_pictures_are_of_the_arm_alone() -> None:
-    with pytest.raises(InputError, match=r"--film.*mode"):
-        require_robot(RigSettings(), ("--film", Path("a.gif")))
-    with pytest.raises(InputError, match=r"expected a file ending in \.gif"):
-        require_robot(settings(), ("--film", Path("a.mp4")))
+def test_pictures_are_of_the_arm_alone(tmp_path: Path) -> None:
+    still = replace(pictures(tmp_path), rig=RigSettings())
+    with pytest.raises(InputError, match=r"show the arm; set \[rig\] mode"):
+        write_pictures(still, tmp_path / "a.gif", None)
+
+
+@pytest.mark.parametrize("option", ["--film", "--phases"])
+def test_the_campaign_says_where_its_pictures_are_drawn_now(
+    option: str, tmp_path: Path, ecm_command: Callable[..., Done]
+) -> None:
+    out = tmp_path / "data.csv"
+    done = ecm_command("campaign", "p.csv", "--rig", "r.toml", "--out", out, option, "x")
+    assert done.code == 2
+    assert "python benches/arm_pictures.py p.csv --rig r.toml --film film.gif" in done.err
+    assert not out.exists()
 
 
 def test_a_missing_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -28,11 +28,16 @@ COMMANDS = {
     "effects": "The physical effects that can be named.",
     "material": "A material from tests.",
     "export": "A model as C or Rust for a controller.",
-    "head": "A simulated head misses, then hits.",
     "app": "The whole loop in a browser.",
     "new": "A config, rig or data file to begin from.",
 }
 """Every command with its line of `ecm --help`: NAME of the file `options/NAME.py`."""
+
+MOVED = {
+    "head": "is an example of the repository now: in a copy of "
+    "https://github.com/ecm-stiffness/ecm type `python examples/head --out DIR` (docs/head.md)",
+}
+"""Commands of earlier versions, and where their work is done now."""
 
 _FILES = {"import": "import_log", "app": "serve"}
 """The file, and the function in it, of a command whose name is taken."""
@@ -70,6 +75,10 @@ class _Commands(TyperGroup):
             formatter.write_dl(list(COMMANDS.items()))
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if args and args[0] in MOVED:
+            from ecm.errors import InputError  # noqa: PLC0415 - help loads no engine
+
+            raise InputError(f"ecm {args[0]} {MOVED[args[0]]}")
         if args and args[0] not in COMMANDS:  # the parser suggests names of this mapping
             self.commands: Any = dict.fromkeys(COMMANDS)
         return super().resolve_command(ctx, args)

@@ -8,9 +8,8 @@ from typing import Any
 
 from ecm.cli.options.campaign import Options
 from ecm.cli.session import Session
-from ecm.io.table import Table
-from ecm.rig import CampaignOptions, RigSettings, campaign_minutes, run_campaign, run_campaigns
-from ecm.rig.arm.pictures import PictureSource, require_robot, write_pictures
+from ecm.errors import InputError
+from ecm.rig import CampaignOptions, campaign_minutes, run_campaign, run_campaigns
 from ecm.rig.arm.run import robot_path
 from ecm.rig.arm.summary import summary_lines
 from ecm.rig.elastic import Progress
@@ -21,12 +20,16 @@ from ecm.workflow.config import read_rig
 def campaign(options: Options, session: Session) -> None:
     """Run `ecm campaign`."""
     many = bool(options.rigs) or options.scheduler is not None
-    session.check_output(options.out, options.film, options.phases)
+    if options.film is not None or options.phases is not None:
+        raise InputError(
+            "--film, --phases: the pictures of the arm are drawn in a copy of "
+            "https://github.com/ecm-stiffness/ecm now: python benches/arm_pictures.py "
+            f"{options.plan} --rig {options.rig} --film film.gif --phases phases.png"
+        )
+    session.check_output(options.out)
     if not many:
         keep_data(options.out, overwrite=options.overwrite)  # before the plan is read
     rig = read_rig(options.rig)
-    if options.film is not None or options.phases is not None:
-        require_robot(rig, ("--film", options.film), ("--phases", options.phases))
     plan = session.read([options.plan], need="predict")
     session.print(f"{len(plan)} visits, about {campaign_minutes(plan, rig):.0f} minutes")
     common: dict[str, Any] = {
@@ -65,7 +68,7 @@ def campaign(options: Options, session: Session) -> None:
     )
     session.print(f"{options.out}: {len(data)} rows")
     if rig.rig.mode == "robot":
-        for line in _arm_lines(options, session, plan, rig):
+        for line in summary_lines(robot_path(options.out)):
             session.print(line)
 
 
@@ -85,16 +88,3 @@ def paced(progress: Progress) -> Progress:
             time.sleep(max(0.0, pause_s))
 
     return slower
-
-
-def _arm_lines(options: Options, session: Session, plan: Table, rig: RigSettings) -> list[str]:
-    """What the arm did, and the pictures of it that were asked for."""
-    lines = summary_lines(robot_path(options.out))
-    if options.film is not None or options.phases is not None:
-        lines += write_pictures(
-            PictureSource(plan, rig, session.seed, session.threads),
-            film=options.film,
-            phases=options.phases,
-            progress=session.progress("pictures"),
-        )
-    return lines

@@ -7,6 +7,7 @@ plant has formulas of its own, or finding it would prove nothing.
 from __future__ import annotations
 
 from ecm.rig.campaign import Campaign
+from ecm.rig.elastic import Anchors, Source
 from ecm.rig.hidden.spec import Hidden
 from ecm.rig.hidden.truth import Revealed, reveal, score
 from ecm.rig.many import run_campaigns
@@ -16,6 +17,7 @@ from ecm.rig.settings import HiddenTable, Instruments, PlantTable, Procedure, Ri
 rig_from_dict = RigSettings.from_dict
 
 __all__ = [
+    "Anchors",
     "Campaign",
     "CampaignOptions",
     "Hidden",
@@ -25,6 +27,7 @@ __all__ = [
     "Procedure",
     "Revealed",
     "RigSettings",
+    "Source",
     "campaign_minutes",
     "fem_source",
     "reveal",

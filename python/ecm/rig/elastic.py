@@ -32,7 +32,26 @@ CONTRAST = 0.05
 
 
 class Source(Protocol):
-    """Solves the mechanism at given poses: FEM, or a closed form in tests."""
+    """What `CampaignOptions.source` asks of a mechanism that the rig measures in place of its FEM.
+
+    Examples
+    --------
+    A spring; `examples/head/neck.py` has an elastic neck that also moves a robot.
+
+    >>> class Spring:
+    ...     length_m = 0.1
+    ...     def key(self):
+    ...         return "spring-1"
+    ...     def solve(self, poses, grade, progress):
+    ...         k = np.tile(1000.0 * np.eye(6), (len(poses), 1, 1))
+    ...         wrenches = 1000.0 * (poses - [0.1, 0, 0, 0, 0, 0])
+    ...         return Anchors(poses, wrenches, k, ("solved",) * len(poses))
+    ...     def surrogate(self, anchors):
+    ...         return None
+    >>> source: Source = Spring()
+    >>> source.solve(np.full((1, 6), 0.1), "plain", None).wrenches[0, :2]
+    array([  0., 100.])
+    """
 
     @property
     def length_m(self) -> float: ...
@@ -59,7 +78,13 @@ class Smooth(Protocol):
 
 @dataclass(frozen=True)
 class Anchors:
-    """Solutions at (N, 6) poses; `status` other than "solved" marks rows not to be visited."""
+    """Solutions at (N, 6) poses; `status` other than "solved" marks rows not to be visited.
+
+    Examples
+    --------
+    >>> Anchors(np.zeros((1, 6)), np.zeros((1, 6)), np.zeros((1, 6, 6)), ("solved",)).status
+    ('solved',)
+    """
 
     poses: F
     wrenches: F

@@ -38,7 +38,7 @@ from ecm.models.physics.map import reach_of
 from ecm.regression.blas import one_blas_thread
 from ecm.report.page import require_report, write_page
 from ecm.rig import HiddenTable, RigSettings
-from ecm.rig.arm.pictures import PictureSource, first_pose_trace
+from ecm.rig.arm.first_pose import PictureSource, first_pose_trace
 from ecm.rig.arm.run import require_arm, robot_path
 from ecm.rig.arm.summary import read_summary
 from ecm.workflow import paper_selection as selection

@@ -36,13 +36,9 @@ class Options:
         str | None,
         typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler for the rigs."),
     ] = None
-    film: Annotated[
-        Path | None, typer.Option("--film", metavar="FILE.gif", help="Film of the arm.")
-    ] = None
-    phases: Annotated[
-        Path | None,
-        typer.Option("--phases", metavar="FILE.png", help="Figure of the arm's phases."),
-    ] = None
+    # They draw outside the package now; `ecm campaign` says where.
+    film: Annotated[Path | None, typer.Option("--film", hidden=True)] = None
+    phases: Annotated[Path | None, typer.Option("--phases", hidden=True)] = None
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace a table that is there already.")
     ] = False
