@@ -9,11 +9,11 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (44_700, 440),
-    "benches": (8_060, 60),
-    "examples": (70, 1),
-    "tests": (27_350, 206),
-    "crates": (31_910, 230),
+    "python/ecm": (42_830, 420),
+    "benches": (8_440, 61),
+    "examples": (1_130, 11),
+    "tests": (27_350, 207),
+    "crates": (31_910, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit."""
 

@@ -77,7 +77,7 @@ class Console:
         def say() -> None:
             start, shown = time.monotonic(), False
             due = start + _FIRST_LINE_S
-            while not ended.wait(min(events.EVERY_S, _LINE_EVERY_S)):
+            while not ended.wait(min(events.EVERY_S, _LINE_EVERY_S, _FIRST_LINE_S)):
                 now = time.monotonic()
                 events.tell_progress(*steps.at(title, now))
                 if self._progress is None and now >= due:
