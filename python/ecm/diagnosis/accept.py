@@ -12,9 +12,14 @@ from ecm.diagnosis.bootstrap import selection_shares
 from ecm.diagnosis.bounds import bounded_estimate
 from ecm.diagnosis.confusion import confusion_class
 from ecm.diagnosis.held_out import held_out_delta
-from ecm.diagnosis.plain_form import sign_is_significant
 from ecm.diagnosis.problem import Candidate, Problem
-from ecm.diagnosis.search import delta_chi2, delta_chi2_of_each, rank, squares_by_row
+from ecm.diagnosis.search import (
+    delta_chi2,
+    delta_chi2_of_each,
+    explains_more_than_its_plain_form,
+    rank,
+    squares_by_row,
+)
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.regression.normal_equations import explained_squares
 
@@ -241,7 +246,7 @@ def _is_own_seen(
     plain = item.effect.plain_form()
     if plain is None or (plain.id != item.id and plain.id in members):
         return True
-    return sign_is_significant(problem, chosen, item)
+    return explains_more_than_its_plain_form(problem, chosen, item)
 
 
 def _is_robust(

@@ -6,9 +6,14 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ecm.diagnosis.plain_form import sign_is_significant
 from ecm.diagnosis.problem import Candidate, Problem
-from ecm.diagnosis.search import delta_bic, delta_bic_of_each, estimate, squares_by_row
+from ecm.diagnosis.search import (
+    delta_bic,
+    delta_bic_of_each,
+    estimate,
+    explains_more_than_its_plain_form,
+    squares_by_row,
+)
 from ecm.io.arrays import F
 from ecm.regression.normal_equations import projected_out, solve
 
@@ -100,7 +105,7 @@ def confusion_class(
     plain = item.effect.plain_form()
     if plain is None or plain.id in members or plain.id not in {rival.id for rival in rivals}:
         return members
-    if sign_is_significant(problem, chosen, item):
+    if explains_more_than_its_plain_form(problem, chosen, item):
         return members
     # It was chosen because it has fewer parameters than the plainer form, not for its own sign.
     return [*members[: most - 1], plain.id]

@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 from scipy import special
 
-from ecm.diagnosis.problem import Candidate, Problem
+from ecm.diagnosis.problem import Candidate, Problem, with_more
 from ecm.io.arrays import F, I
 from ecm.regression.normal_equations import (
     explained_by_blocks,
@@ -311,3 +311,17 @@ def _swapped(problem: Problem, chosen: tuple[Candidate, ...]) -> tuple[Candidate
                 best = (*best[:i], tried[most], *best[i + 1 :])
                 value, improved = float(falls[most]), True
     return best
+
+
+def explains_more_than_its_plain_form(
+    problem: Problem, chosen: Sequence[Candidate], item: Candidate
+) -> bool:
+    """Whether the effect explains more than its plain form in its place, by the least BIC."""
+    plain = item.effect.plain_form()
+    if plain is None:
+        return True
+    wider, (other,) = with_more(problem, (plain,))
+    others = [one for one in chosen if one is not item]
+    gain = delta_chi2(wider, (*others, item)) - delta_chi2(wider, (*others, other))
+    price = np.log(problem.size) * max(0, item.parameters - other.parameters)
+    return bool(gain > problem.settings.least_bic + price)

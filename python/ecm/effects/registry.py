@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ecm.effects import unused_column
-from ecm.effects.few import elastic, load
+from ecm.effects.few import elastic, history
 from ecm.effects.few.forms import FORMS, is_full
 from ecm.effects.protocol import (
     Effect,
@@ -58,7 +58,7 @@ _CATALOGUE: tuple[Effect, ...] = tuple(
 )
 _own: dict[str, Effect] = {}
 _UNUSED = unused_column.UnusedColumn("", 0.0, "", "")
-_FEW_ONLY = (*load.FORMS, *elastic.FORMS, _UNUSED)
+_FEW_ONLY = (*history.FEW_ONLY, *elastic.FORMS, _UNUSED)
 """Effects of tables of few columns; of larger ones each own column alone (`effects_of`)."""
 
 

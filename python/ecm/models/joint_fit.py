@@ -22,7 +22,7 @@ from ecm.regression.f_test import independent_factor, orthonormal
 from ecm.regression.folds import is_pose_row
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.rows import Rows
-from ecm.regression.shared_error import shared_zero_error
+from ecm.regression.sensor_zero import shared_zero_error
 
 _MAX_ITERATIONS = 8
 _NULL = 1e-12

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ecm.effects.few import elastic, friction, history, load
+from ecm.effects.few import elastic, friction, history
 from ecm.effects.protocol import Effect
 from ecm.io.columns import POSE, WRENCH
 
 FORMS: dict[str, Effect] = {
-    effect.id: effect for group in (friction, history, load, elastic) for effect in group.FORMS
+    effect.id: effect
+    for forms in (friction.FORMS, history.FORMS, history.FEW_ONLY, elastic.FORMS)
+    for effect in forms
 }
-"""Plain forms by id; those of `load` and `elastic` exist for few columns only."""
+"""Plain forms by id; the last two groups exist for few columns only."""
 
 
 def is_full(names: Iterable[str]) -> bool:

@@ -25,7 +25,6 @@ from ecm.rig.arm.sorties import PlannedSortie, RunningSortie, SortieResult, plan
 from ecm.rig.arm.surrogate import fem_pairs, fit_surrogate
 from ecm.rig.arm.visit_record import VisitRecord
 from ecm.rig.arm.worker import ArmSetup, RunSorties, run_sorties
-from ecm.rig.arm.workspace_distance import distance_m
 from ecm.rig.camera import Optics
 from ecm.rig.campaign import Campaign
 from ecm.rig.climate import Climate
@@ -329,3 +328,15 @@ def _thinned(trace: F) -> list[list[float]]:
     index = np.unique(np.linspace(0, len(trace) - 1, _WAY_POINTS).round().astype(int))
     points: list[list[float]] = trace[index].tolist()
     return points
+
+
+def distance_m(path: F, poses: F, rest: F, length_m: float) -> F:
+    """(n,) distance of each pose of a path (n, 6) from the lines to (N, 6) poses, m."""
+    metric = np.array([1.0, 1.0, 1.0, length_m, length_m, length_m])
+    lines = (poses - rest) * metric
+    points = (path - rest) * metric
+    square = np.maximum((lines**2).sum(axis=1), 1e-18)
+    share = np.clip(points @ lines.T / square, 0.0, 1.0)
+    gaps = points[:, None, :] - share[:, :, None] * lines[None, :, :]
+    nearest: F = np.sqrt((gaps**2).sum(axis=2).min(axis=1))
+    return nearest
