@@ -9,8 +9,8 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (42_830, 420),
-    "benches": (8_440, 61),
+    "python/ecm": (42_810, 414),
+    "benches": (8_600, 62),
     "examples": (1_130, 11),
     "tests": (27_350, 207),
     "crates": (31_910, 198),
