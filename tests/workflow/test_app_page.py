@@ -507,6 +507,7 @@ def test_a_column_that_never_varies_and_a_noise_that_is_not_known(
     data = padded_table(tmp_path / "stage.csv")
     with served(data, folder=tmp_path / "session") as address:
         page.open(address)
+        page.js("location.hash = 'data'")  # a check that ends before the page is there opens Model
         page.until("!!document.querySelector('#to-model')")
         while page.js("document.querySelector('#to-model').disabled"):
             page.click(".warning button")
