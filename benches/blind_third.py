@@ -1,6 +1,6 @@
 """The third blind benchmark of docs/discovery.md: bodies, laws and protocols of their own.
 
-    python benches/blind_third.py --out build/third [--sets 104] [--seed 1] [--evidence]
+    python benches/blind_third.py --out build/third [--sets 104] [--seed 1 2] [--evidence]
         [--without RULE | --ablate]
 
 With --evidence the posterior of `blind_parts.evidence` answers in place of `ecm diagnose`; with
@@ -60,8 +60,8 @@ def run_one(case: ThirdSet, folder: Path, *, evidence: bool, rule: str = "") -> 
             one = answer_by_evidence(given_model(table), table)
             verdict, answer, said = one.verdict, one.answer, " ".join(one.families)
         else:
-            with without(rule):
-                found = diagnose(given_model(table), table)
+            with without(rule) as stages:
+                found = diagnose(given_model(table), table, stages=stages)
             verdict, answer = found.verdict, [list(members) for members in found.answer]
             said = found.sentence()
     except EcmError as error:
@@ -119,21 +119,19 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--sets", type=int, default=104)
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seed", type=int, nargs="+", default=[1])
     parser.add_argument("--workers", type=int, default=own_cores())
     parser.add_argument("--evidence", action="store_true", help="the posterior answers")
     parser.add_argument("--without", choices=RULES, default="", help="leave a rule out")
     parser.add_argument("--ablate", action="store_true", help="leave out each rule in turn")
-    parser.add_argument("--seeds", type=int, nargs="+", help="several, in place of --seed")
     parser.add_argument("--seconds", type=float, default=np.inf, help="begin no set after that")
     given = parser.parse_args()
-    seeds = given.seeds or [given.seed]
-    cases = [case for seed in seeds for case in third_sets(given.sets, seed)]
+    cases = [case for seed in given.seed for case in third_sets(given.sets, seed)]
     if not given.ablate:
         kind = "evidence" if given.evidence else "sets"
         found = answered(given, cases, kind, given.without)
         text = table_text(found)
-        print(f"\nSets: {len(found)} of {len(cases)}, seeds {seeds}.\n\n{text}")
+        print(f"\nSets: {len(found)} of {len(cases)}, seeds {given.seed}.\n\n{text}")
         write_atomically(given.out / "table.md", text)
         return 0
     whole = answered(given, cases, "sets", "")

@@ -1,7 +1,7 @@
 """Prints the lines of code of each part; `make test` shows them, a test holds the limits.
 
-A line of code holds a token other than a comment or a docstring. Of the crates all lines count,
-without those of tests, benches and examples.
+A line of code holds a token other than a comment or a docstring, which fields have as well. Of the
+crates all lines count, without those of tests, benches and examples.
 
     python scripts/size.py            # the table
     python scripts/size.py python/ecm # by folder
@@ -28,19 +28,14 @@ _SILENT = {
     tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT,
     tokenize.ENCODING, tokenize.ENDMARKER,
 }  # fmt: skip
-_DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
 def python_lines(path: Path) -> int:
     """Lines that hold a token other than a comment or a docstring."""
     docstrings: set[int] = set()
     for node in ast.walk(ast.parse(path.read_bytes())):
-        body = getattr(node, "body", None)
-        first = body[0] if isinstance(body, list) and body else None
-        if isinstance(node, _DOCUMENTED) and isinstance(first, ast.Expr):
-            value = first.value
-            if isinstance(value, ast.Constant) and isinstance(value.value, str):
-                docstrings.update(range(first.lineno, (first.end_lineno or first.lineno) + 1))
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            docstrings.update(range(node.lineno, (node.end_lineno or node.lineno) + 1))
     lines: set[int] = set()
     with path.open("rb") as file:
         for token in tokenize.tokenize(file.readline):

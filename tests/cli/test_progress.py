@@ -194,29 +194,29 @@ def test_another_program_reads_steps_and_errors_as_lines_of_json(
     show = Console().progress("FEM poses")
     assert show is not None
     show(3, 240, "solving")
-    assert events.last(path, "what") == {
+    assert events.last(path.read_bytes(), "what") == {
         "what": "FEM poses, solving", "done": 3, "total": 240, "left_s": None,
     }  # fmt: skip
     with Console().working("fitting") as tell:
         tell(1, 4, "noise")
         for _ in range(2000):
-            found = events.last(path, "what") or {}
+            found = events.last(path.read_bytes(), "what") or {}
             if found["what"] == "fitting, noise":
                 break
             time.sleep(0.005)
     assert found["total"] == 4
     assert run(["check", str(tmp_path / "none.csv")]) != 0
     said = capsys.readouterr().err.strip().splitlines()[-1]
-    told = events.last(path, "error")
+    told = events.last(path.read_bytes(), "error")
     assert told is not None
     assert f"error: {told['error']}".startswith(said[:40])
     assert run(["fit"]) == 2
-    told = events.last(path, "error")
+    told = events.last(path.read_bytes(), "error")
     assert told is not None
     assert "issing" in told["error"]
     with path.open("a", encoding="utf-8") as file:
         file.write('{"what": "half')
-    assert events.last(path, "error") == told
+    assert events.last(path.read_bytes(), "error") == told
     # A folder that is not there costs nothing but the events.
     monkeypatch.setenv(events.VARIABLE, str(tmp_path / "none" / "events"))
     show(240, 240)

@@ -9,10 +9,10 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (42_810, 414),
-    "benches": (8_540, 62),
-    "examples": (1_130, 11),
-    "tests": (27_350, 207),
+    "python/ecm": (41_620, 414),
+    "benches": (8_390, 62),
+    "examples": (1_070, 11),
+    "tests": (27_280, 207),
     "crates": (31_910, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit."""

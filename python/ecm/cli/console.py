@@ -75,13 +75,15 @@ class Console:
         begin, end = ("\r", "\x1b[K") if alone else ("", "\n")
 
         def say() -> None:
-            start, shown = time.monotonic(), False
-            due = start + _FIRST_LINE_S
-            while not ended.wait(min(events.EVERY_S, _LINE_EVERY_S, _FIRST_LINE_S)):
+            start = now = time.monotonic()
+            due, shown = start + _FIRST_LINE_S, False
+            while not ended.wait(min(events.EVERY_S, max(0.0, due - now))):
                 now = time.monotonic()
                 events.tell_progress(*steps.at(title, now))
-                if self._progress is None and now >= due:
-                    due = now + (1.0 if alone else _LINE_EVERY_S)
+                if now < due:
+                    continue
+                due = now + (1.0 if alone else _LINE_EVERY_S)
+                if self._progress is None:
                     so_far = f"{_duration(now - start)} so far"
                     line = visible(steps.line(title, so_far, now))
                     sys.stderr.write(f"{begin}{line}{end}")

@@ -348,8 +348,7 @@ def with_more(problem: Problem, effects: Sequence[Effect]) -> tuple[Problem, lis
         at += block.shape[2]
     scaled = [block / np.where(n > 0.0, n, 1.0) for block, n in zip(blocks, norms, strict=True)]
     design = np.concatenate([problem.design, *scaled], axis=2)
-    precision = np.zeros(at)
-    precision[: len(problem.normal.precision)] = problem.normal.precision
+    precision = np.pad(problem.normal.precision, (0, at - len(problem.norms)))
     wider = replace(
         problem,
         design=design,

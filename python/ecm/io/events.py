@@ -9,12 +9,13 @@ from __future__ import annotations
 import json
 import os
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 VARIABLE = "ECM_EVENTS"
 EVERY_S = 0.3
 """Seconds between two lines about the same step."""
+_LATEST = 20_000
+"""Bytes of a file that are looked at: the events of the last seconds."""
 
 
 def tell(**event: Any) -> None:
@@ -30,19 +31,15 @@ def tell_progress(what: str, done: float, total: float, left_s: float) -> None:
     tell(what=what, done=done, total=total or None, left_s=left_s or None)
 
 
-def last(path: Path, name: str) -> dict[str, Any] | None:
-    """The last event that holds this key; None where there is none.
+def last(told: bytes, name: str) -> dict[str, Any] | None:
+    """The last event with this key among the latest of a file; None where there is none.
 
     Examples
     --------
-    >>> last(Path("no such file"), "what") is None
-    True
+    >>> last(b'{"what": "fit", "done": 1}\n{"what": "fit", "do', "what")
+    {'what': 'fit', 'done': 1}
     """
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return None
-    for line in reversed(lines):
+    for line in reversed(told[-_LATEST:].splitlines()):
         with suppress(ValueError):  # the last line may be half written
             event = json.loads(line)
             if isinstance(event, dict) and name in event:

@@ -325,18 +325,13 @@ def _linearised(
 
 def base_columns(rows: Rows, base: StiffnessMap) -> F:
     """(N, m, k) derivative of the base wrench to its coefficients, zero where unloaded."""
-    loaded = ~rows.unloaded
-    columns = np.zeros((len(rows), len(base.outputs), len(base.coefficients)))
-    if loaded.any():
-        columns[loaded] = base.columns(np.ascontiguousarray(rows.poses[loaded]))
-    return columns
+    return rows.where_loaded(base.columns, rows.poses, len(base.outputs), len(base.coefficients))
 
 
 def error_columns(rows: Rows, base: StiffnessMap) -> F:
     """(N, m, e) directions in which the base may err, each with sd 1; zero where unloaded."""
-    columns = base.error_columns(rows.poses)
-    columns[rows.unloaded] = 0.0
-    return columns
+    count = base.error_columns(rows.poses[:0]).shape[2]
+    return rows.where_loaded(base.error_columns, rows.poses, len(base.outputs), count)
 
 
 def unit_products(z: F) -> tuple[F, F]:

@@ -51,6 +51,19 @@ _LAYOUT = record(
 """What a family holds in a model file and in the cache."""
 
 
+def scaled_energy(
+    degree: int, symmetry: Symmetry, scale: F, coefficients: F, length_m: float
+) -> EnergyModel:
+    """The energy with coefficients (k,) in J of terms in c/L and theta over their `scale` (2,)."""
+    return EnergyModel.from_coefficients(
+        length_m=length_m,
+        degree=degree,
+        symmetry=symmetry,
+        scale=np.array([scale[0] * length_m, scale[1]]),
+        coefficients=np.ascontiguousarray(coefficients),
+    )
+
+
 def compressibility(poisson_ratio: float) -> float:
     """s = mu/kappa."""
     return 1.5 * (1.0 - 2.0 * poisson_ratio) / (1.0 + poisson_ratio)
@@ -179,13 +192,7 @@ class PhysicsFamily:
         return EnergyMap(self._model(coefficients, length_m))
 
     def _model(self, coefficients: F, length_m: float) -> EnergyModel:
-        return EnergyModel.from_coefficients(
-            length_m=length_m,
-            degree=self.degree,
-            symmetry=self.symmetry,
-            scale=np.array([self.scale[0] * length_m, self.scale[1]]),
-            coefficients=np.ascontiguousarray(coefficients),
-        )
+        return scaled_energy(self.degree, self.symmetry, self.scale, coefficients, length_m)
 
     def to_dict(self) -> dict[str, Any]:
         """For model files and the cache."""

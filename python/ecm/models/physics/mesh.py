@@ -14,10 +14,10 @@ from typing import Any, cast
 
 import numpy as np
 
-from ecm._native import EnergyModel
 from ecm.io.arrays import F
 from ecm.models.layout import array, number, one_of, record
 from ecm.models.maps import SYMMETRIES, EnergyMap, Symmetry
+from ecm.models.physics.family import scaled_energy
 
 LAYOUT = record(
     {
@@ -45,15 +45,8 @@ class MeshDifference:
         """The energy of a body with these parameters (`PARAMETERS`)."""
         mu = values["young_modulus_Pa"] / (2.0 * (1.0 + values["poisson_ratio"]))
         length = values["length_m"]
-        return EnergyMap(
-            EnergyModel.from_coefficients(
-                length_m=length,
-                degree=self.degree,
-                symmetry=self.symmetry,
-                scale=np.array([self.scale[0] * length, self.scale[1]]),
-                coefficients=np.ascontiguousarray(mu * length**3 * self.coefficients),
-            )
-        )
+        in_joules = mu * length**3 * self.coefficients
+        return EnergyMap(scaled_energy(self.degree, self.symmetry, self.scale, in_joules, length))
 
     def shares(self, values: Mapping[str, float], body: EnergyMap) -> F:
         """(6,) by how much each wrench component of a small load errs, over the component.

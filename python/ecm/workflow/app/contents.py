@@ -78,7 +78,7 @@ class Contents:
         return names
 
     def log(self, number: int, kind: str) -> bytes:
-        """Return what the command of a step printed: `out` or `err`."""
+        """Return what the command of a step printed, `out` or `err`, or told, `events`."""
         try:
             return (self.folder / "logs" / f"{number}.{kind}").read_bytes()
         except OSError:

@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, TypeVar
 
 from ecm.errors import InputError
@@ -173,7 +172,7 @@ class Jobs:
             "automatic": job.automatic,
             "waiting": self._waiting,
         }
-        told = events.last(self._log_of(job, "events"), "what") or {}
+        told = events.last(self.session.log(job.number, "events"), "what") or {}
         return found | {name: value for name, value in told.items() if name in found}
 
     def _begin(
@@ -216,12 +215,9 @@ class Jobs:
                 start_new_session=True,  # Ctrl-C is for the server, which ends this process
             )
 
-    def _log_of(self, job: _Job, kind: str) -> Path:
-        return self.session.folder / "logs" / f"{job.number}.{kind}"
-
     def _last_error(self, job: _Job) -> str:
         """Return the error of a command that wrote no refusal."""
-        told = events.last(self._log_of(job, "events"), "error")
+        told = events.last(self.session.log(job.number, "events"), "error")
         return "the command ended by itself" if told is None else str(told["error"])
 
     def _kill(self, reason: str) -> bool:

@@ -87,7 +87,8 @@ function drawRunning() {
   const few = running.total > 1 && running.total <= 100;
   const count = !running.total ? "" : few ? `${Math.floor(running.done)} of ${running.total}`
     : `${Math.round(100 * running.done / running.total)} %`;
-  const left = running.left_s ? `about ${Math.ceil(running.left_s)} s left` : "";
+  const seconds = running.left_s, soon = seconds < 90;
+  const left = seconds ? `about ${Math.ceil(soon ? seconds : seconds / 60)} ${soon ? "s" : "min"} left` : "";
   node.querySelector(".soft").textContent = [running.what, count, `${Math.round(running.seconds)} s so far`,
     left, running.waiting ? "your click comes next" : ""].filter(Boolean).join(", ");
   const bar = node.querySelector("progress");
