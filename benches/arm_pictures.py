@@ -26,10 +26,10 @@ from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F
 from ecm.io.extras import require
 from ecm.rig.arm.first_pose import PictureSource, first_reached
-from ecm.rig.arm.plot_style import COLOURS, PANELS
 from ecm.rig.arm.scene import mujoco
 from ecm.rig.arm.simulation import Simulation
 from ecm.rig.arm.sorties import SortieResult, Stop, full_trace
+from ecm.rig.arm.summary import COLOURS, PANELS
 from ecm.rig.arm.worker import ArmSetup
 from ecm.rig.elastic import Progress
 from ecm.rig.plan import rest_pose

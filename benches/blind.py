@@ -39,7 +39,7 @@ from blind_parts.simple import simple_answers
 from blind_parts.workers import run_all
 from ecm import _native
 from ecm.io.cache import write_atomically
-from ecm.io.cores import own_cores
+from ecm.io.parallel import own_cores
 
 _SEEDS_EVERY = 15
 """The same data are analysed with twenty seeds in one of so many rounds of a tier."""

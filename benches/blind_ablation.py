@@ -36,7 +36,7 @@ from blind_parts.workers import run_all
 from ecm.diagnosis import check, diagnose, find_missing
 from ecm.errors import EcmError
 from ecm.io.cache import write_atomically
-from ecm.io.cores import own_cores
+from ecm.io.parallel import own_cores
 from ecm.io.table import Table
 from ecm.models import Model
 

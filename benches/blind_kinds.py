@@ -28,7 +28,7 @@ from blind_parts.other_bodies import BODIES
 from blind_parts.other_sets import OtherSet, run_one, set_file
 from blind_parts.workers import run_all
 from ecm.io.cache import write_atomically
-from ecm.io.cores import own_cores
+from ecm.io.parallel import own_cores
 
 
 def sets(each: int, seed: int) -> list[OtherSet]:

@@ -29,7 +29,7 @@ from blind_parts.other_sets import other_sets, run_one, set_file
 from blind_parts.other_table import table_text
 from blind_parts.workers import run_all
 from ecm.io.cache import write_atomically
-from ecm.io.cores import own_cores
+from ecm.io.parallel import own_cores
 
 
 def main() -> int:

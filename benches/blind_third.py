@@ -43,7 +43,7 @@ from blind_parts.workers import run_all
 from ecm.diagnosis import diagnose
 from ecm.errors import EcmError
 from ecm.io.cache import write_atomically
-from ecm.io.cores import own_cores
+from ecm.io.parallel import own_cores
 
 _OUTCOMES = (
     "right", "family", "unknown", "none", "ambiguous", "wrong class", "wrong name", "alarm",

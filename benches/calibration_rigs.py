@@ -12,9 +12,8 @@ from ecm.rig import Campaign, RigSettings
 from ecm.rig.calibration import hand_eye, payload, sensor_frame, target_frame
 from ecm.rig.camera import Camera
 from ecm.rig.elastic import Anchors, Progress, Smooth
-from ecm.rig.force_torque_sensor import ForceTorqueSensor
 from ecm.rig.frames import compose, displaced, rotation, seen_from
-from ecm.rig.measurement import wrench_in_base
+from ecm.rig.measurement import ForceTorqueSensor, wrench_in_base
 from ecm.rig.plan import rest_pose
 from ecm.rig.settings import Instruments
 

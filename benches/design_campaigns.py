@@ -39,7 +39,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table, read_table
 from ecm.models import EnergyMap, fit_model
 from ecm.rig import RigSettings, campaign_minutes
-from ecm.workflow import paper_selection as selection
+from ecm.workflow import paper
 
 F = NDArray[np.float64]
 ROOT = Path(__file__).parent.parent
@@ -74,7 +74,7 @@ def figure_5(table: Table, seeds: int) -> dict[str, dict[str, list[float]]]:
     """Per design and component the share within 0.2, and the RMSE over its own median, by seed."""
     found: dict[str, dict[str, list[float]]] = {}
     for seed in range(seeds):
-        train, test = selection.split(len(table), TEST, seed)
+        train, test = paper.split(len(table), TEST, seed)
         pool = table.poses[train], table.wrenches[train]
         designs = {
             "D": optimal_design(
@@ -85,7 +85,7 @@ def figure_5(table: Table, seeds: int) -> dict[str, dict[str, list[float]]]:
             ),
             "random": random_design(len(train), N_PAPER, seed),
         }
-        rows, _ = selection.design_errors(
+        rows, _ = paper.design_errors(
             pool,
             (table.poses[test], table.wrenches[test]),
             {name: design.indices for name, design in designs.items()},

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 import ecm
 from blind_parts.workers import run_all
 from ecm.io.cache import write_json
-from ecm.io.cores import own_cores
+from ecm.io.parallel import own_cores
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "head"))
 

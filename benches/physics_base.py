@@ -26,14 +26,12 @@ from ecm._native import Fem, Mesh, mid_frame
 from ecm.fem.simulate import Workspace, fem_poses, simulate
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
-from ecm.io.material import Material
-from ecm.io.mechanism import Mechanism
+from ecm.io.mechanism import Material, Mechanism
 from ecm.io.table import Table
 from ecm.models import PhysicsMap, physics_map
-from ecm.models.physics.body_fits import noise_whiteners
+from ecm.models.physics.body_fits import NOISE, noise_whiteners, workspace_poses
 from ecm.models.physics.build import diameter, with_poisson_ratio
 from ecm.models.physics.family import PARAMETERS
-from ecm.models.physics.poses import NOISE, workspace_poses
 from ecm.models.physics.refit import refit_physics
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.noise import Noise

@@ -17,7 +17,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from ecm.workflow.app.demo import PLAN, RIG, write_demo
+from ecm.workflow.app.steps import PLAN, RIG, write_demo
 from support.chromium import Page, open_chromium
 
 LONG_S = 300.0

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ecm.effects import all_effects, effects_for
-from ecm.io.column_guide import COLUMN_GUIDE
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import COLUMN_GUIDE, POSE, WRENCH
 from ecm.io.templates import DEGREES_OF_FREEDOM, data_template
 
 PAGE = Path(__file__).with_name("columns.md")

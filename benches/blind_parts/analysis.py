@@ -23,9 +23,8 @@ from ecm.effects.registry import with_shape
 from ecm.models import Model
 from ecm.models.base_choice import choose_base
 from ecm.models.joint_fit import joint_fit
-from ecm.regression.folds import distinct_rows, rows_without_zero_readings
+from ecm.regression.folds import distinct_rows, rows_without_zero_readings, zero_times
 from ecm.regression.noise import declared_noise
-from ecm.regression.sensor_zero import zero_times
 
 SEEDS = 20
 _NORMAL_90 = 1.6449

@@ -22,7 +22,7 @@ from ecm.diagnosis.procedure import find_missing
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models import Model
-from ecm.models.by_degree import next_degree
+from ecm.models.base_choice import next_degree
 from ecm.models.joint_fit import base_columns
 
 F = NDArray[np.float64]

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from ecm.io.table import Table, as_table, read_table
     from ecm.logs.importing import ImportedLog, import_log
     from ecm.models.control import LoopSettings
-    from ecm.models.cross_validation import cross_validate
     from ecm.models.energy import EnergyModel
     from ecm.models.estimator import ModelEstimator
     from ecm.models.export import export
@@ -49,6 +48,7 @@ if TYPE_CHECKING:
     from ecm.models.prediction import predict
     from ecm.models.refit import refit
     from ecm.models.rod import ConstantCurvatureModel, RodModel
+    from ecm.models.selection import cross_validate
     from ecm.rig.hidden.truth import reveal
     from ecm.rig.run import run_campaign
     from ecm.rig.run import run_campaign as campaign
@@ -72,7 +72,6 @@ _NAMES = {
     "io.mechanism": ("Mechanism",),
     "io.table": ("Table", "as_table", "read_table"),
     "logs.importing": ("ImportedLog", "import_log"),
-    "models.cross_validation": ("cross_validate",),
     "models.energy": ("EnergyModel",),
     "models.estimator": ("ModelEstimator",),
     "models.control": ("LoopSettings",),
@@ -87,6 +86,7 @@ _NAMES = {
     "models.prediction": ("predict",),
     "models.refit": ("refit",),
     "models.rod": ("ConstantCurvatureModel", "RodModel"),
+    "models.selection": ("cross_validate",),
     "rig.hidden.truth": ("reveal",),
     "rig.run": ("campaign", "run_campaign"),
     "rig.settings": ("RigSettings",),

@@ -15,7 +15,6 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,7 @@ import pytest
 from ecm._native import __version__, rotation_matrices
 from ecm.cli import console
 from ecm.cli.app import COMMANDS as REGISTRY
-from ecm.cli.app import file_of, load_command
+from ecm.cli.app import load_command
 from ecm.cli.console import Console
 from ecm.cli.main import reported
 from ecm.comparison import compare
@@ -94,14 +93,21 @@ def test_the_help_of_design_names_all_criteria(ecm_command: Command) -> None:
     assert f"{', '.join(CRITERIA)}." in ecm_command("design", "--help").out
 
 
+def _work_of(name: str) -> tuple[Callable[..., None], type]:
+    """Return the function that does the work of a command, and the class of its options."""
+    parser = load_command(name)
+    run = getattr(parser, "commands", {"fit": parser})["fit"].callback
+    found = inspect.getclosurevars(inspect.unwrap(run)).nonlocals
+    if not callable(found["work"]):
+        found["work"] = getattr(import_module(f"ecm.cli.{found['module']}"), found["function"])
+    return found["work"], found["options"]
+
+
 def test_every_command_has_its_work() -> None:
     for name in COMMANDS:
-        file = file_of(name)
-        own = find_spec(f"ecm.cli.{file}") is not None
-        home = import_module(f"ecm.cli.{file}" if own else f"ecm.cli.options.{file}")
-        work = {"options": "Options", "session": "Session", "return": "None"}
-        works = [getattr(home, file)] if own else vars(home).values()
-        assert work in [getattr(found, "__annotations__", None) for found in works]
+        work, options = _work_of(name)
+        own = {"options": options.__name__, "session": "Session", "return": "None"}
+        assert work.__annotations__ == own
 
 
 @pytest.mark.parametrize("name", ["", *COMMANDS])
@@ -638,7 +644,7 @@ def test_a_long_work_tells_its_step_and_the_time_left(
 @pytest.mark.parametrize("name", sorted({*REGISTRY} - {"app", "effects", "new", "reveal"}))
 def test_every_command_that_computes_says_how_far_it_is(name: str) -> None:
     """All but those that compute nothing, and the page, which shows the progress of its steps."""
-    source = inspect.getsource(import_module(f"ecm.cli.{file_of(name)}"))
+    source = inspect.getsource(inspect.getmodule(_work_of(name)[0]))
     assert re.search(r"session\.working\(|session\.progress\(|console=session", source)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from ecm.cli.outputs import Outputs
+from ecm.cli.session import Outputs
 from ecm.errors import ComputationError
 from ecm.io.cache import write_atomically
 from ecm.io.description import Meta

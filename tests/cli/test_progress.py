@@ -19,14 +19,13 @@ from ecm.diagnosis.check import check
 from ecm.fem.material_fit import MaterialTest, fit_material
 from ecm.io import events
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.material import Material
+from ecm.io.mechanism import Material
 from ecm.io.table import Table, as_table, read_table
 from ecm.logs.importing import import_log, read_log
 from ecm.models import fit_model, parse_model, prediction
-from ecm.models.cross_validation import cross_validate
 from ecm.models.fit_summary import fit_summary
 from ecm.models.model import Model
-from ecm.models.selection import learning_curve
+from ecm.models.selection import cross_validate, learning_curve
 from support.neck import Done
 
 Command = Callable[..., Done]

@@ -22,10 +22,9 @@ from ecm.io.table import Table
 from ecm.models import Model, fit_model
 from ecm.models.joint_fit import joint_fit
 from ecm.models.noise_estimate import estimate_noise, nuisance_columns
-from ecm.regression.folds import folds, is_pose_row, row_groups, without_zero_readings
+from ecm.regression.folds import folds, is_pose_row, repeat_cells, row_groups, without_zero_readings
 from ecm.regression.normal_equations import NormalEquations
 from ecm.regression.reml import reml_noise
-from ecm.regression.repeats import repeat_cells
 from support.campaigns import campaign, model, physics
 from support.neck import Done, csv_text
 

@@ -11,8 +11,8 @@ import pytest
 
 import ecm
 from ecm.comparison import compare
-from ecm.comparison.page import write_comparison
 from ecm.comparison.reference_models import ReferenceModels
+from ecm.comparison.sections import write_comparison
 from support.campaigns import campaign, model
 from support.chain import neck
 from support.neck import Done

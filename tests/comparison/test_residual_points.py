@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import ecm
-from ecm.comparison.residual_points import residual_points
+from ecm.comparison.sections import residual_points
 from support.neck import neck_columns
 
 

@@ -27,9 +27,9 @@ from ecm.designs import (
     plain_plan,
     rig_noise,
 )
+from ecm.designs.optimal import knee
 from ecm.designs.regressors import model_columns, regressor
-from ecm.designs.rows import list_or_region, row_list
-from ecm.designs.size import knee
+from ecm.designs.settings import list_or_region, row_list
 from ecm.diagnosis.identifiability import identifiability
 from ecm.effects import get_effect
 from ecm.errors import EcmError, InputError

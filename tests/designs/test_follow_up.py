@@ -17,8 +17,8 @@ from ecm.effects.experiments import EXPERIMENTS
 from ecm.errors import InputError
 from ecm.io.columns import POSE
 from ecm.io.table import read_table
+from ecm.regression.folds import is_zero
 from ecm.regression.noise import declared_noise
-from ecm.regression.sensor_zero import is_zero
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from support.campaigns import campaign, physics
 from support.neck import Done

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from ecm.cli import run
-from ecm.cli.diagnosis_text import paragraphs
+from ecm.cli.diagnose import paragraphs
 from ecm.diagnosis import diagnose
 from ecm.diagnosis.sections import verdict_section
 from ecm.diagnosis.summary import Summary

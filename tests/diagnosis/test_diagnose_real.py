@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ecm.comparison.covariates import confounded_with_order
+from ecm.comparison.residuals import confounded_with_order
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.io.table import Table, read_table
 from ecm.models import fit_model
-from ecm.regression.derived import derived_columns
+from ecm.regression.rows import derived_columns
 from support.neck import ROOT
 
 META = ROOT / "examples" / "finger_joint.toml"

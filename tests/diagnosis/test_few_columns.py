@@ -15,7 +15,7 @@ from ecm.effects import effects_for, get_effect, with_shape
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.models import load_model
-from ecm.regression.derived import derived_columns
+from ecm.regression.rows import derived_columns
 from support.campaigns import campaign
 from support.one_angle import NOISE_NM, bouc_wen, one_angle, spring
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from ecm.cli.diagnosis_text import paragraphs
+from ecm.cli.diagnose import paragraphs
 from ecm.comparison import compare
 from ecm.diagnosis import Diagnosis, diagnose, given_model
 from ecm.effects import Effect
@@ -23,7 +23,7 @@ from ecm.models import Model, fit_model
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.maps import StiffnessMap
 from ecm.regression.noise import Noise
-from ecm.regression.wild import naming_wild_readings
+from ecm.regression.rows import naming_wild_readings
 from support.campaigns import workspace_poses
 from support.stand_in import L, wrench
 

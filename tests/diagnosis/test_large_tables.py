@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from ecm.cli.diagnosis_text import paragraphs
+from ecm.cli.diagnose import paragraphs
 from ecm.designs import Design, diagnosable_plan
 from ecm.diagnosis import DiagnosisSettings, diagnose, find_missing
 from ecm.diagnosis.sections import verdict_section

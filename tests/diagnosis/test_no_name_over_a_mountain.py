@@ -24,8 +24,7 @@ from ecm.models import fit_model
 from ecm.models.base_choice import choose_base
 from ecm.models.file import effect_document, effect_of
 from ecm.models.joint_fit import FittedEffect
-from ecm.models.refit import refit
-from ecm.models.worse import refuse_worse
+from ecm.models.refit import refit, refuse_worse
 from support.campaigns import campaign, model
 from support.neck import Done
 

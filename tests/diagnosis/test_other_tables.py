@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ecm.comparison import compare
-from ecm.comparison.covariates import confounded_with_order
+from ecm.comparison.residuals import confounded_with_order
 from ecm.diagnosis import DiagnosisSettings, diagnose
 from ecm.diagnosis.noise_effects import _residual
 from ecm.diagnosis.preparation import prepare
@@ -19,7 +19,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta, read_meta
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
-from ecm.models.by_degree import polynomial
+from ecm.models.base_choice import polynomial
 from support.meshes import block_mesh
 from support.neck import LENGTH_M, neck_columns
 

@@ -12,7 +12,7 @@ import pytest
 import ecm
 import ecm.io.description
 from ecm.diagnosis.suspect_rows import suspect_rows
-from ecm.io.leave_out import rows_of
+from ecm.io.description import rows_of
 from support.neck import Done, csv_text
 
 F = np.ndarray[Any, np.dtype[np.float64]]

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from ecm.cli.main import run as main
 from ecm.errors import ComputationError, InputError
 from ecm.fem.material_fit import MaterialTest, fit_material, read_test
-from ecm.io.material import TESTS, Material
-from ecm.io.mechanism import Mechanism
+from ecm.io.mechanism import TESTS, Material, Mechanism
 from support.neck import ROOT
 
 F = NDArray[np.float64]

@@ -11,8 +11,7 @@ import pytest
 
 from ecm._native import Fem, FemError, Mesh, WarmStart
 from ecm.errors import InputError
-from ecm.fem.sensitivity import wrench_sensitivities
-from ecm.fem.simulate import fem_poses, simulate, solve_wrenches
+from ecm.fem.simulate import fem_poses, simulate, solve_wrenches, wrench_sensitivities
 from ecm.io.mechanism import Mechanism
 
 WRENCH = np.array([[-20.0, 10.0, 5.0, 0.2, -0.3, 0.3]])

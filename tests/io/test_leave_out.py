@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from ecm import InputError, as_table
-from ecm.io.leave_out import with_leave_out
+from ecm.io.description import with_leave_out
 from ecm.io.toml import parse_toml
 
 

@@ -18,7 +18,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.misread import falling_loads, misread
 from ecm.io.table import Table, as_table, read_table
 from ecm.io.templates import data_template, description_template
-from ecm.io.unit_checks import unit_of_factor
+from ecm.io.units import unit_of_factor
 from support.neck import ROOT, Done
 
 NECK = ROOT / "examples" / "neck_measured.csv"

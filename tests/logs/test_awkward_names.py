@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import ecm
 from ecm import import_log
 from ecm.io.columns import POSE, WRENCH
-from ecm.logs.objects import log_of_object
+from ecm.logs.log import log_of_object
 from ecm.models.selection import default_candidates
 
 N = 40

@@ -14,7 +14,7 @@ from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table
 from ecm.models import EnergyMap, PolynomialMap, PolynomialModel, StiffnessMap, fit_model
 from ecm.models.errors_in_variables import AllRows, fit_with_pose_noise
-from ecm.models.polynomial_gls import fit_polynomial_gls
+from ecm.models.polynomial import fit_polynomial_gls
 from ecm.regression.noise import Noise, whiteners
 from support.campaigns import workspace_poses
 from support.stand_in import L, wrench

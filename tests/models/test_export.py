@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ecm.cli.options.export import Target
+from ecm.cli.options.tables import Target
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import as_table

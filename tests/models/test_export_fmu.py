@@ -14,7 +14,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import as_table
 from ecm.models import fit_model
 from ecm.models.export import export_files
-from ecm.models.export.compiler import WINDOWS, shared_library
+from ecm.models.export.source import WINDOWS, shared_library
 from support.exports import done, fitted, thousand_poses, written
 from support.fmu import Instance
 from support.models import with_time

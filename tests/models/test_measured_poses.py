@@ -19,10 +19,10 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table, as_table
 from ecm.models import Model, fit_model, load_model, surrogate_of
 from ecm.models.export import export_files
-from ecm.models.folding import folded
 from ecm.models.measured_poses import (
     Reach,
     coordinates,
+    folded,
     measured_poses,
     near_poses,
     noise_sd,

@@ -27,7 +27,7 @@ from ecm.models import (
     load_model,
 )
 from ecm.models.constraints import constrained
-from ecm.models.pcr import press_rank, singular_threshold
+from ecm.models.polynomial import press_rank, singular_threshold
 from ecm.rig.elastic import COS2
 from support.campaigns import campaign, workspace_poses
 from support.neck import Done

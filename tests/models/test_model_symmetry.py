@@ -7,7 +7,7 @@ import pytest
 
 from ecm import _native
 from ecm.models import EnergyMap, fit_model
-from ecm.models.symmetry import symmetry_of
+from ecm.models.prediction import symmetry_of
 from support.campaigns import campaign, workspace_poses
 
 

@@ -23,20 +23,25 @@ from ecm.errors import InputError
 from ecm.fem.simulate import fem_poses
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
-from ecm.io.material import Material
-from ecm.io.mechanism import Mechanism
+from ecm.io.mechanism import Material, Mechanism
 from ecm.io.table import Table
 from ecm.io.toml import read_toml
 from ecm.models import Model, PhysicsMap, PhysicsModel, fit_model, load_model, physics_map
 from ecm.models.partial import MeasuredMap
 from ecm.models.physics import build as physics_build
 from ecm.models.physics import map as physics
-from ecm.models.physics.body_fits import LENGTH_M, SHEAR_MODULUS_PA, noise_whiteners
+from ecm.models.physics.body_fits import (
+    LENGTH_M,
+    SHEAR_MODULUS_PA,
+    noise_whiteners,
+    rod_like,
+    spread_poses,
+    workspace_poses,
+)
 from ecm.models.physics.build import BuildSettings, shape_of
 from ecm.models.physics.family import PARAMETERS, compressibility, poisson_ratio
-from ecm.models.physics.poses import rod_like, spread_poses, workspace_poses
 from ecm.models.physics.refit import physics_sentences, refit_physics
-from ecm.workflow.app import demo
+from ecm.workflow.app import steps
 
 F = NDArray[np.float64]
 NECK = Mechanism()
@@ -470,7 +475,7 @@ def test_the_family_of_the_neck_is_in_the_package_and_of_this_version(
         raise AssertionError("the family is built, not read: run scripts/neck_family.py")
 
     monkeypatch.setattr(physics, "build_family", build)
-    described = read_toml(Path(demo.__file__).parent / "demo" / "plan.toml")["mechanism"]
+    described = read_toml(Path(steps.__file__).parent / "demo" / "plan.toml")["mechanism"]
     brought = physics_map(Mechanism.from_dict(described, "the demo"), cache=tmp_path)
     poses, wrenches = fem_poses(NECK, 1, seed=3)
     assert not list(tmp_path.glob("physics-*"))

@@ -12,8 +12,7 @@ from ecm.errors import ComputationError, remedy_of
 from ecm.io.table import Table, read_table
 from ecm.models import Model, fit_model
 from ecm.models.physics.map import PhysicsMap
-from ecm.models.refit import refit
-from ecm.models.worse import objections, refuse_addition, undetermined
+from ecm.models.refit import objections, refit, refuse_addition, undetermined
 from support.neck import ROOT
 
 TRUE_MASS_KG = 0.2086

@@ -202,9 +202,9 @@ def test_the_crates_depend_on_those_of_the_page() -> None:
 @pytest.mark.parametrize(
     "source",
     [
-        "from ecm.cli import check",
-        "def f():\n    from ecm.cli.check import check",
-        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import ecm.cli.check",
+        "from ecm.cli import tables",
+        "def f():\n    from ecm.cli.tables import check",
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import ecm.cli.tables",
     ],
 )
 def test_a_new_arrow_is_found_wherever_it_stands(source: str) -> None:

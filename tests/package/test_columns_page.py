@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from ecm.io.column_guide import COLUMN_GUIDE
-from ecm.io.columns import STANDARD, is_standard
+from ecm.io.columns import COLUMN_GUIDE, STANDARD, is_standard
 from ecm.io.table import read_table
 from support.neck import ROOT, Done
 

@@ -10,7 +10,7 @@ from ecm.effects.motion import velocity
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.table import Table, as_table
-from ecm.regression.speed import rates, speeds
+from ecm.regression.correlation import rates, speeds
 
 
 def log(time: F, run: F) -> Table:

@@ -11,8 +11,7 @@ from ecm.effects import Rows, all_effects, approach_sides
 from ecm.effects.thinned import jacobian_of
 from ecm.io.description import Meta
 from ecm.io.table import Table, as_table
-from ecm.regression.repeats import repeat_contrasts
-from ecm.regression.thinning import spread_rows
+from ecm.regression.folds import repeat_contrasts, spread_rows
 from support.campaigns import campaign, physics
 
 

@@ -12,7 +12,7 @@ import pytest
 from plotly.subplots import make_subplots
 
 from ecm.comparison import compare
-from ecm.comparison.page import write_comparison
+from ecm.comparison.sections import write_comparison
 from ecm.report import FigureBlock, Section, TableBlock, TextBlock, write_page
 from ecm.report import figures as draw
 from ecm.report.page import number

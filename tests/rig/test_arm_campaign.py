@@ -21,11 +21,9 @@ from ecm.errors import ComputationError, InputError
 from ecm.io.table import read_table
 from ecm.rig import Hidden, campaign_minutes, reveal
 from ecm.rig.arm.campaign import RobotCampaign
-from ecm.rig.arm.sortie_store import SortieStore
-from ecm.rig.arm.sorties import SortieResult
-from ecm.rig.arm.visit_record import VisitRecord
+from ecm.rig.arm.sorties import SortieResult, SortieStore, VisitRecord
 from ecm.rig.arm.worker import ArmSetup, Finished, run_sorties
-from ecm.rig.hidden.calibrate import Whitener
+from ecm.rig.hidden.size import Whitener
 from ecm.rig.measurement import row_covariance
 from support.arm_rig import REST, arm_setup, plan, run, settings
 from support.neck import ROOT

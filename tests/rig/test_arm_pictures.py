@@ -19,7 +19,7 @@ from ecm.rig import RigSettings
 from ecm.rig.arm.first_pose import PictureSource, first_pose_trace
 from ecm.rig.arm.scene import mujoco
 from ecm.rig.arm.sorties import Stop
-from ecm.workflow.report_arm import arm_section
+from ecm.workflow.report_identify import arm_section
 from support.arm_rig import REST, arm_setup, library, plan, settings, simulated_arm
 from support.neck import Done
 from support.stand_in import L, StandIn, some_poses
@@ -114,7 +114,7 @@ def test_a_compiler_is_asked_for_where_no_controller_is_kept_and_before_any_work
     library()  # skips where there is no compiler at all
     kept, out = pictures(tmp_path / "kept"), tmp_path / "fig7.png"
     write_pictures(kept, None, out)
-    monkeypatch.setattr("ecm.rig.arm.controller_model.shutil.which", lambda _name: None)
+    monkeypatch.setattr("ecm.rig.arm.mechanism.shutil.which", lambda _name: None)
     write_pictures(kept, None, out)
     with pytest.raises(ComputationError, match="no C compiler"):
         write_pictures(pictures(tmp_path / "bare"), None, out)

@@ -13,13 +13,12 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ecm.rig.arm.controller_model import ControllerModel
-from ecm.rig.arm.impedance import Impedance
 from ecm.rig.arm.kinematics import flange_pose, joints_at_swivel, swivel_angle
 from ecm.rig.arm.kuka import RANGE_RAD, SPEED_RAD_S, TORQUE_NM
+from ecm.rig.arm.mechanism import ControllerModel
 from ecm.rig.arm.scene import scene
 from ecm.rig.arm.settings import ArmSettings
-from ecm.rig.arm.simulation import Diverged
+from ecm.rig.arm.simulation import Diverged, Impedance
 from ecm.rig.arm.sorties import SortieResult, Stop, StopResult
 from ecm.rig.arm.summary import motion_shares, pose_errors
 from ecm.workflow.config import read_rig

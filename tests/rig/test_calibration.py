@@ -12,8 +12,8 @@ from ecm.errors import InputError
 from ecm.rig import Campaign, RigSettings
 from ecm.rig.calibration import hand_eye, payload, sensor_frame, target_frame
 from ecm.rig.calibration.pre_campaign import calibrated
-from ecm.rig.force_torque_sensor import zero_at
 from ecm.rig.frames import compose, rotation, seen_from
+from ecm.rig.measurement import zero_at
 from support.stand_in import StandIn, instruments, plan_of, some_poses
 
 F = NDArray[np.float64]

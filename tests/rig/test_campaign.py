@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from ecm.errors import ComputationError, InputError
 from ecm.io.table import read_table
 from ecm.rig import Campaign, CampaignOptions, RigSettings, campaign_minutes, run_campaign
-from ecm.rig.journal import BESIDE, Journal
 from ecm.rig.measurement import residual
+from ecm.rig.readings import BESIDE, Journal
 from support.stand_in import StandIn, error_of, plan_of, some_poses, whitener_of
 
 F = NDArray[np.float64]

@@ -7,9 +7,8 @@ import pytest
 
 from ecm.rig import Campaign, RigSettings
 from ecm.rig.camera import Camera, Optics
-from ecm.rig.force_torque_sensor import ForceTorqueSensor
 from ecm.rig.frames import rotation, rotation_vector, top_from_sensor_wrench
-from ecm.rig.measurement import residual
+from ecm.rig.measurement import ForceTorqueSensor, residual
 from ecm.rig.physics.sensor import SensorWarmUp
 from support.stand_in import StandIn, instruments, plan_of, some_poses
 

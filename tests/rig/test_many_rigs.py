@@ -15,7 +15,7 @@ from ecm.io.description import Meta
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table, read_table
 from ecm.rig import CampaignOptions, RigSettings, reveal, run_campaigns
-from ecm.rig.many import rig_paths
+from ecm.rig.run import rig_paths
 from support.neck import Done
 from support.programs import need_program
 

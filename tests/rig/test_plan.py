@@ -11,8 +11,7 @@ import pytest
 from ecm.errors import InputError
 from ecm.io.table import Table
 from ecm.rig import Campaign, RigSettings
-from ecm.rig.plan import Action
-from ecm.rig.visits import Visit
+from ecm.rig.plan import Action, Visit
 from support.stand_in import L, StandIn, plan_of, some_poses
 
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from ecm.errors import ComputationError
-from ecm.rig.force_torque_sensor import zero_at
 from ecm.rig.frames import (
     compose,
     left_jacobian_inverse,
@@ -20,11 +19,11 @@ from ecm.rig.frames import (
     seen_from,
     top_from_sensor_wrench,
 )
+from ecm.rig.measurement import zero_at
 from ecm.rig.physics import Conditions
 from ecm.rig.physics.body import FaceTilt, NaturalBend, PlatformSlip
 from ecm.rig.physics.camera import BaseFrame, MarkerMotion, TipTarget
-from ecm.rig.physics.clamp import BasePlate
-from ecm.rig.physics.load import Cable, Payload
+from ecm.rig.physics.load import BasePlate, Cable, Payload
 from ecm.rig.physics.material import Hysteresis, Relaxation, Softening, Temperature
 from ecm.rig.physics.sensor import SensorWarmUp
 from support.stand_in import L, some_poses, stiffness, wrench

@@ -16,7 +16,7 @@ from ecm.io.table import Table, read_table
 from ecm.rig import Campaign, CampaignOptions, Hidden, RigSettings, run_campaign
 from ecm.rig.elastic import Anchors, Smooth
 from ecm.rig.frames import rotation, turn_wrench
-from ecm.rig.hidden.calibrate import Whitener
+from ecm.rig.hidden.size import Whitener
 from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.physics.camera import TimeSkew
 from ecm.rig.raw_stream import RawStream
@@ -268,7 +268,7 @@ def test_a_skew_that_is_absurd_is_refused_with_what_would_show_it() -> None:
 
 def test_random_draws_a_skew_only_where_there_is_a_stream(monkeypatch: pytest.MonkeyPatch) -> None:
     few = {name: TRUE_EFFECTS[name] for name in ("payload", "time_skew")}
-    monkeypatch.setattr("ecm.rig.hidden.spec.TRUE_EFFECTS", few)
+    monkeypatch.setattr("ecm.rig.hidden.truth.TRUE_EFFECTS", few)
     drawn: dict[bool, set[str]] = {True: set(), False: set()}
     for streamed in (True, False):
         settings = STREAM if streamed else RigSettings()

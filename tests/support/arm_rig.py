@@ -18,9 +18,8 @@ from support.stand_in import L, StandIn, plan_of, some_poses, wrench
 
 pytest.importorskip("mujoco", reason="mujoco is missing: pip install 'ecm-stiffness[robot]'")
 
-from ecm.rig.arm.controller_model import compile_model, controller_document
+from ecm.rig.arm.mechanism import compile_model, controller_document, fit_surrogate
 from ecm.rig.arm.procedure import SimulatedArm
-from ecm.rig.arm.surrogate import fit_surrogate
 from ecm.rig.arm.worker import ArmSetup
 from support.programs import need_program
 

@@ -26,7 +26,7 @@ from ecm.rig.frames import (
     rotation,
     transpose,
 )
-from ecm.rig.hidden.calibrate import Whitener
+from ecm.rig.hidden.size import Whitener
 from ecm.rig.measurement import row_covariance
 from ecm.rig.settings import Instruments
 

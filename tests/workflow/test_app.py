@@ -24,17 +24,16 @@ import pytest
 from scipy.io import savemat
 from starlette.testclient import TestClient
 
-from ecm.cli.campaign import paced
+from ecm.cli.jobs import paced
 from ecm.errors import InputError
 from ecm.io.table import read_table
 from ecm.rig.hidden.truth import sealed, sha256
 from ecm.rig.readings import HEADER
-from ecm.workflow.app.demo import PLAN, write_demo
 from ecm.workflow.app.journal import Journal
 from ecm.workflow.app.serve import begin, serve
 from ecm.workflow.app.server import App, application
 from ecm.workflow.app.session import Session
-from ecm.workflow.app.steps import Files, command_of, request_of
+from ecm.workflow.app.steps import PLAN, Files, command_of, request_of, write_demo
 from support.neck import ROOT
 
 PORT, TOKEN = 8000, "a-secret"
@@ -323,7 +322,7 @@ def test_a_reading_takes_as_long_as_a_person_needs_to_see_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     said: list[Any] = []
-    monkeypatch.setattr("ecm.cli.campaign.time.sleep", said.append)
+    monkeypatch.setattr("ecm.cli.jobs.time.sleep", said.append)
 
     def progress(*done: Any) -> None:
         said.append(done)
@@ -700,7 +699,7 @@ def test_cancel_kills_the_process_and_the_step_can_be_run_again(app: App, tmp_pa
 _SERVER = """
 import sys
 from pathlib import Path
-from ecm.workflow.app.demo import PLAN, write_demo
+from ecm.workflow.app.steps import PLAN, write_demo
 from ecm.workflow.app.serve import begin, serve
 from ecm.workflow.app.server import App
 app = App.of(Path(sys.argv[1]))

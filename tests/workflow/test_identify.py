@@ -19,11 +19,9 @@ from ecm.errors import InputError
 from ecm.fem.simulate import simulate
 from ecm.io.table import Table
 from ecm.rig import RigSettings
-from ecm.workflow.campaign_files import require_free
 from ecm.workflow.config import Config, DesignTable, SelectTable
-from ecm.workflow.console import Console, Silent
 from ecm.workflow.identify import select
-from ecm.workflow.job import Job
+from ecm.workflow.job import Console, Job, Silent, require_free
 from support.jobs import QUICK, copy_fem, identify, identify_command
 from support.neck import Done
 from support.report_pages import open_page

@@ -18,12 +18,10 @@ from ecm.fem.simulate import simulate
 from ecm.io.table import Table
 from ecm.report.page import write_page
 from ecm.rig import HiddenTable, RigSettings
-from ecm.workflow.campaign_files import _identity, require_free
 from ecm.workflow.config import Config, read_config, with_rig
-from ecm.workflow.console import Silent
 from ecm.workflow.identify import DESIGNS, measure_designs
-from ecm.workflow.job import Job
-from ecm.workflow.report_arm import arm_section
+from ecm.workflow.job import Job, Silent, _identity, require_free
+from ecm.workflow.report_identify import arm_section
 from support.arm_rig import FAST, settings
 from support.neck import ROOT, Done, csv_text, neck_columns
 from support.report_pages import open_page
@@ -58,7 +56,7 @@ def test_a_job_that_cannot_drive_the_arm_says_so_before_any_work(
     if missing == "mujoco":
         monkeypatch.setitem(sys.modules, "mujoco", None)
     else:
-        monkeypatch.setattr("ecm.rig.arm.controller_model.shutil.which", lambda _name: None)
+        monkeypatch.setattr("ecm.rig.arm.mechanism.shutil.which", lambda _name: None)
     (tmp_path / "plan.csv").write_text(csv_text(neck_columns(3)))
     job = ROOT / "examples" / "quick.toml" if command == "identify" else tmp_path / "plan.csv"
     (tmp_path / "plan.toml").write_text(

@@ -31,7 +31,12 @@ COMMANDS = {
     "app": "The whole loop in a browser.",
     "new": "A config, rig or data file to begin from.",
 }
-"""Every command with its line of `ecm --help`: NAME of the file `options/NAME.py`."""
+"""Every command with its line of `ecm --help`."""
+
+_OF_BODIES_AND_RIGS = {
+    "identify", "simulate", "design", "campaign", "reveal", "material", "app", "new"
+}  # fmt: skip
+"""Commands with their options in `options/rig.py`; the others have them in `options/tables.py`."""
 
 MOVED = {
     "head": "is an example of the repository now: in a copy of "
@@ -39,13 +44,13 @@ MOVED = {
 }
 """Commands of earlier versions, and where their work is done now."""
 
-_FILES = {"import": "import_log", "app": "serve"}
-"""The file, and the function in it, of a command whose name is taken."""
+_FUNCTIONS = {"import": "import_log", "app": "serve"}
+"""The function of a command whose name is taken."""
 
 
-def file_of(name: str) -> str:
-    """Return the file of a command, which is also the name of its function."""
-    return _FILES.get(name, name)
+def function_of(name: str) -> str:
+    """Return the name of a command's function, here and in `ecm`."""
+    return _FUNCTIONS.get(name, name)
 
 
 class _Commands(TyperGroup):
@@ -86,8 +91,8 @@ class _Commands(TyperGroup):
 
 def load_command(name: str) -> Any:
     """Return the parser of one command, or of a group of commands (a typer application)."""
-    file = file_of(name)
-    function = getattr(import_module(f"ecm.cli.options.{file}"), file)
+    file = "rig" if name in _OF_BODIES_AND_RIGS else "tables"
+    function = getattr(import_module(f"ecm.cli.options.{file}"), function_of(name))
     if not isinstance(function, typer.Typer):
         single = new_application()
         single.command(name)(function)

@@ -1,23 +1,4 @@
-"""The parser of a command: its options and the common ones; loads no engine.
-
-The options of a command are a dataclass in `options/NAME.py`, whose fields are typer options and
-whose docstring is the help. The work is a function of them and of a session. It stands below them
-where it needs only the names of `ecm`, which are loaded when they are used:
-
-    @dataclass(frozen=True, kw_only=True)
-    class Options:
-        '''Count the rows of tables.'''
-
-        data: Data
-
-    def rows(options: Options, session: Session) -> None:
-        session.print(f"{len(session.read(options.data))} rows")
-
-    rows = command(rows, Options, tables=True)
-
-Longer work is the function NAME of a file of its own, `NAME.py`, which is loaded when the options
-are parsed: `check = command("check", Options, tables=True)`.
-"""
+"""The parser of a command: its options and the common ones; loads no engine."""
 
 from __future__ import annotations
 
@@ -101,8 +82,8 @@ def command(
     Parameters
     ----------
     work
-        The function that does the work; or `NAME`, the function NAME of the file `NAME.py`; or
-        `NAME FUNCTION`, another function of that file.
+        The function that does the work; or `FILE.NAME`, the function NAME of the file `FILE.py`,
+        which is loaded when the command is called.
     options
         Dataclass of the command's own arguments and options.
     tables
@@ -118,19 +99,19 @@ def command(
     absent |= {"meta", "skip_bad_rows"} if not tables else set()
     common = {name: option for name, option in _COMMON.items() if name not in absent}
     hidden = {*hide, *(() if seed else ("seed",)), *(() if threads else ("threads",))}
-    module, _, function = work.partition(" ") if isinstance(work, str) else ("", "", work.__name__)
+    module, _, function = work.partition(".") if isinstance(work, str) else ("", "", work.__name__)
 
     def run(**values: Any) -> None:
         from ecm.cli.session import run_command  # noqa: PLC0415 - help loads no engine
 
         shared = {name: values.pop(name) for name in common}
         if isinstance(work, str):
-            found = getattr(import_module(f"ecm.cli.{module}"), function or module)
+            found = getattr(import_module(f"ecm.cli.{module}"), function)
         else:
             found = work
         run_command(found, options(**values), shared)
 
-    run.__name__, run.__doc__ = function or module, options.__doc__
+    run.__name__, run.__doc__ = function, options.__doc__
     run.__annotations__ = {}  # the signature holds them, evaluated
     run.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
         _own_parameters(options)

@@ -6,9 +6,8 @@ import math
 import textwrap
 from typing import Any
 
-from ecm.cli.options.effects import Options
-from ecm.cli.session import Session
-from ecm.cli.text import columns
+from ecm.cli.options.tables import EffectsArguments
+from ecm.cli.session import Session, columns
 from ecm.effects import Effect, all_effects, effects_for, get_effect, load_installed
 from ecm.effects.experiments import get_experiment
 
@@ -25,7 +24,7 @@ _KINDS = {
 }
 
 
-def effects(options: Options, session: Session) -> None:
+def effects(options: EffectsArguments, session: Session) -> None:
     """Run `ecm effects`."""
     load_installed()
     listed = list(all_effects()) if options.id is None else [get_effect(options.id)]

@@ -1,14 +1,13 @@
-"""`ecm fit`: a model of measured or simulated pairs."""
+"""`ecm fit` and `ecm refit`: a model of measured or simulated pairs, effects added or removed."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import cast
 
-from ecm.cli.models import build_physics, is_toml, read_own
-from ecm.cli.options.fit import Options
-from ecm.cli.outputs import saved_by_force
-from ecm.cli.session import Session
+from ecm.cli.models import build_physics, is_toml, open_model, read_own
+from ecm.cli.options.tables import FitArguments, RefitArguments
+from ecm.cli.session import Session, saved_by_force
 from ecm.diagnosis.check import likely_continuous
 from ecm.effects import load_installed
 from ecm.errors import InputError
@@ -27,15 +26,15 @@ from ecm.models import (
     parse_model,
 )
 from ecm.models.fit_summary import fit_summary
-from ecm.models.refit import refit, refit_summary
+from ecm.models.refit import refit as refit_model
+from ecm.models.refit import refit_summary, refuse_worse
 from ecm.models.selection import default_candidates
 from ecm.models.specification import Weights
-from ecm.models.worse import refuse_worse
 
 _SIZES = (5, 10, 20, 30, 50, 75, 100, 150, 200, 300, 500, 700, 1000, 1500)
 
 
-def fit(options: Options, session: Session) -> None:
+def fit(options: FitArguments, session: Session) -> None:
     """Run `ecm fit`."""
     session.check_output(options.out)
     table = session.read(options.data, need="fit")
@@ -87,7 +86,7 @@ def fit(options: Options, session: Session) -> None:
     session.print(f"{options.out}: model {model.name if options.add else name}")
 
 
-def _chosen(options: Options, table: Table, session: Session) -> ModelChoice | None:
+def _chosen(options: FitArguments, table: Table, session: Session) -> ModelChoice | None:
     """Choose among models by their held-out errors; None where --model names one."""
     if options.model != "choose":
         return None
@@ -106,7 +105,7 @@ def _chosen(options: Options, table: Table, session: Session) -> ModelChoice | N
 def _with_effects(model: Model, ids: Sequence[str], table: Table, session: Session) -> Model:
     load_installed()
     with session.working(f"fitting {len(table)} rows with effects") as tell:
-        return refit(model, table, add=ids, progress=tell)
+        return refit_model(model, table, add=ids, progress=tell)
 
 
 def _named(name: str, pcr: str | None, table: Table, session: Session) -> ModelSpecification:
@@ -120,3 +119,33 @@ def _named(name: str, pcr: str | None, table: Table, session: Session) -> ModelS
         if body is not None:
             return PhysicsModel(base=build_physics(body, session, table))
     return specification
+
+
+def refit(options: RefitArguments, session: Session) -> None:
+    """Run `ecm refit`."""
+    session.check_output(options.out)
+    table = session.read(options.data, need="fit")
+    for sentence in likely_continuous(table):
+        session.warn(sentence)
+    load_installed()
+    before = open_model(options.model, session, table)
+    with session.working(f"fitting {len(table)} rows") as tell:
+        fitted = refit_model(
+            before,
+            table,
+            add=options.add or (),
+            remove=options.remove or (),
+            freeze=options.freeze or (),
+            progress=tell,
+        )
+    with session.working("errors of the new model"):
+        summary = refit_summary(fitted)
+    session.write_json(summary)
+    for line in summary["sentences"]:
+        session.print(line)
+    if not options.force:
+        # Without an effect a model errs more: that was asked for.
+        with session.working("errors of both models"), saved_by_force(options.out):
+            refuse_worse(fitted, table, before=None if options.remove else before)
+    fitted.save(options.out)
+    session.print(f"{options.out}: written")

@@ -1,23 +1,35 @@
-"""MODEL of a command: a model file, a TOML of a body or of equations, predicted wrenches.
-
-A TOML's [mechanism] is the physics model, its [expression] a model of one's own. A table with a
-row for each measured pose is what any other program predicts.
-"""
+"""`ecm predict`, `ecm compare` and `ecm export`, and the MODEL that a command is given."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import shlex
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
-from ecm.cli.session import Session
-from ecm.errors import InputError, Remedy
-from ecm.io.columns import POSE, WRENCH
+import numpy as np
+
+from ecm.cli.options.tables import CompareArguments, ExportArguments, PredictArguments
+from ecm.cli.session import Session, check_output_directory, columns
+from ecm.comparison import Comparison
+from ecm.comparison import compare as compare_model
+from ecm.comparison.reference_models import FEM_NEEDED
+from ecm.comparison.sections import write_comparison
+from ecm.diagnosis.check import excitation_sentences, never_excited
+from ecm.effects import load_installed
+from ecm.errors import InputError, Refusal, Remedy
+from ecm.io.columns import POSE, WRENCH, unit_of
+from ecm.io.events import Progress
 from ecm.io.mechanism import Mechanism
-from ecm.io.steps import Progress
 from ecm.io.table import Table
 from ecm.io.toml import read_toml
+from ecm.logs.rotations import check_rotation_word, rotation_columns
 from ecm.models import Expression, Model, PhysicsMap, as_model, load_model, physics_map
+from ecm.models.adapt import AdaptSettings
+from ecm.models.control import LoopSettings
+from ecm.models.export import export as export_model
 from ecm.models.physics.map import reach_of
+from ecm.models.prediction import predict as predict_table
 
 _TABLES = (".csv", ".parquet", ".pq")
 
@@ -88,3 +100,162 @@ def _late_progress(session: Session) -> Progress:
             bars[0](done, total, phase)
 
     return show
+
+
+def predict(options: PredictArguments, session: Session) -> None:
+    """Run `ecm predict`."""
+    session.check_output(options.out)
+    load_installed()
+    if options.rotation:
+        check_rotation_word(options.rotation)
+    table = session.read([options.poses], need="predict")
+    lacking = [name for name in POSE[3:] if not table.has(name)]
+    if options.rotation and lacking:
+        raise InputError(
+            f"{table.source}: --rotation {options.rotation} needs all three angles; no column "
+            f"{', '.join(lacking)}. Add it, zero where the mechanism does not turn"
+        )
+    kind: Any = options.stiffness_kind.value if options.stiffness else None
+    model = open_model(options.model, session, table)
+    with session.working(f"predicting {len(table)} rows") as tell:
+        predicted = predict_table(
+            model, table, stiffness=kind, leverage=options.leverage, progress=tell
+        )
+    for warning in predicted.warnings[len(table.warnings) :]:
+        session.warn(warning)
+    if options.rotation:
+        vectors = np.column_stack([predicted.column(name) for name in POSE[3:]])
+        predicted = predicted.with_columns(rotation_columns(options.rotation, vectors))
+    with session.working(f"writing {options.out}") as tell:
+        predicted.write(options.out, progress=tell)
+    new = [n for n, column in predicted.columns.items() if column is not table.columns.get(n)]
+    session.write_json({"schema": 1, "rows": len(table), "columns": new})
+    session.print(f"{options.out}: {len(table)} rows, {len(new)} predicted columns")
+
+
+_WORST_POSES = 3
+
+
+def compare(options: CompareArguments, session: Session) -> None:
+    """Run `ecm compare`."""
+    load_installed()
+    table = session.read(options.data, need="fit")
+    model = open_model(options.model, session, table)
+    with session.working(f"comparing with {len(table)} rows") as tell:
+        result = compare_model(model, table, seed=session.seed, progress=tell)
+        result.complete(tell)
+        document = result.to_dict()
+    warnings = [*result.warnings, *table.warnings]
+    constant = never_excited(table)
+    session.write_json({**document, "never_excited": list(constant), "warnings": warnings})
+    if session.report is not None:
+        with session.working("writing the report"):
+            write_comparison(session.report, result, warnings)
+    session.print(_errors(result, constant) + "\n")
+    if result.lack_of_fit is not None:
+        session.print(_lack_of_fit(result, constant) + "\n")
+    session.print(result.sentence())
+    session.print(result.pose_error.sentence())
+    if result.pose_error.row.size:
+        session.print(_worst_poses(result))
+    if result.references is not None:
+        assumed = result.noise.is_assumed
+        levels = result.references.levels_in_words(noise_is_assumed=assumed)
+        session.print(levels if assumed else f"{levels} {result.references.sentence()}")
+        if result.references.fem_needed:
+            shown = Remedy(FEM_NEEDED, "ecm fit DATA --model physics --out physics.json && AGAIN")
+            session.print(str(shown.filled(session.files_of(options))))
+    if result.rows_used is not None:
+        session.print(result.rows_used.sentence())
+    for warning in result.warnings:
+        session.warn(warning)
+    for sentence in excitation_sentences(constant):
+        session.print(sentence)
+
+
+def _errors(result: Comparison, constant: Sequence[str]) -> str:
+    """Error, noise floor and excess error of each component that was excited."""
+    rows = [("component", "rmse", "bias", "noise floor", "excess", "90 % interval", "unit")]
+    for item in result.components:
+        if item.name not in constant:
+            error = (item.name, f"{item.rmse:.3g}", f"{item.bias:.3g}")
+            noise = (f"{item.floor:.3g}", f"{item.excess:.3g}")
+            interval = f"{item.excess_low:.3g} .. {item.excess_high:.3g}"
+            # Noise that nobody measured or declared is no floor.
+            known = ("-",) * 3 if result.noise.is_assumed else (*noise, interval)
+            rows.append((*error, *known, unit_of(item.name)))
+    return columns(rows)
+
+
+def _worst_poses(result: Comparison) -> str:
+    """The rows with the largest pose error."""
+    units = {"position_mm": " mm", "rotation_deg": "°"}
+    listed = [
+        f"row {item.pop('row')} ({', '.join(f'{v:.2g}{units[name]}' for name, v in item.items())})"
+        for item in result.pose_error.worst(_WORST_POSES)
+    ]
+    return f"Worst rows by pose error: {', '.join(listed)}."
+
+
+def _lack_of_fit(result: Comparison, constant: Sequence[str]) -> str:
+    """F of the model's error between repeated poses over the scatter of the repeats."""
+    tests = {"all": result.lack_of_fit} | {c.name: c.lack_of_fit for c in result.components}
+    rows = [("lack of fit", "F", "dof", "of error", "p")]
+    for name, test in tests.items():
+        if test is not None and name not in constant:
+            dof = f"{test.dof:.4g}", f"{test.dof_error:.4g}"
+            rows.append((name, f"{test.F:.6g}", *dof, f"{test.p:.2g}"))
+    return columns(rows)
+
+
+def export(options: ExportArguments, session: Session) -> None:
+    """Run `ecm export`."""
+    check_output_directory(options.out)
+    load_installed()
+    rows = session.read(options.data) if options.data else None
+    with session.working(f"exporting {options.model}"):
+        model = open_model(options.model, session)
+        if rows is not None:
+            model = model.measured_at(rows)
+        try:
+            exported = export_model(
+                model,
+                options.to.value,
+                options.out,
+                name=options.name,
+                precision=options.precision.value,
+                loop=LoopSettings(options.mass, options.inertia, options.delay, options.dt),
+                adapt=_adapt(options),
+                force=options.force,
+            )
+        except Refusal as error:
+            if error.remedy is not None and rows is None:
+                error.remedy = error.remedy.filled(_training_table(model, options))
+            raise
+    session.on_interrupt(f"complete: {options.out}. Run the same command again for the rest.")
+    session.write_json(
+        {
+            "schema": 1,
+            "files": sorted(exported.files),
+            "left_out": list(exported.left_out),
+            "sentences": list(exported.notes),
+            "next_step": exported.next_step.replace("@OUT@", str(options.out)),
+            "control_loop": None if exported.loop is None else exported.loop.to_dict(),
+        }
+    )
+    for line in exported.notes:
+        session.print(line)
+    session.print(f"{options.out}: {len(exported.files)} files, {options.to.value}")
+    session.print(f"Next: {exported.next_step.replace('@OUT@', str(options.out))}")
+
+
+def _adapt(options: ExportArguments) -> AdaptSettings | None:
+    return None if options.adapt is None else AdaptSettings(tuple(options.adapt.split(",")))
+
+
+def _training_table(model: Model, options: ExportArguments) -> dict[str, str]:
+    """DATA of a remedy: the table that the model was fitted to, where it lies beside it or here."""
+    name = str(model.training.get("source", ""))
+    places = (Path(options.model).parent / name, Path(name)) if name else ()
+    found = next((place for place in places if place.is_file()), None)
+    return {} if found is None else {"DATA": shlex.quote(str(found))}

@@ -13,34 +13,40 @@ from ecm.comparison.reference_models import ReferenceModels, fit_reference_model
 from ecm.comparison.residual_figures import residual_figure
 from ecm.comparison.residual_maps import WORST, ResidualMaps, residual_maps_of
 from ecm.comparison.residuals import residuals, residuals_by_block
-from ecm.comparison.run_outliers import run_outliers
 from ecm.comparison.structure import (
     StructureTest,
     neighbours_alike,
     nothing_follows,
+    run_outliers,
     structure_test,
 )
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import unit_of
+from ecm.io.events import Progress, Steps
 from ecm.io.extras import require
-from ecm.io.steps import Progress, Steps
 from ecm.io.table import as_table
-from ecm.models.behind import FAR_BEYOND_NOISE, base_and_error, is_far_behind
+from ecm.models.file import was_trained_on
 from ecm.models.given import as_model
 from ecm.models.joint_fit import base_columns
 from ecm.models.learned import LEARNED
 from ecm.models.noise_estimate import estimate_noise
 from ecm.models.pose_error import PoseError, pose_error
 from ecm.models.prediction import beyond_reach
-from ecm.models.training import was_trained_on
+from ecm.models.refit import FAR_BEYOND_NOISE, base_and_error, is_far_behind
 from ecm.regression.f_test import FTest, lack_of_fit
-from ecm.regression.folds import is_pose_row, row_groups, without_zero_readings
+from ecm.regression.folds import (
+    HOW,
+    RowsUsed,
+    is_pose_row,
+    repeat_cells,
+    row_groups,
+    spread_rows,
+    without_zero_readings,
+)
 from ecm.regression.noise import Noise
-from ecm.regression.repeats import repeat_cells
 from ecm.regression.rows import Rows
-from ecm.regression.thinning import HOW, RowsUsed, spread_rows
 
 if TYPE_CHECKING:
     from ecm.io.table import MetaLike, Table, TableLike

@@ -16,7 +16,7 @@ import numpy as np
 
 from ecm.errors import ModelError
 from ecm.io.columns import POSE, WRENCH
-from ecm.models.by_degree import symmetric_energy
+from ecm.models.base_choice import symmetric_energy
 from ecm.models.history import ceiling_rms, held_out_rms
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.physics.map import FREE, PhysicsMap, kept_physics, reach_of

@@ -8,15 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from ecm.comparison.dependence import dependence_shares, dependence_variables
-from ecm.comparison.residuals import Residuals
-from ecm.comparison.signature import signature_shares
+from ecm.comparison.residuals import Residuals, dependence_shares, dependence_variables
+from ecm.comparison.structure import signature_shares
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import POSE
-from ecm.regression.folds import is_pose_row
+from ecm.regression.folds import is_pose_row, spread_rows
 from ecm.regression.rows import Rows, is_whole
-from ecm.regression.thinning import spread_rows
 from ecm.report.figures import MOST_DRAWN
 
 WORST = 10

@@ -1,18 +1,82 @@
-"""Residuals in physical units and whitened, and features that a missing effect may follow."""
+"""Residuals in physical units and whitened, and the columns and features that they may follow."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ecm.comparison.covariates import candidate_covariates
-from ecm.io.arrays import F
-from ecm.io.columns import POSE
+from ecm.io.arrays import F, I
+from ecm.io.columns import POSE, WRENCH
 from ecm.regression.approach import approach_sides
+from ecm.regression.f_test import orthonormal
 from ecm.regression.noise import Noise, whiteners
-from ecm.regression.rows import Rows
+from ecm.regression.rows import Rows, derived_columns
+
+if TYPE_CHECKING:
+    from ecm.io.table import Table
+
+
+KNOWN = ("time_s", "temperature_degC", "sensor_temperature_degC", "dwell_s")
+_ORDERED = 0.9
+_LEAST_IN_GROUP = 4
+
+
+def candidate_covariates(
+    table: Table, inputs: Sequence[str], outputs: Sequence[str]
+) -> tuple[str, ...]:
+    """Return the covariates that may explain a residual: standard ones, and the user's own."""
+    derived = derived_columns(table, inputs, outputs)
+    own = (name for name in table.covariates if name not in derived)
+    return tuple(name for name in (*KNOWN, *own) if table.has(name))
+
+
+def confounded_with_order(
+    table: Table, inputs: Sequence[str], outputs: Sequence[str]
+) -> tuple[str, ...]:
+    """Return the covariates, and the load, that grow with the order of rows in every group.
+
+    Nothing in the table then separates time, creep and that variable. Order is time_s, else that
+    of the rows.
+    """
+    when = np.arange(len(table), dtype=np.float64)
+    if table.has("time_s"):
+        when = table.column("time_s")
+    groups = table.groups()
+    parts = np.zeros(len(table), dtype=np.int64) if groups is None else groups
+    loads = np.stack([table.column(name) for name in outputs], axis=1)
+    # The spread of a constant component is a rounding error.
+    scale = np.where(np.ptp(loads, axis=0) > 1e-12, loads.std(axis=0), np.inf)
+    named = {name: table.column(name) for name in candidate_covariates(table, inputs, outputs)}
+    named.pop("time_s", None)
+    named["load"] = np.sqrt(((loads / scale) ** 2).sum(axis=1))
+    return tuple(name for name, values in named.items() if _follows(when, values, parts))
+
+
+def _follows(when: F, values: F, parts: I) -> bool:
+    """Whether ranks agree in the median group of those with ranks."""
+    number = np.bincount(parts)
+    a, b = (_ranks(column, parts) for column in (when, values))
+    a, b = (ranks - (np.bincount(parts, ranks) / np.maximum(number, 1))[parts] for ranks in (a, b))
+    of_both, of_a, of_b = (np.bincount(parts, product) for product in (a * b, a * a, b * b))
+    ranked = (number >= _LEAST_IN_GROUP) & (of_a > 0.0) & (of_b > 0.0)
+    correlations = np.abs(of_both[ranked]) / np.sqrt(of_a[ranked] * of_b[ranked])
+    return len(correlations) > 0 and float(np.median(correlations)) > _ORDERED
+
+
+def _ranks(values: F, parts: I) -> F:
+    """(N,) ranks; equal values of a group share theirs. Other groups only shift them."""
+    order = np.lexsort((values, parts))
+    first = np.diff(values[order], prepend=np.nan) != 0.0
+    first |= np.diff(parts[order], prepend=-1) != 0
+    tie = np.cumsum(first) - 1
+    middle = np.bincount(tie, np.arange(len(values))) / np.bincount(tie)
+    ranks = np.empty(len(values))
+    ranks[order] = middle[tie]
+    return ranks
+
 
 _BLOCK = 20_000
 """Rows whose covariances are held at once."""
@@ -132,3 +196,56 @@ def covariates(rows: Rows) -> dict[str, F]:
 def _standard(values: F) -> F:
     spread = values.std(axis=0)
     return np.asarray((values - values.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0))
+
+
+_DEGREE = 3
+"""Degree of the polynomial in one variable."""
+
+
+def dependence_variables(rows: Rows) -> dict[str, F]:
+    """Return (N,) values by name with unit: pose, bend, loads, order, covariates, approach side."""
+    table = rows.table
+    variables = {name: rows.poses[:, j] for j, name in enumerate(rows.base.inputs)}
+    if rows.base.inputs == POSE:
+        axis = rows.rotation[:, :, 0]
+        variables["bend_rad"] = np.arctan2(np.hypot(axis[:, 1], axis[:, 2]), axis[:, 0])
+        variables["azimuth_rad"] = np.arctan2(axis[:, 2], axis[:, 1])
+    if rows.base.outputs == WRENCH:
+        variables["force_N"] = np.asarray(np.linalg.norm(rows.wrench[:, :3], axis=1))
+        variables["torque_Nm"] = np.asarray(np.linalg.norm(rows.wrench[:, 3:], axis=1))
+    variables["row"] = (table.row_numbers + 1).astype(np.float64)
+    named = ("time_s", "temperature_degC", "sensor_temperature_degC", "dwell_s", "repeat")
+    for name in (*named, *table.covariates):
+        if table.has(name):
+            values = table.column(name)
+            if np.isfinite(values).all():
+                variables[name] = values
+    if table.has("approach") and rows.base.inputs == POSE:
+        variables["approach_side"] = approach_sides(
+            table, rows.length_m if rows.has_length else None
+        )
+    return variables
+
+
+def dependence_shares(
+    variables: Mapping[str, F], whitened: F, outputs: tuple[str, ...]
+) -> tuple[tuple[str, str, float], ...]:
+    """Return (variable, component, share) of the squares that a cubic explains beyond chance."""
+    n = len(whitened)
+    shares = []
+    for name, values in variables.items():
+        distinct = len(np.unique(values))
+        degree = min(_DEGREE, distinct - 1)
+        if n < 4 * (degree + 1):
+            continue
+        x = 2.0 * (values - values.min()) / float(np.ptp(values)) - 1.0
+        basis = orthonormal(np.polynomial.chebyshev.chebvander(x, degree))
+        explained = ((basis.T @ whitened) ** 2).sum(axis=0)
+        total = (whitened**2).sum(axis=0)
+        # Each column explains its part of the rest by chance.
+        chance = basis.shape[1] * (total - explained) / max(1, n - basis.shape[1])
+        for j, output in enumerate(outputs):
+            if total[j] > 0.0:
+                share = float((explained[j] - chance[j]) / total[j])
+                shares.append((name, output, max(0.0, share)))
+    return tuple(sorted(shares, key=lambda item: -item[2]))

@@ -1,16 +1,21 @@
-"""Sections of a comparison: error of each component, and four references side by side."""
+"""Sections, points and page of a comparison: errors, residuals, four references side by side."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from ecm.comparison.comparison import Comparison
 from ecm.comparison.reference_models import FEM_NEEDED
-from ecm.comparison.residual_figures import LINK
-from ecm.comparison.residual_points import residual_points
+from ecm.comparison.residual_figures import LINK, residual_section
+from ecm.comparison.residuals import dependence_variables, residuals_by_block
+from ecm.io.arrays import F, I
 from ecm.regression.f_test import FTest
+from ecm.regression.folds import is_pose_row
+from ecm.regression.rows import Rows
 from ecm.report import figures as draw
 from ecm.report.mechanism import mechanism_blocks
 from ecm.report.page import (
@@ -21,7 +26,82 @@ from ecm.report.page import (
     TextBlock,
     number,
     warnings_table,
+    write_page,
 )
+
+_WORST = 10
+
+
+@dataclass(frozen=True)
+class ResidualPoints:
+    """Residuals, measured minus predicted, of n measured poses in file order, m components."""
+
+    row: I
+    """(n,) rows of the table, from 1."""
+    variables: Mapping[str, F]
+    """(n,) by name with unit, those that vary."""
+    physical: F
+    """(n, m) in the units of the outputs."""
+    over_noise: F
+    """(n, m) over the standard deviation of that row's noise."""
+    size: F
+    """(n,) root mean square of the row's residual, whitened by its full covariance."""
+    total: int
+    """Measured poses of the table."""
+
+    @property
+    def sentence(self) -> str:
+        """How many rows these are, where not all."""
+        if len(self.row) == self.total:
+            return ""
+        return (
+            f"{len(self.row)} of {self.total} rows are drawn: evenly over their order, and the "
+            "worst ones."
+        )
+
+
+def residual_points(result: Comparison, most: int = 20_000) -> ResidualPoints:
+    """Return the residuals of all measured poses, of more than `most` some and the worst ones.
+
+    Parameters
+    ----------
+    result
+        A comparison. `where` rests on chosen rows of a large table; this does not.
+    most
+        Rows above which every k-th is taken.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ecm
+    >>> x = np.linspace(-1e-3, 1e-3, 20)
+    >>> table = ecm.as_table({"x_m": x, "fx_N": 1e4 * x + 1e10 * x**3})
+    >>> result = ecm.compare(ecm.fit_model(table, "linear"), table)
+    >>> points = residual_points(result, most=10)
+    >>> points.total, len(points.row) < 20, points.size.argmax() in (0, len(points.row) - 1)
+    (20, True, True)
+    """
+    made = result.compared
+    rows = Rows(made.table, made.model.base)
+    physical, whitened, variance = residuals_by_block(
+        rows, made.predicted, result.noise, made.model.base.error
+    )
+    scored = np.flatnonzero(is_pose_row(made.table))
+    size = np.sqrt((whitened**2).mean(axis=1))
+    at = scored
+    if len(scored) > most:
+        worst = scored[np.argsort(-size[scored], kind="stable")[:_WORST]]
+        at = np.union1d(scored[:: -(-len(scored) // most)], worst)
+    variables = {name: values[at] for name, values in dependence_variables(rows).items()}
+    return ResidualPoints(
+        row=made.table.row_numbers[at] + 1,
+        variables={n: v for n, v in variables.items() if n == "row" or np.ptp(v) > 0.0},
+        physical=physical[at],
+        over_noise=physical[at] / np.sqrt(variance[at]),
+        size=size[at],
+        total=len(scored),
+    )
+
 
 _DRAWN = 900
 _RESIDUALS = "Residuals in the unit of each column."
@@ -195,3 +275,14 @@ def references_section(result: Comparison) -> Section:
             ),
         ],
     )
+
+
+def write_comparison(path: Path, result: Comparison, warnings: Sequence[str] = ()) -> None:
+    """Write error of each component, reference models, and residuals in units of the noise."""
+    sections = [
+        compare_section(result, warnings),
+        pose_error_section(result),
+        references_section(result),
+        residual_section(result.where()),
+    ]
+    write_page(path, f"{result.model} against measurements", f"{result.rows} rows", sections)

@@ -1,28 +1,27 @@
-"""Whether a model lacks something on given rows: structure in its residual that is no chance.
-
-One function answers for every command. Two tests look at the residual of the model as it stands:
-its lack of fit against repeats, and smooth functions of the pose, the order, the motion of a
-continuous test and every other column.
-Both compare with what is left in the same rows, so that noise that was stated too small or too
-large does not decide.
-"""
+"""What a residual shows: structure that is no chance, its signature, runs that are outliers."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ecm.comparison.residuals import feature_columns
+from ecm.comparison.residuals import feature_columns, features
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import JOINT_SIGNS, JOINTS, VELOCITY
 from ecm.io.table import Table
 from ecm.regression.approach import order_of_visits
-from ecm.regression.f_test import Beside, lack_of_fit
-from ecm.regression.folds import is_continuous
-from ecm.regression.repeats import repeat_cells
-from ecm.regression.rows import Rows
-from ecm.regression.speed import speeds
+from ecm.regression.blocks import in_threads
+from ecm.regression.correlation import speeds
+from ecm.regression.f_test import Beside, explained_by_span, lack_of_fit
+from ecm.regression.folds import is_continuous, repeat_cells
+from ecm.regression.rows import Rows, is_whole
+
+if TYPE_CHECKING:
+    from ecm.io.table import Table
+
 
 LEVEL = 0.01
 """Chance of a wrong rejection."""
@@ -205,3 +204,158 @@ def other_columns(rows: Rows) -> F:
     values = [np.nan_to_num(table.column(name)) for name in names]
     varying = [(v - v.mean()) / v.std() for v in values if float(np.ptp(v)) > 0.0]
     return np.stack(varying, axis=1) if varying else np.zeros((len(rows), 0))
+
+
+_COVARIATES = ("time_s", "temperature_degC", "sensor_temperature_degC", "dwell_s", "approach")
+
+
+def signature_shares(
+    rows: Rows, whitened: F, whitener: F, weights: F | None = None, scale: float = 1.0
+) -> dict[str, float]:
+    """Return the share of the residual's squares, beyond chance, that each family explains alone.
+
+    Parameters
+    ----------
+    whitened, whitener
+        (N, 6) residuals over their noise, and (N, 6, 6) the matrices that whiten a row.
+    weights
+        (N,) robust weights of the rows.
+    scale
+        Mean square of noise alone.
+
+    Returns
+    -------
+    dict
+        Share by signature; empty for tables without all six pose and wrench columns.
+    """
+    if not is_whole(rows.base) or not rows.has_length:
+        return {}
+    n, m = whitened.shape
+    root = np.ones(n) if weights is None else np.sqrt(weights)
+    y = (whitened * root[:, None]).ravel()
+    total = float(y @ y)
+    deflection = rows.poses - rows.rest_pose
+    loaded = (~rows.unloaded).astype(np.float64)
+    scaled = deflection / np.maximum(deflection.std(axis=0), 1e-12) * loaded[:, None]
+    identity = np.broadcast_to(np.eye(6), (n, 6, 6))
+    even = np.stack([scaled[:, i] * scaled[:, j] for i in range(6) for j in range(i + 1)], axis=1)
+    named: dict[str, F] = {
+        "proportional": rows.wrench[:, :, None],
+        "constant_in_base": identity,
+        "constant_in_body": rows.base_from_top,
+        "odd": _spread(scaled),
+        "even": _spread(even),
+    }
+    values, names = features(rows, 90)
+    for covariate in _COVARIATES:
+        own = [j for j, name in enumerate(names) if covariate in name.split("*")]
+        if own:
+            named[covariate] = _spread(values[:, own])
+
+    def share(columns: F) -> float | None:
+        z = whitener @ columns
+        z = (z * root[:, None, None]).reshape(n * m, -1)
+        if z.shape[1] >= n * m // 2:
+            return None
+        explained, rank = explained_by_span(z, y)
+        return float(np.clip((explained - scale * rank) / total, 0.0, 1.0))
+
+    shares = zip(named, in_threads(share, named.values()), strict=True)
+    return {name: value for name, value in shares if value is not None}
+
+
+def _spread(values: F) -> F:
+    """Return (N, 6, 6 q): each function in each component."""
+    n, q = values.shape
+    columns = np.zeros((n, 6, 6 * q))
+    for j in range(6):
+        columns[:, j, j * q : (j + 1) * q] = values
+    return columns
+
+
+_DEGREE = 3
+_UNLIKE = 1.5
+"""A run is an outlier where the curves of the others miss it so many times more than they miss each
+other."""
+_SWAPPED = 0.5
+
+
+@dataclass(frozen=True)
+class RunOutlier:
+    """One run that does not agree with the others."""
+
+    run: int
+    error: float
+    """Error of the other runs' curves, over the size of the run's own reading."""
+    others: float
+    """The same error among the others."""
+    swapped: bool
+    """Whether it agrees with its pose and wrench columns exchanged."""
+
+    def sentence(self) -> str:
+        """Return one plain sentence."""
+        text = (
+            f"run {self.run} is unlike the others: what they say of it is off by "
+            f"{self.error:.2g} of its spread, among themselves by {self.others:.2g}"
+        )
+        return text + (
+            "; its pose and wrench columns look exchanged: with them exchanged back it fits"
+            if self.swapped
+            else "; look at the specimen and the columns of that file"
+        )
+
+
+def run_outliers(table: Table, inputs: Sequence[str], outputs: Sequence[str]) -> list[RunOutlier]:
+    """Return the runs that the others do not predict, for one pose and one wrench column.
+
+    A cubic through each other run is compared with each run. Fewer than three runs give none: of
+    two nobody can tell which one is wrong.
+    """
+    if len(inputs) != 1 or len(outputs) != 1 or not table.has("run"):
+        return []
+    x, y = table.column(inputs[0]), table.column(outputs[0])
+    run = table.column("run")
+    numbers = np.unique(run)
+    if len(numbers) < 3:
+        return []
+    size = np.array([float(np.sqrt((y[run == n] ** 2).mean())) for n in numbers])
+    own = {int(n): (x[run == n], y[run == n]) for n in numbers}
+    # Each run against each other one: the median does not see a single strange run.
+    pairs = np.array([[_miss(own[int(a)], own[int(b)]) for b in numbers] for a in numbers])
+    pairs /= size[:, None]
+    errors = np.array([np.median(np.delete(pairs[i], i)) for i in range(len(numbers))])
+    outliers = []
+    for i, number in enumerate(numbers):
+        rest = float(np.median(np.delete(errors, i)))
+        if errors[i] <= _UNLIKE * rest:
+            continue
+        turned = _exchanged(own[int(number)], x[run != number], y[run != number])
+        again = np.median([_miss(turned, own[int(b)]) for b in numbers if b != number])
+        again /= float(np.sqrt((turned[1] ** 2).mean()))
+        swapped = bool(again < _SWAPPED * errors[i])
+        outliers.append(RunOutlier(int(number), float(errors[i]), rest, swapped))
+    return outliers
+
+
+def _miss(of: tuple[F, F], by: tuple[F, F]) -> float:
+    """Return the root mean square error at `of` of a cubic that is fitted to `by`."""
+    low, high = float(by[0].min()), float(by[0].max())
+    span = max(high - low, 1e-300)
+    curve = np.polynomial.Polynomial.fit(by[0], by[1], min(_DEGREE, len(by[0]) - 1))
+    inside = np.clip(of[0], low - 0.1 * span, high + 0.1 * span)
+    # Beyond the range of `by` the curve is constant, and the distance counts as a difference.
+    beyond = (of[0] - inside) / span
+    miss = of[1] - curve(inside)
+    scale = float(np.sqrt((by[1] ** 2).mean()))
+    return float(np.sqrt((miss**2).mean() + (scale * beyond) ** 2 @ np.ones(len(miss)) / len(miss)))
+
+
+def _exchanged(pair: tuple[F, F], x: F, y: F) -> tuple[F, F]:
+    """Return the pair with pose and wrench exchanged, each in the unit of the others."""
+    new_x, new_y = pair[1], pair[0]
+    return new_x * _decade(x, new_x), new_y * _decade(y, new_y)
+
+
+def _decade(like: F, values: F) -> float:
+    ratio = float(np.abs(like).max()) / max(float(np.abs(values).max()), 1e-300)
+    return float(10.0 ** (3.0 * round(np.log10(max(ratio, 1e-300)) / 3.0)))

@@ -17,14 +17,14 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
+from ecm.io.events import Progress
 from ecm.io.mechanism import Mechanism
-from ecm.io.steps import Progress
 from ecm.io.table import Table
 from ecm.models import EnergyMap, Model, StiffnessMap, physics_map, surrogate_of
 from ecm.regression.noise import Noise, declared_noise, whiteners
 from ecm.rig.camera import Camera
-from ecm.rig.force_torque_sensor import ForceTorqueSensor
 from ecm.rig.frames import top_from_sensor_wrench
+from ecm.rig.measurement import ForceTorqueSensor
 from ecm.rig.settings import RigSettings
 
 _MIN_POSES = 100

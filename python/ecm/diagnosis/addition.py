@@ -13,8 +13,7 @@ import numpy as np
 
 from ecm.effects import Effect
 from ecm.errors import EcmError, Remedy, remedy_of
-from ecm.models.refit import refit
-from ecm.models.worse import refuse_addition
+from ecm.models.refit import refit, refuse_addition
 
 if TYPE_CHECKING:
     from ecm.io.table import Table

@@ -16,13 +16,12 @@ from ecm.effects import effects_of
 from ecm.effects.length import missing_length
 from ecm.io.arguments import check_arguments
 from ecm.io.columns import POSE, TEXT, WRENCH, is_standard
+from ecm.io.events import Progress, Steps
+from ecm.io.frames import order_warning
 from ecm.io.misread import Misread, misread
-from ecm.io.quaternion_order import order_warning
-from ecm.io.steps import Progress, Steps
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.regression.correlation import correlation_time
-from ecm.regression.folds import is_continuous
-from ecm.regression.repeats import noise_source, repeated_poses
+from ecm.regression.folds import is_continuous, noise_source, repeated_poses
 
 _COLUMNS, _TESTABLE, _REPEATS, _SUSPECT = (
     "columns", "testable effects", "repeats", "rows that are no measurements",

@@ -19,7 +19,7 @@ from ecm.diagnosis.statements import find_wrong_statement
 from ecm.diagnosis.unexplained import Unknown, describe_residual
 from ecm.diagnosis.whiteness import Pattern, explains_more, find_pattern
 from ecm.io.arrays import F
-from ecm.io.unit_checks import unit_of_factor
+from ecm.io.units import unit_of_factor
 from ecm.models.physics.map import PhysicsMap
 
 Headline = Literal["none", "named", "ambiguous", "unknown"]

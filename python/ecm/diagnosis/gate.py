@@ -13,7 +13,7 @@ from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import delta_chi2
 from ecm.io.arrays import F
 from ecm.regression.f_test import Beside, FTest, lack_of_fit, omnibus_test
-from ecm.regression.repeats import repeat_cells
+from ecm.regression.folds import repeat_cells
 
 
 @dataclass(frozen=True)

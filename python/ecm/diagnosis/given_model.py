@@ -26,15 +26,14 @@ from ecm.diagnosis.to_json import fields_json
 from ecm.effects import Effect
 from ecm.errors import EcmError, Remedy
 from ecm.io.columns import unit_of
-from ecm.io.unit_checks import unit_of_factor
-from ecm.models.behind import is_far_behind
+from ecm.io.units import unit_of_factor
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.learned import LEARNED
 from ecm.models.maps import StiffnessMap
 from ecm.models.physics.map import PhysicsMap
-from ecm.regression.folds import is_pose_row
+from ecm.models.refit import is_far_behind
+from ecm.regression.folds import is_pose_row, spread_rows
 from ecm.regression.noise import Noise, whiteners
-from ecm.regression.thinning import spread_rows
 
 if TYPE_CHECKING:
     from ecm.diagnosis.problem import Problem

@@ -22,11 +22,9 @@ from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.regression.noise import Noise
-from ecm.rig.climate import Climate
-from ecm.rig.plan import requests
+from ecm.rig.plan import OFFSET, UNLOADED, requests
 from ecm.rig.settings import RigSettings
-from ecm.rig.timeline import timeline_of
-from ecm.rig.visits import OFFSET, UNLOADED
+from ecm.rig.timeline import Climate, timeline_of
 
 
 @dataclass(frozen=True)

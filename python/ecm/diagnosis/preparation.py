@@ -14,9 +14,7 @@ from ecm.effects import Effect, Missing, Rows, effects_of, get_effect
 from ecm.errors import InputError
 from ecm.io.arrays import I
 from ecm.io.misread import Misread, misread
-from ecm.regression.folds import distinct_rows, rows_without_zero_readings
-from ecm.regression.sensor_zero import zero_times
-from ecm.regression.thinning import spread_rows
+from ecm.regression.folds import distinct_rows, rows_without_zero_readings, spread_rows, zero_times
 
 if TYPE_CHECKING:
     from ecm.io.table import Table

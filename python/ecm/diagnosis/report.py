@@ -9,9 +9,8 @@ from dataclasses import replace
 import numpy as np
 from scipy import optimize, special
 
-from ecm.comparison.covariates import confounded_with_order
-from ecm.comparison.run_outliers import run_outliers
-from ecm.comparison.signature import signature_shares
+from ecm.comparison.residuals import confounded_with_order
+from ecm.comparison.structure import run_outliers, signature_shares
 from ecm.diagnosis.check import (
     NotTestable,
     likely_continuous,
@@ -45,18 +44,17 @@ from ecm.diagnosis.stated_numbers import negative_payload, stated_numbers
 from ecm.diagnosis.statements import time_unit
 from ecm.diagnosis.unexplained import misread_table
 from ecm.io.arrays import rest_of
-from ecm.io.leave_out import shown_ranges
+from ecm.io.description import shown_ranges
 from ecm.models.history import Ceiling, ceiling_rms
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.model import Model
 from ecm.models.partial import MeasuredMap
 from ecm.models.physics.map import PhysicsMap
 from ecm.regression.blocks import beside
-from ecm.regression.derived import derived_columns
 from ecm.regression.f_test import FTest
-from ecm.regression.folds import held_out_by
+from ecm.regression.folds import HOW, RowsUsed, held_out_by
 from ecm.regression.noise import Noise
-from ecm.regression.thinning import HOW, RowsUsed
+from ecm.regression.rows import derived_columns
 
 
 def report(

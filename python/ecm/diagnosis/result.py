@@ -21,8 +21,8 @@ from ecm.diagnosis.to_json import fields_json, to_json
 from ecm.diagnosis.unexplained import Unknown
 from ecm.io.extras import require
 from ecm.models.joint_fit import FittedEffect
+from ecm.regression.folds import RowsUsed
 from ecm.regression.noise import Noise
-from ecm.regression.thinning import RowsUsed
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ecm.io.settings import Checked, setting
-from ecm.models.behind import FAR_BEYOND_NOISE
+from ecm.models.refit import FAR_BEYOND_NOISE
 
 
 @dataclass(frozen=True)

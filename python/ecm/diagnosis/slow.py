@@ -13,7 +13,7 @@ from ecm.diagnosis.gate import residual_after
 from ecm.diagnosis.unexplained import Unknown
 from ecm.io.arrays import I
 from ecm.regression.approach import order_of_visits
-from ecm.regression.slow_noise import SlowNoise, slow_noise
+from ecm.regression.correlation import SlowNoise, slow_noise
 
 _MOST_ROWS = 600
 """Rows that are used, evenly over the log: neighbours of slow noise tell the same."""

@@ -12,9 +12,9 @@ from ecm.io.mechanism import Mechanism
 from ecm.models.joint_fit import FittedEffect, JointFit
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.physics.rod import stated_rod
+from ecm.regression.folds import repeat_cells
 from ecm.regression.noise import declared_noise
 from ecm.regression.normal_equations import explained_by_blocks, projected_out
-from ecm.regression.repeats import repeat_cells
 
 _LEAST_CHANGE = 0.05
 """Share by which E must differ from the stated value to be said."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ecm.effects import with_shape
-from ecm.models.behind import FAR_BEYOND_NOISE
+from ecm.models.refit import FAR_BEYOND_NOISE
 
 LINES = (("missing", "MISSING"), ("add", "ADD IT"), ("next", "NEXT"))
 """The lines, each by its key in the report and as it is shown."""

@@ -15,8 +15,7 @@ import numpy as np
 from ecm.io.arrays import F, I
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE
-from ecm.io.description import read_meta
-from ecm.io.leave_out import row_ranges, rows_of, shown_ranges, with_leave_out
+from ecm.io.description import read_meta, row_ranges, rows_of, shown_ranges, with_leave_out
 from ecm.io.table import Table, read_table, unreadable_rows
 from ecm.regression.folds import is_continuous, is_pose_row
 

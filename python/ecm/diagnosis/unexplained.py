@@ -15,8 +15,8 @@ from ecm.diagnosis.readings import WrongStatement
 from ecm.diagnosis.search import rank
 from ecm.diagnosis.whiteness import Pattern
 from ecm.io.arrays import F
+from ecm.regression.correlation import SlowNoise
 from ecm.regression.f_test import orthonormal
-from ecm.regression.slow_noise import SlowNoise
 
 
 @dataclass(frozen=True)

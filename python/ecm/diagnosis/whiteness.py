@@ -14,15 +14,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import special
 
-from ecm.comparison.dependence import dependence_variables
+from ecm.comparison.residuals import dependence_variables
 from ecm.diagnosis.gate import residual_after
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import delta_chi2
 from ecm.io.arrays import B, F
 from ecm.io.columns import JOINTS
 from ecm.regression.approach import order_of_visits
+from ecm.regression.correlation import speeds
 from ecm.regression.f_test import Beside
-from ecm.regression.speed import speeds
 
 _LEAST_ROWS = 24
 _MOST_PERIODS = 1500

@@ -20,7 +20,7 @@ from ecm.effects.protocol import (
 from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.regression.approach import largest_so_far, memory_options
-from ecm.regression.repeats import repeat_visits
+from ecm.regression.folds import repeat_visits
 from ecm.regression.rows import Rows
 
 _LEAST_AGAIN = 5

@@ -8,9 +8,9 @@ from ecm.effects.protocol import LinearEffect, LookAlike, Missing, Parameter, ne
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, VELOCITY
 from ecm.io.table import Table
+from ecm.regression.correlation import rates
 from ecm.regression.folds import is_continuous
 from ecm.regression.rows import Rows
-from ecm.regression.speed import rates
 
 
 def velocity(table: Table) -> F:

@@ -8,8 +8,8 @@ from ecm.effects.protocol import EffectBase, LookAlike, Missing, Parameter, need
 from ecm.effects.sensor_axes import adjoint
 from ecm.io.arrays import F
 from ecm.io.table import Table
+from ecm.regression.folds import repeat_visits
 from ecm.regression.noise import covariance_parts, declared_noise
-from ecm.regression.repeats import repeat_visits
 from ecm.regression.rows import Rows
 
 _LEAST_REPEATS = 10

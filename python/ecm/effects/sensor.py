@@ -18,8 +18,8 @@ from ecm.effects.protocol import (
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.table import Table
+from ecm.regression.folds import zero_times
 from ecm.regression.rows import Rows
-from ecm.regression.sensor_zero import zero_times
 
 AXES = ("fx", "fy", "fz", "tau_x", "tau_y", "tau_z")
 

@@ -29,8 +29,8 @@ from ecm.effects.sensor import AXES
 from ecm.io.arrays import F
 from ecm.io.settings import setting
 from ecm.io.table import Table
+from ecm.regression.folds import zero_of_rows, zero_times
 from ecm.regression.rows import Rows
-from ecm.regression.sensor_zero import zero_of_rows, zero_times
 
 _KNEES = (0.3, 0.6, 0.85)
 """Quantiles of the readings of an axis at which a knee is tried."""

@@ -22,8 +22,7 @@ from ecm.io.arrays import F
 from ecm.io.columns import unit_of
 from ecm.io.table import Table
 from ecm.regression.approach import order_of_visits
-from ecm.regression.derived import derived_columns
-from ecm.regression.rows import Rows
+from ecm.regression.rows import Rows, derived_columns
 
 ID = "unused_column"
 _MOST_COLUMNS = 12

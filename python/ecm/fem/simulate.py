@@ -1,27 +1,145 @@
-"""Wrench-pose pairs by FEM: of wrenches drawn from a box (step 1 of the paper), or of one's own."""
+"""Wrench-pose pairs by FEM: of wrenches drawn from a box, or of one's own; and sensitivities."""
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ecm._native import rod_poses
 from ecm.errors import ComputationError, InputError
-from ecm.fem.batch import LoadCases, batch_size
-from ecm.fem.case_results import ARRAYS, CaseResults
-from ecm.fem.draws import TABLE_I_MAX, TABLE_I_MIN, RandomWrenches, Workspace
+from ecm.fem.batch import ARRAYS, CaseResults, LoadCases, batch_size
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F, I
 from ecm.io.cache import Stage
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.mechanism import Mechanism
+from ecm.io.settings import Checked, setting
 from ecm.io.table import Table
+
+TABLE_I_MIN = (-110.0, -100.0, -100.0, -5.0, -5.0, -5.0)
+"""Table I of the paper: lower corner of the wrench box, N and N m; compression is negative."""
+TABLE_I_MAX = (30.0, 100.0, 100.0, 5.0, 5.0, 5.0)
+
+_DRAW_BLOCK = 2048  # wrenches drawn and screened together
+_BLOCKS_WITHOUT_CASE = 50  # after so many blocks without a case the workspace is empty
+
+
+@dataclass(frozen=True)
+class Workspace(Checked):
+    """Limits of admissible poses, and the box that wrenches are drawn from.
+
+    Parameters
+    ----------
+    rotation_limit_rad, stretch_limit
+        Largest rotation angle of an admissible pose, and largest principal stretch anywhere in the
+        body.
+    wrench_min, wrench_max
+        Corners of the box of random wrenches, N and N m; the default is Table I of the paper.
+    full_box
+        Accept every stable solution of the box instead.
+    screen_margin
+        A draw is solved by FEM if the rod predicts a rotation below this factor times the limit.
+
+    Examples
+    --------
+    >>> Workspace(rotation_limit_rad=0.5).stretch_limit
+    2.5
+    >>> Workspace(rotation_limit_rad=45.0)
+    Traceback (most recent call last):
+    ...
+    ecm.errors.InputError: rotation_limit_rad = 45.0: expected above 0 and at most 3.14159 \
+(rotation angle in rad, not degrees)
+    """
+
+    rotation_limit_rad: float = setting(
+        0.8, above=0.0, high=math.pi, doc="rotation angle in rad, not degrees"
+    )
+    stretch_limit: float = setting(2.5, above=0.0, doc="largest stretch of an admissible pose")
+    wrench_min: tuple[float, ...] = setting(TABLE_I_MIN, doc="fx fy fz in N, taux tauy tauz in N m")
+    wrench_max: tuple[float, ...] = setting(TABLE_I_MAX, doc="fx fy fz in N, taux tauy tauz in N m")
+    full_box: bool = setting(False, doc="keep every stable pose; no screen, no limits")
+    screen_margin: float = setting(1.2, above=0.0, doc="the rod screens at the limits times this")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.wrench_min) != len(self.wrench_max):
+            raise InputError("wrench_min and wrench_max: expected six numbers each")
+        if not all(a < b for a, b in zip(self.wrench_min, self.wrench_max, strict=True)):
+            raise InputError("wrench_min must be below wrench_max in each component")
+
+
+class RandomWrenches:
+    """Uniform wrenches of the box that pass the rod's screen, in a fixed order.
+
+    `drawn` and `screened` count the draws so far, and those of them that passed.
+    """
+
+    def __init__(self, mechanism: Mechanism, workspace: Workspace, seed: int) -> None:
+        self._rng = np.random.default_rng([seed, 1])
+        self._low = np.asarray(workspace.wrench_min)
+        self._high = np.asarray(workspace.wrench_max)
+        self._limit = workspace.rotation_limit_rad * workspace.screen_margin
+        self._sections = None if workspace.full_box else mechanism.rod_sections()
+        self._length_m = mechanism.length_m
+        self._pending = np.empty((0, 6))
+        self._serials = np.empty(0, dtype=np.int64)
+        self._next_serial = 0
+        self._passed: list[I] = []
+        self.drawn = 0
+        self.screened = 0
+
+    def next(self, count: int, promising: Callable[[F], B]) -> tuple[F, I]:
+        """Return the next `count` draws that pass, and their serial numbers among all draws."""
+        taken: list[F] = []
+        serials: list[I] = []
+        blocks_without_case = size = 0
+        while size < count:
+            if len(self._pending) == 0:
+                self._draw()
+            passed = np.flatnonzero(promising(self._pending))[: count - size]
+            taken.append(self._pending[passed])
+            serials.append(self._serials[passed])
+            size += len(passed)
+            # Later draws are left to the next call.
+            seen = int(passed[-1]) + 1 if size == count else len(self._pending)
+            self._pending, self._serials = self._pending[seen:], self._serials[seen:]
+            blocks_without_case = 0 if len(passed) else blocks_without_case + 1
+            if blocks_without_case >= _BLOCKS_WITHOUT_CASE:
+                raise ComputationError(
+                    f"none of {blocks_without_case * _DRAW_BLOCK} random wrenches gives a rotation "
+                    "within [workspace] rotation_limit_rad: shrink wrench_min and wrench_max"
+                )
+        self._passed.append(np.concatenate(serials))
+        self.drawn = int(self._passed[-1][-1]) + 1
+        self.screened += count
+        return np.concatenate(taken), self._passed[-1]
+
+    def _draw(self) -> None:
+        """Draw a block; those that pass the rod are pending."""
+        block = self._rng.uniform(self._low, self._high, (_DRAW_BLOCK, 6))
+        serials = np.arange(self._next_serial, self._next_serial + _DRAW_BLOCK, dtype=np.int64)
+        self._next_serial += _DRAW_BLOCK
+        if self._sections is not None:
+            poses, converged = rod_poses(block, length_m=self._length_m, **self._sections)
+            rotation = np.linalg.norm(poses[:, 3:], axis=1)
+            # If the rod has no equilibrium, the FEM decides.
+            passed = ~converged | (rotation <= self._limit)
+            block, serials = block[passed], serials[passed]
+        self._pending, self._serials = block, serials
+
+    def stop_at(self, serial: int) -> None:
+        """Count only draws up to and including this serial number."""
+        self.drawn = serial + 1
+        self.screened = int(sum((s <= serial).sum() for s in self._passed))
+
 
 Progress = Callable[[int, int, str], object] | None
 """Called with pairs kept, all pairs, and a word for what is done."""
@@ -409,3 +527,80 @@ def fem_poses(
     )
     pairs = simulate(mechanism, n, workspace, seed=seed, threads=threads, progress=progress)
     return pairs.poses, pairs.wrenches
+
+
+_LENGTH_STEP = 1e-3
+"""Step of a length, relative."""
+_POISSON_STEP = 0.05
+"""Step of Poisson's ratio, relative to 0.5 - nu."""
+
+
+def wrench_sensitivities(mechanism: Mechanism, poses: F, *, threads: int = 0) -> dict[str, F]:
+    """Return dh/d(parameter) at given poses.
+
+    Parameters
+    ----------
+    mechanism
+        A body of a builtin shape; a mesh has no dimensions to vary.
+    poses
+        (N, 6), m and rad, absolute: a longer mechanism at the same pose is compressed.
+    threads
+        0: all cores.
+
+    Returns
+    -------
+    dict
+        (N, 6) for each of young_modulus_Pa, poisson_ratio (only of a neo-Hookean, compressible
+        material), length_m and radius_m; N and N m per unit of the parameter.
+
+    Raises
+    ------
+    InputError
+        For a mesh file, a rod, or a mechanism without a shape.
+    ComputationError
+        Where a pose has no stable equilibrium.
+
+    Examples
+    --------
+    >>> neck = Mechanism()
+    >>> by = wrench_sensitivities(neck, np.array([[0.1034, 0.002, 0.0, 0.0, 0.0, 0.05]]))
+    >>> sorted(by)
+    ['length_m', 'poisson_ratio', 'radius_m', 'young_modulus_Pa']
+    >>> by["length_m"].shape
+    (1, 6)
+    """
+    if mechanism.mesh_file is not None or mechanism.builtin in ("", "rod"):
+        raise InputError("sensitivities need a builtin shape: cylinder, tube, hourglass, ...")
+    sensitivities = {
+        "young_modulus_Pa": _wrenches(mechanism, poses, threads) / mechanism.young_modulus_Pa,
+    }
+    if mechanism.material is None and mechanism.poisson_ratio < 0.5:
+        nu = mechanism.poisson_ratio
+        h = _POISSON_STEP * (0.5 - nu)
+        above, below = (replace(mechanism, poisson_ratio=nu + step) for step in (h, -h))
+        sensitivities["poisson_ratio"] = (
+            _wrenches(above, poses, threads) - _wrenches(below, poses, threads)
+        ) / (2.0 * h)
+    for name in ("length_m", "radius_m"):
+        value = float(getattr(mechanism, name))
+        high, low = value * (1.0 + _LENGTH_STEP), value * (1.0 - _LENGTH_STEP)
+        above, below = (
+            replace(mechanism, length_m=v) if name == "length_m" else replace(mechanism, radius_m=v)
+            for v in (high, low)
+        )
+        sensitivities[name] = (
+            _wrenches(above, poses, threads) - _wrenches(below, poses, threads)
+        ) / (high - low)
+    return sensitivities
+
+
+def _wrenches(mechanism: Mechanism, poses: F, threads: int) -> F:
+    """Return the wrenches (N, 6) of poses (N, 6); ComputationError where one is not stable."""
+    results = mechanism.fem().solve_poses(np.ascontiguousarray(poses), threads=threads)
+    lost = [i for i, status in enumerate(results.status) if status != "solved"]
+    if lost:
+        raise ComputationError(
+            f"pose {lost[0]} is {results.status[lost[0]]} ({len(lost)} of {len(poses)}): leave "
+            "it out, or stay inside the workspace"
+        )
+    return results.wrenches

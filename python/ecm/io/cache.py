@@ -1,13 +1,4 @@
-"""Results that outlive a command: keys by hash, atomic files, and stages that resume.
-
-A result is stored under a hash of its settings and inputs, so resuming means asking whether the key
-is there, and nothing that was computed or measured under other settings is overwritten. Long stages
-keep finished parts (`save_part`), which survive an interruption.
-
-    DIR/NAME-KEY.json      plain values of the result, and the sha256 of its arrays
-    DIR/NAME-KEY.npz       arrays of the result
-    DIR/NAME-KEY.parts/    parts, until the result is complete
-"""
+"""Results that outlive a command: keys by hash, atomic files, and stages that resume."""
 
 from __future__ import annotations
 
@@ -18,12 +9,15 @@ import io
 import json
 import math
 import os
+import platform
+import re
 import shutil
 import time
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import IO, Any
 
@@ -33,7 +27,52 @@ from numpy.typing import NDArray
 from ecm.errors import ComputationError
 from ecm.io.arrays import F
 from ecm.io.interrupts import interruptible, uninterrupted
-from ecm.io.temporary import temporary_beside
+
+
+def temporary_beside(path: Path) -> Path:
+    """Return this process's temporary file for `path`, and remove those of killed processes.
+
+    Examples
+    --------
+    >>> temporary_beside(Path("model.json")).name.startswith(".model.json.")
+    True
+    """
+    stem = f".{path.name}.{_machine()}."
+    killed = re.compile(re.escape(stem) + r"(\d{1,9})\.tmp")
+    for name in _temporary_files(path.parent):
+        found = killed.fullmatch(name)
+        if found and not _lives(int(found[1])):
+            with suppress(OSError):
+                path.with_name(name).unlink()
+    return path.with_name(f"{stem}{os.getpid()}.tmp")
+
+
+@cache
+def _machine() -> str:
+    """Name this machine: in a shared folder the processes of another one are not known here."""
+    return hashlib.sha256(platform.node().encode()).hexdigest()[:8]
+
+
+@cache
+def _temporary_files(folder: Path) -> tuple[str, ...]:
+    """Return the temporary files of a folder; it is listed once, as it may hold many files."""
+    with suppress(OSError):
+        return tuple(name for name in os.listdir(folder) if name.endswith(".tmp"))
+    return ()
+
+
+def _lives(process: int) -> bool:
+    """Whether a process lives; True where that cannot be known."""
+    if os.name != "posix":
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
+
 
 Arrays = Mapping[str, NDArray[Any]]
 _KEY_LENGTH = 16

@@ -1,15 +1,97 @@
-"""What another program reads of a command at work: a line of JSON for each step and each error.
-
-They are appended to the file that ECM_EVENTS of the environment names. The page's server reads
-them; the words on the terminal are for people and may change.
-"""
+"""Steps of a work, told to who waits for it, and to other programs as lines of JSON."""
 
 from __future__ import annotations
 
 import json
 import os
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import Any
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+Progress = Callable[[float, float, str], object]
+"""Called with the part that is done, the whole, and the name of the step that goes on."""
+_MANY_PARTS = 20
+"""From so many parts on, doing one of them before costs little."""
+
+
+class Steps:
+    """Tells which step begins and how much of the work is done before it.
+
+    Parameters
+    ----------
+    shares
+        Share of each step in the time, in order, as whole numbers.
+    progress
+        Called when a step begins; None: nobody waits.
+
+    Examples
+    --------
+    >>> told = []
+    >>> steps = Steps({"errors": 2, "maps": 1}, lambda *what: told.append(what))
+    >>> steps.begin("errors")
+    >>> steps.begin("maps")
+    >>> told
+    [(0, 3, 'errors'), (2, 3, 'maps')]
+
+    A step that counts its own parts gets a callback of its own:
+
+    >>> steps = Steps({"read": 1, "fit": 3}, lambda *what: told.append(what))
+    >>> part = steps.within("fit")
+    >>> part(50, 100, "")
+    >>> told[-1]
+    (2.5, 4, 'fit')
+    """
+
+    def __init__(self, shares: Mapping[str, int], progress: Progress | None) -> None:
+        self._shares, self._progress = dict(shares), progress
+
+    def begin(self, name: str) -> None:
+        """Tell that this step begins."""
+        if self._progress is not None:
+            self._progress(self._before(name), sum(self._shares.values()), name)
+
+    def within(self, name: str) -> Progress | None:
+        """Begin this step and return what tells its own parts; None: nobody waits."""
+        progress = self._progress
+        if progress is None:
+            return None
+        self.begin(name)
+        before, share, whole = self._before(name), self._shares[name], sum(self._shares.values())
+
+        def part(done: float, total: float, words: str) -> None:
+            progress(before + share * done / total, whole, ", ".join(filter(None, (name, words))))
+
+        return part
+
+    def _before(self, name: str) -> int:
+        names = list(self._shares)
+        return sum(self._shares[before] for before in names[: names.index(name)])
+
+
+def after_a_part(
+    work: Callable[[int], T], whole: int, part: int, progress: Progress | None, words: str = ""
+) -> T:
+    """Result of a work that grows with a number, and that tells nothing before its end.
+
+    Where somebody waits and the whole is many times a part, the part is done before, so that its
+    time tells that of the whole.
+
+    Examples
+    --------
+    >>> told = []
+    >>> after_a_part(abs, 900, 10, lambda *w: told.append(w))
+    900
+    >>> told
+    [(0, 910, ''), (10, 910, '')]
+    """
+    if progress is not None and whole >= _MANY_PARTS * part:
+        progress(0, whole + part, words)
+        work(part)
+        progress(part, whole + part, words)
+    return work(whole)
+
 
 VARIABLE = "ECM_EVENTS"
 EVERY_S = 0.3
@@ -36,7 +118,7 @@ def last(told: bytes, name: str) -> dict[str, Any] | None:
 
     Examples
     --------
-    >>> last(b'{"what": "fit", "done": 1}\n{"what": "fit", "do', "what")
+    >>> last(b'{"what": "fit", "done": 1}', "what")
     {'what': 'fit', 'done': 1}
     """
     for line in reversed(told[-_LATEST:].splitlines()):

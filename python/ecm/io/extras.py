@@ -1,18 +1,18 @@
-"""Packages of others: imported where they are needed, and what they raise on a spoilt file.
-
-`import ecm` and the commands that do not need an optional package stay fast, and a missing one is
-named together with the extra that installs it.
-"""
+"""Packages of others: imported where they are needed, and Parquet tables through pyarrow."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import NDArray
+
 from ecm.errors import EcmError, InputError, MissingExtra, shortened
+from ecm.io.cache import atomic, write_atomically
+from ecm.io.csv import RawTable, raw_table
 
 _PACKAGES = {"PIL": "pillow", "sklearn": "scikit-learn"}
 """Packages whose name differs from their module's."""
@@ -97,3 +97,26 @@ or save it again.
 def _unreadable(path: Path, kind: str, said: str, advice: str) -> InputError:
     advice = advice or "It may be cut off or damaged: copy or save it again."
     return InputError(f"{path}: no readable {kind} ({said}). {advice}")
+
+
+def require_pyarrow(purpose: str) -> tuple[Any, Any]:
+    """Return the modules pyarrow and pyarrow.parquet; MissingExtra where they are missing."""
+    return require("pyarrow", "data", purpose), require("pyarrow.parquet", "data", purpose)
+
+
+def write_parquet(columns: Mapping[str, NDArray[Any]], description_toml: str, path: Path) -> None:
+    """Write NAME.parquet and NAME.toml beside it, each complete or not at all."""
+    arrow, parquet = require_pyarrow(f"Writing {path}")
+    write_atomically(path.with_suffix(".toml"), description_toml)
+    arrays = {name: arrow.array(column) for name, column in columns.items()}
+    with atomic(path) as file:
+        parquet.write_table(arrow.table(arrays), file)
+
+
+def read_parquet(path: Path) -> RawTable:
+    """Read names and columns of a Parquet file; MissingExtra where pyarrow is not installed."""
+    _, parquet = require_pyarrow(f"Reading {path}")
+    if not path.is_file():
+        raise InputError(f"{path}: this Parquet file does not exist. Check the path.")
+    with readable(path, "Parquet file"):
+        return raw_table(parquet.read_table(path), str(path), first_row=1)

@@ -12,7 +12,7 @@ import numpy as np
 from ecm._native import rotation_matrices, rotation_vectors
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.quaternion_order import ORDERS, read_in_other_order
+from ecm.io.frames import ORDERS, read_in_other_order
 from ecm.io.units import factor_of
 
 Change = Callable[[F, F], tuple[F, F]]

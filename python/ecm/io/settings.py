@@ -1,11 +1,4 @@
-"""Settings: a TOML table becomes a frozen dataclass; every key, type and range is checked here.
-
-A settings class states each field once, with its default, range and meaning:
-
-    @dataclass(frozen=True)
-    class Exchange(Checked):
-        starts: int = setting(10, low=1, doc="Random starts; the best one is kept.")
-"""
+"""Settings: a TOML table becomes a frozen dataclass; every key, type and range is checked here."""
 
 from __future__ import annotations
 
@@ -20,6 +13,12 @@ from typing import Any, TypeVar, Union, get_args, get_origin
 from ecm.errors import InputError, shown
 from ecm.io.arguments import check_type, hints_of
 from ecm.io.toml import check_keys, closest
+
+POLYNOMIAL_DEGREES = (1, 6)
+MOST_OF_ONE_INPUT = 9
+"""Largest degree of a polynomial of a single pose column."""
+ENERGY_DEGREES = (4, 6)
+
 
 T = TypeVar("T")
 

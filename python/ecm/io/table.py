@@ -20,15 +20,12 @@ from ecm.io.arguments import check_arguments
 from ecm.io.arrays import F, I
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, TEXT, WRENCH, close_name, is_standard
-from ecm.io.csv import read_csv, write_csv
-from ecm.io.description import Meta, as_meta, read_meta
-from ecm.io.extras import require
+from ecm.io.csv import RawTable, raw_table, read_csv, write_csv
+from ecm.io.description import Meta, as_meta, read_meta, without_rows
+from ecm.io.events import Progress, Steps
+from ecm.io.extras import read_parquet, require
 from ecm.io.interrupts import uninterrupted
 from ecm.io.join import join_runs
-from ecm.io.leave_out import without_rows
-from ecm.io.parquet import read_parquet
-from ecm.io.raw_table import RawTable, raw_table
-from ecm.io.steps import Progress, Steps
 from ecm.io.toml import did_you_mean, refuse_pipe
 from ecm.io.validate import validated_columns
 

@@ -20,12 +20,11 @@ from ecm.io.columns import (
     is_standard,
     likely_name,
 )
+from ecm.io.csv import Cells, RawTable, RowError, RowErrors
 from ecm.io.description import ColumnSource, Meta
 from ecm.io.frames import to_base
-from ecm.io.raw_table import Cells, RawTable
-from ecm.io.row_errors import RowError, RowErrors
 from ecm.io.toml import did_you_mean
-from ecm.io.unit_checks import check_positions, check_rotations
+from ecm.io.units import check_positions, check_rotations
 
 _MOST_HINTS = 50
 Columns = dict[str, NDArray[Any]]

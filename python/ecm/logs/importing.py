@@ -18,31 +18,38 @@ from ecm.errors import InputError, Remedy, shortened
 from ecm.io.arguments import check_arguments
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE
-from ecm.io.csv import write_csv
-from ecm.io.description import FileMeta, Meta, as_meta
+from ecm.io.csv import BadRows, check_names, write_csv
+from ecm.io.description import FileMeta, Meta, as_meta, row_ranges, shown_ranges
+from ecm.io.events import Progress
+from ecm.io.frames import ORDERS, order_warning
 from ecm.io.interrupts import uninterrupted
-from ecm.io.leave_out import row_ranges, shown_ranges
-from ecm.io.quaternion_order import ORDERS, order_warning
-from ecm.io.raw_table import check_names
-from ecm.io.row_errors import BadRows
-from ecm.io.steps import Progress
 from ecm.io.table import MetaLike, Table, as_table
 from ecm.io.toml import did_you_mean, refuse_pipe
 from ecm.io.units import given_units
 from ecm.io.validate import repeated_rows
-from ecm.logs.containers import is_hdf5, read_hdf5, read_matlab, read_numpy, read_parquet_log
-from ecm.logs.conversion import (
+from ecm.logs.containers import (
+    is_bag,
+    is_hdf5,
+    read_bag,
+    read_hdf5,
+    read_matlab,
+    read_numpy,
+    read_parquet_log,
+)
+from ecm.logs.log import Log, log_of_object
+from ecm.logs.mapping import propose, standard_of
+from ecm.logs.names import read_name
+from ecm.logs.sources import (
+    ColumnMap,
+    UserChoices,
     begin_time_at_zero,
+    column_like,
     drop_columns_with_gaps,
     holds_numbers,
     standard_columns,
     unwrap_angle,
+    without_columns,
 )
-from ecm.logs.log import Log
-from ecm.logs.mapping import propose
-from ecm.logs.objects import log_of_object
-from ecm.logs.rosbag import is_bag, read_bag
-from ecm.logs.sources import ColumnMap, UserChoices, column_like, without_columns
 from ecm.logs.text import read_text_log
 
 _LEFT_OUT = Remedy("leave them out with --leave-out, which records it")
@@ -350,3 +357,77 @@ def _file(table: Mapping[str, NDArray[Any]], file: FileMeta) -> FileMeta:
         if len(steps) and float(np.median(steps)) < _SAMPLED_S:
             return replace(file, kind="continuous")
     return file
+
+
+@dataclass(frozen=True)
+class LogColumn:
+    """A column of numbers as a file has it.
+
+    Parameters
+    ----------
+    name
+        As in the file.
+    low, high
+        Range of its numbers, in the file's unit; NaN where there are none.
+    unit
+        The unit that the file states, by its word; empty where it states none.
+    standard
+        The standard column that its name tells; empty where it tells none, or several.
+    quantity
+        What its name tells all the same: position, rotation, euler, clinical, quaternion, matrix,
+        force, torque, time or temperature; empty where nothing.
+
+    Examples
+    --------
+    >>> first, second = list_columns({"x [mm]": [0.0, 1.0], "channel 7": [0.0, 2.0]})
+    >>> first.standard, first.unit, first.high
+    ('x_m', 'mm', 1.0)
+    >>> second.standard, second.unit
+    ('', '')
+    """
+
+    name: str
+    low: float
+    high: float
+    unit: str
+    standard: str
+    quantity: str
+
+
+def list_columns(log: Any) -> list[LogColumn]:
+    """Return the columns of a log in their order.
+
+    Parameters
+    ----------
+    log
+        As `import_log` takes it.
+
+    Raises
+    ------
+    InputError
+        Where it is no log that can be read.
+
+    Examples
+    --------
+    >>> [column.name for column in list_columns({"a": [0.0, 1.0], "b": [1.0, 1.0]})]
+    ['a', 'b']
+    """
+    raw, _, _ = read_log(log, ())
+    found = []
+    for name, values in raw.columns.items():
+        named = read_name(name, raw.units.get(name, ""))
+        standards = {standard_of(reading) for reading in named.readings} - {None}
+        known = values[np.isfinite(values)]
+        low, high = (known.min(), known.max()) if len(known) else (np.nan, np.nan)
+        unit = raw.units.get(name, "") if named.unit is None else named.unit.word
+        found.append(
+            LogColumn(
+                name,
+                float(low),
+                float(high),
+                unit,
+                str(*standards) if len(standards) == 1 else "",
+                named.readings[0].quantity if named.readings else "",
+            )
+        )
+    return found

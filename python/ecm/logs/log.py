@@ -1,11 +1,11 @@
-"""A log of which nothing is known yet: named columns of numbers, and what the reader noticed."""
+"""A log of which nothing is known yet: named columns of numbers, and streams joined to rows."""
 
 from __future__ import annotations
 
 import itertools
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from typing import Any
 
@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.errors import InputError
-from ecm.io.arrays import F
+from ecm.io.arrays import B, F
+from ecm.io.csv import named_columns
 
 MOST_COMPONENTS = 36
 """An array with more components per row is no pose, wrench or rotation and is left aside."""
@@ -229,3 +230,189 @@ def _add_cells(
             text[name] = np.array([str(cell) for cell in cells], dtype=object)
         else:
             columns[name], units[name] = times, "s"
+
+
+_GAP = 5.0
+"""Times that are farther apart than so many median steps are a gap."""
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Samples of one source.
+
+    Parameters
+    ----------
+    name
+        Topic, and frame where a topic has several.
+    kind
+        `pose`, `wrench` or `joints`.
+    time_s
+        (N,) stamp of each sample.
+    columns
+        (N,) numbers by name; `orientation.x` to `orientation.w` is a quaternion.
+    units
+        Unit word by column.
+    received_s
+        (N,) when each sample was written.
+    """
+
+    name: str
+    kind: str
+    time_s: F
+    columns: Mapping[str, F]
+    units: Mapping[str, str]
+    received_s: F
+
+    @property
+    def step_s(self) -> float:
+        """Median time between samples."""
+        return float(np.median(np.diff(self.time_s))) if len(self.time_s) > 1 else 0.0
+
+    def sentence(self) -> str:
+        """Return number, rate, largest gap and latency in words."""
+        rate = f"{1.0 / self.step_s:.3g} Hz" if self.step_s > 0.0 else "no rate"
+        gap = float(np.diff(self.time_s).max()) if len(self.time_s) > 1 else 0.0
+        late = float(np.median(self.received_s - self.time_s))
+        return (
+            f"{self.name}: {len(self.time_s)} samples at {rate}, largest gap {gap:.3g} s, written "
+            f"{round(1e3 * late, 3) + 0.0:.3g} ms after their stamp"
+        )
+
+
+def join_streams(streams: Sequence[Stream], source: str) -> Log:
+    """Return rows at the times of the slowest stream, the others interpolated.
+
+    Positions and wrenches are interpolated along straight lines, orientations along great circles.
+
+    Raises
+    ------
+    InputError
+        Where the streams do not overlap in time.
+
+    Examples
+    --------
+    >>> t = np.arange(5.0)
+    >>> slow = Stream("/ft", "wrench", t, {"force.x": t}, {"force.x": "N"}, t)
+    >>> fast = Stream("/x", "pose", t / 2, {"position.x": t}, {"position.x": "m"}, t / 2)
+    >>> join_streams([slow, fast], "bag").columns["position.x"]
+    array([0., 2., 4.])
+    """
+    ordered = [_in_order(stream) for stream in streams]
+    slowest = max(ordered, key=lambda stream: stream.step_s)
+    time = slowest.time_s
+    inside = np.ones(len(time), dtype=bool)
+    near = np.ones(len(time), dtype=bool)
+    for stream in ordered:
+        inside &= (time >= stream.time_s[0]) & (time <= stream.time_s[-1])
+        near &= _without_gap(stream, time)
+    if not (inside & near).any():
+        raise InputError(
+            f"{source}: the streams have no common time: "
+            + "; ".join(f"{s.name} {s.time_s[0]:.3f} to {s.time_s[-1]:.3f} s" for s in ordered)
+        )
+    rows = inside & near
+    columns: dict[str, F] = {"time": time[rows] - time[rows][0]}
+    units = {"time": "s"}
+    for stream in ordered:
+        columns |= _interpolated(stream, time[rows])
+        units |= stream.units
+    notes = [stream.sentence() for stream in ordered]
+    if len(ordered) > 1:
+        notes.append(f"joined at the times of {slowest.name}, the others interpolated")
+        for lost, why in ((~inside, "outside the common time"), (inside & ~near, "in a gap")):
+            if lost.any():
+                notes.append(f"{int(lost.sum())} samples {why} left out")
+    return Log(columns, {}, units, tuple(notes))
+
+
+def _in_order(stream: Stream) -> Stream:
+    """The stream with growing times, each once."""
+    _, first = np.unique(stream.time_s, return_index=True)
+    columns = {name: values[first] for name, values in stream.columns.items()}
+    return Stream(
+        stream.name, stream.kind, stream.time_s[first], columns, stream.units,
+        stream.received_s[first],
+    )  # fmt: skip
+
+
+def _without_gap(stream: Stream, time: F) -> B:
+    """Whether each time is on a sample, or between samples that follow each other closely."""
+    if len(stream.time_s) < 2:
+        return np.asarray(time == stream.time_s[0])
+    after = np.clip(np.searchsorted(stream.time_s, time), 1, len(stream.time_s) - 1)
+    step = stream.time_s[after] - stream.time_s[after - 1]
+    exact = (time == stream.time_s[after]) | (time == stream.time_s[after - 1])
+    return np.asarray(exact | (step <= _GAP * stream.step_s))
+
+
+def _interpolated(stream: Stream, time: F) -> dict[str, F]:
+    found = {
+        name: np.interp(time, stream.time_s, values) for name, values in stream.columns.items()
+    }
+    quaternion = [f"orientation.{axis}" for axis in "xyzw"]
+    if all(name in found for name in quaternion) and len(stream.time_s) > 1:
+        values = np.column_stack([stream.columns[name] for name in quaternion])
+        good = np.linalg.norm(values, axis=1) > 0.5
+        if good.sum() > 1 and (time >= stream.time_s[good][0]).all():
+            from scipy.spatial.transform import (  # noqa: PLC0415 - scipy takes long to load
+                Rotation,
+                Slerp,
+            )
+
+            known = stream.time_s[good]
+            turn = Slerp(known, Rotation.from_quat(values[good]))(np.minimum(time, known[-1]))
+            found |= dict(zip(quaternion, turn.as_quat().T, strict=True))
+    return found
+
+
+def log_of_object(data: Any) -> Log:
+    """Return the log of a dict, a data frame (pandas, polars, Arrow) or a Dataset of xarray.
+
+    Raises
+    ------
+    InputError
+        For anything else, naming its type.
+
+    Examples
+    --------
+    >>> list(log_of_object({"t": [0.0, 1.0], "Fx [N]": [0.0, 2.0]}).columns)
+    ['t', 'Fx [N]']
+    """
+    source = type(data).__name__
+    if hasattr(data, "data_vars") and hasattr(data, "coords"):
+        return _of_dataset(data, source)
+    if isinstance(data, Mapping):
+        return log_of_arrays({str(name): values for name, values in data.items()}, source)
+    return log_of_arrays(named_columns(data, source), source)
+
+
+def _of_dataset(data: Any, source: str) -> Log:
+    """The variables of a Dataset; labels of a dimension name its components, `units` is read."""
+    arrays: dict[str, Any] = {}
+    units: dict[str, str] = {}
+    for name in (*data.coords, *data.data_vars):
+        variable = data[name]
+        labelled = [dim for dim in variable.dims if _has_labels(data, dim)]
+        parts = {str(name): variable.values}
+        if variable.ndim == 2 and len(labelled) == 1:
+            labels = np.asarray(data[labelled[0]].values)
+            if labels.dtype.kind == "S":  # netCDF's characters
+                labels = np.char.decode(labels)
+            columns = variable.transpose(..., labelled[0]).values.T
+            parts = {f"{name}.{label}": part for label, part in zip(labels, columns, strict=True)}
+        arrays |= parts
+        unit = variable.attrs.get("units", variable.attrs.get("unit"))
+        if isinstance(unit, str):
+            units |= dict.fromkeys(parts, unit)
+    log = log_of_arrays(arrays, source)
+    stated = {
+        column: units[root]
+        for column in log.columns
+        if (root := column if column in units else column.rpartition(".")[0]) in units
+    }
+    return replace(log, units={**stated, **log.units})
+
+
+def _has_labels(data: Any, dimension: Any) -> bool:
+    """Whether a dimension counts components by name, such as x, y, z."""
+    return dimension in data.coords and np.asarray(data[dimension].values).dtype.kind in "OUS"

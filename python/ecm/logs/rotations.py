@@ -24,7 +24,7 @@ import numpy as np
 from ecm._native import rotation_matrices, rotation_vectors
 from ecm.errors import InputError
 from ecm.io.arrays import B, F
-from ecm.io.quaternion_order import ORDERS, quaternions_of, vectors_of
+from ecm.io.frames import ORDERS, quaternions_of, vectors_of
 
 COUNT = {
     "rotvec": 3, "wxyz": 4, "xyzw": 4, "rows": 9, "columns": 9,

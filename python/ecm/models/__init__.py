@@ -1,6 +1,5 @@
 """Models: pose in; wrench, stiffness and their uncertainty out."""
 
-from ecm.models.cross_validation import CrossValidation, cross_validate
 from ecm.models.energy import GROUPS, EnergyModel
 from ecm.models.estimator import ModelEstimator
 from ecm.models.expression import Expression
@@ -17,7 +16,14 @@ from ecm.models.polynomial import PolynomialModel
 from ecm.models.pose_error import PoseError
 from ecm.models.registry import parse_model
 from ecm.models.rod import ConstantCurvatureModel, RodModel
-from ecm.models.selection import LearningCurve, ModelChoice, choose_model, learning_curve
+from ecm.models.selection import (
+    CrossValidation,
+    LearningCurve,
+    ModelChoice,
+    choose_model,
+    cross_validate,
+    learning_curve,
+)
 from ecm.models.specification import ModelSpecification
 
 __all__ = [

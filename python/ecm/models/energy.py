@@ -11,17 +11,16 @@ import numpy as np
 from ecm._native import EnergyModel as EnergyEvaluator
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
-from ecm.io.degrees import ENERGY_DEGREES
-from ecm.io.settings import setting
-from ecm.io.steps import Progress, Steps
+from ecm.io.events import Progress, Steps
+from ecm.io.settings import ENERGY_DEGREES, setting
 from ecm.io.table import Table
 from ecm.models.errors_in_variables import Solved, fit_with_pose_noise, fits_without_folds
 from ecm.models.maps import SYMMETRIES, EnergyMap, StiffnessMap, Symmetry
 from ecm.models.partial import fit_measured, is_partial, need_pose
 from ecm.models.specification import FittedMap, ModelSpecification, Weights, length_of
 from ecm.regression.blocks import few_rows
+from ecm.regression.folds import spread_rows
 from ecm.regression.noise import declared_noise
-from ecm.regression.thinning import spread_rows
 
 GROUPS = ("unlike_ends", "handedness", "precurvature", "face_tilt", "anisotropy")
 """Broken symmetries that an energy may be given terms for (docs/models.md)."""

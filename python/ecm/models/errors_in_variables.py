@@ -29,7 +29,7 @@ from ecm._native import inverse_left_jacobians
 from ecm.effects import Rows
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE
-from ecm.io.steps import Progress
+from ecm.io.events import Progress
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
 from ecm.regression.blocks import in_blocks, triangles_of_folds

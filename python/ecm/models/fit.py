@@ -11,11 +11,12 @@ import numpy as np
 from ecm.errors import InputError, ModelError
 from ecm.io.arguments import check_arguments
 from ecm.io.columns import POSE
+from ecm.io.events import Progress
 from ecm.io.misread import misread, refuse_misread
-from ecm.io.steps import Progress
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.models.constraints import constrained
-from ecm.models.function import FunctionModel
+from ecm.models.expression import FunctionModel
+from ecm.models.file import conditions_of, domain_of, error_over_noise, training_of
 from ecm.models.measured_poses import sample_of
 from ecm.models.model import Model
 from ecm.models.parameters import parameters_of
@@ -23,8 +24,7 @@ from ecm.models.partial import measured_part
 from ecm.models.pose_error import pose_error, report_rows
 from ecm.models.registry import parse_model
 from ecm.models.specification import CHOOSE, FittedMap, ModelSpecification, Weights
-from ecm.models.training import conditions_of, domain_of, error_over_noise, training_of
-from ecm.regression.thinning import spread_rows
+from ecm.regression.folds import spread_rows
 
 
 def fit_model(  # noqa: PLR0913 - a choice each, all with a default

@@ -12,7 +12,6 @@ import numpy as np
 from ecm.errors import EcmError
 from ecm.io.columns import unit_of
 from ecm.io.table import Table
-from ecm.models.cross_validation import CrossValidation, cross_validate
 from ecm.models.maps import StiffnessMap
 from ecm.models.model import Model
 from ecm.models.parameters import ParametrisedMap
@@ -20,10 +19,10 @@ from ecm.models.partial import MeasuredMap, measured_part
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.physics.refit import PhysicsModel, physics_sentences
 from ecm.models.polynomial import PolynomialModel
+from ecm.models.selection import CrossValidation, cross_validate
 from ecm.models.specification import ModelSpecification
 from ecm.regression.correlation import correlation_time
-from ecm.regression.folds import split_words
-from ecm.regression.thinning import CHOSEN
+from ecm.regression.folds import CHOSEN, split_words
 
 _FOLDS = 10
 _HALVINGS = 25

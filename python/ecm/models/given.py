@@ -13,9 +13,8 @@ from scipy.spatial import cKDTree
 from ecm.errors import InputError, Remedy
 from ecm.io.arrays import F
 from ecm.io.table import Table, as_table
-from ecm.models.by_degree import polynomial
-from ecm.models.expression import Expression
-from ecm.models.function import FunctionModel
+from ecm.models.base_choice import polynomial
+from ecm.models.expression import Expression, FunctionModel
 from ecm.models.maps import MapDefaults, StiffnessMap
 from ecm.models.model import Model, load_model
 from ecm.models.noise_estimate import declared_or_fitted

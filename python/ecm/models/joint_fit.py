@@ -1,4 +1,4 @@
-"""Joint refit of a base map and effects: generalised least squares, Gauss-Newton, bounded."""
+"""Joint refit of a base map and effects: generalised least squares, bounded, with priors."""
 
 from __future__ import annotations
 
@@ -17,12 +17,43 @@ from ecm.io.arrays import B, F, I
 from ecm.io.columns import same_unit
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
-from ecm.models.prior import CoefficientPrior
 from ecm.regression.f_test import independent_factor, orthonormal
-from ecm.regression.folds import is_pose_row
+from ecm.regression.folds import is_pose_row, shared_zero_error
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.rows import Rows
-from ecm.regression.sensor_zero import shared_zero_error
+
+
+@dataclass(frozen=True)
+class CoefficientPrior:
+    """A Gaussian prior: `root @ (coefficients - mean)` has unit variance in each entry.
+
+    Directions that `root` maps to zero are free.
+
+    Examples
+    --------
+    >>> prior = CoefficientPrior(np.array([2.0]), np.array([[10.0]]), "known to 0.1")
+    >>> prior.rows(np.array([1.9]), 3)[0]
+    array([[10.,  0.,  0.]])
+    >>> prior.rows(np.array([1.9]), 3)[1].round(6)
+    array([1.])
+    """
+
+    mean: F
+    """(k,) expected coefficients."""
+    root: F
+    """(r, k) root of their precision."""
+    sentence: str
+    """Where it comes from and how much it weighs, for the fit report."""
+
+    def rows(self, coefficients: F, columns: int) -> tuple[F, F]:
+        """(r, columns) and (r,): the prior as whitened rows of a fit linearised here.
+
+        The coefficients are the first of the columns.
+        """
+        design = np.zeros((len(self.root), columns))
+        design[:, : len(self.mean)] = self.root
+        return design, self.root @ (self.mean - coefficients)
+
 
 _MAX_ITERATIONS = 8
 _NULL = 1e-12

@@ -14,8 +14,8 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.arrays import F
+from ecm.io.events import Progress, after_a_part
 from ecm.io.extras import require
-from ecm.io.steps import Progress, after_a_part
 from ecm.io.table import Table
 from ecm.models.layout import Layout, array, items, record, row
 from ecm.models.maps import MapDefaults, StiffnessMap, finite, partial_to, refuse_long_rotations

@@ -19,42 +19,45 @@ from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F
 from ecm.io.columns import POSE
 from ecm.io.description import Meta, Scene
+from ecm.io.events import Progress, Steps
 from ecm.io.extras import require
-from ecm.io.steps import Progress, Steps
 from ecm.io.table import Table, TableLike, as_table
 from ecm.models import file
 from ecm.models.controller import Controller
-from ecm.models.fit_report import correlations_of, fit_report
-from ecm.models.folding import folded
-from ecm.models.history import FitRecord, RecordedFit, fit_records
-from ecm.models.joint_fit import (
-    FittedEffect,
-    best_shape,
-    effect_shares,
-    effect_sizes,
-    joint_fit,
-)
-from ecm.models.leverage import leverages, variances_of, wrench_variances
-from ecm.models.maps import StiffnessMap, central_differences, finite
-from ecm.models.measured_poses import are_inside, sample_of
-from ecm.models.partial import MeasuredMap
-from ecm.models.plots import history_figure
-from ecm.models.pose_error import pose_error, report_rows
-from ecm.models.prior import CoefficientPrior
-from ecm.models.registry import map_from_document
-from ecm.models.time_effects import time_effects
-from ecm.models.training import (
+from ecm.models.file import (
     conditions_of,
     domain_of,
     noise_for,
     training_of,
     was_trained_on,
 )
+from ecm.models.history import FitRecord, RecordedFit, correlations_of, fit_records, fit_report
+from ecm.models.joint_fit import (
+    CoefficientPrior,
+    FittedEffect,
+    best_shape,
+    effect_shares,
+    effect_sizes,
+    joint_fit,
+)
+from ecm.models.maps import (
+    StiffnessMap,
+    central_differences,
+    finite,
+    leverages,
+    variances_of,
+    wrench_variances,
+)
+from ecm.models.measured_poses import are_inside, folded, sample_of
+from ecm.models.partial import MeasuredMap
+from ecm.models.plots import history_figure
+from ecm.models.pose_error import pose_error, report_rows
+from ecm.models.registry import map_from_document
+from ecm.models.time_effects import time_effects
 from ecm.regression.blocks import MANY_ROWS
-from ecm.regression.folds import without_zero_readings
+from ecm.regression.folds import HOW, RowsUsed, spread_rows, without_zero_readings
 from ecm.regression.noise import Noise
 from ecm.regression.rows import is_whole
-from ecm.regression.thinning import HOW, RowsUsed, spread_rows
 
 _NOISE, _FORM, _ALL, _RECORD = "noise", "form of {}", "all values together", "errors"
 """Steps of a fit with effects."""

@@ -10,10 +10,9 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
-from ecm.regression.folds import is_pose_row
+from ecm.regression.folds import is_pose_row, noise_source, repeat_cells
 from ecm.regression.noise import Noise, declared_noise
 from ecm.regression.reml import reml_noise
-from ecm.regression.repeats import noise_source, repeat_cells
 from ecm.regression.rows import Rows, is_whole
 
 

@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F
-from ecm.io.steps import Progress
+from ecm.io.events import Progress
 from ecm.io.table import Table
 from ecm.io.toml import check_keys
 from ecm.models.joint_fit import covariance_of, unit_products

@@ -15,7 +15,7 @@ import numpy as np
 from ecm.errors import InputError, Remedy
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.steps import Progress
+from ecm.io.events import Progress
 from ecm.io.table import Table
 from ecm.models.joint_fit import joint_fit, unit_products
 from ecm.models.maps import MapDefaults, StiffnessMap, partial_to

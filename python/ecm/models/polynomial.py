@@ -1,32 +1,135 @@
-"""Free polynomials h(p), the paper's equation (4): their specification and their fit."""
+"""Free polynomials h(p), the paper's equation (4): their specification and their fits."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from ecm._native import PolynomialModel as PolynomialEvaluator
-from ecm.errors import InputError
+from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F, I
-from ecm.io.degrees import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
-from ecm.io.settings import setting
-from ecm.io.steps import Progress, after_a_part
+from ecm.io.events import Progress, after_a_part
+from ecm.io.settings import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES, setting
 from ecm.io.table import Table
 from ecm.models.errors_in_variables import AllRows, fit_with_pose_noise
 from ecm.models.maps import PolynomialMap, StiffnessMap
 from ecm.models.noise_estimate import declared_or_fitted
-from ecm.models.pcr import Threshold, singular_threshold
-from ecm.models.polynomial_gls import fit_polynomial_gls
-from ecm.models.specification import (
-    FittedMap,
-    ModelSpecification,
-    Weights,
-    pose_and_wrench_columns,
-)
+from ecm.models.specification import FittedMap, ModelSpecification, Weights, pose_and_wrench_columns
 from ecm.regression.blocks import triangles_of_folds
-from ecm.regression.noise import declared_noise
+from ecm.regression.noise import declared_noise, whiteners
+
+Threshold: TypeAlias = float | str | None
+_FORMS = "B, B/sqrtN, rank:R or press"
+
+
+def singular_threshold(pcr: float | str, poses: F, wrenches: F, degree: int) -> float:
+    """The b below which singular values are dropped.
+
+    Parameters
+    ----------
+    pcr
+        b, or a text: `0.1`, `0.003/sqrtN`, `rank:60`, `press`.
+    """
+    if not isinstance(pcr, str):
+        return _positive(pcr, str(pcr))
+    text = pcr.strip().lower()
+    if text.endswith("/sqrtn"):
+        return _positive(_number(text[:-6], pcr), pcr) * float(np.sqrt(len(poses)))
+    if text != "press" and not text.startswith("rank:"):
+        return _positive(_number(text, pcr), pcr)
+    values, rmse = PolynomialEvaluator.leave_one_out(poses, wrenches, degree)
+    if text == "press":
+        rank = press_rank(rmse, len(poses))
+    else:
+        digits = text[5:]
+        if not digits.isdigit() or not 1 <= int(digits) <= len(values):
+            raise InputError(
+                f"PCR threshold {pcr!r}: expected rank:R with R from 1 to {len(values)}"
+            )
+        rank = int(digits)
+    if rank >= len(values):
+        return 0.0
+    return float(np.sqrt(values[rank - 1] * values[rank]))
+
+
+def press_rank(rmse: F, rows: int) -> int:
+    """The smallest rank whose leave-one-out error is within one standard error of the best.
+
+    Each output counts by its error over its smallest one; the standard error of a root mean
+    square of N residuals is 1/sqrt(2 N) of it.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(rmse > 0.0, rmse / rmse.min(axis=0), 1.0)
+    error = np.sqrt((share**2).mean(axis=1))
+    error = np.where(np.isfinite(error), error, np.inf)
+    limit = error.min() * (1.0 + 1.0 / np.sqrt(2.0 * rows))
+    return int(np.argmax(error <= limit)) + 1
+
+
+def _number(text: str, given: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"PCR threshold {given!r}: expected B, B/sqrtN, rank:R or press") from None
+
+
+def _positive(value: float, given: str) -> float:
+    if not (np.isfinite(value) and value >= 0.0):
+        raise InputError(f"--pcr {given}: expected {_FORMS}, B greater than or equal to 0")
+    return value
+
+
+def fit_polynomial_gls(
+    frame: PolynomialMap, poses: F, wrenches: F, covariance: F
+) -> tuple[PolynomialMap, F, float]:
+    """Map, covariance (m k, m k) output by output, whitened residual square per degree of freedom.
+
+    Parameters
+    ----------
+    frame
+        Degree, columns and the ranges of the normalisation.
+    covariance
+        (N, m, m) of each row.
+    """
+    m = len(frame.outputs)
+    x = frame.regressor(poses)
+    n, k = x.shape
+    if n < k:
+        raise InputError(
+            f"{n} rows for {k} coefficients of an output: give more rows, or take a lower degree"
+        )
+    q, r = np.linalg.qr(x)
+    if np.abs(np.diag(r)).min() <= 1e-12 * np.abs(np.diag(r)).max():
+        raise ComputationError(
+            "a column of the regressor is a combination of the others: a pose column never "
+            "moves alone; leave it out, or fit without --weights noise"
+        )
+    whitener = whiteners(covariance)
+    weight = np.swapaxes(whitener, 1, 2) @ whitener
+    normal = np.empty((m, k, m, k))
+    side = np.empty((m, k))
+    pulled = np.einsum("nij,nj->ni", weight, wrenches)
+    for a in range(m):
+        side[a] = q.T @ pulled[:, a]
+        for b in range(a + 1):
+            normal[a, :, b, :] = q.T @ (weight[:, a, b, None] * q)
+            normal[b, :, a, :] = normal[a, :, b, :]
+    flat = normal.reshape(m * k, m * k)
+    size = np.sqrt(np.diag(flat))
+    inverse = np.linalg.inv(flat / np.outer(size, size)) / np.outer(size, size)
+    inverse = 0.5 * (inverse + inverse.T)
+    gamma = (inverse @ side.ravel()).reshape(m, k)
+    residual = np.einsum("nij,nj->ni", whitener, wrenches - q @ gamma.T)
+    back = np.linalg.inv(r)
+    carried = np.einsum("ij,ajbl->aibl", back, inverse.reshape(m, k, m, k))
+    spread = np.einsum("aibl,jl->aibj", carried, back).reshape(m * k, m * k)
+    freedom = m * (n - k)
+    variance = float((residual**2).sum()) / freedom if freedom > 0 else float("nan")
+    fitted = frame.with_coefficients((gamma @ back.T).ravel())
+    return fitted, 0.5 * (spread + spread.T), variance
+
 
 _ALIASES = {"linear": 1, "quadratic": 2, "cubic": 3}
 _LOW, _HIGH = POLYNOMIAL_DEGREES

@@ -1,27 +1,385 @@
-"""Refit of a model with effects added or removed."""
+"""Refit of a model with effects added or removed, and whether a fit may be saved."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from ecm.effects.protocol import Effect
-from ecm.errors import InputError
+from ecm.errors import ComputationError, EcmError, InputError, Remedy
 from ecm.io.arguments import check_arguments
-from ecm.io.columns import POSE, WRENCH
-from ecm.io.steps import Progress
+from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH, same_unit, unit_of
+from ecm.io.events import Progress
 from ecm.io.table import MetaLike, Table, TableLike, as_table
+from ecm.models.base_choice import choose_base
 from ecm.models.fit import fit_rows
 from ecm.models.given import as_model
+from ecm.models.history import held_out_rms
+from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import EnergyMap, PolynomialMap
 from ecm.models.model import Model
+from ecm.models.partial import measured_part
 from ecm.models.physics.map import PhysicsMap
-from ecm.models.physics.prior import physics_prior
-from ecm.models.physics.refit import PhysicsModel
-from ecm.models.worse import undetermined
-from ecm.regression.folds import without_zero_readings
-from ecm.regression.wild import naming_wild_readings
+from ecm.models.physics.refit import PhysicsModel, physics_prior
+from ecm.models.registry import parse_model
+from ecm.models.specification import CHOOSE
+from ecm.regression.blocks import MANY_ROWS
+from ecm.regression.folds import (
+    folds,
+    held_out_by,
+    is_pose_row,
+    row_groups,
+    spread_rows,
+    without_zero_readings,
+)
+from ecm.regression.rows import Rows, is_whole, naming_wild_readings
+
+if TYPE_CHECKING:
+    from ecm.io.table import Table
+    from ecm.models.model import Model
+    from ecm.regression.noise import Noise
+
+
+FAR_BEYOND_NOISE = 2.2
+"""Error over the noise that a noise stated half as large does not explain."""
+_TIMES = 2.0
+"""A model that errs so many times as much as a base fitted to the rows lacks something."""
+
+
+def is_far_behind(error: float, of_base: float, most: float = FAR_BEYOND_NOISE) -> bool:
+    """Whether a model errs far beyond the noise and a base fitted to the rows does not.
+
+    Parameters
+    ----------
+    error, of_base
+        Over the noise, of the model as it stands and of the base on held-out rows.
+    most
+        Error over the noise up to which the noise may be to blame.
+
+    Examples
+    --------
+    >>> is_far_behind(6.0, 1.1), is_far_behind(6.0, 5.0), is_far_behind(1.9, 0.5)
+    (True, False, False)
+    """
+    return error > max(most, _TIMES * of_base)
+
+
+def base_and_error(model: Model, table: Table, noise: Noise) -> tuple[str, float] | None:
+    """The name and the held-out error over the noise of the base that names would be against.
+
+    Returns
+    -------
+    tuple or None
+        None where these rows cannot carry a base.
+    """
+    kept = without_zero_readings(table)
+    groups = row_groups(kept)
+    try:
+        base = choose_base(model, kept)
+        if noise.components is not None and base.outputs != model.outputs:
+            return None  # noise of other columns
+        fit = joint_fit(base, (), kept, noise)
+        parts = folds(kept, fit.rows.poses, groups, held_out_by(kept, "time"))
+    except (EcmError, np.linalg.LinAlgError):
+        return None
+    if len(np.unique(parts)) < 2:
+        return None
+    error = held_out_rms(fit.design, fit.whitened, groups, parts, is_pose_row(kept))
+    return base.name, error
+
+
+_MOST_ROWS = 3000
+_WORSE = 1.1
+_ROUNDING = 1e-9
+"""Share of the readings that is rounding: what never moves is predicted to the last digits only."""
+_ONE_COLUMN = 0.99
+"""Correlation from which a parameter and a coefficient of the base are one column."""
+_SD = 3.0
+"""Standard deviations of the interval of a stiffness."""
+_MOST_MOVE = 0.05
+"""Share of the stiffness by which one that is not determined may move."""
+
+
+def refuse_worse(
+    fitted: Model,
+    table: Table,
+    *,
+    before: Model | None = None,
+    held_out: Mapping[str, float] | None = None,
+) -> None:
+    """Refuse a fitted model that is worse on a table than another, or than the mean.
+
+    Parameters
+    ----------
+    fitted
+        The model that was fitted to the table.
+    table
+        Its rows.
+    before
+        The model before, for example without the effect that was added.
+    held_out
+        Held-out error of each component over its spread; 1 is the mean of the readings.
+
+    Raises
+    ------
+    ComputationError
+        With each component that is worse, and the command that works, where one does.
+
+    Examples
+    --------
+    >>> import ecm
+    >>> x = np.linspace(-1e-3, 1e-3, 12)
+    >>> table = ecm.as_table({"x_m": x, "fx_N": 1e4 * x})
+    >>> model = ecm.fit_model(table, "linear")
+    >>> refuse_worse(model, table, held_out={"fx_N": 0.1})
+    >>> refuse_worse(model, table, held_out={"fx_N": 4e8})
+    Traceback (most recent call last):
+    ecm.errors.ComputationError: the fit is no model of these data: on held-out rows fx_N errs \
+4e+08 times its spread, where the mean errs once
+    Let held-out rows choose the model:
+      ecm fit DATA --model choose --out OUT
+    """
+    if before is not None:
+        refuse_addition(fitted, table, before)
+    fitted = _on_what_is_measured(fitted, table)
+    errors, noise = _errors(fitted, table)
+    reasons = _worse_than_mean(fitted, table, errors, noise, held_out or {})
+    if reasons:
+        raise ComputationError(
+            f"the fit is no model of these data: {'; '.join(reasons)}{_why(fitted)}",
+            remedy=CHOOSE,
+        )
+
+
+def _why(fitted: Model) -> str:
+    """What a body leaves open: it has E and nu, and no coefficients to spare."""
+    if fitted.base.kind != "physics":
+        return ""
+    return "; [mechanism] states another body, or columns are misread (ecm check shows them)"
+
+
+def refuse_addition(fitted: Model, table: Table, before: Model) -> None:
+    """Refuse a model with an effect more that is worse than the one before it."""
+    reasons = objections(fitted, table, before)
+    if (better := _better_base(fitted, table)) is not None:
+        raise ComputationError(
+            f"on held-out rows the new model errs {fitted.history[-1].held_out:.3g} times the "
+            f"noise, {fitted.history[-1].held_out / better[1]:.3g} times as much as {better[0]} "
+            "without any effect: what is missing is a better base"
+            + "".join(f"; {reason}" for reason in reasons),
+            remedy=Remedy(
+                "change the model first, and diagnose that",
+                f"ecm fit DATA --model {better[0]} --out OUT",
+            ),
+        )
+    if reasons:
+        raise ComputationError(
+            f"the new model is worse than the one before it: {'; '.join(reasons)}",
+            remedy=_another_base(fitted, table),
+        )
+
+
+def objections(fitted: Model, table: Table, before: Model) -> list[str]:
+    """What makes a model with an effect more worse than the one before it; empty where nothing.
+
+    Parameters
+    ----------
+    fitted
+        The model with the effect.
+    table
+        Rows that it was fitted to.
+    before
+        The model without it.
+    """
+    fitted, before = _on_what_is_measured(fitted, table), _on_what_is_measured(before, table)
+    errors, noise = _errors(fitted, table)
+    return [
+        *_worse_than(before, fitted, table, errors, noise),
+        *_worse_held_out(fitted),
+        *undetermined(fitted, table, before),
+    ]
+
+
+def _on_what_is_measured(model: Model, table: Table) -> Model:
+    """The model of the wrench columns that the table has: one of six may be fitted to three."""
+    return replace(model, base=measured_part(model.base, table))
+
+
+def undetermined(fitted: Model, table: Table, before: Model) -> list[str]:
+    """What these rows cannot tell of a base and the effect that was added to it.
+
+    A parameter at its bound that is one with a coefficient of the base; a stiffness at rest that
+    has left the interval that the rows gave it without the effect, although they do not
+    determine it with the effect; one that was positive and is not any more.
+    """
+    fitted, before = _on_what_is_measured(fitted, table), _on_what_is_measured(before, table)
+    bounds = {
+        f"{item.id}.{parameter.name}": item.values[j]
+        for item in fitted.effects
+        for j, parameter in enumerate(item.effect.parameters)
+        if not item.frozen and item.at_bounds[j]
+    }
+    reasons = [
+        f"{name} = {bounds[name]:.3g} is at its bound and one with {other} ({r:+.3f})"
+        for other, name, r in fitted.correlations
+        if name in bounds and other.startswith("base.") and abs(r) > _ONE_COLUMN
+    ]
+    return reasons[:1] + _stiffness_moves(fitted, table.measured(), before)
+
+
+def _stiffness_moves(fitted: Model, table: Table, before: Model) -> list[str]:
+    if fitted.base_frozen or fitted.covariance is None:
+        return []
+    table = table.thinned(spread_rows(table, MANY_ROWS))
+    fit = joint_fit(before.base, before.effects, table, fitted.noise)
+    k = len(fit.base.coefficients)
+    alone = replace(before, base=fit.base, effects=fit.effects, covariance=fit.covariance[:k, :k])
+    rest = Rows(table, fitted.base).middle_pose[None]
+    old, new = alone.stiffness(rest)[0], fitted.stiffness(rest)[0]
+    known, own = alone.stiffness_sd(rest), fitted.stiffness_sd(rest)
+    if known is None or own is None:
+        return []
+    # What the model lacks without the effect widens the interval.
+    wide = max(1.0, float(np.sqrt((fit.whitened**2).mean())))
+    move, size = np.abs(new - old), np.abs(old)
+    if old.shape[0] == old.shape[1]:  # a coupling is small beside what it couples
+        size = np.sqrt(np.outer(np.diag(size), np.diag(size)))
+    moved = (move > _SD * wide * known[0]) & (move < _SD * own[0]) & (move > _MOST_MOVE * size)
+    places = sorted(zip(*np.nonzero(moved), strict=True), key=lambda at: -move[at] / size[at])
+    reasons = [
+        f"K({fitted.outputs[i]}, {fitted.inputs[j]}) at rest moves from {old[i, j]:.4g} to "
+        f"{new[i, j]:.4g} +- {own[0, i, j]:.2g}, which these rows do not determine"
+        for i, j in places[:1]
+    ]
+    return reasons + _lost_signs(alone, fitted, old, new)
+
+
+def _lost_signs(alone: Model, fitted: Model, old: F, new: F) -> list[str]:
+    """Directions in which the stiffness at rest was positive and is not any more."""
+    pairs = [
+        (i, j)
+        for j, name in enumerate(fitted.inputs)
+        for i, output in enumerate(fitted.outputs)
+        if name in POSE
+        and output in WRENCH
+        and POSE.index(name) == WRENCH.index(output)
+        and old[i, j] > 0.0
+    ]
+    if not pairs:
+        return []
+    rows, columns = map(list, zip(*pairs, strict=True))
+
+    def least(stiffness: F) -> float:
+        block = stiffness[np.ix_(rows, columns)]
+        root = np.sqrt(np.diag(old[np.ix_(rows, columns)]))
+        return float(np.linalg.eigvalsh((block + block.T) / 2.0 / np.outer(root, root)).min())
+
+    if least(old) <= 0.0 or least(new) > 0.0:
+        return []
+    return ["the stiffness at rest, positive before, has a direction in which it is not any more"]
+
+
+def _better_base(fitted: Model, table: Table) -> tuple[str, float] | None:
+    """The base that errs far less without the effect than the model does with it, and its error."""
+    if not fitted.history or fitted.noise.is_residual:
+        return None
+    error = fitted.history[-1].held_out
+    if not is_far_behind(error, 0.0):
+        return None
+    base = base_and_error(fitted, table, fitted.noise)
+    if base is None or not is_far_behind(error, base[1]) or base[0] == fitted.base.name:
+        return None
+    return base
+
+
+def _another_base(fitted: Model, table: Table) -> Remedy:
+    """The command that adds the same effects to a base that holds them, where there is one."""
+    ids = [item.id for item in fitted.effects]
+    stated = table.meta.elastic_body() is not None and table.has(*POSE, *WRENCH)
+    names = ["physics"] if stated else []
+    if is_whole(fitted.base) and fitted.known_length_m is not None:
+        names += [f"energy{degree}" for degree in (6, 5, 4)]
+    names += [f"poly:{degree}" for degree in (3, 2, 1)]
+    for name in names:
+        if name == fitted.base.name:
+            continue
+        try:
+            base = fit_rows(table, parse_model(name))
+            found = base.add(*(item.effect for item in fitted.effects)).fit(table)
+        except (EcmError, np.linalg.LinAlgError):
+            continue
+        if not objections(found, table, base) and _better_base(found, table) is None:
+            added = " ".join(f"--add {id}" for id in ids)
+            return Remedy(
+                f"{name} with {' and '.join(ids)} errs {found.history[-1].held_out:.3g} times the "
+                "noise on held-out rows",
+                f"ecm fit DATA --model {name} {added} --out OUT",
+            )
+    return Remedy(
+        "leave out what was added, or describe the body in [mechanism] of the data's TOML: its "
+        "physics knows the stiffness"
+        if not stated
+        else "leave out what was added, or add something else"
+    )
+
+
+def _worse_than(before: Model, fitted: Model, table: Table, errors: F, sd: F) -> list[str]:
+    old, _ = _errors(before, table)
+    return [
+        f"{name} errs {error:.3g} {unit_of(name)}, before {other:.3g}"
+        for name, error, other, noise in zip(fitted.outputs, errors, old, sd, strict=True)
+        if _is_worse(error, other, noise)
+    ]
+
+
+def _worse_held_out(fitted: Model) -> list[str]:
+    """Compare the last two records of the fit history, where they are of the same rows."""
+    records = fitted.history[-2:]
+    if len(records) < 2 or records[0].rows != records[1].rows:
+        return []
+    first, second = (record.held_out for record in records)
+    if second <= _WORSE * first:
+        return []
+    return [f"on held-out rows it errs {second:.3g} times the noise, before {first:.3g}"]
+
+
+def _worse_than_mean(
+    fitted: Model, table: Table, errors: F, sd: F, held_out: Mapping[str, float]
+) -> list[str]:
+    spread = table.matrix(fitted.outputs)[is_pose_row(table)].std(axis=0)
+    reasons = []
+    for name, error, own, noise in zip(fitted.outputs, errors, spread, sd, strict=True):
+        unit = unit_of(name)
+        if _is_worse(error, own, noise):
+            reasons.append(f"{name} errs {error:.3g} {unit}, the mean of its readings {own:.3g}")
+        elif _is_worse(held_out.get(name, 0.0) * own, own, noise):
+            reasons.append(
+                f"on held-out rows {name} errs {held_out[name]:.3g} times its spread, where the "
+                "mean errs once"
+            )
+    return reasons
+
+
+def _is_worse(error: float, other: float, noise: float) -> bool:
+    return not error <= max(_WORSE * other, float(np.hypot(other, noise)))
+
+
+def _errors(model: Model, table: Table) -> tuple[F, F]:
+    """Return (m,) rms error and noise of the components; only rounding where none is known."""
+    some = table.thinned(spread_rows(table, _MOST_ROWS))
+    scored = is_pose_row(some)
+    readings = some.matrix(model.outputs)
+    left = readings - model.predict(some, skip_untestable=True)
+    errors = np.sqrt((left[scored] ** 2).mean(axis=0))
+    if model.noise.is_residual:
+        size = np.sqrt((readings[scored] ** 2).mean(axis=0))
+        return errors, _ROUNDING * (same_unit(model.outputs) * size).max(axis=1)
+    variance = np.einsum("nii->ni", model.noise.covariance(Rows(some, model.base)))
+    return errors, np.sqrt(variance[scored].mean(axis=0))
 
 
 def refit(
@@ -58,7 +416,7 @@ def refit(
     Model
         Base and effects fitted together; `history` says what each change was worth. Where these
         rows cannot tell an added effect from the stiffness of the base, and the table states a
-        body, the base is held near the physics of that body (`ecm.models.physics.prior`).
+        body, the base is held near the physics of that body (`ecm.models.physics.refit`).
 
     Raises
     ------

@@ -20,9 +20,8 @@ from ecm.models.layout import (
 from ecm.models.learned import GaussianProcessModel, NeuralNetworkModel
 from ecm.models.maps import StiffnessMap
 from ecm.models.partial import MEASURED, MeasuredMap
-from ecm.models.pcr import Threshold
 from ecm.models.physics.refit import PhysicsModel
-from ecm.models.polynomial import PolynomialModel
+from ecm.models.polynomial import PolynomialModel, Threshold
 from ecm.models.rod import ConstantCurvatureModel, RodModel
 from ecm.models.specification import ModelSpecification
 

@@ -26,7 +26,7 @@ from ecm._native import (
 from ecm.errors import ComputationError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.steps import Progress
+from ecm.io.events import Progress
 from ecm.io.table import Table
 from ecm.models.layout import Keys, Layout, exactly, number, record
 from ecm.models.maps import SixAxisMap, StiffnessMap, central_differences, finite, partial_to

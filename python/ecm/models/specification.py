@@ -8,8 +8,8 @@ from typing import Any, ClassVar, Literal
 
 from ecm.errors import InputError, Remedy
 from ecm.io.arrays import F, I
+from ecm.io.events import Progress
 from ecm.io.settings import Checked
-from ecm.io.steps import Progress
 from ecm.io.table import Table
 from ecm.models.layout import Layout, anything
 from ecm.models.maps import StiffnessMap

@@ -24,8 +24,8 @@ from ecm.effects.permanent_set import PermanentSet
 from ecm.effects.relaxation import StressRelaxation
 from ecm.effects.rod_strain import rest_stiffness
 from ecm.io.arrays import F
-from ecm.models.folding import Fitted
 from ecm.models.measured_poses import (
+    Fitted,
     largest_coordinates,
     measured_poses,
     noise_sd,

@@ -1,7 +1,4 @@
-"""Tables of many rows: worked on in blocks, so that memory and time grow with the rows alone.
-
-The blocks do not depend on the number of threads, and neither do the bits of a result.
-"""
+"""Tables of many rows: worked on in blocks, so that memory and time grow with the rows alone."""
 
 from __future__ import annotations
 
@@ -15,8 +12,8 @@ import numpy as np
 
 from ecm._native import merged_triangle
 from ecm.io.arrays import F, I
-from ecm.io.cores import own_cores
-from ecm.io.steps import Progress
+from ecm.io.events import Progress
+from ecm.io.parallel import own_cores
 from ecm.io.table import Table
 
 T = TypeVar("T")

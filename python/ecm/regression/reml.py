@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ecm.io.arrays import F, I
+from ecm.regression.folds import LEAST_CONTRASTS
 from ecm.regression.noise import Noise, covariance_parts
-from ecm.regression.repeats import LEAST_CONTRASTS
 from ecm.regression.rows import Rows
 
 _MOST_ROWS = 400

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -10,11 +11,135 @@ from typing import Protocol
 import numpy as np
 
 from ecm._native import inverse_left_jacobians, rotation_matrices
-from ecm.errors import InputError
+from ecm.errors import InputError, ModelError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.regression.approach import pose_before
+
+_DIGITS = 1e-5
+"""Least rounding of a column that a file holds, over its largest value: five digits."""
+_REPEATS = 0.99
+"""Values of a rounded column repeat: there are fewer of them than this share of the rows."""
+_DERIVED = 2e-4
+"""Share of its variance from which rounding is so coarse that nothing is known of a column."""
+_FEW_LEVELS = 0.25
+"""A setting takes fewer values than this share of the values of the reading."""
+_ROUNDED = 0.2
+"""Rounding leaves more than this share of the step between two values; a setting may leave less."""
+
+
+def derived_columns(table: Table, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[str, ...]:
+    """Return the user's columns that are linear functions of pose and wrench columns.
+
+    A column that was computed from the reading (another unit, somebody's estimate, a residual)
+    explains the reading and is no cause of it: it follows from pose and reading to the rounding of
+    the columns. A load that acts follows to the noise of the reading, however small a share of it
+    that is. A setting that acts strongly (a slider in steps) may follow to less than its step, but
+    repeats its values where the reading scatters.
+
+    Examples
+    --------
+    >>> random, x = np.random.default_rng(0), np.linspace(-0.01, 0.01, 60)
+    >>> load = random.uniform(0.0, 50.0, 60)
+    >>> force = 900.0 * x + load + 0.01 * random.standard_normal(60)
+    >>> table = Table({"x_m": x, "fx_N": force, "load_N": load, "force_lbf": 0.2248 * force})
+    >>> derived_columns(table, ["x_m"], ["fx_N"])
+    ('force_lbf',)
+    """
+    known = table.matrix((*inputs, *outputs))
+    known = known[:, np.ptp(known, axis=0) > 0.0] if len(known) else known
+    design = np.column_stack([np.ones(len(table)), known])
+    rounding = np.array([_rounding(column) for column in known.T])
+    derived = []
+    for name in table.covariates:
+        values = np.nan_to_num(table.column(name))
+        if float(np.ptp(values)) <= 0.0 or len(values) <= 2 * design.shape[1]:
+            continue
+        slope = np.linalg.lstsq(design, values, rcond=1e-12)[0]
+        left = values - design @ slope
+        rounded = float(np.hypot(_rounding(values), np.linalg.norm(slope[1:] * rounding)))
+        is_rounding = left.var() < min(rounded**2, _DERIVED * values.var())
+        if is_rounding and not _is_setting(values, left, known):
+            derived.append(name)
+    return tuple(derived)
+
+
+def _rounding(values: F) -> float:
+    """Largest rounding error of a column: half its step, or of the digits that a file holds.
+
+    Values that repeat are rounded, also where a rotation was computed from rounded angles.
+    """
+    levels = np.unique(values)
+    digits = _DIGITS * float(np.abs(levels).max())
+    steps = np.diff(levels)
+    steps = steps[steps > digits]
+    repeats = len(levels) < _REPEATS * len(values)
+    return max(0.5 * float(steps.min()), digits) if repeats and len(steps) else digits
+
+
+def _is_setting(values: F, left: F, known: F) -> bool:
+    """Whether a column has few values, on which it stays closer than rounding would bring it."""
+    levels = np.unique(values)
+    distinct = max(len(np.unique(column)) for column in known.T)
+    if len(levels) > _FEW_LEVELS * distinct:
+        return False
+    return float(left.std()) < _ROUNDED * float(np.median(np.diff(levels)))
+
+
+_TIMES = 1e3
+"""Beyond so many times the middle of its column a reading is out of bounds."""
+
+
+@contextmanager
+def naming_wild_readings(table: Table) -> Iterator[None]:
+    """Turn a failure of the model inside the block into an error about the reading that caused it.
+
+    Raises
+    ------
+    InputError
+        Naming row, column and value, where one reading is a thousand times the middle of its
+        column, and then the failure, which it may not be to blame for; else the failure goes on.
+
+    Examples
+    --------
+    >>> from ecm import as_table
+    >>> table = as_table({"x_m": [0.0, 1e-3, 2e-3], "fx_N": [1.0, 1e9, 2.0]})
+    >>> try:
+    ...     with naming_wild_readings(table):
+    ...         raise ModelError("the rotation vector is longer than pi")
+    ... except InputError as error:
+    ...     print(str(error)[:34], "...", str(error)[-50:])
+    table: row 2, column 'fx_N': found ... What failed: the rotation vector is longer than pi
+    """
+    try:
+        yield
+    except ModelError as error:
+        said = _wildest(table)
+        if said is None:
+            raise
+        raise InputError(
+            f"{table.source}: {said}, at most {_TIMES:g} times can be computed with. Mend it, or "
+            'leave the row out: wild = "ROW" under [leave_out] of the description (rows are '
+            f"counted from 1 below the header). What failed: {error}"
+        ) from error
+
+
+def _wildest(table: Table) -> str | None:
+    found = None
+    most = _TIMES
+    for name in table.wrench_columns:
+        values = table.column(name)
+        size = np.abs(values)
+        middle = float(np.median(size))
+        row = int(np.argmax(size))
+        if middle > 0.0 and size[row] > most * middle:
+            most = float(size[row] / middle)
+            found = (
+                f"row {table.numbers_in_file[row]}, column '{name}': found {values[row]:g}, "
+                f"{most:.2g} times the middle of the column"
+            )
+    return found
 
 
 class UnknownLength(InputError):

@@ -1,8 +1,4 @@
-"""The page: sections of text, tables and figures in one HTML file without external requests.
-
-All text is escaped by the template; figures are plotly's, drawn by its script that the page
-carries once. Script and figures are compressed, and unpacked by the browser.
-"""
+"""The page: sections in one HTML file without external requests, and the files all pages share."""
 
 from __future__ import annotations
 
@@ -19,7 +15,32 @@ from typing import Any, TypeAlias
 
 from ecm.io.cache import write_atomically
 from ecm.io.extras import require
-from ecm.report.web import look, script_of_space
+
+WEB = Path(__file__).parent / "web"
+_MODULES = ("dom", "colours", "canvas", "selection", "depth", "bend", "space", "scene")
+"""Each imports only from those before it."""
+_IMPORT = re.compile(r'^import \{([^}]*)\} from "\./(\w+)\.js";$', re.MULTILINE)
+_EXPORT = re.compile(r"^export (?=(?:async )?(?:function|const) (\w+))", re.MULTILINE)
+
+
+@cache
+def look() -> str:
+    """Return the style sheet that all pages have."""
+    return (WEB / "look.css").read_text(encoding="utf-8")
+
+
+@cache
+def script_of_space() -> str:
+    """Return the modules as one plain script, which sets `modules`: their exports by name."""
+    parts = ["const modules = {};"]
+    for name in _MODULES:
+        text = (WEB / f"{name}.js").read_text(encoding="utf-8")
+        exported = ", ".join(_EXPORT.findall(text))
+        text = _IMPORT.sub(r"const {\1} = modules.\2;", text)
+        text = _EXPORT.sub("", text)
+        parts.append(f"modules.{name} = (() => {{\n{text}return {{{exported}}};\n}})();")
+    return "\n".join(parts) + "\n"
+
 
 _WORD = re.compile(r"(?!\bto\b)[A-Za-z]{2}")
 """Two letters in a row: numbers have one at most (1e-3), and intervals have the word `to`."""

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 from ecm.rig.campaign import Campaign
 from ecm.rig.elastic import Anchors, Source
-from ecm.rig.hidden.spec import Hidden
-from ecm.rig.hidden.truth import Revealed, reveal, score
-from ecm.rig.many import run_campaigns
-from ecm.rig.run import CampaignOptions, campaign_minutes, fem_source, run_campaign
+from ecm.rig.hidden.truth import Hidden, Revealed, reveal, score
+from ecm.rig.run import CampaignOptions, campaign_minutes, fem_source, run_campaign, run_campaigns
 from ecm.rig.settings import HiddenTable, Instruments, PlantTable, Procedure, RigSettings
 
 rig_from_dict = RigSettings.from_dict

@@ -16,7 +16,6 @@ from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.rig.calibration.pre_campaign import Calibration, calibrated
 from ecm.rig.camera import Camera, CameraStand, Window
-from ecm.rig.climate import Climate
 from ecm.rig.elastic import (
     UNIFORM,
     Anchors,
@@ -27,22 +26,19 @@ from ecm.rig.elastic import (
     solve_cached,
     unique_poses,
 )
-from ecm.rig.force_torque_sensor import ForceTorqueSensor
 from ecm.rig.frames import displaced
 from ecm.rig.hidden import truth
-from ecm.rig.hidden.calibrate import CannotHide
 from ecm.rig.hidden.inject import InjectedEffect, RigState, inject
-from ecm.rig.hidden.spec import NOTHING, Hidden
+from ecm.rig.hidden.size import CannotHide
+from ecm.rig.hidden.truth import NOTHING, Hidden
+from ecm.rig.measurement import ForceTorqueSensor
 from ecm.rig.physics import TRUE_EFFECTS, Physics
-from ecm.rig.plan import requests, rest_pose
+from ecm.rig.plan import Visits, reachable, requests, rest_pose, split_by_limits
 from ecm.rig.plant import Plant, visits_of, warm_up_of
 from ecm.rig.raw_stream import RawStream
-from ecm.rig.reachability import reachable, split_by_limits
 from ecm.rig.readings import Reading, table_of
 from ecm.rig.settings import RigSettings
-from ecm.rig.streams import stream
-from ecm.rig.timeline import Timeline, timeline_of
-from ecm.rig.visits import Visits
+from ecm.rig.timeline import Climate, Timeline, stream, timeline_of
 
 
 class Campaign:
@@ -61,7 +57,7 @@ class Campaign:
     >>> from ecm.io.table import as_table
     >>> poses = dict.fromkeys(POSE, [0.0, 0.0]) | {"x_m": [0.1034, 0.102]}
     >>> plan = as_table(poses, meta=Meta(mechanism=Mechanism().to_dict()))
-    >>> from ecm.rig.fem_source import FemSource
+    >>> from ecm.rig.elastic import FemSource
     >>> campaign = Campaign(plan, RigSettings(), FemSource(Mechanism()), seed=1)
     >>> bool((campaign.run().wrenches == campaign.run().wrenches).all())
     True

@@ -1,18 +1,24 @@
-"""A plan as the rig reads it: one request per row, with its action, checked."""
+"""A plan as the rig reads it: requests, the visits they become, and which of them it can reach."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from ecm.errors import InputError
-from ecm.io.arrays import F, I
+from ecm.io.arrays import B, F, I
 from ecm.io.table import Table
 from ecm.io.toml import did_you_mean
-from ecm.rig.settings import Procedure
+from ecm.rig.camera import Optics
+from ecm.rig.elastic import Anchors
+from ecm.rig.frames import rotation, top_from_sensor_wrench, transpose, turn_wrench
+from ecm.rig.physics.camera import LEDS, LEDS_NEEDED
+from ecm.rig.physics.true_effect import LEVER_M
+from ecm.rig.settings import Procedure, RigSettings
 
 HOME = "initial"
 """`approach` of a pose that is driven to from the rest pose."""
@@ -162,3 +168,190 @@ def _action(word: str, kind: str, place: str) -> Action:
     if kind not in implied:
         raise InputError(f"{place}, column kind: found `{kind}`, expected pose, home or unloaded")
     return Action.parse(word or implied[kind], f"{place}, column action")
+
+
+POSE, AT_HOME, UNLOADED, OFFSET = "pose", "home", "unloaded", "offset"
+"""Kinds of reading; `offset` serves the compensation alone and is in no table."""
+
+
+@dataclass(frozen=True)
+class Visit:
+    """One reading of a plan: where, when, how the rig came there."""
+
+    kind: str
+    row: int
+    """Row of the plan; -1 for a visit that the rig adds."""
+    pose: F
+    """Commanded pose (6,)."""
+    pose_id: int
+    repeat: int
+    run: int
+    approach: str
+    time_s: float
+    """Middle of the window."""
+    window_s: float
+    travel_s: float
+    """Duration of the last leg."""
+    dwell_s: float
+    way: F
+    """Way points (k, 6) since the visit before, ending at `pose`."""
+    rested: bool
+    """The history of the mechanism restarts."""
+    mount_rad: float
+    payload_on: bool
+    dead_weight_kg: float
+
+    @property
+    def serial(self) -> tuple[str, int, int]:
+        """Name of its random streams, whatever the order of visits."""
+        return (self.kind, self.pose_id, self.repeat)
+
+
+@dataclass(frozen=True)
+class Visits:
+    """All visits as arrays, with the poses that the robot really reaches."""
+
+    rows: tuple[Visit, ...]
+    reached: F
+    """True top frame in the world, (N, 6)."""
+    anchor: I
+    """Index of each visit's anchor (solved pose), (N,)."""
+    time_s: F
+    temperature_degC: F
+    """Temperature of the mechanism, (N,)."""
+    sensor_temperature_degC: F
+    walk: F
+    """Random process of unit variance of the sensor's zero, (N, 6)."""
+    moving: bool = False
+    """The visits are samples of one motion in the order of time, not each a rest after its way."""
+    memory: dict[Any, F] = field(default_factory=dict, init=False, repr=False, compare=False)
+    """Histories along these visits that were computed before."""
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[Visit]:
+        return iter(self.rows)
+
+    def of_kind(self, *kinds: str) -> B:
+        """Which visits are of one of the kinds, (N,)."""
+        return np.asarray([visit.kind in kinds for visit in self.rows])
+
+    @property
+    def at_poses(self) -> B:
+        """Which visits measure a pose of the plan, (N,)."""
+        return self.of_kind(POSE)
+
+    @property
+    def zero_readings(self) -> B:
+        """Which visits read the sensor with nothing on it, (N,)."""
+        free: B = self.of_kind(OFFSET, UNLOADED) & (self.numbers("dead_weight_kg") == 0.0)
+        return free
+
+    def numbers(self, name: str) -> F:
+        """One number of every visit, (N,)."""
+        return np.asarray([getattr(visit, name) for visit in self.rows], dtype=np.float64)
+
+    @property
+    def arrivals_m(self) -> F:
+        """Last translation (N, 3) of the way to each visit; in a motion, also what it came by."""
+        steps = np.zeros((len(self), 3))
+        for i, visit in enumerate(self.rows):
+            if len(visit.way) > 1:
+                steps[i] = (visit.way[-1] - visit.way[-2])[:3]
+            if self.moving and i and not steps[i].any():
+                steps[i] = steps[i - 1]
+        return steps
+
+
+@dataclass(frozen=True)
+class Skipped:
+    """A pose that was not visited, and why."""
+
+    row: int
+    pose_id: int
+    reason: str
+
+
+def split_by_limits(
+    requests: list[Request], procedure: Procedure, length_m: float
+) -> tuple[list[Request], list[Skipped]]:
+    """Split requests into poses within the rig's limits and the others with the reason."""
+    remaining: list[Request] = []
+    skipped: list[Skipped] = []
+    rest = rest_pose(length_m)
+    for request in requests:
+        turn = float(np.linalg.norm(request.pose[3:]))
+        shift = float(np.linalg.norm(request.pose[:3] - rest[:3])) / length_m
+        reason = ""
+        if turn > procedure.rotation_limit_rad:
+            reason = (
+                f"rotation {turn:.3f} rad, limit {procedure.rotation_limit_rad:g} rad "
+                "([rig] rotation_limit_rad)"
+            )
+        elif shift > procedure.stretch_limit:
+            reason = (
+                f"displacement {shift:.3f} of the length, limit {procedure.stretch_limit:g} "
+                "([rig] stretch_limit)"
+            )
+        if reason:
+            skipped.append(Skipped(request.row, request.pose_id, reason))
+        else:
+            remaining.append(request)
+    return without_approach(remaining, skipped)
+
+
+def without_approach(
+    remaining: list[Request], skipped: list[Skipped]
+) -> tuple[list[Request], list[Skipped]]:
+    """Skip also the poses that are approached from one that is skipped."""
+    while True:
+        known = {str(r.pose_id) for r in remaining if r.action.name == "measure"} | {"", HOME}
+        lost = [r for r in remaining if r.approach not in known]
+        if not lost:
+            return remaining, skipped
+        reason = "is approached from pose {}, which is skipped"
+        skipped = [*skipped, *(Skipped(r.row, r.pose_id, reason.format(r.approach)) for r in lost)]
+        remaining = [r for r in remaining if r.approach in known]
+
+
+def reachable(
+    requests: list[Request], skipped: list[Skipped], anchors: Anchors, settings: RigSettings
+) -> tuple[list[Request], list[Skipped]]:
+    """Skip poses without a stable solution, beyond the sensor's range or out of sight."""
+    index = {pose.tobytes(): i for i, pose in enumerate(anchors.poses)}
+    instrument, table = settings.instrument, settings.plant
+    # What is left for the mechanism after the sensor's zero and three sigma of a sample.
+    reserve = np.array(
+        [table.offset_N + table.drift_N + 3.0 * instrument.force_noise_N] * 3
+        + [table.offset_Nm + LEVER_M * table.drift_N + 3.0 * instrument.torque_noise_Nm] * 3
+    )
+    limits = np.asarray(instrument.fts_range) - reserve
+    sensor_from_top = np.linalg.inv(top_from_sensor_wrench(instrument.top_from_sensor))
+    back = transpose(rotation(anchors.poses[:, 3:]))
+    felt = turn_wrench(back, anchors.wrenches) @ sensor_from_top.T
+    leds = Optics(instrument).visible(anchors.poses).sum(axis=1)
+    ok: list[Request] = []
+    for request in requests:
+        i = index[request.pose.tobytes()]
+        reason = ""
+        if anchors.status[i] != "solved":
+            reason = f"the mechanism has no stable solution there ({anchors.status[i]})"
+        elif np.any(np.abs(felt[i]) > limits):
+            axis = int(np.argmax(np.abs(felt[i]) - limits))
+            unit = "N" if axis < 3 else "N m"
+            reason = (
+                f"needs {felt[i, axis]:.4g} {unit} on axis {axis + 1} of the sensor, whose "
+                f"range leaves {limits[axis]:.4g} {unit} beside zero and noise "
+                "([instrument] fts_range)"
+            )
+        elif leds[i] < LEDS_NEEDED:
+            reason = (
+                f"the camera would see {leds[i]} of {LEDS} LEDs, {LEDS_NEEDED} are needed "
+                "([instrument] camera_place_m, led_angle_rad)"
+            )
+        if reason and request.action.name == "measure":
+            skipped = [*skipped, Skipped(request.row, request.pose_id, reason)]
+        else:
+            ok.append(request)
+    return without_approach(ok, skipped)

@@ -15,7 +15,6 @@ import numpy as np
 
 from ecm.io.arrays import F, I
 from ecm.rig.camera import Optics
-from ecm.rig.climate import Climate
 from ecm.rig.elastic import Elastic, Grading
 from ecm.rig.frames import rotation, top_from_sensor_wrench, transpose, turn_wrench
 from ecm.rig.physics import Conditions, Physics
@@ -33,10 +32,9 @@ from ecm.rig.physics.true_effect import (
     SensorFrame,
     SensorReading,
 )
-from ecm.rig.plan import rest_pose
+from ecm.rig.plan import AT_HOME, POSE, Visit, Visits, rest_pose
 from ecm.rig.settings import RigSettings
-from ecm.rig.timeline import travel_s
-from ecm.rig.visits import AT_HOME, POSE, Visit, Visits
+from ecm.rig.timeline import Climate, travel_s
 
 DEAD_WEIGHT_ARM_M = 0.05
 """Where a dead weight hangs on the free sensor, along x of the top frame."""

@@ -27,21 +27,18 @@ from ecm.errors import InputError
 from ecm.io.arrays import F, I
 from ecm.io.table import Table
 from ecm.rig.camera import Optics, Window
-from ecm.rig.climate import Climate
 from ecm.rig.elastic import REST_ANCHOR, Anchors, Elastic, Grading, unique_poses
-from ecm.rig.force_torque_sensor import ForceTorqueSensor, zero_at
 from ecm.rig.frames import rotation, turn_wrench
-from ecm.rig.hidden.calibrate import Whitener
-from ecm.rig.measurement import row_covariance
+from ecm.rig.hidden.size import Whitener
+from ecm.rig.measurement import ForceTorqueSensor, row_covariance, zero_at
 from ecm.rig.physics import Physics
 from ecm.rig.physics.sensor import SensorWarmUp
 from ecm.rig.physics.true_effect import Clock
+from ecm.rig.plan import POSE, Visit, Visits
 from ecm.rig.plant import Plant, visits_of
 from ecm.rig.readings import POSE_NAMES, WRENCH_NAMES, CampaignState, Reading, described
 from ecm.rig.settings import Procedure, RigSettings
-from ecm.rig.streams import stream
-from ecm.rig.timeline import travel_s
-from ecm.rig.visits import POSE, Visit, Visits
+from ecm.rig.timeline import Climate, stream, travel_s
 
 NODES = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
 """Shares of a leg at which FEM is solved."""

@@ -17,7 +17,7 @@ from ecm.errors import InputError
 from ecm.io.settings import Checked, read_settings, setting
 from ecm.io.toml import check_keys, closest
 from ecm.rig.arm.settings import ArmSettings
-from ecm.rig.hidden.spec import Hidden
+from ecm.rig.hidden.truth import Hidden
 
 TABLES = ("rig", "instrument", "plant", "hidden")
 LOWEST_STREAM_HZ = 0.1

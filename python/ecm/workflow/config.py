@@ -14,9 +14,8 @@ from typing import Any
 
 from ecm.errors import InputError
 from ecm.fem.simulate import Workspace
-from ecm.io.degrees import ENERGY_DEGREES, POLYNOMIAL_DEGREES
 from ecm.io.mechanism import Mechanism
-from ecm.io.settings import Checked, read_settings, setting
+from ecm.io.settings import ENERGY_DEGREES, POLYNOMIAL_DEGREES, Checked, read_settings, setting
 from ecm.io.toml import check_keys, read_toml
 from ecm.rig.settings import TABLES as RIG_TABLES
 from ecm.rig.settings import RigSettings

@@ -1,10 +1,13 @@
-"""A plan of the poses worth measuring, with what it can show and how long it takes."""
+"""A plan of the poses worth measuring, with what it can show, its figures and its page."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
+
+import numpy as np
 
 from ecm.designs import (
     Design,
@@ -27,9 +30,132 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.extras import require
 from ecm.io.table import Table
 from ecm.models import Model
+from ecm.report import figures as draw
+from ecm.report.page import Block, FigureBlock, Section, TableBlock, TextBlock, number, write_page
 from ecm.rig import RigSettings, campaign_minutes
-from ecm.workflow.console import Console, Silent
-from ecm.workflow.design_figures import pose_figure
+from ecm.workflow.job import Console, Silent
+
+
+def pose_figure(candidates: Table, design: Design, x: str, y: str) -> dict[str, Any]:
+    """Two coordinates of the candidates, the chosen ones marked."""
+    series = (
+        ("candidates", np.arange(len(candidates)), "#c4ccd6", 4, "circle"),
+        ("chosen", design.indices, draw.COLOURS[0], 7, "diamond"),
+    )
+    data = [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "name": name,
+            "x": candidates.column(x)[rows].tolist(),
+            "y": candidates.column(y)[rows].tolist(),
+            "marker": {"color": colour, "size": size, "symbol": symbol},
+        }
+        for name, rows, colour, size, symbol in series
+    ]
+    layout = {
+        "xaxis": {"title": {"text": x}},
+        "yaxis": {"title": {"text": y}},
+        "plot_bgcolor": "white",
+        "height": 420,
+    }
+    return {"data": data, "layout": layout}
+
+
+def size_figure(sizes: Sequence[Size], knee: Size) -> dict[str, Any]:
+    """Expected errors over n, the knee marked."""
+    n = [float(size.n) for size in sizes]
+    figure = draw.lines(
+        {
+            "wrench h": (n, [size.wrench_error for size in sizes]),
+            "stiffness K, times half the range": (n, [size.stiffness_error for size in sizes]),
+        },
+        x_title="poses n",
+        y_title="expected error / noise of a reading",
+        log_x=True,
+        log_y=True,
+    )
+    figure["data"].append(
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "name": f"knee, n = {knee.n}",
+            "x": [float(knee.n)] * 2,
+            "y": [knee.wrench_error, knee.stiffness_error],
+            "marker": {"symbol": "circle-open", "size": 18, "color": "#b3261e"},
+        }
+    )
+    return figure
+
+
+def write_design(path: Path, planned: PlannedDesign) -> None:
+    """Write the chosen poses among the candidates, effects, and n against expected error."""
+    sections = [Section("The poses", _poses(planned))]
+    if planned.effects:
+        sections.append(Section("Effects", _effects(planned.effects)))
+    if planned.sizes:
+        sections.append(Section("How many", _sizes(planned.sizes)))
+    write_page(path, "Poses to measure", planned.design.sentence(), sections)
+
+
+def _poses(planned: PlannedDesign) -> list[Block]:
+    """The design in numbers, and among all candidates, two coordinates a figure."""
+    candidates, design = planned.candidates, planned.design
+    rows = [
+        ["poses", str(len(design.indices))],
+        ["candidates", str(len(candidates))],
+        [design.criterion, number(design.value, 6)],
+        ["certified bound", number(design.bound, 6)],
+        ["share of what is possible", f"{100.0 * design.efficiency:.2f} %"],
+    ]
+    if planned.minutes is not None:
+        rows.append(["minutes on the rig", f"{planned.minutes:.0f}"])
+    names = candidates.pose_columns
+    return [
+        TextBlock(design.sentence(), strong=True),
+        TableBlock("The design; no other of its size can pass the bound.", ("", ""), rows),
+        *(
+            FigureBlock(
+                f"Chosen poses among the candidates, {x} and {y}.",
+                pose_figure(candidates, design, x, y),
+            )
+            for x, y in zip(names[0:-1:2], names[1::2], strict=False)
+        ),
+    ]
+
+
+def _effects(effects: Sequence[Identifiability]) -> list[Block]:
+    listed = [[item.id, number(item.size), item.unit] for item in effects if not item.reason]
+    caption = "The size that the plan sees with chance 0.9, before anything is measured."
+    return [
+        TableBlock(caption, ("effect", "from", "unit"), listed),
+        *(TextBlock(item.sentence()) for item in effects if not item.named),
+    ]
+
+
+def _sizes(sizes: Sequence[Size]) -> list[Block]:
+    knee = next(size for size in sizes if size.knee)
+    rows = [
+        [
+            f"{size.n}{' (knee)' if size.knee else ''}",
+            number(size.wrench_error),
+            number(size.stiffness_error),
+            f"{100.0 * size.efficiency:.1f} %",
+        ]
+        for size in sizes
+    ]
+    return [
+        TextBlock(f"Beyond {knee.n} poses each further one improves the model less.", strong=True),
+        FigureBlock(
+            "Expected error from noise alone over the number of poses.", size_figure(sizes, knee)
+        ),
+        TableBlock(
+            "In units of one reading's noise; the error of the model itself does not fall.",
+            ("n", "h", "K", "share of what is possible"),
+            rows,
+        ),
+    ]
+
 
 Preset = Literal["paper", "diagnosable"]
 _PLANS = {"paper": paper_plan, "diagnosable": diagnosable_plan, None: plain_plan}

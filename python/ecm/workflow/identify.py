@@ -17,7 +17,7 @@ import numpy as np
 from ecm._native import PolynomialModel as PolynomialEvaluator
 from ecm._native import __version__
 from ecm.comparison import Comparison, compare
-from ecm.comparison.residual_points import residual_points
+from ecm.comparison.sections import residual_points
 from ecm.designs import Design, DesignSettings, diagnosable_plan, optimal_design, paper_plan
 from ecm.errors import MissingExtra
 from ecm.fem.simulate import Simulated, simulate
@@ -41,12 +41,9 @@ from ecm.rig import HiddenTable, RigSettings
 from ecm.rig.arm.first_pose import PictureSource, first_pose_trace
 from ecm.rig.arm.run import require_arm, robot_path
 from ecm.rig.arm.summary import read_summary
-from ecm.workflow import paper_selection as selection
-from ecm.workflow import paper_validation as validation
-from ecm.workflow.campaign_files import require_free
+from ecm.workflow import paper as steps
 from ecm.workflow.config import Config, read_config
-from ecm.workflow.console import Console, Silent
-from ecm.workflow.job import Job
+from ecm.workflow.job import Console, Job, Silent, require_free
 from ecm.workflow.loop import run_loop
 from ecm.workflow.report_identify import identify_sections
 
@@ -115,7 +112,7 @@ def identify(
     }
     with job.step("simulate", "1 Simulate: FEM poses of random wrenches"):
         pairs = simulate_pairs(job)
-        train, test = selection.split(len(pairs), config.simulate.n_test, seed)
+        train, test = steps.split(len(pairs), config.simulate.n_test, seed)
     with job.step("select", "2 Select: a model, and the poses worth measuring"):
         designs = select(job, _rows(pairs, train), _rows(pairs, test))
     with job.step("measure", f"3 Measure and identify: {_RIGS[config.rig.rig.mode]}"):
@@ -175,7 +172,7 @@ def simulate_pairs(job: Job) -> Simulated:
     )
     counts = pairs.counts
     rest = config.mechanism.fem().rest_stiffness()
-    equation_11 = validation.against_equation_11(rest)
+    equation_11 = steps.against_equation_11(rest)
     job.console.print(
         f"  {counts['drawn']} wrenches drawn, {counts['screened']} passed the rod's screen, "
         f"{counts['solved']} solved, {counts['kept']} kept "
@@ -202,13 +199,13 @@ def simulate_pairs(job: Job) -> Simulated:
 def select(job: Job, train: tuple[F, F], test: tuple[F, F]) -> dict[str, Design]:
     """Step 2: compare models on the test pairs, and choose the poses worth measuring."""
     settings = job.config.select
-    table_two = selection.table_two(train, test, settings.degrees, settings.thresholds)
+    table_two = steps.table_two(train, test, settings.degrees, settings.thresholds)
     for row in table_two["degrees"]:
         job.console.print(f"  degree {row['degree']}: {_errors(row)}")
     b01 = PolynomialEvaluator.fit(*train, settings.degrees[-1], method="pcr", threshold=0.1)
     predicted = b01.predict(test[0])
-    job.figures["e_rel_b01"] = selection.relative_error(predicted, test[1])
-    energy = selection.energy_learning(
+    job.figures["e_rel_b01"] = steps.relative_error(predicted, test[1])
+    energy = steps.energy_learning(
         train,
         test,
         length_m=job.config.mechanism.length_m,
@@ -228,7 +225,7 @@ def select(job: Job, train: tuple[F, F], test: tuple[F, F]) -> dict[str, Design]
         )
         for name in DESIGNS
     }
-    figure_5, errors = selection.design_errors(
+    figure_5, errors = steps.design_errors(
         train, test, {name: d.indices for name, d in designs.items()}, degree=settings.degrees[-1]
     )
     job.figures |= {f"e_rel_design_{name}": values for name, values in errors.items()}
@@ -236,7 +233,7 @@ def select(job: Job, train: tuple[F, F], test: tuple[F, F]) -> dict[str, Design]
         "n_train": len(train[0]),
         "n_test": len(test[0]),
         "table_two": table_two,
-        "outside": selection.outside(job.figures["e_rel_b01"], predicted, test[1], 0.2),
+        "outside": steps.outside(job.figures["e_rel_b01"], predicted, test[1], 0.2),
         "energy": energy,
         "designs": {
             name: {"n": len(design.indices)}
@@ -320,7 +317,7 @@ def identify_models(job: Job, tables: dict[str, Table], physics: PhysicsMap) -> 
     """Models of the measurements; writes `model.json` and `model-cubic.json`."""
     settings, step = job.config.select, job.summary["identify"]
     degree = settings.degrees[-1]
-    rows, figures = validation.table_three(tables, settings.thresholds, degree=degree)
+    rows, figures = steps.table_three(tables, settings.thresholds, degree=degree)
     for row in rows:
         job.console.print(
             f"  trained on {row['trained_on']}, b = {row['threshold']:g}: {_errors(row)}"
@@ -332,7 +329,7 @@ def identify_models(job: Job, tables: dict[str, Table], physics: PhysicsMap) -> 
     cubic = fit_model(tables["d"], PolynomialModel(degree, pcr=0.1))
     cubic.save(job.out / "model-cubic.json")
     poses = np.concatenate([table.measured().poses for table in tables.values()])
-    share = validation.symmetric_share(cubic.stiffness(poses))
+    share = steps.symmetric_share(cubic.stiffness(poses))
     job.figures["symmetric_share"] = share
     rest = np.array([[job.config.mechanism.length_m, 0.0, 0.0, 0.0, 0.0, 0.0]])
     stiffness = cubic.stiffness(rest)[0]
@@ -348,7 +345,7 @@ def identify_models(job: Job, tables: dict[str, Table], physics: PhysicsMap) -> 
             "above_0.95": float((share > 0.95).mean()),
         },
         "stiffness_at_rest": stiffness.tolist(),
-        "equation_11": validation.against_equation_11(stiffness),
+        "equation_11": steps.against_equation_11(stiffness),
         "models": models,
         "floor": floor,
         "best": best,
@@ -415,7 +412,7 @@ def measure_times(job: Job, pairs: Simulated, rows: I) -> dict[str, Any]:
     """Fig. 11: the model against the FEM; kept as a stage, since a time is taken once."""
     model = load_model(job.out / "model-cubic.json")
     times = job.stage("times-of-calls", rows).run(
-        lambda: validation.evaluation_times(model, job.config.mechanism, *_rows(pairs, rows))
+        lambda: steps.evaluation_times(model, job.config.mechanism, *_rows(pairs, rows))
     )
     job.console.print(
         f"  one evaluation: FEM {1e3 * float(np.median(times['fem_s'])):.0f} ms, model "

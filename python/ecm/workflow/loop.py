@@ -1,20 +1,20 @@
-"""The loop of the user: compare, diagnose, add the effect, refit; the error falls.
-
-Here it runs on the simulated rig with an effect hidden by [hidden]; `ecm compare`, `diagnose`,
-`refit` and `reveal` are the same steps on any data.
-"""
+"""The loop of the user: compare, diagnose, add the effect, refit; and its section of a report."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ecm.comparison import compare
 from ecm.diagnosis import diagnose
+from ecm.diagnosis.sections import ranking_table
 from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.models import Model, PhysicsMap, PhysicsModel, fit_model
+from ecm.report import figures as draw
+from ecm.report.page import Block, FigureBlock, Section, TableBlock, TextBlock, number
 from ecm.rig import reveal
 from ecm.workflow.job import Job
 
@@ -78,3 +78,113 @@ def run_loop(data: Table, physics: PhysicsMap, *, path: Path, job: Job) -> Loop:
         "score": score,
     }
     return Loop(summary, figures, better)
+
+
+_VERDICTS = {
+    "none": "Nothing is missing that these data could show.",
+    "named": "The missing effect is {names}.",
+    "ambiguous": "Missing is {names}: these data cannot tell which.",
+    "unknown": "Something is missing that no effect of the catalogue explains.",
+}
+
+
+def loop_section(step: Mapping[str, Any], figures: Mapping[str, F]) -> Section:
+    """Compare, diagnose, refit; and what had been hidden."""
+    diagnosis, history = step["diagnosis"], step["history"]
+    blocks: list[Block] = [
+        TextBlock(_sentence(step), strong=True),
+        TextBlock(step["before"]["sentence"]),
+        _components(step["before"], step["after"]),
+        _history_table(history),
+    ]
+    if history:
+        errors: dict[str, Sequence[float]] = {
+            "fitted rows": [record["train"] for record in history],
+            "held-out rows": [record["held_out"] for record in history],
+        }
+        blocks.append(
+            FigureBlock(
+                "The fit history: root mean square of whitened residuals, 1 is the noise floor.",
+                draw.bars(errors, [record["name"] for record in history], y_title="error / noise"),
+            )
+        )
+    blocks.append(ranking_table(diagnosis))
+    if "loop_time_s" in figures:
+        blocks.append(
+            FigureBlock(
+                "Residual of each measured pose over time, in units of its noise: before and "
+                "after the refit." + draw.drawn_sentence(figures["loop_before"]),
+                draw.residuals_over(
+                    figures["loop_time_s"] / 60.0,
+                    {"before": figures["loop_before"], "after": figures["loop_after"]},
+                    x_title="time [min]",
+                ),
+            )
+        )
+    if diagnosis["not_testable"]:
+        blocks.append(
+            TableBlock(
+                "What these data cannot show, and what to record so that they can.",
+                ("effect", "why", "record"),
+                [[row["id"], row["reason"], row["record"]] for row in diagnosis["not_testable"]],
+            )
+        )
+    return Section("4 Find the missing effect", blocks)
+
+
+def _sentence(step: Mapping[str, Any]) -> str:
+    """Verdict, what it means for the error, and what had been hidden."""
+    diagnosis, history = step["diagnosis"], step["history"]
+    names = ", ".join(" or ".join(members) for members in diagnosis["answer"])
+    text = _VERDICTS[diagnosis["verdict"]].format(names=names)
+    if len(history) > 1:
+        first, last = number(history[0]["held_out"]), number(history[-1]["held_out"])
+        text += (
+            f" With it the error on held-out poses falls from {first} to {last} times the noise."
+        )
+    if step.get("score") is not None:
+        text += f" Hidden in the rig was {', '.join(step['score']['truth']) or 'nothing'}."
+    return text
+
+
+def _components(before: Mapping[str, Any], after: Mapping[str, Any]) -> TableBlock:
+    """RMSE, floor and excess of each component, before and after."""
+
+    def excess(row: Mapping[str, Any]) -> str:
+        low, high = number(row["excess_low"], 2), number(row["excess_high"], 2)
+        return f"{number(row['excess'])} ({low} to {high})"
+
+    rows = [
+        [
+            old["name"],
+            *(number(value) for value in (old["rmse"], new["rmse"], old["floor"])),
+            excess(old),
+            excess(new),
+            number(old["bias"], 2),
+        ]
+        for old, new in zip(before["components"], after["components"], strict=True)
+    ]
+    return TableBlock(
+        "Error of the physics base before and after the refit; the floor is what noise alone "
+        "gives, pose noise carried through K; excess with its 90 % interval.",
+        ("component", "RMSE", "after", "noise floor", "excess", "after", "bias"),
+        rows,
+    )
+
+
+def _history_table(history: Sequence[Mapping[str, Any]]) -> TableBlock:
+    rows = [
+        [
+            record["name"],
+            number(record["train"], 4),
+            number(record["held_out"], 4),
+            "–" if record["ceiling"] is None else number(record["ceiling"], 4),
+        ]
+        for record in history
+    ]
+    return TableBlock(
+        "Error over noise. The ceiling adds a free cubic of the pose: no effect of the pose can "
+        "do better.",
+        ("model", "fitted rows", "held-out rows", "ceiling"),
+        rows,
+    )

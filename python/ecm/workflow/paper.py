@@ -1,12 +1,21 @@
-"""The paper's own figures, for comparison (Deutschmann et al., IEEE RA-L).
-
-Components in the order fx fy fz (N), taux tauy tauz (N m).
-"""
+"""The paper's steps 2 and 3 and its own figures (Deutschmann et al., IEEE RA-L)."""
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable, Sequence
+from itertools import product
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
+
+from ecm._native import EnergyModel, PolynomialModel
+from ecm.io.arrays import F, I
+from ecm.io.columns import WRENCH
+from ecm.io.mechanism import Mechanism
+from ecm.io.table import Table
+from ecm.models import Model
 
 TABLE_II_DEGREE: dict[int, tuple[tuple[float, ...], float]] = {
     1: ((22.7, 5.1, 5.5, 0.4, 0.2, 0.2), 18.0),
@@ -62,3 +71,229 @@ SIGNIFICANT: tuple[tuple[int, int], ...] = (
     (0, 0), (1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (1, 5), (2, 4),
 )  # fmt: skip
 """The entries of equation (11) that are significant; the rest is measurement noise."""
+
+
+Pairs = tuple[F, F]
+"""Poses (N, 6) and their wrenches (N, 6)."""
+
+
+def rmse(predicted: F, observed: F) -> F:
+    """Root mean square error of each component."""
+    return np.asarray(np.sqrt(np.mean((predicted - observed) ** 2, axis=0)))
+
+
+def relative_error(predicted: F, observed: F) -> F:
+    """e_rel of equation (7): (predicted - observed) / observed."""
+    return np.asarray((predicted - observed) / observed)
+
+
+def split(n: int, n_test: int, seed: int) -> tuple[I, I]:
+    """Random training and test rows."""
+    order = np.random.default_rng([seed, 4]).permutation(n)
+    return np.sort(order[n_test:]), np.sort(order[:n_test])
+
+
+def table_two(
+    train: Pairs, test: Pairs, degrees: Sequence[int], thresholds: Sequence[float]
+) -> dict[str, Any]:
+    """RMSE on the test pairs and kappa(X), by degree and by PCR threshold at the last degree."""
+    by_degree = []
+    for degree in degrees:
+        model = PolynomialModel.fit(*train, degree)
+        row = {
+            "degree": degree,
+            "terms": len(model.coefficients),
+            "rmse": rmse(model.predict(test[0]), test[1]).tolist(),
+            "kappa_raw": PolynomialModel.condition_number_raw(train[0], degree),
+            "kappa": model.condition_number,
+        }
+        if degree in TABLE_II_DEGREE:
+            row["paper_rmse"], row["paper_kappa"] = TABLE_II_DEGREE[degree]
+        by_degree.append(row)
+    by_threshold = []
+    for b in thresholds:
+        model = PolynomialModel.fit(*train, degrees[-1], method="pcr", threshold=b)
+        row = {
+            "threshold": b,
+            "rank": model.rank,
+            "rmse": rmse(model.predict(test[0]), test[1]).tolist(),
+            "kappa": model.condition_number,
+        }
+        if b in TABLE_II_THRESHOLD:
+            row["paper_rmse"], row["paper_kappa"] = TABLE_II_THRESHOLD[b]
+        by_threshold.append(row)
+    return {"degrees": by_degree, "thresholds": by_threshold}
+
+
+def outside(errors: F, predicted: F, observed: F, limit: float) -> list[dict[str, Any]]:
+    """Per component: share of |e_rel| > limit, the largest |h| there, and the largest |error|."""
+    far = np.abs(errors) > limit
+    return [
+        {
+            "component": name,
+            "share": float(far[:, j].mean()),
+            "largest_observed": float(np.abs(observed[far[:, j], j]).max(initial=0.0)),
+            "largest_error": float(
+                np.abs(predicted[far[:, j], j] - observed[far[:, j], j]).max(initial=0.0)
+            ),
+        }
+        for j, name in enumerate(WRENCH)
+    ]
+
+
+def energy_learning(
+    train: Pairs,
+    test: Pairs,
+    *,
+    length_m: float,
+    degrees: Sequence[int],
+    counts: Sequence[int],
+    seed: int,
+    draws: int = 8,
+) -> list[dict[str, Any]]:
+    """Median RMSE over random draws of symmetric energy models trained on few poses."""
+    rows = []
+    for degree, count in product(degrees, counts):
+        errors = []
+        for draw in range(draws):
+            rng = np.random.default_rng([seed, 5, degree, count, draw])
+            take = rng.choice(len(train[0]), size=min(count, len(train[0])), replace=False)
+            model = EnergyModel.fit(
+                train[0][take], train[1][take], length_m=length_m, degree=degree
+            )
+            errors.append(rmse(model.predict(test[0]), test[1]))
+        rows.append(
+            {
+                "model": f"energy{degree}",
+                "coefficients": len(model.coefficients),
+                "poses": count,
+                "rmse": np.median(errors, axis=0).tolist(),
+                "rmse_worst_draw": np.max(errors, axis=0).tolist(),
+            }
+        )
+    return rows
+
+
+def design_errors(
+    train: Pairs, test: Pairs, designs: dict[str, I], *, degree: int
+) -> tuple[list[dict[str, Any]], dict[str, F]]:
+    """Fig. 5: the polynomial trained on each design's poses, on the test pairs."""
+    rows = []
+    errors = {}
+    for name, indices in designs.items():
+        model = PolynomialModel.fit(train[0][indices], train[1][indices], degree)
+        predicted = model.predict(test[0])
+        errors[name] = relative_error(predicted, test[1])
+        rows.append(
+            {
+                "design": name,
+                "rmse": rmse(predicted, test[1]).tolist(),
+                "kappa": model.condition_number,
+                "share_within_0.2": (np.abs(errors[name]) <= 0.2).mean(axis=0).tolist(),
+            }
+        )
+    return rows, errors
+
+
+_CALLS = 200
+
+
+def table_three(
+    designs: dict[str, Table], thresholds: Sequence[float], *, degree: int = 3
+) -> tuple[list[dict[str, Any]], dict[str, dict[str, F]]]:
+    """RMSE on the other design by threshold; and, at b = 0, what Figs 8 to 10 show.
+
+    Parameters
+    ----------
+    designs
+        Two measured tables, by the name of their design.
+
+    Returns
+    -------
+    rows, figures
+        figures[name] holds `observed`, `predicted`, `e_rel` of the model trained on `name`.
+    """
+    (first, second) = designs
+    rows = []
+    figures: dict[str, dict[str, F]] = {}
+    for train_name, test_name in ((first, second), (second, first)):
+        train, test = designs[train_name].measured(), designs[test_name].measured()
+        for b in thresholds:
+            model = PolynomialModel.fit(
+                train.poses, train.wrenches, degree, method="pcr", threshold=b
+            )
+            predicted = model.predict(test.poses)
+            row: dict[str, Any] = {
+                "trained_on": train_name,
+                "tested_on": test_name,
+                "threshold": b,
+                "rank": model.rank,
+                "rmse": rmse(predicted, test.wrenches).tolist(),
+                "kappa": model.condition_number,
+            }
+            if b in TABLE_III.get(train_name, {}):
+                row["paper_rmse"], row["paper_kappa"] = TABLE_III[train_name][b]
+            rows.append(row)
+            if b == thresholds[0]:
+                figures[train_name] = {
+                    "observed": test.wrenches,
+                    "predicted": predicted,
+                    "e_rel": relative_error(predicted, test.wrenches),
+                }
+    return rows, figures
+
+
+def symmetric_share(stiffness: F) -> F:
+    """||K_sym||2 / ||K||2 of each pose (equation (10), Fig. 12), K in SI units."""
+    symmetric = 0.5 * (stiffness + np.swapaxes(stiffness, 1, 2))
+    norms = [np.linalg.norm(matrix, 2, axis=(1, 2)) for matrix in (symmetric, stiffness)]
+    return np.asarray(norms[0] / norms[1])
+
+
+def against_equation_11(stiffness: F) -> list[dict[str, Any]]:
+    """The significant entries of a K at rest and the paper's, by magnitude."""
+    symmetric = 0.5 * (stiffness + stiffness.T)
+    names = ("x", "y", "z", "theta_x", "theta_y", "theta_z")
+    rows = []
+    for i, j in SIGNIFICANT:
+        ours, paper = float(symmetric[i, j]), float(STIFFNESS_AT_REST[i, j])
+        rows.append(
+            {
+                "entry": f"{names[i]}, {names[j]}",
+                "ours": ours,
+                "paper": paper,
+                "difference": abs(ours) / abs(paper) - 1.0,
+            }
+        )
+    return rows
+
+
+def evaluation_times(model: Model, mechanism: Mechanism, poses: F, wrenches: F) -> dict[str, Any]:
+    """Seconds of one evaluation of model and FEM for the same pairs, one by one (Fig. 11).
+
+    A pose a call through `Model.predict` and `Model.wrench_and_stiffness`, the mean of many calls:
+    a single one after a FEM solve would tell how long the processor takes to fetch the program.
+    """
+    fem = mechanism.fem()
+    fem_s = []
+    for wrench in wrenches:
+        start = time.perf_counter()
+        fem.solve_wrenches(wrench[None, :], threads=1)
+        fem_s.append(time.perf_counter() - start)
+    model_s = [_seconds_a_call(model.predict, pose) for pose in poses]
+    both_s = [_seconds_a_call(model.wrench_and_stiffness, pose) for pose in poses]
+    return {
+        "fem_s": fem_s,
+        "model_s": model_s,
+        "model_with_stiffness_s": both_s,
+        "ratio_of_medians": float(np.median(fem_s) / np.median(model_s)),
+        "smallest_ratio": float(np.min(np.asarray(fem_s) / np.asarray(model_s))),
+    }
+
+
+def _seconds_a_call(function: Callable[[F], object], pose: F) -> float:
+    """Mean seconds of a call at one pose, in a run of them."""
+    start = time.perf_counter()
+    for _ in range(_CALLS):
+        function(pose)
+    return (time.perf_counter() - start) / _CALLS

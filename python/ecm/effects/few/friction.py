@@ -27,8 +27,8 @@ from ecm.io.arrays import F
 from ecm.io.columns import unit_of
 from ecm.io.table import Table
 from ecm.regression.approach import order_of_visits
+from ecm.regression.correlation import rates
 from ecm.regression.rows import Rows
-from ecm.regression.speed import rates
 
 _SLIPS = (0.002, 0.03, 0.1, 0.3)
 """Paths to the slip that are tried, over the range of each pose column."""

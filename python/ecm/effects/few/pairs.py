@@ -17,8 +17,7 @@ from ecm.io.arrays import F, rest_of
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.table import Table
 from ecm.regression.approach import order_of_visits
-from ecm.regression.derived import derived_columns
-from ecm.regression.rows import Rows
+from ecm.regression.rows import Rows, derived_columns
 
 _MOST = 6
 _LEAST_TURN = 0.05

@@ -1,16 +1,127 @@
-"""Gains of a control loop from the stiffness over a model's poses, the mass and the delay."""
+"""A control loop that holds a platform at a pose: its gains, its poles, its example code."""
 
 from __future__ import annotations
 
+import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from importlib.resources import files
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ecm.errors import InputError
 from ecm.io.arrays import B, F
+from ecm.io.columns import POSE
 from ecm.io.settings import Checked, setting
-from ecm.models.control.poles import C, Gains
+
+C = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Gains of the loop over M.
+
+    Examples
+    --------
+    >>> loop = Gains(bandwidth_rad_s=60.0, dt_s=1e-3, delay_steps=3)
+    >>> bool(loop.decay_per_s(np.array([2000.0]), np.array([2000.0]))[0] > 10.0)
+    True
+    """
+
+    bandwidth_rad_s: float
+    """w."""
+    dt_s: float
+    delay_steps: int
+    """Steps between the reading of a pose and the moment from which its wrench acts."""
+    factor: float = 1.0
+    """On every gain: how far it may go is the gain margin."""
+
+    @property
+    def reset_per_s(self) -> float:
+        """g."""
+        return 0.25 * self.bandwidth_rad_s
+
+    @property
+    def noise_gain(self) -> float:
+        """Noise of an acceleration u over that of the readings of x (1/s^2, rms).
+
+        Independent readings x and x_before enter with w^2 (1 + g dt) + 2 w / dt and -2 w / dt.
+        """
+        w, rate = self.bandwidth_rad_s, 2.0 * self.bandwidth_rad_s / self.dt_s
+        now = w * w * (1.0 + self.reset_per_s * self.dt_s) + rate
+        return self.factor * float(np.hypot(now, rate))
+
+    def later(self, steps: int) -> Gains:
+        """The same gains with another delay."""
+        return replace(self, delay_steps=steps)
+
+    def decay_per_s(self, model: C | F, plant: C | F) -> F:
+        """Least rate at which an error falls; below 0 it grows.
+
+        Parameters
+        ----------
+        model, plant
+            (N,) lambda (1/s^2) of the model that the loop knows and of the mechanism.
+
+        Returns
+        -------
+        ndarray
+            (N,) rates (1/s).
+        """
+        radius = np.abs(np.linalg.eigvals(_companion(self._polynomial(model, plant)))).max(axis=1)
+        return np.asarray(-np.log(radius) / self.dt_s)
+
+    def is_stable(self, model: C | F, plant: C | F) -> B:
+        """Whether every error falls: (N,), the sign of `decay_per_s` in a tenth of its time.
+
+        The recursion of Schur and Cohn: with a_n the constant term of the monic polynomial p and
+        p* the one with conjugate coefficients in reverse order, all roots of p lie inside the unit
+        circle where |a_n| < 1 and those of (p - a_n p*) / z do.
+        """
+        polynomial = self._polynomial(model, plant)
+        stable = np.ones(len(polynomial), dtype=np.bool_)
+        while polynomial.shape[1] > 1:
+            last = polynomial[:, -1:]
+            stable &= np.abs(last[:, 0]) < 1.0
+            last = np.where(stable[:, None], last, 0.0)  # the others are decided
+            reduced = (polynomial - last * polynomial[:, ::-1].conj())[:, :-1]
+            polynomial = reduced / (1.0 - np.abs(last) ** 2)
+        return stable
+
+    def _polynomial(self, model: C | F, plant: C | F) -> C:
+        """(N, d + 5) coefficients of the characteristic polynomial, highest power first.
+
+        z^(d+1) (z - 1) (z^2 - 2 c z + 1) + b (z + 1) q(z), with c = cos(sqrt(lambda) dt) and
+        b = (1 - c) / lambda of the held input, q(z) = z (z - 1) times the controller.
+        """
+        w, dt, d = self.bandwidth_rad_s, self.dt_s, self.delay_steps
+        square = np.asarray(plant, dtype=np.complex128) + 1e-9  # not 0, which has the same limit
+        c = np.cos(np.sqrt(square) * dt)
+        one = np.ones_like(c)
+        swing = np.stack([one, -2.0 * c - 1.0, 1.0 + 2.0 * c, -one], axis=1)
+        known = np.asarray(model, dtype=np.complex128)
+        proportional = w * w * np.outer(one, [1.0, -1.0, 0.0])
+        integral = np.outer(self.reset_per_s * dt * (w * w + known), [1.0, 0.0, 0.0])
+        damping = 2.0 * w / dt * np.outer(one, [1.0, -2.0, 1.0])
+        q = proportional + integral + damping
+        q = self.factor * ((1.0 - c) / square)[:, None] * q
+        polynomial = np.zeros((len(c), d + 5), dtype=np.complex128)
+        polynomial[:, :4] += swing
+        polynomial[:, d + 1 : d + 4] += q
+        polynomial[:, d + 2 : d + 5] += q
+        return polynomial
+
+
+def _companion(polynomial: C) -> C:
+    """(N, n, n) matrices whose eigenvalues are the roots of monic polynomials (N, n + 1)."""
+    n = polynomial.shape[1] - 1
+    matrix = np.zeros((len(polynomial), n, n), dtype=np.complex128)
+    matrix[:, 0, :] = -polynomial[:, 1:]
+    matrix[:, np.arange(1, n), np.arange(n - 1)] = 1.0
+    return matrix
+
 
 SOFTNESS = (0.8, 1.0, 1.2)
 """Stiffness of the mechanism over the model's for which the loop is designed."""
@@ -136,7 +247,7 @@ def design_loop(
 ) -> ControlLoop:
     """Choose the bandwidth of a loop that holds these poses.
 
-    The loop is `ecm.models.control.poles`. Of the bandwidths that bear twice and half the gain at
+    The loop is `ecm.models.control.design`. Of the bandwidths that bear twice and half the gain at
     every pose, softness and delay, the one whose slowest error falls fastest is taken.
 
     Parameters
@@ -272,3 +383,70 @@ def _delay_margin(gains: Gains, modes: C, softness: tuple[float, ...]) -> float:
     while more < 100 and holds(gains.delay_steps + more + 1):
         more += 1
     return more * gains.dt_s
+
+
+def loop_file(
+    loop: ControlLoop,
+    target: Literal["c", "rust"],
+    name: str,
+    precision: Literal["double", "single"],
+    rest: F | None = None,
+    gravity_m_s2: Sequence[float] = (-9.81, 0.0, 0.0),
+) -> dict[str, str]:
+    """Return path and text of the example of a loop that holds some pose.
+
+    With effects of time `rest` is the pose (6,) of the long rest before; without them None.
+    `gravity_m_s2` is in base axes.
+    """
+    c = target == "c"
+    real = {"double": "f64", "single": "f32"}[precision]
+    template = files("ecm.models.control") / "templates" / ("control.c" if c else "control.rs")
+    text = _chosen(template.read_text(encoding="utf-8"), with_state=rest is not None)
+    sentences = loop.sentences()
+    # The push ends after 700 steps; the slowest error then falls by a factor of e^20.
+    settled = np.ceil(20.0 / (loop.decay_per_s * loop.gains.dt_s))
+    values = {
+        "SUMMARY": _comment(sentences, " *     " if c else "//! "),
+        "PRINTED": "\n".join(_printed(sentence, c) for sentence in sentences),
+        "NAME": name,
+        "REAL": real,
+        "STEPS": str(int(np.clip(700 + settled, 4000, 100_000))),
+        "DELAY": str(loop.gains.delay_steps),
+        "DT": f"{loop.gains.dt_s:e}",
+        "MASS": f"{loop.mass_kg:e}",
+        "INERTIA": f"{loop.inertia_kg_m2:e}",
+        "BANDWIDTH": f"{loop.gains.bandwidth_rad_s:e}",
+        "GRAVITY": _numbers(np.asarray(gravity_m_s2), c),
+        "HELD": _numbers(loop.held, c),
+        "REST": _numbers(np.zeros(6) if rest is None else rest, c),
+        "COLUMNS": ", ".join(f'"{column}"' for column in POSE),
+    }
+    for key, value in values.items():
+        text = text.replace(f"@{key}@", value)
+    return {f"{name}_control.c" if c else "examples/control.rs": text}
+
+
+def _chosen(template: str, *, with_state: bool) -> str:
+    """Lines that begin with `@+` stand only with a state, those with `@-` only without."""
+    keep, drop = ("@+", "@-") if with_state else ("@-", "@+")
+    lines = template.split("\n")
+    return "\n".join(line.removeprefix(keep) for line in lines if not line.startswith(drop))
+
+
+def _numbers(values: F, c: bool) -> str:
+    return ", ".join(f"R({x:.9e})" if c else f"{x:.9e}" for x in values)
+
+
+def _comment(sentences: tuple[str, ...], prefix: str) -> str:
+    lines = textwrap.wrap(" ".join(sentences), 90 - len(prefix))
+    return "\n".join(prefix + line for line in lines)
+
+
+def _printed(sentence: str, c: bool) -> str:
+    if c:
+        parts = textwrap.wrap(sentence.replace("%", "%%"), 80, drop_whitespace=False)
+        quoted = "\n".join(f'           "{part}"' for part in parts).lstrip()
+        return f'    printf({quoted}\n           "\\n");'
+    parts = textwrap.wrap(sentence, 80)
+    quoted = " \\\n         ".join(parts)
+    return f'    println!(\n        "{quoted}"\n    );'

@@ -1,6 +1,5 @@
 """A model for controllers and simulators: one file per target, and their registry."""
 
-from ecm.models.export.files import Exported, export, export_files
-from ecm.models.export.registry import TARGETS
+from ecm.models.export.files import TARGETS, Exported, export, export_files
 
 __all__ = ["TARGETS", "Exported", "export", "export_files"]

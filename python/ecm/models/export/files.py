@@ -1,9 +1,4 @@
-"""A model written for a controller or a simulator.
-
-What is exported is the mechanism: the base map, effects of physics that act through the pose, and
-as steps with a state those of time and temperature. Errors of the instruments stay out, and the
-result says which and why.
-"""
+"""A model written for a controller or a simulator, and the registry of all targets."""
 
 from __future__ import annotations
 
@@ -19,14 +14,27 @@ from ecm.io.columns import POSE
 from ecm.io.interrupts import uninterrupted
 from ecm.models.adapt import AdaptSettings
 from ecm.models.control import ControlLoop, LoopSettings
-from ecm.models.export.registry import TARGETS
-from ecm.models.export.source import Precision, Source, without
-from ecm.models.folding import folded, folded_polynomial
+from ecm.models.export import code, fmu, mujoco, opensim
+from ecm.models.export.source import Precision, Source, Target, without
 from ecm.models.maps import PolynomialMap, StiffnessMap
-from ecm.models.measured_poses import has_measured_poses, measured_poses
+from ecm.models.measured_poses import folded, folded_polynomial, has_measured_poses, measured_poses
 from ecm.models.model import Model
 from ecm.models.time_effects import time_effects
 from ecm.regression.rows import is_whole
+
+TARGETS: dict[str, Target] = {
+    "c": Target(code.c, precisions=("double", "single")),
+    "rust": Target(code.rust, language="rust", precisions=("double", "single")),
+    "mujoco": Target(mujoco.mujoco, taken=("mj",)),
+    "fmu": Target(fmu.fmu, taken=("instance", "fmi2", "fmi3")),
+    "opensim": Target(opensim.opensim, language="none"),
+    "simulink": Target(code.simulink, taken=("mex", "simstruc", "simulink")),
+    "drake": Target(code.drake),
+    "pinocchio": Target(code.pinocchio),
+    "ros2": Target(code.ros2),
+}
+"""Every target; a new one is one more line here and one in the options of the command."""
+
 
 _WITH_CODE = ("polynomial", "energy", "physics")
 """Kinds of maps that `ecm._native.export_model` writes as code."""

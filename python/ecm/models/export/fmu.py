@@ -14,8 +14,7 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 import numpy as np
 
 from ecm.errors import ComputationError, InputError
-from ecm.models.export.compiler import LINUX, WINDOWS, shared_library
-from ecm.models.export.source import Files, Source
+from ecm.models.export.source import LINUX, WINDOWS, Files, Source, shared_library
 from ecm.models.measured_poses import measured_poses
 
 _UNITS = {

@@ -2,17 +2,117 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ecm._native import left_jacobians
+from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import WRENCH
 from ecm.models.control import LoopSettings
-from ecm.models.export.mujoco_linear import linear_tendons, mujoco_text, platform_joints
 from ecm.models.export.source import Files, Source
 from ecm.models.model import Model
+
+_JOINTS = ("x", "y", "z", "theta_x", "theta_y", "theta_z")
+
+
+def linear_tendons(
+    name: str, length_m: float, wrench: F, stiffness: F, damping_s: float = 0
+) -> str:
+    """MJCF of six fixed tendons over the platform's joints: the energy to second order.
+
+    Parameters
+    ----------
+    wrench
+        (6,) at the undeformed pose, N and N m.
+    stiffness
+        (6, 6) generalised stiffness there.
+    damping_s
+        Damping over stiffness. With the time step itself an integrator that is implicit in the
+        velocity steps as backward Euler does: q'' = -k (q + dt q').
+    """
+    # Lengths by L, so that newtons per metre and newton metres mix in the eigenvectors evenly.
+    scale = np.array([length_m] * 3 + [1.0] * 3)
+    values, vectors = np.linalg.eigh(scale[:, None] * stiffness * scale)
+    if values[0] <= 0.0:
+        raise InputError(
+            f"the model is unstable at the undeformed pose (smallest eigenvalue of the "
+            f"stiffness {values[0]:.3g} N m): springs cannot hold it; fit it again, or export to c"
+        )
+    tendons = []
+    for k, (value, vector) in enumerate(zip(values, vectors.T, strict=True)):
+        along = vector / scale
+        offset = -float(vector @ (scale * wrench)) / value
+        parts = "".join(
+            f'\n      <joint joint="{name}_{joint}" coef="{c:.17g}"/>'
+            for joint, c in zip(_JOINTS, along, strict=True)
+        )
+        damping = f'damping="{damping_s * value:.17g}" ' if damping_s else ""
+        tendons.append(
+            f'    <fixed name="{name}_mode_{k}" stiffness="{value:.17g}" {damping}'
+            f'springlength="{offset:.17g}">{parts}\n    </fixed>'
+        )
+    return "\n".join(tendons)
+
+
+def platform_joints(name: str) -> str:
+    """MJCF of the platform's three slides and three hinges: the pose minus that at rest."""
+    axes = ("1 0 0", "0 1 0", "0 0 1")
+    return "".join(
+        f'\n      <joint name="{name}_{joint}" type="{kind}" axis="{axis}"/>'
+        for joint, kind, axis in zip(_JOINTS, ["slide"] * 3 + ["hinge"] * 3, axes * 2, strict=True)
+    )
+
+
+def mujoco_text(
+    name: str,
+    length_m: float,
+    wrench: F,
+    stiffness: F,
+    platform: tuple[float, float],
+    lost: Sequence[str] = (),
+) -> str:
+    """MJCF of a platform on six tendons; qpos is the pose minus (L, 0, 0, 0, 0, 0).
+
+    Parameters
+    ----------
+    wrench
+        (6,) at the undeformed pose, N and N m.
+    stiffness
+        (6, 6) generalised stiffness there.
+    platform
+        Its mass (kg), and its inertia (kg m2) about any axis.
+    lost
+        Lines for the comment: what the linear part leaves out.
+    """
+    tendons = linear_tendons(name, length_m, wrench, stiffness)
+    joints = platform_joints(name)
+    mass, inertia = (f"{value:.9g}" for value in platform)
+    comment = "\n".join(f"  {line}" for line in lost)
+    return f"""<!--
+  Linear part of the model {name} at its undeformed pose, without a plugin.
+  Base frame = world; x along the undeformed axis. Joint values are the pose (x - L, y, z,
+  theta_x, theta_y, theta_z): exact to first order, hinges do not add up to a rotation vector.
+{comment}
+  Mass and inertia are yours; nothing damps.
+-->
+<mujoco model="{name}">
+  <compiler angle="radian" autolimits="true"/>
+  <option gravity="-9.81 0 0" integrator="implicitfast"/>
+  <worldbody>
+    <body name="{name}_platform" pos="{length_m:.17g} 0 0">
+      <inertial pos="0 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>{joints}
+      <site name="{name}_top"/>
+    </body>
+  </worldbody>
+  <tendon>
+{tendons}
+  </tendon>
+</mujoco>
+"""
+
 
 MASS_KG, INERTIA_KG_M2 = 0.1, 1e-4
 """Mass and inertia of the platform where neither is stated."""

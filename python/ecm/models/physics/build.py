@@ -17,23 +17,23 @@ from ecm._native import Fem, Mesh, convert_stiffness
 from ecm.errors import ComputationError
 from ecm.io.arrays import B, F
 from ecm.io.cache import Stage
-from ecm.io.material import Material
-from ecm.io.mechanism import Mechanism
+from ecm.io.events import Progress
+from ecm.io.mechanism import Material, Mechanism
 from ecm.io.mesh import CAD_SUFFIXES
-from ecm.io.steps import Progress
 from ecm.models.maps import Symmetry
 from ecm.models.physics.body_fits import (
     LENGTH_M,
+    ROTATION_LIMIT_RAD,
     SHEAR_MODULUS_PA,
     BodyFits,
     Nodes,
     Solved,
     Unseen,
     best_family,
+    spread_poses,
+    workspace_poses,
 )
-from ecm.models.physics.family import PhysicsFamily, compressibility, poisson_ratio
-from ecm.models.physics.mesh import MeshDifference
-from ecm.models.physics.poses import ROTATION_LIMIT_RAD, spread_poses, workspace_poses
+from ecm.models.physics.family import MeshDifference, PhysicsFamily, compressibility, poisson_ratio
 from ecm.models.physics.rod import RodBody, scaled_rod, stated_rod
 
 _CANDIDATES_OF_A_WIDE_POSE = 2

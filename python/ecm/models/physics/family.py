@@ -1,15 +1,4 @@
-"""The energy of a body as a function of its modulus, Poisson's ratio, length and diameter.
-
-By dimension U = mu L^3 u(c/L, theta; D/L, nu), mu = E / (2 (1 + nu)). Each coefficient of u is
-exp(3 x) times a polynomial of degree 2 in t and in x:
-
-    s = mu/kappa = 3 (1 - 2 nu) / (2 (1 + nu)),   t = (s - s_0) / width,   x = ln(D/L / (D/L)_0)
-
-The variable is s, not nu, because the energy is a smooth function of it down to the incompressible
-s = 0. The factor exp(3 x) is there because stretching goes with D^2 and bending with D^4, so that
-the polynomial changes little. E, mu and L enter exactly; every derivative is again an energy of the
-same terms.
-"""
+"""The energy of a body as a function of its modulus, Poisson's ratio, length and diameter."""
 
 from __future__ import annotations
 
@@ -232,4 +221,63 @@ class PhysicsFamily:
             x_range=pair("x_range"),
             error=numbers("error"),
             error_over_noise=numbers("error_over_noise"),
+        )
+
+
+LAYOUT = record(
+    {
+        "degree": number(0.0),
+        "symmetry": one_of(*SYMMETRIES),
+        "scale": array(2, positive=True),
+        "coefficients": array(None),
+    }
+)
+"""What a difference holds in a model file and in the cache."""
+
+
+@dataclass(frozen=True)
+class MeshDifference:
+    """Energy of the standard mesh of a shape less that of its fine mesh."""
+
+    degree: int
+    symmetry: Symmetry
+    scale: F
+    """(2,) scales of c/L and of theta."""
+    coefficients: F
+    """(k,) of u."""
+
+    def at(self, values: Mapping[str, float]) -> EnergyMap:
+        """The energy of a body with these parameters (`PARAMETERS`)."""
+        mu = values["young_modulus_Pa"] / (2.0 * (1.0 + values["poisson_ratio"]))
+        length = values["length_m"]
+        in_joules = mu * length**3 * self.coefficients
+        return EnergyMap(scaled_energy(self.degree, self.symmetry, self.scale, in_joules, length))
+
+    def shares(self, values: Mapping[str, float], body: EnergyMap) -> F:
+        """(6,) by how much each wrench component of a small load errs, over the component.
+
+        The diagonal of (K_standard - K_fine) K_fine^-1 at rest; `body` is the standard mesh's.
+        """
+        rest = np.array([[values["length_m"], 0.0, 0.0, 0.0, 0.0, 0.0]])
+        off, standard = self.at(values).stiffness(rest)[0], body.stiffness(rest)[0]
+        return np.asarray(np.diag(np.linalg.solve((standard - off).T, off.T).T))
+
+    def to_dict(self) -> dict[str, Any]:
+        """For model files and the cache."""
+        return {
+            "degree": self.degree,
+            "symmetry": self.symmetry,
+            "scale": self.scale.tolist(),
+            "coefficients": self.coefficients.tolist(),
+        }
+
+    @staticmethod
+    def from_dict(document: Mapping[str, Any]) -> MeshDifference:
+        """Return the difference that `to_dict` described; InputError where it is spoilt."""
+        LAYOUT(document, "mesh_difference")
+        return MeshDifference(
+            degree=int(document["degree"]),
+            symmetry=cast(Symmetry, document["symmetry"]),
+            scale=np.asarray(document["scale"], dtype=np.float64),
+            coefficients=np.asarray(document["coefficients"], dtype=np.float64),
         )

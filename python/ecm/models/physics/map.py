@@ -22,15 +22,14 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.cache import Stage, cache_directory, hash_of, write_atomically
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.events import Progress
+from ecm.io.frames import ORDERS, likely_order, read_in_other_order
 from ecm.io.mechanism import Mechanism
-from ecm.io.quaternion_order import ORDERS, likely_order, read_in_other_order
-from ecm.io.steps import Progress
 from ecm.io.table import Table
 from ecm.models.maps import EnergyMap, SixAxisMap, Symmetry, finite
+from ecm.models.physics.body_fits import MARGIN, ROTATION_LIMIT_RAD
 from ecm.models.physics.build import BuildSettings, build_family, mesh_difference, shape_of
-from ecm.models.physics.family import PARAMETERS, PhysicsFamily, check_parameters
-from ecm.models.physics.mesh import MeshDifference
-from ecm.models.physics.poses import MARGIN, ROTATION_LIMIT_RAD
+from ecm.models.physics.family import PARAMETERS, MeshDifference, PhysicsFamily, check_parameters
 from ecm.models.physics.rod import stated_rod
 from ecm.regression.rows import BodyChange
 

@@ -1,8 +1,4 @@
-"""A campaign of the arm: the sorties of a plan are simulated, and a reading is taken at each stop.
-
-Plan, plant, instruments and table are those of the quasi-static rig. The arm adds where it really
-came to rest, when, along which path, and which poses it could not reach.
-"""
+"""A campaign of the arm: the sorties of a plan are simulated, a reading is taken at each stop."""
 
 from __future__ import annotations
 
@@ -16,27 +12,33 @@ import numpy as np
 from ecm.errors import ComputationError
 from ecm.io.arrays import F
 from ecm.io.columns import JOINT_SIGNS, JOINTS
-from ecm.rig.arm import faults
-from ecm.rig.arm.controller_model import compile_model, controller_document
-from ecm.rig.arm.non_elastic import HiddenPhysics
+from ecm.rig.arm.mechanism import (
+    HiddenPhysics,
+    compile_model,
+    controller_document,
+    fem_pairs,
+    fit_surrogate,
+)
+from ecm.rig.arm.safety_limits import MAX_IN_A_ROW, InstrumentOutput, parse_faults
 from ecm.rig.arm.scene import mujoco, scene
-from ecm.rig.arm.sortie_store import SortieStore
-from ecm.rig.arm.sorties import PlannedSortie, RunningSortie, SortieResult, plan_sorties
-from ecm.rig.arm.surrogate import fem_pairs, fit_surrogate
-from ecm.rig.arm.visit_record import VisitRecord
+from ecm.rig.arm.sorties import (
+    PlannedSortie,
+    RunningSortie,
+    SortieResult,
+    SortieStore,
+    VisitRecord,
+    plan_sorties,
+)
 from ecm.rig.arm.worker import ArmSetup, RunSorties, run_sorties
 from ecm.rig.camera import Optics
 from ecm.rig.campaign import Campaign
-from ecm.rig.climate import Climate
 from ecm.rig.elastic import Progress, Source
-from ecm.rig.hidden.spec import Hidden
-from ecm.rig.plan import HOME, rest_pose
+from ecm.rig.hidden.truth import Hidden
+from ecm.rig.plan import HOME, OFFSET, POSE, Skipped, Visit, rest_pose
 from ecm.rig.plant import visits_of
-from ecm.rig.reachability import Skipped
 from ecm.rig.readings import Reading
 from ecm.rig.settings import RigSettings
-from ecm.rig.timeline import Timeline
-from ecm.rig.visits import OFFSET, POSE, Visit
+from ecm.rig.timeline import Climate, Timeline
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
@@ -67,7 +69,7 @@ class RobotCampaign(Campaign):
     ) -> None:
         mujoco()  # before any work if it is missing
         self._run = run
-        self._faults = faults.parse(settings.arm.fault)
+        self._faults = parse_faults(settings.arm.fault)
         super().__init__(
             plan, settings, source, hide=hide, seed=seed, folder=folder, progress=progress
         )
@@ -146,7 +148,7 @@ class RobotCampaign(Campaign):
                     record = self._visit_home(i)
                 self._add(record)
                 yield record
-                if self._bad_in_a_row >= faults.MAX_IN_A_ROW:
+                if self._bad_in_a_row >= MAX_IN_A_ROW:
                     raise ComputationError(
                         f"{self._bad_in_a_row} poses in a row without a reading, the last because "
                         f"{record.reason}. The arm is at home; {self.measured} poses are kept. "
@@ -227,7 +229,7 @@ class RobotCampaign(Campaign):
         instrument = self.settings.instrument
         leds = int(self._optics.visible(stopped.reached[None]).sum())
         reading = self._read(_carried_out(planned, record), stopped.reached, i)
-        output = faults.InstrumentOutput(reading, leds=leds)
+        output = InstrumentOutput(reading, leds=leds)
         output = output.with_faults(self._faults, self._pose_number[i], instrument)
         reason = output.unusable(instrument)
         return replace(record, reason=reason, fault=bool(reason), reading=output.reading.line())

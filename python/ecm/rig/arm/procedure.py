@@ -19,16 +19,20 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from ecm.io.arrays import F
-from ecm.rig.arm.controller_model import ControllerModel
-from ecm.rig.arm.impedance import Impedance
 from ecm.rig.arm.kinematics import inverse_kinematics, joints_at_swivel, swivel_angle
-from ecm.rig.arm.non_elastic import STEPS_BETWEEN, NonElasticWrench
+from ecm.rig.arm.mechanism import STEPS_BETWEEN, ControllerModel, NonElasticWrench
 from ecm.rig.arm.safety_limits import SafetyLimits
 from ecm.rig.arm.scene import scene
-from ecm.rig.arm.servo import Servo
-from ecm.rig.arm.simulation import Diverged, Simulation
-from ecm.rig.arm.sorties import RunningSortie, SortieResult, Stop, StopResult
-from ecm.rig.arm.timing import cubic_profile, duration_s, motion_s
+from ecm.rig.arm.simulation import Diverged, Impedance, Servo, Simulation
+from ecm.rig.arm.sorties import (
+    RunningSortie,
+    SortieResult,
+    Stop,
+    StopResult,
+    cubic_profile,
+    duration_s,
+    motion_s,
+)
 from ecm.rig.plan import rest_pose
 from ecm.rig.settings import RigSettings
 

@@ -10,15 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ecm.io.cache import write_json
-from ecm.io.cores import own_cores
+from ecm.io.parallel import own_cores
 from ecm.rig.arm.campaign import RobotCampaign
-from ecm.rig.arm.controller_model import require_library
+from ecm.rig.arm.mechanism import require_library
 from ecm.rig.arm.scene import mujoco
-from ecm.rig.arm.sortie_store import SortieStore
+from ecm.rig.arm.sorties import HEADER, SortieStore, VisitRecord
 from ecm.rig.arm.summary import campaign_record
-from ecm.rig.arm.visit_record import HEADER, VisitRecord
 from ecm.rig.elastic import Progress, Source
-from ecm.rig.journal import Journal, journal_path
+from ecm.rig.readings import Journal, journal_path
 
 if TYPE_CHECKING:
     from ecm.io.table import Table

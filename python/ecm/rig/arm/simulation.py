@@ -1,11 +1,4 @@
-"""Arm and mechanism at 1 kHz: MuJoCo moves the arm, the mechanism acts on it as a wrench.
-
-At every step the pose p of the site `top` gives the wrench h(p) on the mechanism, and the arm feels
-the generalised force -J'h. The mechanism is integrated explicitly: treating its linear part K
-implicitly would add dt^2 K to the inertia at the top, 25 g at 25 kN/m and 1 ms, which is small
-against the arm's kilogrammes. `stability_number` compares the fastest mode with the limit of 2.
-The joint servo, which is stiff, is implicit (`servo.py`).
-"""
+"""Arm and mechanism at 1 kHz: MuJoCo moves the arm, by servos and an impedance."""
 
 from __future__ import annotations
 
@@ -16,7 +9,134 @@ import numpy as np
 
 from ecm.errors import EcmError
 from ecm.io.arrays import F
+from ecm.rig.arm.mechanism import ControllerModel
 from ecm.rig.arm.scene import Scene, mujoco
+from ecm.rig.arm.settings import ArmSettings
+
+_INTEGRATOR_S = 0.1
+
+
+class Servo:
+    """The controller; between `engage` and `release` its dampers are in the simulation."""
+
+    def __init__(self, arm: ArmSettings, simulation: Simulation, model: ControllerModel) -> None:
+        self._simulation = simulation
+        self._model = model
+        self._feed_forward = arm.feed_forward
+        inertia = np.array([simulation.times_inertia(row)[i] for i, row in enumerate(np.eye(7))])
+        self._spring = arm.joint_stiffness_Nm_rad
+        self._damper = 2.0 * arm.joint_damping_ratio * np.sqrt(self._spring * inertia)
+        self._integral: F = np.zeros(7)
+        self._engaged = False
+        self._gain = simulation.step_s / _INTEGRATOR_S
+        self._implicit = self._damper + simulation.step_s * self._spring
+        self._joint_damping: F = simulation.model.dof_damping.copy()
+        self._yield = arm.joint_yield_rad_Nm
+
+    def engage(self) -> None:
+        """Add the dampers to the simulation; the integrator is reset if they were out."""
+        if not self._engaged:
+            self._integral[:] = 0.0
+        self._engaged = True
+        self._simulation.model.dof_damping[:] = self._joint_damping + self._implicit
+
+    def release(self) -> None:
+        """Remove the dampers."""
+        self._engaged = False
+        self._simulation.model.dof_damping[:] = self._joint_damping
+
+    def torque(self, joints_rad: F, speeds_rad_s: F) -> F:
+        """Joint torques (7,) towards the target at the end of this step, without the dampers."""
+        error = joints_rad - self.encoders_rad()
+        self._integral += self._gain * error
+        torque: F = self._spring * (error + self._integral)
+        torque += self._damper * speeds_rad_s
+        if self._feed_forward:
+            self._model.pose[:] = self.pose()
+            self._model.evaluate()
+            torque += self._simulation.jacobian_T.dot(self._model.wrench)
+        return torque
+
+    def encoders_rad(self) -> F:
+        """Joint angles (7,) that the encoders read."""
+        joints = self._simulation.joints_rad
+        if not self._yield:
+            return joints
+        load: F = self._simulation.jacobian_T.dot(self._simulation.wrench)
+        angles: F = joints + self._yield * load
+        return angles
+
+    def pose(self) -> F:
+        """Pose (6,) of the top frame by the encoders."""
+        simulation = self._simulation
+        if not self._yield:
+            pose: F = simulation.pose
+            return pose
+        return simulation.pose_after(self.encoders_rad() - simulation.joints_rad)
+
+    def damper_torque_Nm(self) -> F:
+        """Torque (7,) of the implicit dampers."""
+        torque: F = self._implicit * self._simulation.speeds_rad_s
+        return torque
+
+
+class Impedance:
+    """The controller; call `design` every ten steps, `torque` at every step."""
+
+    def __init__(self, arm: ArmSettings, simulation: Simulation, model: ControllerModel) -> None:
+        self._simulation = simulation
+        self._model = model
+        self._arm = arm
+        self.stiffness: F = np.repeat([arm.impedance_N_m, arm.impedance_Nm_rad], 3)
+        self.damping: F = np.zeros((6, 6))
+        self._null: F = np.zeros(7)
+        self._null_torque: F = np.zeros(7)
+        self._null_inertia = 1.0
+        self._error: F = np.zeros(6)
+        self._shift, self._rotation = self._error[:3], self._error[3:]
+        self._inverse: F = np.zeros(4)
+        self._relative: F = np.zeros(4)
+
+    def design(self) -> None:
+        """Compute damping and null space in the present configuration."""
+        simulation = self._simulation
+        self._model.pose[:] = simulation.pose
+        self._model.evaluate()
+        elastic = 0.5 * (self._model.stiffness + self._model.stiffness.T)
+        elastic[np.diag_indices(6)] += self.stiffness
+        factor = np.linalg.cholesky(simulation.compliance())
+        squares, modes = np.linalg.eigh(factor.T @ elastic @ factor)
+        half = np.linalg.solve(factor.T, modes)
+        rates = np.sqrt(np.maximum(squares, 0.0))
+        self.damping = 2.0 * self._arm.damping_ratio * (half * rates) @ half.T
+        self._null = null_direction(simulation.jacobian)
+        self._null_torque = simulation.times_inertia(self._null)
+        self._null_inertia = float(self._null @ self._null_torque)
+
+    def torque(self, position_m: F, quaternion: F) -> F:
+        """Joint torques (7,) towards a target position and orientation (w, x, y, z)."""
+        simulation = self._simulation
+        library = simulation.library
+        np.subtract(position_m, simulation.position, out=self._shift)
+        library.mju_negQuat(self._inverse, simulation.quaternion)
+        library.mju_mulQuat(self._relative, quaternion, self._inverse)
+        library.mju_quat2Vel(self._rotation, self._relative, 1.0)
+        velocity = simulation.jacobian.dot(simulation.speeds_rad_s)
+        wrench = self.stiffness * self._error - self.damping.dot(velocity)
+        arm, null = self._arm, self._null
+        angle = float(null.dot(simulation.home_rad - simulation.joints_rad))
+        rate = float(null.dot(simulation.speeds_rad_s))
+        damper = 2.0 * arm.damping_ratio * (arm.nullspace_Nm_rad * self._null_inertia) ** 0.5
+        acceleration = (arm.nullspace_Nm_rad * angle - damper * rate) / self._null_inertia
+        torque: F = simulation.jacobian_T.dot(wrench) + acceleration * self._null_torque
+        return torque
+
+
+def null_direction(jacobian: F) -> F:
+    """Unit vector n (7,) with J n = 0."""
+    direction: F = np.linalg.svd(jacobian)[2][6]
+    return direction
+
 
 _DIVERGED_NM2 = 1e12
 """Square of a joint torque that only a diverged simulation has."""

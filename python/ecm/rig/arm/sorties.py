@@ -1,18 +1,46 @@
-"""Sorties: motions from home to one or more poses and back, as planned and as carried out."""
+"""Sorties: motions from home to poses and back, planned, carried out, stored, recorded."""
 
 from __future__ import annotations
 
+import json
+import shutil
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from itertools import pairwise
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.rig.arm.timing import duration_s, motion_s
-from ecm.rig.plan import rest_pose
+from ecm.io.cache import Stage
+from ecm.rig.plan import POSE, Visit, rest_pose
 from ecm.rig.settings import Procedure
-from ecm.rig.visits import POSE, Visit
+
+
+def duration_s(distance: float, peak_speed: float) -> float:
+    """Time for a distance (m or rad) with a peak speed (m/s or rad/s): 3/2 distance/speed."""
+    return 1.5 * distance / peak_speed
+
+
+def motion_s(shift_m: F, angle_rad: float, procedure: Procedure) -> float:
+    """Time for a shift (3,) and a rotation at the speeds of the rig's settings."""
+    return max(
+        duration_s(float(np.linalg.norm(shift_m)), procedure.speed_m_s),
+        duration_s(float(angle_rad), procedure.speed_rad_s),
+    )
+
+
+def cubic_profile(duration: float, step_s: float) -> tuple[F, F]:
+    """Share of the motion (n,) and its rate (n,) in 1/s at steps 1..n; the last share is 1."""
+    count = max(1, int(np.ceil(duration / step_s)))
+    u = np.arange(1, count + 1) / count
+    rate: F = 6.0 * u * (1.0 - u) / (count * step_s)
+    share: F = u * u * (3.0 - 2.0 * u)
+    return share, rate
+
 
 _SETTLE_S = 0.35
 _AT_HOME_S = 0.4
@@ -162,3 +190,101 @@ def extra_s(visit: Visit, procedure: Procedure) -> float:
 def _leg_s(start: F, end: F, procedure: Procedure) -> float:
     """Duration of a leg in the planned timeline."""
     return motion_s(end[:3] - start[:3], float(np.linalg.norm((end - start)[3:])), procedure)
+
+
+HEADER = "one JSON object per visit: motion of the arm, then the reading"
+
+
+@dataclass(frozen=True)
+class VisitRecord:
+    """A finished visit; poses are (x, y, z, theta_x, theta_y, theta_z)."""
+
+    visit: int
+    """Index in the planned timeline."""
+    time_s: float
+    travel_s: float
+    dwell_s: float
+    approach: str
+    way: list[list[float]]
+    """Poses (k, 6) from the previous reading to this one, or to where the arm stopped."""
+    after: list[list[float]]
+    """Poses from there on; home if the sortie ends here."""
+    reached: list[float]
+    """Mean pose over the window."""
+    shift_s: float
+    """Delay against the plan after this visit."""
+    reading: str
+    """Line of the quasi-static journal."""
+    joints_rad: list[float]
+    directions: list[float]
+    goal: list[float]
+    """Commanded pose, calibration error of the arm included."""
+    after_impedance: list[float]
+    reason: str = ""
+    """Why there is no reading; empty if there is one."""
+    fault: bool = False
+    """Whether the reason is a fault of an instrument, not of the arm."""
+    phases: list[list[Any]] = field(default_factory=list)
+    """Name, begin and end in s of each phase."""
+    off_known_m: float = 0.0
+    """Largest distance from the known workspace."""
+
+    def text(self) -> str:
+        """Return one line of JSON."""
+        return json.dumps(asdict(self))
+
+    @staticmethod
+    def parse(text: str, source: str) -> VisitRecord:
+        """Read one line of JSON; InputError if it is damaged."""
+        try:
+            return VisitRecord(**json.loads(text))
+        except (json.JSONDecodeError, TypeError):
+            raise InputError(
+                f"{source}: damaged line `{text[:40]}`. Remove the journal to start again"
+            ) from None
+
+
+class SortieStore:
+    """Results of the sorties of a campaign by their number in its plan."""
+
+    def __init__(self, folder: Path, key: str) -> None:
+        self._folder = folder
+        self._stage = Stage(folder, "sorties", key)
+
+    def save(self, number: int, result: SortieResult) -> None:
+        """Store the result of a sortie."""
+        arrays = {"duration_s": np.array(result.duration_s), **_arrays("home", result.home)}
+        for k, stop in enumerate(result.stops):
+            arrays |= _arrays(str(k), stop)
+        self._stage.save_part(number, arrays)
+
+    def load(self, number: int) -> SortieResult | None:
+        """Return a stored result; None where there is none."""
+        arrays = self._stage.load_part(number)
+        if arrays is None:
+            return None
+        count = sum(name.endswith(".visit") for name in arrays) - 1
+        stops = tuple(_stop(str(k), arrays) for k in range(count))
+        return SortieResult(stops, float(arrays["duration_s"]), _stop("home", arrays))
+
+    def remove(self) -> None:
+        """Delete all of them: the campaign is finished."""
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def _arrays(name: str, stop: StopResult) -> dict[str, NDArray[Any]]:
+    values = {field.name: getattr(stop, field.name) for field in fields(stop)}
+    values["phase"] = [phase for phase, _, _ in stop.phases]
+    values["phases"] = [(begin, end) for _, begin, end in stop.phases]
+    return {f"{name}.{key}": np.asarray(value) for key, value in values.items()}
+
+
+def _stop(name: str, arrays: dict[str, NDArray[Any]]) -> StopResult:
+    values: dict[str, Any] = {
+        field.name: arrays[f"{name}.{field.name}"]
+        for field in fields(StopResult)
+        if field.name != "phases"
+    }
+    phases = zip(arrays[f"{name}.phase"].tolist(), arrays[f"{name}.phases"].tolist(), strict=True)
+    values = {key: value.item() if value.ndim == 0 else value for key, value in values.items()}
+    return StopResult(**values, phases=[(phase, begin, end) for phase, (begin, end) in phases])

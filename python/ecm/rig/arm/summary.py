@@ -13,13 +13,30 @@ from scipy.spatial.transform import Rotation
 from ecm.io.arrays import F
 from ecm.io.columns import POSE as POSE_COLUMNS
 from ecm.io.columns import WRENCH
-from ecm.rig.arm.plot_style import COLOURS, thousandths
-from ecm.rig.arm.visit_record import VisitRecord
-from ecm.rig.plan import rest_pose
-from ecm.rig.visits import POSE
+from ecm.rig.arm.sorties import VisitRecord
+from ecm.rig.plan import POSE, rest_pose
 
 if TYPE_CHECKING:
     from ecm.rig.arm.campaign import RobotCampaign
+
+
+PANELS = ("x - L [mm]", "y [mm]", "z [mm]", "θx [mrad]", "θy [mrad]", "θz [mrad]")
+"""Components of a pose minus the rest pose."""
+
+COLOURS = {
+    "impedance": "#cfe3f7",
+    "settle": "#e4eefb",
+    "position": "#fbe3c4",
+    "rest": "#eeeeee",
+    "reading": "#f6b8b0",
+    "return": "#dff0d8",
+}
+"""Background colour of each phase of the procedure, in their order."""
+
+
+def thousandths(value: float) -> str:
+    """Text of a length or angle in mm or mrad, from m or rad; rounding errors as `< 1e-6`."""
+    return f"{1e3 * value:.3g}" if value >= 1e-9 else "< 1e-6"
 
 
 PHASES = tuple(COLOURS)

@@ -21,10 +21,9 @@ from pathlib import Path
 from typing import IO, Any, cast
 
 from ecm.errors import ComputationError
-from ecm.rig.arm.non_elastic import HiddenPhysics
+from ecm.rig.arm.mechanism import HiddenPhysics, Surrogate
 from ecm.rig.arm.procedure import OnFrame, SimulatedArm
 from ecm.rig.arm.sorties import SortieResult, Stop, StopResult
-from ecm.rig.arm.surrogate import Surrogate
 from ecm.rig.settings import RigSettings
 
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ecm.io.arrays import F
-from ecm.rig.calibration.frame_fit import FrameFit, sensor_frame, target_frame
+from ecm.rig.calibration.fits import FrameFit, sensor_frame, target_frame
 from ecm.rig.camera import Camera
-from ecm.rig.force_torque_sensor import ForceTorqueSensor
 from ecm.rig.frames import compose, rotation, seen_from, top_from_sensor_wrench
+from ecm.rig.measurement import ForceTorqueSensor
 from ecm.rig.settings import Instruments
-from ecm.rig.streams import stream
+from ecm.rig.timeline import stream
 
 BORES = 12
 WEIGHTS = 12

@@ -9,18 +9,16 @@ import numpy as np
 
 from ecm.io.arrays import F
 from ecm.rig.frames import rotation, transpose, turn_wrench
-from ecm.rig.hidden.calibrate import CannotHide, Whitener, calibrate
-from ecm.rig.hidden.limits import check_size
-from ecm.rig.hidden.spec import Hidden
+from ecm.rig.hidden.size import CannotHide, Whitener, calibrate, check_size
+from ecm.rig.hidden.truth import Hidden
 from ecm.rig.measurement import residual, row_covariance
 from ecm.rig.physics import TRUE_EFFECTS, Physics, TrueEffect
 from ecm.rig.physics.true_effect import RigScale
-from ecm.rig.plan import rest_pose
+from ecm.rig.plan import Visits, rest_pose
 from ecm.rig.plant import Plant
 from ecm.rig.raw_stream import RawStream
 from ecm.rig.settings import RigSettings
-from ecm.rig.streams import stream
-from ecm.rig.visits import Visits
+from ecm.rig.timeline import stream
 
 
 @dataclass(frozen=True)

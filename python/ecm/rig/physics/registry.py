@@ -13,8 +13,7 @@ from ecm.rig.physics.body import (
     Thickness,
 )
 from ecm.rig.physics.camera import BaseFrame, CameraScale, Leds, MarkerMotion, TimeSkew, TipTarget
-from ecm.rig.physics.clamp import BasePlate, LiftOff
-from ecm.rig.physics.load import Cable, OwnWeight, Payload, Stop
+from ecm.rig.physics.load import BasePlate, Cable, LiftOff, OwnWeight, Payload, Stop
 from ecm.rig.physics.material import (
     Ageing,
     Hysteresis,

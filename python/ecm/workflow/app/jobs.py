@@ -14,8 +14,7 @@ from typing import Any, TypeVar
 
 from ecm.errors import InputError
 from ecm.io import events
-from ecm.workflow.app.disk import DiskError
-from ecm.workflow.app.journal import Step
+from ecm.workflow.app.journal import DiskError, Step
 from ecm.workflow.app.session import INTERRUPTED, Session
 
 _FOLLOWED_BY = {

@@ -1,23 +1,86 @@
-"""The journal of a session: what was done, one JSON record a line, only ever appended.
-
-A step has a record when it begins and one when it ends. A step without an end, in a session that
-nobody works on, was interrupted.
-"""
+"""The journal of a session: one JSON record a line, only ever appended; a disk that is full."""
 
 from __future__ import annotations
 
 import json
 import os
 import threading
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ecm.errors import InputError
-from ecm.workflow.app.appended import AppendedFile
-from ecm.workflow.app.disk import writing
+from ecm.errors import EcmError, InputError
+
+
+class DiskError(EcmError):
+    """A file of the session cannot be written."""
+
+
+@contextmanager
+def writing(path: Path, name: str = "") -> Iterator[None]:
+    """Turn an error of the file system into one that names the file and the next step.
+
+    Parameters
+    ----------
+    path
+        The file that is written.
+    name
+        What a person calls it; by default the name of the file.
+
+    Raises
+    ------
+    DiskError
+        In place of OSError.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise DiskError(sentence(error, path, name)) from None
+
+
+def sentence(error: OSError, path: Path | None = None, name: str = "") -> str:
+    """Return what could not be written, why, and what to do."""
+    at = path or Path(str(error.filename or "a file"))
+    where = f" to {at.parent.resolve()}" if at.is_absolute() or path else ""
+    return (
+        f"{name or at.name}: cannot be written{where} ({error.strerror or error}). Free some space "
+        "there, or mend its permissions, and do this step again; what is finished is kept."
+    )
+
+
+class AppendedFile:
+    """The lines of a file that is only appended; each is read from the disk once.
+
+    Parameters
+    ----------
+    path
+        Need not be there yet.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._read_to = 0
+
+    def read(self) -> tuple[bool, bytes, bytes]:
+        """Return whether the file begins anew, its new whole lines, and the line under way.
+
+        Raises
+        ------
+        OSError
+            Where it cannot be read.
+        """
+        with self.path.open("rb") as file:
+            anew = file.seek(0, os.SEEK_END) < self._read_to  # another file of this name
+            if anew:
+                self._read_to = 0
+            file.seek(self._read_to)
+            content = file.read()
+        whole = content.rfind(b"\n") + 1
+        self._read_to += whole
+        return anew, content[:whole], content[whole:]
+
 
 DATA = ("upload", "example", "import", "campaign")
 """Steps that change the data."""

@@ -1,4 +1,4 @@
-"""Changes of a session: steps that begin and end, tables that are brought in, undo and redo."""
+"""Changes of a session: steps, tables brought in, undo and redo, and the script of it all."""
 
 from __future__ import annotations
 
@@ -11,14 +11,33 @@ from typing import Any
 
 from ecm.errors import EcmError, InputError, Remedy, remedy_of
 from ecm.io.cache import write_atomically
-from ecm.workflow.app.contents import Contents
-from ecm.workflow.app.demo import PLAN, write_demo
-from ecm.workflow.app.disk import writing
-from ecm.workflow.app.journal import DATA, History, Step
-from ecm.workflow.app.script import script_of
+from ecm.workflow.app.contents import LOGS, Contents, copy_beside, sealed_description, suffix_of
+from ecm.workflow.app.journal import DATA, History, Step, writing
 from ecm.workflow.app.state import state_of, way_out
-from ecm.workflow.app.steps import Files, command_of
-from ecm.workflow.app.uploads import LOGS, copy_beside, sealed_description, suffix_of
+from ecm.workflow.app.steps import DEMO_FILES, PLAN, Files, command_of, write_demo
+
+_SCRIPT = """#!/bin/sh
+# The steps of this session as commands. They write the same files, byte for byte:
+#   sh script.sh NEW_FOLDER
+set -e
+from=$(cd "$(dirname "$0")" && pwd)
+to=${1:?"give a new folder: sh script.sh NEW_FOLDER"}
+[ -f "$from/steps.jsonl" ] || { echo "put this script into the session folder" >&2; exit 1; }
+mkdir "$to"
+"""
+
+
+def script_of(contents: Contents) -> str:
+    """Return the commands of the steps that count, as a shell script."""
+    history = contents.journal.read()
+    steps = [history.steps[number] for number in history.active]
+    given = [name for step in steps if not step.argv for name in step.outputs]
+    given += [name for name in DEMO_FILES if (contents.folder / name).is_file()]
+    lines = [f'cp "$from"/{shlex.quote(name)} "$to"/' for name in dict.fromkeys(given)]
+    lines.append('cd "$to"')
+    lines += [shlex.join(["ecm", *step.argv]) for step in steps if step.argv]
+    return _SCRIPT + "\n".join(lines) + "\n"
+
 
 INCOMING = ".ecm-incoming-"
 """Begin of the name of a file that is on its way here."""

@@ -12,7 +12,39 @@ from typing import Any
 
 from ecm.effects import get_effect, load_installed
 from ecm.errors import InputError, Remedy
-from ecm.workflow.app.demo import PLAN, RIG
+from ecm.io.cache import write_atomically
+
+PLAN, RIG = "plan.csv", "rig.toml"
+DEMO_FILES = (PLAN, "plan.toml", RIG)
+_FILES = Path(__file__).parent / "demo"
+
+
+def write_demo(folder: Path) -> None:
+    """Write plan and rig into a session folder; the campaign is a step.
+
+    Raises
+    ------
+    InputError
+        Where the folder has other files of these names.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as name:
+    ...     write_demo(Path(name))
+    ...     sorted(path.name for path in Path(name).iterdir())
+    ['plan.csv', 'plan.toml', 'rig.toml']
+    """
+    files = {folder / name: (_FILES / name).read_bytes() for name in DEMO_FILES}
+    for path, content in files.items():
+        if path.exists() and path.read_bytes() != content:
+            raise InputError(
+                f"{path} is there already, and not that of the demo: name another folder with "
+                "--session"
+            )
+    for path, content in files.items():
+        write_atomically(path, content)
+
 
 _HIDDEN = ("random=5", "8")
 """What the demo hides and its seed: five times the noise, so that it is seen in every picture."""

@@ -1,25 +1,211 @@
-"""The views of the page: kept as files, and computed in a process of their own.
-
-A view depends on files that never change once a step has written them, so it is kept in `views/`
-and computed once.
-"""
+"""The views of the page: computed in a process of their own, kept as files."""
 
 from __future__ import annotations
 
 import os
 import signal
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
+from dataclasses import dataclass
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from ecm.comparison.comparison import compare
+from ecm.comparison.sections import residual_points
+from ecm.diagnosis.preview import preview_effects
+from ecm.effects import get_effect, load_installed
 from ecm.errors import InputError
-from ecm.io.cache import hash_of
-from ecm.workflow.app.disk import writing
+from ecm.io.arrays import F, I
+from ecm.io.cache import hash_of, write_json
+from ecm.io.columns import POSE, WRENCH, unit_of
+from ecm.io.table import Need, Table, read_table
+from ecm.logs.importing import list_columns
+from ecm.models import Model, load_model
+from ecm.report.mechanism import view_of
+from ecm.workflow.app.journal import writing
+
+MOST_ROWS = 20_000
+"""Rows that a view holds; of more, every k-th, and the view says so."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """The files that a view is of."""
+
+    tables: Sequence[Path]
+    model_file: Path | None = None
+    skip_bad_rows: bool = False
+
+    def table(self, need: Need | None = None) -> Table:
+        """Read the tables as the steps do."""
+        return read_table(list(self.tables), need=need, skip_bad_rows=self.skip_bad_rows)
+
+    def model(self) -> Model:
+        """Read the model."""
+        load_installed()
+        return load_model(Path(str(self.model_file)))
+
+
+def compute_view(name: str, path: Path, given: Given) -> None:
+    """Compute a view and write it."""
+    write_json(path, VIEWS[name](given))
+
+
+def poses(given: Given) -> dict[str, Any]:
+    """Return the measured poses and wrenches, the outline of the body, and a line about it."""
+    table = given.table()
+    rows = _thinned(len(table))
+    columns = [name for name in (*POSE, *WRENCH) if table.has(name)]
+    return {
+        "row": (rows + 1).tolist(),
+        "columns": {name: _short(table.column(name)[rows]) for name in columns},
+        **view_of(table.meta),
+        "body": table.meta.elastic_body() is not None,
+        "said": _said(len(rows), len(table)),
+    }
+
+
+def residuals(given: Given) -> dict[str, Any]:
+    """Return the residual of each measured pose in its unit, over the noise, and as a pose."""
+    result = compare(given.model(), given.table("fit"))
+    maps, points = result.where(), residual_points(result, MOST_ROWS)
+    known = not result.noise.is_residual
+    kinds: dict[str, dict[str, Any]] = {
+        "noise": {
+            "label": "over its noise",
+            "unit": "times the noise",
+            "columns": list(maps.outputs),
+            "values": _columns(points.over_noise),
+            "floor": [1.0] * len(maps.outputs),
+        },
+        "wrench": {
+            "label": "as wrench",
+            "unit": "",
+            "columns": list(maps.outputs),
+            "units": [unit_of(name) for name in maps.outputs],
+            "values": _columns(points.physical),
+            "floor": [component.floor for component in result.components] if known else None,
+        },
+    }
+    if not known:  # the residual over its own size would look like one over a noise
+        del kinds["noise"]
+    pose = _pose_error(result.pose_error, points.row, known=known)
+    if pose is not None:
+        kinds["pose"] = pose
+    return {
+        "row": points.row.tolist(),
+        "size": _short(points.size),
+        "variables": {name: _short(values) for name, values in points.variables.items()},
+        "follows": [list(item) for item in maps.follows[:10]],
+        "strongest": [
+            name for name in maps.strongest(len(maps.variables)) if name in points.variables
+        ],
+        "kinds": kinds,
+        "sentence": maps.sentence(),
+        "worst": maps.worst(),
+        "said": points.sentence,
+    }
+
+
+def effects(given: Given) -> dict[str, Any]:
+    """Return what each effect would explain of the residual, with its own sentence."""
+    previews = preview_effects(given.model(), given.table("fit"))
+    at = _thinned(len(previews.row))
+    return {
+        "row": previews.row[at].tolist(),
+        "columns": list(previews.outputs),
+        "effects": {
+            item.id: {
+                "share": item.share,
+                "what": get_effect(item.id).physics,
+                "side": get_effect(item.id).side,
+                "values": _columns(item.explained[at]),
+            }
+            for item in previews.effects
+        },
+    }
+
+
+def plan(given: Given) -> dict[str, Any]:
+    """Return the poses of a plan, and the outline of the body."""
+    table = given.table("predict")
+    columns = {name: _short(table.column(name)) for name in POSE if table.has(name)}
+    return {**view_of(table.meta), "columns": columns}
+
+
+def log(given: Given) -> dict[str, Any]:
+    """Return the columns of the first of the files that were dropped, for a person to name them."""
+    return {
+        "columns": [
+            {
+                "name": column.name,
+                "range": _short(np.array([column.low, column.high])),
+                "unit": column.unit,
+                "standard": column.standard,
+                "quantity": column.quantity,
+            }
+            for column in list_columns(given.tables[0])
+        ]
+    }
+
+
+VIEWS: dict[str, Callable[[Given], dict[str, Any]]] = {
+    "poses": poses,
+    "residuals": residuals,
+    "effects": effects,
+    "plan": plan,
+    "log": log,
+}
+
+
+def _pose_error(found: Any, row: I, *, known: bool) -> dict[str, Any] | None:
+    """Return the pose error of these rows (from 1) as a kind of residual; None without one."""
+    sizes = [
+        ("position", "mm", found.position_mm, found.noise_mm),
+        ("rotation", "deg", found.rotation_deg, found.noise_deg),
+    ]
+    sized = [item for item in sizes if item[2] is not None]
+    if not sized:
+        return None
+    place = {number: i for i, number in enumerate(found.row.tolist())}
+    at = [place.get(number) for number in row.tolist()]
+    return {
+        "label": "as pose error",
+        "unit": "",
+        "columns": [name for name, _, _, _ in sized],
+        "units": [unit for _, unit, _, _ in sized],
+        "values": [
+            [None if i is None else float(f"{values[i]:.6g}") for i in at]
+            for _, _, values, _ in sized
+        ],
+        "floor": [floor for _, _, _, floor in sized] if known else None,
+        "said": found.sentence(),
+    }
+
+
+def _thinned(rows: int) -> I:
+    return np.arange(0, rows, -(-rows // MOST_ROWS) or 1, dtype=np.int64)
+
+
+def _said(shown: int, total: int) -> str:
+    return "" if shown == total else f"{shown} of {total} rows are drawn."
+
+
+def _short(values: F) -> list[float | None]:
+    """Return numbers of six digits: a page draws no more."""
+    return [float(f"{v:.6g}") if np.isfinite(v) else None for v in np.asarray(values, float)]
+
+
+def _columns(values: F) -> list[list[float | None]]:
+    return [_short(column) for column in np.asarray(values).T]
+
 
 SHOWN = ("poses", "residuals", "effects", "log")
 """Those that the page may ask for by name."""
@@ -106,6 +292,6 @@ def _compute(
     name: str, path: Path, tables: Sequence[Path], model: Path | None, skip_bad_rows: bool
 ) -> None:
     """Compute a view and write it; called in the other process."""
-    from ecm.workflow.app.view_data import Given, compute_view  # noqa: PLC0415 - the server needs no numerics
+    from ecm.workflow.app.views import Given, compute_view  # noqa: PLC0415 - the server needs no numerics
 
     compute_view(name, path, Given(tables, model, skip_bad_rows))

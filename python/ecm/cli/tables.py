@@ -1,0 +1,165 @@
+"""`ecm import`, `ecm check` and `ecm new`: tables, and files to begin from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ecm.cli.options.rig import NewArguments, What
+from ecm.cli.options.tables import CheckArguments, ImportArguments
+from ecm.cli.session import Session, columns
+from ecm.diagnosis.check import Check, lines_by_reason
+from ecm.diagnosis.check import check as check_table
+from ecm.diagnosis.suspect_rows import record_leave_out
+from ecm.effects import load_installed
+from ecm.errors import InputError, Remedy
+from ecm.io.cache import write_atomically
+from ecm.io.csv import BadRows
+from ecm.io.interrupts import uninterrupted
+from ecm.io.templates import NEXT_STEP, data_template, description_template, template
+from ecm.logs import import_log as import_any
+from ecm.logs.importing import read_log
+from ecm.logs.page import write_import
+
+
+def import_log(options: ImportArguments, session: Session) -> None:
+    """Run `ecm import`."""
+    beside = None if options.out is None else options.out.with_suffix(".toml")
+    if beside is not None and beside.exists() and not _is_ours(beside):
+        raise InputError(
+            f"{beside} is already there and is not overwritten. Choose another name with --out, or "
+            "give it with --meta to copy what it says."
+        )
+    session.check_output(options.out, beside)
+    topics = options.topics or []
+    try:
+        with session.working(f"reading {options.log}") as tell:
+            imported = import_any(
+                read_log(options.log, topics, tell).without(options.ignore or []),
+                columns=_pairs(options.columns or []),
+                rotation=options.rotation,
+                units=[word for word in options.units.split(",") if word.strip()],
+                axis=options.axis,
+                group=options.group,
+                meta=options.meta,
+                leave_out=options.leave_out,
+            )
+    except BadRows as error:
+        error.remedy = Remedy(error.remedy.words, "AGAIN --leave-out")
+        raise
+    session.print(str(imported))
+    for warning in imported.table.warnings:
+        session.warn(warning)
+    session.write_json(imported.to_dict())
+    if session.report is not None:
+        write_import(session.report, imported)
+    if options.out is None:
+        session.print("\nNothing was written; --out table.csv writes the table.")
+    else:
+        with session.working(f"writing {options.out}") as tell:
+            imported.write(options.out, progress=tell)
+        session.print(f"\n{options.out} and {beside}: next ecm check {options.out}")
+
+
+def _is_ours(path: Path) -> bool:
+    """Whether a description was written by an earlier import."""
+    return "\n[import]\n" in "\n" + path.read_text(encoding="utf-8", errors="replace")
+
+
+def _pairs(words: list[str]) -> dict[str, str]:
+    pairs: dict[str, str] = {}
+    for word in words:
+        name, sign, column = word.partition("=")
+        if not sign or not name or not column:
+            raise InputError(f"--map {word}: expected NAME=COLUMN or NAME=COLUMN:UNIT")
+        if name in pairs:
+            raise InputError(f"--map {name} is given twice: '{pairs[name]}' and '{column}'")
+        pairs[name] = column
+    return pairs
+
+
+def check(options: CheckArguments, session: Session) -> None:
+    """Run `ecm check`."""
+    if options.leave_out:
+        _leave_out(options.data, session)
+    table = session.read(options.data)
+    load_installed()
+    with session.working(f"checking {len(table)} rows") as tell:
+        result = check_table(table, progress=tell)
+    session.write_json(result.to_dict())
+    _print(result, session)
+    wrong = result.misread
+    for warning in result.warnings[len(table.warnings) :]:
+        session.warn(warning, wrong=wrong is not None and warning == wrong.sentence())
+    if wrong is not None and wrong.mend:
+        session.note("To mend it, put under [columns] into the TOML beside the table:")
+        for entry in wrong.mend:
+            session.note(f"    {entry}")
+
+
+def _leave_out(data: list[Path], session: Session) -> None:
+    """Record the rows of each table that are no measurements, in its description."""
+    if session.meta is not None and len(data) > 1:
+        raise InputError("--leave-out records rows per table: give one table with --meta")
+    for path in data:
+        description = session.meta or path.with_suffix(".toml")
+        session.check_output(description)
+        found = record_leave_out(path, description)
+        session.print(
+            f"{description}: [leave_out] has {', '.join(found)}"
+            if found
+            else f"{path}: nothing to leave out"
+        )
+
+
+def _print(result: Check, session: Session) -> None:
+    rows = [("column", "unit", "from", "to", "distinct", "what")]
+    for column in result.columns:
+        ends = ("", "")
+        if column.minimum is not None and column.maximum is not None:
+            ends = (f"{column.minimum:.4g}", f"{column.maximum:.4g}")
+        what = column.role + (", constant" if column.constant else "")
+        if column.unknown:
+            what += f", {column.unknown} unknown"
+        rows.append((column.name, column.unit, *ends, str(column.distinct), what))
+    session.print(columns(rows))
+    session.print()
+    for sentence in result.sentences():
+        session.print(sentence)
+    testable = ", ".join(result.testable) or "none"
+    session.print(f"\nTestable effects ({len(result.testable)}): {testable}")
+    if result.not_testable:
+        session.print("Not testable with these columns:")
+        for line in lines_by_reason(result.not_testable):
+            session.print(line)
+
+
+_FILES = {"config": "config.toml", "rig": "rig.toml", "data": "data.csv"}
+
+
+def new(options: NewArguments, session: Session) -> None:
+    """Run `ecm new`."""
+    usual = _FILES[options.what.value]
+    path = options.out or Path(usual)
+    dof = int(options.dof.value)
+    is_data = options.what is What.data
+    files = {path: data_template(dof) if is_data else template(usual)}
+    if is_data:
+        if path.suffix == ".toml":
+            raise InputError(f"{path}: expected the name of the table, e.g. {path.stem}.csv")
+        files[path.with_suffix(".toml")] = description_template(dof)
+    session.check_output(*files)
+    there = [target for target in files if target.exists()]
+    # A kill between the two files of a pair leaves one as it was written: the other is added.
+    half = len(there) < len(files) and all(t.read_bytes() == files[t].encode() for t in there)
+    if there and not half:
+        raise InputError(
+            f"{there[0]} is already there and is not overwritten. Choose another name with "
+            "--out FILE."
+        )
+    with uninterrupted():
+        for target, text in files.items():
+            write_atomically(target, text)
+    for target in files:
+        session.print(f"wrote {target}")
+    session.write_json({"schema": 1, "files": [str(target) for target in files]})
+    session.print(NEXT_STEP[options.what.value].format(path=path))

@@ -1,0 +1,269 @@
+"""The mechanism under the arm: its wrench at 1 kHz, and the controller's model of it."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import json
+import shutil
+import subprocess
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Literal
+
+import numpy as np
+
+from ecm._native import (
+    EnergyModel,
+    ModelError,
+    PolynomialModel,
+    export_model,
+    open_model,
+    seal_model,
+)
+from ecm.errors import ComputationError, InputError
+from ecm.io.arrays import F, I
+from ecm.io.columns import POSE, WRENCH
+from ecm.rig.elastic import UNIFORM, Anchors, Elastic, Grading, Progress, Source, solve_cached
+from ecm.rig.physics import Physics
+from ecm.rig.plan import Visit
+from ecm.rig.plant import Plant, visits_of
+from ecm.rig.settings import RigSettings
+from ecm.rig.timeline import Climate
+
+_ENOUGH = 90
+"""Solved poses for a surrogate; with fewer, poses on the way to each are solved too."""
+_SHARES = (0.35, 0.7)
+_FEW = 20
+"""With fewer solved poses, poses near rest are solved too, or the model may be unstable there."""
+_NEAR_LENGTHS, _NEAR_RAD = 0.03, 0.15
+_SYMMETRY: Literal["revolution"] = "revolution"
+
+
+@dataclass(frozen=True)
+class Surrogate:
+    """An energy model as plain numbers, which can be sent to another process."""
+
+    length_m: float
+    degree: int
+    scale: F
+    coefficients: F
+    rms: F
+    """Root mean square error of its wrench at the FEM poses that it was fitted to, (6,)."""
+
+    def model(self) -> EnergyModel:
+        """Return the energy model."""
+        return EnergyModel.from_coefficients(
+            length_m=self.length_m,
+            degree=self.degree,
+            symmetry=_SYMMETRY,
+            scale=self.scale,
+            coefficients=self.coefficients,
+        )
+
+
+def fem_pairs(
+    source: Source, anchors: Anchors, folder: Path | None, progress: Progress
+) -> tuple[F, F]:
+    """Return poses and wrenches (N, 6): the solved anchors, and more poses if they are few."""
+    solved = np.asarray([s == "solved" for s in anchors.status])
+    loaded = solved & (np.linalg.norm(anchors.wrenches, axis=1) > 0.0)
+    poses, wrenches = anchors.poses[loaded], anchors.wrenches[loaded]
+    if len(poses) >= _ENOUGH:
+        return poses, wrenches
+    rest = anchors.poses[0]
+    extra = [rest + share * (poses - rest) for share in _SHARES]
+    if len(poses) < _FEW:
+        steps = np.diag(np.repeat([_NEAR_LENGTHS * float(rest[0]), _NEAR_RAD], 3))
+        extra += [rest + steps, rest - steps]
+    more = solve_cached(source, np.concatenate(extra), UNIFORM, folder, progress)
+    ok = np.asarray([s == "solved" for s in more.status])
+    return np.concatenate([poses, more.poses[ok]]), np.concatenate([wrenches, more.wrenches[ok]])
+
+
+def fit_surrogate(poses: F, wrenches: F, length_m: float) -> Surrogate:
+    """Fit the surrogate to FEM pairs; InputError if there are too few of them."""
+    degree = 6 if len(poses) >= 60 else 4
+    if len(poses) < 6:
+        raise InputError(
+            f"the plan has {len(poses)} solved poses, those between included; the simulated "
+            "mechanism needs 6 or more. Add poses to the plan"
+        )
+    model = EnergyModel.fit(poses, wrenches, length_m=length_m, degree=degree, symmetry=_SYMMETRY)
+    rms = np.sqrt(((model.predict(poses) - wrenches) ** 2).mean(axis=0))
+    return Surrogate(length_m, degree, model.scale, model.coefficients, rms)
+
+
+STEPS_BETWEEN = 200
+"""Simulation steps between two evaluations of the plant."""
+_WAY_POINTS = 10
+
+
+@dataclass(frozen=True)
+class HiddenPhysics:
+    """What the plant has beyond the bare mechanism, ready to be sent to another process."""
+
+    anchors: Anchors
+    gradings: Mapping[str, Grading]
+    physics: Physics
+    visits: tuple[Visit, ...]
+    """Visits of the planned timeline."""
+    anchor: I
+    seed: int
+    end_s: float
+    heating: tuple[tuple[float, float], ...]
+
+    def wrench(self, settings: RigSettings, surrogate: Surrogate) -> NonElasticWrench:
+        """Build the plant in this process."""
+        elastic = Elastic(self.anchors, surrogate.model())
+        plant = Plant(settings, elastic, surrogate.length_m, self.gradings)
+        air = Climate.build(settings, self.seed, self.end_s, self.heating)
+        return NonElasticWrench(self, plant, air)
+
+
+class NonElasticWrench:
+    """The wrench beyond elasticity along one sortie."""
+
+    def __init__(self, hidden: HiddenPhysics, plant: Plant, air: Climate) -> None:
+        self._hidden = hidden
+        self._plant = plant
+        self._air = air
+        self._way: list[F] = []
+        self._depart_s = 0.0
+        self.next_visit(0)
+
+    def begin(self, rest: F, depart_s: float) -> None:
+        """Begin a sortie at home."""
+        self._way = [rest.copy()]
+        self._depart_s = depart_s
+        self._moved_s = self._rested_s = 0.0
+
+    def next_visit(self, visit: int) -> None:
+        """Begin the leg to a visit of the planned timeline."""
+        self._visit = self._hidden.visits[visit]
+        self._anchor = self._hidden.anchor[visit : visit + 1]
+        self._moved_s = self._rested_s = 0.0
+
+    def at(self, pose: F, time_s: float, span_s: float, *, moving: bool) -> F:
+        """Wrench (6,) at a pose and a time since the sortie began; `span_s` since the last call."""
+        if moving:
+            if self._rested_s:
+                self._moved_s = self._rested_s = 0.0
+            self._moved_s += span_s
+            self._way.append(pose.copy())
+        else:
+            self._rested_s += span_s
+        index = np.unique(np.linspace(0, len(self._way) - 1, _WAY_POINTS).round().astype(int))
+        visit = replace(
+            self._visit, time_s=self._depart_s + time_s, travel_s=self._moved_s,
+            dwell_s=self._rested_s, way=np.stack([*(self._way[i] for i in index), pose]),
+            rested=True,
+        )  # fmt: skip
+        visits = visits_of((visit,), pose[None].copy(), self._anchor, self._air)
+        plant, physics = self._plant, self._hidden.physics
+        wrench: F = (plant.load(visits, physics) - plant.load(visits, Physics()))[0]
+        return wrench
+
+
+_NAME = "controller"
+_FILE = "controller-"
+_ENERGY_PAIRS = 12
+"""Pairs for an energy model of degree 4; with fewer the controller gets a linear map."""
+
+
+class ControllerModel:
+    """Wrench h and stiffness K of the compiled model at one pose, in arrays of its own."""
+
+    def __init__(self, library: Path) -> None:
+        self.pose: F = np.zeros(6)
+        self.wrench: F = np.zeros(6)
+        self.stiffness: F = np.zeros((6, 6))
+        self._function = getattr(ctypes.CDLL(str(library)), f"{_NAME}_value_and_stiffness")
+        self._function.restype = None
+        self._function.argtypes = [ctypes.c_void_p] * 3
+        arrays = (self.pose, self.wrench, self.stiffness)
+        self._addresses = [ctypes.c_void_p(a.ctypes.data) for a in arrays]
+
+    def evaluate(self) -> None:
+        """Read `pose`, write `wrench` and `stiffness`."""
+        self._function(*self._addresses)
+
+
+def controller_document(path: str, poses: F, wrenches: F, length_m: float) -> str:
+    """Return the sealed model of the controller: a model file, or one fitted to FEM pairs.
+
+    InputError if the file cannot be read, or if it holds physical effects: the controller
+    evaluates the base model only.
+    """
+    if path:
+        return _read(Path(path))
+    if len(poses) >= _ENERGY_PAIRS:
+        energy = EnergyModel.fit(poses, wrenches, length_m=length_m, degree=4)
+        return seal_model(json.dumps(energy.document()))
+    linear = PolynomialModel.fit(poses, wrenches, 1)
+    return seal_model(json.dumps(linear.document(POSE, WRENCH)))
+
+
+def _read(path: Path) -> str:
+    try:
+        text = path.read_text(encoding="utf-8")
+        document = open_model(text)
+    except (OSError, UnicodeDecodeError, ModelError) as error:
+        raise InputError(f"[rig] controller_model = {path}: {error}") from None
+    effects = [item["id"] for item in document["effects"] or () if item.get("side") == "physics"]
+    if effects:
+        raise InputError(
+            f"[rig] controller_model = {path}: it holds {', '.join(effects)}, and the arm's "
+            "controller evaluates the base model only; remove them (ecm refit --remove), or name "
+            "the model before them"
+        )
+    return text
+
+
+def require_library(folder: Path) -> None:
+    """Raise ComputationError if the folder has no compiled model and none can be compiled.
+
+    Which one a plan needs is known after its FEM; `compile_model` checks again then.
+    """
+    if not any(folder.glob(f"{_FILE}*.so")):
+        _require_compiler()
+
+
+def _require_compiler() -> str:
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    if compiler is None:
+        raise ComputationError(
+            "the controller's model is C code, and no C compiler (cc, gcc, clang) was found; "
+            "install one"
+        )
+    return compiler
+
+
+def compile_model(document: str, folder: Path) -> Path:
+    """Export a sealed model as C and compile it; the library is cached by the hash of its source.
+
+    ComputationError if there is no C compiler, or if it fails.
+    """
+    files = export_model(document, _NAME, target="c")
+    text = files[f"{_NAME}.h"] + files[f"{_NAME}.c"]
+    library = folder / f"{_FILE}{hashlib.sha256(text.encode()).hexdigest()[:32]}.so"
+    if library.exists():
+        return library
+    compiler = _require_compiler()
+    folder.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(dir=folder) as build:
+        for name in (f"{_NAME}.h", f"{_NAME}.c"):
+            (Path(build) / name).write_text(files[name], encoding="utf-8")
+        output = Path(build) / "library.so"
+        done = subprocess.run(
+            [compiler, "-std=c99", "-O2", "-fPIC", "-shared", f"{_NAME}.c", "-o", str(output)],
+            cwd=build, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        if done.returncode != 0:
+            raise ComputationError(
+                f"{compiler} cannot compile the exported model: {done.stderr[:300]}"
+            )
+        output.replace(library)
+    return library
