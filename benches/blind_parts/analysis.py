@@ -13,10 +13,9 @@ from blind_parts.data import Data
 from blind_parts.once import Work
 from blind_parts.sets import Set
 from ecm.diagnosis import DiagnosisSettings, Stages, diagnose, find_missing
-from ecm.diagnosis.held_out import held_out_rms
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.procedure import STAGES
-from ecm.diagnosis.search import rank
+from ecm.diagnosis.search import held_out_rms, rank
 from ecm.diagnosis.settings import DEFAULTS
 from ecm.effects import Effect, all_effects
 from ecm.effects.registry import with_shape

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ecm.diagnosis import diagnose
-from ecm.diagnosis.held_out import held_out_squares
 from ecm.diagnosis.problem import assemble
+from ecm.diagnosis.search import held_out_squares
 from ecm.effects import all_effects
 from ecm.models.base_choice import choose_base
 from ecm.regression.folds import without_zero_readings

@@ -13,7 +13,7 @@ from ecm.comparison.comparison import Comparison
 from ecm.comparison.residuals import residuals, residuals_by_block
 from ecm.comparison.sections import compare_section
 from ecm.diagnosis import diagnose
-from ecm.diagnosis.page import write_diagnosis
+from ecm.diagnosis.sections import write_diagnosis
 from ecm.io.table import Table
 from ecm.regression.noise import Noise
 from ecm.regression.rows import Rows

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from ecm.diagnosis import DiagnosisSettings, diagnose
 from ecm.diagnosis import accept as accept_module
-from ecm.diagnosis.accept import AcceptanceCheck, acceptance_check
-from ecm.diagnosis.bootstrap import selection_shares
+from ecm.diagnosis.accept import AcceptanceCheck, acceptance_check, selection_shares
 from ecm.diagnosis.problem import Candidate, Problem, assemble
 from ecm.diagnosis.search import rank, search
 from ecm.diagnosis.settings import DEFAULTS

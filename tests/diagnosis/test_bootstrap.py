@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ecm.diagnosis.bootstrap import selection_shares
+from ecm.diagnosis.accept import selection_shares
 from ecm.diagnosis.problem import Candidate, Problem, assemble
 from ecm.diagnosis.search import best_shapes, rank
 from ecm.effects import all_effects

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ecm.diagnosis.discrimination import _joined_forms
+from ecm.diagnosis.next_experiment import _joined_forms
 from ecm.diagnosis.problem import Candidate
 from ecm.effects import Rows, get_effect
 from ecm.effects.protocol import Shape

@@ -10,7 +10,7 @@ import pytest
 
 from blind_parts.other_sets import given_model, other_sets, table_of
 from ecm.diagnosis import Diagnosis, diagnose, find_missing
-from ecm.diagnosis.direction import find_direction
+from ecm.diagnosis.whiteness import find_direction
 from ecm.io.columns import WRENCH
 from ecm.io.table import Table
 from support.campaigns import campaign, model

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ecm
-from ecm.diagnosis.noise_scale import Shapes, noise_variance, significant_columns
+from ecm.diagnosis.problem import Shapes, noise_variance, significant_columns
 from ecm.diagnosis.procedure import find_missing
 
 

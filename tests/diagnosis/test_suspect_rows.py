@@ -11,7 +11,7 @@ import pytest
 
 import ecm
 import ecm.io.description
-from ecm.diagnosis.suspect_rows import suspect_rows
+from ecm.diagnosis.check import suspect_rows
 from ecm.io.description import rows_of
 from support.neck import Done, csv_text
 

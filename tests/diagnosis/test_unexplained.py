@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from ecm.comparison.residuals import factors
 from ecm.diagnosis import Diagnosis, diagnose
-from ecm.diagnosis.ard import ard_relevance
-from ecm.diagnosis.effect_template import effect_template
+from ecm.diagnosis.unexplained import ard_relevance, effect_template
 from ecm.effects import effect, get_effect, unregister
 from ecm.errors import InputError
 from ecm.io.description import Meta

@@ -16,9 +16,8 @@ from ecm.designs import can_be_run, follow_up_plan
 from ecm.diagnosis import Diagnosis
 from ecm.diagnosis import diagnose as diagnose_model
 from ecm.diagnosis.check import NotTestable, lines_by_reason
-from ecm.diagnosis.page import write_diagnosis
 from ecm.diagnosis.procedure import STAGES, watched
-from ecm.diagnosis.sections import noise_words
+from ecm.diagnosis.sections import noise_words, write_diagnosis
 from ecm.diagnosis.summary import Summary
 from ecm.effects import load_installed, with_shape
 from ecm.effects.experiments import session_of

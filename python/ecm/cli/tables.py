@@ -7,9 +7,8 @@ from pathlib import Path
 from ecm.cli.options.rig import NewArguments, What
 from ecm.cli.options.tables import CheckArguments, ImportArguments
 from ecm.cli.session import Session, columns
-from ecm.diagnosis.check import Check, lines_by_reason
+from ecm.diagnosis.check import Check, lines_by_reason, record_leave_out
 from ecm.diagnosis.check import check as check_table
-from ecm.diagnosis.suspect_rows import record_leave_out
 from ecm.effects import load_installed
 from ecm.errors import InputError, Remedy
 from ecm.io.cache import write_atomically

@@ -10,14 +10,12 @@ import numpy as np
 
 from ecm.diagnosis.accept import Accepted
 from ecm.diagnosis.confusion import widened_class
-from ecm.diagnosis.direction import find_direction
 from ecm.diagnosis.gate import Gate, Leftover, residual_after
 from ecm.diagnosis.problem import Candidate, Problem
-from ecm.diagnosis.readings import WrongStatement
+from ecm.diagnosis.readings import WrongStatement, find_wrong_statement
 from ecm.diagnosis.stated_numbers import ratio_warning
-from ecm.diagnosis.statements import find_wrong_statement
 from ecm.diagnosis.unexplained import Unknown, describe_residual
-from ecm.diagnosis.whiteness import Pattern, explains_more, find_pattern
+from ecm.diagnosis.whiteness import Pattern, explains_more, find_direction, find_pattern
 from ecm.io.arrays import F
 from ecm.io.units import unit_of_factor
 from ecm.models.physics.map import PhysicsMap

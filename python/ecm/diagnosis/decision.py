@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from ecm.diagnosis.accept import Accepted
 from ecm.diagnosis.classify import Headline
 from ecm.diagnosis.gate import Gate, Leftover
-from ecm.diagnosis.noise_effects import NoiseFinding
 from ecm.diagnosis.preparation import Prepared
 from ecm.diagnosis.problem import Problem
 from ecm.diagnosis.search import Ranked
+from ecm.diagnosis.stated_numbers import NoiseFinding
 from ecm.diagnosis.unexplained import Unknown
 from ecm.effects import Missing
 

@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import special
 
-from ecm.diagnosis.bounds import Bounded, bounded_estimate
 from ecm.diagnosis.problem import Candidate, Problem
-from ecm.diagnosis.search import delta_chi2
+from ecm.diagnosis.search import Bounded, bounded_estimate, delta_chi2
 from ecm.io.arrays import F
 from ecm.regression.f_test import Beside, FTest, lack_of_fit, omnibus_test
 from ecm.regression.folds import repeat_cells

@@ -22,7 +22,6 @@ from functools import partial, wraps
 from typing import TYPE_CHECKING, Any
 
 from ecm.diagnosis.accept import Accepted, accept, fullest_forms
-from ecm.diagnosis.addition import addition_to
 from ecm.diagnosis.base import (
     base_beside_names,
     base_of_next_degree,
@@ -31,19 +30,22 @@ from ecm.diagnosis.base import (
 )
 from ecm.diagnosis.classify import Verdict, classify, modulus_warning, verdict
 from ecm.diagnosis.decision import Decision
-from ecm.diagnosis.direction import find_direction
 from ecm.diagnosis.gate import Gate, Leftover, gate, leftover, residual_after
-from ecm.diagnosis.noise_effects import NoiseFinding, noise_findings, with_load_growth
 from ecm.diagnosis.preparation import Prepared, prepare
 from ecm.diagnosis.problem import Candidate, Problem, assemble, noise_by_rest
 from ecm.diagnosis.report import report
-from ecm.diagnosis.result import Diagnosis
+from ecm.diagnosis.result import Diagnosis, addition_to
 from ecm.diagnosis.search import Ranked, rank, search
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.diagnosis.slow import as_slow_noise, slow_noise_of
-from ecm.diagnosis.stated_numbers import ratio_warning
+from ecm.diagnosis.stated_numbers import (
+    NoiseFinding,
+    noise_findings,
+    ratio_warning,
+    with_load_growth,
+)
 from ecm.diagnosis.unexplained import Unknown, describe_residual
-from ecm.diagnosis.whiteness import Pattern, find_pattern
+from ecm.diagnosis.whiteness import Pattern, find_direction, find_pattern
 from ecm.effects import Effect
 from ecm.io.arguments import check_arguments
 from ecm.io.columns import POSE, WRENCH

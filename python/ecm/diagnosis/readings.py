@@ -1,17 +1,121 @@
-"""Readings of a table compared: which of them a base fits far better than the stated one."""
+"""Other readings of a table: points, axes, signs and units with which a base fits far better.
+
+A frame that is turned by 90 degrees, a reversed torque or degrees for radians leave an error that
+effects can imitate in part. Each other reading (`ecm.io.restated`) is fitted by the same
+base; one that brings the error down to a third, and far below what the accepted effects leave, is
+named as what it is. A polynomial takes in most wrong readings. Where no length is stated, so that
+nothing else serves as base, an energy without symmetry is asked: any elastic body has one.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.optimize import least_squares
 
-from ecm.diagnosis.restated_points import moved_points
+from ecm._native import EnergyModel, rotation_matrices
+from ecm.diagnosis.problem import Candidate, Problem
 from ecm.errors import EcmError, ModelError
-from ecm.io.arrays import F, rest_of
-from ecm.io.restated import Restatement, restatements
-from ecm.models.maps import StiffnessMap
+from ecm.io.arrays import F, I, evenly, rest_of
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.misread import falling_loads
+from ecm.io.restated import Restatement, in_words, restatements
+from ecm.models.joint_fit import joint_fit
+from ecm.models.maps import EnergyMap, StiffnessMap
+
+if TYPE_CHECKING:
+    from ecm.io.table import Table
+
+
+_LEAST_SHARE = 0.01
+"""A point nearer than this share of the length is a matter of calibration."""
+_MOST_SHARE = 1.0
+_STEPS = 20
+_STARTS = [
+    np.zeros(3),
+    *(s * axis for s in (-0.2, -0.1, -0.04, 0.04, 0.1, 0.2) for axis in np.eye(3)),
+]
+"""Shares of the length; the search begins at the best: there are other minima far away."""
+
+Left = Callable[[F, F], F]
+"""(poses, wrench) -> what a base fitted to them leaves, a vector."""
+
+
+def moved_points(length_m: float, poses: F, wrench: F, left: Left) -> Iterator[Restatement]:
+    """Yield the points that fit these rows best, one for each kind.
+
+    Parameters
+    ----------
+    length_m
+        Length of the mechanism, which a shift along the axis may put right as well.
+    left
+        What the base leaves of other rows; its squares are minimised over the three coordinates.
+    """
+    kinds = (
+        (_from_point, "the positions look measured from a point {0} away", True),
+        (_of_point, "the pose looks that of another point of the top, {0} away", True),
+        (_about_point, "the torque looks taken about a point {0} away", False),
+        (
+            _about_top_point,
+            "the torque looks taken about a point of the top {0} away",
+            False,
+        ),
+    )
+    for move, words, of_pose in kinds:
+        at = _best_point(move, length_m, poses, wrench, left)
+        if at is None:
+            continue
+        said = words.format(f"({', '.join(f'{1e3 * c:.1f}' for c in at)}) mm")
+        if of_pose and abs(at[0]) > 3.0 * float(np.hypot(at[1], at[2])):
+            said += f", or the length looks {length_m + at[0]:.4g} m, not {length_m:.4g} m"
+        yield Restatement(said, partial(move, at), of_pose)
+
+
+def _best_point(
+    move: Callable[[F, F, F], tuple[F, F]], length_m: float, poses: F, wrench: F, left: Left
+) -> F | None:
+    """Return the point (3,) in m; None where it is too near, too far, or cannot be found."""
+
+    def rest(shares: F) -> F:
+        return left(*move(length_m * shares, poses, wrench))
+
+    try:
+        begin = min(_STARTS, key=lambda start: float((rest(start) ** 2).sum()))
+        found = least_squares(rest, begin, max_nfev=_STEPS, diff_step=[1e-4] * 3, x_scale=0.1)
+    except (EcmError, ValueError, np.linalg.LinAlgError):
+        return None
+    far = float(np.abs(found.x).max())
+    return length_m * found.x if _LEAST_SHARE < far < _MOST_SHARE else None
+
+
+def _from_point(at: F, poses: F, wrench: F) -> tuple[F, F]:
+    return poses - np.r_[at, 0.0, 0.0, 0.0], wrench
+
+
+def _of_point(at: F, poses: F, wrench: F) -> tuple[F, F]:
+    return np.hstack([poses[:, :3] - _turned(at, poses), poses[:, 3:]]), wrench
+
+
+def _about_point(at: F, poses: F, wrench: F) -> tuple[F, F]:
+    return poses, _with_lever(np.broadcast_to(at, (len(poses), 3)), wrench)
+
+
+def _about_top_point(at: F, poses: F, wrench: F) -> tuple[F, F]:
+    return poses, _with_lever(_turned(at, poses), wrench)
+
+
+def _turned(at: F, poses: F) -> F:
+    """(N, 3) of a point of the top in base axes."""
+    return np.asarray(rotation_matrices(np.ascontiguousarray(poses[:, 3:])) @ at)
+
+
+def _with_lever(lever: F, wrench: F) -> F:
+    return np.hstack([wrench[:, :3], wrench[:, 3:] + np.cross(lever, wrench[:, :3])])
+
 
 EQUAL = 1.5
 """What leaves up to so many times the least squares is said as well."""
@@ -111,3 +215,133 @@ def _rest(base: tuple[F, F], wrench: F) -> F:
     y = ((wrench - predicted) / size).ravel()
     z = (columns / size[:, None]).reshape(len(y), -1)
     return rest_of(z, y)
+
+
+_ROWS = 150
+"""Rows on which the readings are compared; the best is checked on all."""
+_BETTER = 0.5
+"""Share of the error of the polynomial that an energy may leave, where it errs more than noise."""
+_GENERAL_TERMS = {4: 209, 3: 83, 2: 27}
+"""Terms of an energy without symmetry by its degree."""
+
+
+def find_wrong_statement(
+    problem: Problem, effects: Sequence[Candidate], before: float, after: float
+) -> WrongStatement | None:
+    """Try other readings of the table; None where none explains it, or the effects do.
+
+    Parameters
+    ----------
+    effects
+        The accepted effects.
+    before, after
+        Whitened rms of the base alone, and with the accepted effects.
+    """
+    settings, base, table = problem.settings, problem.base, problem.table
+    if not table.has(*POSE, *WRENCH):
+        return None
+    if base.kind == "polynomial":
+        return _of_any_elastic_body(problem, before)
+    length = problem.rows.length_m if problem.rows.has_length else None
+    if before < settings.least_wrong_error or length is None:
+        return None
+    rows = _compared_rows(problem)
+    poses, wrench = table.matrix(POSE)[rows], table.wrenches[rows]
+    for body in _bodies(base):
+        best = best_readings(body, poses, wrench, length, settings.mended_share)
+        mended = _error(problem, body, best[0]) if best else None
+        if mended is None or mended > settings.mended_share * before:
+            continue
+        if not effects or mended <= 0.5 * after:
+            return WrongStatement(in_words(best), before, mended)
+    return None
+
+
+def _bodies(base: StiffnessMap) -> list[StiffnessMap]:
+    """Return the base, and after a symmetric energy that of a body whose ends differ."""
+    if not isinstance(base, EnergyMap) or base.model.symmetry != "alike":
+        return [base]
+    own = base.model
+    terms: dict[str, Any] = {
+        "length_m": own.length_m, "degree": own.degree, "symmetry": "revolution"
+    }  # fmt: skip
+    count = EnergyModel.regressor(np.array([[own.length_m, *[0.0] * 5]]), scale=own.scale, **terms)
+    zeros = np.zeros(count.shape[2])
+    unlike = EnergyModel.from_coefficients(scale=own.scale, coefficients=zeros, **terms)
+    return [base, EnergyMap(unlike)]
+
+
+def _of_any_elastic_body(problem: Problem, before: float) -> WrongStatement | None:
+    """Try the readings where no length is stated: one that gives the wrench an energy is right."""
+    settings, table, rows = problem.settings, problem.table, _compared_rows(problem)
+    degrees = [d for d, terms in _GENERAL_TERMS.items() if 2 * terms <= 6 * len(rows)]
+    poses, wrench = table.matrix(POSE)[rows], table.wrenches[rows]
+    # The origin along the axis is free in an energy with all terms; it only gives a scale.
+    length = float(np.linalg.norm(poses[:, :3].mean(axis=0)))
+    if not degrees or not length > 0.0:
+        return None
+
+    def energy(poses: F, wrench: F) -> StiffnessMap:
+        return EnergyMap(
+            EnergyModel.fit(poses, wrench, length_m=length, degree=degrees[0], symmetry="general")
+        )
+
+    as_stated = _error(problem, energy(poses, wrench), None)
+    most = max(settings.most_left_error, _BETTER * before)
+    if as_stated is None or as_stated < settings.least_wrong_error:
+        return None
+    best = best_readings(energy(poses, wrench), poses, wrench, None, settings.mended_share)
+    upright = [item for item in best if not _falls(*item.change(poses, wrench))]
+    for item in (upright or best)[:1]:
+        mended = _error(problem, energy(*item.change(poses, wrench)), item)
+        if mended is not None and mended <= min(settings.mended_share * as_stated, most):
+            return WrongStatement(in_words(upright or best), as_stated, mended)
+    return None
+
+
+def _falls(poses: F, wrench: F) -> bool:
+    """Whether a load falls where its coordinate grows."""
+    return bool(falling_loads(poses, wrench, np.full(12, True)))
+
+
+def _named(poses: F, wrench: F) -> dict[str, F]:
+    return dict(zip((*POSE, *WRENCH), np.hstack([poses, wrench]).T, strict=True))
+
+
+def _compared_rows(problem: Problem) -> I:
+    rows = np.flatnonzero(problem.scored & (problem.weights > 0.0))
+    return rows[evenly(len(rows), _ROWS)]
+
+
+def _error(problem: Problem, base: StiffnessMap, reading: Restatement | None) -> float | None:
+    """Return the whitened rms that a base leaves of a reading; None where it cannot be fitted."""
+    table = problem.table
+    if reading is not None:
+        table = table.with_columns(_named(*reading.change(table.matrix(POSE), table.wrenches)))
+    try:
+        fit = joint_fit(base, (), table, problem.noise)
+    except (EcmError, np.linalg.LinAlgError):
+        return None
+    squares = (fit.whitened**2).sum(axis=1)[problem.scored]
+    # Some bad rows shall not decide.
+    kept = np.sort(squares)[: max(1, int(0.98 * len(squares)))]
+    return float(np.sqrt(kept.mean() / fit.whitened.shape[1]))
+
+
+def time_unit(table: Table) -> str:
+    """Return the unit that time_s seems to have where readings follow faster than they rest."""
+    if not table.has("time_s") or not table.has("dwell_s"):
+        return ""
+    time, dwell = table.column("time_s"), table.column("dwell_s")
+    order = np.argsort(time, kind="stable")
+    steps, rests = np.diff(time[order]), dwell[order][1:]
+    known = np.isfinite(rests) & (rests > 0.0) & (steps > 0.0)
+    if int(known.sum()) < 8 or float(np.median(steps[known] / rests[known])) >= 0.9:
+        return ""
+    for unit, factor in (("minutes", 60.0), ("hours", 3600.0)):
+        if float(np.median(factor * steps[known] / rests[known])) >= 0.9:
+            return (
+                f"time_s looks stated in {unit}, not s: readings follow each other faster than "
+                "the mechanism rests before them (dwell_s)"
+            )
+    return ""

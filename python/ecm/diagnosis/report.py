@@ -20,15 +20,12 @@ from ecm.diagnosis.check import (
 from ecm.diagnosis.classify import modulus_warning
 from ecm.diagnosis.confusion import confusable_pairs
 from ecm.diagnosis.decision import Decision
-from ecm.diagnosis.detection_limits import detection_limits, least_strength_seen
 from ecm.diagnosis.given_model import GivenModel, judge_given_model
-from ecm.diagnosis.held_out import held_out_by_fold, held_out_rms, kind_of
-from ecm.diagnosis.meaning import directions, path_taken
+from ecm.diagnosis.identifiability import detection_limits, least_strength_seen
 from ecm.diagnosis.next_experiment import next_experiments
-from ecm.diagnosis.noise_effects import tested_noise
 from ecm.diagnosis.preparation import Prepared
 from ecm.diagnosis.problem import Candidate, Problem
-from ecm.diagnosis.refinement import refinements
+from ecm.diagnosis.readings import time_unit
 from ecm.diagnosis.result import (
     BaseSummary,
     ComponentErrors,
@@ -39,9 +36,16 @@ from ecm.diagnosis.result import (
     RankedEffect,
     RunError,
 )
-from ecm.diagnosis.search import Ranked, estimate
-from ecm.diagnosis.stated_numbers import negative_payload, stated_numbers
-from ecm.diagnosis.statements import time_unit
+from ecm.diagnosis.search import (
+    Ranked,
+    estimate,
+    held_out_by_fold,
+    held_out_rms,
+    kind_of,
+    refinements,
+)
+from ecm.diagnosis.stated_numbers import negative_payload, stated_numbers, tested_noise
+from ecm.diagnosis.summary import directions, path_taken
 from ecm.diagnosis.unexplained import misread_table
 from ecm.io.arrays import rest_of
 from ecm.io.description import shown_ranges

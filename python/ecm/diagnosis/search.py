@@ -1,4 +1,4 @@
-"""Stages rank and search: score tests, and sets of effects, on normal equations."""
+"""Stages rank and search: score tests, sets of effects, bounds, held-out errors, refinements."""
 
 from __future__ import annotations
 
@@ -10,9 +10,12 @@ from functools import cached_property
 import numpy as np
 import scipy
 from scipy import special
+from scipy.optimize import lsq_linear
 
 from ecm.diagnosis.problem import Candidate, Problem, with_more
-from ecm.io.arrays import F, I
+from ecm.effects import Shape
+from ecm.io.arrays import B, F, I
+from ecm.regression.folds import folds, held_out_by
 from ecm.regression.normal_equations import (
     explained_by_blocks,
     explained_squares,
@@ -325,3 +328,160 @@ def explains_more_than_its_plain_form(
     gain = delta_chi2(wider, (*others, item)) - delta_chi2(wider, (*others, other))
     price = np.log(problem.size) * max(0, item.parameters - other.parameters)
     return bool(gain > problem.settings.least_bic + price)
+
+
+_SLACK = 1e-9
+
+
+@dataclass(frozen=True)
+class Bounded:
+    """Scaled coefficients of base and chosen effects."""
+
+    theta: F
+    columns: I
+    """Place in the design of each coefficient."""
+    at_bound: B
+    explained: float
+    """Sum of squares that the coefficients explain, over the noise scale."""
+    lost: float
+    """What they would explain in addition without bounds."""
+
+
+def bounded_estimate(
+    problem: Problem, chosen: Sequence[Candidate], bounded: Sequence[Candidate]
+) -> Bounded:
+    """Fit base and chosen effects, the parameters of some of them within their bounds.
+
+    Parameters
+    ----------
+    bounded
+        The chosen effects whose bounds count.
+    """
+    fit = estimate(problem, chosen)
+    theta, columns, matrix = fit.theta, fit.columns, fit.matrix
+    place = {column: i for i, column in enumerate(columns)}
+    lower, upper = np.full(len(columns), -np.inf), np.full(len(columns), np.inf)
+    for item in bounded:
+        for column, parameter in zip(item.columns, item.effect.parameters, strict=True):
+            lower[place[column]] = parameter.lower * problem.norms[column]
+            upper[place[column]] = parameter.upper * problem.norms[column]
+    take = np.asarray(columns, dtype=np.int64)
+    vector = problem.equations[1][take]
+    free = 2.0 * float(theta @ vector) - float(theta @ matrix @ theta)
+    if np.all((theta >= lower) & (theta <= upper)):
+        return Bounded(theta, take, np.zeros(len(take), dtype=np.bool_), free, 0.0)
+    root = np.linalg.cholesky(matrix + 1e-9 * np.trace(matrix) / len(take) * np.eye(len(take)))
+    values = lsq_linear(
+        root.T,
+        np.linalg.solve(root, vector),
+        bounds=(lower - _SLACK, upper + _SLACK),
+        method="bvls",
+    ).x
+    at_bound = (values <= lower + _SLACK) | (values >= upper - _SLACK)
+    explained = 2.0 * float(values @ vector) - float(values @ matrix @ values)
+    return Bounded(values, take, at_bound, explained, max(0.0, free - explained))
+
+
+def held_out_delta(problem: Problem, others: Sequence[Candidate], item: Candidate) -> float:
+    """Return the fall of the held-out error over its standard error, in the effect's folds."""
+    before = held_out_squares(problem, others, item.effect.kind)
+    after = held_out_squares(problem, (*others, item), item.effect.kind)
+    falls = (before - after)[_scored_groups(problem) > 0.0]
+    error = float(falls.std(ddof=1)) * np.sqrt(len(falls)) if len(falls) > 2 else np.inf
+    return float(falls.sum() / max(error, 1e-300))
+
+
+def held_out_squares(problem: Problem, chosen: Sequence[Candidate], kind: str) -> F:
+    """Return (g,) held-out sums of squares of each group.
+
+    Parameters
+    ----------
+    kind
+        "pose": blocks of time are held out; "time": clusters of poses.
+    """
+    columns = problem.base_index + tuple(c for other in chosen for c in other.columns)
+    return problem.normal.held_out(columns, _fold_of_group(problem, kind), _scored_groups(problem))
+
+
+def kind_of(chosen: Sequence[Candidate]) -> str:
+    """Return what several effects are held out as: one of time leaks through folds of time."""
+    return "time" if any(item.effect.kind == "time" for item in chosen) else "pose"
+
+
+def held_out_rms(problem: Problem, chosen: Sequence[Candidate], kind: str = "") -> float:
+    """Return the whitened root mean square on held-out rows that measure a pose.
+
+    Parameters
+    ----------
+    kind
+        Folds to use, so that errors may be compared; default: those of the chosen effects.
+    """
+    squares = held_out_squares(problem, chosen, kind or kind_of(chosen))
+    weights = np.where(problem.scored, problem.weights, 0.0)
+    return float(np.sqrt(squares.sum() / (weights.sum() * problem.response.shape[1])))
+
+
+def held_out_by_fold(problem: Problem, chosen: Sequence[Candidate]) -> F:
+    """Return (folds,) whitened rms of each held-out part: run by run of a continuous test."""
+    kind = kind_of(chosen)
+    squares = held_out_squares(problem, chosen, kind)
+    parts = _fold_of_group(problem, kind)
+    rows = np.bincount(problem.groups, np.where(problem.scored, problem.weights, 0.0), len(squares))
+    sums = np.bincount(parts, squares)
+    counts = np.bincount(parts, rows) * problem.response.shape[1]
+    # A column that is a copy of the reading leaves nothing, and rounding less than that.
+    return np.asarray(np.sqrt(np.maximum(sums, 0.0) / np.maximum(counts, 1e-300)))
+
+
+def _fold_of_group(problem: Problem, kind: str) -> I:
+    """Return (g,) the fold of each group."""
+    count = len(problem.normal.squares)
+    if problem.settings.held_out == "random":
+        return np.random.default_rng(5).permutation(count) % 5
+    by = held_out_by(problem.table, kind)
+    fold_of_group = np.zeros(count, dtype=np.int64)
+    fold_of_group[problem.groups] = folds(problem.table, problem.rows.poses, problem.groups, by)
+    return fold_of_group
+
+
+def _scored_groups(problem: Problem) -> F:
+    """Return (g,) the number of rows that count."""
+    count = len(problem.normal.squares)
+    scored = np.bincount(problem.groups, problem.scored.astype(np.float64), count)
+    return np.asarray(scored, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """A richer form of an accepted effect, with held-out errors of both forms."""
+
+    id: str
+    shape: Shape
+    held_out_plain: tuple[float, ...]
+    """Whitened rms of each held-out fold with the plain form."""
+    held_out_richer: tuple[float, ...]
+    """The same with the richer form."""
+    kept: bool
+    """Whether the total error falls and no fold gets much worse."""
+
+
+def refinements(problem: Problem, chosen: Sequence[Candidate]) -> tuple[Refinement, ...]:
+    """Return, for each chosen effect that has richer forms, the one that fits best."""
+    tried = []
+    for item in chosen:
+        forms = item.effect.refinement(problem.rows.whole.table)
+        if not forms:
+            continue
+        wider, candidates = with_more(problem, forms)
+        others = [other for other in chosen if other is not item]
+        best = max(candidates, key=lambda c: delta_chi2(wider, (*others, c)))
+        plain = held_out_by_fold(wider, chosen)
+        richer = held_out_by_fold(wider, (*others, best))
+        falls = (richer**2).sum() < (plain**2).sum()
+        kept = bool(falls and np.all(richer < problem.settings.worst_fold * plain))
+        tried.append(
+            Refinement(
+                item.id, best.effect.shape, tuple(plain.tolist()), tuple(richer.tolist()), kept
+            )
+        )
+    return tuple(tried)

@@ -19,7 +19,7 @@ import numpy as np
 
 from ecm.comparison.comparison import compare
 from ecm.comparison.sections import residual_points
-from ecm.diagnosis.preview import preview_effects
+from ecm.diagnosis.preparation import preview_effects
 from ecm.effects import get_effect, load_installed
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
