@@ -19,7 +19,7 @@ WORKERS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 4 ? n : 4)))
 # The oldest compiler that the crates promise.
 OLDEST_RUST = $(shell sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
 
-.PHONY: demo test docs setup build build-demo test-rust rust-beside test-python python-checks wheel release-check oldest-rust deny semver bench-diagnose bench-blind chain clean
+.PHONY: demo test docs setup build build-demo test-rust rust-beside test-python python-checks wheel release-check oldest-rust deny semver bench-blind chain clean
 
 demo: build-demo
 	@$(BIN)/ecm identify examples/neck.toml --out demo
@@ -107,14 +107,10 @@ semver:
 chain: build
 	$(BIN)/pytest -n $(WORKERS) tests/chain --whole
 
-# Eight effects and nothing hidden, ten seeds each (long).
-bench-diagnose: build
-	$(BIN)/python benches/diagnose.py --out out/bench-diagnose
-
 # The blind benchmark: what is missing is run, so it may be stopped (long; SETS=20 runs fewer).
 bench-blind: build
 	$(BIN)/python benches/blind.py --out out/bench-blind $(if $(SETS),--sets $(SETS)) \
-	  $(if $(EVERY),--simple-every $(EVERY))
+	  $(if $(EVERY),--every $(EVERY))
 
 clean:
 	rm -rf target $(VENV) dist demo out site

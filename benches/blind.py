@@ -1,6 +1,6 @@
-"""The blind benchmark of docs/discovery.md: tiers 0 to 5, ours beside five simpler methods.
+"""The blind benchmark of docs/discovery.md: tiers 0 to 5.
 
-    python benches/blind.py --out build/blind [--sets 20] [--tiers 0 1] [--simple-every 5]
+    python benches/blind.py --out build/blind [--sets 20] [--tiers 0 1]
 
 Data come from the simulated rig (FEM of the neck, quasi-static) and from a second generator that
 shares no code with the library (a Cosserat rod), half and half; tier 6 is the rig with its arm in
@@ -18,7 +18,6 @@ import json
 import os
 import sys
 import time
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -30,12 +29,11 @@ os.environ.setdefault("RAYON_NUM_THREADS", "1")
 import numpy as np
 
 import ecm
-from blind_parts.analysis import oracle, other_base_answer, parameters, same_verdicts, worked_answer
+from blind_parts.analysis import oracle, parameters, same_verdicts, worked_answer
 from blind_parts.data import data_of, shared_model, shared_plan
 from blind_parts.print_table import write_table
 from blind_parts.second import second_answer
 from blind_parts.sets import ALL_SETS, ARM, Set, balanced, each_of, sets_of
-from blind_parts.simple import simple_answers
 from blind_parts.workers import run_all
 from ecm import _native
 from ecm.io.cache import write_atomically
@@ -45,20 +43,7 @@ _SEEDS_EVERY = 15
 """The same data are analysed with twenty seeds in one of so many rounds of a tier."""
 
 
-@dataclass(frozen=True)
-class Task:
-    """A set that is to be run."""
-
-    case: Set
-    simple: bool
-    """Whether the simpler methods are run as well."""
-
-    def __str__(self) -> str:
-        hidden = " + ".join(f"{id} at {s:g}" for id, s in self.case.hidden)
-        return f"{self.case.name} ({self.case.source}: {hidden or self.case.strange or '-'})"
-
-
-def run_set(case: Set, folder: Path, *, simple: bool) -> dict[str, Any]:
+def run_set(case: Set, folder: Path) -> dict[str, Any]:
     """Everything about one set, as its file keeps it."""
     began = time.process_time()
     data = data_of(case, folder)
@@ -74,20 +59,14 @@ def run_set(case: Set, folder: Path, *, simple: bool) -> dict[str, Any]:
         result["same_verdict"] = same_verdicts(case, data, result["ours"], work)
     if case.tier == 5:
         result["second"] = second_answer(case, data, result["ours"], folder)
-    if simple:
-        result["simple"] = simple_answers(case, data, work)
-        if case.source == "rod":
-            # The neck has the rod's length and radius, E and nu are free: the solid of that size.
-            result["fem_base"] = other_base_answer(case, data, shared_model("rig"))
     result["seconds"] = time.process_time() - began
     result["spent"] = spent
     return result
 
 
-def run_task(task: Task, folder: Path) -> None:
+def run_one(case: Set, folder: Path) -> None:
     """Run a set and write its file; in whichever process."""
-    result = run_set(task.case, folder, simple=task.simple)
-    write_atomically(folder / f"{task.case.name}.json", json.dumps(result))
+    write_atomically(folder / f"{case.name}.json", json.dumps(run_set(case, folder)))
 
 
 def code_hash() -> str:
@@ -103,13 +82,10 @@ def code_hash() -> str:
     return hashlib.sha256("".join(sums).encode()).hexdigest()[:12]
 
 
-def stored_result(task: Task, folder: Path) -> dict[str, Any] | None:
-    """The result of a set that has been run, with the simpler methods where they are asked for."""
-    path = folder / f"{task.case.name}.json"
-    if not path.exists():
-        return None
-    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return None if task.simple and "simple" not in found else found
+def stored_result(case: Set, folder: Path) -> dict[str, Any] | None:
+    """The result of a set that has been run."""
+    path = folder / f"{case.name}.json"
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
 
 
 def prepared(sets: list[Set], folder: Path) -> None:
@@ -127,7 +103,7 @@ def _print_progress(total: int, done: int, left_s: float) -> None:
         print(text, file=sys.stderr, flush=True)
 
 
-def selected_tasks(given: argparse.Namespace) -> list[Task]:
+def selected_sets(given: argparse.Namespace) -> list[Set]:
     """What the command line asks for, in the order in which it is run."""
     sets = [one for tier in given.tiers for one in sets_of(tier, given.sets)]
     if given.each is not None:
@@ -137,8 +113,7 @@ def selected_tasks(given: argparse.Namespace) -> list[Task]:
     if any(one.source == "arm" for one in sets) and not importlib.util.find_spec("mujoco"):
         print("the arm's sets are left out: they need the extra [robot]", file=sys.stderr)
         sets = [one for one in sets if one.source != "arm"]
-    every = 0 if given.no_simple or given.table else given.simple_every
-    return [Task(s, s.tier != 5 and every > 0 and s.round % every == 0) for s in sets]
+    return sets
 
 
 def main() -> int:
@@ -158,16 +133,8 @@ def main() -> int:
         "--workers", type=int, default=own_cores(), help="processes; default: cores"
     )
     parser.add_argument(
-        "--simple-every",
-        type=int,
-        default=1,
-        metavar="K",
-        help="the simpler methods on every K-th round of strengths and kinds; default all",
-    )
-    parser.add_argument(
         "--every", type=int, default=1, metavar="K", help="every K-th round only; default all"
     )
-    parser.add_argument("--no-simple", action="store_true", help="ours alone")
     parser.add_argument("--table", action="store_true", help="only print what is there")
     parser.add_argument("--seconds", type=float, default=np.inf, help="begin no set after that")
     parser.add_argument("--code", help="go on with the sets of that hash of the code")
@@ -175,18 +142,18 @@ def main() -> int:
     # Results of other code are not mixed in.
     folder = given.out / f"sets-{given.code or code_hash()}"
     folder.mkdir(parents=True, exist_ok=True)
-    tasks = selected_tasks(given)
-    failed: list[Task] = []
+    cases = selected_sets(given)
+    failed: list[Set] = []
     if not given.table:
-        todo = [task for task in tasks if stored_result(task, folder) is None]
-        prepared([task.case for task in todo], folder)
-        work = partial(run_task, folder=folder)
+        todo = [case for case in cases if stored_result(case, folder) is None]
+        prepared(todo, folder)
+        work = partial(run_one, folder=folder)
         progress = partial(_print_progress, len(todo))
         failed = run_all(
             todo, work, workers=given.workers, seconds=given.seconds, progress=progress
         )
         print(file=sys.stderr)
-    found = (stored_result(Task(task.case, False), folder) for task in tasks)
+    found = (stored_result(case, folder) for case in cases)
     met = write_table([result for result in found if result is not None], given.out, len(failed))
     return 0 if met else 1
 

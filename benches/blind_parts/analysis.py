@@ -19,7 +19,6 @@ from ecm.diagnosis.search import held_out_rms, rank
 from ecm.diagnosis.settings import DEFAULTS
 from ecm.effects import Effect, all_effects
 from ecm.effects.registry import with_shape
-from ecm.models import Model
 from ecm.models.base_choice import choose_base
 from ecm.models.joint_fit import joint_fit
 from ecm.regression.folds import distinct_rows, rows_without_zero_readings, zero_times
@@ -80,12 +79,6 @@ def worked_answer(
     answer["seconds"] = seconds
     answer["rows"] = len(data.table)
     return answer, work
-
-
-def other_base_answer(case: Set, data: Data, other: Model) -> dict[str, Any]:
-    """The verdict with a physics base that is not the body's own: a rod diagnosed as a solid."""
-    found = find_missing(other, data.table, effects=library(case.removed))
-    return {"verdict": found.verdict, "answer": [list(members) for members in found.answer]}
 
 
 def same_verdicts(case: Set, data: Data, first: dict[str, Any], work: Work) -> float:

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from blind_parts.score import ON_THESE, OURS, beside, failing, tier_lines
+from blind_parts.score import beside, failing, tier_lines
 from blind_parts.sets import ALL_SETS, ARM
-from blind_parts.simple import SIMPLE
 from ecm.io.cache import write_atomically
 
 _MET = {True: "yes", False: "no", None: "–"}
@@ -27,31 +26,18 @@ def write_table(results: Sequence[dict[str, Any]], folder: Path, broken: int = 0
     )
 
 
-def _cell(line: dict[str, Any], method: str) -> str:
-    """The value, with the number of sets where that is not the line's."""
-    if method not in line["values"]:
-        return "–"
-    count = line["counts"][method]
-    return f"{line['values'][method]:.2f}" + (f" ({count})" if count != line["sets"] else "")
-
-
 def table_text(results: Sequence[dict[str, Any]], broken: int = 0) -> tuple[str, dict[str, Any]]:
     """Markdown and the same as a document."""
-    simple = [name for name in SIMPLE if any(name in r.get("simple", {}) for r in results)]
-    some = any(not r.get("simple") and r["set"]["tier"] != 5 for r in results)
-    methods = [OURS, *([ON_THESE] if simple and some else []), *simple]
-    tiers, rest = tier_lines(results, methods), beside(results)
+    tiers, rest = tier_lines(results), beside(results)
     run = {t: sum(r["set"]["tier"] == t for r in results) for t in ALL_SETS}
     counts = ", ".join(
         f"{'full robot' if t == ARM else f'tier {t}'}: {run[t]} of {n}" for t, n in ALL_SETS.items()
     )
     lines = [f"Sets run: {counts}." + (f" {broken} failed." if broken else ""), ""]
-    lines.append("| figure | sets | goal | " + " | ".join(methods) + " | goal met |")
-    lines.append("|---|---|---|" + "---|" * len(methods) + "---|")
+    lines += ["| figure | sets | goal | ours | goal met |", "|---|---|---|---|---|"]
     for line in tiers:
-        cells = [_cell(line, m) for m in methods]
         lines.append(
-            f"| {line['what']} | {line['sets']} | {line['goal']} | {' | '.join(cells)} "
+            f"| {line['what']} | {line['sets']} | {line['goal']} | {line['value']:.2f} "
             f"| {_MET[line['met']]} |"
         )
     lines += ["", "| beside | of | goal | ours | goal met |", "|---|---|---|---|---|"]

@@ -14,18 +14,7 @@ GOALS_ONE = {0.2: 0.80, 0.3: 0.90, 0.5: 0.95, 1.0: 0.98, 3.0: 0.99}
 GOALS_TWO = {0.5: 0.85, 1.0: 0.93}
 GOALS_FOREIGN = {0.5: 0.20, 1.0: 0.05}
 OURS = "ours"
-ON_THESE = "ours on the same sets"
-"""Ours on the sets of the simpler methods, where these were run on some sets only."""
-FEM_BASE = "FEM base"
-"""Ours with the solid of the rod's size as base, on the rod's sets."""
 Result = dict[str, Any]
-
-
-def answer_of(result: Result, method: str) -> dict[str, Any]:
-    """Verdict and answer of a method on a set."""
-    own = {OURS: "ours", ON_THESE: "ours", FEM_BASE: "fem_base"}
-    found: dict[str, Any] = result[own[method]] if method in own else result["simple"][method]
-    return found
 
 
 def names(answer: dict[str, Any]) -> list[list[str]]:
@@ -33,18 +22,18 @@ def names(answer: dict[str, Any]) -> list[list[str]]:
     return [c for c in answer["answer"] if 0 < len(c) <= LARGEST_CLASS]
 
 
-def one_right(result: Result, method: str = OURS) -> bool:
+def one_right(result: Result) -> bool:
     """The hidden effect is named first, alone or in a class of at most three, and nothing else."""
     hidden = result["set"]["hidden"][0][0]
-    found = answer_of(result, method)["answer"]
+    found = result[OURS]["answer"]
     return len(found) == 1 and hidden in found[0] and len(found[0]) <= LARGEST_CLASS
 
 
-def all_right(result: Result, method: str = OURS) -> bool:
+def all_right(result: Result) -> bool:
     """Every hidden effect in a class of its own, no class left over."""
     hidden = [id for id, _ in result["set"]["hidden"]]
-    found = names(answer_of(result, method))
-    if len(found) != len(hidden) or len(answer_of(result, method)["answer"]) != len(found):
+    found = names(result[OURS])
+    if len(found) != len(hidden) or len(result[OURS]["answer"]) != len(found):
         return False
     if len(hidden) == 1:
         return hidden[0] in found[0]
@@ -52,18 +41,18 @@ def all_right(result: Result, method: str = OURS) -> bool:
     return (a in found[0] and b in found[1]) or (b in found[0] and a in found[1])
 
 
-def clean_wrong(result: Result, method: str = OURS) -> bool:
+def clean_wrong(result: Result) -> bool:
     """One single name that is not the truth."""
     hidden = [id for id, _ in result["set"]["hidden"]]
-    found = answer_of(result, method)["answer"]
+    found = result[OURS]["answer"]
     return len(found) == 1 and len(found[0]) == 1 and found[0][0] not in hidden
 
 
-def honest(result: Result, method: str = OURS) -> bool:
+def honest(result: Result) -> bool:
     """The hidden effect is listed as not testable, or is in a class, and no wrong name is given."""
     hidden = result["set"]["hidden"][0][0]
-    answer = answer_of(result, method)
-    if clean_wrong(result, method):
+    answer = result[OURS]
+    if clean_wrong(result):
         return False
     listed = any(item["id"] == hidden for item in answer.get("not_testable", ()))
     return listed or any(len(c) > 1 and hidden in c for c in answer["answer"])
@@ -75,29 +64,24 @@ def share(values: Iterable[bool]) -> float:
     return float(np.mean(got)) if got else float("nan")
 
 
-def tier_lines(results: Sequence[Result], methods: Sequence[str]) -> list[dict[str, Any]]:
-    """One line per figure of discovery.md: what, sets, goal, value per method, goal met by ours."""
+def tier_lines(results: Sequence[Result]) -> list[dict[str, Any]]:
+    """One line per figure of discovery.md: what, sets, goal, value, goal met."""
     by = {t: [r for r in results if r["set"]["tier"] == t] for t in ALL_SETS}
     lines: list[dict[str, Any]] = []
 
-    def line(what: str, own: list[Result], goal: str, figure: Any, met: Any) -> None:
-        if not own:
-            return
-        values = {m: figure(own, m) for m in methods if _has(own, m)}
-        counts = {m: sum(_has([r], m) for r in own) for m in values}
-        lines.append(
-            {"what": what, "sets": len(own), "goal": goal, "values": values, "counts": counts,
-             "met": None if met is None else bool(met(values[OURS]))}
-        )  # fmt: skip
-
-    def rate(test: Any) -> Any:
-        return lambda own, m: share(test(r, m) for r in own if _has([r], m))
+    def line(what: str, own: list[Result], goal: str, test: Any, met: Any) -> None:
+        if own:
+            value = share(test(r) for r in own)
+            good = None if met is None else bool(met(value))
+            lines.append(
+                {"what": what, "sets": len(own), "goal": goal, "value": value, "met": good}
+            )
 
     line(
         "0: any name given",
         by[0],
         "<= 4 of 200",
-        rate(lambda r, m: bool(answer_of(r, m)["answer"])),
+        lambda r: bool(r[OURS]["answer"]),
         lambda v: v <= 4.0 / 200.0,
     )
     for s, goal in GOALS_ONE.items():
@@ -106,7 +90,7 @@ def tier_lines(results: Sequence[Result], methods: Sequence[str]) -> list[dict[s
             f"1: first or in a class, s = {s:g}",
             own,
             f">= {goal:.2f}",
-            rate(one_right),
+            one_right,
             lambda v, goal=goal: v >= goal,
         )
     for s, goal in GOALS_TWO.items():
@@ -115,7 +99,7 @@ def tier_lines(results: Sequence[Result], methods: Sequence[str]) -> list[dict[s
             f"2: both, s = {s:g}",
             own,
             f">= {goal:.2f}",
-            rate(all_right),
+            all_right,
             lambda v, goal=goal: v >= goal,
         )
     for s, goal in GOALS_FOREIGN.items():
@@ -124,19 +108,24 @@ def tier_lines(results: Sequence[Result], methods: Sequence[str]) -> list[dict[s
             f"3: one clean wrong name, s = {s:g}",
             own,
             f"<= {goal:.2f}",
-            rate(clean_wrong),
+            clean_wrong,
             lambda v, goal=goal: v <= goal,
         )
-    line("4: not testable, or a class", by[4], ">= 0.95", rate(honest), lambda v: v >= 0.95)
+    line("4: not testable, or a class", by[4], ">= 0.95", honest, lambda v: v >= 0.95)
     # Of the plain plan's sets only those whose first answer is a class can be told apart.
-    first = rate(lambda r, m: answer_of(r, m)["verdict"] == "ambiguous")
-    line("5: first answer is a class", by[5], "", first, None)
-    line("5: first answer is the right single name", by[5], "", rate(one_named), None)
+    line(
+        "5: first answer is a class",
+        by[5],
+        "",
+        lambda r: r[OURS]["verdict"] == "ambiguous",
+        None,
+    )
+    line("5: first answer is the right single name", by[5], "", one_named, None)
     line(
         "5: right single name after one experiment",
         [r for r in by[5] if r.get("second")],
         ">= 0.85",
-        lambda own, m: share(one_named(r, "second") for r in own),
+        lambda r: one_named(r, "second"),
         lambda v: v >= 0.85,
     )
     arm = {kind: [r for r in by[ARM] if bool(r["set"]["hidden"]) == kind] for kind in (True, False)}
@@ -145,14 +134,14 @@ def tier_lines(results: Sequence[Result], methods: Sequence[str]) -> list[dict[s
         "full robot, one effect: first or in a class",
         arm[True],
         f">= {goal:.2f}",
-        rate(one_right),
+        one_right,
         lambda v: v >= goal - 1e-9,
     )
     line(
         "full robot, nothing hidden: any name given",
         arm[False],
         "<= 4 of 200",
-        rate(lambda r, m: bool(answer_of(r, m)["answer"])),
+        lambda r: bool(r[OURS]["answer"]),
         lambda v: v <= 4.0 / 200.0,
     )
     return lines
@@ -166,12 +155,6 @@ def one_named(result: Result, answer: str = OURS) -> bool:
 def _strength(result: Result) -> float:
     hidden = result["set"]["hidden"]
     return float(hidden[0][1] if hidden else result["set"]["strength"])
-
-
-def _has(results: Sequence[Result], method: str) -> bool:
-    if method == ON_THESE:
-        return any(r.get("simple") for r in results)
-    return method == OURS or any(method in r.get("simple", {}) for r in results)
 
 
 def beside(results: Sequence[Result]) -> list[dict[str, Any]]:
@@ -257,29 +240,6 @@ def beside(results: Sequence[Result]) -> list[dict[str, Any]]:
     if times:
         slow = float(np.quantile(times, 0.95))
         line("processor seconds a verdict, 95 %", times, slow, "<= 10", slow <= 10.0)
-    return lines + _with_fem_base(results)
-
-
-def _with_fem_base(results: Sequence[Result]) -> list[dict[str, Any]]:
-    """The rod's sets once more, diagnosed as a solid of its size: a base of another shape.
-
-    A stubby bonded cylinder is stiffer than a rod, so that `unknown` and a class are right as well.
-    """
-    own = [r for r in results if r.get("fem_base")]
-    lines = []
-    for tier, kind in ((0, "nothing hidden"), (1, "one effect")):
-        for what, test in (
-            ("named or in a class", one_right),
-            ("unknown", lambda r, m: r["fem_base"]["verdict"] == "unknown"),
-            ("one clean wrong name", clean_wrong),
-        ):
-            sets = [r for r in own if r["set"]["tier"] == tier]
-            if sets and (tier or test is not one_right):
-                value = share(test(r, FEM_BASE) for r in sets)
-                name = f"{kind}, rod with the FEM base: {what}"
-                lines.append(
-                    {"what": name, "sets": len(sets), "value": value, "goal": "", "met": None}
-                )
     return lines
 
 
@@ -296,13 +256,13 @@ def _gone(result: Result) -> float | None:
 def failing(results: Sequence[Result]) -> list[str]:
     """One line for every set whose figure fails."""
     test = {
-        0: lambda r: not answer_of(r, OURS)["answer"],
+        0: lambda r: not r[OURS]["answer"],
         1: one_right,
         2: all_right,
         3: lambda r: not clean_wrong(r),
         4: honest,
         5: lambda r: not r.get("second") or one_named(r, "second"),
-        ARM: lambda r: one_right(r) if r["set"]["hidden"] else not answer_of(r, OURS)["answer"],
+        ARM: lambda r: one_right(r) if r["set"]["hidden"] else not r[OURS]["answer"],
     }
     lines = []
     for r in results:

@@ -13,11 +13,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from blind_benchmark import test_blind as short
 from blind_parts.analysis import Method
-from blind_parts.simple import diagonal
 from ecm.diagnosis import DiagnosisSettings, Stages
 from ecm.diagnosis.accept import Accepted, accept, acceptance_check
 from ecm.diagnosis.confusion import confusion_class
@@ -25,14 +25,25 @@ from ecm.diagnosis.gate import Gate, Leftover, gate, leftover
 from ecm.diagnosis.problem import Candidate, Problem, assemble
 from ecm.diagnosis.search import Ranked, rank
 from ecm.effects import Effect, Missing, get_effect
+from ecm.io.arrays import F
 from ecm.io.table import Table
+from ecm.regression.noise import Noise
+
+
+class DiagonalNoise(Noise):
+    """The same figures without what links the components."""
+
+    def covariance(self, rows: Any, base_error: Any = None) -> F:
+        whole = super().covariance(rows, base_error)
+        return np.asarray(whole * np.eye(whole.shape[1]))
 
 
 def diagonal_noise(*given: Any) -> Problem:
     """What links the components of a row's noise is left out."""
     base, table, effects, noise, settings = given
     full = assemble(base, table, effects, noise, settings)
-    return assemble(base, table, effects, diagonal(full.noise), settings)
+    diagonal = DiagonalNoise(*full.noise.parameters(), full.noise.source, full.noise.components)
+    return assemble(base, table, effects, diagonal, settings)
 
 
 def last_first(problem: Problem) -> list[Ranked]:

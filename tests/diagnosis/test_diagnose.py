@@ -1,7 +1,7 @@
 """Diagnosis on the simulated rig: one seed of each effect, nothing hidden, and the traps.
 
 The plant is a closed form, the effects are the plant's own physics: no formula of the library.
-The benchmark with FEM and ten seeds is benches/diagnose.py.
+The benchmark with FEM is benches/blind.py.
 """
 
 from __future__ import annotations

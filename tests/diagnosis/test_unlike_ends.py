@@ -14,7 +14,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
-from fit_rows import slow_ramp
+from rows import slow_ramp
 from support.stand_in import left_jacobian_inverse, rotate, transpose
 
 L = 0.1

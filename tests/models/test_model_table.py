@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -15,23 +13,12 @@ from ecm.errors import InputError, MissingExtra
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.table import Table
-from ecm.models import Model, fit_model, load_model, parse_model
+from ecm.models import fit_model, load_model, parse_model
 from ecm.models.export import export_files
 from support.campaigns import workspace_poses
-from support.neck import ROOT
 from support.stand_in import L, wrench
 
 SECTIONS = np.array([1900.0, 700.0, 0.65, 0.42])
-
-
-def bench(name: str) -> ModuleType:
-    """A script of benches/ as a module."""
-    spec = importlib.util.spec_from_file_location(name, ROOT / "benches" / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def rod_table(count: int, seed: int) -> Table:
@@ -128,37 +115,3 @@ def test_without_scikit_learn_the_extra_is_named(monkeypatch: pytest.MonkeyPatch
     for name in ("gp", "mlp"):
         with pytest.raises(MissingExtra, match=r"ecm-stiffness\[learn\]"):
             fit_model(stand_in(40, 5), name)
-
-
-def test_the_table_ranks_what_it_should() -> None:
-    table = bench("models_table")
-    random = np.random.default_rng(6)
-    poses = workspace_poses(1500, 6)
-    poses[:, 3:] *= random.uniform(0.5, 2.5, (1500, 1))
-    lines = table.measure(poses, wrench(poses), ("constant-curvature", "cubic", "energy4"))
-    found = {line["model"]: line for line in lines}
-    assert found["energy4"]["coefficients"] == 22
-    assert found["energy4"]["skew"] < 1e-12
-    assert found["cubic"]["skew"] > 1e-4
-    assert found["energy4"]["inside"] < 1e-3 < found["cubic"]["inside"]
-    assert found["cubic"]["inside"] < found["constant-curvature"]["inside"]
-    assert found["cubic"]["beyond"] > found["cubic"]["inside"]
-    text = table.shown(lines)
-    assert text.count("\n") == 1 + len(lines)
-    assert "| energy4 | 22 |" in text
-
-
-def test_the_learning_bench_makes_its_rows() -> None:
-    learning = bench("models_learning")
-    data = stand_in(500, 7)
-    body = learning.Body(data.poses.copy(), data.wrenches.copy(), test=60)
-    few = body.line("energy4", 10, None, design=False)
-    many = body.line("cubic", 200, None, design=False)
-    assert few["whitened"] < 0.01 < many["whitened"]
-    noisy = [body.line("energy4", n, learning.RIG, design=False) for n in (10, 200)]
-    assert noisy[1]["whitened"] < noisy[0]["whitened"]
-    assert body.line("cubic", 50, None, design=False)["whitened"] == np.inf
-    assert "energy4: 200" in learning.floor_line(noisy) or "energy4: 10" in learning.floor_line(
-        noisy
-    )
-    assert isinstance(fit_model(data, "energy4"), Model)

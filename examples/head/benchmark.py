@@ -1,8 +1,8 @@
 """The tables of docs/head.md: nine controllers, seven motions, two kinds of sensors, some seeds.
 
-    .venv/bin/python benches/head.py --seeds 20 --full 20 --workers 2 --docs docs/head.md
+    .venv/bin/python examples/head/benchmark.py --seeds 20 --full 20 --workers 2 --docs docs/head.md
 
-The robot is that of examples/head. Each row and seed is one file below --out and is not run again,
+Each row and seed is one file below --out and is not run again,
 so that the command goes on where it was stopped. `--rows` takes a part. Instead of the tables,
 `--steps N` measures the worst step of N, `--loop` runs the loop through the loop with each effect
 that can be hidden, and `--workspace` says what four tendons can hold. `--docs` writes what is
@@ -27,12 +27,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ecm
-from blind_parts.workers import run_all
 from ecm.io.cache import write_json
 from ecm.io.parallel import own_cores
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "head"))
+# What runs the blind benchmarks runs these rows as well.
+sys.path.append(str(Path(__file__).parents[2] / "benches"))
 
+from blind_parts.workers import run_all
 from experiment import Robot
 from loop import campaign, run_loop, with_effects, without_integral, workspace_poses
 from motions import Motion, Motions, held_pose

@@ -1,13 +1,15 @@
-"""Time and memory of check, compare, diagnose and refit against the number of rows.
+"""Time and memory of fit, check, compare, diagnose and refit against the number of rows.
 
-    python benches/diagnose_rows.py --out build/rows [--rows 3000 30000 100000]
-        [--kinds static stream] [--commands check compare diagnose refit]
+    python benches/rows.py --out build/rows [--rows 3000 30000 100000]
+        [--kinds static stream] [--commands cubic energy6 check compare diagnose refit]
 
 `static` is a campaign of the simulated rig with hysteresis of the material, 100 poses and their
-repeats on the neck; longer tables repeat it in time with fresh noise. `stream` is the slow ramp of
-fit_rows.py. Each command is a process of its own that reads a CSV file; compare and diagnose write
-their page as well. `seconds` are those of the clock, `processor` those of all threads, `MB` the
-largest memory, `page` the MB of the report.
+repeats on the neck; longer tables repeat it in time with fresh noise. `stream` is a slow ramp at 20
+Hz: its poses lie on smooth paths that grow from rest to 20 mm and 0.6 rad, the errors of forces and
+torques are correlated over twenty rows, and the body has an energy of degree 8, which no model here
+holds. `cubic` and `energy6` are fits. Each command is a process of its own that reads a CSV file;
+compare and diagnose write their page as well. `seconds` are those of the clock, `processor` those
+of all threads, `MB` the largest memory, `page` the MB of the report.
 """
 
 from __future__ import annotations
@@ -21,16 +23,82 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from diagnose import plan_of
+from ecm import DesignSettings, diagnosable_plan, optimal_design
+from ecm._native import EnergyModel as Energy
+from ecm.fem.simulate import fem_poses
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import FileMeta, Instrument, Meta
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table, read_table
 from ecm.models import EnergyModel, Model, PhysicsModel, fit_model
 from ecm.rig import RigSettings, run_campaign
-from fit_rows import PROGRAM, slow_ramp
+
+F = NDArray[np.float64]
+LENGTH_M = 0.1034
+RATE_HZ = 20.0
+REACH = np.array([0.008, 0.02, 0.02, 0.5, 0.6, 0.6])
+INSTRUMENT = Instrument(
+    pose_position_sd_m=40e-6, pose_rotation_sd_rad=4e-4, force_sd_N=0.3, torque_sd_Nm=0.01
+)
+MEMORY = 0.95
+"""Correlation of the error of a force from row to row."""
+
+# The peak of the process alone; getrusage would count the one that started it.
+PROGRAM = """
+from ecm.cli import main
+try:
+    main()
+finally:
+    with open("/proc/self/status") as status:
+        print(next(line.split()[1] for line in status if line.startswith("VmHWM")))
+"""
+
+
+def body() -> Energy:
+    """A body of revolution: a spring of 25 and 2 N/mm, and terms up to degree 8 that stiffen it."""
+    kind = {"length_m": LENGTH_M, "degree": 8, "symmetry": "alike", "scale": np.array([0.02, 0.6])}
+    poses = np.array([[LENGTH_M, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    count = Energy.regressor(poses, **kind).shape[2]
+    powers = Energy.from_coefficients(coefficients=np.zeros(count), **kind).terms
+    degrees = powers @ [1, 2, 2, 1, 2, 2]
+    coefficients = 0.3 * 0.4**degrees * np.random.default_rng(8).normal(size=count)
+    coefficients[:5] = 0.0, 5.0, 0.4, 0.23, 0.16  # J: c_x, c_x^2, |c_perp|^2, |theta_perp|^2 ...
+    return Energy.from_coefficients(coefficients=coefficients, **kind)
+
+
+def slow_ramp(rows: int, seed: int = 0) -> Table:
+    """A continuous test of `rows` samples with noisy poses and wrenches."""
+    random = np.random.default_rng([seed, 1])
+    time_s = np.arange(rows) / RATE_HZ
+    turns = rows / 400.0 * np.array([1.0, 1.31, 0.83, 0.57, 1.13, 1.73])
+    path = REACH * np.sin(2.0 * np.pi * np.outer(np.linspace(0.0, 1.0, rows), turns))
+    path *= np.linspace(0.2, 1.0, rows)[:, None]
+    true = path + np.array([LENGTH_M, 0.0, 0.0, 0.0, 0.0, 0.0])
+    sd = np.repeat([INSTRUMENT.force_sd_N, INSTRUMENT.torque_sd_Nm], 3)
+    error = random.normal(size=(rows, 6))
+    for i in range(1, rows):
+        error[i] = MEMORY * error[i - 1] + np.sqrt(1.0 - MEMORY**2) * error[i]
+    wrenches = body().predict(true) + sd * error
+    pose_sd = [INSTRUMENT.pose_position_sd_m, INSTRUMENT.pose_rotation_sd_rad]
+    poses = true + np.repeat(pose_sd, 3) * random.normal(size=(rows, 6))
+    columns = {"time_s": time_s, "run": np.zeros(rows)}
+    columns |= dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, wrenches.T, strict=True))
+    names = (f"v_{name}" for name in POSE)
+    columns |= dict(zip(names, np.gradient(path, 1.0 / RATE_HZ, axis=0).T, strict=True))
+    columns["temperature_degC"] = 22.0 + 2.0 * np.linspace(0.0, 1.0, rows)
+    meta = Meta(
+        file=FileMeta(kind="continuous"),
+        mechanism={"length_m": LENGTH_M},
+        instrument=INSTRUMENT,
+    )
+    return Table(columns, meta, "slow ramp")
+
 
 COMMANDS = {
+    "cubic": ("fit", "{table}", "--model", "cubic", "--out", "{refitted}", "--force"),
+    "energy6": ("fit", "{table}", "--model", "energy6", "--out", "{refitted}", "--force"),
     "check": ("check", "{table}"),
     "compare": ("compare", "{model}", "{table}", "--report", "{page}"),
     "diagnose": ("diagnose", "{model}", "{table}", "--report", "{page}"),
@@ -54,6 +122,15 @@ def lengthened(table: Table, rows: int) -> Table:
         moved = (number > 0) & (columns[name] != 0.0)
         columns[name] = columns[name] + moved * sd * random.standard_normal(len(number))
     return replace(table, columns={name: values[:rows] for name, values in columns.items()})
+
+
+def plan_of(mechanism: Mechanism, poses: int, visits: int) -> Table:
+    """A diagnosable plan of poses of the mechanism."""
+    candidates, _ = fem_poses(mechanism, 2 * poses, seed=100)
+    columns = {name: candidates[:, j] for j, name in enumerate(POSE)}
+    table = Table(columns, Meta(mechanism=mechanism.to_dict()), "candidates")
+    chosen = optimal_design(candidates, poses, DesignSettings(criterion="maximin", seed=0))
+    return diagnosable_plan(table, chosen, visits, seed=0)
 
 
 def static_campaign(folder: Path) -> tuple[Table, Model]:
