@@ -33,7 +33,7 @@ from ecm.io.parallel import own_cores
 # What runs the blind benchmarks runs these rows as well.
 sys.path.append(str(Path(__file__).parents[2] / "benches"))
 
-from blind_parts.workers import run_all
+from blind_parts.workers import run_all  # type: ignore[import-not-found]
 from experiment import Robot
 from loop import campaign, run_loop, with_effects, without_integral, workspace_poses
 from motions import Motion, Motions, held_pose

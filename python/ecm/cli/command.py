@@ -1,4 +1,23 @@
-"""The parser of a command: its options and the common ones; loads no engine."""
+"""The parser of a command: its options and the common ones; loads no engine.
+
+The options of a command are a dataclass in `options`, whose fields are typer options and whose
+docstring is the help. The work is a function of them and of a session. It stands below them where
+it needs only the names of `ecm`, which are loaded when they are used:
+
+    @dataclass(frozen=True, kw_only=True)
+    class Options:
+        '''Count the rows of tables.'''
+
+        data: Data
+
+    def rows(options: Options, session: Session) -> None:
+        session.print(f"{len(session.read(options.data))} rows")
+
+    rows = command(rows, Options, tables=True)
+
+Longer work is a function of another file of `ecm.cli`, which is loaded when the options are parsed:
+`check = command("tables.check", CheckArguments, tables=True)`.
+"""
 
 from __future__ import annotations
 

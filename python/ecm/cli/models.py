@@ -1,4 +1,8 @@
-"""`ecm predict`, `ecm compare` and `ecm export`, and the MODEL that a command is given."""
+"""`ecm predict`, `ecm compare` and `ecm export`, and the MODEL that a command is given.
+
+A TOML's [mechanism] is the physics model, its [expression] a model of one's own. A table with a
+row for each measured pose is what any other program predicts.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,11 @@
-"""What a residual shows: structure that is no chance, its signature, runs that are outliers."""
+"""What a residual shows: structure that is no chance, its signature, runs that are outliers.
+
+One function answers for every command. Two tests look at the residual of the model as it stands:
+its lack of fit against repeats, and smooth functions of the pose, the order, the motion of a
+continuous test and every other column.
+Both compare with what is left in the same rows, so that noise that was stated too small or too
+large does not decide.
+"""
 
 from __future__ import annotations
 

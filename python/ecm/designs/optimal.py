@@ -1,4 +1,7 @@
-"""Optimal designs: the rows of a candidate table worth measuring, how good, and how many pay."""
+"""Optimal designs: the rows of a candidate table worth measuring, how good, and how many pay.
+
+The error is that of the noise alone; the error of the model itself does not fall with n.
+"""
 
 from __future__ import annotations
 

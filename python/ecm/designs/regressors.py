@@ -1,4 +1,12 @@
-"""Information rows of a pose, and rows whose variance is that of a prediction."""
+"""Information rows of a pose, and rows whose variance is that of a prediction.
+
+Every row is whitened. Without a nominal base the components have one default noise each, as in
+the binary `ecm-design`; with one a row's covariance Sigma = Sigma_w + K_s Sigma_p K_s' depends on
+the pose, so that poses where the mechanism is stiff carry less information.
+
+In units of one reading's noise. I-optimal designs average over these rows, and `design_sizes`
+takes its expected errors from them.
+"""
 
 from __future__ import annotations
 

@@ -21,11 +21,10 @@ from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import (
     bounded_estimate,
     delta_chi2,
-    delta_chi2_of_each,
     explains_more_than_its_plain_form,
     held_out_delta,
     rank,
-    squares_by_row,
+    search,
 )
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.io.arrays import F
@@ -218,14 +217,10 @@ class AcceptanceCheck:
     """Fall of the held-out sum of squares in its standard errors."""
     chosen_share: float
     """Share of group bootstraps in which it, or one of the best of its class, is chosen."""
-    robust: bool
-    """It is still chosen without the most influential rows."""
     within_bounds: bool
     """Every parameter is within its bounds, also where they are not imposed."""
     explained_in_bounds: float
     """Share of what it explains that stays within its bounds, which the answer keeps."""
-    correction_over_range: float
-    """Largest correction of a component over its largest reading."""
     own_seen: bool
     """Its own sign is seen, or its plain form is in its class."""
     winners: dict[str, float] = field(repr=False)
@@ -242,10 +237,7 @@ class AcceptanceCheck:
     def accepted(self) -> bool:
         """Whether all conditions hold."""
         return (
-            self.passes_alone
-            and self.chosen_share >= self.settings.chosen_share
-            and self.robust
-            and self.own_seen
+            self.passes_alone and self.chosen_share >= self.settings.chosen_share and self.own_seen
         )
 
     @property
@@ -257,7 +249,6 @@ class AcceptanceCheck:
             and self.delta_bic > limits.least_bic
             and self.held_out_fall > limits.held_out_errors
             and self.explained_in_bounds > limits.kept_within_bounds
-            and self.correction_over_range <= limits.most_of_range
         )
 
 
@@ -279,6 +270,9 @@ def accept(
     class_of: ClassOf = confusion_class,
 ) -> Accepted:
     """Drop the weakest chosen effect until each of the rest passes every check.
+
+    An effect that explains the rows only beyond the bounds of its parameters is no candidate: the
+    search begins again without it.
 
     Parameters
     ----------
@@ -310,7 +304,11 @@ def accept(
                 tuple(check for check, _ in in_order),
             )
         checks = (pairs[i][0],) if i in pairs else ()
-        chosen = (*chosen[:i], *chosen[i + 1 :])
+        if _bounds_kept(problem, chosen, chosen[i])[1] <= problem.settings.kept_within_bounds:
+            problem = problem.without_effect(chosen[i].id)
+            chosen = search(problem, rank(problem))
+        else:
+            chosen = (*chosen[:i], *chosen[i + 1 :])
     return Accepted(checks=checks)
 
 
@@ -330,29 +328,8 @@ def _checked(
     problem: Problem, chosen: Sequence[Candidate], item: Candidate, seed: int, class_of: ClassOf
 ) -> tuple[AcceptanceCheck, tuple[str, ...]]:
     """Return the evidence for one effect and its class."""
-    settings = problem.settings
     members = class_of(problem, chosen, item)
-    check = acceptance_check(problem, chosen, item, members, seed)
-    room = settings.most_in_class - len(members)
-    if room <= 0:
-        return check, tuple(members)
-    others = {other.id for other in chosen}
-    won = sorted(check.winners.items(), key=lambda won: -won[1])
-    seldom = check.chosen_share < settings.chosen_share
-    joining = []
-    if len(chosen) == 1 or not seldom:
-        # A rival that wins often belongs to the class, however far it is in BIC: with few rows it
-        # may be the truth. Several effects that win seldom may add up to what no library holds.
-        often = settings.rival_bootstraps
-        joining = [id for id, share in won if share > often and id not in others]
-    if seldom:
-        # So does a close one that wins now and then.
-        close = class_of(problem, chosen, item, settings.close_bic)
-        wins = {id for id, share in won if share > settings.some_bootstraps}
-        joining += [id for id in close if id in wins and id not in joining]
-    members = [*members, *[id for id in joining if id not in members][:room]]
-    check = acceptance_check(problem, chosen, item, members, seed, winners=check.winners)
-    return check, tuple(members)
+    return acceptance_check(problem, chosen, item, members, seed), tuple(members)
 
 
 def acceptance_check(
@@ -371,7 +348,7 @@ def acceptance_check(
     members
         Ids of its class.
     winners
-        Result of the bootstraps, where the effect was checked before with another class.
+        Result of the bootstraps, where they are not to be run.
     """
     settings = problem.settings
     others = [other for other in chosen if other is not item]
@@ -388,29 +365,12 @@ def acceptance_check(
         delta_bic=own.delta_bic,
         held_out_fall=held_out_delta(problem, others, item),
         chosen_share=_share(winners, members, settings),
-        robust=_is_robust(problem, others, item, members),
         within_bounds=inside,
         explained_in_bounds=kept,
-        correction_over_range=_over_range(problem, chosen, item),
         own_seen=_is_own_seen(problem, chosen, item, members),
         winners=winners,
         settings=settings,
     )
-
-
-def fullest_forms(problem: Problem, effects: Sequence[Candidate]) -> tuple[Candidate, ...]:
-    """Replace each effect by the form with more parameters that explains most.
-
-    A plain form is cheaper where little is seen; it is no reason to call the rest unknown.
-    """
-    fullest = list(effects)
-    for i, item in enumerate(fullest):
-        others = [*fullest[:i], *fullest[i + 1 :]]
-        same = [c for c in problem.candidates if c.id == item.id]
-        more = [item, *(c for c in same if c.parameters > item.parameters)]
-        falls = [delta_chi2(problem, (*others, c)) for c in more]
-        fullest[i] = more[int(np.argmax(falls))]
-    return tuple(fullest)
 
 
 def _share(winners: dict[str, float], members: Sequence[str], settings: DiagnosisSettings) -> float:
@@ -429,25 +389,6 @@ def _is_own_seen(
     return explains_more_than_its_plain_form(problem, chosen, item)
 
 
-def _is_robust(
-    problem: Problem, others: Sequence[Candidate], item: Candidate, members: Sequence[str]
-) -> bool:
-    """Whether the effect, or its class, is still first without its most influential rows.
-
-    These rows support it most, so that a rival that gains less than a name needs may pass it.
-    """
-    settings = problem.settings
-    gains = squares_by_row(problem, others) - squares_by_row(problem, (*others, item))
-    count = max(1, round(settings.influential_share * len(gains)))
-    fewer = problem.without_rows(np.argsort(-gains, kind="stable")[:count])
-    present = {other.id for other in others}
-    tried = [c for c in problem.candidates if c.id not in present]
-    falls = delta_chi2_of_each(fewer, others, tried)
-    falls -= np.log(problem.size) * np.array([c.parameters for c in tried])
-    own = max((float(f) for f, c in zip(falls, tried, strict=True) if c.id in members), default=0.0)
-    return bool(own > settings.least_bic and own > float(falls.max()) - settings.least_bic)
-
-
 def _bounds_kept(
     problem: Problem, chosen: Sequence[Candidate], item: Candidate
 ) -> tuple[bool, float]:
@@ -462,20 +403,3 @@ def _bounds_kept(
     before = explained_squares(*problem.equations, problem.base_index)
     gained = fit.explained - (before + delta_chi2(problem, others))
     return False, float(np.clip(gained / max(gained + fit.lost, 1e-300), 0.0, 1.0))
-
-
-def _over_range(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> float:
-    """Return the largest correction of a component over its largest reading.
-
-    A correction many times the readings is cancelled by the base: the data do not hold it.
-    """
-    fit = bounded_estimate(problem, chosen, (item,))
-    own = np.isin(fit.columns, item.columns)
-    whitened = problem.design[:, :, fit.columns[own]] @ fit.theta[own]
-    correction = problem.in_units(whitened)
-    counted = problem.weights > 0.5
-    noise = np.sqrt(np.einsum("nij,nij->nj", *2 * (np.linalg.inv(problem.whitener),)))
-    readings = np.abs(problem.table.matrix(problem.base.outputs))[counted]
-    # A component that is only noise has no range of its own.
-    largest = np.maximum(readings.max(axis=0, initial=0.0), 10.0 * np.median(noise, axis=0))
-    return float((np.abs(correction[counted]).max(axis=0, initial=0.0) / largest).max())

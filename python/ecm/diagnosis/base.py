@@ -9,19 +9,18 @@ import numpy as np
 
 from ecm.diagnosis.decision import Decision
 from ecm.diagnosis.gate import residual_after
-from ecm.diagnosis.preparation import without_effects
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.readings import EQUAL
 from ecm.diagnosis.search import delta_chi2
 from ecm.errors import ModelError
 from ecm.io.arrays import F
-from ecm.models.base_choice import choose_base, energy_of_unlike_ends, next_degree
+from ecm.models.base_choice import energy_of_unlike_ends, next_degree
 from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import EnergyMap, StiffnessMap
 from ecm.models.partial import whole_map
 
 if TYPE_CHECKING:
-    from ecm.models.model import Model
+    pass
 
 _BY_ITSELF = 0.5
 """Share of the error that another body must leave at most, by itself, to be tried."""
@@ -83,23 +82,6 @@ def base_of_next_degree(decision: Decision) -> StiffnessMap | None:
     own = sum(item.parameters for item in effects)
     explained = delta_chi2(problem, effects) - own + max(0.0, decision.left.beyond_chance)
     return base if fall / problem.scale - more > _MOST_OF_IT * explained else None
-
-
-def base_beside_names(model: Model, decision: Decision) -> StiffnessMap | None:
-    """Return the base that is chosen once more, for the rows without what is named.
-
-    A load that the base cannot have, as that of a second column, may hide of what degree it is.
-    None is returned where what is named is all, or no richer base is chosen.
-    """
-    problem, effects = decision.problem, [item.effect for item in decision.accepted.effects]
-    if not effects or decision.verdict != "unknown":
-        return None
-    fit = joint_fit(
-        problem.base, effects, problem.table, problem.noise, row_weights=problem.weights
-    )
-    base = choose_base(model, without_effects(fit.effects, fit.rows))
-    richer = len(base.coefficients) > len(problem.base.coefficients)
-    return base if richer else None
 
 
 def _left_by(problem: Problem, base: StiffnessMap) -> F:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -11,11 +11,11 @@ import numpy as np
 from ecm.diagnosis.accept import Accepted
 from ecm.diagnosis.confusion import widened_class
 from ecm.diagnosis.gate import Gate, Leftover, residual_after
-from ecm.diagnosis.problem import Candidate, Problem
+from ecm.diagnosis.problem import Problem
 from ecm.diagnosis.readings import WrongStatement, find_wrong_statement
 from ecm.diagnosis.stated_numbers import ratio_warning
 from ecm.diagnosis.unexplained import Unknown, describe_residual
-from ecm.diagnosis.whiteness import Pattern, explains_more, find_direction, find_pattern
+from ecm.diagnosis.whiteness import Pattern, explains_more, find_pattern
 from ecm.io.arrays import F
 from ecm.io.units import unit_of_factor
 from ecm.models.physics.map import PhysicsMap
@@ -49,7 +49,7 @@ def classify(
         Whether the base stands in for that of a stated body that does not fit.
     """
     settings = problem.settings
-    if left.remains or modulus_warning(problem) or is_noisy(problem):
+    if left.remains or modulus_warning(problem):
         return accepted
     doubtful = left.share > settings.doubtful_share and left.p < settings.doubtful_p
     if not doubtful and not other_body and len(accepted.effects) < 2:
@@ -70,7 +70,6 @@ def verdict(
     *,
     describe: Describe = describe_residual,
     white: Callable[[Problem], Pattern | None] = find_pattern,
-    direction: Callable[[Problem, Sequence[Candidate]], Pattern | None] = find_direction,
     misread: str = "",
 ) -> Verdict:
     """Give the headline.
@@ -81,8 +80,6 @@ def verdict(
         Function that puts what is left into words.
     white
         Function that looks for a pattern before `none` or a name is said.
-    direction
-        Function that looks for a load along one direction before single names are said.
     misread
         What is wrong with the signs or columns of the table beyond doubt; empty where nothing is.
     """
@@ -106,12 +103,9 @@ def verdict(
         nothing = Accepted(checks=accepted.checks)
         said = replace(unknown, words=strange, nearest=None, misread=True, template="")
         return Verdict("unknown", nothing, said)
-    noisy, mountain = is_noisy(problem), what_towers(problem, accepted)
-    may_name = bool(accepted.effects) and not left.remains and not noisy and not mountain
+    may_name = bool(accepted.effects) and not left.remains
     single = all(len(members) == 1 for members in accepted.classes)
     pattern = _pattern_instead(problem, gate, accepted, left, white)
-    if pattern is None and may_name and single:
-        pattern = direction(problem, accepted.effects)
     if pattern is not None:
         unknown = describe(problem, residual_after(problem, ()), (), gate.structure)
         variables = (pattern.variable,) if pattern.variable else ()
@@ -124,11 +118,6 @@ def verdict(
         return Verdict("none", accepted, None)
     residual = residual_after(problem, accepted.effects)
     unknown = describe(problem, residual, accepted.effects, gate.structure)
-    if noisy:
-        far = f"what no column explains is {np.sqrt(problem.scale):.1f} times the noise"
-        unknown = replace(unknown, words=f"{far}; {unknown.words}")
-    elif mountain:
-        unknown = replace(unknown, words=f"{mountain}; {unknown.words}")
     return Verdict("unknown", accepted, unknown)
 
 
@@ -165,26 +154,6 @@ def _pattern_instead(
     return None if beside is None else pattern
 
 
-def what_towers(problem: Problem, accepted: Accepted) -> str:
-    """Return the error that stays after the accepted effects, in words; empty where it is small.
-
-    Names over an error many times the noise would be names for a part of it.
-    """
-    settings = problem.settings
-    if not accepted.effects or problem.noise.is_residual:
-        return ""
-    before = _rms(problem, residual_after(problem, ()))
-    after = _rms(problem, residual_after(problem, accepted.effects))
-    little = problem.noise.source == "assumed" and (
-        after**2 < settings.most_left_of_error * before**2
-    )
-    if after <= settings.most_left_error or little:
-        return ""
-    return (
-        f"with what is named the error only falls from {before:.3g} to {after:.3g} times the noise"
-    )
-
-
 def _rms(problem: Problem, residual: F) -> float:
     """Return the weighted rms of a whitened residual (N, m)."""
     squares = (residual**2).sum(axis=1) @ problem.weights
@@ -195,11 +164,6 @@ def _wrong_statement(problem: Problem, accepted: Accepted) -> WrongStatement | N
     before = _rms(problem, residual_after(problem, ()))
     after = _rms(problem, residual_after(problem, accepted.effects))
     return find_wrong_statement(problem, accepted.effects, before, after)
-
-
-def is_noisy(problem: Problem) -> bool:
-    """Whether what no column explains is too large for noise, so that nothing can be named."""
-    return problem.scale > problem.settings.most_scale(problem.noise.source)
 
 
 def modulus_warning(problem: Problem) -> str:

@@ -255,6 +255,10 @@ class Problem:
         part = (flat.T @ flat / self.scale, flat.T @ response / self.scale)
         return replace(self, reduced=difference(self.equations, part))
 
+    def without_effect(self, id: str) -> Problem:
+        """Return the problem in which an effect is no candidate."""
+        return replace(self, candidates=tuple(c for c in self.candidates if c.id != id))
+
     @cached_property
     def leading(self) -> I:
         """Columns of each effect's best shape: what they do not explain is noise."""

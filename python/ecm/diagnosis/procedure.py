@@ -21,9 +21,8 @@ from dataclasses import dataclass, fields, replace
 from functools import partial, wraps
 from typing import TYPE_CHECKING, Any
 
-from ecm.diagnosis.accept import Accepted, accept, fullest_forms
+from ecm.diagnosis.accept import Accepted, accept
 from ecm.diagnosis.base import (
-    base_beside_names,
     base_of_next_degree,
     base_of_unlike_ends,
     leaves_less,
@@ -45,7 +44,7 @@ from ecm.diagnosis.stated_numbers import (
     with_load_growth,
 )
 from ecm.diagnosis.unexplained import Unknown, describe_residual
-from ecm.diagnosis.whiteness import Pattern, find_direction, find_pattern
+from ecm.diagnosis.whiteness import Pattern, find_pattern
 from ecm.effects import Effect
 from ecm.io.arguments import check_arguments
 from ecm.io.columns import POSE, WRENCH
@@ -54,7 +53,7 @@ from ecm.models.base_choice import choose_base, symmetric_energy
 from ecm.models.given import as_model
 from ecm.models.physics.map import PhysicsMap
 from ecm.regression.blas import one_blas_thread
-from ecm.regression.correlation import CorrelationTime, correlation_of_rest
+from ecm.regression.correlation import correlation_of_rest
 from ecm.regression.noise import Noise
 from ecm.regression.rows import naming_wild_readings
 
@@ -91,7 +90,6 @@ class Stages:
     classify: Callable[..., Accepted] = classify
     verdict: Callable[..., Verdict] = verdict
     white: Callable[[Problem], Pattern | None] = find_pattern
-    direction: Callable[[Problem, Sequence[Candidate]], Pattern | None] = find_direction
     describe: Callable[..., Unknown] = describe_residual
 
 
@@ -212,10 +210,9 @@ def find_missing(
     """Go through the stages up to the verdict, without the parts of the report.
 
     Parameters are those of `diagnose`. Where the stated body is not the one that was measured,
-    effects are named against the symmetric energy model instead. Where the effects found leave
-    a residual in which neighbours are alike, the rows are not that many readings: fewer of them
-    are asked again, and where they answer otherwise they decide; where no effect explains more than
-    it would of slow noise, this is said in place of a name.
+    effects are named against the symmetric energy model instead. Where the residual of a log stays
+    alike for some rows, and no effect explains more than it would of such noise, this is said in
+    place of a name.
 
     Examples
     --------
@@ -227,33 +224,23 @@ def find_missing(
     ()
     """
 
-    def of_rows(limits: DiagnosisSettings) -> Decision:
-        prepared = prepare(model, table, effects, limits)
-        return _of_rows(model, prepared, seed=seed, noise=noise, settings=limits, stages=stages)
-
-    decision = of_rows(settings)
-    alike = _neighbours_alike(decision)
-    if alike is None:
+    prepared = prepare(model, table, effects, settings)
+    decision = _of_rows(model, prepared, seed=seed, noise=noise, settings=settings, stages=stages)
+    if not _neighbours_alike(decision):
         return decision
-    most = max(settings.least_rows_of_log, alike.independent)
-    again = of_rows(replace(settings, most_rows=most)) if most < len(table) else decision
     slow = slow_noise_of(decision)
-    if slow is not None and slow.p >= settings.level and again.verdict != "none":
-        return as_slow_noise(decision, slow, stages.describe)
-    seen_beside = slow is not None and slow.p < settings.level
-    same = (again.verdict, again.answer) == (decision.verdict, decision.answer)
-    if same or (seen_beside and again.verdict == "none"):
+    if slow is None or slow.p < settings.level:
         return decision
-    return replace(again, neighbours_alike=True)
+    return as_slow_noise(decision, slow, stages.describe)
 
 
-def _neighbours_alike(decision: Decision) -> CorrelationTime | None:
-    """Return how long what is left of a log stays alike; None where neighbours differ."""
+def _neighbours_alike(decision: Decision) -> bool:
+    """Whether what is left of a log stays alike for some rows, so that noise may look like more."""
     misread_table = decision.unknown is not None and decision.unknown.misread
     if decision.verdict == "none" or misread_table:
-        return None
+        return False
     rest = residual_after(decision.problem, decision.accepted.effects)
-    return correlation_of_rest(decision.problem.table, rest)
+    return correlation_of_rest(decision.problem.table, rest) is not None
 
 
 def _of_rows(
@@ -283,10 +270,6 @@ def _of_rows(
         longer = base_of_next_degree(decision)
         if longer is not None:
             decision = replace(against(longer), warnings=decision.warnings)
-        richer = base_beside_names(model, decision)
-        again = None if richer is None else against(richer)
-        if again is not None and leaves_less(again, decision):
-            decision = replace(again, warnings=decision.warnings)
     if not may_be_another_body(decision):
         return decision
     energy = against(symmetric_energy(prepared.unexplained), other_body=True)
@@ -319,16 +302,6 @@ def decide(
     chosen = stages.search(problem, ranking)
     accepted = stages.accept(problem, chosen, seed)
     left = stages.leftover(problem, first, accepted.effects)
-    if accepted.effects and left.remains:
-        # Fuller forms of the same effects may explain what is left.
-        fullest = fullest_forms(problem, accepted.effects)
-        if not stages.leftover(problem, first, fullest).remains:
-            again = stages.accept(problem, fullest, seed)
-            if len(again.effects) == len(accepted.effects) and all(
-                len(members) <= settings.most_in_class for members in again.classes
-            ):
-                accepted = again
-                left = stages.leftover(problem, first, accepted.effects)
     accepted = stages.classify(problem, accepted, left, other_body=other_body)
     final = stages.verdict(
         problem,
@@ -337,7 +310,6 @@ def decide(
         left,
         describe=stages.describe,
         white=stages.white,
-        direction=stages.direction,
         misread=prepared.misread.sentence()
         if prepared.misread and prepared.misread.decided
         else "",

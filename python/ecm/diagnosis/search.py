@@ -194,23 +194,7 @@ def _least_explained(
     if column and all(getattr(one.effect, "column", None) != column for one in others):
         left = problem.squares_beside_base / problem.scale - delta_chi2(problem, others)
         return problem.settings.material_share * left
-    return _material_share(problem, item, others) * total
-
-
-def _material_share(problem: Problem, item: Candidate, others: Sequence[Candidate]) -> float:
-    """Return the share of all that is explained that an effect must explain beside others.
-
-    What the form of an effect of the pose leaves follows the pose: it is no effect of time. Where
-    that follows the pose as well, as softening below the largest load does, the two are rivals.
-    """
-    settings = problem.settings
-    unlike = item.effect.kind == "time" and all(
-        one.effect.kind == "pose"
-        and one.id not in item.effect.rivals
-        and item.id not in one.effect.rivals
-        for one in others
-    )
-    return settings.unlike_share if unlike else settings.material_share
+    return problem.settings.material_share * total
 
 
 def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]:
@@ -242,7 +226,7 @@ def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]
         if not good:
             break
         gain = delta_bic(problem, good[0]) - delta_bic(problem, best)
-        if gain < settings.least_bic or (size == 2 and not _beyond_one(problem, good[0])):
+        if gain < settings.least_bic:
             break
         best = good[0]
         if size == settings.most_effects:
@@ -262,11 +246,7 @@ def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]
 
 def _is_valid(problem: Problem, chosen: tuple[Candidate, ...]) -> bool:
     """Whether a set meets all conditions of the forward search."""
-    return (
-        all_needed(problem, chosen)
-        and _allowed(problem, chosen)
-        and (len(chosen) != 2 or _beyond_one(problem, chosen))
-    )
+    return all_needed(problem, chosen) and _allowed(problem, chosen)
 
 
 def _best_beside(
@@ -285,17 +265,6 @@ def _allowed(problem: Problem, chosen: tuple[Candidate, ...]) -> bool:
         for item in chosen
         if len(item.columns) == 1
     )
-
-
-def _beyond_one(problem: Problem, pair: tuple[Candidate, ...]) -> bool:
-    """Whether two effects explain more beyond chance than any single one, whose form is inexact."""
-    settings = problem.settings
-    total = delta_chi2(problem, pair)
-    own = total - sum(item.parameters for item in pair)
-    single = delta_chi2_of_each(problem, (), problem.candidates)
-    chance = np.array([candidate.parameters for candidate in problem.candidates])
-    least = max(settings.least_bic, settings.one_cause_share * total)
-    return bool(own > (single - chance).max(initial=0.0) + least)
 
 
 def _swapped(problem: Problem, chosen: tuple[Candidate, ...]) -> tuple[Candidate, ...]:

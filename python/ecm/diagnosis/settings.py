@@ -30,12 +30,6 @@ class DiagnosisSettings(Checked):
         high=100_000,
         doc="Rows that are used of a larger table, spread over runs, time and poses.",
     )
-    least_rows_of_log: int = setting(
-        100,
-        low=20,
-        doc="Least rows used of a log whose neighbours err alike; else as many as would tell as "
-        "much if they were independent.",
-    )
     # The linearised problem
     most_base_columns: int = setting(
         80, low=0, doc="Columns of a base that are carried along; a larger base is projected out."
@@ -80,19 +74,6 @@ class DiagnosisSettings(Checked):
         doc="Share of all that is explained that each further effect must explain: what the form "
         "of a first effect leaves (4 to 9 %) stays below.",
     )
-    unlike_share: float = setting(
-        0.02,
-        low=0.0,
-        high=1.0,
-        doc="The same for an effect of time beside effects of the pose, whose form leaves nothing "
-        "that follows time.",
-    )
-    one_cause_share: float = setting(
-        0.03,
-        low=0.0,
-        high=1.0,
-        doc="Share that two effects must explain beyond any single one: one cause is likelier.",
-    )
     most_effects: int = setting(4, low=1, doc="Effects in the largest set that is searched.")
     beam: int = setting(5, low=1, doc="Best sets at each size of the search.")
     # Acceptance
@@ -110,9 +91,6 @@ class DiagnosisSettings(Checked):
         low=0.0,
         high=1.0,
         doc="An effect that explains less than this share of the chosen one wins no bootstrap.",
-    )
-    influential_share: float = setting(
-        0.02, low=0.0, high=1.0, doc="Share of rows, the most influential, left out as a check."
     )
     kept_within_bounds: float = setting(
         0.8, low=0.0, high=1.0, doc="Share that parameters within their bounds must still explain."
@@ -151,15 +129,6 @@ class DiagnosisSettings(Checked):
     near_share_in_doubt: float = setting(
         0.6, low=0.0, high=1.0, doc="The same where the form of the effect is in doubt."
     )
-    close_bic: float = setting(
-        20.0, low=0.0, doc="A rival that wins some bootstraps is close within this loss of BIC."
-    )
-    some_bootstraps: float = setting(
-        0.02, low=0.0, high=1.0, doc="Some bootstraps: more than this share of them."
-    )
-    rival_bootstraps: float = setting(
-        0.1, low=0.0, high=1.0, doc="A rival that wins more than this share of them is a member."
-    )
     # What is left, and the verdict
     left_share: tuple[float, ...] = setting(
         (1.0, 0.15, 0.12, 0.08),
@@ -180,29 +149,11 @@ class DiagnosisSettings(Checked):
     doubtful_p: float = setting(
         0.05, low=0.0, high=1.0, doc="And where what is left is seen with this chance."
     )
-    most_scale_repeats: float = setting(
-        2.5, above=0.0, doc="Largest residual variance over the noise of repeats for a name."
-    )
-    most_scale_declared: float = setting(
-        9.0, above=0.0, doc="The same over declared noise; over assumed noise there is no limit."
-    )
     most_left_error: float = setting(
         FAR_BEYOND_NOISE,
         above=1.0,
         doc="Largest error after the accepted effects, over the noise, for a name: a little more "
         "than a noise that was stated half as large. Beyond it they explain a part only.",
-    )
-    most_left_of_error: float = setting(
-        0.5,
-        above=0.0,
-        high=1.0,
-        doc="Over assumed noise, which may be far too small: the squares that may stay beside it.",
-    )
-    most_of_range: float = setting(
-        3.0,
-        above=1.0,
-        doc="Largest correction of an effect over the largest reading: beyond it the base takes "
-        "back what the effect adds.",
     )
     other_body_single: float = setting(
         1.5,
@@ -266,11 +217,6 @@ class DiagnosisSettings(Checked):
     most_compared: int = setting(6, low=2, doc="Rivals of a longer class that are compared.")
     most_experiments: int = setting(6, low=1, doc="Experiments that are listed.")
     pause_s: float = setting(600.0, low=0.0, doc="Pause before a second campaign, in seconds.")
-
-    def most_scale(self, source: str) -> float:
-        """Return the largest residual variance for a name, by the source of the noise."""
-        limits = {"repeats": self.most_scale_repeats, "declared": self.most_scale_declared}
-        return limits.get(source, float("inf"))
 
 
 DEFAULTS = DiagnosisSettings()

@@ -1,4 +1,14 @@
-"""Load cases in batches: each begins from earlier ones, each is stored, here or on Dask workers."""
+"""Load cases in batches: each begins from earlier ones, each is stored, here or on Dask workers.
+
+Batches end at 16, 32, 64, ..., 1024 cases and then no more. All cases of a batch have the same warm
+start, fitted to the cases before the batch, and do not depend on each other. So a case depends only
+on the draws before it: not on threads, workers, interruptions, or on how many cases were asked for
+together.
+
+A chunk of cases is solved by one worker exactly as on this machine, so the result does not depend
+on the number of workers. If a worker dies, Dask gives its chunks to another one; those that are
+finished have been returned before.
+"""
 
 from __future__ import annotations
 

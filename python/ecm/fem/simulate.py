@@ -1,4 +1,15 @@
-"""Wrench-pose pairs by FEM: of wrenches drawn from a box, or of one's own; and sensitivities."""
+"""Wrench-pose pairs by FEM: of wrenches drawn from a box, or of one's own; and sensitivities.
+
+Only about one draw in five of the paper's Table I box stays inside |theta| <= 0.8 rad. So a
+Cosserat rod, which takes microseconds a case, screens the draws before the FEM. The rod lacks the
+stiffening of bonded ends (about 10 %), so its limit is the rotation limit times `screen_margin`: it
+passes every draw that could be inside. From 64 cases on, the warm start of the FEM predicts the
+pose within a per cent and screens what the rod has passed.
+
+The wrench is proportional to E, so dh/dE = h / E exactly. The others are central differences of
+the FEM on meshes of the same structure: their error is of second order in the step and far below
+that of the mesh.
+"""
 
 from __future__ import annotations
 

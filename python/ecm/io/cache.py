@@ -1,4 +1,13 @@
-"""Results that outlive a command: keys by hash, atomic files, and stages that resume."""
+"""Results that outlive a command: keys by hash, atomic files, and stages that resume.
+
+A result is stored under a hash of its settings and inputs, so resuming means asking whether the key
+is there, and nothing that was computed or measured under other settings is overwritten. Long stages
+keep finished parts (`save_part`), which survive an interruption.
+
+    DIR/NAME-KEY.json      plain values of the result, and the sha256 of its arrays
+    DIR/NAME-KEY.npz       arrays of the result
+    DIR/NAME-KEY.parts/    parts, until the result is complete
+"""
 
 from __future__ import annotations
 

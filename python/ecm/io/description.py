@@ -1,4 +1,8 @@
-"""The description of a measurement table: NAME.toml beside it, and the rows that it leaves out."""
+"""The description of a measurement table: NAME.toml beside it, and the rows that it leaves out.
+
+Rows are counted from 1 below the header. Every command leaves them out in the same way, before
+anything is checked.
+"""
 
 from __future__ import annotations
 

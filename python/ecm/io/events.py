@@ -1,4 +1,8 @@
-"""Steps of a work, told to who waits for it, and to other programs as lines of JSON."""
+"""Steps of a work, told to who waits for it, and to other programs as lines of JSON.
+
+They are appended to the file that ECM_EVENTS of the environment names. The page's server reads
+them; the words on the terminal are for people and may change.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Packages of others: imported where they are needed, and Parquet tables through pyarrow."""
+"""Packages of others: imported where they are needed, and Parquet tables through pyarrow.
+
+`import ecm` and the commands that do not need an optional package stay fast, and a missing one is
+named together with the extra that installs it.
+"""
 
 from __future__ import annotations
 

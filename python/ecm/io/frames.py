@@ -1,4 +1,9 @@
-"""Frames of a log: poses and wrenches in other axes, about other points; quaternions."""
+"""Frames of a log: poses and wrenches in other axes, about other points; quaternions.
+
+`[frames]` of a description says where the robot's base, the sensor and the tool are. It is applied
+once, when a table is read; afterwards the table is that of the top frame in the base frame, and its
+description has no `[frames]` any more.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,11 @@
-"""Settings: a TOML table becomes a frozen dataclass; every key, type and range is checked here."""
+"""Settings: a TOML table becomes a frozen dataclass; every key, type and range is checked here.
+
+A settings class states each field once, with its default, range and meaning:
+
+    @dataclass(frozen=True)
+    class Exchange(Checked):
+        starts: int = setting(10, low=1, doc="Random starts; the best one is kept.")
+"""
 
 from __future__ import annotations
 

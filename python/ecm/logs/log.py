@@ -1,4 +1,8 @@
-"""A log of which nothing is known yet: named columns of numbers, and streams joined to rows."""
+"""A log of which nothing is known yet: named columns of numbers, and streams joined to rows.
+
+The slower stream gives the times, so that no row is made of samples that were never taken. Rows in
+a gap of a faster stream are left out: a straight line over a long gap is no measurement.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cells of a line of text: how a line is split, and which cells are numbers."""
+"""Text files with any separator: preamble, comments, a row of units, decimal points or commas."""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Models that a user writes: equations, or a Python function, with parameters to fit."""
+"""Models that a user writes: equations, or a Python function, with parameters to fit.
+
+An equation is read as a tree of sums, products, powers and a few functions, never run as code, so
+that it may stand in a model file. Slopes to pose and parameters are exact: each node carries its
+derivatives along.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,14 @@
-"""Maps from pose to wrench: the protocol, the polynomial, the energy; and their leverage."""
+"""Maps from pose to wrench: the protocol, the polynomial, the energy; and their leverage.
+
+Both are linear in their coefficients, h(p) = columns(p) @ coefficients, so that they can be
+refitted together with effects.
+
+With Phi (m, k) the columns of a pose, P the covariance of the coefficients and Sigma the noise of
+one row there, the leverage is the largest eigenvalue of Sigma^-1/2 Phi P Phi' Sigma^-1/2: 1 says
+that the prediction is as uncertain as one measurement in its worst direction. A free polynomial is
+fitted output by output: there it is the largest ratio of the components' own variances, which
+hold the misfit of the polynomial too.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Poses at which a model was measured, and effects of the pose folded into its base there."""
+"""Poses at which a model was measured, and effects of the pose folded into its base there.
+
+A fit keeps some hundred of its rows' poses in the model file. Export, control loop, the linear part
+for MuJoCo and `inside` all take their poses from here: measured rows, and mixes of near ones, in
+mid-frame coordinates, in which equal loads lie on straight lines as far as the mechanism is linear.
+Older files hold none: their poses are those that loads bend the model to inside its domain.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Predictions of a model: wrench, standard deviation, stiffness and how symmetric it is."""
+"""Predictions of a model: wrench, standard deviation, stiffness and how symmetric it is.
+
+K = dh/dp of a conservative mechanism is symmetric only at theta = 0 and tau = 0. In rotation
+increments of base axes, K_s = K diag(I, J^-1), its skew part is known: -[tau]x/2 in the rotation
+block, by the load alone. The rest measures noise, misfit and forces that are not conservative.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Refit of a model with effects added or removed, and whether a fit may be saved."""
+"""Refit of a model with effects added or removed, and whether a fit may be saved.
+
+With few rows of many columns no test of a residual can show what a model lacks; the base can.
+
+An error counts as worse where it exceeds the other by a tenth and by more than the noise of a row.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Errors on rows that a fit has not seen; choice of a model and of the number of poses."""
+"""Errors on rows that a fit has not seen; choice of a model and of the number of poses.
+
+The one-standard-error rule: of all candidates whose error is within one standard error of the
+best one's, the one with the fewest coefficients. With all six pose and wrench columns errors are
+whitened by the noise of each row, so that 1 is the noise floor and all components count alike. The
+noise of other columns may not be known: their errors are over their spread.
+"""
 
 from __future__ import annotations
 

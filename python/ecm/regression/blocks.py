@@ -1,4 +1,7 @@
-"""Tables of many rows: worked on in blocks, so that memory and time grow with the rows alone."""
+"""Tables of many rows: worked on in blocks, so that memory and time grow with the rows alone.
+
+The blocks do not depend on the number of threads, and neither do the bits of a result.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,21 @@
-"""Groups of rows: zeros of the sensor, folds without leaks, repeats, some rows in place of many."""
+"""Groups of rows: zeros of the sensor, folds without leaks, repeats, some rows in place of many.
+
+A free sensor reads exactly zero where the zero was taken from that reading. Between two zeros it is
+linear in time, as in the paper.
+
+The noise of the reading from which the zero was taken is the same in all rows: a constant wrench
+in body axes, which more rows do not reduce. Later readings of the free sensor show its size.
+Readings of exactly zero were new zeros; their errors are not seen and average out over the
+campaign.
+
+Repeats of a pose are never split. Effects of the pose are tested on contiguous blocks of time,
+effects of time on clusters of poses, several runs of a continuous test run by run.
+
+Rows that follow each other closely tell little more than one of them: in a slow ramp they differ by
+less than their noise. So each run is cut in its order into stretches, and one row of each is taken:
+of a few drawn at random, so that no rhythm of the plan is met, the one whose pose is farthest from
+those that were taken before. Repeats are taken first, because the noise is estimated from them.
+"""
 
 from __future__ import annotations
 

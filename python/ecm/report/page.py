@@ -1,4 +1,8 @@
-"""The page: sections in one HTML file without external requests, and the files all pages share."""
+"""The page: sections in one HTML file without external requests, and the files all pages share.
+
+All text is escaped by the template; figures are plotly's, drawn by its script that the page
+carries once. Script and figures are compressed, and unpacked by the browser.
+"""
 
 from __future__ import annotations
 

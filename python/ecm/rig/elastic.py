@@ -1,4 +1,12 @@
-"""The true elastic map: FEM solved at the commanded poses, a smooth map only for the increments."""
+"""The true elastic map: FEM solved at the commanded poses, a smooth map only for the increments.
+
+Around anchor a, which is a commanded pose with FEM wrench h_a and stiffness K_a,
+
+    h(p) = h_a + K_a d + [s(p) - s(a) - S(a) d],    d = p - a
+
+where s with S = ds/dp is any smooth map fitted to the anchors: value and slope are the FEM's, the
+surrogate gives the curvature of a sub-millimetre step only.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""One reading as a line of the journal, on disk before the next, and all as a measurement table."""
+"""One reading as a line of the journal, on disk before the next, and all as a measurement table.
+
+`NAME.journal.csv` holds sensor readings before compensation, which needs the unloaded reading
+after them; when the last one is there the table is written and the journal goes.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""`ecm campaign`: a plan and a rig file become a table on disk; one plan on many rigs."""
+"""`ecm campaign`: a plan and a rig file become a table on disk; one plan on many rigs.
+
+`NAME.csv` becomes `NAME-0000.csv`, `NAME-0001.csv`, ..., each with all files of a table.
+`NAME.rigs.json` holds which of them are this job's own and which are done: a table that is there
+under the same settings is not measured again, one that somebody else put there is not overwritten,
+and a kill loses at most the rigs that were under way.
+"""
 
 from __future__ import annotations
 

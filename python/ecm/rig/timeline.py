@@ -1,4 +1,10 @@
-"""When each reading is taken, along which way, and how warm it is then."""
+"""When each reading is taken, along which way, and how warm it is then.
+
+The robot goes from home to a pose (through the pose that `approach` names), rests, measures, and
+goes home again, each way with a cubic timing law: T = 3/2 max(distance/speed). Unloaded readings
+of the sensor stand before the first and after the last pose, at every change of run, every
+`offset_every` poses, and where the plan asks for them.
+"""
 
 from __future__ import annotations
 

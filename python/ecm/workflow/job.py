@@ -1,4 +1,8 @@
-"""What the steps of the main job share: settings, stages on disk, measured tables, numbers."""
+"""What the steps of the main job share: settings, stages on disk, measured tables, numbers.
+
+A job replaces only what it has measured itself, as the checksums in its stages say: a table that
+was edited, or that is from a real rig, stays. `NAME.begun.json` says on which rig a campaign began.
+"""
 
 from __future__ import annotations
 

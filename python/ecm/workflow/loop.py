@@ -1,4 +1,8 @@
-"""The loop of the user: compare, diagnose, add the effect, refit; and its section of a report."""
+"""The loop of the user: compare, diagnose, add the effect, refit; and its section of a report.
+
+Here it runs on the simulated rig with an effect hidden by [hidden]; `ecm compare`, `diagnose`,
+`refit` and `reveal` are the same steps on any data.
+"""
 
 from __future__ import annotations
 

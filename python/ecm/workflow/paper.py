@@ -1,4 +1,13 @@
-"""The paper's steps 2 and 3 and its own figures (Deutschmann et al., IEEE RA-L)."""
+"""The paper's steps 2 and 3 and its own figures (Deutschmann et al., IEEE RA-L).
+
+Components in the order fx fy fz (N), taux tauy tauz (N m).
+
+Table II (degrees and PCR thresholds with their condition numbers), Fig. 4 (relative error at
+b = 0.1), the symmetric energy models for comparison, and Fig. 5 (what each design gives).
+
+Table III and Figs 8-10 (errors by PCR threshold), Fig. 12 (share of the symmetric part of K),
+equation (11) (K at the initial pose), Fig. 11 (evaluation time against the FEM).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""A model written for a controller or a simulator, and the registry of all targets."""
+"""A model written for a controller or a simulator, and the registry of all targets.
+
+What is exported is the mechanism: the base map, effects of physics that act through the pose, and
+as steps with a state those of time and temperature. Errors of the instruments stay out, and the
+result says which and why.
+"""
 
 from __future__ import annotations
 

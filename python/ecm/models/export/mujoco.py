@@ -1,4 +1,9 @@
-"""MuJoCo: a passive plugin of the whole model, scenes that load it, and the linear part alone."""
+"""MuJoCo: a passive plugin of the whole model, scenes that load it, and the linear part alone.
+
+Energy at rest to second order, U = h0.dp + dp.H dp / 2 with H the generalised stiffness at the
+undeformed pose. H = sum_k lambda_k v_k v_k', so six fixed tendons over the platform's six joints,
+each with stiffness lambda_k and coefficients v_k, are exactly this energy.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Fit of a body's E and nu, also L and D; the stated body as a prior of a free base."""
+"""Fit of a body's E and nu, also L and D; the stated body as a prior of a free base.
+
+Rows alone may not distinguish an effect from the stiffness of a free base: a load of constant arm
+and a bending stiffness are one column there. The FEM of the body knows the stiffness but for E and
+nu.
+"""
 
 from __future__ import annotations
 

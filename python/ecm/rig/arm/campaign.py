@@ -1,4 +1,8 @@
-"""A campaign of the arm: the sorties of a plan are simulated, a reading is taken at each stop."""
+"""A campaign of the arm: the sorties of a plan are simulated, a reading is taken at each stop.
+
+Plan, plant, instruments and table are those of the quasi-static rig. The arm adds where it really
+came to rest, when, along which path, and which poses it could not reach.
+"""
 
 from __future__ import annotations
 

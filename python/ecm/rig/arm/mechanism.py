@@ -1,4 +1,17 @@
-"""The mechanism under the arm: its wrench at 1 kHz, and the controller's model of it."""
+"""The mechanism under the arm: its wrench at 1 kHz, and the controller's model of it.
+
+The simulated mechanism is an energy model fitted to FEM poses of the plan. It is conservative by
+construction and has degree 6, or 4 if few poses are solved.
+
+The plant of the rig (`ecm.rig.plant`) models friction, relaxation, softening, cable, stop, slip,
+weights and temperature. Its wrench at the present pose and history, minus that of the bare
+mechanism, is added to the elastic one. It is computed five times a second and interpolated
+linearly, since the plant evaluates a whole series of visits. The history in motion begins with each
+sortie; that of the readings begins with the campaign.
+
+The controller's model is a file that is exported as C and compiled here: other code than that of the
+simulated mechanism, so that what the controller knows and what is true stay apart.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Safety limits, checked a hundred times a second, and faults of instruments to rehearse."""
+"""Safety limits, checked a hundred times a second, and faults of instruments to rehearse.
+
+`[rig] fault = "sensor_nan@5, led_loss@9+"` makes the sensor return NaN at pose visit 5 (counted
+from 0) and hides the LEDs from visit 9 on. An unusable reading gives no row: the arm returns home,
+the pose is skipped with the reason, and after three in a row the campaign stops and keeps the rest.
+"""
 
 from __future__ import annotations
 

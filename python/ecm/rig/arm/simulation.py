@@ -1,4 +1,29 @@
-"""Arm and mechanism at 1 kHz: MuJoCo moves the arm, by servos and an impedance."""
+"""Arm and mechanism at 1 kHz: MuJoCo moves the arm, by servos and an impedance.
+
+tau = k (q_d + e - q) + d (q_d' - q') + J' h_model(p),    e' = (q_d - q) / T
+
+The integrator e removes the error of the feed-forward's model. q is what the encoders read: if
+joints yield ([rig] joint_yield_rad_Nm), the true angles lag behind by the yield times J'h.
+
+Backward Euler of spring and damper over one step is the spring at the present position with the
+damper d + dt k at the end of the step; MuJoCo's Euler integrator treats joint damping so.
+
+tau = J'(K e - D v) + tau_null,   e = (r_d - r, log(R_d R')) in base axes, v = J q'
+
+The damping D gives every mode of arm and mechanism the damping ratio zeta. With
+Lambda = (J M^-1 J')^-1 and K_all = K + K_mechanism, the latter by the controller's model,
+
+    Lambda^-1 = L L',  L' K_all L = Q diag(w^2) Q',  D = 2 zeta L'^-1 Q diag(w) Q' L^-1.
+
+The null space of J is one direction n; tau_null = M n a holds the elbow and does not accelerate the
+top, J M^-1 tau_null = 0.
+
+At every step the pose p of the site `top` gives the wrench h(p) on the mechanism, and the arm feels
+the generalised force -J'h. The mechanism is integrated explicitly: treating its linear part K
+implicitly would add dt^2 K to the inertia at the top, 25 g at 25 kN/m and 1 ms, which is small
+against the arm's kilogrammes. `stability_number` compares the fastest mode with the limit of 2.
+The joint servo, which is stiff, is implicit.
+"""
 
 from __future__ import annotations
 

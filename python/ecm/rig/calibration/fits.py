@@ -1,4 +1,21 @@
-"""Fits of a calibration: frames of target and sensor, hand-eye, payload."""
+"""Fits of a calibration: frames of target and sensor, hand-eye, payload.
+
+In sensor axes f = b_f + m g_s and tau = b_t + c x m g_s, with g_s = R' g: linear in the zero
+b (6), the mass m and the first moment m c.
+
+For every pose i of the robot, A_i X = Y B_i with A_i the flange in the robot's base, B_i the
+target in the camera, X the target in the flange, Y the camera in the robot's base. Rotations
+first, by the singular vectors of sum R_A (x) R_B (Shah 2013), positions from them, and then all
+twelve by weighted Gauss-Newton steps, whose normal matrix gives the uncertainty.
+
+Target: points c_k are known in the frame (corners and bores of a plate); the camera sees a probe's
+tip in them, in target axes, q_k = R c_k + t. R by singular vectors (Kabsch 1976), the uncertainty
+from the normal matrix.
+
+Sensor: with the sensor's frame (R, t) in the top frame a wrench (f, tau) at the top, known by dead
+weights, reads f_s = R' f, tau_s = R' (tau - t x f), the inverse of the adjoint that moves readings
+to the top. Gauss-Newton on (t, R).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,16 @@
-"""Strength s of an effect: the scale of `--hide EFFECT=S`, and the largest real one."""
+"""Strength s of an effect: the scale of `--hide EFFECT=S`, and the largest real one.
+
+s^2 = mean over rows and the six components of the whitened effect, L_i^-1 e_i with
+Sigma_i = L_i L_i', after what the base absorbs has been projected out. The base here is the modulus
+E: its column is the whitened elastic wrench.
+
+A strength s is what is left after the base is projected out. Where the plan hardly shows an effect
+beside the modulus (relaxation with a single rest), a requested strength needs an absurd size: a
+rubber that loses more than all of its stress. Such a request is refused, with what would make it
+possible. Each effect states its largest size in shares of what the rig is built for (length and
+stiffness of the mechanism, range of the sensor), so that the limits serve a finger as well as a
+neck. They are round figures by judgement, with the reason in the effect's file; none is measured.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What is to be hidden in a rig, the sealed truth of a campaign, and the scoring of an answer."""
+"""What is to be hidden in a rig, the sealed truth of a campaign, and the scoring of an answer.
+
+`NAME.truth.json` holds what was hidden; the data's NAME.toml holds only its sha256.
+"""
 
 from __future__ import annotations
 

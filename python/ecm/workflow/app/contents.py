@@ -1,4 +1,11 @@
-"""What is in a session folder, and the files that a person brings in."""
+"""What is in a session folder, and the files that a person brings in.
+
+steps.jsonl     the journal
+upload-N.csv    a table that was dropped; its own name is in the journal only
+model-N.json, fit-N.json, compare-N.html …   what step N wrote
+logs/           what the commands printed
+views/          what the page draws, computed from the files above; may be deleted
+"""
 
 from __future__ import annotations
 

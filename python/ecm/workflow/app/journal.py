@@ -1,4 +1,8 @@
-"""The journal of a session: one JSON record a line, only ever appended; a disk that is full."""
+"""The journal of a session: one JSON record a line, only ever appended; a disk that is full.
+
+A step has a record when it begins and one when it ends. A step without an end, in a session that
+nobody works on, was interrupted.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""The views of the page: computed in a process of their own, kept as files."""
+"""The views of the page: computed in a process of their own, kept as files.
+
+A view depends on files that never change once a step has written them, so it is kept in `views/`
+and computed once.
+"""
 
 from __future__ import annotations
 
