@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from blind_parts.other_sets import given_model, other_sets, table_of
-from ecm.diagnosis import diagnose
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import as_table
@@ -65,24 +61,3 @@ def test_few_rows_for_many_columns_leave_it_as_assumed() -> None:
     rows, error, _ = rest(0.02, 0.01)
     many = np.random.default_rng(0).standard_normal((90, 6, 400))
     assert weighed_by_rest(rows, error, many, ASSUMED) == ASSUMED
-
-
-@pytest.mark.parametrize(
-    ("seed", "index", "answer"),
-    [
-        (33, 121, (("taper",),)),
-        (33, 27, (("length_error",),)),
-        (37, 205, (("hysteresis",),)),
-        (34, 60, ()),
-    ],
-)
-def test_undeclared_noise_hides_no_effect(
-    solids: Path, seed: int, index: int, answer: tuple[tuple[str, ...], ...]
-) -> None:
-    """Sets of `benches/blind_second.py`; with a common rig's ratios the first three were unknown,
-    none and a class of three others, and the last, with nothing hidden, unknown."""
-    table, mechanism = table_of(other_sets(index + 1, seed)[index], solids)
-    found = diagnose(given_model(table, mechanism), table)
-    assert found.noise.source == "assumed"
-    assert found.answer == answer, found.sentence()
-    assert found.verdict == ("named" if answer else "none")

@@ -35,16 +35,12 @@ def both(problem: Problem, large: Candidate, small: Candidate, share: float) -> 
     return found
 
 
-@pytest.mark.parametrize(
-    ("small", "needed"), [("temperature_modulus", True), ("mullins_softening", False)]
-)
-def test_three_hundredths_are_enough_for_what_does_not_follow_the_pose(
-    problem: Problem, small: str, needed: bool
-) -> None:
-    """Softening below the largest load takes what the form of stiffening by the strain leaves."""
+@pytest.mark.parametrize("small", ["temperature_modulus", "mullins_softening"])
+def test_three_hundredths_are_not_enough_beside_another(problem: Problem, small: str) -> None:
+    """The form of the first effect leaves as much."""
     first = {c.id: c for c in reversed(problem.candidates)}
     large, beside = first["strain_stiffening"], first[small]
     assert all_needed(both(problem, large, beside, 0.2), (large, beside))
     few = both(problem, large, beside, 0.03)
     assert delta_chi2(few, (large, beside)) - delta_chi2(few, (large,)) > 50.0
-    assert all_needed(few, (large, beside)) == needed
+    assert not all_needed(few, (large, beside))

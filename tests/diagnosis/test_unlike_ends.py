@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from blind_parts.other_sets import given_model, other_sets, table_of
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
@@ -82,32 +79,3 @@ def test_a_ramp_of_a_body_with_alike_ends_says_nothing_of_its_ends() -> None:
     table = slow_ramp(600)
     found = diagnose(fit_model(table, "energy6"), table, effects=["payload"])
     assert not any("ends of the body" in text for text in found.warnings)
-
-
-# --- measured bodies of the second blind benchmark, which use no formula of the library -----------
-def drawn(solids: Path, seed: int, index: int) -> Diagnosis:
-    """The answer to one set of `benches/blind_second.py`."""
-    table, mechanism = table_of(other_sets(index + 1, seed)[index], solids)
-    return diagnose(given_model(table, mechanism), table)
-
-
-@pytest.mark.parametrize(
-    ("seed", "index"), [(31, 60), (33, 110), (34, 224), (36, 0), (34, 94), (39, 214)]
-)
-def test_where_a_base_is_too_plain_nothing_is_named(solids: Path, seed: int, index: int) -> None:
-    """Tapered rods whose best base is of revolution or of one degree more, also with noise that is
-    only assumed, and a planar rod of 40 rows whose cubic was passed over."""
-    found = drawn(solids, seed, index)
-    assert (found.verdict, found.answer) == ("none", ()), found.sentence()
-
-
-def test_unlike_ends_and_another_length_are_both_said(solids: Path) -> None:
-    found = drawn(solids, 31, 60)
-    assert any("the ends of the body differ" in text for text in found.warnings)
-    assert any(text.startswith("or the") and "length looks" in text for text in found.warnings)
-
-
-def test_an_effect_on_a_tapered_body_is_still_named(solids: Path) -> None:
-    """The base of revolution by itself leaves as much as the symmetric one with wrong effects."""
-    found = drawn(solids, 31, 11)
-    assert found.answer == (("fts_drift",),), found.sentence()

@@ -29,6 +29,8 @@ class Decision:
     verdict: Headline
     unknown: Unknown | None
     warnings: tuple[str, ...] = ()
+    neighbours_alike: bool = False
+    """Whether fewer rows of a log were used, since its neighbours err alike."""
 
     @property
     def answer(self) -> tuple[tuple[str, ...], ...]:

@@ -53,7 +53,7 @@ from ecm.models.base_choice import choose_base, symmetric_energy
 from ecm.models.given import as_model
 from ecm.models.physics.map import PhysicsMap
 from ecm.regression.blas import one_blas_thread
-from ecm.regression.correlation import correlation_of_rest
+from ecm.regression.correlation import CorrelationTime, correlation_of_rest
 from ecm.regression.noise import Noise
 from ecm.regression.rows import naming_wild_readings
 
@@ -211,8 +211,9 @@ def find_missing(
 
     Parameters are those of `diagnose`. Where the stated body is not the one that was measured,
     effects are named against the symmetric energy model instead. Where the residual of a log stays
-    alike for some rows, and no effect explains more than it would of such noise, this is said in
-    place of a name.
+    alike for some rows, effects count that explain more than they would of such noise. Where none
+    does, or without a time, as many rows are asked as would be independent; where these still lack
+    something, slow noise is said in place of a name.
 
     Examples
     --------
@@ -224,23 +225,31 @@ def find_missing(
     ()
     """
 
-    prepared = prepare(model, table, effects, settings)
-    decision = _of_rows(model, prepared, seed=seed, noise=noise, settings=settings, stages=stages)
-    if not _neighbours_alike(decision):
+    def of_rows(limits: DiagnosisSettings) -> Decision:
+        prepared = prepare(model, table, effects, limits)
+        return _of_rows(model, prepared, seed=seed, noise=noise, settings=limits, stages=stages)
+
+    decision = of_rows(settings)
+    alike = _neighbours_alike(decision)
+    if alike is None:
         return decision
     slow = slow_noise_of(decision)
-    if slow is None or slow.p < settings.level:
+    if slow is not None and slow.p < settings.level:
         return decision
+    most = max(settings.least_rows_of_log, alike.independent)
+    again = of_rows(replace(settings, most_rows=most)) if most < len(table) else decision
+    if slow is None or again.verdict == "none":
+        return replace(again, neighbours_alike=again is not decision)
     return as_slow_noise(decision, slow, stages.describe)
 
 
-def _neighbours_alike(decision: Decision) -> bool:
-    """Whether what is left of a log stays alike for some rows, so that noise may look like more."""
+def _neighbours_alike(decision: Decision) -> CorrelationTime | None:
+    """Return how long what is left of a log stays alike; None where neighbours differ."""
     misread_table = decision.unknown is not None and decision.unknown.misread
     if decision.verdict == "none" or misread_table:
-        return False
+        return None
     rest = residual_after(decision.problem, decision.accepted.effects)
-    return correlation_of_rest(decision.problem.table, rest) is not None
+    return correlation_of_rest(decision.problem.table, rest)
 
 
 def _of_rows(

@@ -121,7 +121,7 @@ def _report(decision: Decision, model: Model, seed: int, judged: Future[GivenMod
         ),
         next_experiment=next_experiments(problem, accepted, decision.accepted.classes),
         outliers=tuple(prepared.rows[problem.weights < 0.5].tolist()),
-        rows_used=_rows_used(problem),
+        rows_used=_rows_used(problem, decision.neighbours_alike),
         upper_bound=upper_bound(decision.gate.smooth, problem.size),
         left_over=decision.left,
         look_alikes=_outside_causes(decision),
@@ -161,7 +161,7 @@ def upper_bound(test: FTest, size: int) -> float:
     return float(np.sqrt(bound / size))
 
 
-def _rows_used(problem: Problem) -> RowsUsed | None:
+def _rows_used(problem: Problem, alike: bool) -> RowsUsed | None:
     """Return how many rows of a large table were used, and why they are enough."""
     if problem.table.whole is None:
         return None
@@ -171,7 +171,8 @@ def _rows_used(problem: Problem) -> RowsUsed | None:
         f"{problem.settings.power:g}; from {trusted:g} structure counts as more than the base's "
         "own error"
     )
-    return RowsUsed(len(problem.table.whole), len(problem.table), HOW, enough)
+    how = "as many as tell more, since neighbours err alike; " * alike + HOW
+    return RowsUsed(len(problem.table.whole), len(problem.table), how, enough)
 
 
 def _outside_causes(decision: Decision) -> tuple[OutsideCause, ...]:

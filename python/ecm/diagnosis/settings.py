@@ -30,6 +30,12 @@ class DiagnosisSettings(Checked):
         high=100_000,
         doc="Rows that are used of a larger table, spread over runs, time and poses.",
     )
+    least_rows_of_log: int = setting(
+        100,
+        low=20,
+        doc="Least rows used of a log whose neighbours err alike; else as many as would tell as "
+        "much if they were independent.",
+    )
     # The linearised problem
     most_base_columns: int = setting(
         80, low=0, doc="Columns of a base that are carried along; a larger base is projected out."

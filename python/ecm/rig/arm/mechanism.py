@@ -9,8 +9,8 @@ mechanism, is added to the elastic one. It is computed five times a second and i
 linearly, since the plant evaluates a whole series of visits. The history in motion begins with each
 sortie; that of the readings begins with the campaign.
 
-The controller's model is a file that is exported as C and compiled here: other code than that of the
-simulated mechanism, so that what the controller knows and what is true stay apart.
+The controller's model is a file that is exported as C and compiled here: other code than that of
+the simulated mechanism, so that what the controller knows and what is true stay apart.
 """
 
 from __future__ import annotations
