@@ -34,7 +34,7 @@ def slow_log(seed: int, correlation_s: float) -> ecm.Table:
 
 
 def test_slow_noise_is_no_effect() -> None:
-    """Never a name; a hundredth of the logs by the level of the gate, here one of three, `unknown`."""
+    """Never a name; one log in a hundred may be `unknown`, here one of three."""
     verdicts = []
     for seed in range(3):
         table = slow_log(seed, 0.3)
