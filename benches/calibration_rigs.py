@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from ecm.io.columns import POSE
 from ecm.io.description import Meta
+from ecm.io.se3 import compose, displaced, rotation, seen_from
 from ecm.io.table import Table
 from ecm.rig import Campaign, RigSettings
 from ecm.rig.calibration import hand_eye, payload, sensor_frame, target_frame
 from ecm.rig.camera import Camera
 from ecm.rig.elastic import Anchors, Progress, Smooth
-from ecm.rig.frames import compose, displaced, rotation, seen_from
 from ecm.rig.measurement import ForceTorqueSensor, wrench_in_base
 from ecm.rig.plan import rest_pose
 from ecm.rig.settings import Instruments

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from ecm import _native
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.io.columns import POSE, VELOCITY, WRENCH
+from ecm.io.se3 import left_jacobian_inverse, rotate, rotation, transpose
 from ecm.io.table import Table
 from ecm.models import Model, fit_model, surrogate_of
 from ecm.models.rod import RodMap
 from ecm.regression.approach import pose_before
-from ecm.rig.frames import left_jacobian_inverse, rotate, rotation, transpose
 from support import stand_in
 from support.campaigns import campaign, found_in, model, workspace_poses
 from support.stand_in import L

@@ -12,6 +12,7 @@ import ecm
 from ecm.diagnosis.check import by_reason, lines_by_reason
 from ecm.diagnosis.procedure import find_missing
 from ecm.effects import effects_for, get_effect, with_shape
+from ecm.effects.relaxation import StressRelaxation
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.models import load_model
@@ -226,6 +227,16 @@ def test_a_polynomial_that_was_fitted_as_advised_lacks_nothing() -> None:
 
 
 SHAPED = ("hysteresis", "backlash", "kink", "dead_zone", "higher_degree", "stress_relaxation")
+
+
+def test_two_branches_stay_two_when_they_are_fitted_again() -> None:
+    """As with twelve columns: a richer form was accepted before, and is not lost by a refit."""
+    table = one_angle("stress_relaxation")
+    both = StressRelaxation(2.0, "linear", 20.0, samples="time")
+    model = ecm.fit(table, "cubic").add(both).fit(table)
+    names = [parameter.name for parameter in model.effects[0].effect.parameters]
+    assert names == ["over_static", "over_static_second"]
+    assert model.fit(table).effects[0].effect.shape["second_tau_s"] > 0.0
 
 
 @pytest.mark.parametrize("add", list(itertools.permutations(SHAPED, 2)))

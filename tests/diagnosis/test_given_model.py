@@ -13,11 +13,11 @@ from ecm.cli.diagnose import paragraphs
 from ecm.comparison import compare
 from ecm.diagnosis import Diagnosis, diagnose, given_model
 from ecm.effects import Effect
-from ecm.effects.se3 import rotated
 from ecm.errors import InputError, ModelError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
+from ecm.io.se3 import wrapped_rotation
 from ecm.io.table import Table, as_table
 from ecm.models import Model, fit_model
 from ecm.models.joint_fit import JointFit, joint_fit
@@ -226,8 +226,8 @@ def test_one_reading_out_of_all_bounds_is_named_and_nothing_of_the_inside() -> N
     rest = as_table(columns, meta={"leave_out": {"start": "1-3"}})
     with pytest.raises(InputError, match="row 12, "), naming_wild_readings(rest):
         raise ModelError("the prediction is NaN")
-    x = np.array([0.0, 1.0, 0.0])
-    assert np.allclose(rotated(x, np.array([0.0, 0.0, 9.0])), [-np.sin(9.0), np.cos(9.0), 0.0])
+    turned = wrapped_rotation(np.array([[0.0, 0.0, 9.0]]))[0, :, 1]
+    assert np.allclose(turned, [-np.sin(9.0), np.cos(9.0), 0.0])
 
 
 def test_effects_that_leave_their_range_beside_the_models_kind_are_left_out(

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ecm.diagnosis import diagnose
 from ecm.effects import Rows
+from ecm.effects.memory import fading, play
 from ecm.effects.relaxation import StressRelaxation
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import FileMeta, Meta
@@ -92,3 +93,17 @@ def linear_body(way: NDArray[np.float64], meta: Meta) -> Table:
     rows = np.hstack([way + np.array([LENGTH_M, 0.0, 0.0, 0.0, 0.0, 0.0]), wrenches])
     columns = dict(zip((*POSE, *WRENCH), rows.T, strict=True))
     return as_table(columns | {"time_s": np.arange(float(len(way)))}, meta=meta)
+
+
+@pytest.mark.parametrize("rows", [0, 1, 2, 3, 7, 60, 1001])
+def test_stretches_give_the_states_of_a_loop_over_the_rows(rows: int) -> None:
+    random = np.random.default_rng(rows)
+    fades, grown = random.uniform(0.0, 1.0, rows), random.standard_normal((rows, 2))
+    loads = np.cumsum(random.standard_normal((rows, 2)), axis=0)
+    width = np.array([0.5, 2.0])
+    states, sliders = [np.array([1.0, -2.0])], [np.zeros(2)]
+    for fade, more, load in zip(fades, grown, loads, strict=True):
+        states.append(states[-1] * fade + more)
+        sliders.append(np.clip(sliders[-1], load - width, load + width))
+    np.testing.assert_allclose(fading(fades, grown, states[0]), states, atol=1e-12)
+    np.testing.assert_array_equal(play(loads, width), np.array(sliders[1:]).reshape(rows, 2))

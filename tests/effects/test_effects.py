@@ -21,7 +21,7 @@ from ecm.effects import (
     register,
     unregister,
 )
-from ecm.effects.boundary import BaseCompliance
+from ecm.effects.contact import BaseCompliance
 from ecm.effects.frames import BaseFrameMisalignment, TipFrameMisalignment
 from ecm.effects.friction import Hysteresis
 from ecm.effects.geometry import LengthError

@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from ecm import _native
 from ecm.diagnosis import diagnose
 from ecm.effects import Missing, Rows, get_effect
-from ecm.effects.hand_eye import flange_from_top
-from ecm.effects.kuka import top_jacobian
 from ecm.effects.registry import with_shape
-from ecm.effects.se3 import moved_in_base, moved_in_top
+from ecm.effects.robot import flange_from_top, top_jacobian
 from ecm.errors import InputError
 from ecm.io.columns import JOINT_SIGNS, JOINTS, POSE, WRENCH
 from ecm.io.description import Meta
+from ecm.io.se3 import compose
 from ecm.io.table import Table
 from ecm.rig import CampaignOptions, run_campaign
 from support.campaigns import campaign, found_in, model, physics, workspace_poses
@@ -87,14 +86,14 @@ def test_foot_and_tool_of_another_rig_are_found_through_noise_and_bad_rows() -> 
     poses, joints = poses_and_joints()
     own = flange_from_top(table_of(poses, joints))
     assert not isinstance(own, Missing)
-    shift, turn = np.array([0.02, -0.05, 0.11]), np.array([0.3, -0.9, 0.5])
-    moved = moved_in_base(moved_in_top(poses, shift, turn), np.array([1.0, 2.0, -0.4]), -2.0 * turn)
+    tool = np.array([0.02, -0.05, 0.11, 0.3, -0.9, 0.5])
+    moved = compose(np.array([1.0, 2.0, -0.4, *(-2.0 * tool[3:])]), compose(poses, tool))
     random = np.random.default_rng(1)
     noisy = moved + random.standard_normal(moved.shape) * ([4e-5] * 3 + [4e-4] * 3)
     noisy[random.choice(len(noisy), 5, replace=False)] += [0.02, -0.01, 0.0, 0.2, 0.0, 0.1]
     found = flange_from_top(table_of(noisy, joints))
     assert not isinstance(found, Missing)
-    expected = moved_in_top(own[None], shift, turn)[0]
+    expected = compose(own, tool)[0]
     np.testing.assert_allclose(found[:3], expected[:3], atol=3e-4)
     np.testing.assert_allclose(found[3:], expected[3:], atol=1e-3)
 

@@ -11,17 +11,15 @@ from numpy.typing import NDArray
 from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.search import all_needed, delta_chi2, rank, search
 from ecm.effects import Rows, all_effects
-from ecm.effects.boundary import BaseCompliance
-from ecm.effects.contact import Debonding
+from ecm.effects.ageing import MullinsSoftening
+from ecm.effects.contact import BaseCompliance, Debonding
 from ecm.effects.friction import Hysteresis
-from ecm.effects.geometry import DiameterError
+from ecm.effects.geometry import DiameterError, PreCurvature
 from ecm.effects.load import CableDrag
 from ecm.effects.material import StrainStiffening
-from ecm.effects.modulus import MullinsSoftening
 from ecm.effects.occlusion import LedOcclusion, line_of_sight
-from ecm.effects.pre_curvature import PreCurvature
 from ecm.effects.relaxation import StressRelaxation
-from ecm.effects.rod_strain import rest_stiffness
+from ecm.effects.rod import rest_stiffness
 from ecm.effects.sensor_axes import FtsHysteresis
 from ecm.effects.slip import PlatformSlip
 from ecm.io.columns import POSE

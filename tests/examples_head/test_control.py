@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from head import exportable, largest_turns, uncontrolled
 
 from compiled import CompiledController, build_plugin, compile_controller
 from ecm import ComputationError, InputError, Model, fit
 from experiment import Robot
-from head import exportable, largest_turns, uncontrolled
 from motions import Motions, held_pose
 from observer import holding_forces, static_slope
 from robot import (

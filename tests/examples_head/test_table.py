@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import head as module
 import numpy as np
 import pytest
-
-import head as module
-from experiment import Record
 from head import BY_SHAPE, WITHOUT, Bench, table_lines
+
+from experiment import Record
 from robot import HeadSettings
 from support.head_example import closed_neck
 

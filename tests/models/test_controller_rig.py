@@ -6,8 +6,8 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+from ecm.effects.ageing import TemperatureModulus
 from ecm.effects.friction import Hysteresis
-from ecm.effects.modulus import TemperatureModulus
 from ecm.effects.relaxation import StressRelaxation
 from ecm.models import fit_model
 from ecm.models.joint_fit import joint_fit

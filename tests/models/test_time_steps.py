@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from ecm._native import ModelError
 from ecm.effects import Effect, Rows
+from ecm.effects.ageing import Ageing, MullinsSoftening, PermanentSet, TemperatureModulus
 from ecm.effects.friction import Hysteresis
-from ecm.effects.modulus import Ageing, MullinsSoftening, TemperatureModulus
 from ecm.effects.motion import ViscousDamping
-from ecm.effects.permanent_set import PermanentSet
 from ecm.effects.relaxation import StressRelaxation
 from ecm.effects.sensor import FtsOffset
 from ecm.errors import InputError

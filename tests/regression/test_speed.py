@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ecm.effects.few.friction import velocity_of
-from ecm.effects.motion import velocity
+from ecm.effects.motion import velocity, velocity_of
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.table import Table, as_table

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ecm.effects import Rows, all_effects, approach_sides
-from ecm.effects.thinned import jacobian_of
+from ecm.effects.protocol import jacobian_of
 from ecm.io.description import Meta
 from ecm.io.table import Table, as_table
 from ecm.regression.folds import repeat_contrasts, spread_rows

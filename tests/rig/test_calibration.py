@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from calibration_rigs import GRAVITY, coverage, frame, zero_left
 from ecm.errors import InputError
+from ecm.io.se3 import compose, rotation, seen_from
 from ecm.rig import Campaign, RigSettings
 from ecm.rig.calibration import hand_eye, payload, sensor_frame, target_frame
 from ecm.rig.calibration.pre_campaign import calibrated
-from ecm.rig.frames import compose, rotation, seen_from
 from ecm.rig.measurement import zero_at
 from support.stand_in import StandIn, instruments, plan_of, some_poses
 

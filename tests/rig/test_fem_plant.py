@@ -11,10 +11,10 @@ import pytest
 
 from ecm.io.arrays import F
 from ecm.io.mechanism import Mechanism
+from ecm.io.se3 import displaced, turn_wrench
 from ecm.io.table import read_table
 from ecm.rig import Campaign, CampaignOptions, RigSettings, run_campaign
 from ecm.rig.elastic import COS2, SIN2, UNIFORM, Anchors, Elastic, FemSource, solve_cached
-from ecm.rig.frames import displaced, turn_wrench
 from support.stand_in import plan_of, some_poses
 
 NECK: dict[str, Any] = {

@@ -12,9 +12,9 @@ import pytest
 
 from ecm.effects import all_effects
 from ecm.errors import InputError
+from ecm.io.se3 import rotate, rotation
 from ecm.io.table import Table, read_table
 from ecm.rig import Campaign, CampaignOptions, Hidden, RigSettings, reveal, run_campaign, score
-from ecm.rig.frames import rotate, rotation
 from ecm.rig.hidden.size import measure
 from ecm.rig.measurement import residual, wrench_in_base
 from ecm.rig.physics import TRUE_EFFECTS, Conditions, TrueEffect

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ecm.io.se3 import rotation, rotation_vector, wrench_adjoint
 from ecm.rig import Campaign, RigSettings
 from ecm.rig.camera import Camera, Optics
-from ecm.rig.frames import rotation, rotation_vector, top_from_sensor_wrench
 from ecm.rig.measurement import ForceTorqueSensor, residual
 from ecm.rig.physics.sensor import SensorWarmUp
 from support.stand_in import StandIn, instruments, plan_of, some_poses
@@ -18,7 +18,7 @@ def test_a_window_averages_the_noise() -> None:
     random = np.random.default_rng(0)
     true = np.array([-50.0, 20.0, 5.0, 0.3, -1.0, 2.0])
     means = np.stack([sensor.read(true, 0.2, random).mean(axis=0) for _ in range(400)])
-    adjoint = top_from_sensor_wrench(instruments().top_from_sensor)
+    adjoint = wrench_adjoint(instruments().top_from_sensor)
     expected = sensor.row_covariance(0.2, adjoint)
     found = np.cov((means @ adjoint.T).T)
     sd = np.sqrt(np.diag(expected))

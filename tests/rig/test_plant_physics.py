@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from ecm.errors import ComputationError
-from ecm.rig.frames import (
+from ecm.io.se3 import (
     compose,
     left_jacobian_inverse,
     rotate,
     rotation,
     rotation_vector,
     seen_from,
-    top_from_sensor_wrench,
+    wrench_adjoint,
 )
 from ecm.rig.measurement import zero_at
 from ecm.rig.physics import Conditions
@@ -48,7 +48,7 @@ def test_compose_and_seen_from_are_inverse() -> None:
 def test_a_wrench_moves_with_its_work() -> None:
     # The power of a wrench is the same in both frames: the adjoint is that of the twist's dual.
     transform = (0.1, -0.2, 0.3, np.cos(0.4), 0.0, np.sin(0.4), 0.0)
-    adjoint = top_from_sensor_wrench(transform)
+    adjoint = wrench_adjoint(transform)
     force_at_sensor = np.array([0.0, 0.0, 2.0, 0.0, 0.0, 0.0])
     moved = adjoint @ force_at_sensor
     assert moved[3:] == pytest.approx(np.cross(transform[:3], moved[:3]))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ecm.io.se3 import rotate, skew, transpose
 from ecm.rig.elastic import (
     UNIFORM,
     Elastic,
 )
-from ecm.rig.frames import rotate, skew, transpose
 from support.stand_in import (
     AXIAL,
     BEND,

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from ecm.effects import Effect
+from ecm.effects.ageing import TemperatureModulus
 from ecm.effects.friction import Hysteresis
-from ecm.effects.modulus import TemperatureModulus
 from ecm.effects.relaxation import StressRelaxation
 from ecm.models import Model
 from ecm.models.joint_fit import FittedEffect

@@ -7,6 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.io.se3 import (
+    left_jacobian_inverse,
+    rotate,
+    rotation,
+    transpose,
+)
 from ecm.io.table import POSE, Table, as_table
 from ecm.rig import Campaign, RigSettings
 from ecm.rig.elastic import (
@@ -19,12 +25,6 @@ from ecm.rig.elastic import (
     Anchors,
     Progress,
     Smooth,
-)
-from ecm.rig.frames import (
-    left_jacobian_inverse,
-    rotate,
-    rotation,
-    transpose,
 )
 from ecm.rig.hidden.size import Whitener
 from ecm.rig.measurement import row_covariance

@@ -19,11 +19,11 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.events import Progress
 from ecm.io.mechanism import Mechanism
+from ecm.io.se3 import wrench_adjoint
 from ecm.io.table import Table
 from ecm.models import EnergyMap, Model, StiffnessMap, physics_map, surrogate_of
 from ecm.regression.noise import Noise, declared_noise, whiteners
 from ecm.rig.camera import Camera
-from ecm.rig.frames import top_from_sensor_wrench
 from ecm.rig.measurement import ForceTorqueSensor
 from ecm.rig.settings import RigSettings
 
@@ -219,7 +219,7 @@ def rig_noise(settings: RigSettings) -> Noise:
     'declared'
     """
     instrument, window = settings.instrument, settings.rig.window_s
-    adjoint = top_from_sensor_wrench(instrument.top_from_sensor)
+    adjoint = wrench_adjoint(instrument.top_from_sensor)
     variance = np.diag(ForceTorqueSensor(instrument).row_covariance(window, adjoint))
     position, angle = Camera(instrument).row_sd(window)
     sd = np.array([position, angle, *np.sqrt(variance.reshape(2, 3).mean(axis=1))])

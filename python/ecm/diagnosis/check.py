@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ecm.diagnosis.readings import time_unit
 from ecm.diagnosis.summary import fields_json
 from ecm.effects import effects_of
-from ecm.effects.length import missing_length
+from ecm.effects.protocol import missing_length
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import F, I
 from ecm.io.cache import write_atomically

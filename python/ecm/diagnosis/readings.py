@@ -17,13 +17,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from ecm._native import EnergyModel, rotation_matrices
+from ecm._native import EnergyModel
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.errors import EcmError, ModelError
 from ecm.io.arrays import F, I, evenly, rest_of
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.misread import falling_loads
 from ecm.io.restated import Restatement, in_words, restatements
+from ecm.io.se3 import rotation
 from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import EnergyMap, StiffnessMap
 
@@ -110,7 +111,7 @@ def _about_top_point(at: F, poses: F, wrench: F) -> tuple[F, F]:
 
 def _turned(at: F, poses: F) -> F:
     """(N, 3) of a point of the top in base axes."""
-    return np.asarray(rotation_matrices(np.ascontiguousarray(poses[:, 3:])) @ at)
+    return np.asarray(rotation(poses[:, 3:]) @ at)
 
 
 def _with_lever(lever: F, wrench: F) -> F:

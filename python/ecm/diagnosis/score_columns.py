@@ -10,13 +10,11 @@ from scipy import special
 
 from ecm.diagnosis.settings import DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
-from ecm.effects.few.forms import FORMS
-from ecm.effects.length import UNKNOWN_LENGTH
-from ecm.effects.thinned import jacobian_of
+from ecm.effects.protocol import UNKNOWN_LENGTH, jacobian_of
 from ecm.io.arrays import F, I
 from ecm.regression.blocks import in_threads
 from ecm.regression.f_test import explained_by_span, orthonormal
-from ecm.regression.rows import UnknownLength
+from ecm.regression.rows import UnknownLength, is_whole
 
 _ROUNDING = 1e-9
 _AT_ONCE = 64
@@ -148,7 +146,7 @@ def effect_columns(
     every += _refined_shapes(
         rows, whitener, response, every, projection, rounds=settings.shape_refinements
     )
-    kept, absorbed = _not_absorbed(every, projection, base_kind, settings)
+    kept, absorbed = _not_absorbed(every, projection, base_kind, is_whole(rows.base), settings)
     return EffectColumns(kept, untestable | absorbed, weights, projection)
 
 
@@ -241,6 +239,7 @@ def _not_absorbed(
     every: Sequence[ScoreColumns],
     projection: Projection,
     base_kind: str,
+    whole: bool,
     settings: DiagnosisSettings,
 ) -> tuple[list[ScoreColumns], dict[str, Missing]]:
     """Return the columns that the base does not absorb, and why the others are left out."""
@@ -256,17 +255,17 @@ def _not_absorbed(
         elif not item.imitates:
             absorbed[item.effect.id] = Missing(
                 f"the base absorbs it ({100.0 * share:.0f} %)",
-                _record(base_kind, item.effect),
+                _record(base_kind, whole),
             )
     seen = {item.effect.id for item in kept}
     return kept, {id: why for id, why in absorbed.items() if id not in seen}
 
 
-def _record(base_kind: str, effect: Effect) -> str:
+def _record(base_kind: str, whole: bool) -> str:
     """Return what separates an effect from a base that absorbs it."""
     if base_kind == "physics":
         return "pure axial and pure torsion poses, or a second specimen"
-    if effect.id in FORMS and type(effect) is type(FORMS[effect.id]):
+    if not whole:
         return "the same poses again, in another order and at another speed"
     return "[mechanism], so that the physics model is the base"
 

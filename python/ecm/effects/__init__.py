@@ -24,23 +24,8 @@ from ecm.regression.approach import approach_sides
 from ecm.regression.rows import BaseMap, Rows
 
 __all__ = [
-    "BaseMap",
-    "Effect",
-    "EffectBase",
-    "LinearEffect",
-    "LookAlike",
-    "Missing",
-    "Parameter",
-    "Rows",
-    "Shape",
-    "all_effects",
-    "approach_sides",
-    "effect",
-    "effects_for",
-    "effects_of",
-    "get_effect",
-    "load_installed",
-    "register",
-    "unregister",
-    "with_shape",
-]
+    "BaseMap", "Effect", "EffectBase", "LinearEffect", "LookAlike",
+    "Missing", "Parameter", "Rows", "Shape", "all_effects",
+    "approach_sides", "effect", "effects_for", "effects_of", "get_effect",
+    "load_installed", "register", "unregister", "with_shape",
+]  # fmt: skip

@@ -1,4 +1,4 @@
-"""Contact that begins or ends: a stop that is reached, a bond that opens."""
+"""What holds the mechanism or touches it: a clamp that yields, a stop, a bond that opens."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ecm._native import mid_frame, rotation_matrices
-from ecm.effects.boundary import BaseCompliance
-from ecm.effects.mid_frame import wrench_of
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
@@ -22,12 +20,78 @@ from ecm.effects.protocol import (
     needs_time,
     optional,
 )
-from ecm.effects.rod_strain import rest_stiffness, rod_strain
+from ecm.effects.rod import rest_stiffness, rod_strain, wrench_of
 from ecm.effects.slip import base_twist_columns
 from ecm.io.arrays import F
+from ecm.io.se3 import seen_from, turn_wrench, wrapped_rotation
 from ecm.io.table import Table
 from ecm.regression.approach import step_times, times_beside
 from ecm.regression.rows import Rows
+
+_ITERATIONS = 5
+
+
+@dataclass(eq=False)
+class BaseCompliance(Effect):
+    """The clamp yields: a spring in series with the mechanism, loaded by the wrench at the base.
+
+    The base plate moves by C (f, tau + r x f); the mechanism feels the pose relative to it, and
+    its wrench turns with it. Solved by fixed-point iteration from the rigid base.
+    """
+
+    id = "base_compliance"
+    physics = "The base plate yields under the wrench at the base, in series with the mechanism."
+    parameters = listed(
+        Parameter("bending", "rad/(N m)", 1e-3, 0.0, 0.05),
+        Parameter("lateral", "m/N", 2e-6, 0.0, 1e-4),
+        Parameter("axial", "m/N", 1e-6, 0.0, 1e-4),
+    )
+    outside = LookAlike(
+        "anything soft in series below the mechanism: a bolted joint, the table, a glued foot",
+        "a marker on the base plate, or the same mechanism on a stiffer base",
+    )
+    signature = "m = 0, in series, conservative"
+    rivals = {
+        "robot_compliance": "other_elbow",
+        "taper": "end_for_end",
+        "camera_scale": "gauge_bar",
+        "debonding": "dial_gauge",
+        "diameter_error": "calliper",
+        "payload": "remove_payload",
+    }
+
+    plate: str = optional("round")
+    """`round`: alike in all directions and stiff in torsion; or `uneven`."""
+
+    def __post_init__(self) -> None:
+        if self.plate == "uneven":
+            self.parameters = (
+                Parameter("bending_y", "rad/(N m)", 1e-3, 0.0, 0.05),
+                Parameter("bending_z", "rad/(N m)", 1e-3, 0.0, 0.05),
+                Parameter("torsion", "rad/(N m)", 1e-3, 0.0, 0.05),
+                *BaseCompliance.parameters[1:],
+            )
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """A round and an uneven plate."""
+        return (BaseCompliance(), BaseCompliance("uneven"))
+
+    def correction(self, rows: Rows, values: F) -> F:
+        """Wrench of mechanism and clamp in series minus that of the mechanism."""
+        lateral, axial = values[-2:]
+        along = np.array([axial, lateral, lateral])
+        about = np.array([0.0, values[0], values[0]])
+        if self.plate == "uneven":
+            about = np.array([values[2], values[0], values[1]])
+        wrench = rows.wrench
+        for _ in range(_ITERATIONS):
+            force = wrench[:, :3]
+            moment = wrench[:, 3:] + np.cross(rows.poses[:, :3], force)
+            yielded = np.concatenate([along * force, about * moment], axis=1)
+            wrench = rows.predict(seen_from(yielded, rows.poses))
+            wrench = turn_wrench(wrapped_rotation(yielded[:, 3:]), wrench)
+        return wrench - rows.wrench
+
 
 _SHARES = (0.5, 0.7, 0.85)
 """Quantiles of the tilt at which a stop is tried."""
@@ -97,7 +161,7 @@ class ContactStop(LinearEffect):
 
 def _tilt(rotation_vectors: F) -> tuple[F, F]:
     """(N,) tilt of the platform's axis against the base's, and (N, 2) its direction in y and z."""
-    axis = rotation_matrices(np.ascontiguousarray(rotation_vectors))[:, :, 0]
+    axis = rotation_matrices(rotation_vectors)[:, :, 0]
     across = np.hypot(axis[:, 1], axis[:, 2])
     lean = axis[:, 1:] / np.where(across > 1e-12, across, 1.0)[:, None]
     return np.arctan2(across, axis[:, 0]), lean
@@ -225,4 +289,4 @@ class Debonding(LinearEffect):
         return columns
 
 
-EFFECTS = (ContactStop(), Debonding())
+EFFECTS = (BaseCompliance(), ContactStop(), Debonding())

@@ -60,15 +60,10 @@ class Experiment:
 _LISTED = (
     # Driven by the rig.
     Experiment("repeat_first_poses", "repeat the first 10 poses", 15, "first_poses"),
-    Experiment(
-        "repeat_next_day", "repeat the first set at the end, and next day", 30, "first_poses"
-    ),
-    Experiment(
-        "conditioning_cycles",
-        "5 conditioning cycles, then repeat the first 10 poses",
-        20,
-        "conditioning",
-    ),
+    Experiment("repeat_next_day", "repeat the first set at the end, and next day", 30,
+               "first_poses"),
+    Experiment("conditioning_cycles", "5 conditioning cycles, then repeat the first 10 poses", 20,
+               "conditioning"),
     Experiment("repeat_those_poses", "repeat those poses", 20, "repeats"),
     Experiment("repeat_small_and_large", "repeats at small and large poses", 20, "repeats"),
     Experiment("push_and_pull", "a pair of push and pull poses", 20, "push_and_pull"),
@@ -85,68 +80,34 @@ _LISTED = (
     Experiment("warm_and_cold", "repeat 10 poses warm and cold", 80, "warm_and_cold"),
     Experiment("zero_warm_and_cold", "unloaded zero warm and cold", 80, "warm_and_cold"),
     Experiment("remove_payload", "remove the payload", 30, "without_payload"),
-    Experiment(
-        "zero_without_payload", "zero the sensor without the payload", 30, "without_payload"
-    ),
+    Experiment("zero_without_payload", "zero the sensor without the payload", 30,
+               "without_payload"),
     Experiment("remount_90", "remount the mechanism turned by 90 degrees", 35, "remount_90"),
     Experiment("remount_180", "remount turned by 180 degrees", 35, "remount_180"),
     Experiment("dead_weights", "dead weights", 45, "dead_weights"),
     Experiment("dead_weights_on_lever", "dead weights on a lever", 45, "dead_weights"),
     Experiment("load_and_unload_weights", "load and unload dead weights", 45, "dead_weights"),
     # By hand, with a reading of an effect's size.
-    Experiment(
-        "calliper",
-        "calliper",
-        10,
-        readings={"length_error": {"m": 5e-5}, "diameter_error": {"1": 1e-3}},
-    ),
-    Experiment(
-        "detached_length", "measure the detached length", 10, readings={"pretension": {"N": 2.0}}
-    ),
-    Experiment(
-        "detach_cable",
-        "detach the cable",
-        10,
-        readings={"cable_drag": {"N/m": 1.0, "N": 0.05, "N m": 2e-3, "N/m^2": 20.0}},
-    ),
-    Experiment(
-        "reseat_marker",
-        "re-seat the marker",
-        20,
-        readings={"tip_frame_misalignment": {"m": 5e-5, "rad": 5e-4}},
-    ),
+    Experiment("calliper", "calliper", 10,
+               readings={"length_error": {"m": 5e-5}, "diameter_error": {"1": 1e-3}}),
+    Experiment("detached_length", "measure the detached length", 10,
+               readings={"pretension": {"N": 2.0}}),
+    Experiment("detach_cable", "detach the cable", 10,
+               readings={"cable_drag": {"N/m": 1.0, "N": 0.05, "N m": 2e-3, "N/m^2": 20.0}}),
+    Experiment("reseat_marker", "re-seat the marker", 20,
+               readings={"tip_frame_misalignment": {"m": 5e-5, "rad": 5e-4}}),
     Experiment("gauge_bar", "gauge bar", 20, readings={"camera_scale": {"1": 1e-3}}),
-    Experiment(
-        "dial_gauge",
-        "dial gauge on the base plate under load",
-        20,
-        readings={"base_compliance": {"rad/(N m)": 3e-5, "m/N": 2e-7}},
-    ),
-    Experiment(
-        "base_marker",
-        "look at the base marker",
-        20,
-        readings={"marker_motion": {"m": 2e-5, "rad": 3e-4}},
-    ),
-    Experiment(
-        "base_survey",
-        "survey the base",
-        30,
-        readings={"base_frame_misalignment": {"m": 5e-5, "rad": 5e-4}},
-    ),
-    Experiment(
-        "second_camera_place",
-        "a second place of the camera",
-        30,
-        readings={"led_occlusion": {"m": 5e-5, "rad": 1e-3}},
-    ),
+    Experiment("dial_gauge", "dial gauge on the base plate under load", 20,
+               readings={"base_compliance": {"rad/(N m)": 3e-5, "m/N": 2e-7}}),
+    Experiment("base_marker", "look at the base marker", 20,
+               readings={"marker_motion": {"m": 2e-5, "rad": 3e-4}}),
+    Experiment("base_survey", "survey the base", 30,
+               readings={"base_frame_misalignment": {"m": 5e-5, "rad": 5e-4}}),
+    Experiment("second_camera_place", "a second place of the camera", 30,
+               readings={"led_occlusion": {"m": 5e-5, "rad": 1e-3}}),
     # The free sensor is warmed and left to cool, more than once.
-    Experiment(
-        "warm_up_log",
-        "warm-up log of the sensor's temperature",
-        60,
-        readings={"fts_thermal_drift": {"N/K": 0.02, "N m/K": 1e-3}},
-    ),
+    Experiment("warm_up_log", "warm-up log of the sensor's temperature", 60,
+               readings={"fts_thermal_drift": {"N/K": 0.02, "N m/K": 1e-3}}),
     # By hand, without a reading that could be predicted.
     Experiment("longer_average", "a longer average"),
     Experiment("static_stream", "a static stream of 60 s"),
@@ -162,7 +123,7 @@ _LISTED = (
     Experiment("other_elbow", "the same pose with another elbow"),
     Experiment("end_for_end", "turn the mechanism end for end"),
     Experiment("two_speeds", "two approach speeds"),
-)
+)  # fmt: skip
 EXPERIMENTS: Mapping[str, Experiment] = {one.id: one for one in _LISTED}
 """All experiments by id."""
 _BY_ACTION = {one.action: one for one in _LISTED}

@@ -6,16 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ecm.effects.protocol import Effect, EffectBase, LookAlike, Parameter
-from ecm.effects.se3 import moved_in_base, moved_in_top, rotated, turned
+from ecm.effects.protocol import Effect, LookAlike, Parameter
 from ecm.effects.slip import twist
 from ecm.io.arrays import F
+from ecm.io.se3 import compose, seen_from, turn_wrench, wrapped_rotation
 from ecm.io.table import Table
 from ecm.regression.rows import Rows
 
 
 @dataclass(eq=False)
-class _FrameMisalignment(EffectBase):
+class _FrameMisalignment(Effect):
     """Base of the two frames: the wrench was turned with the measured rotation, or not."""
 
     side = "measurement"
@@ -50,12 +50,10 @@ class TipFrameMisalignment(_FrameMisalignment):
 
     def correction(self, rows: Rows, values: F) -> F:
         """h(p exp(-(d, w))), turned with the error where the wrench was."""
-        shift, turn = values[:3], values[3:]
-        # Inverse of (d, w) in top axes: turn by -w, shift by -exp(-w) d.
-        back = rotated(shift, -turn)
-        wrench = rows.predict(moved_in_top(rows.poses, -back, -turn))
+        back = seen_from(values, np.zeros(6))
+        wrench = rows.predict(compose(rows.poses, back))
         if self.wrench_axes == "measured":
-            wrench = turned(wrench, np.einsum("nij,j->ni", rows.rotation, turn))
+            wrench = turn_wrench(wrapped_rotation(rows.rotation @ values[3:]), wrench)
         return wrench - rows.wrench
 
 
@@ -78,15 +76,13 @@ class BaseFrameMisalignment(_FrameMisalignment):
 
     def correction(self, rows: Rows, values: F) -> F:
         """h(exp(-(d, w)) p), turned with the error where the wrench was."""
-        shift, turn = values[:3], values[3:]
-        back = rotated(shift, -turn)
-        wrench = rows.predict(moved_in_base(rows.poses, -back, -turn))
+        wrench = rows.predict(seen_from(values, rows.poses))
         if self.wrench_axes == "measured":
-            wrench = turned(wrench, turn)
+            wrench = turn_wrench(wrapped_rotation(values[None, 3:]), wrench)
         return wrench - rows.wrench
 
 
-class CameraScale(EffectBase):
+class CameraScale(Effect):
     """Positions are measured too large by the factor 1 + s about the rest position."""
 
     id = "camera_scale"

@@ -8,20 +8,32 @@ import numpy as np
 
 from ecm._native import mid_frame
 from ecm.effects.memory import play
-from ecm.effects.mid_frame import wrench_of
+from ecm.effects.pairs import (
+    columns_of_pairs,
+    listed_numbers,
+    names_of,
+    needs_both_ways,
+    numbers,
+    per_pair,
+    resisting_pairs,
+    short,
+    spans,
+)
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
     LookAlike,
     Missing,
     Parameter,
+    Shape,
     beside,
     listed,
     needs_full,
     needs_time,
     optional,
 )
-from ecm.effects.rod_strain import rest_stiffness
+from ecm.effects.rod import rest_stiffness, wrench_of
+from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.table import Table
@@ -31,6 +43,8 @@ from ecm.regression.rows import Rows
 
 _PATHS = (0.02, 0.05, 0.12)
 """Paths to the slip that are tried, over the spread of the poses."""
+_SLIPS = (0.002, 0.03, 0.1, 0.3)
+"""The same along single pose columns, over the range of each."""
 
 
 @dataclass(eq=False)
@@ -41,6 +55,10 @@ class Hysteresis(LinearEffect):
     coordinate of the path, from reading to reading over the pose before, and is limited to |z| = y.
     Coordinates are those of the mid frame, where the stiffness k at rest is diagonal (`middle`), or
     those of the pose with a c for each (`each`).
+
+    With fewer than the twelve columns there is no frame, and the stiffness may be far from that of
+    the friction: then springs slip along pairs of columns (`of`), c z / y in N or N m, and c > 0
+    where the loops of the motion lose work.
     """
 
     id = "hysteresis"
@@ -63,19 +81,40 @@ class Hysteresis(LinearEffect):
     """Stiffness that the friction follows: `local`, at `rest`; with a memory `middle` or `each`."""
     yield_m: float = optional(0.0)
     """Path in m to the slip; 0: no memory."""
+    of: str | None = optional(None)
+    """Pairs of columns (`ecm.effects.pairs`) along which springs slip; None: all twelve."""
+    slip: str = optional("")
+    """Path to the slip of each pose column of the pairs, m or rad."""
 
     def __post_init__(self) -> None:
-        if self.stiffness == "each":
-            coordinates = (name.rsplit("_", 1)[0] for name in POSE)
+        if self.of is not None:
+            self.physics = (
+                "Internal friction: the wrench depends on the direction of motion, at any speed."
+            )
+            self.needs = "time (time_s), and motion both ways"
+            self.parameters = per_pair(self.of, "friction", lower=0.0)
+            lacking = [name for name in names_of(self.of) if name not in numbers(self.slip)]
+            if lacking:
+                raise InputError(f"effect {self.id}: slip has no path of {', '.join(lacking)}")
+        elif self.stiffness == "each":
             c = Hysteresis.parameters[0]
-            self.parameters = tuple(replace(c, name=f"c_{name}") for name in coordinates)
+            self.parameters = tuple(replace(c, name=f"c_{short(name)}") for name in POSE)
+
+    @property
+    def shape(self) -> Shape:
+        """The fields; along pairs the stiffness has no part."""
+        shape = super().shape
+        if self.of is not None:
+            del shape["stiffness"]
+        return shape
 
     def missing(self, table: Table) -> Missing | None:
         """Needs poses approached from both sides, with a memory also time; or a continuous test."""
-        if is_continuous(table):
-            return needs_full(table) or needs_time(table)
-        lacking = needs_full(table) or (needs_time(table) if self.yield_m > 0.0 else None)
-        if lacking is not None:
+        if self.of is not None:
+            return needs_both_ways(table)
+        by_time = is_continuous(table) or self.yield_m > 0.0
+        lacking = needs_full(table) or (needs_time(table) if by_time else None)
+        if lacking is not None or is_continuous(table):
             return lacking
         if not table.has("approach") and not table.has("time_s"):
             return Missing("no column approach", "approach, or time_s", absent=True)
@@ -92,6 +131,10 @@ class Hysteresis(LinearEffect):
 
         A continuous test has the path itself, along which springs of the mid frame slip.
         """
+        if self.of is not None:
+            of = ",".join(resisting_pairs(table))
+            span = {name: spans(table)[name] for name in names_of(of)}
+            return tuple(Hysteresis(of=of, slip=listed_numbers(span, s)) for s in _SLIPS)
         if needs_time(table) is not None:
             return (Hysteresis("local"), Hysteresis("rest"))
         slipping = [Hysteresis(k, path) for k in ("middle", "each") for path in _paths(table)]
@@ -101,6 +144,10 @@ class Hysteresis(LinearEffect):
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Paths to the slip between this one and its neighbours."""
+        if self.of is not None:
+            factors = beside(1.0, 2.0 ** (0.5**round_))
+            slips = (listed_numbers(numbers(self.slip), factor) for factor in factors)
+            return tuple(replace(self, slip=slip) for slip in slips)
         if self.yield_m == 0.0:
             return ()
         paths = beside(self.yield_m, 2.4 ** (0.5 ** (round_ + 1)))
@@ -109,6 +156,8 @@ class Hysteresis(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """K p^; zero where the approach is unknown or nothing moved."""
+        if self.of is not None:
+            return columns_of_pairs(rows, self.of, lambda name: self._of_a_spring(rows, name))
         if self.yield_m > 0.0:
             return self._of_slipping_springs(rows)
         step = rows.poses - rows.came_from
@@ -123,6 +172,15 @@ class Hysteresis(LinearEffect):
             )
             stiffness = stiffness * ~rows.unloaded[:, None, None]
         return np.asarray(stiffness @ direction[:, :, None])
+
+    def _of_a_spring(self, rows: Rows, name: str) -> F:
+        """(N,) z / y along one pose column, from the first row of each run."""
+        limit, values = numbers(self.slip)[name], rows.table.column(name)
+        friction = np.zeros(len(rows))
+        for order in order_of_visits(rows.table):
+            path = (values[order] - values[order[0]])[:, None]
+            friction[order] = (path - play(path, limit))[:, 0] / limit
+        return friction
 
     def _of_slipping_springs(self, rows: Rows) -> F:
         """(N, 6, k) force of springs that slip: one column, or one for each coordinate."""
@@ -154,3 +212,4 @@ def _paths(table: Table) -> list[float]:
 
 
 EFFECTS = (Hysteresis(),)
+FEW = (Hysteresis(of=""),)

@@ -1,4 +1,4 @@
-"""Effects of the mechanism's own shape: length, diameter, taper, tilt, preload."""
+"""Effects of the mechanism's own shape: length, diameter, taper, tilt, preload, pre-curvature."""
 
 from __future__ import annotations
 
@@ -7,20 +7,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from ecm._native import mid_frame
-from ecm.effects.body_variation import wrench_of_other_body
-from ecm.effects.mid_frame import stretched, wrench_of
 from ecm.effects.protocol import (
     Effect,
-    EffectBase,
     LinearEffect,
     LookAlike,
     Missing,
     Parameter,
     optional,
 )
-from ecm.effects.rod_strain import mean_strain, rod_strain, thicker_beam
-from ecm.effects.se3 import moved_in_base, turned
+from ecm.effects.rod import (
+    mean_strain,
+    rod_strain,
+    section_moment_slopes,
+    stretched,
+    thicker_beam,
+    wrench_of,
+    wrench_of_other_body,
+)
 from ecm.io.arrays import F
+from ecm.io.se3 import seen_from, turn_wrench, wrapped_rotation
 from ecm.io.table import Table
 from ecm.regression.rows import Rows
 
@@ -28,7 +33,7 @@ _BENDING_POWER = 3.4
 """Power of the diameter in the bending stiffness of a bonded cylinder of the neck's proportions."""
 
 
-class LengthError(EffectBase):
+class LengthError(Effect):
     """The mechanism is longer than the file says: U(c - (dL, 0, 0), theta).
 
     On the physics base the body of that length itself, which is softer too.
@@ -61,7 +66,7 @@ class LengthError(EffectBase):
 
 
 @dataclass(eq=False)
-class DiameterError(EffectBase):
+class DiameterError(Effect):
     """D larger by delta: axial D^2, torsion D^4; lateral D^3, bending D^3.4 of a bonded cylinder.
 
     On the physics base the body of that diameter itself. A base that is no family of bodies may
@@ -160,7 +165,7 @@ class Pretension(LinearEffect):
 
 
 @dataclass(eq=False)
-class FaceTilt(EffectBase):
+class FaceTilt(Effect):
     """The base face is tilted by w = (0, w_y, w_z): h(exp(-w) p), wrench turned with it.
 
     Where the wedge was cast between the true faces, it has no load at the rest pose.
@@ -193,12 +198,11 @@ class FaceTilt(EffectBase):
     def correction(self, rows: Rows, values: F) -> F:
         """h(exp(-w) p) rotated by w; where the rest pose is free, less the pose error at rest."""
         turn = _turned_mounting(rows, values)
-        felt = moved_in_base(rows.poses, np.zeros(3), -turn)
+        tilt = np.concatenate([np.zeros_like(turn), turn], axis=1)
+        felt = seen_from(tilt, rows.poses)
         if self.rest == "free":
-            n = len(rows)
-            rest = np.ascontiguousarray(np.broadcast_to(rows.rest_pose, (n, 6)))
-            felt = felt - (moved_in_base(rest, np.zeros(3), -turn) - rest)
-        return turned(rows.predict(felt), turn) - rows.wrench
+            felt = felt - (seen_from(tilt, rows.rest_pose) - rows.rest_pose)
+        return turn_wrench(wrapped_rotation(turn), rows.predict(felt)) - rows.wrench
 
 
 def _turned_mounting(rows: Rows, values: F) -> F:
@@ -208,4 +212,58 @@ def _turned_mounting(rows: Rows, values: F) -> F:
     return np.stack([np.zeros(len(rows)), y, z], axis=1)
 
 
-EFFECTS = (Pretension(), Taper(), LengthError(), DiameterError(), FaceTilt())
+_ALONG, _WEIGHT = np.polynomial.legendre.leggauss(5)
+_POWERS = (0.0, 2.0, 6.0)
+
+
+@dataclass(eq=False)
+class PreCurvature(LinearEffect):
+    """V = -int kappa(s) . m(s) ds, to the first order of the natural curvature kappa.
+
+    m is the moment in each section of the straight mechanism, in axes of the section.
+    kappa(s) = k (p + 1) |s|^p / L, s from -1 to 1, k the total bend about the body's y and z: one
+    arc for p = 0, near both bonds for larger p (straight in the middle, with tilted end faces).
+    """
+
+    id = "pre_curvature"
+    physics = "The mechanism is curved when nothing loads it."
+    parameters = (
+        Parameter("bend_y", "rad", 5e-3, -0.5, 0.5),
+        Parameter("bend_z", "rad", 5e-3, -0.5, 0.5),
+    )
+    outside = LookAlike(
+        "anything that gives a constant moment fixed to the body: uneven cure, a bent insert",
+        "remount turned by 180 degrees",
+    )
+    signature = "m = 1, axes of the mechanism, a moment at home; conservative"
+    rivals = {
+        "payload": "remount_180",
+        "fts_offset": "remount_180",
+        "face_tilt": "end_for_end",
+    }
+
+    power: float = 0.0
+    """Power p with which the curvature grows towards both ends."""
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """An arc, and a bend more and more at the ends."""
+        return tuple(PreCurvature(power) for power in _POWERS)
+
+    def columns(self, rows: Rows) -> F:
+        """Wrench per radian of the whole bend; the bend turns with the mounting."""
+        weight = 0.5 * _WEIGHT * (self.power + 1.0) * np.abs(_ALONG) ** self.power
+        slopes = -np.einsum("p,npki->nik", weight, section_moment_slopes(rows, _ALONG))
+        cos, sin = np.cos(rows.mount_angle_rad), np.sin(rows.mount_angle_rad)
+        about_y, about_z = slopes[:, :, 1], slopes[:, :, 2]
+        columns = np.stack(
+            [
+                cos[:, None] * about_y + sin[:, None] * about_z,
+                cos[:, None] * about_z - sin[:, None] * about_y,
+            ],
+            axis=2,
+        )
+        columns[rows.unloaded] = 0.0
+        return columns
+
+
+EFFECTS = (Pretension(), Taper(), LengthError(), DiameterError(), FaceTilt(), PreCurvature())

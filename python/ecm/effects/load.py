@@ -17,7 +17,7 @@ from ecm.effects.protocol import (
     needs_full,
     optional,
 )
-from ecm.effects.rod_strain import rest_stiffness
+from ecm.effects.rod import rest_stiffness
 from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.regression.approach import approach_sides
@@ -76,7 +76,7 @@ class Payload(LinearEffect):
         if zeroed.any():
             at_zero = instrument.pose_at_zero
             pose = rows.rest_pose if at_zero is None else np.asarray(at_zero, dtype=np.float64)
-            rotation = rotation_matrices(np.ascontiguousarray(pose[None, 3:6]))[0]
+            rotation = rotation_matrices(pose[None, 3:6])[0]
             there = np.broadcast_to(rotation, rows.rotation.shape)
             zero = zeroed[:, None, None] * _weight(there, rows.gravity_m_s2)
             turn = rows.rotation @ rotation.T
@@ -149,7 +149,7 @@ def _weight_of_rod(poses: F, length_m: float, gravity: F) -> F:
         change[j] = step
         up = _potential(poses + change, length_m, gravity)
         slope[:, j] = (up - _potential(poses - change, length_m, gravity)) / (2.0 * step)
-    jacobian = left_jacobians(np.ascontiguousarray(poses[:, 3:]))
+    jacobian = left_jacobians(poses[:, 3:])
     torque = np.linalg.solve(np.swapaxes(jacobian, 1, 2), slope[:, 3:, None])[:, :, 0]
     return np.concatenate([slope[:, :3], torque], axis=1)
 
@@ -158,7 +158,7 @@ def _potential(poses: F, length_m: float, gravity: F) -> F:
     """(N,) potential in J of 1 kg spread along the rod."""
     poses = np.ascontiguousarray(poses)
     q = mid_frame(poses, length_m)
-    half = rotation_matrices(np.ascontiguousarray(0.5 * poses[:, 3:]))
+    half = rotation_matrices(0.5 * poses[:, 3:])
     b = q[:, 1] * q[:, 5] - q[:, 2] * q[:, 4]
     sag = np.stack([b / 20.0, -length_m * q[:, 5] / 12.0, length_m * q[:, 4] / 12.0], axis=1)
     return np.asarray(-(0.5 * poses[:, :3] + np.einsum("nij,nj->ni", half, sag)) @ gravity)

@@ -7,18 +7,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from ecm._native import mid_frame
-from ecm.effects.body_variation import wrench_of_other_body
-from ecm.effects.mid_frame import generalised, stretched
 from ecm.effects.protocol import (
     Effect,
-    EffectBase,
     LinearEffect,
     LookAlike,
     Parameter,
     beside,
     listed,
 )
-from ecm.effects.rod_strain import RodStrain, rest_stiffness, rod_strain
+from ecm.effects.rod import (
+    RodStrain,
+    generalised,
+    rest_stiffness,
+    rod_strain,
+    stretched,
+    wrench_of_other_body,
+)
 from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.regression.rows import Rows
@@ -35,7 +39,7 @@ _LAWS = {
 
 
 @dataclass(eq=False)
-class Anisotropy(EffectBase):
+class Anisotropy(Effect):
     """EI (1 +- c) at the azimuth phi, as c cos 2 phi and c sin 2 phi.
 
     The bending stiffness in the plane at azimuth phi grows by c, across it falls by c. In mid-frame
@@ -181,7 +185,7 @@ def _by_section(rows: Rows, strain: RodStrain) -> F:
     return np.stack(terms, axis=2)
 
 
-class Compressibility(EffectBase):
+class Compressibility(Effect):
     """G / E larger by g: torsion and the shear part of the lateral stiffness grow alike.
 
     On the physics base 1 + nu smaller by 1 + g, which its free nu absorbs.

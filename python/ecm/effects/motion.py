@@ -2,15 +2,44 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from ecm.effects.protocol import LinearEffect, LookAlike, Missing, Parameter, needs_full
+from ecm.effects.pairs import (
+    columns_of_pairs,
+    names_of,
+    needs_motion,
+    pairs,
+    per_pair,
+    resisting_pairs,
+)
+from ecm.effects.protocol import (
+    Effect,
+    LinearEffect,
+    LookAlike,
+    Missing,
+    Parameter,
+    listed,
+    needs_full,
+    optional,
+)
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, VELOCITY
 from ecm.io.table import Table
 from ecm.regression.correlation import rates
 from ecm.regression.folds import is_continuous
 from ecm.regression.rows import Rows
+
+_EXPONENTS = (1.0, 0.3)
+"""Damping in proportion to the velocity, or nearly without it as in rubber."""
+
+
+def velocity_of(table: Table, name: str) -> F:
+    """(N,) the column v_..., or differences of a pose column over time in each run."""
+    if table.has(f"v_{name}"):
+        return table.column(f"v_{name}")
+    return rates(table, table.column(name))
 
 
 def velocity(table: Table) -> F:
@@ -38,12 +67,17 @@ def needs_stream(table: Table) -> Missing | None:
     return Missing("no raw stream", "NAME.raw.parquet, diagnosed as a continuous test", absent=True)
 
 
+@dataclass(eq=False)
 class ViscousDamping(LinearEffect):
-    """D p' with one damping of translation and one of rotation, rotation in base axes."""
+    """D p' with one damping of translation and one of rotation, rotation in base axes.
+
+    With fewer than the twelve columns D sign(v) |v|^a along pairs of columns (`of`), a = 1 for a
+    viscous damper and 0.3 for what hardly depends on the speed; D > 0 loses work.
+    """
 
     id = "viscous_damping"
     physics = "A wrench that grows with the velocity of the platform."
-    parameters = (
+    parameters = listed(
         Parameter("translation", "N s/m", 5.0, 0.0, 1e5),
         Parameter("rotation", "N m s/rad", 0.05, 0.0, 1e3),
     )
@@ -61,9 +95,49 @@ class ViscousDamping(LinearEffect):
         "inertia": "settle_longer",
     }
 
+    of: str | None = optional(None)
+    """Pairs of columns (`ecm.effects.pairs`) along which it acts; None: all twelve."""
+    exponent: float | None = optional(None)
+    """Power a of the velocity along pairs."""
+
+    def __post_init__(self) -> None:
+        if self.of is not None:
+            self.physics = "A wrench that grows with the velocity."
+            self.needs = "velocity (v_ columns), or time (time_s)"
+            per = "({}/s)" if self.exponent == 1.0 else f"({{}}/s)^{self.exponent:g}"
+            self.parameters = per_pair(self.of, "damping", per, lower=0.0)
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs velocities that differ."""
+        if self.of is None:
+            return super().missing(table)
+        lacking = needs_motion(table)
+        if lacking is not None:
+            return lacking
+        names = names_of(",".join(pairs(table)))
+        if not table.has("time_s") and not all(table.has(f"v_{name}") for name in names):
+            return Missing("no column time_s", "time_s", absent=True)
+        if all(float(np.ptp(velocity_of(table, name))) < 1e-12 for name in names):
+            return Missing("nothing moved", "time_s of samples while it moves, or v_ columns")
+        return None
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Along pairs with both exponents."""
+        if self.of is None:
+            return (self,)
+        of = ",".join(resisting_pairs(table))
+        return tuple(ViscousDamping(of, exponent) for exponent in _EXPONENTS)
+
     def columns(self, rows: Rows) -> F:
-        """Velocity: a column of translation and one of rotation."""
+        """Velocity: a column of translation and one of rotation, or one for each pair."""
+        if self.of is not None:
+            return columns_of_pairs(rows, self.of, lambda name: self._along(rows.table, name))
         return _translation_and_rotation(velocity(rows.table), rows)
+
+    def _along(self, table: Table, name: str) -> F:
+        """(N,) sign(v) |v|^a of one pose column."""
+        moving = velocity_of(table, name)
+        return np.asarray(np.sign(moving) * np.abs(moving) ** self.exponent)
 
 
 class Inertia(LinearEffect):
@@ -122,3 +196,4 @@ def _translation_and_rotation(values: F, rows: Rows) -> F:
 
 
 EFFECTS = (ViscousDamping(), Inertia(), TimeSkew())
+FEW = (ViscousDamping("", 1.0),)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ecm.effects.protocol import EffectBase, LookAlike, Missing, Parameter, needs_full
-from ecm.effects.sensor_axes import adjoint
+from ecm.effects.protocol import Effect, LookAlike, Missing, Parameter, needs_full
 from ecm.io.arrays import F
+from ecm.io.se3 import wrench_adjoint
 from ecm.io.table import Table
 from ecm.regression.folds import repeat_visits
 from ecm.regression.noise import covariance_parts, declared_noise
@@ -30,7 +30,7 @@ def needs_resolution(table: Table) -> Missing | None:
     return None
 
 
-class NoiseEffect(EffectBase):
+class NoiseEffect(Effect):
     """An effect that adds `variance` to the rows' covariance and nothing to their mean."""
 
     side = "measurement"
@@ -137,7 +137,7 @@ class FtsQuantisation(NoiseEffect):
         """Per axis steps^2 resolution^2 / 12, in sensor axes turned to base axes."""
         instrument = rows.table.meta.instrument
         resolution = np.asarray(instrument.fts_resolution, dtype=np.float64)
-        turn = rows.base_from_top @ adjoint(instrument.top_from_sensor)
+        turn = rows.base_from_top @ wrench_adjoint(instrument.top_from_sensor)
         spread = turn * (values[0] * resolution / np.sqrt(12.0))
         return np.asarray(spread @ np.swapaxes(spread, 1, 2))
 

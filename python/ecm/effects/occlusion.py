@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import factorial
 
 import numpy as np
@@ -27,6 +28,7 @@ _RADII, _ANGLES = 5, 24
 """Numbers of radii and angles of the quadrature over the target."""
 
 
+@dataclass(eq=False)
 class LedOcclusion(LinearEffect):
     """-K_s B (d, w): (d, w) in top axes is a twist times the share of markers that are hidden.
 
@@ -48,33 +50,27 @@ class LedOcclusion(LinearEffect):
     side = "measurement"
     rivals = {"outliers": "second_camera_place"}
 
-    def __init__(
-        self,
-        degree: int = 0,
-        along: str = "sight",
-        markers: float = 0.0,
-        *,
-        radius_m: float = 0.0,
-        sight_x: float = 0.0,
-        sight_y: float = 0.0,
-        sight_z: float = 0.0,
-    ) -> None:
-        self._degree, self._along = int(degree), along
-        self._markers, self._radius_m = markers, radius_m
-        self._sight = np.array([sight_x, sight_y, sight_z])
-        self.parameters = _warp_parameters(self._degree, along) if degree else twist("hidden")
+    degree: int = 0
+    """Degree of e; 0: one twist."""
+    along: str = "sight"
+    """Axes of e: the line of `sight` alone, or `all`."""
+    markers: float = 0.0
+    """Number of markers."""
+    radius_m: float = 0.0
+    """Radius of the target, which is also its distance from the origin of the top frame."""
+    sight_x: float = 0.0
+    """Unit vector to the camera in base axes."""
+    sight_y: float = 0.0
+    sight_z: float = 0.0
+
+    def __post_init__(self) -> None:
+        warped = self.degree > 0
+        self.parameters = _warp_parameters(self.degree, self.along) if warped else twist("hidden")
 
     @property
     def shape(self) -> Shape:
-        """Degree and axes of e (`sight` alone or `all`), number of markers, target, and camera.
-
-        The target's radius is also its distance from the origin of the top frame; sight is the unit
-        vector to the camera in base axes.
-        """
-        if not self._degree:
-            return {}
-        target: Shape = {"degree": self._degree, "along": self._along, "markers": self._markers}
-        return {**target, "radius_m": self._radius_m, **_named(self._sight)}
+        """The fields; none of one twist."""
+        return super().shape if self.degree else {}
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """One twist; warped targets of half the mechanism's length, the camera on either side."""
@@ -84,18 +80,23 @@ class LedOcclusion(LinearEffect):
         markers = float(table.column("leds_visible").max())
         sight = np.round(line_of_sight(table), 4)
         warped = (
-            LedOcclusion(degree, along, markers, radius_m=radius, **_named(way))
+            LedOcclusion(degree, along, markers, radius, *way.tolist())
             for along, degree in _FORMS
             for way in (sight, -sight)
         )
         return (LedOcclusion(), *warped)
 
+    @property
+    def sight(self) -> F:
+        """(3,) unit vector to the camera in base axes."""
+        return np.array([self.sight_x, self.sight_y, self.sight_z])
+
     def columns(self, rows: Rows) -> F:
         """-K_s B (d, w)."""
         seen = rows.table.column("leds_visible")
-        markers = self._markers or max(float(seen.max()), 1.0)
+        markers = self.markers or max(float(seen.max()), 1.0)
         hidden = 1.0 - seen / markers
-        if self._degree:
+        if self.degree:
             hidden = np.clip(hidden, 0.0, 1.0 - _NEEDED / max(markers, _NEEDED))
             motion = self._fitted(rows.rotation, hidden)
         else:
@@ -104,18 +105,18 @@ class LedOcclusion(LinearEffect):
 
     def _fitted(self, rotation: F, hidden: F) -> F:
         """(N, 6, k) motion in top axes that fits each mode of e where a share (N,) is hidden."""
-        frame = _frame_about(self._sight)
+        frame = _frame_about(self.sight)
         # The side of the target that leans towards the camera.
-        x, y = np.einsum("nji,j,ik->kn", rotation, self._sight, frame[:, :2])
+        x, y = np.einsum("nji,j,ik->kn", rotation, self.sight, frame[:, :2])
         side = np.arctan2(y, x)
         radius, angle, share = _points()
         towards = radius * np.cos(angle - side[:, None])
         weight = share * (towards > -_cut(hidden)[:, None])
         flat = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.ones_like(radius)])
-        place = self._radius_m * flat.T @ frame.T
+        place = self.radius_m * flat.T @ frame.T
         turned = np.cross(np.eye(3), place[:, None, :]).transpose(0, 2, 1)
         rigid = np.concatenate([np.tile(np.eye(3), (len(place), 1, 1)), turned], axis=2)
-        off = frame @ _warps(radius, angle, self._degree, self._along)
+        off = frame @ _warps(radius, angle, self.degree, self.along)
         n, p = weight.shape
         normal = weight @ np.einsum("pai,paj->pij", rigid, rigid).reshape(p, -1)
         right = weight @ np.einsum("pai,paj->pij", rigid, off).reshape(p, -1)
@@ -137,10 +138,6 @@ def line_of_sight(table: Table) -> F:
     values, axes = np.linalg.eigh(bent + bent.T)
     axis = axes[:, np.argmin(np.abs(values))]
     return np.asarray(axis * np.sign(axis[np.argmax(np.abs(axis))]))
-
-
-def _named(sight: F) -> dict[str, float]:
-    return dict(zip(("sight_x", "sight_y", "sight_z"), sight.tolist(), strict=True))
 
 
 def _frame_about(axis: F) -> F:

@@ -4,21 +4,24 @@ An effect adds a correction to the wrench that the base map predicts for a row,
 h_i = h_base(p_i) + sum_e correction_e(row i, parameters_e). Corrections are exact in their own
 parameters where that is cheap; products of two effects, a few per cent of a few per cent, are
 neglected. An effect knows its rows and nothing of the diagnosis that uses it.
+
+A thinned table holds some rows of a larger one. What depends on time and order follows what
+happened between two of them: `correction_of` and `jacobian_of` compute it on the whole table.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal
 
 import numpy as np
 
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
-from ecm.regression.rows import Rows
+from ecm.regression.rows import BodyChange, Rows, UnknownLength
 
 Side = Literal["physics", "measurement"]
 Kind = Literal["pose", "time", "noise"]
@@ -143,6 +146,11 @@ def needs_columns(*names: str) -> Need:
     return need
 
 
+def is_full(names: Iterable[str]) -> bool:
+    """Whether all six pose and six wrench columns are among the names."""
+    return {*POSE, *WRENCH} <= set(names)
+
+
 _needs_all_twelve = needs_columns(*POSE, *WRENCH)
 
 
@@ -175,90 +183,16 @@ def needs_varying(name: str, smallest_range: float) -> Need:
     return need
 
 
-@runtime_checkable
-class Effect(Protocol):
+class Effect:
     """One physical effect of the catalogue (listed by `ecm effects`) or of your own.
 
-    Derive your own from `EffectBase` or `LinearEffect`, which have defaults for most members.
+    The base class has central differences, one shape, and physics of the pose. A subclass names
+    itself in class attributes and gives `correction`. Where it has variants it is a dataclass,
+    whose fields are its shape.
 
     Examples
     --------
-    >>> from ecm.effects import get_effect
-    >>> isinstance(get_effect("fts_drift"), Effect)
-    True
-    """
-
-    @property
-    def id(self) -> str:
-        """Name in code, files, reports and on the command line."""
-
-    @property
-    def physics(self) -> str:
-        """One sentence."""
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """In the order of the parameter vector."""
-
-    @property
-    def signature(self) -> str:
-        """How it shows: parity, azimuthal order, axes, what it depends on."""
-
-    @property
-    def needs(self) -> str:
-        """What `missing` asks of the data beside pose and wrench, in words; empty for nothing."""
-
-    @property
-    def rivals(self) -> Mapping[str, str]:
-        """Rival id -> id of the experiment that separates the two (`ecm.effects.experiments`)."""
-
-    @property
-    def outside(self) -> LookAlike:
-        """Causes outside the catalogue that look the same, and what would tell them apart."""
-
-    @property
-    def side(self) -> Side:
-        """`physics` acts on the controller as well, `measurement` only on the instruments."""
-
-    @property
-    def kind(self) -> Kind:
-        """A function of the pose; of time, order and covariates; or a change of the noise alone."""
-
-    @property
-    def shape(self) -> Shape:
-        """Fixed numbers of this variant by name, as in model files."""
-
-    def missing(self, table: Table) -> Missing | None:
-        """None where the table holds what the effect needs."""
-
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """The shapes worth trying on this table; the first is the plain one."""
-
-    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Shapes on both sides of this one, nearer with each round from 0; often none."""
-
-    def refinement(self, table: Table) -> tuple[Effect, ...]:
-        """Richer forms to try on held-out rows once the effect is accepted; often none."""
-
-    def plain_form(self) -> Effect | None:
-        """A plainer effect without this one's own sign, which may explain as much; often none."""
-
-    def correction(self, rows: Rows, values: F) -> F:
-        """(N, m) change of the predicted wrench for parameter values (k,)."""
-
-    def jacobian(self, rows: Rows, values: F) -> F:
-        """(N, m, k) derivative of the correction."""
-
-
-class EffectBase:
-    """Base class of effects: central differences, one shape, physics of the pose.
-
-    A subclass names itself in class attributes and gives `correction`. Where it has variants it is
-    a dataclass, whose fields are its shape.
-
-    Examples
-    --------
-    >>> class Shrinkage(EffectBase):
+    >>> class Shrinkage(Effect):
     ...     id = "shrinkage"
     ...     physics = "The wrench is a fixed share smaller."
     ...     parameters = (Parameter("share", "1", 0.01),)
@@ -269,22 +203,34 @@ class EffectBase:
     """
 
     id: str = ""
+    """Name in code, files, reports and on the command line."""
     physics: str = ""
+    """One sentence."""
     parameters: tuple[Parameter, ...] = ()
+    """In the order of the parameter vector."""
     signature: str = ""
+    """How it shows: parity, azimuthal order, axes, what it depends on."""
     needs: str = ""
+    """What `missing` asks of the data beside pose and wrench, in words; empty for nothing."""
     requires: tuple[Need, ...] = (needs_full,)
     """What the data must have; the first that is missing is named."""
     side: Side = "physics"
+    """`physics` acts on the controller as well, `measurement` only on the instruments."""
     kind: Kind = "pose"
+    """A function of the pose; of time, order and covariates; or a change of the noise alone."""
     rivals: Mapping[str, str] = MappingProxyType({})
+    """Rival id -> id of the experiment that separates the two (`ecm.effects.experiments`)."""
     most_absorbed: float | None = None
     """Share of its columns that the base may take before it counts as absorbed; None: the usual."""
     outside: LookAlike = LookAlike()
+    """Causes outside the catalogue that look the same, and what would tell them apart."""
 
     @property
     def shape(self) -> Shape:
-        """The fields of a dataclass, `optional` ones only where they differ from their default."""
+        """Fixed numbers of this variant by name, as in model files.
+
+        The fields of a dataclass, `optional` ones only where they differ from their default.
+        """
         shape: Shape = {}
         for item in getattr(self, "__dataclass_fields__", {}).values():
             value = getattr(self, item.name)
@@ -293,32 +239,32 @@ class EffectBase:
         return shape
 
     def missing(self, table: Table) -> Missing | None:
-        """The first of `requires` that the table lacks."""
+        """None where the table holds what the effect needs, else the first of `requires`."""
         lacking = (need(table) for need in self.requires)
         return next((item for item in lacking if item is not None), None)
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Only the plain form."""
+        """The shapes worth trying on this table, the plain one first; here only that."""
         return (self,)
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """The variants are enough."""
+        """Shapes on both sides of this one, nearer with each round from 0; here none."""
         return ()
 
     def refinement(self, table: Table) -> tuple[Effect, ...]:
-        """No richer form."""
+        """Richer forms to try on held-out rows once the effect is accepted; here none."""
         return ()
 
     def plain_form(self) -> Effect | None:
-        """No plainer form."""
+        """A plainer effect without this one's own sign, which may explain as much; here none."""
         return None
 
     def correction(self, rows: Rows, values: F) -> F:
-        """Zero; a subclass overrides it, or `columns` of `LinearEffect`."""
+        """(N, m) change of the predicted wrench for parameter values (k,); a subclass gives it."""
         raise NotImplementedError(f"effect {self.id} has no correction")
 
     def jacobian(self, rows: Rows, values: F) -> F:
-        """Central differences with a hundredth of each parameter's scale."""
+        """(N, m, k) derivative of the correction, by central differences of a hundredth scale."""
         columns = []
         for j, parameter in enumerate(self.parameters):
             step = np.zeros(len(self.parameters))
@@ -329,7 +275,11 @@ class EffectBase:
         return np.stack(columns, axis=2)
 
 
-class LinearEffect(EffectBase):
+EffectBase = Effect
+"""The base class under its older name."""
+
+
+class LinearEffect(Effect):
     """Base class of effects that are linear in their parameters: correction = columns @ values.
 
     Examples
@@ -355,3 +305,83 @@ class LinearEffect(EffectBase):
     def jacobian(self, rows: Rows, values: F) -> F:
         """The columns, whatever the values."""
         return self.columns(rows)
+
+
+def correction_of(effect: Effect, rows: Rows, values: F) -> F:
+    """(N, m) correction of the rows, with the history of all rows of their table."""
+    if effect.kind == "pose":
+        return effect.correction(rows, values)
+    return rows.of_whole(effect.correction(rows.whole, values))
+
+
+def jacobian_of(effect: Effect, rows: Rows, values: F) -> F:
+    """(N, m, k) derivative of the correction, with the history of all rows of their table."""
+    if effect.kind == "pose":
+        return effect.jacobian(rows, values)
+    return rows.of_whole(effect.jacobian(rows.whole, values))
+
+
+UNKNOWN_LENGTH = Missing("the mechanism's length is not known", "[mechanism] length_m")
+"""Reason and remedy of an effect that needs the length."""
+_ROWS = 30
+
+
+def missing_length(effect: Effect, table: Table) -> Missing | None:
+    """Return `UNKNOWN_LENGTH` where an effect needs a length that the table does not tell.
+
+    Parameters
+    ----------
+    effect
+        An effect that the table can test otherwise (`Effect.missing` is None).
+    table
+        Measurements.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ecm import as_table
+    >>> from ecm.effects import get_effect
+    >>> from ecm.io.columns import POSE, WRENCH
+    >>> columns = {name: np.arange(9.0) / 100 for name in (*POSE, *WRENCH)}
+    >>> table = as_table(columns)
+    >>> missing_length(get_effect("length_error"), table).record
+    '[mechanism] length_m'
+    >>> missing_length(get_effect("length_error"), table.with_length(0.1)) is None
+    True
+    >>> missing_length(get_effect("fts_gain"), table) is None
+    True
+    """
+    none = not (table.pose_columns and table.wrench_columns)
+    if table.meta.length_m is not None or effect.kind == "noise" or none:
+        return None
+    some = table.select(np.arange(min(_ROWS, len(table))))
+    rows = Rows(some, _Spring(table.pose_columns, table.wrench_columns))
+    try:
+        with np.errstate(all="ignore"):
+            for shape in effect.variants(table):
+                shape.jacobian(rows, np.zeros(len(shape.parameters)))
+    except UnknownLength:
+        return UNKNOWN_LENGTH
+    return None
+
+
+@dataclass(frozen=True)
+class _Spring:
+    """A map of unit stiffness and unknown length."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    length_m: float | None = None
+
+    def predict(self, poses: F) -> F:
+        return np.asarray(poses @ self._stiffness.T)
+
+    def stiffness(self, poses: F, kind: str = "partial") -> F:
+        return np.broadcast_to(self._stiffness, (len(poses), *self._stiffness.shape))
+
+    def other_body(self, change: BodyChange) -> None:
+        return None
+
+    @property
+    def _stiffness(self) -> F:
+        return np.eye(len(self.outputs), len(self.inputs))

@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 
 from ecm.effects import unused_column
-from ecm.effects.few import elastic, history
-from ecm.effects.few.forms import FORMS, is_full
 from ecm.effects.protocol import (
     Effect,
     Kind,
@@ -21,6 +19,7 @@ from ecm.effects.protocol import (
     Parameter,
     Shape,
     Side,
+    is_full,
     needs_columns,
     needs_full,
 )
@@ -35,12 +34,9 @@ from ecm.regression.rows import Rows
 _GROUPS = (
     "relaxation",
     "friction",
-    "modulus",
-    "permanent_set",
+    "ageing",
     "material",
     "geometry",
-    "pre_curvature",
-    "boundary",
     "contact",
     "slip",
     "load",
@@ -51,15 +47,25 @@ _GROUPS = (
     "occlusion",
     "robot",
     "noise",
+    "nonlinearity",
+    "unused_column",
 )
-"""Files of the catalogue, in the order of reports; each lists its effects in `EFFECTS`."""
-_CATALOGUE: tuple[Effect, ...] = tuple(
-    effect for group in _GROUPS for effect in import_module(f"ecm.effects.{group}").EFFECTS
-)
-_own: dict[str, Effect] = {}
-_UNUSED = unused_column.UnusedColumn("", 0.0, "", "")
-_FEW_ONLY = (*history.FEW_ONLY, *elastic.FORMS, _UNUSED)
+"""Files of effects, in the order of reports. Each lists those of all twelve columns in `EFFECTS`,
+and in `FEW` those of tables that have fewer."""
+
+
+def _listed(name: str) -> tuple[Effect, ...]:
+    modules = (import_module(f"ecm.effects.{group}") for group in _GROUPS)
+    return tuple(effect for module in modules for effect in getattr(module, name, ()))
+
+
+_CATALOGUE = _listed("EFFECTS")
+_ALONG = {effect.id: effect for effect in _listed("FEW")}
+"""Effects along the columns that exist, by id; some take the place of one of the catalogue."""
+_FEW_ONLY = tuple(_ALONG[id] for id in _ALONG if all(id != effect.id for effect in _CATALOGUE))
 """Effects of tables of few columns; of larger ones each own column alone (`effects_of`)."""
+_UNUSED = unused_column.FEW[0]
+_own: dict[str, Effect] = {}
 
 
 def all_effects() -> tuple[Effect, ...]:
@@ -138,14 +144,8 @@ def with_shape(id: str, shape: Shape) -> Effect:
     effect = get_effect(id)
     if not shape:
         return effect
-    # The fields that a form always states say which one it is.
-    form = FORMS.get(id, effect)
-    known = getattr(form, "__dataclass_fields__", {})
-    needed = {name for name, item in known.items() if not item.metadata.get("optional")}
-    if needed <= set(shape) <= set(known):
-        effect = form
+    form_of: Any = type(effect)
     try:
-        form_of: Any = type(effect)
         if hasattr(form_of, "__dataclass_fields__"):
             variant: Effect = read_settings(form_of, shape, f"shape of effect {id}")
         else:
@@ -185,7 +185,7 @@ def effects_for(names: Iterable[str], given: Sequence[Effect] | None = None) -> 
         return tuple(given)
     plain = {effect.id: effect for effect in _CATALOGUE}
     return tuple(
-        FORMS[effect.id] if effect is plain.get(effect.id) and effect.id in FORMS else effect
+        _ALONG.get(effect.id, effect) if effect is plain.get(effect.id) else effect
         for effect in given
     )
 
@@ -218,7 +218,7 @@ def effects_of(table: Table, given: Sequence[Effect] | None = None) -> tuple[Eff
     plain = [effect for effect in effects if effect is not _UNUSED]
     if given is not None and len(plain) == len(effects):
         return effects
-    known = {id(effect) for effect in (*_CATALOGUE, *_FEW_ONLY, *FORMS.values())}
+    known = {id(effect) for effect in (*_CATALOGUE, *_ALONG.values())}
     own = unused_column.per_column(table, (e for e in plain if id(e) not in known))
     if not own:
         return effects
@@ -232,7 +232,7 @@ def register(effect: Effect) -> Effect:
     Parameters
     ----------
     effect
-        An object derived from `EffectBase` or `LinearEffect`.
+        An object derived from `Effect` or `LinearEffect`.
 
     Returns
     -------
@@ -259,7 +259,7 @@ def register(effect: Effect) -> Effect:
     >>> unregister("wind")
     """
     if not isinstance(effect, Effect):
-        raise InputError(f"{effect!r} is not an effect: derive it from ecm.effects.EffectBase")
+        raise InputError(f"{effect!r} is not an effect: derive it from ecm.effects.Effect")
     if any(effect.id == known.id for known in _CATALOGUE):
         raise InputError(f"effect {effect.id!r} is in the catalogue: choose another id")
     _own[effect.id] = effect

@@ -9,7 +9,7 @@ import numpy as np
 
 from ecm._native import mid_frame
 from ecm.effects.memory import fading
-from ecm.effects.mid_frame import generalised, wrench_of
+from ecm.effects.pairs import losing_pairs, turns
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
@@ -21,7 +21,7 @@ from ecm.effects.protocol import (
     needs_varying,
     optional,
 )
-from ecm.effects.rod_strain import rest_stiffness
+from ecm.effects.rod import generalised, rest_stiffness, wrench_of
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.table import Table
@@ -45,6 +45,9 @@ class StressRelaxation(LinearEffect):
 
     In the mid `frame` a branch is a force to its coordinates q, k q with the stiffness k at rest
     or the static force, so that stress turns with the body; with k q it can only take energy.
+
+    With fewer than the twelve columns there is no frame, and the static slope may be negative: a
+    branch then has the sign with which it loses work (`loses`).
     """
 
     id = "stress_relaxation"
@@ -74,8 +77,18 @@ class StressRelaxation(LinearEffect):
     """`visits`: integrated over the path between readings."""
     frame: str = optional("")
     """`middle`: the relaxing stress lies in the mid frame; else in base axes."""
+    samples: str = optional("")
+    """With fewer than the twelve columns what it follows: `time`, or `dwell` times; else empty."""
+    loses: str = optional("")
+    """Pairs of columns (`ecm.effects.pairs`) whose closed loops lose work: there a branch resists,
+    whatever the static slope."""
 
     def __post_init__(self) -> None:
+        if self.samples:
+            self.physics = (
+                "The wrench decays at rest after a move, and creeps where the load is held."
+            )
+            self.needs = "time (time_s), or dwell times that differ (dwell_s)"
         if self.overstress:
             # Over the static load: a soft adhesive carries several times that while it is moved.
             names = ("over_static", "over_static_second")[: self.branches]
@@ -90,45 +103,47 @@ class StressRelaxation(LinearEffect):
         return 2 if self.second_tau_s > 0.0 else 1
 
     def missing(self, table: Table) -> Missing | None:
-        """Needs dwell times that differ at least by half, or a continuous test."""
-        if is_continuous(table):
+        """Needs dwell times that differ at least by half, or a continuous test.
+
+        With fewer than the twelve columns time is enough.
+        """
+        if self._by_time(table):
             return needs_varying("time_s", 1e-6)(table)
-        lacking = needs_varying("dwell_s", 1e-3)(table)
-        if lacking is None:
-            dwell = table.measured().column("dwell_s")
-            if dwell.max() < 1.5 * max(float(dwell.min()), 1e-9):
-                return Missing("dwell_s does not vary", "dwell_s of 2, 8 and 60 s")
-        return lacking
+        return _needs_dwells(table)
+
+    def _by_time(self, table: Table) -> bool:
+        """Whether the rows follow each other closely enough for the hereditary form."""
+        return is_continuous(table) or bool(self.samples and _needs_dwells(table))
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Time constants that the dwell times or the samples can distinguish.
 
         An effect that has two branches keeps two, and of a campaign of poses its form.
         """
-        if is_continuous(table) and self.branches == 2:
-            pairs = itertools.combinations(time_constants(table)[::2], 2)
+        few, two = bool(self.samples), self.branches == 2
+        frame = "" if few else _frame(table)
+        if self._by_time(table):
+            taus = time_constants(table)
+            loses = ",".join(losing_pairs(table)) if few else ""
+            form = StressRelaxation(frame=frame, samples="time" * few, loses=loses)
             return tuple(
-                StressRelaxation(fast, overstress, slow, frame=_frame(table))
-                for fast, slow in pairs
+                replace(form, tau_s=fast, second_tau_s=slow, overstress=overstress)
                 for overstress in ("linear", "elastic")
-            )
-        if is_continuous(table):
-            return tuple(
-                StressRelaxation(float(t), overstress, frame=_frame(table))
-                for overstress in ("linear", "elastic")
-                for t in time_constants(table)
+                for fast, slow in (
+                    itertools.combinations(taus[::2], 2) if two else ((tau, 0.0) for tau in taus)
+                )
             )
         dwell = table.measured().column("dwell_s")
         low, high = max(float(dwell.min()), 0.1), float(dwell.max())
-        if self.branches == 2:
+        if two:
             return self._pairs(low, high)
-        plain = [StressRelaxation(float(t)) for t in np.geomspace(low, high, 4)]
-        if not (table.has("time_s") and table.has("approach")):
+        form = StressRelaxation(samples="dwell" * few)
+        plain = [replace(form, tau_s=float(t)) for t in np.geomspace(low, high, 4)]
+        if few or not (table.has("time_s") and table.has("approach")):
             return tuple(plain)
         # Over the path between readings, branches slower than the dwell times count too.
-        taus = np.geomspace(low, 4.0 * high, 5)
-        frame = _frame(table)
-        visits = [StressRelaxation(float(t), path="visits", frame=frame) for t in taus]
+        slow = np.geomspace(low, 4.0 * high, 5)
+        visits = [StressRelaxation(float(t), path="visits", frame=frame) for t in slow]
         return (plain[1], visits[2], *plain[:1], *plain[2:], *visits[:2], *visits[3:])
 
     def _pairs(self, low: float, high: float) -> tuple[Effect, ...]:
@@ -182,7 +197,21 @@ class StressRelaxation(LinearEffect):
         driven = rows.wrench
         if self.overstress == "linear":
             driven = _from_rest(rows) @ rows.stiffness.mean(axis=0).T
-        return np.stack([hereditary(rows.table, driven, tau) for tau in taus], axis=2)
+        made = np.stack([hereditary(rows.table, driven, tau) for tau in taus], axis=2)
+        if not self.loses:
+            return made
+        slopes = rows.stiffness.mean(axis=0)
+        return made * turns(self.loses, slopes, rows.base.inputs, rows.base.outputs)[:, None]
+
+
+def _needs_dwells(table: Table) -> Missing | None:
+    """Missing where the dwell times do not differ at least by half."""
+    lacking = needs_varying("dwell_s", 1e-3)(table)
+    if lacking is None:
+        dwell = table.measured().column("dwell_s")
+        if dwell.max() < 1.5 * max(float(dwell.min()), 1e-9):
+            return Missing("dwell_s does not vary", "dwell_s of 2, 8 and 60 s")
+    return lacking
 
 
 def _frame(table: Table) -> str:
@@ -276,3 +305,4 @@ def time_constants(table: Table) -> tuple[float, ...]:
 
 
 EFFECTS = (StressRelaxation(),)
+FEW = (StressRelaxation(samples="time"),)

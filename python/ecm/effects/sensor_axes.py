@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ecm._native import rotation_matrices
 from ecm.effects.friction import Hysteresis
 from ecm.effects.memory import play
 from ecm.effects.protocol import (
@@ -27,6 +26,7 @@ from ecm.effects.protocol import (
 )
 from ecm.effects.sensor import AXES
 from ecm.io.arrays import F
+from ecm.io.se3 import rotation, transpose, turn_wrench, wrench_adjoint
 from ecm.io.settings import setting
 from ecm.io.table import Table
 from ecm.regression.folds import zero_of_rows, zero_times
@@ -42,7 +42,7 @@ _WIDTHS = (0.15, 0.5, 1.2)
 
 def in_sensor(rows: Rows, wrench: F | None = None) -> tuple[F, F]:
     """(N, 6, 6) base from sensor; a wrench, its load by default, (N, 6) in its own frame."""
-    top_from_sensor = adjoint(rows.table.meta.instrument.top_from_sensor)
+    top_from_sensor = wrench_adjoint(rows.table.meta.instrument.top_from_sensor)
     own = rows.sensor_load if wrench is None else wrench
     in_top = np.einsum("nji,nj->ni", rows.base_from_top, own)
     return rows.base_from_top @ top_from_sensor, in_top @ np.linalg.inv(top_from_sensor).T
@@ -211,11 +211,9 @@ class FtsSaturation(LinearEffect):
 def _readings(table: Table) -> F:
     """(N, 6) measured wrenches of the poses, in the sensor's frame."""
     measured = table.measured()
-    turn = rotation_matrices(np.ascontiguousarray(measured.poses[:, 3:]))
-    force = np.einsum("nji,nj->ni", turn, measured.wrenches[:, :3])
-    torque = np.einsum("nji,nj->ni", turn, measured.wrenches[:, 3:])
-    inverse = np.linalg.inv(adjoint(table.meta.instrument.top_from_sensor))
-    return np.asarray(np.concatenate([force, torque], axis=1) @ inverse.T)
+    in_top = turn_wrench(transpose(rotation(measured.poses[:, 3:])), measured.wrenches)
+    inverse = np.linalg.inv(wrench_adjoint(table.meta.instrument.top_from_sensor))
+    return np.asarray(in_top @ inverse.T)
 
 
 @dataclass(eq=False)
@@ -281,28 +279,6 @@ class FtsHysteresis(LinearEffect):
         lag -= zero_of_rows(time, zeros, states[len(own) :])
         columns = base_from_sensor * lag[:, None, :]
         return np.asarray(columns if self.axes == "each" else columns.sum(axis=2, keepdims=True))
-
-
-def adjoint(top_from_sensor: tuple[float, ...] | None) -> F:
-    """(6, 6) wrench in the sensor's frame to the top frame: f' = R f, tau' = R tau + t x R f.
-
-    top_from_sensor: x y z in m, quaternion w x y z.
-    """
-    adjoint = np.eye(6)
-    if top_from_sensor is None:
-        return adjoint
-    t = np.asarray(top_from_sensor[:3], dtype=np.float64)
-    w, x, y, z = np.asarray(top_from_sensor[3:]) / np.linalg.norm(top_from_sensor[3:])
-    vector = np.array([x, y, z])
-    turn = (w**2 - vector @ vector) * np.eye(3) + 2.0 * np.outer(vector, vector)
-    turn += 2.0 * w * _cross(vector)
-    adjoint[:3, :3] = adjoint[3:, 3:] = turn
-    adjoint[3:, :3] = _cross(t) @ turn
-    return adjoint
-
-
-def _cross(v: F) -> F:
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
 EFFECTS = (FtsGain(), FtsCrosstalk(), FtsSaturation(), FtsHysteresis(), FtsFrame())

@@ -13,10 +13,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ecm.effects.few.forms import is_full
-from ecm.effects.few.pairs import short
 from ecm.effects.memory import fading
-from ecm.effects.protocol import Effect, LinearEffect, LookAlike, Missing, Parameter, optional
+from ecm.effects.pairs import on_output, short
+from ecm.effects.protocol import (
+    Effect,
+    LinearEffect,
+    LookAlike,
+    Missing,
+    Parameter,
+    is_full,
+    optional,
+)
 from ecm.effects.relaxation import time_constants
 from ecm.io.arrays import F
 from ecm.io.columns import unit_of
@@ -121,15 +128,13 @@ class UnusedColumn(LinearEffect):
         if self.acts == "scales":
             return np.asarray((value[:, None] * rows.wrench)[:, :, None])
         names = self.outputs.split(",")
+        if self.acts != "shifts":
+            return np.stack([on_output(rows, name, value) for name in names], axis=2)
         made = np.zeros((len(rows), len(rows.base.outputs), len(names)))
-        known = rows.base.inputs if self.acts == "shifts" else rows.base.outputs
         for k, name in enumerate(names):
-            if name in known:
-                place = known.index(name)
-                if self.acts == "shifts":
-                    made[:, :, k] = -value[:, None] * rows.stiffness[:, :, place]
-                else:
-                    made[:, place, k] = value
+            if name in rows.base.inputs:
+                place = rows.base.inputs.index(name)
+                made[:, :, k] = -value[:, None] * rows.stiffness[:, :, place]
         return made
 
     def _value(self, table: Table) -> F:
@@ -193,3 +198,6 @@ def _lags(table: Table) -> tuple[float, ...]:
     if len(taus) < 2:
         return ()
     return tuple(np.geomspace(2.0 * taus[0], 0.4 * taus[-1], _LAGS).tolist())
+
+
+FEW = (UnusedColumn("", 0.0, "", ""),)

@@ -18,6 +18,7 @@ from ecm._native import rotation_matrices, rotation_vectors
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.se3 import from_quaternion, rotate, transpose
 from ecm.io.settings import Checked, setting
 
 ORDERS = {"wxyz": "xyzw", "xyzw": "wxyz"}
@@ -194,12 +195,12 @@ class _Motions:
 
     def times(self, other: _Motions) -> _Motions:
         """The frame whose pose in this frame is `other`."""
-        shift = np.einsum("nij,nj->ni", self.rotation, other.position)
+        shift = rotate(self.rotation, other.position)
         return _Motions(self.rotation @ other.rotation, self.position + shift)
 
     def inverse(self) -> _Motions:
-        back = self.rotation.transpose(0, 2, 1)
-        return _Motions(back, -np.einsum("nij,nj->ni", back, self.position))
+        back = transpose(self.rotation)
+        return _Motions(back, -rotate(back, self.position))
 
 
 _REST = _Motions(np.eye(3)[None], np.zeros((1, 3)))
@@ -266,10 +267,8 @@ def _given(pose: tuple[float, ...] | None) -> _Motions:
     """The motion of position and quaternion w x y z."""
     if pose is None:
         return _REST
-    w, x, y, z = np.asarray(pose[3:]) / np.linalg.norm(pose[3:])
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    rotation = np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
-    return _Motions(rotation[None], np.asarray(pose[:3], dtype=np.float64)[None])
+    position = np.asarray(pose[:3], dtype=np.float64)
+    return _Motions(from_quaternion(pose[3:])[None], position[None])
 
 
 def _wrench(

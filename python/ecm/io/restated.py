@@ -13,6 +13,7 @@ from ecm._native import rotation_matrices, rotation_vectors
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.frames import ORDERS, read_in_other_order
+from ecm.io.se3 import rotate, rotation, transpose, turn_wrench
 from ecm.io.units import factor_of
 
 Change = Callable[[F, F], tuple[F, F]]
@@ -315,25 +316,16 @@ def _mirrored_pose(flip: F) -> Change:
     return lambda poses, wrench: (np.hstack([poses[:, :3] @ flip, -poses[:, 3:] @ flip]), wrench)
 
 
-def _matrices(poses: F) -> F:
-    return np.asarray(rotation_matrices(np.ascontiguousarray(poses[:, 3:])))
-
-
-def _in_axes(wrench: F, turns: F) -> F:
-    parts = [np.einsum("nij,nj->ni", turns, part) for part in (wrench[:, :3], wrench[:, 3:])]
-    return np.hstack(parts)
-
-
 def _from_top(poses: F, wrench: F) -> tuple[F, F]:
-    return poses, _in_axes(wrench, _matrices(poses))
+    return poses, turn_wrench(rotation(poses[:, 3:]), wrench)
 
 
 def _to_top(poses: F, wrench: F) -> tuple[F, F]:
-    return poses, _in_axes(wrench, np.swapaxes(_matrices(poses), 1, 2))
+    return poses, turn_wrench(transpose(rotation(poses[:, 3:])), wrench)
 
 
 def _inverted(poses: F, wrench: F) -> tuple[F, F]:
-    back = np.einsum("nji,nj->ni", _matrices(poses), poses[:, :3])
+    back = rotate(transpose(rotation(poses[:, 3:])), poses[:, :3])
     return np.hstack([-back, -poses[:, 3:]]), wrench
 
 
@@ -352,7 +344,7 @@ def _of_euler(order: tuple[int, ...]) -> Change:
             single = np.zeros((len(poses), 3))
             single[:, axis] = poses[:, 3 + axis]
             turned = turned @ rotation_matrices(single)
-        vectors = rotation_vectors(np.ascontiguousarray(turned))
+        vectors = rotation_vectors(turned)
         return np.hstack([poses[:, :3], vectors]), wrench
 
     return change

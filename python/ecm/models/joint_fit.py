@@ -10,8 +10,7 @@ import numpy as np
 from scipy.linalg import cho_solve
 from scipy.optimize import lsq_linear
 
-from ecm.effects.protocol import Effect
-from ecm.effects.thinned import correction_of, jacobian_of
+from ecm.effects.protocol import Effect, correction_of, jacobian_of
 from ecm.errors import ModelError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import same_unit

@@ -12,8 +12,7 @@ import numpy as np
 
 from ecm._native import convert_stiffness
 from ecm.effects import Effect, Missing, Rows, effects_for, get_effect
-from ecm.effects.length import missing_length
-from ecm.effects.thinned import correction_of
+from ecm.effects.protocol import correction_of, missing_length
 from ecm.errors import EcmError, InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F

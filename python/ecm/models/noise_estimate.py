@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ecm.effects import effects_of
-from ecm.effects.thinned import jacobian_of
+from ecm.effects.protocol import jacobian_of
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.table import Table

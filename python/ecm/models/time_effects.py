@@ -14,15 +14,11 @@ import numpy as np
 
 from ecm._native import mid_frame
 from ecm.effects import Effect
-from ecm.effects.few.friction import Hysteresis as HysteresisOfPairs
-from ecm.effects.few.history import StressRelaxation as RelaxationOfFew
-from ecm.effects.few.pairs import numbers, split, turns
+from ecm.effects.ageing import MullinsSoftening, PermanentSet, TemperatureModulus
 from ecm.effects.friction import Hysteresis
-from ecm.effects.mid_frame import generalised, wrench_of
-from ecm.effects.modulus import MullinsSoftening, TemperatureModulus
-from ecm.effects.permanent_set import PermanentSet
+from ecm.effects.pairs import numbers, split, turns
 from ecm.effects.relaxation import StressRelaxation
-from ecm.effects.rod_strain import rest_stiffness
+from ecm.effects.rod import generalised, rest_stiffness, wrench_of
 from ecm.io.arrays import F
 from ecm.models.measured_poses import (
     Fitted,
@@ -232,8 +228,8 @@ def _add_along_a_line(found: TimeEffects, model: Fitted, effect: Effect, values:
         return _temperature(found, model, effect, values)
     if effect.id == "ageing":
         return _ageing(found, model, effect, values)
-    if isinstance(effect, HysteresisOfPairs):
-        return _friction_along_a_line(found, effect, values)
+    if isinstance(effect, Hysteresis) and effect.of is not None:
+        return _friction_along_a_line(found, effect.of, effect.slip, values)
     if not isinstance(effect, StressRelaxation):
         return "it has no step along a single coordinate"
     linear = effect.overstress == "linear"
@@ -250,16 +246,16 @@ def _add_along_a_line(found: TimeEffects, model: Fitted, effect: Effect, values:
 
 def _turned(effect: StressRelaxation, model: Fitted, values: F) -> F:
     """The factors of the branches with the sign that their columns had in the fit."""
-    if not isinstance(effect, RelaxationOfFew) or not effect.loses:
+    if not effect.loses:
         return values
     stiffness = np.reshape(model.training["mean_stiffness"], (1, 1))
     return values * turns(effect.loses, stiffness, model.base.inputs, model.base.outputs)
 
 
-def _friction_along_a_line(found: TimeEffects, effect: HysteresisOfPairs, values: F) -> str:
+def _friction_along_a_line(found: TimeEffects, pair: str, slip: str, values: F) -> str:
     """One spring that slips: the pair's friction over the path to the slip."""
-    name, _, sign = split(effect.of)
-    path = numbers(effect.slip)[name]
+    name, _, sign = split(pair)
+    path = numbers(slip)[name]
     found.document["friction"] = [sign * float(values[0]) / path] + [0.0] * 5
     found.document["slip"] = [path] + [0.0] * 5
     return ""

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from ecm.io.arrays import B, F
-from ecm.rig.frames import displaced, left_jacobian_inverse, rigid_design, rotate, rotation
+from ecm.io.se3 import displaced, left_jacobian_inverse, rigid_design, rotate, rotation
 from ecm.rig.physics.camera import LEDS, LEDS_NEEDED
 from ecm.rig.settings import Instruments
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.arrays import F
+from ecm.io.se3 import displaced
 from ecm.io.table import Table
 from ecm.rig.calibration.pre_campaign import Calibration, calibrated
 from ecm.rig.camera import Camera, CameraStand, Window
@@ -26,7 +27,6 @@ from ecm.rig.elastic import (
     solve_cached,
     unique_poses,
 )
-from ecm.rig.frames import displaced
 from ecm.rig.hidden import truth
 from ecm.rig.hidden.inject import InjectedEffect, RigState, inject
 from ecm.rig.hidden.size import CannotHide

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ecm.io.arrays import F
+from ecm.io.se3 import left_jacobian_inverse, rotation, turn_wrench
 from ecm.rig.camera import Camera
-from ecm.rig.frames import left_jacobian_inverse, rotation, turn_wrench
 from ecm.rig.physics import Physics
 from ecm.rig.physics.sensor import SensorWarmUp
 from ecm.rig.plan import Visits

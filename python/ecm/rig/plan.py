@@ -11,11 +11,11 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
+from ecm.io.se3 import rotation, transpose, turn_wrench, wrench_adjoint
 from ecm.io.table import Table
 from ecm.io.toml import did_you_mean
 from ecm.rig.camera import Optics
 from ecm.rig.elastic import Anchors
-from ecm.rig.frames import rotation, top_from_sensor_wrench, transpose, turn_wrench
 from ecm.rig.physics.camera import LEDS, LEDS_NEEDED
 from ecm.rig.physics.true_effect import LEVER_M
 from ecm.rig.settings import Procedure, RigSettings
@@ -327,7 +327,7 @@ def reachable(
         + [table.offset_Nm + LEVER_M * table.drift_N + 3.0 * instrument.torque_noise_Nm] * 3
     )
     limits = np.asarray(instrument.fts_range) - reserve
-    sensor_from_top = np.linalg.inv(top_from_sensor_wrench(instrument.top_from_sensor))
+    sensor_from_top = np.linalg.inv(wrench_adjoint(instrument.top_from_sensor))
     back = transpose(rotation(anchors.poses[:, 3:]))
     felt = turn_wrench(back, anchors.wrenches) @ sensor_from_top.T
     leds = Optics(instrument).visible(anchors.poses).sum(axis=1)

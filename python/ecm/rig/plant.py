@@ -14,9 +14,9 @@ from functools import partial
 import numpy as np
 
 from ecm.io.arrays import F, I
+from ecm.io.se3 import rotation, transpose, turn_wrench, wrench_adjoint
 from ecm.rig.camera import Optics
 from ecm.rig.elastic import Elastic, Grading
-from ecm.rig.frames import rotation, top_from_sensor_wrench, transpose, turn_wrench
 from ecm.rig.physics import Conditions, Physics
 from ecm.rig.physics.load import Payload
 from ecm.rig.physics.sensor import SensorWarmUp
@@ -65,7 +65,7 @@ class Plant:
         self.length_m = length_m
         self.gradings: Mapping[str, Grading] = dict(gradings or {})
         """Further FEM solutions, by the name of their grade."""
-        self.top_from_sensor = top_from_sensor_wrench(settings.instrument.top_from_sensor)
+        self.top_from_sensor = wrench_adjoint(settings.instrument.top_from_sensor)
         self._sensor_from_top: F = np.asarray(np.linalg.inv(self.top_from_sensor), dtype=np.float64)
         self.calibrated_top_from_sensor = self.top_from_sensor
         """The adjoint (6, 6) with which readings are moved to the top."""

@@ -25,10 +25,10 @@ from numpy.typing import NDArray
 
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
+from ecm.io.se3 import rotation, turn_wrench
 from ecm.io.table import Table
 from ecm.rig.camera import Optics, Window
 from ecm.rig.elastic import REST_ANCHOR, Anchors, Elastic, Grading, unique_poses
-from ecm.rig.frames import rotation, turn_wrench
 from ecm.rig.hidden.size import Whitener
 from ecm.rig.measurement import ForceTorqueSensor, row_covariance, zero_at
 from ecm.rig.physics import Physics

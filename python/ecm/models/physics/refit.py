@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm.effects.thinned import correction_of, jacobian_of
+from ecm.effects.protocol import correction_of, jacobian_of
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.events import Progress, Steps

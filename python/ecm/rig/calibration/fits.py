@@ -25,7 +25,17 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.rig.frames import compose, rotation, rotation_vector, skew, transpose
+from ecm.io.se3 import (
+    frames_of_axyb,
+    nearest_rotation,
+    residual_of_axyb,
+    rotation,
+    rotation_vector,
+    rotations_of_axyb,
+    skew,
+    stepped,
+    transpose,
+)
 
 
 @dataclass(frozen=True)
@@ -125,59 +135,23 @@ def hand_eye(
     n = len(robot_from_flange)
     if n < LEAST_POSES:
         raise InputError(f"hand-eye calibration: {n} poses, expected at least {LEAST_POSES}")
-    x, y = _initial(robot_from_flange, camera_from_target)
-    weight = np.tile(np.repeat([1.0 / position_sd_m, 1.0 / rotation_sd_rad], 3), n)
-    covariance, dof = np.eye(12), 1
-    for _ in range(_HAND_EYE_ROUNDS):
-        residual, design = _linear(robot_from_flange, camera_from_target, x, y)
-        step, covariance, dof = solve_scaled(weight[:, None] * design, weight * residual)
-        x, y = _moved(x, step[:6]), _moved(y, step[6:])
-        if np.abs(step).max() < 1e-12:
-            break
-    return HandEye(FrameFit(x, covariance[:6, :6], dof), FrameFit(y, covariance[6:, 6:], dof))
-
-
-def _moved(frame: F, step: F) -> F:
-    turn = rotation(step[None, 3:]) @ rotation(frame[None, 3:])
-    return np.concatenate([frame[:3] + step[:3], rotation_vector(turn)[0]])
-
-
-def _linear(a: F, b: F, x: F, y: F) -> tuple[F, F]:
-    """Residual (6n,) of A X = Y B, and its change (6n, 12) with steps of X and Y."""
-    n = len(a)
-    left = compose(a, x)
-    right = compose(np.tile(y, (n, 1)), b)
-    turn = rotation(right[:, 3:]) @ transpose(rotation(left[:, 3:]))
-    residual = np.concatenate([right[:, :3] - left[:, :3], rotation_vector(turn)], axis=1)
-    flange = rotation(a[:, 3:])
-    far = np.einsum("ij,nj->ni", rotation(y[None, 3:])[0], b[:, :3])
-    design = np.zeros((n, 6, 12))
-    design[:, :3, :3] = flange
-    design[:, 3:, 3:6] = flange
-    design[:, :3, 6:9] = -np.eye(3)
-    design[:, :3, 9:] = skew(far)
-    design[:, 3:, 9:] = -np.eye(3)
-    return residual.ravel(), design.reshape(6 * n, 12)
-
-
-def _initial(a: F, b: F) -> tuple[F, F]:
-    turns_a, turns_b = rotation(a[:, 3:]), rotation(b[:, 3:])
-    kron = np.einsum("nij,nkl->ikjl", turns_a, turns_b).reshape(9, 9)
-    u, values, vt = np.linalg.svd(kron)
-    if values[1] > (1.0 - 1e-6) * len(a):
+    turns, values = rotations_of_axyb(robot_from_flange, camera_from_target)
+    if values[1] > (1.0 - 1e-6) * n:
         raise InputError(
             "hand-eye calibration: all poses turn about one axis; turn about two at least"
         )
-    # Both come out up to a factor of either sign.
-    first, second = vt[0].reshape(3, 3), u[:, 0].reshape(3, 3)
-    turn_x, turn_y = (nearest_rotation(m * np.sign(np.linalg.det(m))) for m in (first, second))
-    n = len(a)
-    design = np.zeros((n, 3, 6))
-    design[:, :, :3], design[:, :, 3:] = turns_a, -np.eye(3)
-    right = np.einsum("ij,nj->ni", turn_y, b[:, :3]) - a[:, :3]
-    places = np.linalg.lstsq(design.reshape(-1, 6), right.ravel(), rcond=None)[0]
-    turned = rotation_vector(np.stack([turn_x, turn_y]))
-    return np.concatenate([places[:3], turned[0]]), np.concatenate([places[3:], turned[1]])
+    x, y = frames_of_axyb(robot_from_flange, camera_from_target, turns)
+    weight = np.tile(np.repeat([1.0 / position_sd_m, 1.0 / rotation_sd_rad], 3), n)
+    covariance, dof = np.eye(12), 1
+    for _ in range(_HAND_EYE_ROUNDS):
+        residual, design = residual_of_axyb(robot_from_flange, camera_from_target, x, y)
+        step, covariance, dof = solve_scaled(
+            weight[:, None] * design.reshape(-1, 12), weight * residual.ravel()
+        )
+        x, y = stepped(x, step[:6]), stepped(y, step[6:])
+        if np.abs(step).max() < 1e-12:
+            break
+    return HandEye(FrameFit(x, covariance[:6, :6], dof), FrameFit(y, covariance[6:, 6:], dof))
 
 
 _ROUNDS = 30
@@ -190,13 +164,6 @@ def in_region(error: F, covariance: F, dof: int, share: float) -> bool:
     count = len(error)
     distance = float(error @ np.linalg.solve(covariance, error))
     return distance <= count * float(special.fdtri(count, dof, share))
-
-
-def nearest_rotation(matrix: F) -> F:
-    """The rotation (3, 3) nearest to a matrix, by its singular vectors."""
-    u, _, vt = np.linalg.svd(matrix)
-    nearest: F = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-    return nearest
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ecm.io.arrays import F
+from ecm.io.se3 import compose, rotation, seen_from, wrench_adjoint
 from ecm.rig.calibration.fits import FrameFit, sensor_frame, target_frame
 from ecm.rig.camera import Camera
-from ecm.rig.frames import compose, rotation, seen_from, top_from_sensor_wrench
 from ecm.rig.measurement import ForceTorqueSensor
 from ecm.rig.settings import Instruments
 from ecm.rig.timeline import stream
@@ -63,7 +63,7 @@ def calibrated(instruments: Instruments, seed: int) -> Calibration:
     return Calibration(
         tip=seen_from(true["top target"][None], fits["top target"].frame[None])[0],
         base=seen_from(fits["base target"].frame[None], true["base target"][None])[0],
-        top_from_sensor=top_from_sensor_wrench((*sensor[:3].tolist(), *quaternion)),
+        top_from_sensor=wrench_adjoint((*sensor[:3].tolist(), *quaternion)),
         fits=fits,
     )
 
@@ -74,7 +74,7 @@ def _sensor(instruments: Instruments, random: np.random.Generator) -> FrameFit:
     force = np.einsum("nji,j->ni", turns, np.array([-9.81 * WEIGHT_KG, 0.0, 0.0]))
     arms = random.uniform(-_REACH_M, _REACH_M, (WEIGHTS, 3))
     at_top = np.concatenate([force, np.cross(arms, force)], axis=1)
-    true = at_top @ np.linalg.inv(top_from_sensor_wrench(instruments.top_from_sensor)).T
+    true = at_top @ np.linalg.inv(wrench_adjoint(instruments.top_from_sensor)).T
     sensor = ForceTorqueSensor(instruments)
     read = np.stack([sensor.read(row, WINDOW_S, random).mean(axis=0) for row in true])
     variance = np.diag(sensor.row_covariance(WINDOW_S, np.eye(6)))

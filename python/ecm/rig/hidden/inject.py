@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ecm.io.arrays import F
-from ecm.rig.frames import rotation, transpose, turn_wrench
+from ecm.io.se3 import rotation, transpose, turn_wrench
 from ecm.rig.hidden.size import CannotHide, Whitener, calibrate, check_size
 from ecm.rig.hidden.truth import Hidden
 from ecm.rig.measurement import residual, row_covariance

@@ -12,8 +12,8 @@ from typing import ClassVar, TypeVar
 import numpy as np
 
 from ecm.io.arrays import F
+from ecm.io.se3 import compose, rotation, seen_from, turn_wrench
 from ecm.rig.elastic import COS2, SIN2, STIFF, TAPER, THICK
-from ecm.rig.frames import compose, rotation, seen_from, turn_wrench
 from ecm.rig.physics.true_effect import (
     MOTION_SCALE,
     BodyPose,

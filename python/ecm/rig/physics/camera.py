@@ -12,7 +12,7 @@ from typing import ClassVar, TypeVar
 import numpy as np
 
 from ecm.io.arrays import F
-from ecm.rig.frames import compose, rigid_design, seen_from
+from ecm.io.se3 import compose, rigid_design, seen_from
 from ecm.rig.physics.true_effect import (
     MOTION_SCALE,
     CameraPose,

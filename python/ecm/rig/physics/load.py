@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from ecm.io.arrays import F
-from ecm.rig.frames import left_jacobian_inverse, rotate, rotation
+from ecm.io.se3 import left_jacobian_inverse, rotate, rotation
 from ecm.rig.physics.true_effect import (
     Clamp,
     Conditions,

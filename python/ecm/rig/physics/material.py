@@ -16,7 +16,7 @@ from typing import ClassVar
 import numpy as np
 
 from ecm.io.arrays import B, F
-from ecm.rig.frames import rotation, transpose, turn_wrench
+from ecm.io.se3 import rotation, transpose, turn_wrench
 from ecm.rig.physics.true_effect import (
     BodyPose,
     Conditions,

@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from ecm.io.arrays import F
-from ecm.rig.frames import rotation, transpose, turn_wrench
+from ecm.io.se3 import rotation, transpose, turn_wrench
 from ecm.rig.physics.true_effect import (
     SENSOR_SCALE,
     Conditions,

@@ -15,8 +15,8 @@ import numpy as np
 
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import B, F, I
+from ecm.io.se3 import rotation, seen_from, turn_wrench
 from ecm.rig.elastic import Elastic, Grading
-from ecm.rig.frames import rotation, seen_from, turn_wrench
 
 T = TypeVar("T", bound="TrueEffect")
 Random = np.random.Generator

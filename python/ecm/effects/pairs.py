@@ -8,11 +8,11 @@ motion take no work either. A relaxing branch gets its sign from these loops too
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ecm.effects.protocol import LinearEffect, Missing, Need, Parameter
+from ecm.effects.protocol import Missing, Parameter, needs_time
 from ecm.io.arrays import F, rest_of
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.table import Table
@@ -22,6 +22,8 @@ from ecm.regression.rows import Rows, derived_columns
 _MOST = 6
 _LEAST_TURN = 0.05
 """Share of the range by which a way back is no scatter."""
+_LEAST_BACK = 0.05
+"""Share of the whole way that must go back."""
 _LEAST_LOOPS, _SURE = 3, 3.0
 """Loops of which the work is compared, and errors of its mean that it must exceed."""
 
@@ -177,27 +179,20 @@ def per_pair(of: str, what: str, per: str = "", *, lower: float = -np.inf) -> tu
     return tuple(made)
 
 
-class PairEffect(LinearEffect):
-    """A signal of each pair's pose column, zero on rows without the mechanism."""
+def on_output(rows: Rows, name: str, values: F) -> F:
+    """(N, m) values (N,) on one wrench column; zero where the base map has no such output."""
+    column = np.zeros((len(rows), len(rows.base.outputs)))
+    if name in rows.base.outputs:
+        column[:, rows.base.outputs.index(name)] = values
+    return column
 
-    requires: tuple[Need, ...] = ()
-    of: str
 
-    def signal(self, rows: Rows, name: str) -> F:
-        """(N,) signal of one pose column."""
-        raise NotImplementedError(f"effect {self.id} has no signal")
-
-    def columns(self, rows: Rows) -> F:
-        """(N, m, k) one column per pair."""
-        made = []
-        for pair in self.of.split(","):
-            name, other, sign = split(pair)
-            column = np.zeros((len(rows), len(rows.base.outputs)))
-            if other in rows.base.outputs:
-                signal = np.where(rows.unloaded, 0.0, self.signal(rows, name))
-                column[:, rows.base.outputs.index(other)] = sign * signal
-            made.append(column)
-        return np.stack(made, axis=2)
+def columns_of_pairs(rows: Rows, of: str, signal: Callable[[str], F]) -> F:
+    """(N, m, k) one column per pair: the signal of its pose column, zero on unloaded rows."""
+    made = []
+    for name, other, sign in map(split, of.split(",")):
+        made.append(on_output(rows, other, np.where(rows.unloaded, 0.0, sign * signal(name))))
+    return np.stack(made, axis=2)
 
 
 def needs_motion(table: Table) -> Missing | None:
@@ -207,17 +202,32 @@ def needs_motion(table: Table) -> Missing | None:
     return Missing("nothing moves", "poses and wrenches that vary")
 
 
+def needs_both_ways(table: Table) -> Missing | None:
+    """Missing where no pose column goes up and down in the order of time."""
+    lacking = needs_time(table) or needs_motion(table)
+    if lacking is not None:
+        return lacking
+    for name in spans(table):
+        steps = np.concatenate(
+            [np.diff(table.column(name)[order]) for order in order_of_visits(table)]
+        )
+        way = np.abs(steps).sum()
+        if min(steps.clip(min=0.0).sum(), -steps.clip(max=0.0).sum()) > _LEAST_BACK * way:
+            return None
+    return Missing("one direction only", "the way back as well: loading and unloading")
+
+
 def numbers(text: str) -> dict[str, float]:
     """Numbers by pose column of `x_m 0.01, y_m 0.02`."""
     words = (item.split() for item in filter(None, text.split(",")))
     return {name: float(value) for name, value in words}
 
 
-def listed_numbers(values: dict[str, float]) -> str:
-    """The text of `numbers`."""
-    return ", ".join(f"{name} {value:.4g}" for name, value in values.items())
+def listed_numbers(values: dict[str, float], factor: float = 1.0) -> str:
+    """The text of `numbers`, each times a factor."""
+    return ", ".join(f"{name} {factor * value:.4g}" for name, value in values.items())
 
 
 def names_of(of: str) -> Sequence[str]:
     """The pose columns of pairs, each once."""
-    return tuple(dict.fromkeys(split(pair)[0] for pair in of.split(",")))
+    return tuple(dict.fromkeys(split(pair)[0] for pair in filter(None, of.split(","))))

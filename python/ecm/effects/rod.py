@@ -1,9 +1,14 @@
-"""Strains of a clamped rod under mid-frame coordinates, and forces of energies written in them.
+"""The mechanism as an elastic body between two plates, from the wrench of the base map.
 
-The centre line bends like a clamped beam: theta gives uniform curvature, c gives curvature that
+The base energy in stretched mid-frame coordinates q: with U'(q) = U(S q + s) the generalised force
+is Q' = S' Q(S q + s). Whatever S and s are, the changed mechanism still has an energy, also at
+large deflection.
+
+A clamped rod under the same coordinates: theta gives uniform curvature, c gives curvature that
 changes sign in the middle, and both shorten the chord. The rod's section is the disc that has the
 base map's own axial and bending stiffness at rest. Any energy
-V = EA L sum_p w_p psi(e_p, gamma_p) of the strains is conservative, at large deflection too.
+V = EA L sum_p w_p psi(e_p, gamma_p) of the strains is conservative. The moment at any place of the
+rod follows from force and torque at the top, without an assumption on the load.
 """
 
 from __future__ import annotations
@@ -12,10 +17,57 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ecm._native import mid_frame
-from ecm.effects.mid_frame import wrench_of
+from ecm._native import inverse_left_jacobians, left_jacobians, mid_frame, rotation_matrices
 from ecm.io.arrays import F
-from ecm.regression.rows import Rows
+from ecm.regression.rows import BodyChange, Rows
+
+
+def stretched(rows: Rows, matrix: F, shift: F) -> F:
+    """(N, 6) wrench of U(matrix @ q + shift), q = (c, theta) the mid-frame coordinates.
+
+    matrix (6, 6) or one per row (N, 6, 6), shift (6,) or (N, 6).
+    """
+    length = rows.length_m
+    q = mid_frame(rows.poses, length)
+    matrix = np.broadcast_to(matrix, (len(rows), 6, 6))
+    other = np.einsum("nij,nj->ni", matrix, q) + shift
+    poses = _poses(other, length)
+    force = np.einsum("nji,nj->ni", matrix, generalised(poses, rows.predict(poses)))
+    return wrench_of(rows.poses, force)
+
+
+def _poses(q: F, length_m: float) -> F:
+    half = rotation_matrices(0.5 * q[:, 3:])
+    lever = q[:, :3] + np.array([length_m, 0.0, 0.0])
+    position = np.einsum("nij,nj->ni", half, lever)
+    return np.ascontiguousarray(np.concatenate([position, q[:, 3:]], axis=1))
+
+
+def generalised(poses: F, wrenches: F) -> F:
+    """Q_c = A' f, Q_theta = J(theta)' tau + J(theta/2)' (r x f) / 2."""
+    half_angle = np.ascontiguousarray(0.5 * poses[:, 3:])
+    half = rotation_matrices(half_angle)
+    lever = np.cross(poses[:, :3], wrenches[:, :3])
+    whole_jacobian = left_jacobians(poses[:, 3:])
+    half_jacobian = left_jacobians(half_angle)
+    force = np.einsum("nji,nj->ni", half, wrenches[:, :3])
+    moment = np.einsum("nji,nj->ni", whole_jacobian, wrenches[:, 3:])
+    moment += 0.5 * np.einsum("nji,nj->ni", half_jacobian, lever)
+    return np.concatenate([force, moment], axis=1)
+
+
+def wrench_of(poses: F, generalised: F) -> F:
+    """(N, 6) wrench at the poses of generalised forces Q = (Q_c, Q_theta)."""
+    half_angle = np.ascontiguousarray(0.5 * poses[:, 3:])
+    half = rotation_matrices(half_angle)
+    force = np.einsum("nij,nj->ni", half, generalised[:, :3])
+    half_jacobian = left_jacobians(half_angle)
+    lever = np.cross(poses[:, :3], force)
+    moment = generalised[:, 3:] - 0.5 * np.einsum("nji,nj->ni", half_jacobian, lever)
+    inverse = inverse_left_jacobians(poses[:, 3:])
+    torque = np.einsum("nji,nj->ni", inverse, moment)
+    return np.concatenate([force, torque], axis=1)
+
 
 # Disc of radius 1, exact to degree 5: centre 1/4, hexagon at sqrt(2/3) 1/8 each.
 _ANGLES = np.arange(6) * np.pi / 3.0
@@ -175,3 +227,70 @@ def thicker_beam(rows: Rows) -> F:
     wrench = wrench_of(rows.poses, force)
     wrench[rows.unloaded] = 0.0
     return 4.0 * rows.wrench - 2.0 * wrench
+
+
+_STEP = (1e-6,) * 3 + (1e-5,) * 3
+
+
+def section_moment_slopes(rows: Rows, along: F) -> F:
+    """(N, P, 3, 6) change per twist of the top, in base axes, of the moments in section axes.
+
+    Parameters
+    ----------
+    along
+        (P,) places from -1 at the base to 1 at the top.
+    """
+    known = rest_stiffness(rows)
+    length, share = known.length_m, known.bending_share
+    slopes = np.empty((len(rows), len(along), 3, 6))
+    for j, step in enumerate(_STEP):
+        change = np.zeros(6)
+        change[j] = step
+        load = step * rows.stiffness[:, :, j]
+        up = _moments(rows.poses + change, rows.wrench + load, length, share, along)
+        down = _moments(rows.poses - change, rows.wrench - load, length, share, along)
+        slopes[..., j] = (up - down) / (2.0 * step)
+    # From rotation vectors to rotation increments, with which torques work.
+    inverse = inverse_left_jacobians(rows.rotation_vectors)
+    slopes[..., 3:] = np.einsum("npki,nij->npkj", slopes[..., 3:], inverse)
+    return slopes
+
+
+def _moments(poses: F, wrench: F, length_m: float, bending_share: float, along: F) -> F:
+    """(N, P, 3) R_s' (tau + (r - r_s) x f)."""
+    poses = np.ascontiguousarray(poses)
+    q = mid_frame(poses, length_m)
+    half = rotation_matrices(0.5 * poses[:, 3:])
+    force = np.einsum("nji,nj->ni", half, wrench[:, :3])
+    torque = np.einsum("nji,nj->ni", half, wrench[:, 3:])
+    chord = q[:, :3] + np.array([length_m, 0.0, 0.0])
+    moments = np.empty((len(poses), len(along), 3))
+    for p, s in enumerate(along):
+        place, turn = _section(q, length_m, bending_share, float(s))
+        moment = torque + np.cross(chord - place, force)
+        section = rotation_matrices(turn)
+        moments[:, p] = np.einsum("nji,nj->ni", section, moment)
+    return moments
+
+
+def _section(q: F, length_m: float, bending_share: float, s: float) -> tuple[F, F]:
+    """(N, 3) place of a section's centre and its rotation vector, from the base in mid-frame axes.
+
+    An arc of theta, and of c the share of bending as the cubic of a clamped beam.
+    """
+    bow = 0.25 * (1.0 - s * s)
+    place = 0.5 * (1.0 + s) * (q[:, :3] + np.array([length_m, 0.0, 0.0]))
+    place[:, 1] += bow * (s * bending_share * q[:, 1] - 0.5 * length_m * q[:, 5])
+    place[:, 2] += bow * (s * bending_share * q[:, 2] + 0.5 * length_m * q[:, 4])
+    turn = 0.5 * s * q[:, 3:]
+    turn[:, 1] -= 6.0 * bow * bending_share / length_m * q[:, 2]
+    turn[:, 2] += 6.0 * bow * bending_share / length_m * q[:, 1]
+    return place, turn
+
+
+def wrench_of_other_body(rows: Rows, change: BodyChange) -> F | None:
+    """(N, 6) wrench of the base with changed E, nu, L, D; None where it is no family of bodies."""
+    other = rows.base.other_body(change)
+    if other is None:
+        return None
+    return rows.where_loaded(other.predict, rows.poses, 6)

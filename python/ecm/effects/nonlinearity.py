@@ -6,10 +6,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ecm.effects.few.pairs import PairEffect, needs_motion, pairs, per_pair, short, spans, split
-from ecm.effects.protocol import Effect, LookAlike, Missing, Parameter
+from ecm.effects.pairs import (
+    columns_of_pairs,
+    needs_motion,
+    on_output,
+    pairs,
+    per_pair,
+    short,
+    spans,
+    split,
+)
+from ecm.effects.protocol import Effect, LinearEffect, LookAlike, Missing, Parameter
 from ecm.io.arrays import F
 from ecm.io.columns import unit_of
+from ecm.io.settings import setting
 from ecm.io.table import Table
 from ecm.regression.rows import Rows
 
@@ -35,7 +45,7 @@ def _range(table: Table, name: str) -> tuple[float, float]:
 
 
 @dataclass(eq=False)
-class Kink(PairEffect):
+class Kink(LinearEffect):
     """k max(0, p - c): from the pose c on the stiffness is larger or smaller by k."""
 
     of: str
@@ -75,13 +85,14 @@ class Kink(PairEffect):
         step = 0.08 * 0.5**round_ * (high - low)
         return tuple(Kink(self.of, self.at + s) for s in (-step, step))
 
-    def signal(self, rows: Rows, name: str) -> F:
-        """max(0, p - c)."""
-        return np.maximum(0.0, rows.table.column(name) - self.at)
+    def columns(self, rows: Rows) -> F:
+        """max(0, p - c) of each pair."""
+        column = rows.table.column
+        return columns_of_pairs(rows, self.of, lambda name: np.maximum(0.0, column(name) - self.at))
 
 
 @dataclass(eq=False)
-class DeadZone(PairEffect):
+class DeadZone(LinearEffect):
     """-k clip(p - c, -w, w): within w of the pose c the stiffness is smaller by k."""
 
     of: str
@@ -129,19 +140,22 @@ class DeadZone(PairEffect):
             *(DeadZone(self.of, self.at, width) for width in widths),
         )
 
-    def signal(self, rows: Rows, name: str) -> F:
-        """-clip(p - c, -w, w)."""
-        return -np.clip(rows.table.column(name) - self.at, -self.width, self.width)
+    def columns(self, rows: Rows) -> F:
+        """-clip(p - c, -w, w) of each pair."""
+        column = rows.table.column
+        return columns_of_pairs(
+            rows, self.of, lambda name: -np.clip(column(name) - self.at, -self.width, self.width)
+        )
 
 
 @dataclass(eq=False)
-class HigherDegree(PairEffect):
+class HigherDegree(LinearEffect):
     """Powers of each pose column from the fourth on, which a cubic lacks."""
 
     of: str
-    degree: int
+    degree: int = setting(low=3, high=30, doc="largest power")
     """Largest power."""
-    middle: str
+    middle: str = setting(doc="middle and half range of each pose column")
     """Middle and half range of each pose column, of which the powers are taken."""
 
     id = "higher_degree"
@@ -155,12 +169,15 @@ class HigherDegree(PairEffect):
     most_absorbed = _MOST_ABSORBED
 
     def __post_init__(self) -> None:
-        powers = range(4, int(self.degree) + 1)
-        units = [unit_of(split(pair)[1]) for pair in self.of.split(",")] if self.of else []
+        stated = map(str.split, filter(None, self.middle.split(",")))
+        scales = {name: (float(middle), float(half)) for name, middle, half in stated}
+        pairs_of = [split(pair) for pair in filter(None, self.of.split(","))]
+        self._terms = [(name, other, *scales[name]) for name, other, _ in pairs_of]
+        self._powers = range(4, int(self.degree) + 1)
         self.parameters = tuple(
-            Parameter(f"power{power}_{short(split(pair)[1])}", unit, 0.1)
-            for pair, unit in zip(self.of.split(","), units, strict=False)
-            for power in powers
+            Parameter(f"power{power}_{short(other)}", unit_of(other), 0.1)
+            for _, other, _ in pairs_of
+            for power in self._powers
         )
         if self.of:
             self.physics = (
@@ -184,25 +201,11 @@ class HigherDegree(PairEffect):
 
     def columns(self, rows: Rows) -> F:
         """(N, m, k) the powers of each pair."""
-        scales = {}
-        for item in self.middle.split(","):
-            name, at_middle, half_range = item.split()
-            scales[name] = float(at_middle), float(half_range)
         made = []
-        for pair in self.of.split(","):
-            name, other, _ = split(pair)
-            middle, half = scales[name]
+        for name, other, middle, half in self._terms:
             at = np.where(rows.unloaded, 0.0, (rows.table.column(name) - middle) / half)
-            for power in range(4, int(self.degree) + 1):
-                column = np.zeros((len(rows), len(rows.base.outputs)))
-                if other in rows.base.outputs:
-                    column[:, rows.base.outputs.index(other)] = at**power
-                made.append(column)
+            made += [on_output(rows, other, at**power) for power in self._powers]
         return np.stack(made, axis=2)
 
 
-FORMS = (
-    Kink("", 0.0),
-    DeadZone("", 0.0, 0.0),
-    HigherDegree("", 3, ""),
-)
+FEW = (Kink("", 0.0), DeadZone("", 0.0, 0.0), HigherDegree("", 3, ""))

@@ -1,0 +1,309 @@
+"""What use, time and temperature do to the material: softening, ageing, a permanent set."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ecm.effects.protocol import (
+    Effect,
+    LinearEffect,
+    LookAlike,
+    Missing,
+    Need,
+    Parameter,
+    beside,
+    listed,
+    needs_full,
+    needs_time,
+    needs_varying,
+    optional,
+)
+from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import Table
+from ecm.regression.approach import largest_so_far, memory_options, order_of_visits
+from ecm.regression.folds import repeat_visits
+from ecm.regression.rows import Rows
+
+_LEAST_AGAIN = 5
+_WIDTHS = (0.0, 0.25, 0.7, 2.0)
+"""Widths that are tried, over the median; 0: a straight line."""
+
+
+def needs_again(record: str) -> Need:
+    """Missing without time, or where every pose is visited once: then time and pose are one."""
+
+    def need(table: Table) -> Missing | None:
+        lacking = needs_varying("time_s", 1.0)(table)
+        if lacking is None and repeat_visits(table) < _LEAST_AGAIN:
+            return Missing("no pose was measured again", record, imitates=True)
+        return lacking
+
+    return need
+
+
+def _needs_unloading(table: Table) -> Missing | None:
+    """Missing without time, or where no row lies below an earlier, larger load."""
+    lacking = needs_time(table)
+    if lacking is not None:
+        return lacking
+    if not table.wrench_columns:
+        return Missing("no wrench column", "a force or a torque", absent=True)
+    load = _load(table.matrix(table.wrench_columns), table.wrench_columns)
+    if int((largest_so_far(table, load) > 1.05 * load).sum()) < _LEAST_AGAIN:
+        return Missing("no load after a larger one", "a second cycle, and smaller loads after it")
+    return None
+
+
+def _load(wrenches: F, outputs: tuple[str, ...]) -> F:
+    """(N,) size of the force; of the moment where no force is known."""
+    force = [j for j, name in enumerate(outputs) if name in WRENCH[:3]]
+    return np.asarray(np.linalg.norm(wrenches[:, force or range(len(outputs))], axis=1))
+
+
+@dataclass(eq=False)
+class TemperatureModulus(LinearEffect):
+    """h (1 - beta (T - T0)); T0 is the table's mean, the modulus takes what is left."""
+
+    id = "temperature_modulus"
+    physics = "The modulus follows the temperature of the material, and the whole wrench with it."
+    parameters = (Parameter("beta", "1/K", 3e-3, -0.05, 0.05),)
+    outside = LookAlike(
+        "anything that follows the temperature: a sensor that warms, a clamp that grows, moisture",
+        "the same poses warm and cold, in both orders",
+    )
+    signature = "proportional to h, follows T"
+    needs = "temperature that varies (temperature_degC)"
+    requires = (needs_varying("temperature_degC", 0.25),)
+    kind = "time"
+    rivals = {"ageing": "warm_and_cold", "stress_relaxation": "hold_60_s"}
+
+    reference_degC: float | None = optional(None)
+    """Temperature at which the correction is zero; None: the mean of the table."""
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Referred to the mean temperature of the table."""
+        return (TemperatureModulus(round(float(table.column("temperature_degC").mean()), 3)),)
+
+    def columns(self, rows: Rows) -> F:
+        """-(T - T0) h."""
+        temperature = rows.table.column("temperature_degC")
+        zero = temperature.mean() if self.reference_degC is None else self.reference_degC
+        return np.asarray(-((temperature - zero)[:, None] * rows.wrench)[:, :, None])
+
+
+class Ageing(LinearEffect):
+    """h (1 + alpha t)."""
+
+    id = "ageing"
+    physics = "The material stiffens or softens steadily with time, at rest as well as in use."
+    parameters = (Parameter("alpha", "1/s", 1e-6, -1e-3, 1e-3),)
+    outside = LookAlike(
+        "anything that scales the wrench over the hours: drying, a gain that drifts, the room",
+        "the first poses again at the end, and next day",
+    )
+    signature = "proportional to h, monotone in t"
+    needs = "time (time_s), and poses that are measured again"
+    requires = (needs_again("repeat the first set at the end, and next day"),)
+    kind = "time"
+    rivals = {
+        "temperature_modulus": "repeat_next_day",
+        "mullins_softening": "repeat_first_poses",
+    }
+
+    def columns(self, rows: Rows) -> F:
+        """t h."""
+        return np.asarray((rows.time_s()[:, None] * rows.wrench)[:, :, None])
+
+
+@dataclass(eq=False)
+class MullinsSoftening(LinearEffect):
+    """h (1 - eta (1 - W / W_max)), W_max the largest strain energy so far in the run.
+
+    In joined tables the memory may also be `kept` over all runs.
+
+    W = h (p - p0) / 2, that of a linear body. With a `width` the loss is complete a width below the
+    maximum: h (1 - eta tanh((W_max - W) / (width W_typical))), W_typical the median. In place of
+    the energy the largest `bend` or distance (`reach`) may count, m: h (1 - eta u / (u + width b)),
+    u = m_max - m and b the median, or a straight line without a width.
+    """
+
+    id = "mullins_softening"
+    physics = "A filled rubber is softer below the largest deformation that it has had."
+    parameters = (Parameter("eta", "1", 0.03, -0.2, 0.9),)
+    outside = LookAlike(
+        "anything that stays softer after a large pose: a bond that opens, a clamp that settles",
+        "five cycles to the largest pose, then the first poses again; clamp anew",
+    )
+    signature = "first visit above later ones, only below the past maximum"
+    needs = "order (time_s), and poses that are measured again"
+    requires = (needs_full, needs_again("repeat the first 10 poses"))
+    kind = "time"
+    rivals = {
+        "ageing": "conditioning_cycles",
+        "stress_relaxation": "hold_60_s",
+        "hysteresis": "conditioning_cycles",
+        "strain_stiffening": "conditioning_cycles",
+    }
+
+    width: float = optional(0.0)
+    """Width over which the loss sets in, over the median of the measure; 0: a straight line."""
+    measure: str = optional("energy")
+    """What the largest load is: `energy`, `bend` or `reach`."""
+    history: str = optional("run")
+    """Whether the memory ends with a `run` or is `kept` over all runs."""
+    load_width: float | None = optional(None)
+    """With fewer than the twelve columns the size of force or moment counts, and sets in over this
+    width, N or N m; 0: a straight line."""
+
+    def __post_init__(self) -> None:
+        if self.load_width is not None:
+            self.physics = "The material is softer below the largest load that it has had."
+            self.needs = "time (time_s), and loads after larger ones"
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs what `requires` says; with fewer columns a load below an earlier one."""
+        return super().missing(table) if self.load_width is None else _needs_unloading(table)
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """A straight line and some widths for each measure of the largest load."""
+        if self.load_width is not None:
+            measured = table.measured()
+            load = _load(measured.matrix(measured.wrench_columns), measured.wrench_columns)
+            widths = [float(f"{w * np.median(load):.4g}") for w in _WIDTHS[:3]]
+            return tuple(MullinsSoftening(load_width=width) for width in widths)
+        return tuple(
+            MullinsSoftening(w, measure, kept)
+            for kept in memory_options(table)
+            for measure in ("energy", "bend", "reach")
+            for w in _WIDTHS
+        )
+
+    def columns(self, rows: Rows) -> F:
+        """The share that is lost, times -h."""
+        size = self._size(rows)
+        largest = largest_so_far(rows.table, size, self.history)
+        below, width = largest - size, self.load_width or self.width
+        if self.load_width is None and not rows.unloaded.all():
+            width *= float(np.median(size[~rows.unloaded]))
+        if not (self.load_width or self.width):
+            lost = below / np.where(largest > 0.0, largest, 1.0)
+        elif self.load_width is not None or self.measure == "energy":
+            lost = np.tanh(below / max(width, 1e-300))
+        else:
+            lost = below / np.maximum(below + width, 1e-300)
+        return np.asarray(-(lost[:, None] * rows.wrench)[:, :, None])
+
+    def _size(self, rows: Rows) -> F:
+        """(N,) the measure of load: a force, the energy, the largest tilt and twist, or reach."""
+        if self.load_width is not None:
+            return _load(rows.wrench, rows.base.outputs)
+        away = rows.poses - rows.rest_pose
+        if self.measure == "energy":
+            return np.asarray(0.5 * np.abs((away * rows.wrench).sum(axis=1)))
+        bend = self.measure == "bend"
+        size = np.linalg.norm(away[:, 3:], axis=1) if bend else _far(away, rows.length_m)
+        return np.where(rows.unloaded, 0.0, size)
+
+
+@dataclass(eq=False)
+class PermanentSet(LinearEffect):
+    """-K_s p_set; p_set follows the largest pose so far, or sums what exceeds a yield length.
+
+    `summed`: each visit adds a share of (1 - y / |x|) (p - p0) where |x| > y, |x| the deflection
+    with rotations times the length; `each` coordinate with a share of its own, where no home checks
+    show the set by itself. It ends with a run, or is `kept` in joined tables.
+    """
+
+    id = "permanent_set"
+    physics = "After large poses the mechanism rests a little on the side to which it was bent."
+    parameters = listed(Parameter("share", "1", 5e-3, 0.0, 0.5))
+    outside = LookAlike(
+        "anything that shifts the rest pose for good: a slipped clamp, a moved target, swelling",
+        "the home pose after every sample, with a look at clamp and target",
+    )
+    signature = "the wrench at home grows after large poses"
+    needs = "order (time_s), and home checks (kind home)"
+    requires = (needs_full, needs_varying("time_s", 1.0))
+    kind = "time"
+    rivals = {
+        "marker_motion": "home_after_every_sample",
+        "fts_drift": "home_after_every_sample",
+        "mullins_softening": "repeat_first_poses",
+    }
+
+    memory: str = "largest"
+    """`largest`: the set follows the largest pose; `summed` or `each`: all beyond the yield
+    length, with one share or one for each coordinate."""
+    yield_m: float = optional(0.0)
+    """Deflection in m that leaves no set."""
+    history: str = optional("run")
+    """Whether the set ends with a `run` or is `kept` over all runs."""
+
+    def __post_init__(self) -> None:
+        if self.memory == "each":
+            (share,) = PermanentSet.parameters
+            names = (name.rsplit("_", 1)[0] for name in POSE)
+            self.parameters = tuple(replace(share, name=f"share_{name}") for name in names)
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs order, and home checks; without these it imitates other effects."""
+        lacking = super().missing(table)
+        if lacking is not None or _has_home(table):
+            return lacking
+        record = "home pose after every sample"
+        return Missing("no home checks", record, imitates=True, forms=self.variants(table))
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Both memories, the second with four yield lengths; without home checks also `each`."""
+        length = table.meta.length_m
+        poses = table.measured().poses
+        rest = np.array([np.median(poses[:, 0]) if length is None else length, 0, 0, 0, 0, 0])
+        far = _far(poses - rest, float(rest[0]))
+        yields = [0.0, *(round(float(np.quantile(far, s)), 5) for s in (0.3, 0.55, 0.8))]
+        memories = ("summed",) if _has_home(table) else ("summed", "each")
+        forms = (("largest", 0.0), *((memory, y) for memory in memories for y in yields))
+        return tuple(PermanentSet(*form, kept) for kept in memory_options(table) for form in forms)
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Yield lengths between this one and its neighbours."""
+        if self.yield_m <= 0.0:
+            return ()
+        yields = beside(self.yield_m, 1.0 + 0.2 * 0.5**round_)
+        return tuple(PermanentSet(self.memory, y, self.history) for y in yields)
+
+    def columns(self, rows: Rows) -> F:
+        """-K (p_largest - p0), or -K times the sum of all earlier deflections."""
+        deflection = rows.poses - rows.rest_pose
+        deflection = np.where(rows.unloaded[:, None], 0.0, deflection)
+        if self.memory != "largest":
+            far = _far(deflection, rows.length_m)
+            excess = np.maximum(0.0, far - self.yield_m) / np.maximum(far, 1e-12)
+            deflection = deflection * excess[:, None]
+            past = np.zeros_like(deflection)
+            for order in order_of_visits(rows.table, self.history):
+                own = deflection[order]
+                past[order] = (np.cumsum(own, axis=0) - own) / np.sqrt(len(own))
+        else:
+            energy = 0.5 * np.abs((deflection * rows.wrench).sum(axis=1))
+            largest = largest_so_far(rows.table, energy, self.history, index=True)
+            past = deflection[largest.astype(np.int64)]
+        if self.memory == "each":
+            return np.asarray(-rows.stiffness * past[:, None, :])
+        return np.asarray(-(rows.stiffness @ past[:, :, None]))
+
+
+def _has_home(table: Table) -> bool:
+    return bool((table.text("kind") == "home").any())
+
+
+def _far(deflection: F, length_m: float) -> F:
+    """(N,) length of deflections, rotations times the length."""
+    metric = np.array([1.0, 1.0, 1.0, length_m, length_m, length_m])
+    return np.asarray(np.sqrt(((deflection * metric) ** 2).sum(axis=1)))
+
+
+EFFECTS = (MullinsSoftening(), TemperatureModulus(), Ageing(), PermanentSet())
+FEW = (MullinsSoftening(load_width=0.0),)
