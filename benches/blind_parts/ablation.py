@@ -1,4 +1,4 @@
-"""Rules of the diagnosis that can be left out, each by changing a function of `ecm.diagnosis`."""
+"""Rules of the diagnosis that can be left out, to see what each is good for."""
 
 from __future__ import annotations
 
@@ -11,14 +11,16 @@ from unittest.mock import patch
 import numpy as np
 
 from ecm.diagnosis.procedure import STAGES, Stages
+from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 
 
 @dataclass(frozen=True)
 class Rule:
-    """What leaves a rule out: other stages, and other functions of the modules of the diagnosis."""
+    """What leaves a rule out: other stages, other functions of the diagnosis, other limits."""
 
     stages: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
     functions: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
+    limits: Mapping[str, Any] = field(default_factory=dict)
 
 
 def _always(value: Any) -> Callable[..., Any]:
@@ -31,40 +33,71 @@ def _no_errors(rows: Any, base: Any) -> Any:
 
 _PLAIN = "explains_more_than_its_plain_form"
 RULES = {
-    "": Rule(),
-    "patterns in time and neighbours": Rule(stages={"white": _always(None)}),
-    "one direction of the wrench": Rule(stages={"direction": _always(None)}),
+    # Another base, or fewer rows
     "base of unlike ends": Rule(functions={"procedure.base_of_unlike_ends": _always(None)}),
     "base of the next degree": Rule(functions={"procedure.base_of_next_degree": _always(None)}),
     "base beside names": Rule(functions={"procedure.base_beside_names": _always(None)}),
     "another body": Rule(functions={"procedure.may_be_another_body": _always(False)}),
     "neighbours alike": Rule(functions={"procedure._neighbours_alike": _always(None)}),
-    "plain form": Rule(
-        functions={f"{module}.{_PLAIN}": _always(True) for module in ("accept", "confusion")}
-    ),
+    # Noise
     "noise that grows with load": Rule(
         functions={"procedure.with_load_growth": lambda noise, _: noise}
     ),
     "noise by what is left": Rule(
         functions={"procedure.noise_by_rest": lambda problem: problem.noise}
     ),
+    "error of the mesh": Rule(functions={"problem.error_columns": _no_errors}),
+    "rows that are outliers": Rule(limits={"outlier_chance": 1e-300}),
+    # Search
+    "share of a further effect": Rule(limits={"material_share": 0.0, "unlike_share": 0.0}),
+    "less for an effect of time": Rule(limits={"unlike_share": 0.10}),
+    "one cause is likelier": Rule(limits={"one_cause_share": 0.0}),
+    "shapes refined": Rule(limits={"shape_refinements": 0}),
+    # Acceptance
+    "held-out error falls": Rule(limits={"held_out_errors": -1e9}),
+    "bootstraps": Rule(limits={"chosen_share": 0.0}),
+    "influential rows": Rule(limits={"influential_share": 0.0}),
+    "within bounds": Rule(limits={"kept_within_bounds": 0.0}),
+    "correction over range": Rule(limits={"most_of_range": 1e9}),
+    "plain form": Rule(
+        functions={f"{module}.{_PLAIN}": _always(True) for module in ("accept", "confusion")}
+    ),
     "fullest forms": Rule(functions={"procedure.fullest_forms": lambda _, effects: effects}),
+    # Classes
+    "rivals that look alike": Rule(limits={"separable": 0.0}),
+    "share of the form": Rule(limits={"form_share": 0.0}),
+    "rivals that win bootstraps": Rule(limits={"rival_bootstraps": 1.0}),
+    "close rivals that win some": Rule(limits={"close_bic": 0.0}),
+    "wider class beside another": Rule(limits={"near_share": 0.0}),
+    "wider class in doubt": Rule(limits={"doubtful_share": 1.0}),
+    # Verdict
+    "left after names": Rule(limits={"left_share": (1.0, 1.0, 1.0, 1.0)}),
+    "least strength": Rule(limits={"least_strength": 0.0}),
+    "scatter too large": Rule(limits={"most_scale_repeats": 1e9, "most_scale_declared": 1e9}),
+    "error that stays": Rule(limits={"most_left_error": 1e9}),
+    "other readings": Rule(limits={"least_wrong_error": 1e9}),
     "modulus and ratio": Rule(
         functions={
             "procedure.modulus_warning": _always(""),
             "procedure.ratio_warning": _always(""),
             "classify.modulus_warning": _always(""),
+            "classify.ratio_warning": _always(""),
         }
     ),
-    "error of the mesh": Rule(functions={"problem.error_columns": _no_errors}),
+    "patterns in time and neighbours": Rule(stages={"white": _always(None)}),
+    "one direction of the wrench": Rule(stages={"direction": _always(None)}),
 }
-"""By what each is called in the table; the first leaves nothing out."""
+"""By what each is called in the table."""
 
 
 @contextmanager
-def without(rule: str) -> Iterator[Stages]:
-    """Leave a rule out while the block runs with these stages."""
+def without(*rules: str) -> Iterator[tuple[Stages, DiagnosisSettings]]:
+    """Leave rules out while the block runs with these stages and limits."""
+    stages, settings = STAGES, DEFAULTS
     with ExitStack() as patches:
-        for place, change in RULES[rule].functions.items():
-            patches.enter_context(patch(f"ecm.diagnosis.{place}", change))
-        yield replace(STAGES, **RULES[rule].stages)
+        for rule in map(RULES.__getitem__, rules):
+            for place, change in rule.functions.items():
+                patches.enter_context(patch(f"ecm.diagnosis.{place}", change))
+            stages = replace(stages, **rule.stages)
+            settings = replace(settings, **rule.limits)
+        yield stages, settings

@@ -9,10 +9,10 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (40_690, 264),
-    "benches": (6_020, 51),
+    "python/ecm": (40_110, 249),
+    "benches": (6_090, 52),
     "examples": (1_360, 12),
-    "tests": (27_160, 206),
+    "tests": (27_080, 205),
     "crates": (31_910, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit."""
