@@ -95,14 +95,6 @@ def prepared(sets: list[Set], folder: Path) -> None:
         shared_model(source)
 
 
-def _print_progress(total: int, done: int, left_s: float) -> None:
-    text = f"{done}/{total} sets, about {left_s / 60.0:.0f} min left"
-    if sys.stderr.isatty():
-        print(f"\r{text}  ", end="", file=sys.stderr, flush=True)
-    elif done % 20 == 0 or done == total:
-        print(text, file=sys.stderr, flush=True)
-
-
 def selected_sets(given: argparse.Namespace) -> list[Set]:
     """What the command line asks for, in the order in which it is run."""
     sets = [one for tier in given.tiers for one in sets_of(tier, given.sets)]
@@ -148,10 +140,7 @@ def main() -> int:
         todo = [case for case in cases if stored_result(case, folder) is None]
         prepared(todo, folder)
         work = partial(run_one, folder=folder)
-        progress = partial(_print_progress, len(todo))
-        failed = run_all(
-            todo, work, workers=given.workers, seconds=given.seconds, progress=progress
-        )
+        failed = run_all(todo, work, workers=given.workers, seconds=given.seconds)
         print(file=sys.stderr)
     found = (stored_result(case, folder) for case in cases)
     met = write_table([result for result in found if result is not None], given.out, len(failed))

@@ -192,12 +192,6 @@ def main() -> int:
         partial(run_one, folder=folder, rules=rules),
         workers=given.workers,
         seconds=given.seconds,
-        progress=lambda done, left_s: print(
-            f"\r{done}/{len(cases)} sets, about {left_s / 60.0:.0f} min left ",
-            end="",
-            file=sys.stderr,
-            flush=True,
-        ),
     )
     files = [folder / f"{case.name}.json" for case in cases]
     kept = [json.loads(file.read_text()) for file in files if file.exists()]

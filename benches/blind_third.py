@@ -114,12 +114,6 @@ def main() -> int:
         partial(run_one, folder=folder),
         workers=given.workers,
         seconds=given.seconds,
-        progress=lambda done, left_s: print(
-            f"\r{done}/{len(todo)} sets, about {left_s / 60.0:.0f} min left ",
-            end="",
-            file=sys.stderr,
-            flush=True,
-        ),
     )
     found = [json.loads(_file(c, folder).read_text()) for c in cases if _file(c, folder).exists()]
     text = table_text(found)

@@ -21,7 +21,7 @@ def run_all(
     *,
     workers: int,
     seconds: float = float("inf"),
-    progress: Callable[[int, float], None] = lambda done, left_s: None,
+    progress: Callable[[int, float], None] | None = None,
 ) -> list[T]:
     """Call `work` once per task; the tasks that failed. Ctrl-C ends it, what is finished stays.
 
@@ -32,7 +32,8 @@ def run_all(
     seconds
         No task is begun after that.
     progress
-        Called after each task with the number done and the seconds that are left.
+        Called after each task with the number done and the seconds that are left; default: a line
+        on stderr.
     """
     began = time.perf_counter()
     todo = list(tasks)
@@ -46,7 +47,12 @@ def run_all(
             failed.append(task)
             print(f"\n{task}: failed\n{error}", file=sys.stderr)
         spent = time.perf_counter() - began
-        progress(done, spent / done * (len(todo) - done))
+        left_s = spent / done * (len(todo) - done)
+        if progress is not None:
+            progress(done, left_s)
+        else:
+            text = f"\r{done}/{len(todo)} sets, about {left_s / 60.0:.0f} min left "
+            print(text, end="", file=sys.stderr, flush=True)
 
     def in_time() -> bool:
         return time.perf_counter() - began <= seconds
