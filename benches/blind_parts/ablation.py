@@ -36,7 +36,6 @@ RULES = {
     # Another base, or fewer rows
     "base of unlike ends": Rule(functions={"procedure.base_of_unlike_ends": _always(None)}),
     "base of the next degree": Rule(functions={"procedure.base_of_next_degree": _always(None)}),
-    "base beside names": Rule(functions={"procedure.base_beside_names": _always(None)}),
     "another body": Rule(functions={"procedure.may_be_another_body": _always(False)}),
     "neighbours alike": Rule(functions={"procedure._neighbours_alike": _always(None)}),
     # Noise
@@ -49,32 +48,23 @@ RULES = {
     "error of the mesh": Rule(functions={"problem.error_columns": _no_errors}),
     "rows that are outliers": Rule(limits={"outlier_chance": 1e-300}),
     # Search
-    "share of a further effect": Rule(limits={"material_share": 0.0, "unlike_share": 0.0}),
-    "less for an effect of time": Rule(limits={"unlike_share": 0.10}),
-    "one cause is likelier": Rule(limits={"one_cause_share": 0.0}),
+    "share of a further effect": Rule(limits={"material_share": 0.0}),
     "shapes refined": Rule(limits={"shape_refinements": 0}),
     # Acceptance
     "held-out error falls": Rule(limits={"held_out_errors": -1e9}),
     "bootstraps": Rule(limits={"chosen_share": 0.0}),
-    "influential rows": Rule(limits={"influential_share": 0.0}),
     "within bounds": Rule(limits={"kept_within_bounds": 0.0}),
-    "correction over range": Rule(limits={"most_of_range": 1e9}),
     "plain form": Rule(
         functions={f"{module}.{_PLAIN}": _always(True) for module in ("accept", "confusion")}
     ),
-    "fullest forms": Rule(functions={"procedure.fullest_forms": lambda _, effects: effects}),
     # Classes
     "rivals that look alike": Rule(limits={"separable": 0.0}),
     "share of the form": Rule(limits={"form_share": 0.0}),
-    "rivals that win bootstraps": Rule(limits={"rival_bootstraps": 1.0}),
-    "close rivals that win some": Rule(limits={"close_bic": 0.0}),
     "wider class beside another": Rule(limits={"near_share": 0.0}),
     "wider class in doubt": Rule(limits={"doubtful_share": 1.0}),
     # Verdict
     "left after names": Rule(limits={"left_share": (1.0, 1.0, 1.0, 1.0)}),
     "least strength": Rule(limits={"least_strength": 0.0}),
-    "scatter too large": Rule(limits={"most_scale_repeats": 1e9, "most_scale_declared": 1e9}),
-    "error that stays": Rule(limits={"most_left_error": 1e9}),
     "other readings": Rule(limits={"least_wrong_error": 1e9}),
     "modulus and ratio": Rule(
         functions={
@@ -85,7 +75,6 @@ RULES = {
         }
     ),
     "patterns in time and neighbours": Rule(stages={"white": _always(None)}),
-    "one direction of the wrench": Rule(stages={"direction": _always(None)}),
 }
 """By what each is called in the table."""
 
