@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "DWELLS_S",
     "Adapter",
     "DesignError",
     "DesignResult",
@@ -28,6 +29,7 @@ __all__ = [
     "convert_stiffness",
     "criteria",
     "d_optimal",
+    "diagnosable_visits",
     "export_model",
     "inverse_left_jacobians",
     "left_jacobians",
@@ -40,12 +42,16 @@ __all__ = [
     "merged_triangle",
     "mid_frame",
     "open_model",
+    "outer_poses",
     "polynomial_exponents",
     "polynomial_regressor",
+    "repeated_rows",
     "rod_poses",
     "rod_wrenches",
     "rotation_matrices",
     "rotation_vectors",
+    "row_list",
+    "rows_inside",
     "seal_model",
 ]
 
@@ -594,6 +600,28 @@ def d_optimal(
     default the candidates'), or the summed variance of the coefficients, in noise variances;
     smaller is better.
     """
+
+DWELLS_S: list[float]
+
+def diagnosable_visits(
+    poses: _F, dwells_s: Sequence[float], orders: Sequence[Sequence[int]]
+) -> list[tuple[str, str, int, int, float]]:
+    """Kind, action, pose, pose from which it is approached (-1: the initial pose) and rest (s) of
+    each visit of poses (m, 6), in random orders of the poses, of the poses, of the visits and of
+    their rests.
+    """
+
+def outer_poses(poses: _F) -> list[int]:
+    """For each pose (m, 6) the nearest one from which it is approached from outside, or -1."""
+
+def row_list(text: str, count: int) -> list[int]:
+    """Rows (from 0) of a list like `1,5-9`, which counts from 1, of a table of `count` rows."""
+
+def rows_inside(text: str, names: Sequence[str], values: _F) -> list[int]:
+    """Rows (from 0) of values (N, d) inside a region like `x_m<0.09&y_m>0` of the d names."""
+
+def repeated_rows(points: _F, include: Sequence[int], exclude: Sequence[int]) -> list[int]:
+    """Rows of points (N, d) with the coordinates of an earlier one, or of an included one."""
 
 def maximin(
     points: _F,

@@ -34,7 +34,7 @@ from support.cortex_m import (
     rust_library,
     stated_stack,
 )
-from support.exports import done, written
+from support.exports import adapter_library, done, written
 from support.models import BRANCHES, with_effects, with_time
 from support.neck import ROOT, Done
 from support.programs import need_program
@@ -212,12 +212,7 @@ def test_no_compiler_warns_of_the_code(
     for name, precision in (("cubic", "single"), ("energy4", "double"), ("time", "single")):
         model = with_time(fitted["energy4"]) if name == "time" else fitted[name]
         adapt = AdaptSettings(("modulus", "payload", "zero"))
-        files = export_files(model, "c", "neck", precision, None, adapt).files  # type: ignore[arg-type]
-        folder = tmp_path / name
-        folder.mkdir()
-        for path, text in files.items():
-            assert isinstance(text, str)
-            (folder / path).write_text(text, encoding="utf-8")
+        folder = written(model, tmp_path / name, "c", precision, adapt=adapt)
         for source in sorted(folder.glob("*.c")):
             built = done(cc, "-std=c99", "-O2", *WARNINGS, "-c", source, "-o", folder / "o")
             assert (built.returncode, built.stderr) == (0, ""), source.name
@@ -230,11 +225,10 @@ def test_the_exported_adapter_takes_its_branches_from_the_exported_steps(
     gcc = need_program("gcc")
     model = with_effects(fitted["energy4"], BRANCHES)
     settings = AdaptSettings(("modulus", "shares"))
-    for path, text in export_files(model, "c", "neck", "double", None, settings).files.items():
-        assert isinstance(text, str)
-        (tmp_path / path).write_text(text, encoding="utf-8")
+    written(model, tmp_path, "c", adapt=settings)
     library = tmp_path / "neck.so"
-    sources = [tmp_path / "neck.c", tmp_path / "neck_adapt.c"]
+    # -u: what a shared library does not call itself is taken from the static one only where named.
+    sources = [tmp_path / "neck.c", "-Wl,-u,neck_adapt", adapter_library(tmp_path)]
     built = done(gcc, "-O2", "-shared", "-fPIC", *sources, "-o", library)
     assert built.returncode == 0, built.stderr
     code, six = ctypes.CDLL(str(library)), ctypes.c_double * 6

@@ -139,7 +139,7 @@ def test_enums_that_may_grow_are_matched_with_a_rest() -> None:
     assert {name for name, grows in found.items() if not grows} == set(CLOSED)
 
 
-@pytest.mark.parametrize("features", ["", "binary", "alloc"])
+@pytest.mark.parametrize("features", ["", "alloc"])
 def test_ecm_poly_builds_for_a_cortex_m(features: str) -> None:
     need_rust_target("thumbv7em-none-eabihf")
     command = [

@@ -9,11 +9,11 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (40_110, 249),
+    "python/ecm": (40_060, 249),
     "benches": (5_990, 51),
     "examples": (1_360, 12),
     "tests": (27_080, 205),
-    "crates": (31_910, 198),
+    "crates": (31_100, 193),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit."""
 

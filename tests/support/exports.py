@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 from functools import lru_cache
 from pathlib import Path
@@ -10,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.models import Model, fit_model
+from ecm.models.adapt import AdaptSettings
 from ecm.models.control import LoopSettings
 from ecm.models.export import export_files
 from support.campaigns import campaign, workspace_poses
+from support.programs import need_program
 
 F = NDArray[np.float64]
 HEAD = LoopSettings(mass_kg=0.5, inertia_kg_m2=5e-4)
@@ -26,9 +29,10 @@ def written(
     precision: str = "double",
     name: str = "neck",
     loop: LoopSettings | None = None,
+    adapt: AdaptSettings | None = None,
 ) -> Path:
     """The folder with the files of a target."""
-    files = export_files(model, target, name, precision, loop).files  # type: ignore[arg-type]
+    files = export_files(model, target, name, precision, loop, adapt).files  # type: ignore[arg-type]
     for path, content in files.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_bytes(content.encode() if isinstance(content, str) else content)
@@ -41,6 +45,18 @@ def done(*command: object, **settings: object) -> subprocess.CompletedProcess[st
         [str(part) for part in command],
         capture_output=True, text=True, check=False, timeout=600, **settings,
     )  # type: ignore[call-overload,no-any-return]  # fmt: skip
+
+
+def adapter_library(folder: Path, *options: object) -> Path:
+    """The static library of the exported crate `neck_adapt` in a folder, as its header says."""
+    target = folder / "target"
+    built = done(
+        need_program("cargo"), "build", "--release", "--offline", *options,
+        "--manifest-path", folder / "neck_adapt" / "Cargo.toml",
+        env={**os.environ, "CARGO_TARGET_DIR": str(target), "RUSTFLAGS": "-D warnings"},
+    )  # fmt: skip
+    assert built.returncode == 0, built.stderr
+    return next(target.glob("**/release/libneck_adapt.a"))
 
 
 @lru_cache(maxsize=4)

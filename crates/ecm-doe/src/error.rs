@@ -4,6 +4,9 @@
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DesignError {
+    /// A table, a list or a region that cannot be used: place, what was found, what was expected.
+    #[error("{0}")]
+    Input(String),
     /// There is nothing to choose from.
     #[error(
         "there are no candidates: expected at least one row with at least one column; check the candidate table"

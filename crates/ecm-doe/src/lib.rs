@@ -8,6 +8,8 @@
 //! - [`g_optimal`]: the smallest largest variance; [`compound_optimal`]: D and I together.
 //! - [`maximin`]: the points with the largest smallest distance, by the paper's exchange or by a
 //!   threshold search; with an upper bound from clique covers.
+//! - [`Table`]: candidates from a CSV file; [`plan()`]: the chosen ones in visiting order, in the
+//!   [`Protocol`] of a campaign.
 //!
 //! The same seed and budget give the same design on any number of threads.
 //!
@@ -32,9 +34,13 @@ mod criterion;
 mod error;
 mod exchange;
 mod linalg;
+mod lists;
+mod plan;
 mod problem;
 pub mod regressor;
 mod spacing;
+mod table;
+mod visits;
 
 pub use budget::{Control, ProgressFn, Status};
 pub use criterion::alphabetic::{a_optimal, compound_optimal, d_optimal, i_optimal};
@@ -44,7 +50,13 @@ pub use criterion::registry::{CRITERIA, Candidates, Criterion};
 pub use criterion::settings::{DSettings, Design, Method};
 pub use error::DesignError;
 pub use exchange::InformationMatrix;
+pub use lists::{repeated_rows, row_list, rows_inside};
+pub use plan::{Protocol, plan};
 pub use problem::Problem;
+pub use table::{Columns, Table};
+pub use visits::{
+    DWELLS_S, Kind, Visit, diagnosable_visits, nearest_to_rest, outer_poses, rest_x_m,
+};
 
 /// The examples of the README.
 #[cfg(doctest)]

@@ -36,6 +36,18 @@ pub struct Regressor {
     pub terms: usize,
 }
 
+impl Regressor {
+    /// Prior information of a ridge fit: lambda on each coefficient but a polynomial's constant.
+    pub fn ridge(&self, lambda: f64) -> Vec<f64> {
+        let free = usize::from(self.block == 1);
+        let known = |i: usize| i.is_multiple_of(self.terms + 1) && i >= free;
+        let entries = 0..self.terms * self.terms;
+        entries
+            .map(|i| if known(i) { lambda } else { 0.0 })
+            .collect()
+    }
+}
+
 impl Model {
     /// The model of a name: `cubic`, `poly:D`, `energyD`, `energyD-revolution`, `energyD-general`.
     pub fn from_name(name: &str) -> Option<Self> {
@@ -59,6 +71,25 @@ impl Model {
         };
         let degree = digits.parse().ok().filter(|d| (4..=6).contains(d))?;
         Some(Self::Energy { degree, symmetry })
+    }
+
+    /// Regressor at `points` (N x columns) of either kind: an energy takes the `length_m` (m) of the
+    /// mechanism, a polynomial the ranges [lower, upper] of the candidates.
+    ///
+    /// # Errors
+    /// As those of [`Model::polynomial`] and [`Model::energy`].
+    pub fn regressor(
+        self,
+        points: &[f64],
+        (lower, upper): (&[f64], &[f64]),
+        length_m: f64,
+    ) -> Result<Regressor, ModelError> {
+        match self {
+            Self::Polynomial { degree } => Self::polynomial(points, degree, lower, upper),
+            Self::Energy { degree, symmetry } => {
+                Self::energy(points.as_chunks().0, degree, symmetry, length_m)
+            }
+        }
     }
 
     /// Regressor of a polynomial in `points` (N x columns) mapped from [lower, upper] to [-1, 1].

@@ -129,6 +129,30 @@ fn other_columns_and_lists() {
     }
 }
 
+/// A mark of the byte order, quoted cells, empty lines, and line ends of Windows.
+#[test]
+fn cells_are_copied_as_their_text() {
+    let path = folder("cells").join("t.csv");
+    let table = b"\xef\xbb\xbfname,a\r\n\"p, \"\"1\"\"\",1.50e-1\r\n\r\nq,2\nr, 3 \n";
+    std::fs::write(&path, table).unwrap();
+    let p = path.to_str().unwrap();
+    let base = [p, "--n", "3", "--model", "linear", "--iterations", "1"];
+    let result = design(&base);
+    assert_eq!(
+        text(&result.stdout),
+        "name,a\n\"p, \"\"1\"\"\",1.50e-1\nq,2\nr, 3 \n",
+        "{}",
+        text(&result.stderr)
+    );
+    for list in ["0", "4", "3-2", "a", "", "1,,2", "-3", "1,1"] {
+        let refused = design(&[&base[..], &[&format!("--include={list}")]].concat());
+        assert_eq!(refused.status.code(), Some(2), "{list}");
+        let said = text(&refused.stderr);
+        let wanted = ["--include: ", "from 1 to 3", "occurs twice"];
+        assert!(said.contains(wanted[0]) && wanted[1..].iter().any(|w| said.contains(w)));
+    }
+}
+
 /// What was measured at the candidates is no part of a plan; other columns are.
 #[test]
 fn measured_wrenches_stay_behind() {
@@ -248,6 +272,8 @@ fn broken_input_exits_with_2_and_says_where() {
         ),
         ("unit", "x_mm,y_mm\n1,2\n", &[], &["\"x_mm\"", "\"x_m\""]),
         ("no unit", "theta_x,b\n1,2\n", &[], &["theta_x_rad"]),
+        ("a force's unit", "a,fx_kN\n1,2\n", &[], &["\"fx_N\""]),
+        ("a torque's unit", "a,tau_z\n1,2\n", &[], &["tau_z_Nm"]),
         (
             "millimetres",
             "x_m,y_m\n0.1,2\n103.4,4\n",

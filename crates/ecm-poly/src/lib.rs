@@ -1,9 +1,8 @@
 //! Pose-to-wrench models: polynomials with principal component regression, and symmetric
 //! energies in mid-frame coordinates, both with analytic stiffness.
 //!
-//! Evaluation ([`polynomial`], [`energy`]) needs neither std nor allocation. The feature `binary` reads
-//! energies from bytes into memory of fixed size, `alloc` model files (JSON) into memory of their own;
-//! fitting, many poses at once and the export need `std`.
+//! Evaluation ([`polynomial`], [`energy`]) needs neither std nor allocation. The feature `alloc` reads
+//! model files (JSON); fitting, many poses at once and the export need `std`.
 #![no_std]
 
 #[cfg(feature = "alloc")]

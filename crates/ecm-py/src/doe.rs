@@ -72,7 +72,7 @@ impl DesignResult {
 }
 
 /// Candidate rows of the argument `name`.
-fn row_list(name: &str, list: Option<PyReadonlyArray1<'_, i64>>) -> PyResult<Vec<usize>> {
+fn indices(name: &str, list: Option<PyReadonlyArray1<'_, i64>>) -> PyResult<Vec<usize>> {
     let Some(list) = list else {
         return Ok(Vec::new());
     };
@@ -187,8 +187,8 @@ pub fn d_optimal(
         seed,
         method,
         replicates,
-        include: row_list("include", include)?,
-        exclude: row_list("exclude", exclude)?,
+        include: indices("include", include)?,
+        exclude: indices("exclude", exclude)?,
         measured: same_columns("measured", measured, terms)?.unwrap_or_default(),
         prior: prior.map(|p| matrix(&p).0),
         ..DSettings::default()
@@ -203,6 +203,76 @@ pub fn d_optimal(
     search(py, threads, time_limit_s, progress, |control| {
         criterion.search(&candidates, &settings, control)
     })
+}
+
+type Visited = (&'static str, &'static str, usize, i64, f64);
+
+/// Kind, action, pose, pose from which it is approached (-1: the initial pose) and rest (s) of each visit
+/// of a diagnosable campaign of poses (m, 6), in random orders of the poses, of the poses, of the visits
+/// and of their rests.
+#[pyfunction]
+pub fn diagnosable_visits(
+    poses: PyReadonlyArray2<'_, f64>,
+    dwells_s: Vec<f64>,
+    orders: [Vec<usize>; 4],
+) -> PyResult<Vec<Visited>> {
+    let poses = six(&poses)?;
+    let visits = ecm_doe::diagnosable_visits(&poses, &dwells_s, orders.each_ref().map(|o| &o[..]));
+    let row = |visit: &ecm_doe::Visit| {
+        let (kind, action) = visit.kind.words();
+        let from = visit.from.map_or(-1, |i| i as i64);
+        (
+            kind,
+            action,
+            visit.pose,
+            from,
+            visit.dwell_s.unwrap_or(f64::NAN),
+        )
+    };
+    Ok(visits.map_err(design_error)?.iter().map(row).collect())
+}
+
+/// For each pose (m, 6) the nearest one from which it is approached from outside, or -1.
+#[pyfunction]
+pub fn outer_poses(poses: PyReadonlyArray2<'_, f64>) -> PyResult<Vec<i64>> {
+    let outer = ecm_doe::outer_poses(&six(&poses)?);
+    Ok(outer.iter().map(|i| i.map_or(-1, |i| i as i64)).collect())
+}
+
+fn six(poses: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 6]>> {
+    match matrix(poses) {
+        (values, _, 6) => Ok(values.as_chunks().0.to_vec()),
+        (_, _, columns) => Err(DesignError::new_err(format!(
+            "poses have {columns} columns, expected 6"
+        ))),
+    }
+}
+
+/// Rows (from 0) of a list like `1,5-9`, which counts from 1, of a table of `count` rows.
+#[pyfunction]
+pub fn row_list(text: &str, count: usize) -> PyResult<Vec<usize>> {
+    ecm_doe::row_list(text, count).map_err(design_error)
+}
+
+/// Rows (from 0) of `values` (N, d) inside a region like `x_m<0.09&y_m>0` of the d `names`.
+#[pyfunction]
+pub fn rows_inside(
+    text: &str,
+    names: Vec<String>,
+    values: PyReadonlyArray2<'_, f64>,
+) -> PyResult<Vec<usize>> {
+    ecm_doe::rows_inside(text, &names, &matrix(&values).0).map_err(design_error)
+}
+
+/// Rows of points (N, d) with the coordinates of an earlier one that may be chosen, or of an included one.
+#[pyfunction]
+pub fn repeated_rows(
+    points: PyReadonlyArray2<'_, f64>,
+    include: Vec<usize>,
+    exclude: Vec<usize>,
+) -> Vec<usize> {
+    let (values, _, columns) = matrix(&points);
+    ecm_doe::repeated_rows(&values, columns, &include, &exclude)
 }
 
 /// Name, meaning and whether it averages over a region, of every criterion.
@@ -252,8 +322,8 @@ pub fn maximin(
         iterations,
         seed,
         method,
-        include: row_list("include", include)?,
-        exclude: row_list("exclude", exclude)?,
+        include: indices("include", include)?,
+        exclude: indices("exclude", exclude)?,
         measured: same_columns("measured", measured, columns)?.unwrap_or_default(),
         ..MaximinSettings::default()
     };

@@ -19,7 +19,10 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _native {
     #[pymodule_export]
-    use crate::doe::{DesignResult, criteria, d_optimal, maximin};
+    use crate::doe::{
+        DesignResult, criteria, d_optimal, diagnosable_visits, maximin, outer_poses, repeated_rows,
+        row_list, rows_inside,
+    };
 
     #[pymodule_export]
     use crate::errors::{DesignError, EcmError, FemError, ModelError};
@@ -47,4 +50,8 @@ mod _native {
     #[pymodule_export]
     #[allow(non_upper_case_globals)]
     const __version__: &str = env!("CARGO_PKG_VERSION");
+
+    /// Rests before a reading in a diagnosable campaign (s): relaxation shows in their difference.
+    #[pymodule_export]
+    const DWELLS_S: [f64; 3] = ecm_doe::DWELLS_S;
 }

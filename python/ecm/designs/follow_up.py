@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.designs.plans import outer_poses
+from ecm._native import outer_poses
 from ecm.effects.experiments import session_of
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
@@ -148,7 +148,7 @@ def _holds(poses: F, ids: I) -> list[_Visit]:
 
 def _both_sides(poses: F, ids: I) -> list[_Visit]:
     """From home, from a pose beyond, and from there again after 60 s."""
-    farther = outer_poses(poses)
+    farther = outer_poses(np.ascontiguousarray(poses))
     pairs = [i for i in _spread_out(poses, len(poses)) if farther[i] >= 0][:10]
     visits: list[_Visit] = []
     for i in pairs:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ecm._native import d_optimal, maximin
+from ecm._native import d_optimal, maximin, repeated_rows
 from ecm.designs.nominal import NominalModel
 from ecm.designs.regressors import predicted_columns, prediction_region, regressor
 from ecm.designs.settings import AVERAGED, CRITERIA, DesignSettings
@@ -125,7 +125,8 @@ def optimal_design(
     inside = np.unique(_indices("include", include))
     outside = _indices("exclude", exclude)
     if not settings.replicates:
-        outside = np.union1d(outside, repeated(poses, inside, outside)).astype(np.int64)
+        again = repeated_rows(poses, inside.tolist(), outside.tolist())
+        outside = np.union1d(outside, again).astype(np.int64)
     if not (np.ptp(poses, axis=0) > 0.0).any():
         raise InputError("design: all candidate poses are the same")
     paper = settings.method == "paper"
@@ -201,22 +202,6 @@ def _indices(name: str, given: ArrayLike) -> I:
     if values.ndim != 1 or (len(values) and values.dtype.kind not in "iu"):
         raise InputError(f"{name}: expected a list of row numbers from 0, whole numbers")
     return values.astype(np.int64)
-
-
-def repeated(poses: F, include: I, exclude: I) -> I:
-    """Rows with the coordinates of an earlier one that may be chosen, or of an included one."""
-    # + 0.0 makes -0 and 0 the same pose.
-    keys = [row.tobytes() for row in np.ascontiguousarray(poses) + 0.0]
-    included = set(include.tolist())
-    listed = included | set(exclude.tolist())
-    seen = {keys[i] for i in included if 0 <= i < len(keys)}
-    copies = []
-    for i, key in enumerate(keys):
-        if i not in listed:
-            if key in seen:
-                copies.append(i)
-            seen.add(key)
-    return np.asarray(copies, dtype=np.int64)
 
 
 def _distance_scale(poses: F, settings: DesignSettings) -> tuple[F, F]:

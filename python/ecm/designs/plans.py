@@ -7,21 +7,20 @@ drift over time is no trend over the workspace.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from ecm._native import DWELLS_S as _DWELLS_S
+from ecm._native import diagnosable_visits
 from ecm.designs.optimal import Design
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
-from ecm.io.arrays import F, I
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 
-DWELLS_S = (2.0, 8.0, 30.0)
+DWELLS_S = tuple(_DWELLS_S)
 """Rest before a reading in a diagnosable campaign: relaxation shows in their difference."""
-_HOME_EVERY = 10
-_UNLOAD_EVERY = 40
 _ADDED = ("kind", "approach", "dwell_s", "run", "action")
 _MEASURED = (*WRENCH, *(f"sd_{name}" for name in WRENCH), "time_s", "repeat")
 """Columns of a measurement, which a plan does not copy."""
@@ -83,22 +82,13 @@ def paper_plan(candidates: Table, chosen: Design, *, seed: int = 0) -> Table:
 
 def _each_once(candidates: Table, chosen: Design, seed: int, dwell_s: float) -> Table:
     order = np.random.default_rng([seed, 2]).permutation(len(chosen.indices))
-    return _plan(candidates, [_Row(int(i), "initial", dwell_s) for i in chosen.indices[order]])
+    return _plan(
+        candidates, [("pose", "measure", int(i), "initial", dwell_s) for i in chosen.indices[order]]
+    )
 
 
-@dataclass(frozen=True)
-class _Row:
-    """One row of a plan; a check at the rest pose has no candidate."""
-
-    candidate: int = -1
-    approach: str = ""
-    dwell_s: float = DWELLS_S[0]
-    kind: str = "pose"
-    action: str = "measure"
-
-
-_HOME = _Row(kind="home", action="home")
-_UNLOAD = _Row(kind="unloaded", action="unload")
+_Visit = tuple[str, str, int, str, float]
+"""Kind, action, candidate (of a check -1), approach, dwell time in s."""
 
 
 def diagnosable_plan(
@@ -158,22 +148,17 @@ def diagnosable_plan(
     n = 2 * m if visits is None else visits
     if n < m:
         raise InputError(f"a diagnosable plan of {m} poses needs at least {m} visits, got {n}")
-    beyond = outer_poses(poses)
-    legs = [(i, "initial") for i in range(m)]
-    both = [i for i in rng.permutation(m) if beyond[i] >= 0][: 3 * (n - m) // 4]
-    legs += [(int(i), str(int(ids[chosen.indices[beyond[i]]]))) for i in both]
-    again = rng.permutation(m)
-    legs += [(int(again[j % m]), "initial") for j in range(n - len(legs))]
-    legs = [legs[i] for i in rng.permutation(n)]
-    dwells = np.resize(np.asarray(dwells_s), n)[rng.permutation(n)]
-    rows = [_UNLOAD]
-    for i, (pose, approach) in enumerate(legs):
-        if i and i % _UNLOAD_EVERY == 0:
-            rows.append(_UNLOAD)
-        if i % _HOME_EVERY == 0:
-            rows.append(_HOME)
-        rows.append(_Row(int(chosen.indices[pose]), approach, float(dwells[i])))
-    return _plan(candidates, [*rows, _HOME, _UNLOAD])
+    orders = [rng.permutation(size).tolist() for size in (m, m, n, n)]
+    rows: list[_Visit] = []
+    for kind, action, pose, side, dwell_s in diagnosable_visits(
+        np.ascontiguousarray(poses), list(dwells_s), orders
+    ):
+        if kind != "pose":
+            rows.append((kind, action, -1, "", dwell_s))
+            continue
+        approach = "initial" if side < 0 else str(int(ids[chosen.indices[side]]))
+        rows.append((kind, action, int(chosen.indices[pose]), approach, dwell_s))
+    return _plan(candidates, rows)
 
 
 def _pose_ids(candidates: Table) -> F:
@@ -182,39 +167,15 @@ def _pose_ids(candidates: Table) -> F:
     return np.arange(len(candidates), dtype=np.float64)
 
 
-def outer_poses(poses: F) -> I:
-    """For each pose the nearest pose from which it is approached from outside, or -1.
-
-    The side of approach is a = sign((p - p_from) M (p - p0)); home gives +1,
-    so a pose with (p - p_from) M (p - p0) < 0 gives the other side.
-    """
-    rest = np.zeros(6)
-    rest[0] = _rest_x_m(poses)
-    length = rest[0]
-    weight = np.array([1.0, 1.0, 1.0, length**2, length**2, length**2])
-    deflection = (poses - rest) * np.sqrt(weight)
-    products = deflection @ deflection.T
-    own = np.diag(products)
-    distance = own[:, None] + own[None, :] - 2.0 * products
-    # (p_i - p_j) . p_i < 0 by a clear margin.
-    distance[own[:, None] - products > -0.1 * own[:, None]] = np.inf
-    nearest = distance.argmin(axis=1)
-    return np.where(np.isfinite(distance[np.arange(len(poses)), nearest]), nearest, -1)
-
-
-def _rest_x_m(poses: F) -> float:
-    """The rest position of the top frame on the axis: the candidates scatter around it."""
-    return float(np.median(poses[:, 0]))
-
-
-def _plan(candidates: Table, visits: Sequence[_Row]) -> Table:
+def _plan(candidates: Table, visits: Sequence[_Visit]) -> Table:
     """Table of a plan; checks have the other columns of the candidate nearest to the rest pose."""
-    rows = np.array([visit.candidate for visit in visits], dtype=np.int64)
+    kinds, actions, places, approaches, dwells_s = zip(*visits, strict=True)
+    rows = np.array(places, dtype=np.int64)
     measured = rows >= 0
     taken = rows
     if not measured.all():
         rest = np.zeros(6)
-        rest[0] = candidates.meta.mechanism.get("length_m", _rest_x_m(candidates.poses))
+        rest[0] = candidates.meta.mechanism.get("length_m", np.median(candidates.poses[:, 0]))
         size = np.ptp(candidates.poses, axis=0)
         away = (candidates.poses - rest) / np.where(size > 0.0, size, 1.0)
         taken = np.where(measured, rows, (away**2).sum(axis=1).argmin())
@@ -227,10 +188,10 @@ def _plan(candidates: Table, visits: Sequence[_Row]) -> Table:
             columns[name] = np.where(measured, columns[name], rest[j])
     columns |= {
         "pose_id": np.where(measured, _pose_ids(candidates)[taken], -1.0),
-        "kind": np.array([visit.kind for visit in visits], dtype=object),
-        "approach": np.array([visit.approach for visit in visits], dtype=object),
-        "dwell_s": np.array([visit.dwell_s for visit in visits]),
+        "kind": np.array(kinds, dtype=object),
+        "approach": np.array(approaches, dtype=object),
+        "dwell_s": np.array(dwells_s),
         "run": np.zeros(len(rows)),
-        "action": np.array([visit.action for visit in visits], dtype=object),
+        "action": np.array(actions, dtype=object),
     }
     return Table(columns=columns, meta=candidates.meta.of_plan(), source="plan", warnings=())

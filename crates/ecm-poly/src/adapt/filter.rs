@@ -7,7 +7,7 @@ use super::model_error::{Parts, way};
 use super::update::{
     Factor, add, add_diagonal, bound_of_mean, carried, combined, dot, joseph, spread,
 };
-use super::{Adapter, Block, Outcome, State, TOLD};
+use super::{Adapter, Block, Outcome, Parameter, State, TOLD};
 use crate::stepper::Decay;
 
 /// A block counts at least as this share of one, so that a pause at one pose ends some day.
@@ -290,19 +290,24 @@ impl<R: Real, const N: usize> Adapter<R, N> {
     /// What the last blocks tell of each parameter that follows the model, whatever the others are: the Schur
     /// complement of its information. What is known, or told by noise only, does not follow.
     fn excite(&self, state: &mut State<R, N>) {
-        let follows = |i: usize| self.parameters[i].follows_model();
-        let open = |i: usize| self.priors[i].sd > R::ZERO;
+        // Loops over all places, with none that the compiler cannot see to be one: no panic is left in them.
+        let open: [bool; N] = core::array::from_fn(|i| self.priors[i].sd > R::ZERO);
+        let follows = self.parameters.map(Parameter::follows_model);
         let enough = R::from_u16(TOLD) * state.of_noise;
         let mut left = state.information;
-        for j in (0..N).filter(|j| open(*j) && !follows(*j)) {
-            if left[j][j] * R::from_u16(NO_OTHER) > state.information[j][j] {
+        for j in 0..N {
+            let other = open[j] && !follows[j];
+            if other && left[j][j] * R::from_u16(NO_OTHER) > state.information[j][j] {
                 eliminate(&mut left, j);
             }
         }
-        for i in (0..N).filter(|i| open(*i) && follows(*i)) {
+        for i in 0..N {
+            if !(open[i] && follows[i]) {
+                continue;
+            }
             let mut own = left;
-            for j in (0..N).filter(|j| *j != i && open(*j) && follows(*j)) {
-                if own[j][j] > enough {
+            for j in 0..N {
+                if j != i && open[j] && follows[j] && own[j][j] > enough {
                     eliminate(&mut own, j);
                 }
             }

@@ -117,8 +117,9 @@ impl Parameter {
                 let mut unit = [R::ZERO; 3];
                 unit[axis % 3] = R::ONE;
                 let turned = apply(base_from_top, &unit);
-                let from = axis - axis % 3;
-                column[from..from + 3].copy_from_slice(&turned);
+                for (c, t) in column.iter_mut().skip(axis - axis % 3).zip(&turned) {
+                    *c = *t;
+                }
             }
         }
         column

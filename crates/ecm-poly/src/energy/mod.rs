@@ -3,8 +3,6 @@
 pub mod invariants;
 pub mod plan;
 
-#[cfg(feature = "binary")]
-pub mod binary;
 #[cfg(feature = "alloc")]
 mod bulk;
 #[cfg(feature = "alloc")]

@@ -158,15 +158,8 @@ impl EnergyModel {
         )?)
     }
 
-    /// The energy in binary form with weights of type `R`, for [`crate::energy::binary::EnergyMemory`].
-    ///
-    /// # Errors
-    /// As [`EnergyModel::tables`].
-    pub fn to_bytes<R: Real>(&self) -> Result<Vec<u8>, ModelError> {
-        Ok(self.tables::<R>()?.to_bytes(self.reach_squared()))
-    }
-
     /// Squares of the largest |c| (m) and |θ| (rad) that count as inside the training data.
+    #[cfg(feature = "std")]
     pub(crate) fn reach_squared(&self) -> [f64; 2] {
         // Fits average repeated poses; the measured ones lie a little further out.
         let [length, angle] = self.scale.map(|largest| 1.01 * largest);

@@ -92,7 +92,7 @@ impl<'a, R: Real, const S: usize> EnergyPlan<'a, R, S> {
     }
 
     /// As [`EnergyPlan::new`] of tables that it has accepted before.
-    #[cfg(feature = "binary")]
+    #[cfg(feature = "alloc")]
     #[inline(always)]
     pub(crate) fn of_checked(
         symmetry: Symmetry,

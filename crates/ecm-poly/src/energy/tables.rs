@@ -1,10 +1,9 @@
-//! Owned tables of an [`EnergyPlan`], and their binary form.
+//! Owned tables of an [`EnergyPlan`].
 
 use alloc::vec::Vec;
 
 use ecm_se3::Real;
 
-use crate::energy::binary::{BinaryError, Parts, crc32, head};
 use crate::energy::invariants::Symmetry;
 use crate::energy::plan::{EnergyPlan, ROWS};
 use crate::shape::ShapeError;
@@ -104,51 +103,5 @@ impl<R: Real> EnergyTables<R> {
     /// Weight of each entry (J and powers of 1/m).
     pub fn weights(&self) -> &[R] {
         &self.weights
-    }
-
-    /// The binary form ([`crate::energy::binary`]); `reach_squared`: squares of the largest |c| (m)
-    /// and |θ| (rad) of the training data.
-    pub fn to_bytes(&self, reach_squared: [f64; 2]) -> Vec<u8> {
-        let single = size_of::<R>() == 4;
-        let counts = [self.products.len() as u16, self.columns.len() as u16];
-        let length_m = self.length_m.to_f64();
-        let mut bytes = head(single, self.symmetry, length_m, reach_squared, counts).to_vec();
-        for (monomial, variable) in &self.products {
-            bytes.extend(monomial.to_le_bytes());
-            bytes.push(*variable);
-        }
-        bytes.extend(self.ends.iter().flat_map(|x| x.to_le_bytes()));
-        bytes.extend(self.columns.iter().flat_map(|x| x.to_le_bytes()));
-        for weight in &self.weights {
-            if single {
-                bytes.extend((weight.to_f64() as f32).to_le_bytes());
-            } else {
-                bytes.extend(weight.to_f64().to_le_bytes());
-            }
-        }
-        let sum = crc32(&bytes);
-        bytes.extend(sum.to_le_bytes());
-        bytes
-    }
-
-    /// From the bytes of [`EnergyTables::to_bytes`].
-    ///
-    /// # Errors
-    /// As `EnergyMemory::from_bytes`.
-    pub fn from_bytes(bytes: &[u8]) -> Result<Self, BinaryError> {
-        let parts = Parts::new(bytes)?;
-        let length_m = R::from_f64(parts.length_m);
-        let weights: Vec<R> = parts.weights().collect();
-        if !weights.iter().chain([&length_m]).all(|x| x.is_finite()) || length_m <= R::ZERO {
-            return Err(BinaryError::Number);
-        }
-        Self::of_parts(
-            (parts.symmetry, length_m),
-            parts.products().collect(),
-            parts.ends(),
-            parts.columns().collect(),
-            weights,
-        )
-        .map_err(BinaryError::Tables)
     }
 }

@@ -129,7 +129,7 @@ pub fn export_with_effects(
         file("tests/golden.rs", filled(&golden, &common)),
     ];
     if !plain {
-        files.extend(source::evaluation(effects.is_some()));
+        files.extend(source::evaluation(effects.is_some(), false));
     }
     Ok(files)
 }

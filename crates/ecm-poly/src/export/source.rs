@@ -54,54 +54,33 @@ const ADAPT: &[(&str, &str)] = &[
     ("adapt/update.rs", include_str!("../adapt/update.rs")),
 ];
 
-/// Adds [`ADAPT`] to an exported crate.
-pub fn with_adapt(files: &mut Vec<SourceFile>) {
-    for (path, text) in STEPPER.iter().chain(ADAPT) {
-        let path = format!("src/evaluation/poly/{path}");
-        if files.iter().all(|file| file.path != path) {
-            let text = as_module(text, "poly");
-            files.push(SourceFile { path, text });
-        }
-    }
-    let root = "src/evaluation/poly/mod.rs";
-    if let Some(file) = files.iter_mut().find(|file| file.path == root) {
-        let rest = file.text.replace(DECLARED, "");
-        let first = "pub mod arithmetic;\n";
-        file.text = rest.replacen(first, &format!("{ADAPT_DECLARED}{first}{DECLARED}"), 1);
-    }
-}
-
 /// The module `evaluation` of an exported crate, with `se3` and `poly` below it.
-pub fn evaluation(with_stepper: bool) -> Vec<SourceFile> {
-    let stepper = if with_stepper { STEPPER } else { &[] };
+pub fn evaluation(with_stepper: bool, with_adapt: bool) -> Vec<SourceFile> {
     let mut files = std::vec![SourceFile {
         path: "src/evaluation/mod.rs".to_string(),
         text: include_str!("templates/evaluation.rs.txt").to_string(),
     }];
-    let sources = [
+    let of =
+        |kept: bool, all: &'static [(&'static str, &'static str)]| if kept { all } else { &[] };
+    for (module, sources) in [
         ("se3", ecm_se3::source::FILES),
         ("poly", FILES),
-        ("poly", stepper),
-    ];
-    for (module, sources) in sources {
-        files.extend(sources.iter().map(|(path, text)| {
-            let root = *path == "lib.rs";
-            let text = as_module(text, module);
-            let text = match root {
-                true => text.replace(ADAPT_DECLARED, ""),
-                false => text,
-            };
-            SourceFile {
-                path: format!(
-                    "src/evaluation/{module}/{}",
-                    if root { "mod.rs" } else { path }
-                ),
-                text: match root && !with_stepper {
-                    true => text.replace(DECLARED, ""),
-                    false => text,
-                },
+        ("poly", of(with_stepper, STEPPER)),
+        ("poly", of(with_adapt, ADAPT)),
+    ] {
+        for (path, text) in sources {
+            let (mut path, mut text) = (*path, as_module(text, module));
+            if path == "lib.rs" {
+                path = "mod.rs";
+                for (kept, line) in [(with_stepper, DECLARED), (with_adapt, ADAPT_DECLARED)] {
+                    if !kept {
+                        text = text.replace(line, "");
+                    }
+                }
             }
-        }));
+            let path = format!("src/evaluation/{module}/{path}");
+            files.push(SourceFile { path, text });
+        }
     }
     files
 }
@@ -196,9 +175,7 @@ mod tests {
 
     #[test]
     fn nothing_in_the_modules_names_a_feature_or_another_crate() {
-        let mut files = evaluation(true);
-        with_adapt(&mut files);
-        for file in files {
+        for file in evaluation(true, true) {
             for forbidden in ["feature =", "ecm_se3::", "ecm_poly::", "std::", "#[test]"] {
                 assert!(!file.text.contains(forbidden), "{}: {forbidden}", file.path);
             }

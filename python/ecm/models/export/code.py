@@ -14,6 +14,12 @@ def c(source: Source) -> Files:
     """C99: header, source, golden vectors, and a loop."""
     name = source.name
     step = f"cc -O2 @OUT@/{name}.c @OUT@/{name}_check.c -o check && ./check"
+    if source.adapt is not None:
+        crate = f"@OUT@/{name}_adapt"
+        step = (
+            f"cargo build --release --manifest-path {crate}/Cargo.toml && cc -O2 @OUT@/{name}.c "
+            f"{crate}_check.c {crate}/target/release/lib{name}_adapt.a -o check && ./check"
+        )
     return _code(source, "c", f"{step}   (0: the compiler keeps the golden vectors)")
 
 

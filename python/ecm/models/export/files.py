@@ -139,7 +139,8 @@ def export(
     exported = export_files(model, to, name, precision, loop, adapt)
     if not force:
         _refuse_what_changed(model, exported, to, name)
-    _check_crate(Path(directory) / "Cargo.toml", exported.files)
+    for path in exported.files:
+        _check_crate(Path(directory) / path)
     with uninterrupted():  # a part of the files is of no use
         for path, text in exported.files.items():
             write_atomically(Path(directory) / path, text)
@@ -240,13 +241,13 @@ def _without(ids: Sequence[str], again: str) -> Remedy:
     return replace(left_out, force=True)
 
 
-def _check_crate(manifest: Path, files: Mapping[str, str | bytes]) -> None:
+def _check_crate(path: Path) -> None:
     """Raise InputError where a crate that is no export would be overwritten."""
-    if manifest.name not in files or not manifest.exists():
+    if path.name != "Cargo.toml" or not path.exists():
         return
-    if _EXPORTED not in manifest.read_text(encoding="utf-8", errors="replace"):
+    if _EXPORTED not in path.read_text(encoding="utf-8", errors="replace"):
         raise InputError(
-            f"{manifest}: this crate is no export, and is not overwritten. Choose another folder."
+            f"{path}: this crate is no export, and is not overwritten. Choose another folder."
         )
 
 

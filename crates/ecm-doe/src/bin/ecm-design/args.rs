@@ -2,35 +2,14 @@
 
 use std::path::PathBuf;
 
+use clap::Parser;
 use clap::builder::{PossibleValue, PossibleValuesParser};
-use clap::{Parser, ValueEnum};
-use ecm_doe::{CRITERIA, Criterion};
-
-/// Name of the criterion of distances.
-pub const MAXIMIN: &str = "maximin";
+use ecm_doe::{CRITERIA, Criterion, Protocol};
 
 /// The criteria of the library, with what they mean.
 fn criteria() -> PossibleValuesParser {
     let value = |c: &Criterion| PossibleValue::new(c.name).help(c.meaning);
     PossibleValuesParser::new(CRITERIA.iter().map(value))
-}
-
-/// Algorithm of the search.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Search {
-    /// The best found within the budget
-    Best,
-    /// The paper's exchange from random starts
-    Paper,
-}
-
-/// The protocol of the plan.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Preset {
-    /// Each pose once, from the initial pose, two seconds of rest
-    Paper,
-    /// Two sides of approach, three dwells, home checks and unloaded readings between
-    Diagnosable,
 }
 
 /// `--help` on one screen; the man page has every option in full.
@@ -40,7 +19,7 @@ Chooses N candidate poses of a CSV table and says how close to the best that is
 Usage: ecm-design CANDIDATES --n N [OPTIONS]     (CANDIDATES - : standard input)
 
   --n N                 poses to choose, besides those of --include
-  --criterion NAME      {criteria} (default: d; di with --share S)
+  --criterion NAME      d, i, a, g, di, maximin (default: d; di with --share S)
   --model NAME          cubic (default), linear, quadratic, poly:D, energyD with
                         D 4..6 (energyD-revolution, energyD-general; --length M)
   --columns A,B         coordinates (default: pose columns, or all numeric ones)
@@ -59,23 +38,34 @@ Usage: ecm-design CANDIDATES --n N [OPTIONS]     (CANDIDATES - : standard input)
 Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted (best so far kept)
 ";
 
-/// [`HELP`] with the names of the criteria.
-fn help() -> String {
-    let names: Vec<&str> = CRITERIA.iter().map(|c| c.name).collect();
-    HELP.replace("{criteria}", &names.join(", "))
+impl Args {
+    /// Whether the criterion is that of distances.
+    pub fn is_maximin(&self) -> bool {
+        self.criterion == "maximin"
+    }
+
+    /// The protocol of the preset.
+    pub fn protocol(&self) -> Protocol {
+        match self.preset.as_deref() {
+            None => Protocol::Plain,
+            Some("paper") => Protocol::Paper,
+            Some(_) => Protocol::Diagnosable,
+        }
+    }
+
+    /// Name of the distance between two poses.
+    pub fn distance(&self) -> String {
+        let metres = self.metres_per_radian;
+        let metres = metres.map(|length| format!("a radian counts as {length} m"));
+        metres.unwrap_or("coordinates scaled to [-1, 1]".into())
+    }
 }
 
 /// Chooses N of the candidate poses in a CSV table and says how close to the best that is.
 #[derive(Debug, Parser)]
+#[command(name = "ecm-design", version, override_help = HELP)]
 #[command(
-    name = "ecm-design",
-    version,
-    max_term_width = 110,
-    disable_help_flag = true,
-    override_help = help()
-)]
-#[command(
-    after_help = "Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted (the best so far is written)"
+    after_help = "Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted (best so far kept)"
 )]
 pub struct Args {
     /// CSV table with one candidate per row; `-` reads standard input
@@ -96,9 +86,10 @@ pub struct Args {
     /// maximin: count a radian as so many metres [default: every coordinate scaled to [-1, 1]]
     #[arg(long, value_name = "METRES")]
     pub metres_per_radian: Option<f64>,
-    /// Protocol of the plan [default: each pose once]
-    #[arg(long, value_enum)]
-    pub preset: Option<Preset>,
+    /// Protocol of the plan: the paper's, or two sides of approach, three dwells, home checks and
+    /// unloaded readings between [default: each pose once]
+    #[arg(long, value_parser = ["paper", "diagnosable"])]
+    pub preset: Option<String>,
     /// Effects to be told apart: they need the nominal stiffness that `ecm design` has
     #[arg(long, value_name = "IDS", hide = true)]
     pub effects: Option<String>,
@@ -123,9 +114,9 @@ pub struct Args {
     /// Undeformed length for energy models [default: length_m in the table's .toml]
     #[arg(long, value_name = "METRES")]
     pub length: Option<f64>,
-    /// How to search
-    #[arg(long, value_enum, default_value = "best")]
-    pub search: Search,
+    /// The best found within the budget, or the paper's exchange from random starts
+    #[arg(long, value_parser = ["best", "paper"], default_value = "best")]
+    pub search: String,
     /// Independent starts
     #[arg(long, default_value_t = 10)]
     pub starts: usize,
@@ -153,9 +144,6 @@ pub struct Args {
     /// No progress and no summary
     #[arg(long)]
     pub quiet: bool,
-    /// Print this help
-    #[arg(short, long, action = clap::ArgAction::HelpShort)]
-    pub help: Option<bool>,
     /// Print the man page
     #[arg(long)]
     pub man: bool,

@@ -1,401 +1,231 @@
 //! From candidates and options to a design.
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use ecm_doe::regressor::{Model, Regressor, column_ranges, normalise, prediction_region};
 use ecm_doe::{
-    Candidates, Control, Criterion, DSettings, Design, DesignError, MaximinSettings, Method,
-    SpacingMethod, maximin,
+    Candidates, Columns, Control, Criterion, DSettings, Design, DesignError, MaximinSettings,
+    Method, SpacingMethod, Table, maximin, repeated_rows, row_list, rows_inside,
 };
+use ecm_poly::model_file::map::POSE;
 
-use crate::args::{Args, MAXIMIN, Search};
-use crate::failure::Failure;
-use crate::rows;
-use crate::table::{Columns, POSE, Table};
+use crate::Failure;
+use crate::args::Args;
 
-/// The candidates as numbers.
+/// The candidates as numbers, and what may or must be chosen.
 pub struct Job {
-    /// The candidates' table.
     pub table: Table,
-    columns: Columns,
+    pub columns: Columns,
+    /// Candidates with the coordinates of an earlier one.
+    pub repeated: usize,
+    /// The option's, or that of `[mechanism]` in the TOML beside the table; or why there is none.
+    pub length_m: Result<f64, String>,
     measured: Vec<f64>,
     include: Vec<usize>,
     exclude: Vec<usize>,
-    /// Candidates with the coordinates of an earlier one.
-    pub repeated: usize,
 }
 
 impl Job {
     /// Reads the tables and lists of `args`.
-    pub fn read(args: &Args, path: &Path, interrupted: &dyn Fn() -> bool) -> Result<Self, Failure> {
-        let table = Table::read(path, interrupted)?;
-        let at = table.coordinates(&args.columns)?;
-        let columns = table.numbers(at, args.skip_bad_rows, interrupted)?;
-        let mut position = vec![usize::MAX; table.len()];
-        for (p, &row) in columns.rows.iter().enumerate() {
-            position[row] = p;
-        }
+    pub fn read(args: &Args, path: &Path) -> Result<Self, Failure> {
+        let table = Table::read(path)?;
+        let columns = table.numbers(table.coordinates(&args.columns)?, args.skip_bad_rows)?;
+        let (rows, points) = (&columns.rows, &columns.values);
+        let named = |option: &str, text: &str| {
+            let rows = row_list(text, table.len());
+            rows.map_err(|e| Failure(2, format!("{option}: {e}")))
+        };
         let mut include = Vec::new();
-        if let Some(text) = &args.include {
-            for row in rows::list("--include", text, table.len())? {
-                if position[row] == usize::MAX {
-                    return Err(Failure::Input(format!(
-                        "--include: row {} has a bad cell; correct it",
-                        row + 1
-                    )));
-                }
-                if include.contains(&position[row]) {
-                    return Err(Failure::Input(format!(
-                        "--include: row {} occurs twice; name it once",
-                        row + 1
-                    )));
-                }
-                include.push(position[row]);
+        let listed = args.include.iter().map(|text| named("--include", text));
+        for row in listed.collect::<Result<Vec<_>, _>>()?.concat() {
+            match rows.binary_search(&row) {
+                Ok(place) => include.push(place),
+                Err(_) => bad!("--include: row {} has a bad cell; correct it", row + 1),
             }
         }
-        let mut out = vec![false; columns.rows.len()];
+        let mut exclude = Vec::new();
         for text in &args.exclude {
-            for row in rows::list_or_region("--exclude", text, &table, &columns)? {
-                if position[row] != usize::MAX {
-                    out[position[row]] = true;
-                }
+            if text.contains(['<', '>', '=']) {
+                let inside = rows_inside(text, &columns.names, points);
+                exclude.extend(inside.map_err(|e| Failure(2, format!("--exclude: {e}")))?);
+            } else {
+                let listed = named("--exclude", text)?;
+                exclude.extend(listed.iter().flat_map(|row| rows.binary_search(row)));
             }
         }
-        if let Some(&p) = include.iter().find(|&&p| out[p]) {
-            let row = columns.rows[p] + 1;
-            return Err(Failure::Input(format!(
-                "row {row} is both included and excluded; remove it from one list"
-            )));
+        if let Some(&p) = include.iter().find(|p| exclude.contains(p)) {
+            bad!(
+                "row {} is both included and excluded; remove it from one list",
+                rows[p] + 1
+            );
         }
-        let repeated = if args.replicates {
-            0
-        } else {
-            set_aside_repeats(&columns, &include, &mut out)
-        };
-        let exclude = (0..out.len()).filter(|&p| out[p]).collect();
-        let measured = match &args.augment {
-            None => Vec::new(),
-            Some(path) => read_measured(path, &table, &columns, args.skip_bad_rows, interrupted)?,
-        };
+        let mut repeated = Vec::new();
+        if !args.replicates {
+            repeated = repeated_rows(points, columns.names.len(), &include, &exclude);
+            exclude.extend(&repeated);
+        }
+        exclude.sort_unstable();
+        exclude.dedup();
+        let mut measured = Vec::new();
+        if let Some(path) = &args.augment {
+            let other = Table::read(path)?;
+            let at = other.coordinates(&columns.names)?;
+            measured = other.numbers(at, args.skip_bad_rows)?.values;
+        }
+        let repeated = repeated.len();
+        let length_m = args.length.map_or_else(|| length_beside(path), Ok);
         Ok(Self {
             table,
             columns,
+            repeated,
+            length_m,
             measured,
             include,
             exclude,
-            repeated,
         })
-    }
-
-    /// Number of candidates.
-    pub fn candidates(&self) -> usize {
-        self.columns.rows.len()
     }
 
     /// Rows left out because of bad cells.
     pub fn skipped(&self) -> usize {
-        self.columns.skipped
-    }
-
-    /// Table rows (from 0) of a design.
-    pub fn rows(&self, design: &Design) -> Vec<usize> {
-        design
-            .indices
-            .iter()
-            .map(|&p| self.columns.rows[p])
-            .collect()
-    }
-
-    /// Names of the coordinate columns.
-    pub fn coordinates(&self) -> Vec<&str> {
-        self.columns
-            .at
-            .iter()
-            .map(|&c| self.table.header[c].as_str())
-            .collect()
+        self.table.len() - self.columns.rows.len()
     }
 
     /// Searches the design.
-    pub fn run(&self, args: &Args, path: &Path, control: &Control<'_>) -> Result<Design, Failure> {
+    pub fn run(&self, args: &Args, control: &Control<'_>) -> Result<Design, Failure> {
         let n = args.n.unwrap_or(0).saturating_add(self.include.len());
-        if args.criterion == MAXIMIN {
-            self.run_maximin(args, n, control)
-        } else {
-            self.run_model(args, path, n, control)
-        }
-    }
-
-    fn run_maximin(&self, args: &Args, n: usize, control: &Control<'_>) -> Result<Design, Failure> {
-        if args.replicates {
-            return Err(Failure::Input(
-                "--replicates: a pose chosen twice has distance 0; leave it out for maximin".into(),
-            ));
-        }
-        let width = self.columns.at.len();
-        let (measured, points) = match args.metres_per_radian {
-            Some(length) => {
-                let scale = self.metres(length)?;
-                (
-                    scaled(&self.measured, &scale),
-                    scaled(&self.columns.values, &scale),
-                )
+        let (points, width) = (&self.columns.values, self.columns.names.len());
+        let (lower, upper) = column_ranges(points, width);
+        let paper = args.search == "paper";
+        if args.is_maximin() {
+            if args.replicates {
+                bad!("--replicates: a pose chosen twice has distance 0; leave it out for maximin");
             }
-            None => {
-                let (lower, upper) = column_ranges(&self.columns.values, width);
-                (
-                    normalise(&self.measured, &lower, &upper)?,
-                    normalise(&self.columns.values, &lower, &upper)?,
-                )
-            }
-        };
-        let settings = MaximinSettings {
-            n,
-            starts: args.starts,
-            iterations: args.iterations,
-            seed: args.seed,
-            threads: args.threads,
-            method: match args.search {
-                Search::Best => SpacingMethod::Search,
-                Search::Paper => SpacingMethod::Exchange,
-            },
-            include: self.include.clone(),
-            exclude: self.exclude.clone(),
-            measured,
-        };
-        Ok(maximin(&points, width, &settings, control)?)
-    }
-
-    /// Metres of a unit of each coordinate, a radian being `length`.
-    fn metres(&self, length: f64) -> Result<Vec<f64>, Failure> {
-        if !(length > 0.0 && length.is_finite()) {
-            return Err(Failure::Input(format!(
-                "--metres-per-radian: {length}, expected a positive number"
-            )));
+            let scaled = |values: &[f64]| match args.metres_per_radian {
+                Some(length) => self.in_metres(values, length),
+                None => Ok(normalise(values, &lower, &upper)?),
+            };
+            let settings = MaximinSettings {
+                n,
+                starts: args.starts,
+                iterations: args.iterations,
+                seed: args.seed,
+                threads: args.threads,
+                method: [SpacingMethod::Search, SpacingMethod::Exchange][usize::from(paper)],
+                include: self.include.clone(),
+                exclude: self.exclude.clone(),
+                measured: scaled(&self.measured)?,
+            };
+            return Ok(maximin(&scaled(points)?, width, &settings, control)?);
         }
-        let unit = |name: &&str| match POSE.iter().position(|p| p == name) {
-            Some(place) if place < 3 => Ok(1.0),
-            Some(_) => Ok(length),
-            None => Err(Failure::Input(format!(
-                "{}: --metres-per-radian: column {name} is no pose column, expected {}; leave the option out",
-                self.table.name,
-                POSE.join(", ")
-            ))),
+        let (name, file) = (&args.model, &self.table.name);
+        let Some(model) = Model::from_name(name) else {
+            bad!(
+                "--model: {name:?} has no regressor, expected linear, quadratic, cubic, poly:D (D up to 20), energyD, energyD-revolution or energyD-general (D = 4, 5, 6)"
+            );
         };
-        self.coordinates().iter().map(unit).collect()
-    }
-
-    fn run_model(
-        &self,
-        args: &Args,
-        path: &Path,
-        n: usize,
-        control: &Control<'_>,
-    ) -> Result<Design, Failure> {
-        let Some(model) = Model::from_name(&args.model) else {
-            return Err(Failure::Input(format!(
-                "--model: {:?} has no regressor, expected linear, quadratic, cubic, poly:D (D up to 20), energyD, energyD-revolution or energyD-general (D = 4, 5, 6)",
-                args.model
-            )));
+        let length_m = self.length(model, args, [&lower, &upper])?;
+        let rows_of = |points: &[f64]| {
+            let rows = model.regressor(points, (&lower, &upper), length_m);
+            rows.map_err(|e| Failure(2, format!("--model {name}: {e}")))
         };
-        let width = self.columns.at.len();
-        let mut all = self.columns.values.clone();
-        all.extend_from_slice(&self.measured);
-        let regressor = self.regressor(model, &all, args, path)?;
+        let all = rows_of(&[&points[..], &self.measured].concat())?;
+        let ridge = args.ridge;
+        if !(ridge >= 0.0 && ridge.is_finite()) {
+            bad!("--ridge: {ridge}, expected a positive number, 0 for none");
+        }
+        let prior = (ridge > 0.0).then(|| all.ridge(ridge));
+        let Regressor { rows, block, terms } = all;
+        let (rows, measured) = rows.split_at(self.columns.rows.len() * block * terms);
         let criterion = Criterion::of_model(&args.criterion)?;
-        let region = if criterion.averaged {
-            let (lower, upper) = column_ranges(&self.columns.values, width);
-            let rows_of = |points: &[f64]| self.regressor(model, points, args, path);
-            let points = &self.columns.values;
-            Some(prediction_region(points, &lower, &upper, rows_of)?)
-        } else {
-            None
-        };
-        let Regressor {
-            mut rows,
-            block,
-            terms,
-        } = regressor;
-        let measured = rows.split_off(self.columns.values.len() / width * block * terms);
+        let region = criterion
+            .averaged
+            .then(|| prediction_region(points, &lower, &upper, rows_of));
+        let region = region.transpose()?;
         let settings = DSettings {
             n,
             starts: args.starts,
             iterations: args.iterations,
             seed: args.seed,
             threads: args.threads,
-            method: match args.search {
-                Search::Best => Method::Search,
-                Search::Paper => Method::Fedorov,
-            },
+            method: [Method::Search, Method::Fedorov][usize::from(paper)],
             replicates: args.replicates,
             include: self.include.clone(),
             exclude: self.exclude.clone(),
-            measured,
-            prior: prior(args, model, terms)?,
+            measured: measured.to_vec(),
+            prior,
         };
+        let (share, region) = (args.share, region.as_deref());
         let candidates = Candidates {
-            regressor: &rows,
+            regressor: rows,
             block,
             terms,
-            share: args.share,
-            region: region.as_deref(),
+            share,
+            region,
         };
-        criterion
-            .search(&candidates, &settings, control)
-            .map_err(|e| self.explain(e, args))
-    }
-
-    fn regressor(
-        &self,
-        model: Model,
-        all: &[f64],
-        args: &Args,
-        path: &Path,
-    ) -> Result<Regressor, Failure> {
-        let input =
-            |e: ecm_poly::ModelError| Failure::Input(format!("--model {}: {e}", args.model));
-        match model {
-            Model::Polynomial { degree } => {
-                let (lower, upper) = column_ranges(&self.columns.values, self.columns.at.len());
-                if let Some(c) = (0..lower.len()).find(|&c| upper[c] <= lower[c] && degree > 0) {
-                    let name = &self.table.header[self.columns.at[c]];
-                    return Err(Failure::Input(format!(
-                        "{}: column {name} is {} in every row, expected it to vary; leave it out with --columns",
-                        self.table.name, lower[c]
-                    )));
-                }
-                Model::polynomial(all, degree, &lower, &upper).map_err(input)
+        match criterion.search(&candidates, &settings, control) {
+            Err(DesignError::TooMany { n, candidates }) => {
+                let (asked, all, repeat) =
+                    (n - self.include.len(), self.table.len(), self.repeated);
+                let out = self.exclude.len() + self.skipped() - repeat;
+                bad!(
+                    "{file}: n = {asked}, but only {candidates} of {all} rows can be chosen ({repeat} repeat an earlier row, {out} are excluded or skipped); lower --n, give more candidates or allow --replicates"
+                );
             }
-            Model::Energy { degree, symmetry } => {
-                if self.coordinates() != POSE {
-                    return Err(Failure::Input(format!(
-                        "{}: --model {} needs the six pose columns {}, found {}; give a polynomial model for other coordinates",
-                        self.table.name,
-                        args.model,
-                        POSE.join(", "),
-                        self.coordinates().join(", ")
-                    )));
-                }
-                let length_m = match args.length {
-                    Some(given) => given,
-                    None => length_beside(path)?,
-                };
-                let poses: Vec<[f64; 6]> = all
-                    .chunks_exact(6)
-                    .map(|r| std::array::from_fn(|c| r[c]))
-                    .collect();
-                Model::energy(&poses, degree, symmetry, length_m).map_err(input)
+            Err(e @ DesignError::RankDeficient { .. }) => bad!("{file}: --model {name}: {e}"),
+            other => Ok(other?),
+        }
+    }
+
+    /// Coordinates in metres, a radian being `length`.
+    fn in_metres(&self, values: &[f64], length: f64) -> Result<Vec<f64>, Failure> {
+        if !(length > 0.0 && length.is_finite()) {
+            bad!("--metres-per-radian: {length}, expected a positive number");
+        }
+        let (names, file, known) = (&self.columns.names, &self.table.name, POSE.join(", "));
+        if let Some(name) = names.iter().find(|name| !POSE.contains(&name.as_str())) {
+            bad!(
+                "{file}: --metres-per-radian: column {name} is no pose column, expected {known}; leave the option out"
+            );
+        }
+        let unit = |name: &String| if name.ends_with("_rad") { length } else { 1.0 };
+        let scaled = values.iter().zip(names.iter().map(unit).cycle());
+        Ok(scaled.map(|(v, unit)| v * unit).collect())
+    }
+
+    /// Refuses columns that the model cannot have; the length of an energy's mechanism (m).
+    fn length(&self, model: Model, args: &Args, ends: [&[f64]; 2]) -> Result<f64, Failure> {
+        let (file, names, [lower, upper]) = (&self.table.name, &self.columns.names, ends);
+        if let Model::Polynomial { degree } = model {
+            if let Some(c) = (0..lower.len()).find(|&c| upper[c] <= lower[c] && degree > 0) {
+                let (name, found) = (&names[c], lower[c]);
+                bad!(
+                    "{file}: column {name} is {found} in every row, expected it to vary; leave it out with --columns"
+                );
             }
-            _ => Err(Failure::Input(format!(
-                "--model {}: no design can be searched for it, expected a polynomial or an energy",
-                args.model
-            ))),
+            return Ok(f64::NAN);
         }
-    }
-
-    /// Errors of the library with the file and with rows counted from 1.
-    fn explain(&self, error: DesignError, args: &Args) -> Failure {
-        match error {
-            DesignError::TooMany { n, candidates } => Failure::Input(format!(
-                "{}: n = {}, but only {candidates} of {} rows can be chosen ({} repeat an earlier row, {} are excluded or skipped); lower --n, give more candidates or allow --replicates",
-                self.table.name,
-                n - self.include.len(),
-                self.table.len(),
-                self.repeated,
-                self.exclude.len() - self.repeated + self.skipped(),
-            )),
-            DesignError::RankDeficient { .. } => Failure::Input(format!(
-                "{}: --model {}: {error}",
-                self.table.name, args.model
-            )),
-            other => other.into(),
+        if *names != POSE {
+            let (model, wanted, found) = (&args.model, POSE.join(", "), names.join(", "));
+            bad!(
+                "{file}: --model {model} needs the six pose columns {wanted}, found {found}; give a polynomial model for other coordinates"
+            );
         }
+        self.length_m.clone().map_err(|text| Failure(2, text))
     }
-}
-
-/// Multiplies each row by `scale`.
-fn scaled(values: &[f64], scale: &[f64]) -> Vec<f64> {
-    let rows = values.chunks_exact(scale.len());
-    rows.flat_map(|row| row.iter().zip(scale).map(|(v, s)| v * s))
-        .collect()
-}
-
-/// lambda I; a polynomial's constant, the first term, stays free.
-fn prior(args: &Args, model: Model, terms: usize) -> Result<Option<Vec<f64>>, Failure> {
-    if args.ridge == 0.0 {
-        return Ok(None);
-    }
-    if !(args.ridge > 0.0 && args.ridge.is_finite()) {
-        let found = args.ridge;
-        return Err(Failure::Input(format!(
-            "--ridge: {found}, expected a positive number, 0 for none"
-        )));
-    }
-    let first = usize::from(matches!(model, Model::Polynomial { .. }));
-    let mut prior = vec![0.0; terms * terms];
-    for i in first..terms {
-        prior[i * terms + i] = args.ridge;
-    }
-    Ok(Some(prior))
-}
-
-/// Excludes rows that repeat the coordinates of another, but never included rows; returns their number.
-fn set_aside_repeats(columns: &Columns, include: &[usize], out: &mut [bool]) -> usize {
-    let width = columns.at.len();
-    // + 0.0 makes -0 and 0 the same pose.
-    let key = |p: usize| -> Vec<u64> {
-        columns.values[p * width..(p + 1) * width]
-            .iter()
-            .map(|v| (v + 0.0).to_bits())
-            .collect()
-    };
-    let mut seen: HashMap<Vec<u64>, ()> = include.iter().map(|&p| (key(p), ())).collect();
-    let mut count = 0;
-    for p in 0..out.len() {
-        if out[p] || include.contains(&p) {
-            continue;
-        }
-        if seen.insert(key(p), ()).is_some() {
-            out[p] = true;
-            count += 1;
-        }
-    }
-    count
-}
-
-/// The coordinates of poses measured before.
-fn read_measured(
-    path: &Path,
-    table: &Table,
-    columns: &Columns,
-    skip: bool,
-    interrupted: &dyn Fn() -> bool,
-) -> Result<Vec<f64>, Failure> {
-    let other = Table::read(path, interrupted)?;
-    let names: Vec<String> = columns
-        .at
-        .iter()
-        .map(|&c| table.header[c].clone())
-        .collect();
-    let at = other.coordinates(&names)?;
-    Ok(other.numbers(at, skip, interrupted)?.values)
 }
 
 /// `length_m` of `[mechanism]` in the TOML beside the table.
-pub fn length_beside(path: &Path) -> Result<f64, Failure> {
+fn length_beside(path: &Path) -> Result<f64, String> {
     let meta = path.with_extension("toml");
-    let wanted = "energy models need the undeformed length: give --length METRES or length_m under [mechanism]";
-    let name = meta.display();
-    let text = std::fs::read_to_string(&meta)
-        .map_err(|e| Failure::Input(format!("{name}: cannot be read ({e}); {wanted}")))?;
-    let document: toml::Table = text.parse().map_err(|e: toml::de::Error| {
-        Failure::Input(format!("{name}: {}", e.to_string().trim()))
-    })?;
+    let said = |what: String| {
+        let name = meta.display();
+        format!(
+            "{name}: {what}; energy models need the undeformed length: give --length METRES or length_m under [mechanism]"
+        )
+    };
+    let text = std::fs::read_to_string(&meta).map_err(|e| said(format!("cannot be read ({e})")))?;
+    let document: toml::Table = text.parse().map_err(|e| said(format!("{e}")))?;
     let value = document.get("mechanism").and_then(|m| m.get("length_m"));
-    let number = value.and_then(|v| v.as_float().or_else(|| v.as_integer().map(|i| i as f64)));
-    number.ok_or_else(|| {
-        Failure::Input(format!(
-            "{name}: no number length_m under [mechanism]; {wanted}"
-        ))
-    })
+    let number = value.and_then(|v| v.as_float().or(v.as_integer().map(|i| i as f64)));
+    number.ok_or_else(|| said("no number length_m under [mechanism]".into()))
 }

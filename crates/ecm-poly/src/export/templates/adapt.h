@@ -1,4 +1,4 @@
-/* A model that keeps itself right (docs/adapt.md): @PARAMETERNAMES@.
+/* A model that keeps itself right (docs/adapt.md): @NAMES@.
  *
  * A filter over these parameters, from readings of pose and wrench, which are averaged over an interval;
  * an interval changes the parameters, unless it is beyond five standard deviations. At least two readings
@@ -8,7 +8,13 @@
  * @NAME@_value_and_stiffness, and of each relaxing branch its wrench with share 1 (0: none).
  *
  * State: @STATE@ bytes of plain numbers, to be copied, stored and loaded as they are.
- * Reentrant: nothing static is written. Stack: at most @STACK@ bytes. No heap, no libm, no errno.
+ * Reentrant: nothing static is written. Stack: at most @STACK@ bytes (release build for
+ * thumbv7em-none-eabihf). No heap, no libm, no errno, no panic. The arrays of one call do not overlap.
+ *
+ * Link lib@NAME@_adapt.a, which needs Rust @RUST@ or later and nothing else:
+ *     cargo build --release --manifest-path @NAME@_adapt/Cargo.toml --target thumbv7em-none-eabihf
+ * gives it in @NAME@_adapt/target/thumbv7em-none-eabihf/release; without --target, for this machine, in
+ * @NAME@_adapt/target/release.
  */
 #ifndef @GUARD@
 #define @GUARD@
@@ -19,7 +25,7 @@
 extern "C" {
 #endif
 
-typedef @REAL@ @NAME@_adapt_real;
+typedef @CREAL@ @NAME@_adapt_real;
 
 /* Places of the parameters in values and covariance. */
 enum {
@@ -72,6 +78,9 @@ typedef struct {
     @NAME@_adapt_real information[@COUNT@][@COUNT@], of_noise, window[2];
     uint32_t counts[4], held;
 } @NAME@_adapt_state;
+
+/* The library was built for a state of this size. */
+typedef char @NAME@_adapt_state_has_its_size[sizeof(@NAME@_adapt_state) == @STATE@ ? 1 : -1];
 
 extern const @NAME@_adapt_settings @NAME@_adapt_defaults;
 

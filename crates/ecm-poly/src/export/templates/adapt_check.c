@@ -2,6 +2,7 @@
 #include "@NAME@.h"
 #include "@NAME@_adapt.h"
 
+#define R(x) ((@NAME@_adapt_real)(x))
 enum { READINGS = @READINGS@, COUNT = @COUNT@ };
 
 /* Pose, wrench, seconds since the reading before. */
@@ -25,8 +26,8 @@ static int32_t read_one(@NAME@_adapt_state *state, int32_t i)
     @NAME@_adapt_real h[6], k[36], branches[12];
     @NAME@_value_and_stiffness(reading[i], h, k);
     for (int32_t a = 0; a < 6; a++) {
-        branches[a] = (@NAME@_adapt_real)0.3 * h[a];
-        branches[6 + a] = (@NAME@_adapt_real)0.1 * h[(a + 1) % 6];
+        branches[a] = R(0.3) * h[a];
+        branches[6 + a] = R(0.1) * h[(a + 1) % 6];
     }
     return @NAME@_adapt(state, 0, reading[i], reading[i] + 6, reading[i][12], h, k, branches);
 }
