@@ -49,6 +49,7 @@ RULES = {
     "rows that are outliers": Rule(limits={"outlier_chance": 1e-300}),
     # Search
     "share of a further effect": Rule(limits={"material_share": 0.0}),
+    "one cause is likelier": Rule(limits={"one_cause_share": 0.0}),
     "shapes refined": Rule(limits={"shape_refinements": 0}),
     # Acceptance
     "held-out error falls": Rule(limits={"held_out_errors": -1e9}),

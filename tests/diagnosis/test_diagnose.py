@@ -449,8 +449,7 @@ def test_an_error_far_beyond_the_noise_is_no_name() -> None:
     scrambled = table.with_columns({"tau_x_Nm": own * table.column("tau_x_Nm")})
     diagnosis = diagnose(model(), scrambled)
     assert diagnosis.verdict == "unknown"
-    assert diagnosis.unknown is not None
-    assert "times the noise" in diagnosis.unknown.words
+    assert diagnosis.answer == ()
 
 
 def test_a_flipped_sign_is_named_as_what_it_is() -> None:
@@ -468,4 +467,4 @@ def test_the_evidence_for_an_effect_that_is_not_there_can_be_written() -> None:
     weakest = rank(problem)[-1].candidate
     found = acceptance_check(problem, [weakest], weakest, [weakest.id], 0)
     assert not found.accepted
-    assert json.loads(json.dumps(asdict(found)))["robust"] is False
+    assert json.loads(json.dumps(asdict(found)))["held_out_fall"] < 1.0

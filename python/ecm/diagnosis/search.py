@@ -226,7 +226,7 @@ def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]
         if not good:
             break
         gain = delta_bic(problem, good[0]) - delta_bic(problem, best)
-        if gain < settings.least_bic:
+        if gain < settings.least_bic or (size == 2 and not _beyond_one(problem, good[0])):
             break
         best = good[0]
         if size == settings.most_effects:
@@ -246,7 +246,11 @@ def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]
 
 def _is_valid(problem: Problem, chosen: tuple[Candidate, ...]) -> bool:
     """Whether a set meets all conditions of the forward search."""
-    return all_needed(problem, chosen) and _allowed(problem, chosen)
+    return (
+        all_needed(problem, chosen)
+        and _allowed(problem, chosen)
+        and (len(chosen) != 2 or _beyond_one(problem, chosen))
+    )
 
 
 def _best_beside(
@@ -265,6 +269,17 @@ def _allowed(problem: Problem, chosen: tuple[Candidate, ...]) -> bool:
         for item in chosen
         if len(item.columns) == 1
     )
+
+
+def _beyond_one(problem: Problem, pair: tuple[Candidate, ...]) -> bool:
+    """Whether two effects explain more beyond chance than any single one, whose form is inexact."""
+    settings = problem.settings
+    total = delta_chi2(problem, pair)
+    own = total - sum(item.parameters for item in pair)
+    single = delta_chi2_of_each(problem, (), problem.candidates)
+    chance = np.array([candidate.parameters for candidate in problem.candidates])
+    least = max(settings.least_bic, settings.one_cause_share * total)
+    return bool(own > (single - chance).max(initial=0.0) + least)
 
 
 def _swapped(problem: Problem, chosen: tuple[Candidate, ...]) -> tuple[Candidate, ...]:

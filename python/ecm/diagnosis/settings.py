@@ -80,6 +80,12 @@ class DiagnosisSettings(Checked):
         doc="Share of all that is explained that each further effect must explain: what the form "
         "of a first effect leaves (4 to 9 %) stays below.",
     )
+    one_cause_share: float = setting(
+        0.03,
+        low=0.0,
+        high=1.0,
+        doc="Share that two effects must explain beyond any single one: one cause is likelier.",
+    )
     most_effects: int = setting(4, low=1, doc="Effects in the largest set that is searched.")
     beam: int = setting(5, low=1, doc="Best sets at each size of the search.")
     # Acceptance
