@@ -61,6 +61,8 @@ RULES = {
     # Classes
     "rivals that look alike": Rule(limits={"separable": 0.0}),
     "share of the form": Rule(limits={"form_share": 0.0}),
+    "rivals that win bootstraps": Rule(limits={"rival_bootstraps": 1.0}),
+    "close rivals that win some": Rule(limits={"close_bic": 0.0}),
     "wider class beside another": Rule(limits={"near_share": 0.0}),
     "wider class in doubt": Rule(limits={"doubtful_share": 1.0}),
     # Verdict

@@ -126,7 +126,7 @@ def test_two_effects_are_both_found(folder: Path) -> None:
 
 def test_what_is_not_in_the_library_is_unknown(folder: Path, method: Method) -> None:
     removed = Set(3, 920, "rod", hidden=(("hysteresis", 1.0),), removed=("hysteresis",))
-    foreign = Set(3, 903, "rod", strange="mains_beat", strength=1.0)
+    foreign = Set(3, 935, "rod", strange="mains_beat", strength=1.0)
     for case in (removed, foreign):
         result = result_of(case, folder, method)
         assert result["ours"]["verdict"] == "unknown", result["ours"]["answer"]

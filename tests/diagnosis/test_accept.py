@@ -111,6 +111,42 @@ def test_what_fails_by_itself_is_dropped_without_bootstraps(
     assert beside == [0]
 
 
+def test_a_rival_that_wins_often_is_a_member_also_where_a_close_one_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """None of both is asked for alone: 0.56 of the resamplings, with them 0.83."""
+    problem = softened()
+    wins = {"temperature_modulus": 0.56, "far": 0.19, "close": 0.08, "seldom": 0.01}
+    monkeypatch.setattr(accept_module, "selection_shares", lambda *_: wins)
+
+    def class_of(_: Problem, __: Any, item: Candidate, least_bic: float | None = None) -> list[str]:
+        return [item.id] if least_bic is None else [item.id, "seldom", "close"]
+
+    chosen = [one.candidate for one in rank(problem) if one.id == "temperature_modulus"]
+    accepted = accept_module.accept(problem, chosen, class_of=class_of)
+    assert accepted.classes == (("temperature_modulus", "far", "close"),)
+    assert accepted.checks[0].chosen_share == pytest.approx(0.83)
+
+
+def test_two_effects_that_win_seldom_take_no_far_rival(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Together they may imitate what no library holds: each must win by itself."""
+    table = campaign("", 1.0, 4)
+    both = effect_of("temperature_modulus", [0.03], 2.0, table)
+    both = both + effect_of("payload", [1.0, 0.0, 0.0, 0.0], 1.0, table)
+    problem = assembled(with_change(table, both), "temperature_modulus", "payload")
+    wins = {"temperature_modulus": 0.56, "payload": 0.56, "far": 0.3}
+    monkeypatch.setattr(accept_module, "selection_shares", lambda *_: wins)
+
+    def class_of(_: Problem, __: Any, item: Candidate, ___: float | None = None) -> list[str]:
+        return [item.id]
+
+    chosen = search(problem, rank(problem))
+    assert len(chosen) == 2
+    accepted = accept_module.accept(problem, chosen, class_of=class_of)
+    assert len(accepted.effects) == 1
+    assert "far" in accepted.classes[0]
+
+
 # --- data ---------------------------------------------------------------------------------------
 def test_an_effect_of_one_cluster_of_poses_only_does_not_generalise() -> None:
     """All else speaks for a softer body in the heat; poses that the fit has not seen do not."""
@@ -203,3 +239,18 @@ def test_runs_of_a_continuous_test_are_held_out_one_at_a_time() -> None:
         assert held_out_by(table, kind) == "run"
     parts = folds(table, table.poses, row_groups(table), "run")
     assert np.array_equal(parts, run - 1.0)
+
+
+def test_a_rival_that_wins_one_resampling_in_ten_joins_the_class(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """However far it is in BIC: with few rows it may be the truth."""
+    problem = assembled(campaign("payload", 1.0, 4), "payload", "cable_drag", "fts_drift")
+    first = rank(problem)[0].candidate
+    assert first.id == "payload"
+    won = {"payload": 0.87, "cable_drag": 0.12, "fts_drift": 0.01}
+    monkeypatch.setattr(accept_module, "selection_shares", lambda *given: won)
+    accepted = accept_module.accept(problem, [first], 0)
+    assert accepted.classes == (("payload", "cable_drag"),)
+    won |= {"payload": 0.92, "cable_drag": 0.07}
+    assert accept_module.accept(problem, [first], 0).classes == (("payload",),)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from head import exportable, largest_turns, uncontrolled
 
+from benchmark import exportable, largest_turns, uncontrolled
 from compiled import CompiledController, build_plugin, compile_controller
 from ecm import ComputationError, InputError, Model, fit
 from experiment import Robot

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import head as module
 import numpy as np
 import pytest
-from head import BY_SHAPE, WITHOUT, Bench, table_lines
 
+import benchmark as module
+from benchmark import BY_SHAPE, WITHOUT, Bench, table_lines
 from experiment import Record
 from robot import HeadSettings
 from support.head_example import closed_neck

@@ -9,10 +9,10 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (40_060, 249),
+    "python/ecm": (40_110, 249),
     "benches": (5_990, 51),
     "examples": (1_360, 12),
-    "tests": (27_080, 205),
+    "tests": (27_130, 205),
     "crates": (31_100, 193),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit."""

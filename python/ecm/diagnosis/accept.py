@@ -328,8 +328,29 @@ def _checked(
     problem: Problem, chosen: Sequence[Candidate], item: Candidate, seed: int, class_of: ClassOf
 ) -> tuple[AcceptanceCheck, tuple[str, ...]]:
     """Return the evidence for one effect and its class."""
+    settings = problem.settings
     members = class_of(problem, chosen, item)
-    return acceptance_check(problem, chosen, item, members, seed), tuple(members)
+    check = acceptance_check(problem, chosen, item, members, seed)
+    room = settings.most_in_class - len(members)
+    if room <= 0:
+        return check, tuple(members)
+    others = {other.id for other in chosen}
+    won = sorted(check.winners.items(), key=lambda won: -won[1])
+    seldom = check.chosen_share < settings.chosen_share
+    joining = []
+    if len(chosen) == 1 or not seldom:
+        # A rival that wins often belongs to the class, however far it is in BIC: with few rows it
+        # may be the truth. Several effects that win seldom may add up to what no library holds.
+        often = settings.rival_bootstraps
+        joining = [id for id, share in won if share > often and id not in others]
+    if seldom:
+        # So does a close one that wins now and then.
+        close = class_of(problem, chosen, item, settings.close_bic)
+        wins = {id for id, share in won if share > settings.some_bootstraps}
+        joining += [id for id in close if id in wins and id not in joining]
+    members = [*members, *[id for id in joining if id not in members][:room]]
+    check = acceptance_check(problem, chosen, item, members, seed, winners=check.winners)
+    return check, tuple(members)
 
 
 def acceptance_check(
@@ -348,7 +369,7 @@ def acceptance_check(
     members
         Ids of its class.
     winners
-        Result of the bootstraps, where they are not to be run.
+        Result of the bootstraps, where the effect was checked before with another class.
     """
     settings = problem.settings
     others = [other for other in chosen if other is not item]

@@ -141,6 +141,15 @@ class DiagnosisSettings(Checked):
     near_share_in_doubt: float = setting(
         0.6, low=0.0, high=1.0, doc="The same where the form of the effect is in doubt."
     )
+    close_bic: float = setting(
+        20.0, low=0.0, doc="A rival that wins some bootstraps is close within this loss of BIC."
+    )
+    some_bootstraps: float = setting(
+        0.02, low=0.0, high=1.0, doc="Some bootstraps: more than this share of them."
+    )
+    rival_bootstraps: float = setting(
+        0.1, low=0.0, high=1.0, doc="A rival that wins more than this share of them is a member."
+    )
     # What is left, and the verdict
     left_share: tuple[float, ...] = setting(
         (1.0, 0.15, 0.12, 0.08),
