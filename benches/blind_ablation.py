@@ -26,12 +26,12 @@ os.environ.setdefault("RAYON_NUM_THREADS", "1")
 
 import numpy as np
 
-from blind import code_hash
-from blind_parts import other_sets, score, sets, third
+from blind import code_hash, prepared
+from blind_parts import other_bodies, other_sets, score, third
 from blind_parts.ablation import RULES, without
 from blind_parts.analysis import library
-from blind_parts.data import data_of, shared_model, shared_plan
-from blind_parts.other_bodies import BODIES
+from blind_parts.data import data_of
+from blind_parts.sets import set_of
 from blind_parts.workers import run_all
 from ecm.diagnosis import check, diagnose, find_missing
 from ecm.errors import EcmError
@@ -62,7 +62,7 @@ class Case:
         """The set in the words of its benchmark."""
         if self.benchmark == 1:
             tier, round_ = self.index % len(_TIERS), self.index // len(_TIERS)
-            return sets._MAKE[tier](_FRESH * self.seed + round_)
+            return set_of(tier, _FRESH * self.seed + round_)
         if self.benchmark == 2:
             return other_sets.other_sets(self.index + 1, self.seed)[self.index]
         return third.third_sets(self.index + 1, self.seed)[self.index]
@@ -107,11 +107,13 @@ def answered(case: Case, own: Any, data: tuple[Model, Table, Any], *rules: str) 
     with without(*rules) as (stages, settings):
         options: dict[str, Any] = {"effects": effects, "stages": stages, "settings": settings}
         try:
-            found: Any = find_missing(model, table, **options)
+            found: Any
             if case.benchmark == 2 and own.kind == "statement":
                 # What is stated wrongly may be said by the report alone.
                 found = diagnose(model, table, **options)
                 said = [found.sentence(), *found.warnings, *check(table).warnings]
+            else:
+                found = find_missing(model, table, **options)
             verdict, answer = found.verdict, [list(members) for members in found.answer]
         except (EcmError, np.linalg.LinAlgError) as error:
             verdict, answer, said = "refused", [], [str(error)]
@@ -178,15 +180,10 @@ def main() -> int:
     each = -(-given.sets // len(given.benchmarks))
     cases = [Case(b, i, given.seed) for i in range(each) for b in given.benchmarks]
     rules = [given.together] if given.together else [[rule] for rule in given.rules]
-    for body in BODIES.values():  # solved once, before several processes ask for them
-        if body.mesh is not None:
-            body.visited(1, np.random.default_rng(0), given.out)
-    for name in third.BODIES:
-        third.solved(name, given.out)
-    for source in ("rig", "rod"):
-        for protocol in ("diagnosable", "paper", "plain"):
-            shared_plan(source, protocol, given.out)
-        shared_model(source)
+    prepared([case.set() for case in cases if case.benchmark == 1], given.out)
+    for benchmark, bodies in ((2, other_bodies), (3, third)):
+        if benchmark in given.benchmarks:
+            bodies.solve_bodies(given.out)
     run_all(
         cases,
         partial(run_one, folder=folder, rules=rules),

@@ -24,7 +24,7 @@ os.environ.setdefault("RAYON_NUM_THREADS", "1")
 import numpy as np
 
 from blind import code_hash
-from blind_parts.other_bodies import BODIES
+from blind_parts.other_bodies import solve_bodies
 from blind_parts.other_sets import other_sets, run_one, set_file
 from blind_parts.other_table import table_text
 from blind_parts.workers import run_all
@@ -50,10 +50,7 @@ def main() -> int:
     cases = other_sets(given.sets, given.seed)
     todo = [] if given.table else [case for case in cases if not set_file(case, folder).exists()]
     if todo:
-        for body in BODIES.values():
-            # Solids are solved once, before several processes ask for them.
-            if body.mesh is not None:
-                body.visited(1, np.random.default_rng(0), given.out)
+        solve_bodies(given.out)
     run_all(
         todo,
         partial(run_one, folder=folder),

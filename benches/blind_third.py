@@ -25,12 +25,11 @@ import numpy as np
 
 from blind import code_hash
 from blind_parts.third import (
-    BODIES,
     HIDDEN,
     ThirdSet,
     given_model,
     outcome,
-    solved,
+    solve_bodies,
     third_sets,
     third_table,
 )
@@ -107,8 +106,7 @@ def main() -> int:
     folder.mkdir(parents=True, exist_ok=True)
     todo = [case for case in cases if not _file(case, folder).exists()]
     if todo:
-        for body in BODIES:  # solved once, before several processes ask for them
-            solved(body, given.out)
+        solve_bodies(given.out)
     run_all(
         todo,
         partial(run_one, folder=folder),

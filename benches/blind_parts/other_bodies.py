@@ -209,6 +209,13 @@ BODIES = {
 }
 
 
+def solve_bodies(folder: Path) -> None:
+    """Solve the solids once, before several processes ask for them."""
+    for body in BODIES.values():
+        if body.mesh is not None:
+            body.visited(1, np.random.default_rng(0), folder)
+
+
 def stated_model(mechanism: dict[str, Any]) -> Model | None:
     """The physics model of a stated body; None where no stiffness is stated."""
     if "builtin" not in mechanism:

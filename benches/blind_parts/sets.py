@@ -79,7 +79,12 @@ class Set:
 def sets_of(tier: int, count: int | None = None) -> list[Set]:
     """The first `count` sets of a tier."""
     n = ALL_SETS[tier] if count is None else min(count, ALL_SETS[tier])
-    return [_MAKE[tier](i) for i in range(n)]
+    return [set_of(tier, i) for i in range(n)]
+
+
+def set_of(tier: int, index: int) -> Set:
+    """One set of a tier; any index, so that there are fresh ones beyond those of the table."""
+    return _MAKE[tier](index)
 
 
 def balanced(sets: Sequence[Set]) -> list[Set]:

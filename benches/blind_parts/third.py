@@ -87,6 +87,12 @@ def solved(body: str, folder: Path) -> tuple[F, F]:
     return np.array(kept["poses"]), np.array(kept["wrenches"])
 
 
+def solve_bodies(folder: Path) -> None:
+    """Solve all bodies once, before several processes ask for them."""
+    for body in BODIES:
+        solved(body, folder)
+
+
 # --- rows ---------------------------------------------------------------------------------------
 @dataclass
 class Made:

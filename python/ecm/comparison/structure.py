@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,10 +24,6 @@ from ecm.regression.correlation import speeds
 from ecm.regression.f_test import Beside, explained_by_span, lack_of_fit
 from ecm.regression.folds import is_continuous, repeat_cells
 from ecm.regression.rows import Rows, is_whole
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 LEVEL = 0.01
 """Chance of a wrong rejection."""

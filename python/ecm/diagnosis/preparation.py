@@ -23,9 +23,7 @@ from ecm.regression.folds import distinct_rows, rows_without_zero_readings, spre
 from ecm.regression.normal_equations import projected_out
 
 if TYPE_CHECKING:
-    from ecm.io.table import Table
     from ecm.models.joint_fit import FittedEffect
-    from ecm.models.model import Model
 
 
 _LEAST_ROWS = 8

@@ -27,7 +27,6 @@ from ecm.regression.folds import is_pose_row, row_groups
 from ecm.regression.noise import Noise, is_exact, whiteners
 from ecm.regression.normal_equations import (
     NormalEquations,
-    difference,
     explained_by_blocks,
     explained_squares,
     projected_out,
@@ -201,7 +200,7 @@ class Problem:
     """Whitened rms of the base's own error."""
     settings: DiagnosisSettings
     reduced: tuple[F, F] | None = None
-    """Normal equations without some rows, in place of those of all rows."""
+    """Normal equations in place of those of the rows, to study a stage."""
 
     @property
     def size(self) -> int:
@@ -246,14 +245,6 @@ class Problem:
         """(m,) root mean square of errors (N, m); rows that are unlike all others count less."""
         weights = np.where(self.scored, self.weights, 0.0)
         return np.asarray(np.sqrt(weights @ errors**2 / weights.sum()))
-
-    def without_rows(self, rows: I) -> Problem:
-        """Return the problem with the normal equations of all rows but these."""
-        root = np.sqrt(self.weights[rows])[:, None]
-        flat = (self.design[rows] * root[:, :, None]).reshape(-1, self.design.shape[2])
-        response = (self.response[rows] * root).ravel()
-        part = (flat.T @ flat / self.scale, flat.T @ response / self.scale)
-        return replace(self, reduced=difference(self.equations, part))
 
     def without_effect(self, id: str) -> Problem:
         """Return the problem in which an effect is no candidate."""

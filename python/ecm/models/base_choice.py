@@ -19,8 +19,6 @@ from ecm.models.polynomial import PolynomialModel
 from ecm.models.specification import ModelSpecification
 
 if TYPE_CHECKING:
-    from ecm.io.table import Table
-    from ecm.models.maps import StiffnessMap
     from ecm.models.model import Model
 
 

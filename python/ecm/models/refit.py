@@ -44,8 +44,6 @@ from ecm.regression.folds import (
 from ecm.regression.rows import Rows, is_whole, naming_wild_readings
 
 if TYPE_CHECKING:
-    from ecm.io.table import Table
-    from ecm.models.model import Model
     from ecm.regression.noise import Noise
 
 
