@@ -110,7 +110,7 @@ def test_structure_without_a_name_is_unknown() -> None:
     report = json.loads(json.dumps(diagnosis.to_dict(), allow_nan=False))
     lists_of_the_interface(report)
     unknown = report["unknown"]
-    assert set(unknown) == {"variables", "relevance", "words", "nearest", "skeleton", "misread"}
+    assert set(unknown) == {"variables", "words", "nearest", "skeleton", "misread"}
     assert unknown["misread"] is False
     assert all(isinstance(name, str) for name in unknown["variables"])
     assert isinstance(unknown["words"], str)

@@ -116,12 +116,8 @@ def _limits(limits: Mapping[str, Any]) -> Iterator[str]:
 
 def _variables(unknown: Mapping[str, Any]) -> Iterator[str]:
     """The variables that matter; the sentence holds words and the nearest effect."""
-    shares = unknown["relevance"]
-    parts = [
-        f"{name} ({shares[name]:.0%})" if name in shares else name for name in unknown["variables"]
-    ]
-    if parts:
-        yield f"variables that matter: {', '.join(parts)}"
+    if unknown["variables"]:
+        yield f"variables that matter: {', '.join(unknown['variables'])}"
 
 
 def _ranking(document: Mapping[str, Any]) -> Iterator[str]:

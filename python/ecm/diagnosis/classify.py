@@ -20,7 +20,7 @@ from ecm.io.arrays import F
 from ecm.io.units import unit_of_factor
 from ecm.models.physics.map import PhysicsMap
 
-Headline = Literal["none", "named", "ambiguous", "unknown"]
+Headline = Literal["none", "named", "ambiguous", "family", "unknown"]
 Describe = Callable[..., Unknown]
 
 
@@ -110,7 +110,7 @@ def verdict(
         unknown = describe(problem, residual_after(problem, ()), (), gate.structure)
         variables = (pattern.variable,) if pattern.variable else ()
         seen = replace(unknown, words=pattern.words, variables=variables, nearest=None)
-        seen = replace(seen, relevance={}, template="", pattern=pattern)
+        seen = replace(seen, template="", pattern=pattern)
         return Verdict("unknown", Accepted(checks=accepted.checks), seen)
     if may_name:
         return Verdict("named" if single else "ambiguous", accepted, None)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from ecm.diagnosis.accept import Accepted
 from ecm.diagnosis.classify import Headline
+from ecm.diagnosis.family import Family
 from ecm.diagnosis.gate import Gate, Leftover
 from ecm.diagnosis.preparation import Prepared
 from ecm.diagnosis.problem import Problem
@@ -29,6 +30,8 @@ class Decision:
     verdict: Headline
     unknown: Unknown | None
     warnings: tuple[str, ...] = ()
+    family: Family | None = None
+    """What drives the missing effect, where its form is not known."""
     neighbours_alike: bool = False
     """Whether fewer rows of a log were used, since its neighbours err alike."""
 

@@ -11,7 +11,8 @@ Each stage is a function that can be called by itself; what it returns is the in
     accepted = accept(problem, chosen)                  what passes every check, with its class
     left = leftover(problem, first, accepted.effects)   is anything still missing?
     accepted = classify(problem, accepted, left)        rivals in doubt join the classes
-    final = verdict(problem, first, accepted, left)     none, named, ambiguous or unknown
+    final = verdict(problem, first, accepted, left)     none, named, ambiguous, unknown
+    find_family(problem)                                what drives an unknown effect
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from ecm.diagnosis.base import (
 )
 from ecm.diagnosis.classify import Verdict, classify, modulus_warning, verdict
 from ecm.diagnosis.decision import Decision
+from ecm.diagnosis.family import find_family
 from ecm.diagnosis.gate import Gate, Leftover, gate, leftover, residual_after
 from ecm.diagnosis.preparation import Prepared, prepare
 from ecm.diagnosis.problem import Candidate, Problem, assemble, noise_by_rest
@@ -232,15 +234,26 @@ def find_missing(
     decision = of_rows(settings)
     alike = _neighbours_alike(decision)
     if alike is None:
-        return decision
+        return _with_family(decision)
     slow = slow_noise_of(decision)
     if slow is not None and slow.p < settings.level:
-        return decision
+        return _with_family(decision)
     most = max(settings.least_rows_of_log, alike.independent)
     again = of_rows(replace(settings, most_rows=most)) if most < len(table) else decision
     if slow is None or again.verdict == "none":
-        return replace(again, neighbours_alike=again is not decision)
+        return _with_family(replace(again, neighbours_alike=again is not decision))
     return as_slow_noise(decision, slow, stages.describe)
+
+
+def _with_family(decision: Decision) -> Decision:
+    """Return the decision with the family in place of `unknown`, where one is sure."""
+    if decision.unknown is None or decision.unknown.misread:
+        return decision
+    family = find_family(decision.problem)
+    if family is None:
+        return decision
+    unknown = replace(decision.unknown, template=family.draft)
+    return replace(decision, verdict="family", unknown=unknown, family=family)
 
 
 def _neighbours_alike(decision: Decision) -> CorrelationTime | None:

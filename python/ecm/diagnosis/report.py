@@ -24,6 +24,7 @@ from ecm.diagnosis.given_model import GivenModel, judge_given_model
 from ecm.diagnosis.identifiability import detection_limits, least_strength_seen
 from ecm.diagnosis.next_experiment import next_experiments
 from ecm.diagnosis.preparation import Prepared
+from ecm.diagnosis.probability import probability
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.readings import time_unit
 from ecm.diagnosis.result import (
@@ -78,10 +79,10 @@ def report(
     with beside(lambda: judge_given_model(model, decision, noise=noise)) as judged:
         made = _report(decision, model, seed, judged)
     statement = made.model.statement
-    if statement is None or made.verdict not in ("none", "unknown"):
+    if statement is None or made.answer:
         return made
     # The base has taken in what the given model shows to be misread: its `none` is none.
-    return replace(made, verdict="unknown", unknown=misread_table(statement))
+    return replace(made, verdict="unknown", unknown=misread_table(statement), family=None)
 
 
 def _report(decision: Decision, model: Model, seed: int, judged: Future[GivenModel]) -> Diagnosis:
@@ -103,6 +104,7 @@ def _report(decision: Decision, model: Model, seed: int, judged: Future[GivenMod
         noise=NoiseSummary(problem.noise, decision.noise_effects, tested),
         gate=decision.gate,
         verdict=decision.verdict,
+        probability=probability(decision),
         effects=final.effects,
         answer=decision.answer,
         ranking=tuple(_ranked(problem, item) for item in decision.ranking),
@@ -114,6 +116,7 @@ def _report(decision: Decision, model: Model, seed: int, judged: Future[GivenMod
         ),
         detection_limits=detection_limits(problem),
         unknown=decision.unknown,
+        family=decision.family,
         rmse=_component_errors(model, decision, final, ceiling),
         held_out=_held_out(problem, accepted, ceiling),
         signature=signature_shares(

@@ -12,6 +12,7 @@ import numpy as np
 from ecm.diagnosis.accept import AcceptanceCheck
 from ecm.diagnosis.check import NotTestable
 from ecm.diagnosis.classify import Headline
+from ecm.diagnosis.family import Family
 from ecm.diagnosis.gate import Gate, Leftover
 from ecm.diagnosis.given_model import GivenModel
 from ecm.diagnosis.identifiability import DetectionLimit
@@ -209,6 +210,8 @@ class Diagnosis:
     noise: NoiseSummary
     gate: Gate
     verdict: Headline
+    probability: float
+    """That the verdict is right, calibrated on the benchmarks; see `ecm.diagnosis.probability`."""
     effects: tuple[FittedEffect, ...]
     """The accepted effects, fitted jointly; of a class its best member."""
     answer: tuple[tuple[str, ...], ...]
@@ -220,6 +223,8 @@ class Diagnosis:
     not_testable: tuple[NotTestable, ...]
     detection_limits: dict[str, DetectionLimit]
     unknown: Unknown | None
+    family: Family | None = field(metadata={"optional": True})
+    """What drives the missing effect, where its form is not known."""
     rmse: ComponentErrors
     held_out: HeldOut
     signature: dict[str, float]
@@ -268,17 +273,14 @@ class Diagnosis:
             bounded = math.isfinite(self.upper_bound)
             bound = f"s < {self.upper_bound:.2f}" if bounded else "too few rows to bound s"
             return f"Nothing is missing that these data could show ({bound})."
+        if self.family is not None:
+            return f"Something is missing that follows {self.family}."
         if self.verdict == "unknown":
             nearest = self.unknown.nearest if self.unknown else None
             near = f"; nearest is {nearest.id} ({nearest.share:.0%})" if nearest else ""
             words = self.unknown.words if self.unknown else ""
             if self.unknown is not None and self.unknown.misread:
-                if self.model.statement is not None:  # said of the model already
-                    return "Mend that first: a base that is fitted to these rows takes it in."
-                first = "Something is stated wrongly"
-                if self.unknown.statement is not None:
-                    first = "The table looks misread"
-                return f"{first}: {words}."
+                return self._misread(self.unknown)
             if self.unknown is not None and self.unknown.slow_noise is not None:
                 apart = "a pause, or the same motion again or at another speed, would"
                 return f"What is left is {words}; {apart}."
@@ -297,6 +299,13 @@ class Diagnosis:
             " or ".join(name(id, len(members) == 1) for id in members) for members in self.answer
         )
         return f"Missing: {names}; {self._fall()}."
+
+    def _misread(self, unknown: Unknown) -> str:
+        if self.model.statement is not None:  # said of the model already
+            return "Mend that first: a base that is fitted to these rows takes it in."
+        read = unknown.statement is not None
+        first = "The table looks misread" if read else "Something is stated wrongly"
+        return f"{first}: {unknown.words}."
 
     def _fall(self) -> str:
         before, after = self.held_out.before, self.held_out.after
@@ -344,7 +353,7 @@ class Diagnosis:
 
     def _document(self) -> dict[str, Any]:
         """The report without its summary."""
-        partial = [item.id for item in self.effects] if self.verdict == "unknown" else []
+        partial = [item.id for item in self.effects] if self.unknown else []
         document = {"schema": 1, "seed": self.seed, "sentence": self.sentence()}
         return (
             document

@@ -139,16 +139,8 @@ def unknown_section(document: Mapping[str, Any]) -> Section | None:
     if unknown is None:
         return None
     blocks: list[Block] = [TextBlock(f"What stays: {unknown['words']}.")]
-    shares = unknown["relevance"]
-    rows = [
-        [name, number(shares[name], 2) if name in shares else "–"] for name in unknown["variables"]
-    ]
-    if rows:
-        caption = (
-            "Variables that the residual follows, and the share of each by a Gaussian process with "
-            "one length scale per variable; without a share: by the words alone."
-        )
-        blocks.append(TableBlock(caption, ("variable", "share"), rows))
+    if unknown["variables"]:
+        blocks.append(TextBlock(f"It follows: {', '.join(unknown['variables'])}."))
     if (nearest := unknown["nearest"]) is not None:
         blocks.append(
             TextBlock(f"The nearest effect is {nearest['id']}: {nearest['share']:.0%} of it.")

@@ -204,12 +204,6 @@ class DiagnosisSettings(Checked):
     least_term_gain: float = setting(
         0.05, low=0.0, high=1.0, doc="Share of the explained squares that a further term needs."
     )
-    least_relevance: float = setting(
-        0.05, low=0.0, high=1.0, doc="Share from which a variable is listed."
-    )
-    residual_directions: int = setting(
-        2, low=1, doc="Directions of the residual that a Gaussian process looks at."
-    )
     # Reports
     power: float = setting(
         0.9, above=0.0, high=0.999, doc="Chance with which an effect of the limit's size is named."

@@ -60,7 +60,6 @@ def as_slow_noise(
         unknown,
         words=noise.words(),
         variables=("time_s",),
-        relevance={},
         nearest=None,
         template="",
         slow_noise=noise,

@@ -157,7 +157,12 @@ def _missing(document: Mapping[str, Any]) -> str:
     """What is missing, its size, and the fall of the error on which the name rests."""
     if document["verdict"] in ("named", "ambiguous"):
         sizes = {item["id"]: _sized(item) for item in document["effects"]}
-        return f"{' and '.join(_cause(m, sizes) for m in document['answer'])}; {_fall(document)}"
+        causes = " and ".join(_cause(members, sizes) for members in document["answer"])
+        return f"{causes}; {_likely(document)}; {_fall(document)}"
+    family = document.get("family")
+    if family is not None:
+        like = f" ({', '.join(family['like'])}: none fits)" if family["like"] else ""
+        return f"a cause that follows {family['driver']}{like}; {_likely(document)}"
     unknown = document["unknown"]
     if unknown is not None:
         if unknown["misread"]:
@@ -199,6 +204,11 @@ def _sized(item: Mapping[str, Any]) -> str:
     unit = "" if fitted["unit"] == "1" else f" {fitted['unit']}"
     words = what[:1].lower() + what[1:]
     return f"{item['id']} ({words}), {name} {fitted['value']:.3g} +- {fitted['sd']:.2g}{unit}"
+
+
+def _likely(document: Mapping[str, Any]) -> str:
+    """The probability of the verdict; never 1, which no benchmark can show."""
+    return f"probability {min(document['probability'], 0.99):.2f}"
 
 
 def _fall(document: Mapping[str, Any]) -> str:
@@ -243,6 +253,9 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
     unknown = document["unknown"] or {}
     if unknown.get("misread") or document["model"]["answer"] == "table":
         yield "mend the table, and diagnose again"
+    if "family" in document:
+        family = document["family"]
+        yield f"{family['experiment']} ({family['minutes']} min): shows the form"
     for best in document["next_experiment"][:1]:
         chance = ""
         if best.get("p_correct") is not None:

@@ -88,6 +88,7 @@ _VERDICTS = {
     "none": "Nothing is missing that these data could show.",
     "named": "The missing effect is {names}.",
     "ambiguous": "Missing is {names}: these data cannot tell which.",
+    "family": "Something is missing whose driver is known: its form is in no catalogue.",
     "unknown": "Something is missing that no effect of the catalogue explains.",
 }
 

@@ -1,0 +1,246 @@
+"""The family of a cause whose form is not known: what its error follows.
+
+The driver of a family is what the error follows: time, a temperature, the time at rest, the way to
+the pose, the largest load so far, a recorded column. Each driver is a smooth process d = C w of few
+columns C, the base projected out, w ~ N(0, s^2 I): with the noise's variance integrated over its
+inverse gamma prior, the evidence of a size s is
+
+    log p(y | s) = -sum_j log(1 + s^2 d_j^2) / 2 - (v + n) / 2 log(v + y'y - sum_j g_j (u_j'y)^2),
+
+g_j = s^2 d_j^2 / (1 + s^2 d_j^2), U D V' = C. Sizes are summed over a grid. The posterior compares
+the drivers with each other, with a process of pose and load, which is no family, and with nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ecm.diagnosis.unexplained import draft_of
+from ecm.effects.experiments import get_experiment
+from ecm.io.arrays import F, evenly, rest_of
+from ecm.io.columns import POSE
+from ecm.regression.approach import largest_so_far, order_of_visits
+
+if TYPE_CHECKING:
+    from ecm.diagnosis.problem import Problem
+    from ecm.io.table import Table
+    from ecm.regression.rows import Rows
+
+_SIZES = np.geomspace(0.1, 30.0, 13)
+"""Rms of a process over the noise, each as likely."""
+_KNOWN, _UNKNOWN = 30.0, 1.0
+"""Degrees of freedom of what is known of the noise: of repeats or figures, and of none."""
+_MOST_ROWS, _MOST_COLUMNS = 600, 36
+_SURE = 0.9
+"""Probability from which a family is said, as that of a name."""
+
+
+@dataclass(frozen=True)
+class Driver:
+    """What an error may follow, and the smooth processes of it."""
+
+    name: str
+    """In words, as in "the time at rest"."""
+    like: tuple[str, ...]
+    """Effects of the catalogue that it drives."""
+    experiment: str
+    """Id or action of the experiment that shows its form."""
+    columns: F
+    """(N, m, q) whitened."""
+    column: str = ""
+    """Column of the table that it is; empty where it follows from the order of the rows."""
+    history: Mapping[str, tuple[str, F]] = field(default_factory=dict)
+    """What else drives it, by name: Python text for a draft, and values (N,)."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """A known driver of what is missing; its form is not known."""
+
+    driver: str
+    probability: float
+    draft: str
+    """Python text of an effect of that driver."""
+    like: tuple[str, ...]
+    """Effects of the catalogue that follow the same driver, none of which fits."""
+    experiment: str
+    """What to do next, in words, and its minutes at the rig."""
+    minutes: int
+
+    def __str__(self) -> str:
+        like = f", as {' and '.join(self.like)} would" if self.like else ""
+        return f"{self.driver}{like}, in a form of its own"
+
+
+def find_family(problem: Problem) -> Family | None:
+    """Return the family of what the base leaves; None where none is sure."""
+    found = posterior(problem)
+    best, probability = max(found, key=lambda item: item[1], default=(None, 0.0))
+    if best is None or probability < _SURE:
+        return None
+    experiment = get_experiment(best.experiment)
+    return Family(
+        driver=best.name,
+        probability=probability,
+        draft=draft_of(problem, best.column, best.history),
+        like=best.like,
+        experiment=experiment.action,
+        minutes=experiment.minutes,
+    )
+
+
+def posterior(problem: Problem) -> list[tuple[Driver, float]]:
+    """Return the probability of each driver beside the others, pose and load, and nothing."""
+    rows = evenly(len(problem.table), _MOST_ROWS)
+    root = np.sqrt(problem.weights[rows])[:, None, None]
+
+    def flat(columns: F) -> F:
+        size = len(rows) * columns.shape[1]
+        return np.ascontiguousarray((columns[rows] * root).reshape(size, -1))
+
+    base = flat(problem.base_block)
+    y = rest_of(base, flat(problem.response[:, :, None])[:, 0]) / np.sqrt(problem.scale)
+    known = _UNKNOWN if problem.noise.is_assumed else _KNOWN
+
+    def evidence(columns: F) -> float:
+        return _evidence(rest_of(base, flat(columns)), y, y.size - base.shape[1], known)
+
+    drivers = list(_drivers(problem))
+    nothing = -0.5 * (known + y.size - base.shape[1]) * np.log(known + y @ y)
+    logs = [*(evidence(driver.columns) for driver in drivers), evidence(_of_state(problem))]
+    shares = np.exp(np.array([*logs, nothing]) - max(*logs, nothing))
+    return list(zip(drivers, (shares / shares.sum()).tolist(), strict=False))
+
+
+def _evidence(columns: F, y: F, freedom: int, known: float) -> float:
+    """Return log p(y) of a process of columns (r, q), summed over its sizes."""
+    u, d, _ = np.linalg.svd(columns, full_matrices=False)
+    u, d = u[:, :_MOST_COLUMNS], d[:_MOST_COLUMNS]
+    if not d.size or d[0] <= 1e-9:
+        return -np.inf
+    d = d / np.sqrt((d**2).sum() / y.size)
+    gain = (_SIZES[:, None] * d) ** 2
+    left = y @ y - (gain / (1.0 + gain)) @ (u.T @ y) ** 2
+    log = -0.5 * np.log1p(gain).sum(axis=1) - 0.5 * (known + freedom) * np.log(known + left)
+    return float(np.logaddexp.reduce(log) - np.log(len(_SIZES)))
+
+
+_COLUMNS = {
+    "time_s": ("time", ("ageing", "fts_drift"), "repeat_first_poses", 6),
+    "temperature_degC": (
+        "the temperature of the body", ("temperature_modulus",), "warm_and_cold", 4
+    ),
+    "sensor_temperature_degC": (
+        "the temperature of the sensor", ("fts_thermal_drift",), "zero_warm_and_cold", 4
+    ),
+}  # fmt: skip
+"""Column -> words, effects that it drives, experiment, functions of it."""
+
+
+def _drivers(problem: Problem) -> Iterator[Driver]:
+    """Yield the drivers that vary in these rows."""
+    table, prefix = problem.table, "unused_column:"
+    own = dict.fromkeys(c.id.removeprefix(prefix) for c in problem.candidates if prefix in c.id)
+    of_user = {name: (name, (prefix + name,), f"vary {name} alone", 4) for name in own}
+    for column, (words, like, experiment, count) in (_COLUMNS | of_user).items():
+        values = _values(table, column)
+        if np.ptp(values) > 0.0:
+            functions = _cosines(values, count)
+            columns = np.concatenate(
+                [_free(problem, functions), _scaled(problem, functions)], axis=2
+            )
+            yield Driver(words, like, experiment, columns, column)
+    rest = np.log(np.maximum(_values(table, "dwell_s"), 0.1))
+    if np.ptp(rest) > 0.0:
+        columns = _scaled(problem, _cosines(rest, 3))
+        yield Driver("the time at rest", ("stress_relaxation",), "three_dwells", columns, "dwell_s")
+    if table.has("time_s") or table.has("approach"):
+        yield from _of_history(problem, _before(problem.rows))
+
+
+def _values(table: Table, column: str) -> F:
+    return np.nan_to_num(table.column(column)) if table.has(column) else np.zeros(len(table))
+
+
+def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
+    """Yield the drivers that follow from the poses before, (N, n) and NaN where not known."""
+    rows = problem.rows
+    spread = np.sqrt(((rows.poses - rows.middle_pose) ** 2).mean(axis=0)) + 1e-12
+    step = np.where(np.isfinite(before), rows.poses - before, 0.0) / spread
+    if not step.any():
+        return
+    side = step / np.maximum(np.linalg.norm(step, axis=1), 0.3)[:, None]
+    stiffness = np.einsum("nij,njk->nik", problem.whitener, rows.stiffness) * spread
+    shifted = stiffness / max(float(np.sqrt((stiffness**2).mean())), 1e-300) * side[:, None, :]
+    way = np.concatenate([_free(problem, np.hstack([side, np.tanh(step)])), shifted], axis=2)
+    names = list(enumerate(problem.base.inputs))
+    like = ("hysteresis", "backlash", "fts_hysteresis")
+    text = "np.sign(np.diff(rows.poses[:, {0}], prepend=rows.poses[0, {0}]))"
+    signs = {f"the way along {name}": (text.format(j), np.sign(step[:, j])) for j, name in names}
+    yield Driver("the way to the pose", like, "both_sides", way, "approach", signs)
+    visit = np.where(np.isfinite(before), before - rows.middle_pose, 0.0) / spread
+    text = "np.r_[rows.poses[:1, {0}], rows.poses[:-1, {0}]]"
+    visits = {f"{name} before": (text.format(j), visit[:, j]) for j, name in names}
+    yield Driver("the pose before", (), "both_sides", _free(problem, visit), "", visits)
+    if problem.table.has("time_s"):
+        whole = rows.whole
+        size = np.sqrt((((whole.poses - rows.middle_pose) / spread) ** 2).sum(axis=1))
+        most = rows.of_whole(largest_so_far(whole.table, size))
+        own = rows.of_whole(size)
+        columns = _scaled(problem, _cosines(np.log((most + 0.1) / (own + 0.1)), 3))
+        text = "np.maximum.accumulate(np.linalg.norm(rows.wrench, axis=1))"
+        load = np.maximum.accumulate(np.linalg.norm(rows.wrench, axis=1))
+        yield Driver("the largest deflection so far", ("mullins_softening",),
+                     "conditioning_cycles", columns, "",
+                     {"the largest wrench so far": (text, load)})  # fmt: skip
+
+
+def _before(rows: Rows) -> F:
+    """(N, n) pose before each row; NaN where it is not known."""
+    if tuple(rows.base.inputs) == tuple(POSE) and rows.has_length:
+        return rows.came_from
+    whole = rows.whole
+    before = np.full_like(whole.poses, np.nan)
+    if whole.table.has("time_s"):
+        for order in order_of_visits(whole.table):
+            before[order[1:]] = whole.poses[order[:-1]]
+    return rows.of_whole(before)
+
+
+def _of_state(problem: Problem) -> F:
+    """(N, m, q) a process of the pose, and of load and its size in each axis of the sensor."""
+    rows = problem.rows
+    at = rows.poses - rows.middle_pose
+    at = at / (np.sqrt((at**2).mean(axis=0)) + 1e-12)
+    some = at[np.random.default_rng(0).permutation(len(at))[:40]]
+
+    def kernel(a: F, b: F) -> F:
+        squares = ((a[:, None] - b[None]) ** 2).sum(axis=2)
+        return np.asarray(np.exp(-squares / (3.0 * at.shape[1])))
+
+    values, vectors = np.linalg.eigh(kernel(some, some) + 1e-6 * np.eye(len(some)))
+    return _free(problem, (kernel(at, some) @ vectors / np.sqrt(values))[:, ::-1][:, :24])
+
+
+def _cosines(values: F, count: int) -> F:
+    """(N, count) smooth functions of a variable, half by its ranks, the slow ones the largest."""
+    rank = np.argsort(np.argsort(values, kind="stable"), kind="stable") / (len(values) - 1)
+    at = 0.5 * rank + 0.5 * (values - values.min()) / np.ptp(values)
+    return np.stack([np.cos(np.pi * k * at) / k**1.5 for k in range(1, count + 1)], axis=1)
+
+
+def _free(problem: Problem, functions: F) -> F:
+    """(N, m, m q) each function (N, q) in each whitened component."""
+    n, m = problem.response.shape
+    return np.asarray(np.einsum("nq,ij->niqj", functions, np.eye(m)).reshape(n, m, -1))
+
+
+def _scaled(problem: Problem, functions: F) -> F:
+    """(N, m, q) each function as a factor on the wrench."""
+    load = np.einsum("nij,nj->ni", problem.whitener, problem.rows.wrench)
+    load = load / max(float(np.sqrt((load**2).mean())), 1e-300)
+    return np.asarray(load[:, :, None] * functions[:, None, :])
