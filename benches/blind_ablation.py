@@ -1,17 +1,18 @@
 """What each rule of the diagnosis is good for: fresh sets of all three blind benchmarks.
 
     python benches/blind_ablation.py --out build/ablation [--sets 300] [--seed 1]
-        [--rules RULE ...] [--together RULE ...]
+        [--rules RULE ...] [--together RULE ...] [--calibration]
 
 Each set is answered by the whole procedure and with one rule left out at a time, on the same data.
 A rule stays where right answers or wrong names change by more than their interval. Every set is a
 file; one that is there is not run again. With --together all the rules that are named are left out
-at once, beside the whole procedure.
+at once, beside the whole procedure. With --calibration no rule is left out: the weights of
+`ecm.diagnosis.probability` are fitted to the sets of all seeds but the last, on which the
+probabilities of the code are then held against what was right.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import sys
@@ -25,18 +26,19 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("RAYON_NUM_THREADS", "1")
 
 import numpy as np
+from scipy.optimize import minimize
 
-from blind import code_hash, prepared
+from blind import prepared
 from blind_parts import other_bodies, other_sets, score, third
 from blind_parts.ablation import RULES, without
 from blind_parts.analysis import library
+from blind_parts.command import parser_of, run_sets, write_table
 from blind_parts.data import data_of
 from blind_parts.sets import set_of
-from blind_parts.workers import run_all
 from ecm.diagnosis import check, diagnose, find_missing
+from ecm.diagnosis.probability import WEIGHTS, evidence, probability
 from ecm.errors import EcmError
 from ecm.io.cache import write_atomically
-from ecm.io.parallel import own_cores
 from ecm.io.table import Table
 from ecm.models import Model
 
@@ -85,7 +87,7 @@ def outcome(case: Case, own: Any, verdict: str, answer: list[list[str]], said: l
     if case.benchmark == 2:
         wrong, right = other_sets.clean_wrong(result), other_sets.right(result)
     elif case.benchmark == 3:
-        found = third.outcome(own, verdict, answer, " ".join(said))
+        found = third.outcome(own, verdict, answer, "")
         alarm = found == "alarm" and all(len(members) == 1 for members in answer)
         wrong, right = found == "wrong name" or (alarm and bool(answer)), found == "right"
     else:
@@ -100,10 +102,20 @@ def outcome(case: Case, own: Any, verdict: str, answer: list[list[str]], said: l
     return "wrong name" if wrong else "right" if right else "miss"
 
 
+def truth(case: Case, own: Any) -> set[str]:
+    """Ids that name what is hidden in a set; empty where no id of the library does."""
+    if case.benchmark == 1:
+        return set() if own.strange else {id for id, _ in own.hidden} - set(own.removed)
+    if case.benchmark == 2:
+        return other_sets.truth({"set": own.to_dict()})
+    return set(third.HIDDEN[own.name].ids) if own.name else set()
+
+
 def answered(case: Case, own: Any, data: tuple[Model, Table, Any], *rules: str) -> dict[str, Any]:
     """The answer without some rules, and whether it is right."""
     model, table, effects = data
     said: list[str] = []
+    told: dict[str, Any] = {}
     with without(*rules) as (stages, settings):
         options: dict[str, Any] = {"effects": effects, "stages": stages, "settings": settings}
         try:
@@ -114,16 +126,21 @@ def answered(case: Case, own: Any, data: tuple[Model, Table, Any], *rules: str) 
                 said = [found.sentence(), *found.warnings, *check(table).warnings]
             else:
                 found = find_missing(model, table, **options)
+                told["probability"] = probability(found)
+                told["evidence"] = None if found.family else evidence(found)
             verdict, answer = found.verdict, [list(members) for members in found.answer]
         except (EcmError, np.linalg.LinAlgError) as error:
             verdict, answer, said = "refused", [], [str(error)]
-    shown = {"verdict": verdict, "answer": answer}
-    return shown | {"outcome": outcome(case, own, verdict, answer, said)}
+    told |= {"verdict": verdict, "answer": answer}
+    right = told["outcome"] = outcome(case, own, verdict, answer, said)
+    ids = truth(case, own)
+    hit = [bool(ids & {id.partition(":")[0] for id in one} or ids & set(one)) for one in answer]
+    return told | {"right": all(hit) if answer else right == "right"}
 
 
 def run_one(case: Case, folder: Path, rules: list[list[str]]) -> None:
     """Answer a set by the whole procedure and without rules, and write its file."""
-    path = folder / f"{case.name}.json"
+    path = file_of(case, folder)
     found = json.loads(path.read_text()) if path.exists() else {}
     todo = [rule for rule in [[], *rules] if " + ".join(rule) not in found]
     if todo:
@@ -134,9 +151,14 @@ def run_one(case: Case, folder: Path, rules: list[list[str]]) -> None:
             # A rod without an equilibrium near by is no set; a table that is refused is answered.
             found["skipped"] = str(error)
             todo = []
-        found["set"] = own.to_dict()
+        found |= {"set": own.to_dict(), "seed": case.seed}
         found |= {" + ".join(rule): answered(case, own, data, *rule) for rule in todo}
     write_atomically(path, json.dumps(found))
+
+
+def file_of(case: Case, folder: Path) -> Path:
+    """Where the answers to a set are kept."""
+    return folder / f"{case.name}.json"
 
 
 def table_text(found: list[dict[str, Any]], rules: list[str]) -> str:
@@ -162,40 +184,76 @@ def table_text(found: list[dict[str, Any]], rules: list[str]) -> str:
     return "\n".join(lines) + "\n"
 
 
+_BINS = (0.0, 0.6, 0.7, 0.8, 0.9, 1.0)
+_HARDLY = 0.5
+"""Ridge on the weights beside the constant."""
+
+
+def fitted_weights(answers: list[dict[str, Any]]) -> dict[str, list[float]]:
+    """Logistic regression of what was right on the evidence, by verdict."""
+    weights = {}
+    for verdict in WEIGHTS:
+        own = [one for one in answers if one.get("evidence") and one["evidence"][0] == verdict]
+        x = np.array([one["evidence"][1] for one in own])
+        sign = np.where([one["right"] for one in own], -1.0, 1.0)
+
+        def loss(w: Any, x: Any = x, sign: Any = sign) -> float:
+            return float(np.logaddexp(0.0, sign * (x @ w)).sum() + _HARDLY * (w[1:] ** 2).sum())
+
+        weights[verdict] = minimize(loss, np.zeros(x.shape[1])).x.round(2).tolist()
+    return weights
+
+
+def calibration_text(answers: list[dict[str, Any]], weights: dict[str, list[float]]) -> str:
+    """Weights, and how often answers of each probability were right."""
+    known = [one for one in answers if "probability" in one]
+    said = np.array([one["probability"] for one in known])
+    right = np.array([float(one["right"]) for one in known])
+    lines = [
+        f"weights: {weights}",
+        "",
+        "| probability | answers | mean | right |",
+        "|---|---|---|---|",
+    ]
+    place = np.clip(np.digitize(said, _BINS) - 1, 0, len(_BINS) - 2)
+    error = 0.0
+    for i in np.unique(place):
+        own = place == i
+        mean, share = said[own].mean(), right[own].mean()
+        error += own.mean() * abs(mean - share)
+        lines.append(
+            f"| {_BINS[i]:g} to {_BINS[i + 1]:g} | {own.sum()} | {mean:.2f} | {share:.2f} |"
+        )
+    return "\n".join([*lines, "", f"expected calibration error: {error:.3f}", ""])
+
+
 def main() -> int:
     """Run what is missing, then print and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--sets", type=int, default=300)
-    parser.add_argument("--seed", type=int, default=1)
+    parser = parser_of(__doc__, 300)
     parser.add_argument("--benchmarks", type=int, nargs="+", default=[1, 2, 3], choices=(1, 2, 3))
     parser.add_argument("--rules", nargs="*", choices=RULES, default=list(RULES))
     parser.add_argument("--together", nargs="+", choices=RULES, default=[])
-    parser.add_argument("--workers", type=int, default=own_cores())
-    parser.add_argument("--seconds", type=float, default=np.inf, help="begin no set after that")
-    parser.add_argument("--code", help="go on with the sets of that hash of the code")
+    parser.add_argument("--calibration", action="store_true", help="instead: the probabilities")
     given = parser.parse_args()
-    folder = given.out / f"sets-{given.code or code_hash()}"
-    folder.mkdir(parents=True, exist_ok=True)
     each = -(-given.sets // len(given.benchmarks))
-    cases = [Case(b, i, given.seed) for i in range(each) for b in given.benchmarks]
+    cases = [Case(b, i, s) for s in given.seed for i in range(each) for b in given.benchmarks]
     rules = [given.together] if given.together else [[rule] for rule in given.rules]
-    prepared([case.set() for case in cases if case.benchmark == 1], given.out)
-    for benchmark, bodies in ((2, other_bodies), (3, third)):
-        if benchmark in given.benchmarks:
-            bodies.solve_bodies(given.out)
-    run_all(
-        cases,
-        partial(run_one, folder=folder, rules=rules),
-        workers=given.workers,
-        seconds=given.seconds,
-    )
-    files = [folder / f"{case.name}.json" for case in cases]
-    kept = [json.loads(file.read_text()) for file in files if file.exists()]
-    kept = [one for one in kept if "skipped" not in one]
+    rules = [] if given.calibration else rules
+
+    def solve(folder: Path) -> None:
+        prepared([case.set() for case in cases if case.benchmark == 1], folder)
+        for benchmark, bodies in ((2, other_bodies), (3, third)):
+            if benchmark in given.benchmarks:
+                bodies.solve_bodies(folder)
+
+    found = run_sets(given, cases, partial(run_one, rules=rules), file_of, solve)
+    kept = [one for one in found if "skipped" not in one]
     text = table_text(kept, [" + ".join(rule) for rule in rules])
-    print(f"\nSets: {len(kept)} of {len(cases)}, seed {given.seed}.\n\n{text}")
-    write_atomically(given.out / "table.md", text)
+    if given.calibration:
+        last = [one for one in kept if one["seed"] == given.seed[-1]]
+        others = [one[""] for one in kept if one["seed"] != given.seed[-1]]
+        text = calibration_text([one[""] for one in last], fitted_weights(others))
+    write_table(given, text, len(kept), len(cases))
     return 0
 
 

@@ -7,13 +7,11 @@ Every set is a file in a folder named by a hash of the code; one that is there i
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import sys
 import time
 from collections import Counter
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +19,7 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("RAYON_NUM_THREADS", "1")
 
-import numpy as np
-
-from blind import code_hash
+from blind_parts.command import parser_of, run_sets, write_table
 from blind_parts.third import (
     HIDDEN,
     ThirdSet,
@@ -33,15 +29,13 @@ from blind_parts.third import (
     third_sets,
     third_table,
 )
-from blind_parts.workers import run_all
 from ecm.diagnosis import diagnose
 from ecm.errors import EcmError
 from ecm.io.cache import write_atomically
-from ecm.io.parallel import own_cores
 
 _OUTCOMES = (
-    "right", "family", "unknown", "none", "ambiguous", "wrong class", "wrong name", "alarm",
-    "refused",
+    "right", "family", "other family", "unknown", "none", "ambiguous", "wrong class", "wrong name",
+    "alarm", "refused",
 )  # fmt: skip
 
 
@@ -52,11 +46,11 @@ def run_one(case: ThirdSet, folder: Path) -> None:
     try:
         found = diagnose(given_model(table), table)
         verdict, answer = found.verdict, [list(members) for members in found.answer]
-        said = found.sentence()
+        said, driver = found.sentence(), found.family.driver if found.family else ""
     except EcmError as error:
-        verdict, answer, said = "refused", [], str(error)
+        verdict, answer, said, driver = "refused", [], str(error), ""
     result = {"set": case.to_dict(), "verdict": verdict, "answer": answer, "said": said}
-    result["outcome"] = outcome(case, verdict, answer, said)
+    result["outcome"] = outcome(case, verdict, answer, driver)
     result["seconds"] = time.process_time() - began
     write_atomically(_file(case, folder), json.dumps(result))
 
@@ -94,29 +88,10 @@ def table_text(results: list[dict[str, Any]]) -> str:
 
 def main() -> int:
     """Run what is missing, then print and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--sets", type=int, default=104)
-    parser.add_argument("--seed", type=int, nargs="+", default=[1])
-    parser.add_argument("--workers", type=int, default=own_cores())
-    parser.add_argument("--seconds", type=float, default=np.inf, help="begin no set after that")
-    given = parser.parse_args()
+    given = parser_of(__doc__, 104).parse_args()
     cases = [case for seed in given.seed for case in third_sets(given.sets, seed)]
-    folder = given.out / f"sets-{code_hash()}"
-    folder.mkdir(parents=True, exist_ok=True)
-    todo = [case for case in cases if not _file(case, folder).exists()]
-    if todo:
-        solve_bodies(given.out)
-    run_all(
-        todo,
-        partial(run_one, folder=folder),
-        workers=given.workers,
-        seconds=given.seconds,
-    )
-    found = [json.loads(_file(c, folder).read_text()) for c in cases if _file(c, folder).exists()]
-    text = table_text(found)
-    print(f"\nSets: {len(found)} of {len(cases)}, seeds {given.seed}.\n\n{text}")
-    write_atomically(given.out / "table.md", text)
+    found = run_sets(given, cases, run_one, _file, solve_bodies)
+    write_table(given, table_text(found), len(found), len(cases))
     return 0
 
 

@@ -16,10 +16,168 @@ import sys
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from numpy.typing import NDArray
 
-from calibration_rigs import coverage, zero_left
+from ecm.io.columns import POSE
+from ecm.io.description import Meta
+from ecm.io.se3 import compose, displaced, rotation, seen_from
+from ecm.io.table import Table
+from ecm.rig import Campaign, RigSettings
+from ecm.rig.calibration import hand_eye, payload, sensor_frame, target_frame
+from ecm.rig.camera import Camera
+from ecm.rig.elastic import Anchors, Progress, Smooth
+from ecm.rig.measurement import ForceTorqueSensor, wrench_in_base
+from ecm.rig.plan import rest_pose
+from ecm.rig.settings import Instruments
+
+F = NDArray[np.float64]
 
 BAND = (0.84, 0.95)
+POSES = 25
+WINDOW_S = 1.0
+GRAVITY = np.array([-9.81, 0.0, 0.0])
+ENCODER_M, ENCODER_RAD = 5e-5, 2e-4
+"""Errors of the robot's forward kinematics, m and rad."""
+
+
+def frame(random: np.random.Generator, reach_m: float, turn_rad: float) -> F:
+    """A random frame (6,)."""
+    axis = random.standard_normal(3)
+    turn = axis / np.linalg.norm(axis) * random.uniform(0.0, turn_rad)
+    return np.concatenate([random.uniform(-reach_m, reach_m, 3), turn])
+
+
+def seen(true: F, camera: Camera, random: np.random.Generator) -> F:
+    """What the camera makes of poses (n, 6)."""
+    return np.stack([camera.read(row, WINDOW_S, random).mean for row in true])
+
+
+def one_rig(seed: int, instruments: Instruments) -> dict[str, bool]:
+    """Whether each transform's true value lies in the stated 90 % region."""
+    random = np.random.default_rng([seed, 31])
+    camera, sensor = Camera(instruments), ForceTorqueSensor(instruments)
+    held: dict[str, bool] = {}
+
+    # Hand-eye: the robot shows the target to the camera in many places.
+    x, y = frame(random, 0.05, 3.0), frame(random, 1.5, 3.0)
+    robot = np.stack([frame(random, 0.3, 0.6) for _ in range(POSES)])
+    true = seen_from(np.tile(y, (POSES, 1)), compose(robot, x))
+    position, angle = camera.row_sd(WINDOW_S)
+    error = random.standard_normal((POSES, 6)) * np.repeat([ENCODER_M, ENCODER_RAD], 3)
+    found = hand_eye(
+        displaced(robot, error),
+        seen(true, camera, random),
+        position_sd_m=float(np.hypot(position, ENCODER_M)),
+        rotation_sd_rad=float(np.hypot(angle, ENCODER_RAD)),
+    )
+    held["target on the flange"] = found.flange_from_target.holds(x)
+    held["camera in the robot's base"] = found.robot_from_camera.holds(y)
+
+    # Target to frame: a probe in twelve bores of a plate, top and base.
+    for name in ("top frame in its target", "base frame in its target"):
+        t = frame(random, 0.05, 3.0)
+        holes = random.uniform(-0.05, 0.05, (12, 3))
+        places = holes @ rotation(t[None, 3:])[0].T + t[:3]
+        probes = np.concatenate([places, np.zeros((12, 3))], axis=1)
+        held[name] = target_frame(holes, seen(probes, camera, random)[:, :3]).holds(t)
+
+    # Payload and zero: the free sensor turned in gravity.
+    mass = float(random.uniform(0.2, 2.0))
+    centre = random.uniform(-0.04, 0.04, 3)
+    zero = random.uniform(-1.0, 1.0, 6) * np.repeat([4.0, 0.15], 3)
+    turns = rotation(np.stack([frame(random, 0.0, 2.5)[3:] for _ in range(POSES)]))
+    gravity = np.einsum("nji,j->ni", turns, GRAVITY)
+    force = mass * gravity
+    load = np.concatenate([force, np.cross(centre, force)], axis=1)
+    read = np.stack([sensor.read(row, WINDOW_S, random).mean(axis=0) for row in load + zero])
+    noise = {
+        "force_sd_N": instruments.force_noise_N / np.sqrt(sensor.samples(WINDOW_S)),
+        "torque_sd_Nm": instruments.torque_noise_Nm / np.sqrt(sensor.samples(WINDOW_S)),
+    }
+    fitted = payload(read, gravity, **noise)
+    held["payload"] = fitted.holds(np.array([mass, *(mass * centre)]))
+
+    # Sensor in the top frame: dead weights at known points, after the zero was taken.
+    s = frame(random, 0.03, 3.0)
+    forces = 5.0 * np.einsum("nji,j->ni", turns, GRAVITY)
+    arms = random.uniform(-0.05, 0.05, (POSES, 3))
+    at_top = np.concatenate([forces, np.cross(arms, forces)], axis=1)
+    turn = rotation(s[None, 3:])[0]
+    own_force = at_top[:, :3] @ turn
+    own_moment = (at_top[:, 3:] - np.cross(s[:3], at_top[:, :3])) @ turn
+    true_load = np.concatenate([own_force, own_moment], axis=1)
+    read = np.stack([sensor.read(row, WINDOW_S, random).mean(axis=0) for row in true_load])
+    held["sensor in the top frame"] = sensor_frame(read, at_top, **noise).holds(s)
+    return held
+
+
+def coverage(rigs: int, instruments: Instruments | None = None) -> dict[str, float]:
+    """Share of random rigs in which the stated 90 % region holds the truth, per transform."""
+    found = [one_rig(seed, instruments or Instruments()) for seed in range(rigs)]
+    return {name: float(np.mean([row[name] for row in found])) for name in found[0]}
+
+
+def zero_left(law: str, every: int, seed: int) -> tuple[float, float, float]:
+    """What a law leaves of a drifting zero: rms N, rms N m; and the campaign's minutes.
+
+    The sensor warms up, drifts with its temperature and wanders: 1 N of warm-up, 0.1 N/K.
+    """
+    settings = RigSettings.from_dict(
+        {
+            "rig": {"offset_compensation": law, "offset_every": every},
+            "instrument": {"fts_thermal_per_K": [0.1, -0.1, 0.05, 3e-3, -3e-3, 2e-3]},
+            "plant": {"drift_wander": 0.1},
+        }
+    )
+    random = np.random.default_rng(seed)
+    poses = np.tile(rest_pose(LENGTH_M), (200, 1))
+    poses[:, 1:3] += random.uniform(-0.01, 0.01, (200, 2))
+    columns = {name: poses[:, j] for j, name in enumerate(POSE)}
+    campaign = Campaign(Table(columns, Meta(), "plan"), settings, Springs(), seed=seed)
+    readings = [campaign.measure(i) for i in range(len(campaign))]
+    visits, plant = campaign.visits, campaign.plant
+    truth = plant.truth(visits, campaign.physics, np.zeros(6))
+    quiet = wrench_in_base(
+        plant,
+        visits,
+        campaign.physics,
+        sensor=np.where(
+            visits.zero_readings[:, None],
+            np.stack([r.sensor for r in readings]),
+            truth.sensor + campaign.offset,
+        ),
+        poses=truth.pose_seen,
+        law=law,
+        temperature_degC=np.asarray([r.sensor_temperature_degC for r in readings]),
+    )
+    rows = visits.at_poses
+    left = quiet[rows] - plant.elastic.wrench(visits.anchor[rows], truth.pose_seen[rows])
+    force, torque = np.sqrt(np.mean(left[:, :3] ** 2)), np.sqrt(np.mean(left[:, 3:] ** 2))
+    return float(force), float(torque), campaign.minutes
+
+
+LENGTH_M = 0.1034
+_STIFFNESS = np.diag([24585.0, 3461.0, 3468.0, 4.0, 16.0, 16.0])
+
+
+class Springs:
+    """Six linear springs: the zero does not depend on the mechanism."""
+
+    length_m = LENGTH_M
+
+    def key(self) -> str:
+        """Named for the cache."""
+        return "springs"
+
+    def solve(self, poses: F, grade: str, progress: Progress) -> Anchors:
+        """h = K (p - p0)."""
+        stiffness = np.tile(_STIFFNESS, (len(poses), 1, 1))
+        wrenches = (poses - rest_pose(LENGTH_M)) @ _STIFFNESS
+        return Anchors(poses, wrenches, stiffness, ("solved",) * len(poses))
+
+    def surrogate(self, anchors: Anchors) -> Smooth | None:
+        """None: springs have no curvature."""
+        return None
 
 
 def main() -> int:

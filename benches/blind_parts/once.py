@@ -16,7 +16,7 @@ from ecm.diagnosis.unexplained import Unknown
 
 SHARED = ("assemble", "search", "noise")
 """Stages whose results are kept."""
-NOT_DESCRIBED = Unknown((), {}, "", None, "")
+NOT_DESCRIBED = Unknown((), "", None, "")
 
 
 def only_the_answer(stages: Stages) -> Stages:

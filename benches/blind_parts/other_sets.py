@@ -244,7 +244,7 @@ def answer_of(case: OtherSet, folder: Path) -> dict[str, Any]:
     return result | {"seconds": time.process_time() - began}
 
 
-def _truth(result: dict[str, Any]) -> set[str]:
+def truth(result: dict[str, Any]) -> set[str]:
     """Names that are right: of what is hidden, and of what the owner of the body did not say."""
     case = result["set"]
     unsaid = {"taper"} if case["body"] == "tapered" else set()
@@ -256,7 +256,7 @@ def _truth(result: dict[str, Any]) -> set[str]:
 def clean_wrong(result: dict[str, Any]) -> bool:
     """One or more single names, at least one of which is wrong."""
     names = {members[0] for members in result["answer"]}
-    return result["verdict"] == "named" and not names <= _truth(result)
+    return result["verdict"] == "named" and not names <= truth(result)
 
 
 def right(result: dict[str, Any]) -> bool:

@@ -127,7 +127,7 @@ Law = Callable[[Made], F]
 
 @dataclass(frozen=True)
 class Hidden:
-    """A law, the ids that name it, and its family in a word of the answer."""
+    """A law, the ids that name it, and the driver of its family; empty where that is the pose."""
 
     law: Law
     ids: tuple[str, ...]
@@ -234,19 +234,23 @@ def _humid(m: Made) -> F:
     return m.wrenches * (m.humidity - m.humidity.mean())[:, None]
 
 
+_WAY, _WARMTH = "the way to the pose", "the temperature of the body"
+_LARGEST = "the largest deflection so far"
 HIDDEN: Mapping[str, Hidden] = {
-    "five sliders": Hidden(_sliders, ("hysteresis",), "approach"),
-    "uneven friction": Hidden(_uneven_friction, ("hysteresis",), "approach"),
-    "stretched exponential": Hidden(_stretched, ("stress_relaxation",), "dwell"),
-    "modulus and expansion": Hidden(_warm, ("temperature_modulus",), "temperature"),
-    "wear below the largest load": Hidden(_worn, ("mullins_softening",), "largest"),
+    "five sliders": Hidden(_sliders, ("hysteresis",), _WAY),
+    "uneven friction": Hidden(_uneven_friction, ("hysteresis",), _WAY),
+    "stretched exponential": Hidden(_stretched, ("stress_relaxation",), "the time at rest"),
+    "modulus and expansion": Hidden(_warm, ("temperature_modulus",), _WARMTH),
+    "wear below the largest load": Hidden(
+        _worn, ("mullins_softening",), "the largest deflection so far"
+    ),
     "hardening in log time": Hidden(_hardened, ("ageing",), "time"),
     "wandering zero": Hidden(_wandering, ("fts_drift",), "time"),
-    "offset": Hidden(_offset, ("fts_offset",), "pose"),
-    "mass": Hidden(_mass, ("payload",), "pose"),
-    "tether": Hidden(_tether, ("cable_drag",), "pose"),
-    "bumper": Hidden(_bumper, ("contact_stop",), "pose"),
-    "gains": Hidden(_gains, ("fts_gain", "fts_crosstalk"), "pose"),
+    "offset": Hidden(_offset, ("fts_offset",), ""),
+    "mass": Hidden(_mass, ("payload",), ""),
+    "tether": Hidden(_tether, ("cable_drag",), ""),
+    "bumper": Hidden(_bumper, ("contact_stop",), ""),
+    "gains": Hidden(_gains, ("fts_gain", "fts_crosstalk"), ""),
     "humidity": Hidden(_humid, ("unused_column:humidity",), "humidity"),
 }
 
@@ -358,13 +362,13 @@ def given_model(table: Table) -> Model:
     return fit_model(table, "linear", force=True)
 
 
-def outcome(case: ThirdSet, verdict: str, answer: list[list[str]], said: str) -> str:
-    """right, family, unknown, none, wrong name, wrong class; of nothing hidden right or alarm.
+def outcome(case: ThirdSet, verdict: str, answer: list[list[str]], driver: str) -> str:
+    """right, family, other family, unknown, none, wrong name or class; of nothing hidden an alarm.
 
     Parameters
     ----------
-    said
-        All that the answer says; a family counts where its word is in it.
+    driver
+        That of the family that is said; empty without one.
     """
     if not case.name:
         return "right" if verdict == "none" else "alarm"
@@ -373,6 +377,6 @@ def outcome(case: ThirdSet, verdict: str, answer: list[list[str]], said: str) ->
     if any(set(hidden.ids) & set(one) for one in named):
         return "right"
     if not named:
-        family = verdict in ("unknown", "family") and hidden.family in said
-        return "family" if family else verdict
+        other = verdict == "family" and driver != hidden.family
+        return "other family" if other else verdict
     return "wrong name" if all(len(one) == 1 for one in named) else "wrong class"

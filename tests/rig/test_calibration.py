@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from calibration_rigs import GRAVITY, coverage, frame, zero_left
+from calibration import GRAVITY, coverage, frame, zero_left
 from ecm.errors import InputError
 from ecm.io.se3 import compose, rotation, seen_from
 from ecm.rig import Campaign, RigSettings

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ecm.comparison.residuals import KNOWN, candidate_covariates
 from ecm.diagnosis.unexplained import draft_of
 from ecm.effects.experiments import get_experiment
 from ecm.io.arrays import F, evenly, rest_of
@@ -143,9 +144,10 @@ _COLUMNS = {
 
 def _drivers(problem: Problem) -> Iterator[Driver]:
     """Yield the drivers that vary in these rows."""
-    table, prefix = problem.table, "unused_column:"
-    own = dict.fromkeys(c.id.removeprefix(prefix) for c in problem.candidates if prefix in c.id)
-    of_user = {name: (name, (prefix + name,), f"vary {name} alone", 4) for name in own}
+    table = problem.table
+    named = candidate_covariates(table, problem.base.inputs, problem.base.outputs)
+    own = [name for name in named if name not in KNOWN]
+    of_user = {n: (n, (f"unused_column:{n}",), f"vary {n} alone", 4) for n in own}
     for column, (words, like, experiment, count) in (_COLUMNS | of_user).items():
         values = _values(table, column)
         if np.ptp(values) > 0.0:

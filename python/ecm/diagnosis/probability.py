@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from ecm.diagnosis.decision import Decision
 
 WEIGHTS = {
-    "named": (0.0, 0.0, 0.0),
-    "none": (0.0, 0.0),
-    "unknown": (0.0,),
+    "named": (-2.22, 0.86, -0.68),
+    "none": (2.75, -1.06),
+    "unknown": (1.16,),
 }
-"""w by verdict; an `ambiguous` one is as a named one."""
+"""w by verdict, of 483 sets of the seeds 21 and 22; an `ambiguous` one is as a named one."""
 
 
 def evidence(decision: Decision) -> tuple[str, tuple[float, ...]]:

@@ -1,0 +1,76 @@
+"""Where no form of the catalogue fits but one driver explains what is left, the driver is said."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import ecm
+from ecm.diagnosis import diagnose
+from ecm.diagnosis.family import posterior
+from ecm.diagnosis.probability import WEIGHTS
+from ecm.diagnosis.problem import assemble
+from ecm.effects import effects_of, unregister
+from ecm.io.table import Table
+
+
+def spring(**columns: np.ndarray) -> Table:
+    """A linear spring on 160 rows at random positions, with more columns."""
+    random = np.random.default_rng(3)
+    x = random.uniform(-0.01, 0.01, 160)
+    force = 400.0 * x + 0.05 * random.standard_normal(160) + columns.pop("more", 0.0)
+    time_s = 30.0 * np.arange(160.0)
+    return ecm.as_table({"time_s": time_s, "x_m": x, "fx_N": force, **columns})
+
+
+def memory() -> Table:
+    """Two springs at right angles; the force of one follows where the other was before."""
+    x = spring().column("x_m")
+    random = np.random.default_rng(4)
+    y = random.uniform(-0.01, 0.01, 160)
+    fy = 300.0 * y + 0.05 * random.standard_normal(160) + 60.0 * np.r_[x[:1], x[:-1]]
+    return spring(y_m=y, fy_N=fy)
+
+
+def test_the_driver_is_said_with_a_draft_that_explains_it() -> None:
+    table = memory()
+    model = ecm.fit_model(table, "linear")
+    found = diagnose(model, table)
+    assert found.verdict == "family"
+    assert found.answer == ()
+    assert found.family is not None
+    assert found.family.driver == "the pose before"
+    document = found.to_dict()
+    assert document["unknown"]["skeleton"] == document["family"]["draft"]
+    assert document["summary"]["missing"].startswith("a cause that follows the pose before")
+    assert found.family.experiment in document["summary"]["next"]
+    exec(compile(found.family.draft, "draft", "exec"), {})
+    try:
+        after = diagnose(model, table, effects=["my_effect"])
+    finally:
+        unregister("my_effect")
+    assert after.answer == (("my_effect",),)
+    assert after.held_out.after < 0.8 * after.held_out.before
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_of_noise_no_driver_is_sure(seed: int) -> None:
+    random = np.random.default_rng(100 + seed)
+    table = spring(humidity_percent=random.uniform(20.0, 60.0, 160))
+    force = table.column("fx_N") + 0.1 * random.standard_normal(160)
+    table = table.with_columns({"fx_N": force})
+    base = ecm.fit_model(table, "linear").base
+    found = posterior(assemble(base, table, effects_of(table, None)))
+    assert {driver.name for driver, _ in found} >= {"time", "humidity_percent", "the pose before"}
+    assert max(probability for _, probability in found) < 0.9
+
+
+def test_more_evidence_is_more_sure_and_more_members_less() -> None:
+    constant, squares, members = WEIGHTS["named"]
+    assert squares > 0.0 > members
+    weak, strong = spring(more=0.0), memory()
+    sure = [
+        diagnose(ecm.fit_model(t, "linear"), t).to_dict()["probability"] for t in (weak, strong)
+    ]
+    assert all(0.0 < p <= 1.0 for p in sure)
+    assert constant < 0.0
