@@ -35,7 +35,8 @@ from blind_parts.analysis import library
 from blind_parts.command import parser_of, run_sets, write_table
 from blind_parts.data import data_of
 from blind_parts.sets import set_of
-from ecm.diagnosis import check, diagnose, find_missing
+from ecm import check
+from ecm.diagnosis import diagnose, find_missing
 from ecm.diagnosis.probability import WEIGHTS, evidence, probability
 from ecm.errors import EcmError
 from ecm.io.cache import write_atomically
