@@ -64,15 +64,16 @@ function verdict(found, state, app) {
   found.warnings.map(text => el("div", {class: "warning"}, text)),
   (found.look_alikes ?? []).map(item => el("p", {class: "rests"},
     `${effectName(item.id)} looks the same as ${item.what}. To tell them apart: ${item.apart}.`)),
-  unknown ? own(unknown) : null);
+  unknown ? own(unknown, found.family) : null);
 }
 
 // An unknown: what it follows, and a file to begin with.
-function own(unknown) {
+function own(unknown, family) {
   const draft = unknown.skeleton ?? "";
   const link = el("a", {download: "my_effect.py",
     href: URL.createObjectURL(new Blob([draft], {type: "text/x-python"}))}, "Save as my_effect.py");
-  return el("section", {class: "card", id: "unknown"}, el("h3", {}, "No effect of the catalogue explains it"),
+  return el("section", {class: "card", id: "unknown"}, el("h3", {}, family
+    ? `It follows ${readable(family.driver)}, in a form of its own` : "No effect of the catalogue explains it"),
     unknown.words ? el("p", {}, readable(unknown.words)) : null,
     unknown.variables?.length ? el("p", {}, `It follows: ${unknown.variables.map(readable).join(", ")}.`) : null,
     unknown.nearest ? el("p", {class: "soft"}, `Nearest effect: ${effectName(String(unknown.nearest.id ?? unknown.nearest))}.`) : null,

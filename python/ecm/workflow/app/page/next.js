@@ -23,7 +23,9 @@ export function draw(root, state, app) {
     root.append(el("ol", {class: "effects", "aria-label": "Experiments, the best first"},
       found.next_experiment.map((item, i) => experiment(item, i))));
   } else {
-    root.append(el("p", {class: "lead"}, NONE[found.verdict]));
+    const family = found.family;
+    root.append(el("p", {class: "lead"}, family
+      ? `To see the form of what follows ${readable(family.driver)}: ${family.experiment} (${family.minutes} min).` : NONE[found.verdict]));
   }
   for (const item of found.look_alikes ?? [])
     root.append(el("p", {class: "rests"}, `${effectName(item.id)} looks the same as ${item.what}. To tell them apart: ${item.apart}.`));

@@ -14,7 +14,7 @@ const checked = state => Boolean(state.check) && measured(state.check) && state.
 const fitted = state => Boolean(state.model);
 const verdict = state => !state.diagnosis ? "not asked yet"
   : state.diagnosis.verdict === "named" ? state.diagnosis.answer.map(set => set.map(effectName).join(" + ")).join(" or ")
-    : {none: "nothing", unknown: "an unknown cause", ambiguous: "several look alike"}[state.diagnosis.verdict];
+    : {none: "nothing", unknown: "an unknown cause", family: "a known driver", ambiguous: "several look alike"}[state.diagnosis.verdict];
 
 export const stages = [
   {id: "data", title: "Data", draw: data.draw, open: () => true, needs: "",
