@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ecm.comparison.comparison import Comparison, compare
     from ecm.designs.optimal import Design, optimal_design
     from ecm.designs.plans import diagnosable_plan, paper_plan
-    from ecm.designs.settings import DesignSettings
+    from ecm.designs.regressors import DesignSettings
     from ecm.diagnosis.check import check
     from ecm.diagnosis.procedure import diagnose
     from ecm.diagnosis.result import Diagnosis
@@ -33,21 +33,25 @@ if TYPE_CHECKING:
     from ecm.io.mechanism import Mechanism
     from ecm.io.table import Table, as_table, read_table
     from ecm.logs.importing import ImportedLog, import_log
-    from ecm.models.control import LoopSettings
+    from ecm.models.control_loop import LoopSettings
     from ecm.models.energy import EnergyModel
     from ecm.models.estimator import ModelEstimator
     from ecm.models.export import export
     from ecm.models.expression import Expression
     from ecm.models.fit import fit_model
     from ecm.models.fit import fit_model as fit
-    from ecm.models.learned import GaussianProcessModel, NeuralNetworkModel
+    from ecm.models.literature import (
+        ConstantCurvatureModel,
+        GaussianProcessModel,
+        NeuralNetworkModel,
+        RodModel,
+    )
     from ecm.models.model import Model, load_model
     from ecm.models.parameters import Parameter
     from ecm.models.physics.refit import PhysicsModel
     from ecm.models.polynomial import PolynomialModel
     from ecm.models.prediction import predict
     from ecm.models.refit import refit
-    from ecm.models.rod import ConstantCurvatureModel, RodModel
     from ecm.models.selection import cross_validate
     from ecm.rig.hidden.truth import reveal
     from ecm.rig.run import run_campaign
@@ -74,7 +78,7 @@ _NAMES = {
     "logs.importing": ("ImportedLog", "import_log"),
     "models.energy": ("EnergyModel",),
     "models.estimator": ("ModelEstimator",),
-    "models.control": ("LoopSettings",),
+    "models.control_loop": ("LoopSettings",),
     "models.export": ("export",),
     "models.expression": ("Expression",),
     "models.fit": ("fit", "fit_model"),

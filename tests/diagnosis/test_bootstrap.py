@@ -11,7 +11,7 @@ from ecm.diagnosis.accept import selection_shares
 from ecm.diagnosis.problem import Candidate, Problem, assemble
 from ecm.diagnosis.search import best_shapes, rank
 from ecm.effects import all_effects
-from ecm.models.base_choice import choose_base
+from ecm.models.fit import choose_base
 from support.campaigns import campaign, model
 
 DRAWS = 60

@@ -25,7 +25,7 @@ from ecm.effects.slip import PlatformSlip
 from ecm.io.columns import POSE
 from ecm.io.description import Meta
 from ecm.io.table import Table
-from ecm.models.base_choice import choose_base
+from ecm.models.fit import choose_base
 from ecm.regression.approach import order_of_visits, pose_before
 from ecm.regression.f_test import explained_by_span
 from ecm.regression.folds import without_zero_readings

@@ -16,8 +16,8 @@ import numpy as np
 
 from ecm.errors import ModelError
 from ecm.io.columns import POSE, WRENCH
-from ecm.models.base_choice import symmetric_energy
-from ecm.models.history import ceiling_rms, held_out_rms
+from ecm.models.errors import ceiling_rms, held_out_rms
+from ecm.models.fit import symmetric_energy
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.physics.map import FREE, PhysicsMap, kept_physics, reach_of
 from ecm.regression.folds import folds, held_out_by, is_pose_row, row_groups, without_zero_readings

@@ -23,6 +23,14 @@ from ecm.io.extras import require
 from ecm.io.table import Table, TableLike, as_table
 from ecm.models import file
 from ecm.models.controller import Controller
+from ecm.models.errors import (
+    FitRecord,
+    RecordedFit,
+    correlations_of,
+    fit_records,
+    fit_report,
+    history_figure,
+)
 from ecm.models.file import (
     conditions_of,
     domain_of,
@@ -30,7 +38,6 @@ from ecm.models.file import (
     training_of,
     was_trained_on,
 )
-from ecm.models.history import FitRecord, RecordedFit, correlations_of, fit_records, fit_report
 from ecm.models.joint_fit import (
     CoefficientPrior,
     FittedEffect,
@@ -49,7 +56,6 @@ from ecm.models.maps import (
 )
 from ecm.models.measured_poses import are_inside, folded, sample_of
 from ecm.models.partial import MeasuredMap
-from ecm.models.plots import history_figure
 from ecm.models.pose_error import pose_error, report_rows
 from ecm.models.registry import map_from_document
 from ecm.models.time_effects import time_effects

@@ -20,10 +20,9 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH, same_unit, unit_of
 from ecm.io.events import Progress
 from ecm.io.table import MetaLike, Table, TableLike, as_table
-from ecm.models.base_choice import choose_base
-from ecm.models.fit import fit_rows
+from ecm.models.errors import held_out_rms
+from ecm.models.fit import choose_base, fit_rows
 from ecm.models.given import as_model
-from ecm.models.history import held_out_rms
 from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import EnergyMap, PolynomialMap
 from ecm.models.model import Model

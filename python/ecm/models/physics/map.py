@@ -28,9 +28,14 @@ from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
 from ecm.models.maps import EnergyMap, SixAxisMap, Symmetry, finite
 from ecm.models.physics.body_fits import MARGIN, ROTATION_LIMIT_RAD
-from ecm.models.physics.build import BuildSettings, build_family, mesh_difference, shape_of
+from ecm.models.physics.build import (
+    BuildSettings,
+    build_family,
+    mesh_difference,
+    shape_of,
+    stated_rod,
+)
 from ecm.models.physics.family import PARAMETERS, MeshDifference, PhysicsFamily, check_parameters
-from ecm.models.physics.rod import stated_rod
 from ecm.regression.rows import BodyChange
 
 _DEGREE = 6

@@ -1,4 +1,4 @@
-"""The history of fits, a test of each change, and the fit report."""
+"""Errors of a fit: over the noise, held out, beside a free cubic; what a change is worth."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from ecm._native import polynomial_regressor
 from ecm.io.arrays import B, F, I
 from ecm.io.cache import hash_of
 from ecm.io.columns import POSE
+from ecm.io.extras import require
 from ecm.io.table import Table
 from ecm.models.joint_fit import FittedEffect, JointFit, joint_fit
 from ecm.models.maps import StiffnessMap
@@ -20,6 +21,7 @@ from ecm.regression.f_test import FTest
 from ecm.regression.folds import folds, held_out_by, is_pose_row, row_groups
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.normal_equations import NormalEquations, ridge_path
+from ecm.report import figures
 
 _CEILING_DEGREE = 3
 _CEILING_FOLDS = 5
@@ -292,3 +294,23 @@ def correlations_of(fit: JointFit, base_frozen: bool) -> tuple[tuple[str, str, f
         if abs(matrix[i, j]) > _LARGE_CORRELATION
     ]
     return tuple(sorted(pairs, key=lambda pair: -abs(pair[2]))[:_MOST_PAIRS])
+
+
+def history_figure(history: Sequence[FitRecord]) -> Any:
+    """Bars of the error over the noise of each fit, on fitted and on held-out rows."""
+    errors: dict[str, Sequence[float]] = {
+        "fitted rows": [record.train for record in history],
+        "held-out rows": [record.held_out for record in history],
+    }
+    names = [record.name for record in history]
+    return _drawn(figures.bars(errors, names, y_title="error / noise"))
+
+
+def learning_curve_figure(sizes: Sequence[int], bands: dict[str, F]) -> Any:
+    """Held-out error over the number of poses; `bands` by name, each (s,)."""
+    series = {name: (list(sizes), band.tolist()) for name, band in bands.items()}
+    return _drawn(figures.lines(series, x_title="poses", y_title="error / noise", log_y=True))
+
+
+def _drawn(figure: dict[str, Any]) -> Any:
+    return require("plotly.graph_objects", "report", "A figure").Figure(figure)
