@@ -40,18 +40,14 @@ if TYPE_CHECKING:
     from ecm.models.expression import Expression
     from ecm.models.fit import fit_model
     from ecm.models.fit import fit_model as fit
-    from ecm.models.literature import (
-        ConstantCurvatureModel,
-        GaussianProcessModel,
-        NeuralNetworkModel,
-        RodModel,
-    )
+    from ecm.models.learned import GaussianProcessModel, NeuralNetworkModel
     from ecm.models.model import Model, load_model
     from ecm.models.parameters import Parameter
     from ecm.models.physics.refit import PhysicsModel
     from ecm.models.polynomial import PolynomialModel
     from ecm.models.prediction import predict
     from ecm.models.refit import refit
+    from ecm.models.rod import ConstantCurvatureModel, RodModel
     from ecm.models.selection import cross_validate
     from ecm.rig.hidden.truth import reveal
     from ecm.rig.run import run_campaign
@@ -66,7 +62,7 @@ _NAMES = {
     "comparison.comparison": ("Comparison", "compare"),
     "designs.optimal": ("Design", "optimal_design"),
     "designs.plans": ("diagnosable_plan", "paper_plan"),
-    "designs.settings": ("DesignSettings",),
+    "designs.regressors": ("DesignSettings",),
     "diagnosis.check": ("check",),
     "diagnosis.procedure": ("diagnose",),
     "diagnosis.result": ("Diagnosis",),

@@ -15,7 +15,7 @@ from ecm.io.columns import POSE, VELOCITY, WRENCH
 from ecm.io.se3 import left_jacobian_inverse, rotate, rotation, transpose
 from ecm.io.table import Table
 from ecm.models import Model, fit_model, surrogate_of
-from ecm.models.literature import RodMap
+from ecm.models.rod import RodMap
 from ecm.regression.approach import pose_before
 from support import stand_in
 from support.campaigns import campaign, found_in, model, workspace_poses

@@ -19,7 +19,7 @@ from ecm.comparison.reference_models import ReferenceModels
 from ecm.diagnosis.procedure import STAGES, watched
 from ecm.io.columns import POSE, WRENCH
 from ecm.models import selection
-from ecm.models.literature import GaussianProcessModel
+from ecm.models.learned import GaussianProcessModel
 from ecm.models.selection import fit_summary
 from ecm.regression.correlation import correlation_time
 from support.neck import LENGTH_M, STIFFNESS, Done, csv_text, neck_columns

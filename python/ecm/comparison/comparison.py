@@ -30,7 +30,7 @@ from ecm.io.table import as_table
 from ecm.models.file import was_trained_on
 from ecm.models.given import as_model
 from ecm.models.joint_fit import base_columns
-from ecm.models.literature import LEARNED
+from ecm.models.learned import LEARNED
 from ecm.models.noise_estimate import estimate_noise
 from ecm.models.pose_error import PoseError, pose_error
 from ecm.models.prediction import beyond_reach

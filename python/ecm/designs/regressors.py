@@ -228,7 +228,7 @@ def model_columns(poses: F, settings: DesignSettings, base: NominalModel | None)
     energy = parse_model(model)
     if not isinstance(energy, EnergyModel):
         raise InputError(f"model {model!r}: expected an energy or physics")
-    return energy.regressor(poses, length_m, np.array([length_m, 1.0]))
+    return energy.terms(length_m).regressor(poses, np.array([length_m, 1.0]))
 
 
 def _needed(base: NominalModel | None, what: str) -> NominalModel:

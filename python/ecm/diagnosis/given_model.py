@@ -30,7 +30,7 @@ from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.restated import Restatement, in_words, rarer_restatements, restatements
 from ecm.io.units import unit_of_factor
 from ecm.models.joint_fit import JointFit, joint_fit
-from ecm.models.literature import LEARNED
+from ecm.models.learned import LEARNED
 from ecm.models.maps import StiffnessMap
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import is_far_behind

@@ -6,12 +6,7 @@ from ecm.models.estimator import ModelEstimator
 from ecm.models.expression import Expression
 from ecm.models.fit import fit_model
 from ecm.models.given import as_model
-from ecm.models.literature import (
-    ConstantCurvatureModel,
-    GaussianProcessModel,
-    NeuralNetworkModel,
-    RodModel,
-)
+from ecm.models.learned import GaussianProcessModel, NeuralNetworkModel
 from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap
 from ecm.models.model import Model, load_model
 from ecm.models.parameters import Parameter
@@ -20,6 +15,7 @@ from ecm.models.physics.refit import PhysicsModel
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.pose_error import PoseError
 from ecm.models.registry import parse_model
+from ecm.models.rod import ConstantCurvatureModel, RodModel
 from ecm.models.selection import (
     CrossValidation,
     LearningCurve,

@@ -31,12 +31,10 @@ from ecm.io.arrays import F, I
 from ecm.io.columns import POSE
 from ecm.io.events import Progress
 from ecm.io.table import Table
-from ecm.models.maps import StiffnessMap
+from ecm.models.maps import Solved, StiffnessMap
 from ecm.regression.blocks import in_blocks, triangles_of_folds
 from ecm.regression.noise import Noise, whiteners
 
-Solved = tuple[StiffnessMap, F, float]
-"""Map, covariance (k, k), whitened residual variance."""
 Solve = Callable[[F, F, F], Solved]
 """Generalised least squares of all rows: poses, wrenches, covariance (N, m, m)."""
 

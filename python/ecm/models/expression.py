@@ -392,24 +392,18 @@ class ExpressionMap(ParametrisedMap):
 
     def document(self) -> dict[str, Any]:
         """Equations and parameters for a model file."""
-        return {
-            "kind": self.kind,
-            "name": self.name,
-            "inputs": list(self.inputs),
-            "outputs": list(self.outputs),
-            "equations": self.equations.text,
-            "parameters": {
-                name: {
-                    "value": self.values[name],
-                    "start": own.value,
-                    "min": own.min if math.isfinite(own.min) else None,
-                    "max": own.max if math.isfinite(own.max) else None,
-                    "sd": own.sd,
-                    "vary": own.vary,
-                }
-                for name, own in self.parameters.items()
-            },
+        parameters = {
+            name: {
+                "value": self.values[name],
+                "start": own.value,
+                "min": own.min if math.isfinite(own.min) else None,
+                "max": own.max if math.isfinite(own.max) else None,
+                "sd": own.sd,
+                "vary": own.vary,
+            }
+            for name, own in self.parameters.items()
         }
+        return self.head(equations=self.equations.text, parameters=parameters)
 
 
 @dataclass(frozen=True, init=False)

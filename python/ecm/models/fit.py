@@ -17,8 +17,9 @@ from ecm.io.events import Progress
 from ecm.io.misread import misread, refuse_misread
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.models.energy import EnergyModel
+from ecm.models.errors import error_over_noise
 from ecm.models.expression import FunctionModel
-from ecm.models.file import conditions_of, domain_of, error_over_noise, training_of
+from ecm.models.file import fitted_to
 from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap, Symmetry
 from ecm.models.measured_poses import sample_of
 from ecm.models.model import Model
@@ -26,7 +27,7 @@ from ecm.models.parameters import parameters_of
 from ecm.models.partial import is_partial, measured_part, whole_map
 from ecm.models.physics.map import FREE, PhysicsMap
 from ecm.models.polynomial import PolynomialModel
-from ecm.models.pose_error import pose_error, report_rows
+from ecm.models.pose_error import error_of_report
 from ecm.models.registry import parse_model
 from ecm.models.specification import CHOOSE, FittedMap, ModelSpecification, Weights
 from ecm.regression.folds import spread_rows
@@ -118,12 +119,8 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
         raise InputError(f"{table.source}: {unfit}", remedy=CHOOSE) from None
     if zero_at_home or stable:
         fitted = constrained(fitted, zero_at_home=zero_at_home, stable=stable)
-    shown = table.measured()
-    shown = shown.select(report_rows(shown))
-    part = replace(fitted, base=measured_part(fitted.base, shown))
-    errors = shown.matrix(part.outputs) - part.predict(shown.matrix(part.inputs))
-    error = pose_error(part, shown, errors)
-    known: dict[str, Any] = {"pose_error": error.to_dict()}
+    part = replace(fitted, base=measured_part(fitted.base, table))
+    known: dict[str, Any] = {"pose_error": error_of_report(part, table.measured())}
     if wrong is not None:
         known["misread"] = {"sentence": wrong.sentence()}
     known["poses"] = sample_of(table, fitted.inputs)
@@ -165,7 +162,8 @@ def fit_rows(
 
 def _model(fitted: FittedMap, table: Table) -> Model:
     """The model of a fit, its covariance widened where residuals exceed the stated noise."""
-    base, covariance, training = fitted.base, fitted.covariance, training_of(table)
+    base, covariance, known = fitted.base, fitted.covariance, fitted_to(table, fitted.base.inputs)
+    training = known["training"]
     if (error := error_over_noise(measured_part(base, table), fitted.noise, table)) is not None:
         training["over_noise"] = error
     variance = fitted.residual_variance
@@ -177,11 +175,8 @@ def _model(fitted: FittedMap, table: Table) -> Model:
         base=base,
         noise=fitted.noise,
         covariance=covariance,
-        training=training,
-        domain=domain_of(table, base.inputs),
-        conditions=conditions_of(table),
         length_m=base.length_m or table.meta.length_m,
-        scene=table.meta.scene,
+        **known,
     )
 
 

@@ -41,6 +41,19 @@ def estimate_noise(rows: Rows, predicted: F, *, fallback: Noise | None = None) -
     return prior if estimated is None else estimated
 
 
+def noise_for(base: StiffnessMap, table: Table, before: Noise, *, same_rows: bool) -> Noise:
+    """Noise of the rows, else that of the fit before.
+
+    For the same rows, whose repeats gave the noise of the fit before, that noise is kept: fits are
+    compared under one noise.
+    """
+    if same_rows and before.source == "repeats":
+        return before
+    rows = Rows(table, base)
+    # Effects have no shape for these rows yet, but their changes between repeats do not count.
+    return estimate_noise(rows, rows.sensor_load, fallback=before)
+
+
 def declared_or_fitted(base: StiffnessMap, table: Table) -> Noise:
     """Declared figures; for tables of other columns without any the spread of the residual."""
     declared = declared_noise(table, (*base.inputs, *base.outputs))

@@ -120,13 +120,7 @@ class MeasuredMap(MapDefaults):
 
     def document(self) -> dict[str, Any]:
         """The whole map, and the columns that it is good for."""
-        return {
-            "kind": MEASURED,
-            "name": self.name,
-            "inputs": list(self.inputs),
-            "outputs": list(self.outputs),
-            "parameters": self.whole.document(),
-        }
+        return self.head(parameters=self.whole.document()) | {"kind": MEASURED}
 
 
 def measured_outputs(table: Table, base: StiffnessMap) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH, same_unit, unit_of
 from ecm.io.events import Progress
 from ecm.io.table import MetaLike, Table, TableLike, as_table
-from ecm.models.errors import held_out_rms
+from ecm.models.errors import held_out, rms
 from ecm.models.fit import choose_base, fit_rows
 from ecm.models.given import as_model
 from ecm.models.joint_fit import joint_fit
@@ -33,10 +33,7 @@ from ecm.models.registry import parse_model
 from ecm.models.specification import CHOOSE
 from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import (
-    folds,
-    held_out_by,
     is_pose_row,
-    row_groups,
     spread_rows,
     without_zero_readings,
 )
@@ -79,19 +76,14 @@ def base_and_error(model: Model, table: Table, noise: Noise) -> tuple[str, float
         None where these rows cannot carry a base.
     """
     kept = without_zero_readings(table)
-    groups = row_groups(kept)
     try:
         base = choose_base(model, kept)
         if noise.components is not None and base.outputs != model.outputs:
             return None  # noise of other columns
-        fit = joint_fit(base, (), kept, noise)
-        parts = folds(kept, fit.rows.poses, groups, held_out_by(kept, "time"))
+        error = held_out(joint_fit(base, (), kept, noise))
     except (EcmError, np.linalg.LinAlgError):
         return None
-    if len(np.unique(parts)) < 2:
-        return None
-    error = held_out_rms(fit.design, fit.whitened, groups, parts, is_pose_row(kept))
-    return base.name, error
+    return None if error is None else (base.name, error)
 
 
 _MOST_ROWS = 3000
@@ -246,7 +238,7 @@ def _stiffness_moves(fitted: Model, table: Table, before: Model) -> list[str]:
     if known is None or own is None:
         return []
     # What the model lacks without the effect widens the interval.
-    wide = max(1.0, float(np.sqrt((fit.whitened**2).mean())))
+    wide = max(1.0, rms(fit.whitened))
     move, size = np.abs(new - old), np.abs(old)
     if old.shape[0] == old.shape[1]:  # a coupling is small beside what it couples
         size = np.sqrt(np.outer(np.diag(size), np.diag(size)))

@@ -17,16 +17,12 @@ from ecm.models.layout import (
     record,
     text,
 )
-from ecm.models.literature import (
-    ConstantCurvatureModel,
-    GaussianProcessModel,
-    NeuralNetworkModel,
-    RodModel,
-)
+from ecm.models.learned import GaussianProcessModel, NeuralNetworkModel
 from ecm.models.maps import StiffnessMap
 from ecm.models.partial import MEASURED, MeasuredMap
 from ecm.models.physics.refit import PhysicsModel
 from ecm.models.polynomial import PolynomialModel, Threshold
+from ecm.models.rod import ConstantCurvatureModel, RodModel
 from ecm.models.specification import ModelSpecification
 
 MODELS: tuple[type[ModelSpecification], ...] = (

@@ -25,10 +25,9 @@ from ecm.io.extras import require
 from ecm.io.settings import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.models.energy import EnergyModel
-from ecm.models.errors import learning_curve_figure
 from ecm.models.fit import fit_model, fit_rows
 from ecm.models.maps import PolynomialMap, StiffnessMap
-from ecm.models.model import Model
+from ecm.models.model import Model, drawn
 from ecm.models.parameters import ParametrisedMap
 from ecm.models.partial import MeasuredMap, measured_part
 from ecm.models.physics.map import PhysicsMap
@@ -40,6 +39,7 @@ from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.correlation import correlation_time
 from ecm.regression.folds import CHOSEN, row_groups, split_words
 from ecm.regression.noise import declared_noise, whiteners
+from ecm.report import figures
 
 
 @dataclass(frozen=True)
@@ -406,7 +406,9 @@ class LearningCurve:
     def plot(self) -> Any:
         """Return a plotly figure of the curve with its quartiles; needs the extra `report`."""
         bands = {"median": self.error, "lower quartile": self.lower, "upper quartile": self.upper}
-        return learning_curve_figure(self.sizes, bands)
+        series = {name: (list(self.sizes), band.tolist()) for name, band in bands.items()}
+        titles = "poses", "error / noise"
+        return drawn(figures.lines(series, x_title=titles[0], y_title=titles[1], log_y=True))
 
     def to_pandas(self) -> Any:
         """Return a DataFrame with a row for each number of poses; needs the extra `data`."""

@@ -174,7 +174,7 @@ class BaseMap(Protocol):
         """(N, n) poses to (N, m) wrenches."""
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
-        """(N, m, n) stiffness."""
+        """(N, m, n) stiffness: `partial`, `generalised` or `screw` (docs/explain/mechanics.md)."""
 
     @property
     def inputs(self) -> tuple[str, ...]:

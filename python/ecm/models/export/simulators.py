@@ -27,6 +27,7 @@ from ecm._native import left_jacobians, rotation_matrices
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import WRENCH
+from ecm.models.errors import worst_over
 from ecm.models.export.source import Exported, Source
 from ecm.models.measured_poses import noise_sd
 from ecm.models.model import Model
@@ -286,7 +287,7 @@ def fitted_expressions(poses: F, wrenches: F, noise: F) -> tuple[dict[str, str],
         found = np.linalg.lstsq(columns[kept], values[kept], rcond=None)[0]
         error = (columns @ found - values)[~kept]
         error[:, 3:] = np.linalg.solve(axes[~kept], error[:, 3:, None])[:, :, 0]
-        change = float(np.max(np.sqrt((error**2).mean(axis=0)) / noise))
+        change = worst_over(noise, error)
         if best is None or change < best[3]:
             best = (powers, found, degree, change)
         if change < _ALIKE:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm._native import EcmError, EnergyModel
+from ecm._native import EcmError
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.cache import Stage, cache_directory, hash_of, write_atomically
@@ -26,7 +26,8 @@ from ecm.io.events import Progress
 from ecm.io.frames import ORDERS, likely_order, read_in_other_order
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
-from ecm.models.maps import EnergyMap, SixAxisMap, Symmetry, finite
+from ecm.models.layout import plain
+from ecm.models.maps import EnergyMap, EnergyTerms, SixAxisMap, Symmetry, finite
 from ecm.models.physics.body_fits import MARGIN, ROTATION_LIMIT_RAD
 from ecm.models.physics.build import (
     BuildSettings,
@@ -238,11 +239,11 @@ class PhysicsMap(SixAxisMap):
             "mechanism": self.mechanism,
         }
         if self.mesh is not None:
-            document["mesh_difference"] = self.mesh.to_dict()
+            document["mesh_difference"] = plain(self.mesh)
         if self.family is not None and self.values is not None:
             document["parameters"] = dict(self.values)
             document["free"] = list(self.free)
-            document["family"] = self.family.to_dict()
+            document["family"] = plain(self.family)
         return document
 
     @staticmethod
@@ -298,14 +299,7 @@ def surrogate_of(
     >>> base.name, base.coefficients.tolist()
     ('physics', [1.0])
     """
-    model = EnergyModel.fit(
-        np.ascontiguousarray(poses),
-        np.ascontiguousarray(wrenches),
-        length_m=length_m,
-        degree=_DEGREE,
-        symmetry=symmetry,
-    )
-    surrogate = EnergyMap(model)
+    surrogate = EnergyTerms(length_m, _DEGREE, symmetry).fit(poses, wrenches)
     error = np.sqrt(((surrogate.predict(test_poses) - test_wrenches) ** 2).mean(axis=0))
     return PhysicsMap(surrogate, error, {} if mechanism is None else dict(mechanism))
 
@@ -452,7 +446,7 @@ class _Kept:
             return None
         found = mesh_difference(self.shape, family.symmetry, threads=threads, progress=progress)
         with suppress(OSError):  # a cache that cannot be written only costs time
-            document = {"mesh_difference": None if found is None else found.to_dict()}
+            document = {"mesh_difference": None if found is None else plain(found)}
             write_atomically(self.directory / name, json.dumps(document))
         return found
 
@@ -502,4 +496,4 @@ def _read(path: Path) -> PhysicsFamily | None:
 def _write(path: Path, built: PhysicsFamily) -> None:
     """Write to the cache; one that cannot be written only costs time."""
     with suppress(OSError):
-        write_atomically(path, json.dumps(built.to_dict()))
+        write_atomically(path, json.dumps(plain(built)))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -220,10 +219,7 @@ class PhysicsModel(ModelSpecification):
             others=True,
         )
 
-    @staticmethod
-    def map_from_document(document: dict[str, Any]) -> PhysicsMap:
-        """Return the map of an opened model file."""
-        return PhysicsMap.from_document(document)
+    map_from_document = staticmethod(PhysicsMap.from_document)
 
 
 _SIZES = np.geomspace(0.1, 30.0, 25)

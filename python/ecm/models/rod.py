@@ -1,0 +1,348 @@
+"""Two simple mechanical models of the literature: constant curvature, and a Cosserat rod.
+
+Constant curvature: the backbone is an arc that stretches, bends and twists, but does not shear.
+U = k_e (s - L)^2/2 + k_b |theta_perp|^2/2 + k_t theta_x^2/2 with the arc's length
+s = (L + c_x) (b/2)/sin(b/2), b = |theta_perp|, in mid-frame coordinates.
+
+Rod: shear-flexible, uniform, straight; EA, GA, EI, GJ. Its wrench at a pose comes from
+`rod_wrenches`, the inverse of `rod_poses`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, TypeVar, cast
+
+import numpy as np
+
+from ecm._native import (
+    left_jacobians,
+    mid_frame,
+    rod_poses,
+    rod_wrenches,
+    rotation_matrices,
+)
+from ecm.errors import ComputationError
+from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.events import Progress
+from ecm.io.table import Table
+from ecm.models.layout import Layout, exactly, number, record
+from ecm.models.maps import (
+    EnergyTerms,
+    SixAxisMap,
+    StiffnessMap,
+    central_differences,
+    finite,
+    partial_to,
+)
+from ecm.models.noise_estimate import declared_or_fitted
+from ecm.models.partial import fit_measured, is_partial, need_pose, need_whole_wrench
+from ecm.models.specification import (
+    FittedMap,
+    ModelSpecification,
+    Weights,
+    length_of,
+)
+
+_FIT_ITERATIONS = 15
+
+
+@dataclass(frozen=True)
+class _Backbone(SixAxisMap):
+    """A length and a few parameters."""
+
+    names: ClassVar[tuple[str, ...]]
+    """Of the parameters, with their units."""
+    length: float
+    parameters: F
+
+    @property
+    def length_m(self) -> float | None:
+        """Length of the mechanism, m."""
+        return self.length
+
+    @property
+    def coefficients(self) -> F:
+        """The parameters."""
+        return self.parameters
+
+    def with_coefficients(self, coefficients: F) -> Any:
+        """The same map with other parameters."""
+        return replace(self, parameters=np.asarray(coefficients, dtype=np.float64))
+
+    def predict(self, poses: F) -> F:
+        """(N, 6) poses to (N, 6) wrenches."""
+        raise NotImplementedError
+
+    def stiffness(self, poses: F, kind: str = "partial") -> F:
+        """(N, 6, 6) by central differences."""
+        poses = np.ascontiguousarray(poses, dtype=np.float64)
+        slope = finite(
+            "the stiffness",
+            lambda: np.stack(central_differences(self.predict, poses, 1e-6), axis=2),
+        )
+        return partial_to(kind, slope, poses, cast(StiffnessMap, self))
+
+    def document(self) -> dict[str, Any]:
+        """Length and parameters by name."""
+        parameters = dict(zip(self.names, self.parameters.tolist(), strict=True))
+        return self.head(length_m=self.length, parameters=parameters)
+
+    @classmethod
+    def from_document(cls: type[AnyBackbone], document: dict[str, Any]) -> AnyBackbone:
+        """Return the map of an opened model file."""
+        values = [float(document["parameters"][name]) for name in cls.names]
+        return cls(float(document["length_m"]), np.array(values))
+
+
+AnyBackbone = TypeVar("AnyBackbone", bound=_Backbone)
+
+
+@dataclass(frozen=True)
+class ConstantCurvatureMap(_Backbone):
+    """An arc with three springs k_e, k_b, k_t; the wrench is linear in them."""
+
+    name = "constant-curvature"
+    kind = "constant-curvature"
+    names = ("stretch_N_per_m", "bend_Nm_per_rad", "twist_Nm_per_rad")
+
+    def columns(self, poses: F) -> F:
+        """(N, 6, 3) wrench of each spring alone."""
+        poses = np.ascontiguousarray(poses, dtype=np.float64)
+        q = mid_frame(poses, self.length)
+        bend = np.linalg.norm(q[:, 4:], axis=1)
+        half = 0.5 * bend
+        small = half < 1e-4
+        safe = np.where(small, 1.0, half)
+        ratio = np.where(small, 1.0 + half**2 / 6.0, safe / np.sin(safe))
+        # d ratio/d bend over bend
+        slope = np.where(
+            small,
+            1.0 / 12.0,
+            (np.sin(safe) - safe * np.cos(safe)) / np.sin(safe) ** 2 / (4.0 * safe),
+        )
+        chord = self.length + q[:, 0]
+        stretch = chord * ratio - self.length
+        force = np.zeros((len(poses), 6, 3))
+        force[:, 0, 0] = stretch * ratio
+        force[:, 4:, 0] = (stretch * chord * slope)[:, None] * q[:, 4:]
+        force[:, 4:, 1] = q[:, 4:]
+        force[:, 3, 2] = q[:, 3]
+        return _wrench_of(poses, force)
+
+    def predict(self, poses: F) -> F:
+        """(N, 6) poses to (N, 6) wrenches."""
+        return finite("the prediction", lambda: self.columns(poses) @ self.parameters)
+
+
+def _wrench_of(poses: F, force: F) -> F:
+    """(N, 6, k) h of generalised forces Q in mid-frame coordinates."""
+    theta = np.ascontiguousarray(poses[:, 3:])
+    half = rotation_matrices(0.5 * theta)
+    f = half @ force[:, :3]
+    lever = np.cross(poses[:, :3, None], f, axis=1)
+    turned = 0.5 * np.swapaxes(left_jacobians(0.5 * theta), 1, 2) @ lever
+    jacobian = np.swapaxes(left_jacobians(theta), 1, 2)
+    return np.concatenate([f, np.linalg.solve(jacobian, force[:, 3:] - turned)], axis=1)
+
+
+ROD_SECTIONS = (
+    "axial_stiffness_N",
+    "shear_stiffness_N",
+    "bending_stiffness_Nm2",
+    "torsion_stiffness_Nm2",
+)
+
+
+@dataclass(frozen=True)
+class RodMap(_Backbone):
+    """A Cosserat rod with section stiffnesses EA, GA (N), EI, GJ (N m^2)."""
+
+    name = "rod"
+    kind = "rod"
+    names = ROD_SECTIONS
+
+    def predict(self, poses: F) -> F:
+        """(N, 6) to (N, 6); NaN where no equilibrium exists."""
+        return self._solved(np.ascontiguousarray(poses, dtype=np.float64))[0]
+
+    def stiffness(self, poses: F, kind: str = "partial") -> F:
+        """(N, 6, 6): the inverse of the slope of pose over wrench; NaN where `predict` is."""
+        return self.wrench_and_stiffness(poses, kind)[1]
+
+    def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
+        """(N, 6) wrenches and (N, 6, 6) stiffnesses from one solution."""
+        poses = np.ascontiguousarray(poses, dtype=np.float64)
+        h, slope = self._solved(poses)
+        known = np.isfinite(slope).all(axis=(1, 2))
+        stiffness = np.full_like(slope, np.nan)
+        stiffness[known] = np.linalg.inv(slope[known])
+        return h, partial_to(kind, stiffness, poses, cast(StiffnessMap, self))
+
+    def _solved(self, poses: F) -> tuple[F, F]:
+        """(N, 6) wrenches and (N, 6, 6) d pose / d wrench; NaN where no equilibrium exists."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            start = np.ascontiguousarray(self._start(poses))
+        return rod_wrenches(poses, start, length_m=self.length, **self._sections())
+
+    def _poses(self, wrenches: F) -> F:
+        poses, converged = rod_poses(
+            np.ascontiguousarray(wrenches), length_m=self.length, **self._sections()
+        )
+        poses[~converged] = np.nan
+        return poses
+
+    def _sections(self) -> dict[str, float]:
+        return dict(zip(ROD_SECTIONS, map(float, self.parameters), strict=True))
+
+    def _start(self, poses: F) -> F:
+        """The linear rod in mid-frame coordinates."""
+        ea, ga, ei, gj = self.parameters
+        q = mid_frame(poses, self.length)
+        lateral = 1.0 / (self.length / ga + self.length**3 / (12.0 * ei))
+        k = np.array(
+            [ea / self.length, lateral, lateral, gj / self.length, *[ei / self.length] * 2]
+        )
+        return np.asarray(_wrench_of(poses, (q * k)[:, :, None])[:, :, 0])
+
+    def columns(self, poses: F) -> F:
+        """(N, 6, 4) derivative to the parameters, by central differences."""
+        columns = np.empty((len(poses), 6, 4))
+        for t in range(4):
+            step = np.zeros(4)
+            step[t] = 1e-5 * self.parameters[t]
+            plus = self.with_coefficients(self.parameters + step).predict(poses)
+            minus = self.with_coefficients(self.parameters - step).predict(poses)
+            columns[:, :, t] = (plus - minus) / (2.0 * step[t])
+        return columns
+
+
+def _layout(names: Sequence[str], parameter: Layout) -> Layout:
+    """Layout of the keys of a backbone: six columns on both sides, a length, parameters."""
+    six = {"inputs": exactly(list(POSE)), "outputs": exactly(list(WRENCH))}
+    parameters = record(dict.fromkeys(names, parameter))
+    return record({**six, "length_m": number(positive=True), "parameters": parameters}, others=True)
+
+
+@dataclass(frozen=True)
+class ConstantCurvatureModel(ModelSpecification):
+    """An arc that stretches, bends and twists: three springs; short name `constant-curvature`.
+
+    Examples
+    --------
+    >>> from ecm.models import parse_model
+    >>> parse_model("constant-curvature")
+    ConstantCurvatureModel()
+    """
+
+    kind = "constant-curvature"
+
+    def fit_map(
+        self, table: Table, weights: Weights, progress: Progress | None = None
+    ) -> FittedMap:
+        """Least squares, each component over its own standard deviation."""
+        need_pose(table, self.name)
+        length = length_of(table, self.name)
+        if is_partial(table):
+            start = ConstantCurvatureMap(length, np.zeros(3))
+            return fit_measured(start, table, progress=progress)
+        spread = table.wrenches.std(axis=0)
+        scale = np.where(spread > 0.0, spread, 1.0)
+        base = ConstantCurvatureMap(length, np.ones(3))
+        z = (base.columns(table.poses) / scale[:, None]).reshape(-1, 3)
+        parameters = np.linalg.lstsq(z, (table.wrenches / scale).ravel(), rcond=None)[0]
+        base = ConstantCurvatureMap(length, np.asarray(parameters, dtype=np.float64))
+        return FittedMap(base, declared_or_fitted(base, table))
+
+    @staticmethod
+    def layout(n: int, m: int) -> Layout:
+        """Layout of the springs in a model file."""
+        return _layout(ConstantCurvatureMap.names, number())
+
+    map_from_document = staticmethod(ConstantCurvatureMap.from_document)
+
+
+@dataclass(frozen=True)
+class RodModel(ModelSpecification):
+    """A uniform, shear-flexible Cosserat rod: EA, GA, EI, GJ; short name `rod`.
+
+    Examples
+    --------
+    >>> from ecm.models import parse_model
+    >>> parse_model("rod")
+    RodModel()
+    """
+
+    kind = "rod"
+
+    most_rows = 2000  # each step solves the rod of every row nine times, for four numbers
+
+    def fit_map(
+        self, table: Table, weights: Weights, progress: Progress | None = None
+    ) -> FittedMap:
+        """Gauss-Newton on the poses that the rod takes under the measured wrenches."""
+        need_whole_wrench(table, self.name)
+        poses, wrenches = map(np.ascontiguousarray, (table.poses, table.wrenches))
+        base = fit_rod(poses, wrenches, length_of(table, self.name), progress)
+        return FittedMap(base, declared_or_fitted(base, table))
+
+    @staticmethod
+    def layout(n: int, m: int) -> Layout:
+        """Layout of the section stiffnesses in a model file."""
+        return _layout(ROD_SECTIONS, number(positive=True))
+
+    map_from_document = staticmethod(RodMap.from_document)
+
+
+def fit_rod(poses: F, wrenches: F, length: float, progress: Progress | None = None) -> RodMap:
+    """Damped Gauss-Newton on the logarithms of the four section stiffnesses.
+
+    On poses, not wrenches: `rod_poses` always answers, its inverse not. It starts from the
+    stiffness at rest of an energy of degree 4, where lateral = 1/(L/GA + L^3/(12 EI)).
+    `progress` is told how often the rod was solved, of the most that it may be.
+    """
+    scale = np.array([length] * 3 + [1.0] * 3)
+    start = EnergyTerms(length, 4).fit(poses, wrenches)
+    home = np.array([[length, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    # Wrenches that follow no pose leave a singular stiffness: a pseudoinverse, which is not
+    # positive, and so is refused below.
+    rest = np.diag(np.linalg.pinv(start.stiffness(home, "generalised")[0]))
+    if not np.all(rest > 0.0):
+        raise ComputationError(
+            "the measured stiffness at rest is not that of a rod: not positive. Check units and "
+            "signs of the wrench (ecm check), or fit energy4"
+        )
+    axial, _, _, torsion, _, bending = rest
+    bend = length / bending
+    shear = length / max(rest[1] - length**3 / (3.0 * bend), 0.05 * rest[1])
+    logs = np.log([length / axial, shear, bend, length / torsion])
+
+    solved, most = 0, 1 + 9 * _FIT_ITERATIONS
+
+    def residual(at: F) -> F:
+        nonlocal solved
+        if progress is not None:
+            progress(solved, most, f"step {solved // 9 + 1} of at most {_FIT_ITERATIONS}")
+        solved += 1
+        return np.asarray((poses - RodMap(length, np.exp(at))._poses(wrenches)) / scale)
+
+    now, damping = residual(logs), 1e-4
+    for _ in range(_FIT_ITERATIONS):
+        steps = 1e-4 * np.eye(4)
+        slope = np.stack([(residual(logs - s) - residual(logs + s)) / 2e-4 for s in steps], axis=2)
+        rows = np.isfinite(now).all(axis=1) & np.isfinite(slope).all(axis=(1, 2))
+        z, y = slope[rows].reshape(-1, 4), now[rows].ravel()
+        normal = z.T @ z
+        scaled = normal + damping * np.diag(np.diag(normal) + 1e-300)
+        move = np.clip(np.linalg.lstsq(scaled, z.T @ y, rcond=None)[0], -0.5, 0.5)
+        trial = residual(np.clip(logs + move, -20.0, 20.0))
+        both = np.isfinite(now) & np.isfinite(trial)
+        if float((trial[both] ** 2).sum()) > float((now[both] ** 2).sum()):
+            damping *= 10.0
+            continue
+        logs, now, damping = np.clip(logs + move, -20.0, 20.0), trial, 0.1 * damping
+        if float(np.abs(move).max()) < 1e-7:
+            break
+    return RodMap(length, np.exp(logs))
