@@ -13,9 +13,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from ecm._native import DWELLS_S as _DWELLS_S
 from ecm._native import diagnosable_visits, outer_poses
@@ -29,9 +30,44 @@ from ecm.io.table import Table
 
 DWELLS_S = tuple(_DWELLS_S)
 """Rest before a reading in a diagnosable campaign: relaxation shows in their difference."""
+_DWELL_S = 2.0
 _ADDED = ("kind", "approach", "dwell_s", "run", "action")
 _MEASURED = (*WRENCH, *(f"sd_{name}" for name in WRENCH), "time_s", "repeat")
 """Columns of a measurement, which a plan does not copy."""
+
+
+@dataclass(frozen=True)
+class _Visit:
+    """One row of a plan; a pose is its place among the candidates or distinct poses, -1 a check."""
+
+    action: str
+    pose: int = -1
+    share: float = 1.0
+    """Share of the straight way from home to the pose."""
+    approach: str = "initial"
+    dwell_s: float = _DWELL_S
+    run: int = 0
+    """Run of the plan, from 0."""
+
+    @property
+    def kind(self) -> str:
+        """Kind of the row in a measurement table."""
+        return {"measure": "pose", "unload": "unloaded"}.get(self.action, "home")
+
+
+def _plan(
+    of: Table, columns: dict[str, Any], pose_ids: ArrayLike, visits: Sequence[_Visit], run: float
+) -> Table:
+    """Table of a plan: columns of the poses, what is done there, and the runs from `run` on."""
+    added: dict[str, Any] = {
+        "pose_id": np.asarray(pose_ids, dtype=np.float64),
+        "kind": np.array([v.kind for v in visits], dtype=object),
+        "approach": np.array(["" if v.pose < 0 else v.approach for v in visits], dtype=object),
+        "dwell_s": np.array([v.dwell_s for v in visits]),
+        "run": np.array([run + v.run for v in visits]),
+        "action": np.array([v.action for v in visits], dtype=object),
+    }
+    return Table(columns={**columns, **added}, meta=of.meta.of_plan(), source="plan", warnings=())
 
 
 def plain_plan(candidates: Table, chosen: Design, *, seed: int = 0) -> Table:
@@ -90,13 +126,8 @@ def paper_plan(candidates: Table, chosen: Design, *, seed: int = 0) -> Table:
 
 def _each_once(candidates: Table, chosen: Design, seed: int, dwell_s: float) -> Table:
     order = np.random.default_rng([seed, 2]).permutation(len(chosen.indices))
-    return _table_of(
-        candidates, [("pose", "measure", int(i), "initial", dwell_s) for i in chosen.indices[order]]
-    )
-
-
-_Row = tuple[str, str, int, str, float]
-"""Kind, action, candidate (of a check -1), approach, dwell time in s."""
+    visits = [_Visit("measure", int(i), dwell_s=dwell_s) for i in chosen.indices[order]]
+    return _of_candidates(candidates, visits)
 
 
 def diagnosable_plan(
@@ -157,16 +188,14 @@ def diagnosable_plan(
     if n < m:
         raise InputError(f"a diagnosable plan of {m} poses needs at least {m} visits, got {n}")
     orders = [rng.permutation(size).tolist() for size in (m, m, n, n)]
-    rows: list[_Row] = []
-    for kind, action, pose, side, dwell_s in diagnosable_visits(
+    rows: list[_Visit] = []
+    for _, action, pose, side, dwell_s in diagnosable_visits(
         np.ascontiguousarray(poses), list(dwells_s), orders
     ):
-        if kind != "pose":
-            rows.append((kind, action, -1, "", dwell_s))
-            continue
         approach = "initial" if side < 0 else str(int(ids[chosen.indices[side]]))
-        rows.append((kind, action, int(chosen.indices[pose]), approach, dwell_s))
-    return _table_of(candidates, rows)
+        place = int(chosen.indices[pose]) if action == "measure" else -1
+        rows.append(_Visit(action, place, approach=approach, dwell_s=dwell_s))
+    return _of_candidates(candidates, rows)
 
 
 def _ids_of(candidates: Table) -> F:
@@ -175,10 +204,9 @@ def _ids_of(candidates: Table) -> F:
     return np.arange(len(candidates), dtype=np.float64)
 
 
-def _table_of(candidates: Table, visits: Sequence[_Row]) -> Table:
+def _of_candidates(candidates: Table, visits: Sequence[_Visit]) -> Table:
     """Table of a plan; checks have the other columns of the candidate nearest to the rest pose."""
-    kinds, actions, places, approaches, dwells_s = zip(*visits, strict=True)
-    rows = np.array(places, dtype=np.int64)
+    rows = np.array([visit.pose for visit in visits], dtype=np.int64)
     measured = rows >= 0
     taken = rows
     if not measured.all():
@@ -194,33 +222,11 @@ def _table_of(candidates: Table, visits: Sequence[_Row]) -> Table:
     if not measured.all():
         for j, name in enumerate(POSE):
             columns[name] = np.where(measured, columns[name], rest[j])
-    columns |= {
-        "pose_id": np.where(measured, _ids_of(candidates)[taken], -1.0),
-        "kind": np.array(kinds, dtype=object),
-        "approach": np.array(approaches, dtype=object),
-        "dwell_s": np.array(dwells_s),
-        "run": np.zeros(len(rows)),
-        "action": np.array(actions, dtype=object),
-    }
-    return Table(columns=columns, meta=candidates.meta.of_plan(), source="plan", warnings=())
+    ids = np.where(measured, _ids_of(candidates)[taken], -1.0)
+    return _plan(candidates, columns, ids, visits, 0.0)
 
 
 HOLDS_S = (2.0, 8.0, 60.0)
-_DWELL_S = 2.0
-
-
-@dataclass(frozen=True)
-class _Visit:
-    """One row of a plan; a pose is its position in the list of distinct poses, -1 is home."""
-
-    action: str
-    pose: int = -1
-    share: float = 1.0
-    """Share of the straight way from home to the pose."""
-    approach: str = "initial"
-    dwell_s: float = _DWELL_S
-    run: int = 0
-    """Run of the plan, from 0."""
 
 
 def follow_up_plan(data: Table, experiment: str) -> Table:
@@ -267,7 +273,7 @@ def follow_up_plan(data: Table, experiment: str) -> Table:
         own = [_Visit("unload"), _Visit("home"), *RECIPES[recipe](poses, ids), _Visit("home")]
         visits += [replace(visit, run=run) for visit in own]
     visits.append(replace(visits[-1], action="unload"))
-    return _plan(data, poses, ids, _relative_remounts(visits))
+    return _of_poses(data, poses, ids, _relative_remounts(visits))
 
 
 def can_be_run(experiment: str) -> bool:
@@ -458,19 +464,10 @@ def _pose_ids(visits: list[_Visit], ids: I) -> list[int]:
     return pose_ids
 
 
-def _plan(data: Table, poses: F, ids: I, visits: list[_Visit]) -> Table:
+def _of_poses(data: Table, poses: F, ids: I, visits: list[_Visit]) -> Table:
+    """Table of a plan of distinct poses of the data, its run after theirs."""
     length = data.meta.mechanism.get("length_m", float(np.median(poses[:, 0])))
     home = np.array([float(length), 0.0, 0.0, 0.0, 0.0, 0.0])
     at = np.stack([home if v.pose < 0 else home + v.share * (poses[v.pose] - home) for v in visits])
-    kinds = {"measure": "pose", "unload": "unloaded"}
     run = float(data.column("run").max()) + 1.0 if data.has("run") else 1.0
-    columns: dict[str, F | NDArray[np.object_]] = {name: at[:, j] for j, name in enumerate(POSE)}
-    columns |= {
-        "pose_id": np.array(_pose_ids(visits, ids), dtype=np.float64),
-        "kind": np.array([kinds.get(v.action, "home") for v in visits], dtype=object),
-        "approach": np.array(["" if v.pose < 0 else v.approach for v in visits], dtype=object),
-        "dwell_s": np.array([v.dwell_s for v in visits]),
-        "run": np.array([run + v.run for v in visits]),
-        "action": np.array([v.action for v in visits], dtype=object),
-    }
-    return Table(columns=columns, meta=data.meta.of_plan(), source="plan", warnings=())
+    return _plan(data, dict(zip(POSE, at.T, strict=True)), _pose_ids(visits, ids), visits, run)

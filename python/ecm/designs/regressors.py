@@ -295,8 +295,7 @@ def predicted_columns(
             blocks = model_columns(at, settings, base)
             sd = COMPONENT_SD if base is None else _component_sd(base, poses)
             return blocks / sd[None, :, None]
-        own = np.ascontiguousarray(at[:, moving])
-        return polynomial_regressor(own, degree, low[moving], high[moving])[:, None, :]
+        return _polynomial(poses, at, degree)[:, None, :]
 
     sample = poses[seen]
     steps = []

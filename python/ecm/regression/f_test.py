@@ -141,33 +141,6 @@ def omnibus_test(whitened: F, design: F, fitted: F, weights: F | None = None) ->
     return Beside.of(whitened, design, fitted, weights).omnibus_test()
 
 
-def sign_chance(whitened: F, design: F, fitted: F, weights: F | None = None) -> float:
-    """Chance of as much explained, where the components of a row may share their errors.
-
-    The F test takes every number as independent. Where the noise of the components is only assumed,
-    they are not, and columns explain more by chance. Here the rows change their signs at random:
-    what errors of a row share stays. The share that is explained then has a beta distribution, of
-    the mean and variance of 200 draws.
-
-    Parameters
-    ----------
-    whitened, design, fitted, weights
-        As for `omnibus_test`; the errors of a row may be of any size.
-
-    Examples
-    --------
-    >>> random = np.random.default_rng(4)
-    >>> error = np.repeat(random.standard_normal((30, 1)), 6, axis=1)
-    >>> columns = np.einsum("nq,ij->niqj", random.standard_normal((30, 3)), np.eye(6))
-    >>> columns = columns.reshape(30, 6, 18)
-    >>> nothing = np.zeros((30, 6, 0))
-    >>> alone = omnibus_test(error, columns, nothing).p
-    >>> alone < 0.01 < sign_chance(error, columns, nothing)
-    True
-    """
-    return Beside.of(whitened, design, fitted, weights).sign_chance()
-
-
 @dataclass(frozen=True)
 class Beside:
     """A residual and columns beside what was fitted already: one decomposition for both tests.
@@ -215,7 +188,22 @@ class Beside:
         return FTest.of(explained, directions, rest, self.size - self.basis.shape[1] - directions)
 
     def sign_chance(self) -> float:
-        """Chance of as much explained where the components of a row may share their errors."""
+        """Chance of as much explained, where the components of a row may share their errors.
+
+        The F test takes every number as independent. Where the noise of the components is only
+        assumed, they are not, and columns explain more by chance. Here the rows change their signs
+        at random: what errors of a row share stays. The share that is explained then has a beta
+        distribution, of the mean and variance of 200 draws.
+
+        Examples
+        --------
+        >>> random = np.random.default_rng(4)
+        >>> error = np.repeat(random.standard_normal((30, 1)), 6, axis=1)
+        >>> columns = np.einsum("nq,ij->niqj", random.standard_normal((30, 3)), np.eye(6))
+        >>> beside = Beside.of(error, columns.reshape(30, 6, 18), np.zeros((30, 6, 0)))
+        >>> beside.omnibus_test().p < 0.01 < beside.sign_chance()
+        True
+        """
         n, m = self.residual.shape
         random = np.random.default_rng(_SEED)
         signs = random.choice([-1.0, 1.0], (n, _DRAWS))

@@ -43,20 +43,32 @@ class PhysicsRefit:
     """Fitted parameters of a body."""
 
     base: PhysicsMap
-    names: tuple[str, ...]
-    """Free parameters: young_modulus_Pa, poisson_ratio, length_m, diameter_m, or factor."""
-    values: F
-    sd: F
-    """(k,) standard deviations from the noise alone."""
-    correlation: F
-    """(k, k)."""
     covariance: F
-    """(k, k)."""
-    whitened_rms: float
-    """Root mean square of the whitened residual: 1 where only noise is left."""
+    """(k, k) of the free parameters, from the noise alone."""
     at_bound: tuple[str, ...]
     """Parameters at the limit of the tabulated range, or at nu = 0.5."""
     converged: bool
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Free parameters: young_modulus_Pa, poisson_ratio, length_m, diameter_m, or factor."""
+        return self.base.parameter_names
+
+    @property
+    def values(self) -> F:
+        """(k,) in the unit of their name."""
+        return self.base.coefficients
+
+    @property
+    def sd(self) -> F:
+        """(k,) standard deviations."""
+        return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
+
+    @property
+    def correlation(self) -> F:
+        """(k, k)."""
+        scale = np.where(self.sd > 0.0, self.sd, 1.0)
+        return np.asarray(self.covariance / np.outer(scale, scale))
 
     def sentences(self) -> list[str]:
         """One line per parameter, and their correlations."""
@@ -148,18 +160,8 @@ def refit_physics(
     values = fitted.coefficients
     near = _AT_BOUND * np.abs(values)
     outside = (values - low < near) | (high - values < near)
-    scale = np.where(sd > 0.0, sd, 1.0)
-    return PhysicsRefit(
-        base=fitted,
-        names=fitted.parameter_names,
-        values=values,
-        sd=sd,
-        correlation=joint.covariance / np.outer(scale, scale),
-        covariance=joint.covariance,
-        whitened_rms=float(np.sqrt((joint.whitened**2).mean())),
-        at_bound=tuple(n for n, out in zip(fitted.parameter_names, outside, strict=True) if out),
-        converged=joint.converged,
-    )
+    at_bound = tuple(n for n, out in zip(fitted.parameter_names, outside, strict=True) if out)
+    return PhysicsRefit(fitted, joint.covariance, at_bound, joint.converged)
 
 
 @dataclass(frozen=True)
