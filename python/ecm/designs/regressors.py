@@ -308,5 +308,4 @@ def predicted_columns(
 
 def _component_sd(base: NominalModel, poses: F) -> F:
     """(6,) root mean variance of a reading's components over the candidates."""
-    covariance = base.noise.covariance(base.rows(poses))
-    return np.asarray(np.sqrt(np.einsum("nii->ni", covariance).mean(axis=0)))
+    return np.asarray(np.sqrt(base.noise.variances(base.rows(poses)).mean(axis=0)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,33 +19,20 @@ from ecm.models.time_effects import Input, TimeEffects
 
 Outcome = Literal["waiting", "adapted", "left out", "jumped", "diagnose", "refused"]
 
-OUTCOMES: tuple[Outcome, ...] = (
-    "waiting",
-    "adapted",
-    "left out",
-    "jumped",
-    "diagnose",
-    "refused",
-)
+OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 """What a reading did, in the order of the compiled code's numbers (docs/adapt.md)."""
-GROUPS: Mapping[str, tuple[str, ...]] = {
-    "modulus": ("modulus",),
-    "payload": ("mass", "mass_x", "mass_y", "mass_z"),
-    "zero": ("zero_fx", "zero_fy", "zero_fz", "zero_tau_x", "zero_tau_y", "zero_tau_z"),
-    "shares": ("share_first", "share_second"),
+GROUPS: Mapping[str, Mapping[str, str]] = {
+    "modulus": {"modulus": ""},
+    "payload": {"mass": "kg", "mass_x": "kg m", "mass_y": "kg m", "mass_z": "kg m"},
+    "zero": {f"zero_{axis}": "N" for axis in ("fx", "fy", "fz")}
+    | {f"zero_{axis}": "N m" for axis in ("tau_x", "tau_y", "tau_z")},
+    "shares": {"share_first": "", "share_second": ""},
 }
-"""The parameters of each group that can be chosen."""
-NAMES = tuple(name for names in GROUPS.values() for name in names)
-"""All parameters, in the order of the compiled code."""
-UNITS: Mapping[str, str] = {
-    "modulus": "",
-    "mass": "kg",
-    **dict.fromkeys(("mass_x", "mass_y", "mass_z"), "kg m"),
-    **dict.fromkeys(("zero_fx", "zero_fy", "zero_fz"), "N"),
-    **dict.fromkeys(("zero_tau_x", "zero_tau_y", "zero_tau_z"), "N m"),
-    **dict.fromkeys(("share_first", "share_second"), ""),
-}
+"""The parameters of each group that can be chosen, with their units."""
+UNITS = {name: unit for names in GROUPS.values() for name, unit in names.items()}
 """Unit of each parameter."""
+NAMES = tuple(UNITS)
+"""All parameters, in the order of the compiled code."""
 
 
 @dataclass(frozen=True)
@@ -118,9 +105,7 @@ class AdaptSettings:
     @property
     def names(self) -> tuple[str, ...]:
         """The parameters that are estimated."""
-        return tuple(
-            name for group, names in GROUPS.items() if group in self.groups for name in names
-        )
+        return tuple(name for group in GROUPS if group in self.groups for name in GROUPS[group])
 
     def document(
         self, effects: TimeEffects, domain: Mapping[str, Sequence[float]]
@@ -175,7 +160,7 @@ class AdaptSettings:
         if name in GROUPS["payload"]:
             sd = self.mass_sd_kg * (1.0 if name == "mass" else self.lever_sd_m)
             return sd, 0.01 * sd, 5.0 * sd, True
-        force = name in ("zero_fx", "zero_fy", "zero_fz")
+        force = UNITS[name] == "N"
         sd = self.zero_sd_N if force else self.zero_sd_Nm
         return sd, self.zero_walk_N if force else self.zero_walk_Nm, 10.0 * sd, True
 

@@ -14,8 +14,9 @@ import numpy as np
 from ecm._native import polynomial_regressor
 from ecm.io.arrays import F
 from ecm.io.cache import hash_of
-from ecm.io.columns import POSE
+from ecm.io.columns import POSE, same_unit
 from ecm.io.table import Table
+from ecm.models.evaluation import EvaluatedModel
 from ecm.models.joint_fit import JointFit
 from ecm.models.maps import StiffnessMap
 from ecm.regression.f_test import FTest
@@ -26,8 +27,10 @@ from ecm.regression.rows import Rows
 
 _CEILING_DEGREE = 3
 _CEILING_FOLDS = 5
-_MOST_ROWS = 1000
-"""Rows that give the error of a model at home."""
+_MOST_ROWS, _MOST_ROWS_OF_A_MODEL = 1000, 3000
+"""Rows that give the error of a map at home, and those of a model with its effects."""
+_ROUNDING = 1e-9
+"""Share of the readings that is rounding: what never moves is predicted to the last digits only."""
 
 
 def rms(values: F) -> float:
@@ -63,6 +66,23 @@ def error_over_noise(base: StiffnessMap, noise: Noise, table: Table) -> float | 
     errors = rows.table.matrix(base.outputs) - rows.sensor_load
     whitener = whiteners(noise.covariance(rows, base.error))
     return rms(np.einsum("nij,nj->ni", whitener, errors))
+
+
+def errors_and_noise(model: EvaluatedModel, table: Table) -> tuple[F, F]:
+    """(m,) error of each component of a model on a table, and its noise, both in its unit.
+
+    Only rounding where no noise is known. Effects whose columns the table lacks are left out.
+    """
+    some = table.thinned(spread_rows(table, _MOST_ROWS_OF_A_MODEL))
+    scored = is_pose_row(some)
+    readings = some.matrix(model.outputs)
+    left = readings - model.predict(some, skip_untestable=True)
+    errors = np.sqrt((left[scored] ** 2).mean(axis=0))
+    if model.noise.is_residual:
+        size = np.sqrt((readings[scored] ** 2).mean(axis=0))
+        return errors, _ROUNDING * (same_unit(model.outputs) * size).max(axis=1)
+    variance = model.noise.variances(Rows(some, model.base))
+    return errors, np.sqrt(variance[scored].mean(axis=0))
 
 
 def held_out(fit: JointFit) -> float | None:

@@ -16,7 +16,6 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.description import Meta, Scene
 from ecm.io.table import Table, TableLike, as_table
-from ecm.models.errors import FitRecord
 from ecm.models.joint_fit import FittedEffect
 from ecm.models.maps import (
     StiffnessMap,
@@ -59,12 +58,6 @@ class EvaluatedModel:
     """Length of the mechanism, for effects that need it where the base does not state it."""
     scene: Scene = field(default_factory=Scene)
     """Scene of the fit: bare poses are under its gravity; a table states its own."""
-    base_frozen: bool = False
-    """Whether `fit` keeps the base's coefficients."""
-    history: tuple[FitRecord, ...] = ()
-    """One record for each fit (history.py)."""
-    correlations: tuple[tuple[str, str, float], ...] = ()
-    """Pairs of fitted parameters with large correlation, the largest first."""
 
     @property
     def name(self) -> str:
@@ -173,7 +166,7 @@ class EvaluatedModel:
         if sd is None:
             return None
         factor = max(1.0, float(self.training.get("residual_variance", 1.0)))
-        variance = np.einsum("njj->nj", self.noise.covariance(self.rows_at(poses)))
+        variance = self.noise.variances(self.rows_at(poses))
         return finite("the deviation", lambda: np.sqrt(sd**2 + factor * variance))
 
     def leverage(self, poses: F) -> F | None:

@@ -268,7 +268,7 @@ def _with_priors(
 def effect_sizes(fit: JointFit, noise: Noise) -> dict[str, float]:
     """Root mean square of each effect on the fitted rows over the noise, of its worst component."""
     scored = is_pose_row(fit.rows.table)
-    variance = np.einsum("njj->nj", noise.covariance(fit.rows, fit.base.error))[scored]
+    variance = noise.variances(fit.rows, fit.base.error)[scored]
     sizes = {}
     for item in fit.effects:
         acts = correction_of(item.effect, fit.rows, item.values)[scored]

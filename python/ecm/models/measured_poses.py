@@ -347,35 +347,30 @@ _SMALL_ERROR = 0.15
 """An energy whose error over the noise is smaller is near enough to fold effects into."""
 
 
-def folded(model: EvaluatedModel) -> tuple[EnergyMap, float]:
-    """The smallest energy that is near enough to the base with its effects.
+def folded(model: EvaluatedModel) -> tuple[EnergyMap | PolynomialMap, float]:
+    """The smallest map that is near enough to the base with its effects, and how far it differs.
 
-    Also how far it differs from the two at measured poses: rms of the worst component over the
-    noise.
+    Rms of the worst component over the noise at measured poses. An energy; of few pose columns,
+    and of a polynomial of some wrench columns, which have no energy, the lowest polynomial.
     """
+    base = model.base
+    few = len(base.inputs) < len(POSE)
+    if few or (isinstance(base, PolynomialMap) and not is_whole(base)):
+        least = base.model.degree if isinstance(base, PolynomialMap) else POLYNOMIAL_DEGREES[0]
+        most = MOST_OF_ONE_INPUT if len(base.inputs) == 1 else POLYNOMIAL_DEGREES[1]
+
+        def polynomial(degree: int, poses: F, wrenches: F) -> PolynomialMap:
+            fitted = _native.PolynomialModel.fit(poses, wrenches, degree)
+            return PolynomialMap(fitted, base.inputs, base.outputs)
+
+        return _first_near_enough(range(least, most + 1), polynomial, model)
     rest = model.rest_pose("a model with effects of physics is exported as an energy, which")
     length = float(rest[0, 0])
 
-    def fitted(form: tuple[int, Symmetry], poses: F, wrenches: F) -> EnergyMap:
+    def energy(form: tuple[int, Symmetry], poses: F, wrenches: F) -> EnergyMap:
         return EnergyTerms(length, *form).fit(poses, wrenches)
 
-    return _first_near_enough(_ENERGIES, fitted, model)
-
-
-def folded_polynomial(model: EvaluatedModel) -> tuple[PolynomialMap, float]:
-    """The lowest polynomial that is near enough to a map with effects, and how far it differs.
-
-    For models of few columns, which have no energy: polynomials, and equations of one's own.
-    """
-    base = model.base
-    least = base.model.degree if isinstance(base, PolynomialMap) else POLYNOMIAL_DEGREES[0]
-    most = MOST_OF_ONE_INPUT if len(base.inputs) == 1 else POLYNOMIAL_DEGREES[1]
-
-    def fitted(degree: int, poses: F, wrenches: F) -> PolynomialMap:
-        model = _native.PolynomialModel.fit(poses, wrenches, degree)
-        return PolynomialMap(model, base.inputs, base.outputs)
-
-    return _first_near_enough(range(least, most + 1), fitted, model)
+    return _first_near_enough(_ENERGIES, energy, model)
 
 
 def _first_near_enough(

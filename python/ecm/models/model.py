@@ -72,6 +72,12 @@ class Model(EvaluatedModel):
     array([False,  True])
     """
 
+    base_frozen: bool = False
+    """Whether `fit` keeps the base's coefficients."""
+    history: tuple[FitRecord, ...] = ()
+    """One record for each fit (history.py)."""
+    correlations: tuple[tuple[str, str, float], ...] = ()
+    """Pairs of fitted parameters with large correlation, the largest first."""
     previous: Model | None = None
     """The model before the last fit; of a model changed since then, as that fit left it."""
     changed: bool = False

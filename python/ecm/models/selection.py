@@ -317,10 +317,9 @@ def choose_model(
             for part in range(parts):
                 if progress is not None:
                     progress(place * parts + part, len(listed) * parts, candidate.title)
-                fitted = fit_rows(measured.select(np.flatnonzero(fold != part)), candidate)
-                size = free_coefficients(fitted.base)
-                test = np.flatnonzero(fold == part)
-                squares.append(_square(fitted.base, measured, test, whitener))
+                split = np.flatnonzero(fold != part), np.flatnonzero(fold == part)
+                square, size = _square(candidate, measured, *split, whitener)
+                squares.append(square)
         except EcmError:
             squares = [np.inf]
         sizes.append(size)
@@ -337,13 +336,6 @@ def choose_model(
     order = [i for i in np.argsort(sizes, kind="stable") if within[i]]
     errors, sd = np.array(error), np.array(spread)
     return ModelChoice(listed, tuple(sizes), errors, sd, int(order[0]), _over(measured))
-
-
-def free_coefficients(base: StiffnessMap) -> int:
-    """Number of fitted coefficients; for a principal component regression those of its rank."""
-    if isinstance(base, PolynomialMap) and base.model.rank > 0:
-        return base.model.rank * len(base.outputs)
-    return len(base.coefficients)
 
 
 @dataclass(frozen=True)
@@ -492,10 +484,10 @@ def learning_curve(
                 progress(steps, draws * sum(usable), f"{n} poses")
             steps += n
             try:
-                fitted = fit_rows(measured.select(rows), specification)
+                square, _ = _square(specification, measured, rows, test, whitener)
             except EcmError:
                 continue
-            errors[s, d] = np.sqrt(_square(fitted.base, measured, test, whitener))
+            errors[s, d] = np.sqrt(square)
     middle = np.median(errors, axis=1)
     lower, upper = np.sort(errors, axis=1)[:, [draws // 4, -1 - draws // 4]].T
     enough = None
@@ -541,13 +533,22 @@ def _whitener(table: Table) -> F:
     return whiteners(declared_noise(table).covariance(Rows(table, base)))
 
 
-def _square(base: StiffnessMap, table: Table, test: I, whitener: F) -> float:
-    """Mean whitened square of the residual on the rows `test`."""
+def _square(
+    model: ModelSpecification, table: Table, rows: I, test: I, whitener: F
+) -> tuple[float, int]:
+    """Mean whitened square on the rows `test` of a fit to others, and its free coefficients.
+
+    Those of a principal component regression are of its rank.
+    """
+    base = fit_rows(table.select(rows), model).base
     part = table.select(test)
     residual = part.matrix(base.outputs) - base.predict(
         np.ascontiguousarray(part.matrix(base.inputs))
     )
-    return float((np.einsum("nij,nj->ni", whitener[test], residual) ** 2).mean())
+    square = float((np.einsum("nij,nj->ni", whitener[test], residual) ** 2).mean())
+    if isinstance(base, PolynomialMap) and base.model.rank > 0:
+        return square, base.model.rank * len(base.outputs)
+    return square, len(base.coefficients)
 
 
 _FOLDS = 10

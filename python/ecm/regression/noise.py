@@ -94,10 +94,9 @@ class Noise:
         if self.components is not None:
             covariance = np.broadcast_to(np.diag(np.square(self.components)), (len(rows), m, m))
             return np.array(covariance)
-        inputs, outputs = rows.base.inputs, rows.base.outputs
-        of_pose = [self.position_sd_m if n in POSE[:3] else self.rotation_sd_rad for n in inputs]
+        outputs = rows.base.outputs
         of_wrench = [self.force_sd_N if n in WRENCH[:3] else self.torque_sd_Nm for n in outputs]
-        acting = _acting_stiffness(rows) * np.array(of_pose)
+        acting = rows.acting_stiffness * self.pose_sd(rows.base.inputs)
         covariance = acting @ np.swapaxes(acting, 1, 2)
         covariance += np.diag(np.square(of_wrench))
         if self.growth_per_N > 0.0 or self.growth_per_Nm > 0.0:
@@ -106,6 +105,16 @@ class Noise:
             loaded = (~rows.unloaded).astype(np.float64)
             covariance += loaded[:, None, None] * np.diag(np.square(base_error))
         return np.asarray(covariance)
+
+    def pose_sd(self, inputs: Sequence[str]) -> F:
+        """(n,) standard deviations of pose columns."""
+        return np.array(
+            [self.position_sd_m if n in POSE[:3] else self.rotation_sd_rad for n in inputs]
+        )
+
+    def variances(self, rows: Rows, base_error: F | None = None) -> F:
+        """(N, m) of the residual of each row."""
+        return np.asarray(np.einsum("njj->nj", self.covariance(rows, base_error)))
 
     def _grown(self, rows: Rows) -> F:
         """(N, m, m) diagonal (sigma g h)^2."""
@@ -142,7 +151,7 @@ class Noise:
 def covariance_parts(rows: Rows) -> F:
     """(4, N, m, m) covariance per unit variance of position, rotation, force, torque."""
     inputs, outputs = rows.base.inputs, rows.base.outputs
-    stiffness = _acting_stiffness(rows)
+    stiffness = rows.acting_stiffness
     position = np.array([name in POSE[:3] for name in inputs])
     force = np.array([name in WRENCH[:3] for name in outputs])
     along, about = stiffness[:, :, position], stiffness[:, :, ~position]
@@ -153,11 +162,6 @@ def covariance_parts(rows: Rows) -> F:
     parts[2] = np.diag(force.astype(np.float64))
     parts[3] = np.diag((~force).astype(np.float64))
     return parts
-
-
-def _acting_stiffness(rows: Rows) -> F:
-    """(N, m, n) stiffness through which the pose noise acts."""
-    return rows.screw_stiffness if rows.base.inputs == POSE else rows.stiffness
 
 
 _ALL = (*POSE, *WRENCH)

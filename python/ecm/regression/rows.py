@@ -317,6 +317,14 @@ class Rows:
         screw[:, :, 3:] = self.stiffness[:, :, 3:] @ inverse
         return screw
 
+    @property
+    def acting_stiffness(self) -> F:
+        """(N, m, n) wrench by a change of the pose, its rotations in base axes where all are there.
+
+        What the noise of the pose acts through.
+        """
+        return self.screw_stiffness if self.base.inputs == POSE else self.stiffness
+
     @cached_property
     def rotation_vectors(self) -> F:
         """(N, 3) theta."""

@@ -27,8 +27,7 @@ from ecm.models.controller import AdaptSettings
 from ecm.models.export.fmu import fmu
 from ecm.models.export.simulators import mujoco, opensim
 from ecm.models.export.source import Exported, Precision, Source, Target, without
-from ecm.models.maps import PolynomialMap, StiffnessMap
-from ecm.models.measured_poses import folded, folded_polynomial, has_measured_poses, measured_poses
+from ecm.models.measured_poses import folded, has_measured_poses, measured_poses
 from ecm.models.model import Model
 from ecm.models.time_effects import time_effects
 from ecm.regression.rows import is_whole
@@ -367,11 +366,7 @@ def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
             "all six pose and wrench columns and a length: fit a polynomial or an energy",
             remedy=Remedy("fit a polynomial", "ecm fit DATA --model linear --out linear.json"),
         )
-    one: StiffnessMap
-    if few or (isinstance(model.base, PolynomialMap) and not whole):
-        one, share = folded_polynomial(model)
-    else:
-        one, share = folded(model)
+    one, share = folded(model)
     where = "measured poses" if has_measured_poses(model) else "poses drawn from the domain"
     parts = acting if has_code else [str(kind), *acting]
     note = (

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -121,9 +122,20 @@ def build_family(
         threads=threads,
         rotation_limit_rad=limit,
     )
-    solver = _Solver(made, stage, threads)
+
+    def solved_at(index: int, s: float, x: float, at: F, counts: tuple[int, int]) -> Solved:
+        """One body, kept in `stage`; `counts` are the poses solved before, and all."""
+        part = None if stage is None else stage.load_part(index)
+        if part is not None:
+            return Solved(part["wrenches"], part["stiffness"], part["ok"].astype(np.bool_))
+        found = _solved(made.fem(s, x), at, threads, progress, counts)
+        with suppress(OSError):  # a cache that cannot be written only costs time
+            if stage is not None:
+                stage.save_part(index, dict(vars(found)))
+        return found
+
     if wide:
-        first = solver.run(_SCREEN, nodes.centre, 0.0, poses, progress, (0, len(poses)))
+        first = solved_at(_SCREEN, nodes.centre, 0.0, poses, (0, len(poses)))
         poses = np.ascontiguousarray(poses[held_by_loads(poses, first)][: settings.poses])
     unseen = workspace_poses(
         rest,
@@ -139,7 +151,7 @@ def build_family(
     solved: list[Solved] = []
     done = 0
     for index, (s, x, at) in enumerate(bodies):
-        solved.append(solver.run(index, s, x, at, progress, (done, total)))
+        solved.append(solved_at(index, s, x, at, (done, total)))
         done += len(at)
     if progress is not None:
         progress(total, total, "fitting")
@@ -223,35 +235,6 @@ def _solved(
     return Solved(results.wrenches, results.stiffness, ok)
 
 
-@dataclass(frozen=True)
-class _Solver:
-    """Poses of bodies by FEM; finished ones are kept in `stage`."""
-
-    made: _Rods | _Bodies
-    stage: Stage | None
-    threads: int
-
-    def run(
-        self,
-        index: int,
-        s: float,
-        x: float,
-        poses: F,
-        progress: Progress | None,
-        counts: tuple[int, int],
-    ) -> Solved:
-        """Solve one body; `counts` are the poses solved before, and all."""
-        part = None if self.stage is None else self.stage.load_part(index)
-        if part is not None:
-            return Solved(part["wrenches"], part["stiffness"], part["ok"].astype(np.bool_))
-        found = _solved(self.made.fem(s, x), poses, self.threads, progress, counts)
-        with suppress(OSError):  # a cache that cannot be written only costs time
-            if self.stage is not None:
-                parts = {"wrenches": found.wrenches, "stiffness": found.stiffness, "ok": found.ok}
-                self.stage.save_part(index, parts)
-        return found
-
-
 class _Rods:
     """The bodies of one rod: its section stiffnesses scaled."""
 
@@ -261,7 +244,11 @@ class _Rods:
 
     def fem(self, s: float, x: float) -> RodBody:
         """The rod with mu/kappa = s and its diameter times exp(x)."""
-        return RodBody.of(self._shape, poisson_ratio(s), float(np.exp(x)))
+        shape = self._shape
+        nominal = np.array([getattr(shape, name) for name in ROD_SECTIONS])
+        young = (1.0 + poisson_ratio(s)) / (1.0 + shape.poisson_ratio)
+        sections = nominal * young**_BY_YOUNG * float(np.exp(x)) ** _BY_DIAMETER
+        return RodBody(RodMap(shape.length_m, sections))
 
 
 class _Bodies:
@@ -351,27 +338,10 @@ def scaled_rod(rod: Mechanism, length_m: float, shear_modulus_Pa: float) -> Mech
 
 
 @dataclass(frozen=True)
-class SolvedRod:
-    """Results of a rod in the form of `Fem.solve_poses`."""
-
-    wrenches: F
-    stiffness: F
-    status: list[str]
-
-
-@dataclass(frozen=True)
 class RodBody:
     """One rod of a family, with the methods of the FEM of a body."""
 
     map: RodMap
-
-    @staticmethod
-    def of(shape: Mechanism, poisson_ratio: float, across: float) -> RodBody:
-        """The rod of another nu and of `across` times the diameter, at the shape's mu."""
-        nominal = np.array([getattr(shape, name) for name in ROD_SECTIONS])
-        young = (1.0 + poisson_ratio) / (1.0 + shape.poisson_ratio)
-        sections = nominal * young**_BY_YOUNG * across**_BY_DIAMETER
-        return RodBody(RodMap(shape.length_m, sections))
 
     def rest_stiffness(self) -> F:
         """(6, 6) partial, at the undeformed pose."""
@@ -379,9 +349,9 @@ class RodBody:
         rest[0, 0] = self.map.length
         return np.asarray(self.map.stiffness(rest)[0])
 
-    def solve_poses(self, poses: F, **_: Any) -> SolvedRod:
+    def solve_poses(self, poses: F, **_: Any) -> SimpleNamespace:
         """Wrench (N, 6) and partial stiffness (N, 6, 6) at poses; status as from the FEM."""
         wrenches, stiffness = self.map.wrench_and_stiffness(poses)
         solved = np.isfinite(wrenches).all(axis=1) & np.isfinite(stiffness).all(axis=(1, 2))
         status = np.where(solved, "solved", "not_converged").tolist()
-        return SolvedRod(wrenches, stiffness, status)
+        return SimpleNamespace(wrenches=wrenches, stiffness=stiffness, status=status)
