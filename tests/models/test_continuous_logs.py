@@ -18,9 +18,9 @@ from ecm.cli.console import Console
 from ecm.comparison.reference_models import ReferenceModels
 from ecm.diagnosis.procedure import STAGES, watched
 from ecm.io.columns import POSE, WRENCH
-from ecm.models import selection
+from ecm.models import fit_summary as summary
+from ecm.models.fit_summary import fit_summary
 from ecm.models.learned import GaussianProcessModel
-from ecm.models.selection import fit_summary
 from ecm.regression.correlation import correlation_time
 from support.neck import LENGTH_M, STIFFNESS, Done, csv_text, neck_columns
 
@@ -54,7 +54,7 @@ def test_a_gaussian_process_fits_some_rows_of_a_long_log_and_says_so(
 ) -> None:
     assert GaussianProcessModel().most_rows == 2000
     monkeypatch.setattr(GaussianProcessModel, "most_rows", 200)
-    monkeypatch.setattr(selection, "_held_out", lambda *_: None)
+    monkeypatch.setattr(summary, "_held_out", lambda *_: None)
     table = ecm.Table(log(1_000), meta=CONTINUOUS)
     model = ecm.fit_model(table, "gp")
     assert len(model.base.document()["parameters"]["points"]) == 200

@@ -25,9 +25,10 @@ from ecm.models import (
     learning_curve,
     parse_model,
 )
+from ecm.models.fit_summary import fit_summary
 from ecm.models.refit import refit as refit_model
 from ecm.models.refit import refit_summary, refuse_worse
-from ecm.models.selection import default_candidates, fit_summary
+from ecm.models.selection import default_candidates
 from ecm.models.specification import Weights
 
 _SIZES = (5, 10, 20, 30, 50, 75, 100, 150, 200, 300, 500, 700, 1000, 1500)

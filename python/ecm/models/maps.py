@@ -25,7 +25,6 @@ from ecm.errors import InputError, ModelError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
-from ecm.io.events import Progress
 from ecm.io.table import Table
 from ecm.regression.blocks import in_blocks
 from ecm.regression.noise import Noise, whiteners
@@ -483,10 +482,8 @@ def variances_of(columns: F, covariance: F) -> F:
     return np.asarray(np.einsum("nmk,nmk->nm", images, columns))
 
 
-def leverages(
-    base: StiffnessMap, covariance: F, noise: Noise, poses: F, progress: Progress | None = None
-) -> F:
-    """(N,) leverage of poses (N, 6); `progress` is told the rows that are done, of all."""
+def leverages(base: StiffnessMap, covariance: F, noise: Noise, poses: F) -> F:
+    """(N,) leverage of poses (N, 6)."""
     known = {} if base.length_m is None else {"length_m": base.length_m}
     shares = _OwnVariances.of(base, covariance) if isinstance(base, PolynomialMap) else None
     # P = R R', so that only the columns' images are needed, block by block.
@@ -507,7 +504,7 @@ def leverages(
         own = whitener @ (images @ np.swapaxes(images, 1, 2)) @ np.swapaxes(whitener, 1, 2)
         return np.asarray(np.linalg.eigvalsh(own)[:, -1])
 
-    return np.concatenate([np.zeros(0), *in_blocks(len(poses), of_block, progress)])
+    return np.concatenate([np.zeros(0), *in_blocks(len(poses), of_block)])
 
 
 @dataclass(frozen=True)

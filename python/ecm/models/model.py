@@ -75,7 +75,7 @@ class Model(EvaluatedModel):
     base_frozen: bool = False
     """Whether `fit` keeps the base's coefficients."""
     history: tuple[FitRecord, ...] = ()
-    """One record for each fit (history.py)."""
+    """One record for each fit (errors.py)."""
     correlations: tuple[tuple[str, str, float], ...] = ()
     """Pairs of fitted parameters with large correlation, the largest first."""
     previous: Model | None = None

@@ -54,7 +54,7 @@ class _Backbone(SixAxisMap):
     """A length and a few parameters."""
 
     names: ClassVar[tuple[str, ...]]
-    """Of the parameters, with their units."""
+    """Names of the parameters, with their units."""
     length: float
     parameters: F
 

@@ -9,8 +9,7 @@ noise of other columns may not be known: their errors are over their spread.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from ecm.effects import Rows
 from ecm.errors import EcmError, InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import F, I
-from ecm.io.columns import POSE, WRENCH, unit_of
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import Progress
 from ecm.io.extras import require
 from ecm.io.settings import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
@@ -27,19 +26,18 @@ from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.models.energy import EnergyModel
 from ecm.models.fit import fit_model, fit_rows
 from ecm.models.maps import PolynomialMap, StiffnessMap
-from ecm.models.model import Model, drawn
-from ecm.models.parameters import ParametrisedMap
-from ecm.models.partial import MeasuredMap, measured_part
-from ecm.models.physics.map import PhysicsMap
-from ecm.models.physics.refit import PhysicsModel, physics_sentences
+from ecm.models.model import drawn
+from ecm.models.partial import measured_part
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.registry import parse_model
 from ecm.models.specification import ModelSpecification
 from ecm.regression.blocks import MANY_ROWS
-from ecm.regression.correlation import correlation_time
-from ecm.regression.folds import CHOSEN, row_groups, split_words
+from ecm.regression.folds import row_groups
 from ecm.regression.noise import declared_noise, whiteners
 from ecm.report import figures
+
+Told = Callable[[float, float], object] | None
+"""Called with the part that is done, and the whole."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,7 @@ def cross_validate(
     grouped: bool = True,
     seed: int = 0,
     fitted: StiffnessMap | None = None,
-    progress: _Told = None,
+    progress: Told = None,
 ) -> CrossValidation:
     """Held-out errors of a model; groups of rows stay together unless asked otherwise.
 
@@ -338,6 +336,9 @@ def choose_model(
     return ModelChoice(listed, tuple(sizes), errors, sd, int(order[0]), _over(measured))
 
 
+_TESTED, _ALIKE = 0.25, 0.05
+
+
 @dataclass(frozen=True)
 class LearningCurve:
     """Held-out error against the number of poses.
@@ -414,17 +415,15 @@ def learning_curve(
     sizes: Sequence[int],
     *,
     draws: int = 8,
-    tolerance: float = 0.05,
-    held_out: float = 0.25,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> LearningCurve:
     """How many poses are enough for a model.
 
-    The stop rule: the fewest poses whose held-out error is within `tolerance` of the smallest
-    on the curve, provided that the curve has become flat there: the largest size must not be
-    better than the one before by more than `tolerance`. `one_standard_error` uses the standard
-    error over the draws in place of the share.
+    The error is that on a quarter of the poses. The stop rule: the fewest poses whose error is
+    within 5 % of the smallest on the curve, provided that the curve has become flat there: the
+    largest size must not be better than the one before by more than 5 %. `one_standard_error` uses
+    the standard error over the draws in place of the share.
 
     Parameters
     ----------
@@ -436,10 +435,6 @@ def learning_curve(
         Numbers of poses to fit to; those that leave too few to test are left out.
     draws
         Random choices of poses for each size.
-    tolerance
-        Share of the error by which the stop rule judges.
-    held_out
-        Share of the poses that the error is measured on.
     seed
         Seed of the random generator.
     progress
@@ -465,7 +460,7 @@ def learning_curve(
     specification, measured = parse_model(model), table.measured()
     groups = row_groups(measured)
     count = int(groups.max()) + 1
-    tests = max(1, round(held_out * count))
+    tests = max(1, round(_TESTED * count))
     whitener = _whitener(measured)
     usable = [n for n in sizes if n <= count - tests]
     if not usable:
@@ -491,9 +486,9 @@ def learning_curve(
     middle = np.median(errors, axis=1)
     lower, upper = np.sort(errors, axis=1)[:, [draws // 4, -1 - draws // 4]].T
     enough = None
-    flat = len(usable) > 1 and middle[-2] <= (1.0 + tolerance) * middle[-1]
+    flat = len(usable) > 1 and middle[-2] <= (1.0 + _ALIKE) * middle[-1]
     if flat and np.isfinite(middle[-1]):
-        within = middle <= (1.0 + tolerance) * middle.min()
+        within = middle <= (1.0 + _ALIKE) * middle.min()
         enough = usable[int(np.argmax(within))]
     mean, few = errors.mean(axis=1), None
     if np.isfinite(mean).any() and draws > 1:
@@ -549,187 +544,3 @@ def _square(
     if isinstance(base, PolynomialMap) and base.model.rank > 0:
         return square, base.model.rank * len(base.outputs)
     return square, len(base.coefficients)
-
-
-_FOLDS = 10
-_HALVINGS = 25
-_USELESS = 3.0
-"""Held-out errors beyond so many times the spread are no errors of a prediction."""
-_Told = Callable[[float, float], object] | None
-
-
-def fit_summary(
-    fitted: Model,
-    table: Table,
-    model: ModelSpecification,
-    *,
-    seed: int = 0,
-    progress: _Told = None,
-) -> dict[str, Any]:
-    """Return error on the fitted and on held-out rows, absolute and as a share of the spread.
-
-    Parameters
-    ----------
-    fitted
-        The model fitted to the table.
-    table
-        Its rows (N).
-    model
-        Its specification, which is fitted again for the held-out error; not with a PCR threshold,
-        and not for the physics model.
-    seed
-        Seed of the random generator.
-    progress
-        Called with the part of the held-out fits that is done, and the whole.
-
-    Returns
-    -------
-    dict
-        The JSON document of `ecm fit`: plain values, and `sentences` for people.
-    """
-    measured = table.measured()
-    whole = fitted
-    fitted = replace(fitted, base=measured_part(fitted.base, measured))
-    predicted = fitted.predict(measured.matrix(fitted.inputs))
-    components: dict[str, dict[str, float | None]] = {}
-    sentences: list[str] = []
-    for j, column in enumerate(fitted.outputs):
-        values = measured.column(column)
-        rmse = float(np.sqrt(np.mean((predicted[:, j] - values) ** 2)))
-        spread = float(np.std(values))
-        share = rmse / spread if spread > 0.0 else None
-        components[column] = {"rmse": rmse, "spread": spread, "rmse_over_spread": share}
-        if share is None:
-            sentences.append(f"{column}: never excited, nothing was learnt about it")
-        else:
-            sentences.append(
-                f"{column}: rmse {rmse:.3g} {unit_of(column)} on the fitted rows, "
-                f"{_percent(share)} of its spread"
-            )
-    if isinstance(whole.base, MeasuredMap):
-        sentences.append(
-            f"{', '.join(fitted.outputs)} do not determine all of {fitted.base.name}: it predicts "
-            "these columns alone"
-        )
-    pose_error = fitted.training["pose_error"]
-    sentences.append(pose_error["sentence"])
-    correlated = correlation_time(measured)
-    if correlated is not None:
-        sentences.append(correlated.sentence())
-    if model.most_rows is not None and len(measured) > model.most_rows:
-        sentences.append(f"{model.most_rows} of {len(measured)} rows were fitted: {CHOSEN}")
-    with_threshold = isinstance(model, PolynomialModel) and model.pcr is not None
-    single = with_threshold or isinstance(model, PhysicsModel)
-    held_out = None if single else _held_out(table, model, seed, fitted.base, progress)
-    parameters = _parameters(whole)
-    for part in (held_out, parameters):
-        if part is not None:
-            sentences += part.pop("sentences")
-    return {
-        "schema": 1,
-        "seed": seed,
-        "model": fitted.name,
-        "parameters": parameters,
-        "mesh_error": fitted.base.mesh_shares if isinstance(fitted.base, PhysicsMap) else None,
-        "rows": len(measured),
-        "held_out": held_out,
-        "inputs": list(fitted.inputs),
-        "outputs": list(whole.outputs),
-        "components": components,
-        "pose_error": pose_error,
-        "sentences": sentences,
-    }
-
-
-def _parameters(fitted: Model) -> dict[str, Any] | None:
-    """Named parameters of a base, with standard deviations and covariance."""
-    base: Any = fitted.base
-    if not isinstance(base, PhysicsMap | ParametrisedMap) or fitted.covariance is None:
-        return None
-    if isinstance(base, PhysicsMap):
-        sentences = physics_sentences(base, fitted.covariance)
-    else:
-        sentences = base.sentences(fitted.covariance)
-    values, sd = base.coefficients, np.sqrt(np.diag(fitted.covariance))
-    return {
-        name: {"value": float(value), "sd": float(error)}
-        for name, value, error in zip(base.parameter_names, values, sd, strict=True)
-    } | {
-        "covariance": fitted.covariance.tolist(),
-        "sentences": sentences,
-    }
-
-
-def _held_out(
-    table: Table, model: ModelSpecification, seed: int, base: StiffnessMap, progress: _Told
-) -> dict[str, Any] | None:
-    """Cross-validated error: ten folds, or halves by group and by random rows for a grouped table.
-
-    Groups are few, so a part is one half and the value is the median over many divisions.
-    None where a part of the rows is too few for the model.
-    """
-    try:
-        if not table.meta.group:
-            check = partial(cross_validate, fitted=base, progress=progress)
-            folds = _shares(table, model, check, _FOLDS, True, [seed])
-            how = f"held out, {split_words(table.measured(), _FOLDS)}"
-            return {"folds": folds, "sentences": _told(how, folds)}
-        seeds = [seed + i for i in range(_HALVINGS)]
-        check = partial(cross_validate, fitted=base)
-        own = _shares(table, model, check, 2, True, seeds, progress)
-        random = _shares(table, model, check, 2, False, seeds, progress)
-    except EcmError:
-        return None
-    groups = ", ".join(table.meta.group)
-    sentences = _told(f"one half held out by {groups}", own)
-    sentences += _told("one half held out by random rows", random)
-    flattered = [column for column in own if random[column] < own[column]]
-    if flattered:
-        sentences.append(
-            f"Random rows flatter the model in {', '.join(flattered)}: trust the split by group."
-        )
-    return {"by_group": own, "by_random_rows": random, "sentences": sentences}
-
-
-def _shares(
-    table: Table,
-    model: ModelSpecification,
-    check: Callable[..., CrossValidation],
-    folds: int,
-    grouped: bool,
-    seeds: Sequence[int],
-    progress: _Told = None,
-) -> dict[str, float]:
-    """Held-out RMSE over the spread of each component that is excited, median over the seeds."""
-    results = []
-    for done, seed in enumerate(seeds):
-        if progress is not None:
-            progress(done, len(seeds))
-        results.append(check(table, model, folds=folds, grouped=grouped, seed=seed))
-    return {
-        column: float(np.median([result.rmse[column] for result in results])) / spread
-        for column, spread in results[0].spread.items()
-        if spread > 0.0
-    }
-
-
-def _percent(share: float) -> str:
-    # `g` alone would say 1e+02 % of 99.8 %.
-    return f"{float(f'{100.0 * share:.2g}'):g} %"
-
-
-def _told(how: str, shares: dict[str, float]) -> list[str]:
-    """The held-out errors in words: a number for what was predicted, a sentence for the rest."""
-    usable = {column: share for column, share in shares.items() if share < _USELESS}
-    lost = [column for column in shares if column not in usable]
-    sentences = []
-    if usable:
-        listed = ", ".join(f"{column} {_percent(share)}" for column, share in usable.items())
-        sentences.append(f"{how}, share of the spread: {listed}")
-    if lost:
-        sentences.append(
-            f"{how}: the model does not extrapolate to the held-out rows in {', '.join(lost)}, "
-            f"where it errs more than {_USELESS:g} times the spread. Take one with fewer terms, or "
-            "record more poses."
-        )
-    return sentences

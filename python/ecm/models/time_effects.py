@@ -309,31 +309,33 @@ def _friction(found: TimeEffects, model: EvaluatedModel, effect: Hysteresis, val
 def _temperature(
     found: TimeEffects, model: EvaluatedModel, effect: TemperatureModulus, values: F
 ) -> str:
-    if effect.reference_degC is None:
+    reference = effect.reference_degC
+    if reference is None:
         return "its reference temperature is not in the model file; ecm refit writes it"
     found.document["softer_per_kelvin"] = float(values[0])
-    found.document["reference_degc"] = effect.reference_degC
+    found.document["reference_degc"] = reference
     measured = model.conditions.get("temperature_degC")
     if measured is None:
-        measured = (effect.reference_degC, effect.reference_degC)
-        found.warnings.append(
-            "temperature_modulus: the range of temperatures is not in the model file, so that only "
-            "the reference counts as inside; ecm refit writes it."
-        )
-    found.document["temperature_range_degc"] = list(measured)
+        _warn_of_range(found, effect, "temperatures", "the reference")
+    found.document["temperature_range_degc"] = list(measured or (reference, reference))
     return ""
 
 
 def _ageing(found: TimeEffects, model: EvaluatedModel, effect: Effect, values: F) -> str:
     found.document["ageing_per_s"] = float(values[0])
-    least, largest = model.conditions.get("time_s", (0.0, 0.0))
-    if "time_s" not in model.conditions:
-        found.warnings.append(
-            "ageing: the range of ages is not in the model file, so that only 0 s counts as "
-            "inside; ecm refit writes it."
-        )
+    measured = model.conditions.get("time_s")
+    if measured is None:
+        _warn_of_range(found, effect, "ages", "0 s")
+    least, largest = measured or (0.0, 0.0)
     found.document["age_range_s"] = [min(least, 0.0), largest]
     return ""
+
+
+def _warn_of_range(found: TimeEffects, effect: Effect, what: str, inside: str) -> None:
+    found.warnings.append(
+        f"{effect.id}: the range of {what} is not in the model file, so that only {inside} counts "
+        "as inside; ecm refit writes it."
+    )
 
 
 def _damping(found: TimeEffects, model: EvaluatedModel, effect: Effect, values: F) -> str:

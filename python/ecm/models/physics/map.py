@@ -27,7 +27,7 @@ from ecm.io.frames import ORDERS, likely_order, read_in_other_order
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
 from ecm.models.layout import plain
-from ecm.models.maps import EnergyMap, EnergyTerms, SixAxisMap, Symmetry, finite
+from ecm.models.maps import EnergyMap, EnergyTerms, SixAxisMap, finite
 from ecm.models.physics.body_fits import MARGIN, ROTATION_LIMIT_RAD
 from ecm.models.physics.build import (
     BuildSettings,
@@ -274,7 +274,6 @@ def surrogate_of(
     test_poses: F,
     test_wrenches: F,
     mechanism: dict[str, Any] | None = None,
-    symmetry: Symmetry = "alike",
 ) -> PhysicsMap:
     """A physics map from poses and wrenches without noise, its error from other ones.
 
@@ -288,8 +287,6 @@ def surrogate_of(
         Pairs that the map is not fitted to; they give its own error.
     mechanism
         Table `[mechanism]` to keep with the map.
-    symmetry
-        Symmetry of the energy.
 
     Examples
     --------
@@ -299,7 +296,7 @@ def surrogate_of(
     >>> base.name, base.coefficients.tolist()
     ('physics', [1.0])
     """
-    surrogate = EnergyTerms(length_m, _DEGREE, symmetry).fit(poses, wrenches)
+    surrogate = EnergyTerms(length_m, _DEGREE).fit(poses, wrenches)
     error = np.sqrt(((surrogate.predict(test_poses) - test_wrenches) ** 2).mean(axis=0))
     return PhysicsMap(surrogate, error, {} if mechanism is None else dict(mechanism))
 
