@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ecm._native import DWELLS_S as _DWELLS_S
+from ecm import _native
 from ecm._native import diagnosable_visits, outer_poses
 from ecm.designs.optimal import Design
 from ecm.effects.experiments import session_of
@@ -28,7 +28,7 @@ from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 
-DWELLS_S = tuple(_DWELLS_S)
+DWELLS_S = tuple(_native.DWELLS_S)
 """Rest before a reading in a diagnosable campaign: relaxation shows in their difference."""
 _DWELL_S = 2.0
 _ADDED = ("kind", "approach", "dwell_s", "run", "action")

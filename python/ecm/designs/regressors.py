@@ -16,8 +16,8 @@ from typing import Literal
 
 import numpy as np
 
+from ecm import _native
 from ecm._native import criteria, polynomial_regressor, rows_inside
-from ecm._native import row_list as rows_listed
 from ecm.designs.nominal import NominalModel
 from ecm.effects import Effect
 from ecm.errors import DesignError, InputError
@@ -31,7 +31,7 @@ from ecm.models import EnergyModel, PolynomialModel, parse_model
 def row_list(option: str, text: str, count: int) -> I:
     """Rows (from 0) of a list that counts data rows from 1."""
     try:
-        return np.asarray(rows_listed(text, count), dtype=np.int64)
+        return np.asarray(_native.row_list(text, count), dtype=np.int64)
     except DesignError as error:
         raise InputError(f"{option}: {error}") from None
 

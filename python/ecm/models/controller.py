@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm._native import Adapter as NativeAdapter
+from ecm import _native
 from ecm._native import Stepper, seal_model
 from ecm.errors import InputError
 from ecm.io.arrays import F
@@ -210,7 +210,7 @@ class Adapter:
 
     def __init__(self, document: str, effects: TimeEffects, settings: AdaptSettings) -> None:
         own = json.dumps(settings.document(effects, json.loads(document).get("domain", {})))
-        self._native = NativeAdapter(seal_model(document), json.dumps(effects.document), own)
+        self._native = _native.Adapter(seal_model(document), json.dumps(effects.document), own)
         self._reference = float(effects.document.get("reference_degc", 0.0))
         self._chosen = [NAMES.index(name) for name in settings.names]
         self._largest = np.sqrt(np.diag(self._native.covariance))

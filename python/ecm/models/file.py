@@ -146,14 +146,8 @@ def effect_document(item: FittedEffect) -> dict[str, Any]:
         "shape": item.effect.shape,
         "frozen": item.frozen,
         "parameters": {
-            parameter.name: {
-                "value": float(value),
-                "sd": float(sd) if np.isfinite(sd) else None,
-                "unit": parameter.unit,
-            }
-            for parameter, value, sd in zip(
-                item.effect.parameters, item.values, item.sd, strict=True
-            )
+            p.name: {"value": value, "sd": sd if np.isfinite(sd) else None, "unit": p.unit}
+            for p, value, sd in item.listed
         },
     }
 

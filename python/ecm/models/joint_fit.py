@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import cho_solve
 from scipy.optimize import lsq_linear
 
-from ecm.effects.protocol import Effect, correction_of, jacobian_of
+from ecm.effects.protocol import Effect, Parameter, correction_of, jacobian_of
 from ecm.errors import ModelError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import same_unit
@@ -83,6 +83,13 @@ class FittedEffect:
     def id(self) -> str:
         """The effect's id."""
         return self.effect.id
+
+    @property
+    def listed(self) -> list[tuple[Parameter, float, float]]:
+        """Each parameter with its value and standard deviation."""
+        return list(
+            zip(self.effect.parameters, self.values.tolist(), self.sd.tolist(), strict=True)
+        )
 
     @property
     def is_new(self) -> bool:

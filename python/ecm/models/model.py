@@ -191,9 +191,7 @@ class Model(EvaluatedModel):
             for item in (i for i in self.effects if i.effect.side == side):
                 shape = "".join(f", {k} = {v}" for k, v in item.effect.shape.items())
                 lines.append(f"  {item.id} ({title}{shape}){' frozen' if item.frozen else ''}")
-                for parameter, value, sd, bound in zip(
-                    item.effect.parameters, item.values, item.sd, item.at_bounds, strict=True
-                ):
+                for (parameter, value, sd), bound in zip(item.listed, item.at_bounds, strict=True):
                     error = f" +- {sd:.2g}" if np.isfinite(sd) else " (not fitted)"
                     at = " at its bound" if bound else ""
                     lines.append(f"    {parameter.name} = {value:.4g}{error} {parameter.unit}{at}")
@@ -241,9 +239,7 @@ class Model(EvaluatedModel):
         rows = [
             (item.id, parameter.name, value, sd, parameter.unit, item.frozen)
             for item in self.effects
-            for parameter, value, sd in zip(
-                item.effect.parameters, item.values, item.sd, strict=True
-            )
+            for parameter, value, sd in item.listed
         ]
         columns = ["effect", "parameter", "value", "sd", "unit", "frozen"]
         pandas = require("pandas", "data", "Model.to_pandas")

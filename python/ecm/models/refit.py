@@ -455,8 +455,8 @@ def refit_summary(model: Model) -> dict[str, Any]:
     effects = []
     for item in model.effects:
         values = [
-            {"name": p.name, "value": float(v), "sd": float(s), "unit": p.unit}
-            for p, v, s in zip(item.effect.parameters, item.values, item.sd, strict=True)
+            {"name": p.name, "value": value, "sd": sd, "unit": p.unit}
+            for p, value, sd in item.listed
         ]
         effects.append({"id": item.id, "frozen": item.frozen, "parameters": values})
     pairs = [{"between": [a, b], "value": value} for a, b, value in model.correlations]
