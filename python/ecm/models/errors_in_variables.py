@@ -32,7 +32,7 @@ from ecm.io.columns import POSE
 from ecm.io.events import Progress
 from ecm.io.table import Table
 from ecm.models.maps import Solved, StiffnessMap
-from ecm.regression.blocks import in_blocks, triangles_of_folds
+from ecm.regression.blocks import in_blocks, triangles_of_folds, without_each
 from ecm.regression.noise import Noise, whiteners
 
 Solve = Callable[[F, F, F], Solved]
@@ -205,11 +205,7 @@ def fits_without_folds(
         return np.asarray(rows.of_rows(own).reduced(fitted, noise, family, frame))
 
     parts = triangles_of_folds(fold, triangle, progress)
-    counts = np.bincount(fold)
-    return [
-        family.solve(frame, parts[:i] + parts[i + 1 :], len(fold) - int(counts[i]))[0]
-        for i in range(len(parts))
-    ]
+    return without_each(fold, parts, lambda own, count: family.solve(frame, own, count)[0])
 
 
 @dataclass(frozen=True)

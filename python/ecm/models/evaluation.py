@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from ecm._native import convert_stiffness
 from ecm.effects import Missing, Rows
 from ecm.effects.protocol import correction_of
 from ecm.errors import InputError
@@ -22,6 +21,7 @@ from ecm.models.maps import (
     central_differences,
     finite,
     leverages,
+    partial_to,
     variances_of,
     wrench_variances,
 )
@@ -223,13 +223,8 @@ class EvaluatedModel:
 
     def _changed_stiffness(self, poses: F, kind: str) -> F:
         """(N, m, n) of the base and the effects, by central differences."""
-        partial = np.stack(central_differences(self._at_poses, poses, 1e-6), axis=2)
-        if kind == "partial":
-            return partial
-        target: Any = kind
-        return convert_stiffness(
-            partial, poses, self._at_poses(poses), source="partial", target=target
-        )
+        slopes = central_differences(self._at_poses, poses, 1e-6)
+        return partial_to(kind, np.stack(slopes, axis=2), poses, self)
 
     @property
     def acting_at_poses(self) -> list[FittedEffect]:

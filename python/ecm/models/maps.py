@@ -429,8 +429,8 @@ def central_differences(function: Callable[[F], F], poses: F, step: float) -> li
     return slopes
 
 
-def partial_to(kind: str, partial: F, poses: F, base: StiffnessMap) -> F:
-    """(N, m, n) another kind of stiffness from K = dh/dp; needs all six columns on both sides."""
+def partial_to(kind: str, partial: F, poses: F, base: Any) -> F:
+    """(N, m, n) another kind of stiffness of a map or model, from K; needs all twelve columns."""
     if kind == "partial":
         return partial
     if not is_whole(base):

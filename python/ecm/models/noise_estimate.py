@@ -10,6 +10,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
+from ecm.regression.f_test import within_cells
 from ecm.regression.folds import is_pose_row, noise_source, repeat_cells
 from ecm.regression.noise import Noise, declared_noise
 from ecm.regression.reml import reml_noise
@@ -76,15 +77,9 @@ def spread_noise(measured: F) -> Noise:
 
 def _pure_error(rows: Rows, predicted: F) -> Noise:
     """Spread of each output within repeats, for tables of other columns."""
-    table = rows.table
-    cells = repeat_cells(table)
-    _, packed = np.unique(cells, return_inverse=True)
-    count = np.bincount(packed)
-    contrasts = len(packed) - len(count)
-    measured = np.stack([table.column(name) for name in rows.base.outputs], axis=1)
-    left = measured - predicted
-    means = np.stack([np.bincount(packed, column) / count for column in left.T], axis=1)
-    spread = np.sqrt(((left - means[packed]) ** 2).sum(axis=0) / contrasts)
+    measured = rows.table.matrix(rows.base.outputs)
+    within, cells = within_cells(measured - predicted, repeat_cells(rows.table))
+    spread = np.sqrt((within**2).sum(axis=0) / (len(measured) - cells))
     return Noise(source="repeats", components=usable_sd(spread, measured))
 
 

@@ -12,6 +12,7 @@ alone; coefficients and covariance come back by R^-1.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -27,7 +28,7 @@ from ecm.models.errors_in_variables import AllRows, fit_with_pose_noise
 from ecm.models.maps import PolynomialMap, StiffnessMap
 from ecm.models.noise_estimate import declared_or_fitted
 from ecm.models.specification import FittedMap, ModelSpecification, Weights, pose_and_wrench_columns
-from ecm.regression.blocks import triangles_of_folds
+from ecm.regression.blocks import triangles_of_folds, without_each
 from ecm.regression.noise import declared_noise, whiteners
 
 Threshold: TypeAlias = float | str | None
@@ -274,12 +275,12 @@ class PolynomialModel(ModelSpecification):
             return _native.PolynomialModel.triangle(poses[rows], wrenches[rows], *frame)
 
         parts = triangles_of_folds(fold, triangle, progress)
-        maps: list[StiffnessMap] = []
-        for i, out in enumerate(np.bincount(fold).tolist()):
-            others = parts[:i] + parts[i + 1 :]
-            model = _native.PolynomialModel.fit_triangles(others, len(fold) - out, *frame)
-            maps.append(PolynomialMap(model, inputs, outputs))
-        return maps
+
+        def solved(own: Sequence[F], count: int) -> StiffnessMap:
+            model = _native.PolynomialModel.fit_triangles(own, count, *frame)
+            return PolynomialMap(model, inputs, outputs)
+
+        return without_each(fold, parts, solved)
 
     map_from_document = staticmethod(PolynomialMap.from_document)
 

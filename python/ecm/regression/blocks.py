@@ -124,6 +124,12 @@ def triangles_of_folds(
     return [merged_triangle(own) for own in parts]
 
 
+def without_each(fold: I, parts: Sequence[F], solve: Callable[[Sequence[F], int], T]) -> list[T]:
+    """What `solve` makes of the parts without each fold, and of their number of rows."""
+    left = len(fold) - np.bincount(fold)
+    return [solve([*parts[:i], *parts[i + 1 :]], int(rows)) for i, rows in enumerate(left)]
+
+
 def few_rows(table: Table) -> Table:
     """A table of many rows thinned to some thousand, evenly over its rows; else the table."""
     if len(table) < MANY_ROWS:

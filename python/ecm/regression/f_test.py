@@ -98,16 +98,27 @@ def lack_of_fit(whitened: F, cells: I, parameters: float, weights: F | None = No
     """
     keep = np.ones(len(whitened), dtype=np.bool_) if weights is None else weights > 0.0
     rows, own = whitened[keep], cells[keep]
-    _, packed = np.unique(own, return_inverse=True)
-    count = np.bincount(packed)
-    if count.max(initial=0) < 2:
+    m, (within, count) = rows.shape[1], within_cells(rows, own)
+    if count == len(rows):
         return None
-    m = rows.shape[1]
-    means = np.stack([np.bincount(packed, rows[:, j]) / count for j in range(m)], axis=1)
-    pure = float(((rows - means[packed]) ** 2).sum())
+    pure = float((within**2).sum())
     total = float((rows**2).sum())
-    dof_pure = (len(rows) - len(count)) * m
-    return FTest.of(total - pure, len(count) * m - parameters, pure, dof_pure)
+    return FTest.of(total - pure, count * m - parameters, pure, (len(rows) - count) * m)
+
+
+def within_cells(values: F, cells: I) -> tuple[F, int]:
+    """Deviations of values (N, m) from the mean of their cell, and the number of cells.
+
+    Examples
+    --------
+    >>> deviations, count = within_cells(np.array([[1.0], [3.0], [5.0]]), np.array([7, 7, 2]))
+    >>> deviations.ravel().tolist(), count
+    ([-1.0, 1.0, 0.0], 2)
+    """
+    _, packed = np.unique(cells, return_inverse=True)
+    size = np.bincount(packed)
+    means = np.stack([np.bincount(packed, column) / size for column in values.T], axis=1)
+    return values - means[packed], len(size)
 
 
 def omnibus_test(whitened: F, design: F, fitted: F, weights: F | None = None) -> FTest:

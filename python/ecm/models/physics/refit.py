@@ -18,7 +18,7 @@ from ecm.io.arrays import F
 from ecm.io.events import Progress, Steps
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
-from ecm.models.joint_fit import CoefficientPrior, FittedEffect, joint_fit
+from ecm.models.joint_fit import CoefficientPrior, FittedEffect, base_columns, joint_fit
 from ecm.models.layout import Layout, anything, array, items, named, number, one_of, record
 from ecm.models.maps import StiffnessMap
 from ecm.models.partial import fit_measured, is_partial, need_pose
@@ -254,23 +254,15 @@ def physics_prior(
         Noise of a row.
     """
     rows = Rows(table, physics)
-    loaded = ~rows.unloaded
     whitener = whiteners(noise.covariance(rows, physics.error))
-    poses = rows.poses[loaded]
 
     def whitened(columns: F) -> F:
         """(M, q) of columns (N, 6, q)."""
         flat = np.einsum("nij,njq->niq", whitener, columns).reshape(-1, columns.shape[2])
         return np.asarray(flat)
 
-    def of_poses(columns: F) -> F:
-        every = np.zeros((len(table), *columns.shape[1:]))
-        every[loaded] = columns
-        return whitened(every)
-
-    x = of_poses(base.columns(poses))
-    sensitivity = of_poses(physics.columns(poses))
-    target = of_poses(physics.predict(poses)[:, :, None])[:, 0]
+    x, sensitivity = (whitened(base_columns(rows, own)) for own in (base, physics))
+    target = whitened(rows.wrench[:, :, None])[:, 0]
     q, r = np.linalg.qr(x)
     # Coefficients of a base whose columns depend on each other: the smallest that fit.
     solve = np.linalg.pinv(r / np.linalg.norm(r, axis=0)) / np.linalg.norm(r, axis=0)[:, None]
