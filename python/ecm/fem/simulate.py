@@ -156,16 +156,6 @@ _PREDICTION_MARGIN = 1.05  # predicted rotations up to this factor times the lim
 _SMALLEST_BATCH = 8  # FEM cases that are solved together
 _CASES_WITHOUT_PAIR = 1280  # after so many FEM cases without a pair the workspace is empty
 
-__all__ = [
-    "TABLE_I_MAX",
-    "TABLE_I_MIN",
-    "Simulated",
-    "Workspace",
-    "fem_poses",
-    "simulate",
-    "solve_wrenches",
-]
-
 
 @dataclass(frozen=True, repr=False)
 class Simulated:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ecm.io.arrays import F, I
+from ecm.io.arrays import F, I, evenly
 from ecm.regression.folds import LEAST_CONTRASTS
 from ecm.regression.noise import Noise, covariance_parts
 from ecm.regression.rows import Rows
@@ -68,7 +68,7 @@ def reml_noise(
 
 def some_rows(count: int) -> I:
     """(M,) places of the rows, of so many, that tell the noise."""
-    return np.linspace(0, count - 1, min(count, _MOST_ROWS)).astype(np.int64)
+    return evenly(count, _MOST_ROWS)
 
 
 def weighed_by_rest(rows: Rows, residual: F, nuisance: F, assumed: Noise) -> Noise:
