@@ -17,8 +17,8 @@ from ecm.io.columns import same_unit
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
 from ecm.regression.f_test import independent_factor, orthonormal
-from ecm.regression.folds import is_pose_row, shared_zero_error
-from ecm.regression.noise import Noise, whiteners
+from ecm.regression.folds import is_pose_row
+from ecm.regression.noise import Noise, shared_zero_error, whiteners
 from ecm.regression.rows import Rows
 
 

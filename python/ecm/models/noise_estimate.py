@@ -11,9 +11,8 @@ from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
 from ecm.regression.f_test import within_cells
-from ecm.regression.folds import is_pose_row, noise_source, repeat_cells
-from ecm.regression.noise import Noise, declared_noise
-from ecm.regression.reml import reml_noise
+from ecm.regression.folds import is_pose_row, repeat_cells
+from ecm.regression.noise import Noise, declared_noise, noise_source, reml_noise
 from ecm.regression.rows import Rows, is_whole
 
 
