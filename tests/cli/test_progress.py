@@ -23,8 +23,9 @@ from ecm.io.mechanism import Material
 from ecm.io.table import Table, as_table, read_table
 from ecm.logs.importing import import_log, read_log
 from ecm.models import fit_model, parse_model, prediction
+from ecm.models.fit_summary import fit_summary
 from ecm.models.model import Model
-from ecm.models.selection import cross_validate, fit_summary, learning_curve
+from ecm.models.selection import cross_validate, learning_curve
 from support.neck import Done
 
 Command = Callable[..., Done]
