@@ -22,7 +22,7 @@ from ecm.io.description import Meta
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
 from ecm.models import Model, fit_model, physics_map
-from ecm.models.adapt import OUTCOMES, Adapter, AdaptSettings
+from ecm.models.controller import OUTCOMES, Adapter, AdaptSettings
 from ecm.models.maps import StiffnessMap
 
 F = NDArray[np.float64]

@@ -19,7 +19,7 @@ from ecm.diagnosis.search import held_out_rms, rank
 from ecm.diagnosis.settings import DEFAULTS
 from ecm.effects import Effect, all_effects
 from ecm.effects.registry import with_shape
-from ecm.models.base_choice import choose_base
+from ecm.models.fit import choose_base
 from ecm.models.joint_fit import joint_fit
 from ecm.regression.folds import distinct_rows, rows_without_zero_readings, zero_times
 from ecm.regression.noise import declared_noise

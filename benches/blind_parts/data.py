@@ -21,7 +21,7 @@ from ecm.io.cache import cache_directory
 from ecm.io.columns import WRENCH
 from ecm.io.table import Table, read_table
 from ecm.models import Model, PhysicsMap
-from ecm.models.base_choice import choose_base
+from ecm.models.fit import choose_base
 from ecm.models.maps import StiffnessMap
 from ecm.regression.noise import declared_noise
 from ecm.rig import Campaign, Hidden, RigSettings, fem_source

@@ -28,7 +28,7 @@ from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table, as_table
 from ecm.models import Model, fit_model
-from ecm.models.base_choice import choose_base
+from ecm.models.fit import choose_base
 
 F = NDArray[np.float64]
 KINDS = ("nothing", "known", "statement", "foreign", "nothing", "known", "statement", "known",

@@ -20,7 +20,7 @@ import numpy as np
 from blind_parts.analysis import our_answer
 from blind_parts.data import Data, data_of
 from blind_parts.sets import Set
-from ecm.designs.follow_up import can_be_run, follow_up_plan
+from ecm.designs.plans import can_be_run, follow_up_plan
 from ecm.effects.experiments import Experiment, session_of
 from ecm.io.table import Table, read_table
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import opensim
 
-from ecm.models.export.opensim import deflections
+from ecm.models.export.simulators import deflections
 from ecm.models.measured_poses import noise_sd, poses_like_measured
 from support.exports import fitted, written
 

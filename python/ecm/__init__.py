@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ecm.comparison.comparison import Comparison, compare
     from ecm.designs.optimal import Design, optimal_design
     from ecm.designs.plans import diagnosable_plan, paper_plan
-    from ecm.designs.settings import DesignSettings
+    from ecm.designs.regressors import DesignSettings
     from ecm.diagnosis.check import check
     from ecm.diagnosis.procedure import diagnose
     from ecm.diagnosis.result import Diagnosis
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from ecm.io.mechanism import Mechanism
     from ecm.io.table import Table, as_table, read_table
     from ecm.logs.importing import ImportedLog, import_log
-    from ecm.models.control import LoopSettings
+    from ecm.models.control_loop import LoopSettings
     from ecm.models.energy import EnergyModel
     from ecm.models.estimator import ModelEstimator
     from ecm.models.export import export
@@ -62,7 +62,7 @@ _NAMES = {
     "comparison.comparison": ("Comparison", "compare"),
     "designs.optimal": ("Design", "optimal_design"),
     "designs.plans": ("diagnosable_plan", "paper_plan"),
-    "designs.settings": ("DesignSettings",),
+    "designs.regressors": ("DesignSettings",),
     "diagnosis.check": ("check",),
     "diagnosis.procedure": ("diagnose",),
     "diagnosis.result": ("Diagnosis",),
@@ -74,7 +74,7 @@ _NAMES = {
     "logs.importing": ("ImportedLog", "import_log"),
     "models.energy": ("EnergyModel",),
     "models.estimator": ("ModelEstimator",),
-    "models.control": ("LoopSettings",),
+    "models.control_loop": ("LoopSettings",),
     "models.export": ("export",),
     "models.expression": ("Expression",),
     "models.fit": ("fit", "fit_model"),

@@ -86,9 +86,15 @@ def _default(item: Field[Any]) -> str:
 
 
 def _members(cls: type) -> Iterator[str]:
-    """Public methods and properties that the class itself defines, a line each."""
+    """Public methods and properties of a class, and of bases that no page names, a line each."""
+    named = {name for room in ROOMS for name in import_module(room).__all__}
+    bases = [kind for kind in cls.__mro__[1:] if kind.__module__.startswith("ecm.")]
+    members = {**vars(cls)}
+    for kind in bases:
+        if kind.__name__ not in named:
+            members = {**vars(kind), **members}
     rows = []
-    for name, member in vars(cls).items():
+    for name, member in members.items():
         inner = member.__func__ if isinstance(member, (staticmethod, classmethod)) else member
         text = inspect.getdoc(inner)
         if name.startswith("_") or not text or not (callable(inner) or isinstance(inner, property)):

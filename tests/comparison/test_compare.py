@@ -23,8 +23,8 @@ from ecm.models import Model, fit_model
 from ecm.models.joint_fit import joint_fit
 from ecm.models.noise_estimate import estimate_noise, nuisance_columns
 from ecm.regression.folds import folds, is_pose_row, repeat_cells, row_groups, without_zero_readings
+from ecm.regression.noise import reml_noise
 from ecm.regression.normal_equations import NormalEquations
-from ecm.regression.reml import reml_noise
 from support.campaigns import campaign, model, physics
 from support.neck import Done, csv_text
 

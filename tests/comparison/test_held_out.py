@@ -9,7 +9,7 @@ from ecm.diagnosis import diagnose
 from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.search import held_out_squares
 from ecm.effects import all_effects
-from ecm.models.base_choice import choose_base
+from ecm.models.fit import choose_base
 from ecm.regression.folds import without_zero_readings
 from support.campaigns import campaign, model
 

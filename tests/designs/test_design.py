@@ -28,8 +28,7 @@ from ecm.designs import (
     rig_noise,
 )
 from ecm.designs.optimal import knee
-from ecm.designs.regressors import model_columns, regressor
-from ecm.designs.settings import list_or_region, row_list
+from ecm.designs.regressors import list_or_region, model_columns, regressor, row_list
 from ecm.diagnosis.identifiability import identifiability
 from ecm.effects import get_effect
 from ecm.errors import EcmError, InputError

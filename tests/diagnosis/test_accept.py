@@ -20,7 +20,7 @@ from ecm.effects import Rows, all_effects, get_effect
 from ecm.io.columns import WRENCH
 from ecm.io.description import FileMeta
 from ecm.io.table import Table
-from ecm.models.base_choice import choose_base
+from ecm.models.fit import choose_base
 from ecm.regression.folds import folds, held_out_by, is_pose_row, row_groups
 from ecm.regression.noise import declared_noise, whiteners
 from support.campaigns import campaign, model, physics

@@ -10,8 +10,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import as_table
 from ecm.models import fit_model
 from ecm.models.maps import StiffnessMap
-from ecm.regression.noise import Noise, whiteners
-from ecm.regression.reml import weighed_by_rest
+from ecm.regression.noise import Noise, weighed_by_rest, whiteners
 from ecm.regression.rows import Rows
 from support.stand_in import L, some_poses, wrench
 

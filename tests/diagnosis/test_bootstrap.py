@@ -11,7 +11,7 @@ from ecm.diagnosis.accept import selection_shares
 from ecm.diagnosis.problem import Candidate, Problem, assemble
 from ecm.diagnosis.search import best_shapes, rank
 from ecm.effects import all_effects
-from ecm.models.base_choice import choose_base
+from ecm.models.fit import choose_base
 from support.campaigns import campaign, model
 
 DRAWS = 60
@@ -31,7 +31,10 @@ def one_by_one(problem: Problem, others: list[Candidate], seed: int) -> dict[str
     )
     won: dict[str, float] = {}
     for weights in draws.astype(np.float64):
-        matrix, vector, _ = problem.normal.total(weights)
+        each = np.repeat(weights, np.diff(problem.normal.bounds))
+        rows = each[:, None] * problem.normal.rows
+        matrix = rows.T @ problem.normal.rows + np.diag(problem.normal.precision)
+        vector = problem.normal.response @ rows
         reduced = (matrix / problem.scale, vector / problem.scale)
         found = best_shapes(replace(problem, reduced=reduced), others)
         first = max(found, key=lambda item: item[2])

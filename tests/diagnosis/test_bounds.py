@@ -19,8 +19,8 @@ from ecm.errors import ComputationError
 from ecm.io.columns import WRENCH
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
-from ecm.models.base_choice import choose_base
 from ecm.models.file import effect_document, effect_of
+from ecm.models.fit import choose_base
 from ecm.models.joint_fit import FittedEffect
 from ecm.models.refit import refit, refuse_worse
 from support.campaigns import campaign, model

@@ -25,7 +25,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument
 from ecm.io.table import Table
 from ecm.models import fit_model
-from ecm.models.base_choice import choose_base
+from ecm.models.fit import choose_base
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from support.campaigns import campaign, found_in, model, physics, plan
 from support.stand_in import L, StandIn

@@ -11,7 +11,7 @@ from ecm.diagnosis.confusion import squares_left_after
 from ecm.diagnosis.problem import Candidate, Problem, assemble
 from ecm.diagnosis.search import all_needed, delta_chi2
 from ecm.effects import all_effects
-from ecm.models.base_choice import choose_base
+from ecm.models.fit import choose_base
 from support.campaigns import campaign, model
 
 

@@ -19,7 +19,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta, read_meta
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
-from ecm.models.base_choice import polynomial
+from ecm.models.fit import polynomial
 from support.meshes import block_mesh
 from support.neck import LENGTH_M, neck_columns
 

@@ -16,7 +16,7 @@ from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.report import report
 from ecm.diagnosis.search import rank, search
 from ecm.errors import InputError
-from ecm.models.base_choice import choose_base
+from ecm.models.fit import choose_base
 from support.campaigns import campaign, model
 
 

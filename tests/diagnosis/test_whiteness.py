@@ -14,7 +14,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
-from ecm.models.base_choice import choose_base
+from ecm.models.fit import choose_base
 from support.campaigns import campaign, model, workspace_poses
 from support.one_angle import META as ONE_ANGLE
 from support.one_angle import cycles, spring

@@ -25,7 +25,7 @@ from ecm.effects.slip import PlatformSlip
 from ecm.io.columns import POSE
 from ecm.io.description import Meta
 from ecm.io.table import Table
-from ecm.models.base_choice import choose_base
+from ecm.models.fit import choose_base
 from ecm.regression.approach import order_of_visits, pose_before
 from ecm.regression.f_test import explained_by_span
 from ecm.regression.folds import without_zero_readings
@@ -255,8 +255,8 @@ def test_gains_beside_fixed_columns_are_those_of_whole_fits() -> None:
     groups = np.repeat(np.arange(10), 4)
     gram = NormalEquations.of(design, y, groups, random.uniform(0.5, 1.0, 40))
     matrix, vector, _ = gram.total()
-    assert np.allclose(gram.matrices.sum(axis=0), matrix)
-    assert np.allclose(gram.only((3, 1)).matrices, gram.matrices[:, [3, 1]][:, :, [3, 1]])
+    assert np.allclose(gram.rows.T @ gram.rows, matrix)
+    assert np.allclose(gram.only((3, 1)).total()[0], matrix[np.ix_([3, 1], [3, 1])])
     left = projected_out(matrix, vector, (0, 1))
     found = explained_by_blocks((matrix, vector), left, [(2,), (3, 4), (5, 6), (8,)])
     for gain, block in zip(found, [(2,), (3, 4), (5, 6), (8,)], strict=True):

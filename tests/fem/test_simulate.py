@@ -11,7 +11,7 @@ import pytest
 
 from ecm._native import Fem, FemError, Mesh, WarmStart
 from ecm.errors import InputError
-from ecm.fem.simulate import fem_poses, simulate, solve_wrenches, wrench_sensitivities
+from ecm.fem.simulate import fem_poses, simulate, solve_wrenches
 from ecm.io.mechanism import Mechanism
 
 WRENCH = np.array([[-20.0, 10.0, 5.0, 0.2, -0.3, 0.3]])
@@ -128,9 +128,13 @@ def test_sensitivities_obey_the_scaling_of_the_energy() -> None:
     fem = body.fem()
     solved = fem.solve_wrenches(WRENCH)
     poses = solved.poses
-    by = wrench_sensitivities(body, poses)
+    by = {}
+    for name in ("length_m", "radius_m"):
+        value = getattr(body, name)
+        up, down = (replace(body, **{name: value * (1.0 + share)}) for share in (1e-3, -1e-3))
+        ends = [other.fem().solve_poses(poses).wrenches for other in (up, down)]
+        by[name] = (ends[0] - ends[1]) / (2e-3 * value)
     wrench = WRENCH[0]
-    np.testing.assert_allclose(by["young_modulus_Pa"][0] * body.young_modulus_Pa, wrench, rtol=1e-6)
     # Euler's theorem: L dh/dL + r dh/dr + K x = (2, 3) h for forces and moments.
     stiffness = solved.stiffness[0]
     found = (
@@ -140,28 +144,6 @@ def test_sensitivities_obey_the_scaling_of_the_energy() -> None:
     )
     np.testing.assert_allclose(found[:3], 2.0 * wrench[:3], atol=2e-3 * 60.0)
     np.testing.assert_allclose(found[3:], 3.0 * wrench[3:], atol=2e-3 * 3.0)
-
-
-def test_sensitivities_are_differences_of_wrenches() -> None:
-    """All four against wrenches of bodies that differ by a much larger step than they take."""
-    body = Mechanism()
-    poses = body.fem().solve_wrenches(WRENCH).poses
-    by = wrench_sensitivities(body, poses)
-    assert set(by) == {"young_modulus_Pa", "poisson_ratio", "length_m", "radius_m"}
-    step = {"young_modulus_Pa": 1e5, "poisson_ratio": 2e-3, "length_m": 3e-4, "radius_m": 3e-4}
-    scale = np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])
-    for name, h in step.items():
-        value = getattr(body, name)
-        up, down = (
-            body.with_modulus(value + s)
-            if name == "young_modulus_Pa"
-            else replace(body, **{name: value + s})
-            for s in (h, -h)
-        )
-        found = [b.fem().solve_poses(poses).wrenches[0] for b in (up, down)]
-        expected = (found[0] - found[1]) / (2.0 * h) / scale
-        far = np.linalg.norm(by[name][0] / scale - expected) / np.linalg.norm(expected)
-        assert far < 5e-3, f"{name}: {far}"
 
 
 def test_stacked_discs_are_softer_than_the_cylinder() -> None:

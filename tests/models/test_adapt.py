@@ -12,7 +12,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models import Model, fit_model
-from ecm.models.adapt import OUTCOMES, Adapter, AdaptSettings
+from ecm.models.controller import OUTCOMES, Adapter, AdaptSettings
 from support.campaigns import workspace_poses
 from support.stand_in import L, wrench
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from ecm.models.adapt import OUTCOMES, AdaptSettings
+from ecm.models.controller import OUTCOMES, AdaptSettings
 from support.cortex_m import CORTEX, THUMB, linked, run_on_board
 from support.exports import adapter_library, fitted, written
 from support.programs import need_rust_target

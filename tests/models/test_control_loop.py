@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from ecm._native import PolynomialModel, left_jacobians
 from ecm.errors import InputError
 from ecm.models import Model, fit_model
-from ecm.models.control import ControlLoop, LoopSettings, design_loop
-from ecm.models.control.design import Gains
+from ecm.models.control_loop import ControlLoop, Gains, LoopSettings, design_loop
 from ecm.models.export import export_files
 from ecm.models.measured_poses import poses_like_measured
 from support.campaigns import campaign

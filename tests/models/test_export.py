@@ -21,7 +21,7 @@ from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import as_table
 from ecm.models import Model, fit_model
-from ecm.models.adapt import AdaptSettings
+from ecm.models.controller import AdaptSettings
 from ecm.models.export import TARGETS, export_files
 from ecm.models.measured_poses import poses_of, reach_of
 from support.campaigns import campaign

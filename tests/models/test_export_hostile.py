@@ -17,9 +17,9 @@ from ecm._native import seal_model
 from ecm.errors import EcmError, InputError
 from ecm.io.table import as_table
 from ecm.models import Model, fit_model, load_model
-from ecm.models.control import LoopSettings
+from ecm.models.control_loop import LoopSettings
 from ecm.models.export import export, export_files
-from ecm.models.export.opensim import fitted_expressions
+from ecm.models.export.simulators import fitted_expressions
 from support.exports import done, fitted, thousand_poses, written
 from support.models import with_time
 from support.programs import need_program

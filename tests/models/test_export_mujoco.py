@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm._native import rotation_matrices
-from ecm.models.export.mujoco import largest_step
+from ecm.models.export.simulators import largest_step
 from support.exports import HEAD, done, fitted, thousand_poses, written
 from support.models import with_time
 from support.neck import ROOT

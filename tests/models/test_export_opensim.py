@@ -18,7 +18,7 @@ from ecm.errors import InputError
 from ecm.io.columns import WRENCH
 from ecm.models import fit_model
 from ecm.models.export import export, export_files
-from ecm.models.export.opensim import DEFLECTIONS, deflections
+from ecm.models.export.simulators import DEFLECTIONS, deflections
 from ecm.models.measured_poses import noise_sd, poses_like_measured
 from support.campaigns import campaign
 from support.exports import fitted
@@ -110,7 +110,7 @@ def _rotation_vector(r: F) -> F:
 def test_a_change_beyond_the_noise_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ecm.models.export.opensim._DEGREES", (2,))
+    monkeypatch.setattr("ecm.models.export.simulators._DEGREES", (2,))
     with pytest.raises(InputError, match=r"--to opensim can hold changes the model by"):
         export(fitted("energy6"), "opensim", tmp_path)
     assert list(tmp_path.iterdir()) == []

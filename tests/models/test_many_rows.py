@@ -19,7 +19,7 @@ from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table
 from ecm.models import cross_validate, fit_model, parse_model, polynomial
 from ecm.models import selection as cross_validation_module
-from ecm.models.history import ceiling_rms
+from ecm.models.errors import ceiling_rms
 from ecm.models.joint_fit import joint_fit
 from ecm.models.specification import Weights
 from ecm.regression import blocks

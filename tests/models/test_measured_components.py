@@ -11,6 +11,7 @@ import ecm
 from ecm._native import EnergyModel
 from ecm.errors import InputError, remedy_of
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Meta
 from ecm.models import choose_model, surrogate_of
 from ecm.models.maps import EnergyMap
 from ecm.models.partial import MeasuredMap
@@ -88,6 +89,26 @@ def test_a_body_that_forces_determine_predicts_all_six() -> None:
     assert ecm.diagnose(model, table).verdict == "none"
     turned = table.with_columns({"fy_N": table["fy_N"] * 1.2})
     assert ecm.compare(model, turned).missing
+
+
+def test_a_whole_model_of_forces_without_a_stated_noise_is_stored_and_read(tmp_path: Path) -> None:
+    """The spread of three residuals is no noise of six components."""
+    poses = measured().poses
+    base = surrogate_of(
+        poses,
+        body().predict(poses),
+        LENGTH_M,
+        test_poses=poses,
+        test_wrenches=body().predict(poses),
+    )
+    table = measured().with_meta(Meta(mechanism={"length_m": LENGTH_M}))
+    model = ecm.fit(table, PhysicsModel(base=base))
+    assert model.outputs == WRENCH
+    model.save(tmp_path / "model.json")
+    again = ecm.load_model(tmp_path / "model.json")
+    found = again.reading_sd(poses[:4])
+    assert found is not None
+    assert found.shape == (4, 6)
 
 
 def test_a_model_of_six_with_an_effect_is_judged_by_three_forces() -> None:

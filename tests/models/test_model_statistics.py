@@ -26,7 +26,7 @@ from ecm.models import (
     learning_curve,
     load_model,
 )
-from ecm.models.constraints import constrained
+from ecm.models.fit import constrained
 from ecm.models.polynomial import press_rank, singular_threshold
 from ecm.rig.elastic import COS2
 from support.campaigns import campaign, workspace_poses

@@ -22,7 +22,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import FileMeta, Meta
 from ecm.io.table import Table, as_table
 from ecm.models import Model, file, fit_model, load_model
-from ecm.models.control import LoopSettings
+from ecm.models.control_loop import LoopSettings
 from ecm.models.controller import Controller
 from ecm.models.export import export_files
 from ecm.models.measured_poses import poses_like_measured

@@ -230,6 +230,19 @@ def test_exceptions_from_the_rules_are_few_and_say_why() -> None:
     assert [place for place in found if not re.search(r"# noqa: PL\w+ - \w", place[2])] == []
 
 
+def test_no_name_of_the_binding_is_renamed_at_its_import() -> None:
+    """`EnergyModel` is a specification, `_native.EnergyModel` its fitted evaluator."""
+    renamed = [
+        (path.name, alias.name)
+        for path in PACKAGE.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom) and node.module == "ecm._native"
+        for alias in node.names
+        if alias.asname is not None
+    ]
+    assert renamed == []
+
+
 def test_no_docstring_and_no_help_begins_with_of() -> None:
     """A docstring says what its subject is, not only what it belongs to."""
     begins = re.compile(r'^\s*(?:"""|//[/!] )Of |(?:help|doc)="Of ', re.M)

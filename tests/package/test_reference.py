@@ -64,6 +64,14 @@ def test_a_field_has_its_meaning_unless_the_docstring_says_it() -> None:
     assert "| `criterion` |" not in page.split("\n## DesignSettings\n")[1].split("\n## ")[0]
 
 
+def test_what_a_class_has_of_a_base_that_no_page_names_is_shown() -> None:
+    page = python_page.page("ecm.models")
+    model = page.split("\n## Model\n")[1].split("\n## ")[0]
+    assert "| `predict()` |" in model  # of EvaluatedModel
+    assert "| `fit()` |" in model
+    assert "| `fit_map()` |" in page.split("\n## Expression\n")[1].split("\n## ")[0]
+
+
 def test_the_name_of_a_type_is_shown_as_what_it_stands_for() -> None:
     assert "Shape = dict[str, float | str]" in python_page.page("ecm.effects")
 

@@ -32,7 +32,7 @@ def test_the_wheel_installs_and_identifies_without_rust(
     templates = {path.name for path in (ROOT / "python/ecm/io/templates").glob("*.*")}
     assert {"rig.toml", "config.toml", "data.toml", "data.csv"} <= templates
     assert {f"ecm/io/templates/{name}" for name in templates} <= files
-    assert {f"ecm/models/control/templates/control.{end}" for end in ("c", "rs")} <= files
+    assert {f"ecm/models/export/templates/control/control.{end}" for end in ("c", "rs")} <= files
 
     exports = ROOT / "python/ecm/models/export/templates"
     targets = {str(path.relative_to(ROOT / "python")) for path in exports.glob("*/*.*")}

@@ -10,8 +10,7 @@ import pytest
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import as_table
 from ecm.models import fit_model
-from ecm.regression.noise import Noise
-from ecm.regression.reml import reml_noise
+from ecm.regression.noise import Noise, reml_noise
 from ecm.regression.rows import Rows
 from support.stand_in import L, some_poses, wrench
 

@@ -11,8 +11,7 @@ from ecm.io.columns import WRENCH
 from ecm.io.join import join_runs
 from ecm.io.table import Table
 from ecm.models.joint_fit import joint_fit
-from ecm.regression.folds import shared_zero_error
-from ecm.regression.noise import Noise
+from ecm.regression.noise import Noise, shared_zero_error
 from support.campaigns import campaign, physics
 
 F = NDArray[np.float64]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ecm.regression.f_test import Beside, omnibus_test, sign_chance
+from ecm.regression.f_test import Beside, omnibus_test
 
 
 def test_errors_that_components_share_are_no_structure() -> None:
@@ -18,7 +18,7 @@ def test_errors_that_components_share_are_no_structure() -> None:
         columns = np.einsum("nq,ij->niqj", values, np.eye(4)).reshape(30, 4, 20)
         base = np.einsum("n,ij->nij", random.standard_normal(30), np.eye(4))
         plain.append(omnibus_test(errors, columns, base).p)
-        shared.append(sign_chance(errors, columns, base))
+        shared.append(Beside.of(errors, columns, base).sign_chance())
     assert np.mean(np.array(plain) < 0.05) > 0.15
     assert 0.01 <= np.mean(np.array(shared) < 0.05) <= 0.09
 

@@ -22,12 +22,11 @@ from ecm.effects import Rows, all_effects, get_effect
 from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models import fit_model
-from ecm.models.base_choice import choose_base
+from ecm.models.fit import choose_base
 from ecm.models.joint_fit import joint_fit
 from ecm.regression.f_test import lack_of_fit, omnibus_test
-from ecm.regression.noise import Noise, declared_noise
+from ecm.regression.noise import Noise, declared_noise, reml_noise
 from ecm.regression.normal_equations import NormalEquations
-from ecm.regression.reml import reml_noise
 from support.campaigns import campaign, model, physics, workspace_poses
 
 sm = pytest.importorskip("statsmodels.api", reason="statsmodels is missing: dependency group dev")

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.models import Model, fit_model
-from ecm.models.adapt import AdaptSettings
-from ecm.models.control import LoopSettings
+from ecm.models.control_loop import LoopSettings
+from ecm.models.controller import AdaptSettings
 from ecm.models.export import export_files
 from support.campaigns import campaign, workspace_poses
 from support.programs import need_program

@@ -18,7 +18,7 @@ from ecm.cli.options.rig import (
 )
 from ecm.cli.session import Session, check_output_directory, check_plan
 from ecm.designs import Size
-from ecm.designs.settings import list_or_region, row_list
+from ecm.designs.regressors import list_or_region, row_list
 from ecm.effects import Effect, get_effect, load_installed
 from ecm.errors import InputError
 from ecm.io.arrays import F

@@ -29,8 +29,8 @@ from ecm.io.table import Table
 from ecm.io.toml import read_toml
 from ecm.logs.rotations import check_rotation_word, rotation_columns
 from ecm.models import Expression, Model, PhysicsMap, as_model, load_model, physics_map
-from ecm.models.adapt import AdaptSettings
-from ecm.models.control import LoopSettings
+from ecm.models.control_loop import LoopSettings
+from ecm.models.controller import AdaptSettings
 from ecm.models.export import export as export_model
 from ecm.models.physics.map import reach_of
 from ecm.models.prediction import predict as predict_table

@@ -12,15 +12,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ecm.errors import ModelError
 from ecm.io.columns import POSE, WRENCH
-from ecm.models.base_choice import symmetric_energy
-from ecm.models.history import ceiling_rms, held_out_rms
-from ecm.models.joint_fit import JointFit, joint_fit
+from ecm.models.errors import ceiling_rms, held_out
+from ecm.models.fit import symmetric_energy
+from ecm.models.joint_fit import joint_fit
 from ecm.models.physics.map import FREE, PhysicsMap, kept_physics, reach_of
-from ecm.regression.folds import folds, held_out_by, is_pose_row, row_groups, without_zero_readings
+from ecm.regression.folds import held_out_by, without_zero_readings
 from ecm.regression.noise import Noise
 
 if TYPE_CHECKING:
@@ -147,8 +145,8 @@ def fit_reference_models(model: Model, table: Table, noise: Noise) -> ReferenceM
     ceilings = [ceiling_rms(fit, kept, noise) for fit in fits if fit is not None]
     known = [item.whitened for item in ceilings if item is not None]
     return ReferenceModels(
-        physics=_held_out(fits[0], kept),
-        energy=_held_out(fits[1], kept),
+        physics=None if fits[0] is None else held_out(fits[0]),
+        energy=None if fits[1] is None else held_out(fits[1]),
         ceiling=min(known) if known else None,
         by=held_out_by(kept, "time"),
         fem_needed=fem_needed,
@@ -163,13 +161,3 @@ def _energy(table: Table) -> StiffnessMap | None:
         return symmetric_energy(table)
     except ModelError:
         return None
-
-
-def _held_out(fit: JointFit | None, table: Table) -> float | None:
-    if fit is None:
-        return None
-    groups = row_groups(table)
-    parts = folds(table, fit.rows.poses, groups, held_out_by(table, "time"))
-    if len(np.unique(parts)) < 2:
-        return None
-    return held_out_rms(fit.design, fit.whitened, groups, parts, is_pose_row(table))

@@ -5,12 +5,17 @@
 proposed experiment, and `design_sizes` shows the error against the number of poses.
 """
 
-from ecm.designs.follow_up import can_be_run, follow_up_plan
 from ecm.designs.nominal import NominalModel, nominal_model, rig_noise
 from ecm.designs.optimal import Design, Size, design_sizes, optimal_design
-from ecm.designs.plans import DWELLS_S, diagnosable_plan, paper_plan, plain_plan
-from ecm.designs.regressors import polynomial_degree
-from ecm.designs.settings import CRITERIA, DesignSettings
+from ecm.designs.plans import (
+    DWELLS_S,
+    can_be_run,
+    diagnosable_plan,
+    follow_up_plan,
+    paper_plan,
+    plain_plan,
+)
+from ecm.designs.regressors import CRITERIA, DesignSettings, polynomial_degree
 
 __all__ = [
     "CRITERIA",

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ecm._native import EnergyModel
 from ecm.effects import Effect, Rows
 from ecm.errors import InputError
 from ecm.io.arrays import F
@@ -21,7 +20,8 @@ from ecm.io.events import Progress
 from ecm.io.mechanism import Mechanism
 from ecm.io.se3 import wrench_adjoint
 from ecm.io.table import Table
-from ecm.models import EnergyMap, Model, StiffnessMap, physics_map, surrogate_of
+from ecm.models import Model, StiffnessMap, physics_map, surrogate_of
+from ecm.models.maps import EnergyTerms
 from ecm.regression.noise import Noise, declared_noise, whiteners
 from ecm.rig.camera import Camera
 from ecm.rig.measurement import ForceTorqueSensor
@@ -244,11 +244,4 @@ def _fitted_map(candidates: Table, length_m: float, *, known: bool) -> Stiffness
             test_wrenches=wrenches[tested],
             mechanism=dict(candidates.meta.mechanism),
         )
-    fitted = EnergyModel.fit(
-        np.ascontiguousarray(poses),
-        np.ascontiguousarray(wrenches),
-        length_m=length_m,
-        degree=4,
-        symmetry="alike",
-    )
-    return EnergyMap(fitted)
+    return EnergyTerms(length_m, 4).fit(poses, wrenches)

@@ -14,8 +14,14 @@ from numpy.typing import ArrayLike
 
 from ecm._native import d_optimal, maximin, repeated_rows
 from ecm.designs.nominal import NominalModel
-from ecm.designs.regressors import predicted_columns, prediction_region, regressor
-from ecm.designs.settings import AVERAGED, CRITERIA, DesignSettings
+from ecm.designs.regressors import (
+    AVERAGED,
+    CRITERIA,
+    DesignSettings,
+    predicted_columns,
+    prediction_region,
+    regressor,
+)
 from ecm.errors import DesignError, InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import LARGEST, F, I

@@ -1,29 +1,73 @@
-"""Plans of chosen poses: rows in visiting order, with the checks between them.
+"""Plans: rows in visiting order with the checks between them, also of a proposed experiment.
 
 Columns of the candidates are copied, except those of measurements. The order is random, so that a
 drift over time is no trend over the workspace.
+
+A follow-up visits poses of the diagnosed data again, under their own pose_id and in a run of its
+own, so that both tables together are one campaign; a sweep also stops on the straight lines to
+them. A session joins several experiments, "a + b", in one plan: each part is a run, and those that
+change the set-up come last.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ecm._native import DWELLS_S as _DWELLS_S
-from ecm._native import diagnosable_visits
+from ecm import _native
+from ecm._native import diagnosable_visits, outer_poses
 from ecm.designs.optimal import Design
+from ecm.effects.experiments import session_of
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
-from ecm.io.arrays import F
+from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 
-DWELLS_S = tuple(_DWELLS_S)
+DWELLS_S = tuple(_native.DWELLS_S)
 """Rest before a reading in a diagnosable campaign: relaxation shows in their difference."""
+_DWELL_S = 2.0
 _ADDED = ("kind", "approach", "dwell_s", "run", "action")
 _MEASURED = (*WRENCH, *(f"sd_{name}" for name in WRENCH), "time_s", "repeat")
 """Columns of a measurement, which a plan does not copy."""
+
+
+@dataclass(frozen=True)
+class _Visit:
+    """One row of a plan; a pose is its place among the candidates or distinct poses, -1 a check."""
+
+    action: str
+    pose: int = -1
+    share: float = 1.0
+    """Share of the straight way from home to the pose."""
+    approach: str = "initial"
+    dwell_s: float = _DWELL_S
+    run: int = 0
+    """Run of the plan, from 0."""
+
+    @property
+    def kind(self) -> str:
+        """Kind of the row in a measurement table."""
+        return {"measure": "pose", "unload": "unloaded"}.get(self.action, "home")
+
+
+def _plan(
+    of: Table, columns: dict[str, Any], pose_ids: ArrayLike, visits: Sequence[_Visit], run: float
+) -> Table:
+    """Table of a plan: columns of the poses, what is done there, and the runs from `run` on."""
+    added: dict[str, Any] = {
+        "pose_id": np.asarray(pose_ids, dtype=np.float64),
+        "kind": np.array([v.kind for v in visits], dtype=object),
+        "approach": np.array(["" if v.pose < 0 else v.approach for v in visits], dtype=object),
+        "dwell_s": np.array([v.dwell_s for v in visits]),
+        "run": np.array([run + v.run for v in visits]),
+        "action": np.array([v.action for v in visits], dtype=object),
+    }
+    return Table(columns={**columns, **added}, meta=of.meta.of_plan(), source="plan", warnings=())
 
 
 def plain_plan(candidates: Table, chosen: Design, *, seed: int = 0) -> Table:
@@ -82,13 +126,8 @@ def paper_plan(candidates: Table, chosen: Design, *, seed: int = 0) -> Table:
 
 def _each_once(candidates: Table, chosen: Design, seed: int, dwell_s: float) -> Table:
     order = np.random.default_rng([seed, 2]).permutation(len(chosen.indices))
-    return _plan(
-        candidates, [("pose", "measure", int(i), "initial", dwell_s) for i in chosen.indices[order]]
-    )
-
-
-_Visit = tuple[str, str, int, str, float]
-"""Kind, action, candidate (of a check -1), approach, dwell time in s."""
+    visits = [_Visit("measure", int(i), dwell_s=dwell_s) for i in chosen.indices[order]]
+    return _of_candidates(candidates, visits)
 
 
 def diagnosable_plan(
@@ -143,34 +182,31 @@ def diagnosable_plan(
     check_arguments(diagnosable_plan, locals())
     rng = np.random.default_rng([seed, 3])
     poses = candidates.poses[chosen.indices]
-    ids = _pose_ids(candidates)
+    ids = _ids_of(candidates)
     m = len(poses)
     n = 2 * m if visits is None else visits
     if n < m:
         raise InputError(f"a diagnosable plan of {m} poses needs at least {m} visits, got {n}")
     orders = [rng.permutation(size).tolist() for size in (m, m, n, n)]
     rows: list[_Visit] = []
-    for kind, action, pose, side, dwell_s in diagnosable_visits(
+    for _, action, pose, side, dwell_s in diagnosable_visits(
         np.ascontiguousarray(poses), list(dwells_s), orders
     ):
-        if kind != "pose":
-            rows.append((kind, action, -1, "", dwell_s))
-            continue
         approach = "initial" if side < 0 else str(int(ids[chosen.indices[side]]))
-        rows.append((kind, action, int(chosen.indices[pose]), approach, dwell_s))
-    return _plan(candidates, rows)
+        place = int(chosen.indices[pose]) if action == "measure" else -1
+        rows.append(_Visit(action, place, approach=approach, dwell_s=dwell_s))
+    return _of_candidates(candidates, rows)
 
 
-def _pose_ids(candidates: Table) -> F:
+def _ids_of(candidates: Table) -> F:
     if candidates.has("pose_id"):
         return candidates.column("pose_id")
     return np.arange(len(candidates), dtype=np.float64)
 
 
-def _plan(candidates: Table, visits: Sequence[_Visit]) -> Table:
+def _of_candidates(candidates: Table, visits: Sequence[_Visit]) -> Table:
     """Table of a plan; checks have the other columns of the candidate nearest to the rest pose."""
-    kinds, actions, places, approaches, dwells_s = zip(*visits, strict=True)
-    rows = np.array(places, dtype=np.int64)
+    rows = np.array([visit.pose for visit in visits], dtype=np.int64)
     measured = rows >= 0
     taken = rows
     if not measured.all():
@@ -186,12 +222,252 @@ def _plan(candidates: Table, visits: Sequence[_Visit]) -> Table:
     if not measured.all():
         for j, name in enumerate(POSE):
             columns[name] = np.where(measured, columns[name], rest[j])
-    columns |= {
-        "pose_id": np.where(measured, _pose_ids(candidates)[taken], -1.0),
-        "kind": np.array(kinds, dtype=object),
-        "approach": np.array(approaches, dtype=object),
-        "dwell_s": np.array(dwells_s),
-        "run": np.zeros(len(rows)),
-        "action": np.array(actions, dtype=object),
-    }
-    return Table(columns=columns, meta=candidates.meta.of_plan(), source="plan", warnings=())
+    ids = np.where(measured, _ids_of(candidates)[taken], -1.0)
+    return _plan(candidates, columns, ids, visits, 0.0)
+
+
+HOLDS_S = (2.0, 8.0, 60.0)
+
+
+def follow_up_plan(data: Table, experiment: str) -> Table:
+    """The plan of an experiment that a diagnosis of these data proposes.
+
+    Parameters
+    ----------
+    data
+        The measurement table that was diagnosed; needs all six pose columns.
+    experiment
+        The `action` of an entry of `next_experiment`, or the id of an experiment; of a session
+        those parts that the rig can drive.
+
+    Raises
+    ------
+    InputError
+        For an experiment that is done by hand and not by driving to poses (a calliper, a gauge).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ecm import as_table
+    >>> from ecm.io.columns import POSE
+    >>> poses = np.random.default_rng(0).uniform(0.0, 0.1, (12, 6))
+    >>> plan = follow_up_plan(as_table(dict(zip(POSE, poses.T))), "repeat_first_poses")
+    >>> sorted(set(plan.text("action").tolist()))
+    ['home', 'measure', 'unload']
+    """
+    lacking = [name for name in POSE if not data.has(name)]
+    if lacking:
+        raise InputError(
+            f"a plan drives all six coordinates of the pose, and {data.source} has no "
+            f"{', '.join(lacking)}: do the experiment by hand on your rig"
+        )
+    driven = {part.recipe for part in session_of(experiment) if part.can_be_driven}
+    if not driven:
+        raise InputError(
+            f"{experiment!r} is done by hand, no campaign can drive it. Do it, write what came of "
+            "it into the data's TOML, and run diagnose again."
+        )
+    poses, ids = _distinct(data)
+    visits: list[_Visit] = []
+    for run, recipe in enumerate(recipe for recipe in RECIPES if recipe in driven):
+        own = [_Visit("unload"), _Visit("home"), *RECIPES[recipe](poses, ids), _Visit("home")]
+        visits += [replace(visit, run=run) for visit in own]
+    visits.append(replace(visits[-1], action="unload"))
+    return _of_poses(data, poses, ids, _relative_remounts(visits))
+
+
+def can_be_run(experiment: str) -> bool:
+    """Whether the rig can carry out the experiment, or some part of a session.
+
+    Parameters
+    ----------
+    experiment
+        The `action` of an entry of `next_experiment`, or the id of an experiment.
+
+    Examples
+    --------
+    >>> can_be_run("calliper"), can_be_run("hold_60_s")
+    (False, True)
+    """
+    return any(part.can_be_driven for part in session_of(experiment))
+
+
+def _distinct(data: Table) -> tuple[F, I]:
+    """Mean measured pose of each pose_id, in order of the first visit, and the ids."""
+    measured = data.measured()
+    own = (
+        measured.column("pose_id").astype(np.int64)
+        if measured.has("pose_id")
+        else np.arange(len(measured))
+    )
+    ids, first = np.unique(own, return_index=True)
+    ids = ids[np.argsort(first)]
+    return np.stack([measured.poses[own == i].mean(axis=0) for i in ids]), ids
+
+
+def _spread_out(poses: F, count: int) -> list[int]:
+    """Poses far from each other: each next one is the farthest from those before."""
+    size = np.maximum(poses.std(axis=0), 1e-12)
+    scaled = (poses - poses.mean(axis=0)) / size
+    chosen = [int((scaled**2).sum(axis=1).argmax())]
+    nearest = ((scaled - scaled[chosen[0]]) ** 2).sum(axis=1)
+    while len(chosen) < min(count, len(poses)):
+        chosen.append(int(nearest.argmax()))
+        nearest = np.minimum(nearest, ((scaled - scaled[chosen[-1]]) ** 2).sum(axis=1))
+    return chosen
+
+
+def _measure(
+    poses: Iterable[int], *, approach: str = "initial", dwell_s: float = _DWELL_S
+) -> list[_Visit]:
+    return [_Visit("measure", i, approach=approach, dwell_s=dwell_s) for i in poses]
+
+
+def _with_checks(visits: list[_Visit], check: str, every: int) -> list[_Visit]:
+    rows: list[_Visit] = []
+    for i, visit in enumerate(visits):
+        if i and i % every == 0:
+            rows.append(_Visit(check))
+        rows.append(visit)
+    return rows
+
+
+def _holds(poses: F, ids: I) -> list[_Visit]:
+    return [v for i in _spread_out(poses, 8) for d in HOLDS_S for v in _measure([i], dwell_s=d)]
+
+
+def _both_sides(poses: F, ids: I) -> list[_Visit]:
+    """From home, from a pose beyond, and from there again after 60 s."""
+    farther = outer_poses(np.ascontiguousarray(poses))
+    pairs = [i for i in _spread_out(poses, len(poses)) if farther[i] >= 0][:10]
+    visits: list[_Visit] = []
+    for i in pairs:
+        side = str(int(ids[farther[i]]))
+        visits += _measure([farther[i], i])
+        visits += _measure([i], approach=side)
+        visits += _measure([i], approach=side, dwell_s=60.0)
+    return visits
+
+
+def _first_ten(poses: F, ids: I) -> list[_Visit]:
+    return _measure(range(min(10, len(poses))))
+
+
+def _conditioning(poses: F, ids: I) -> list[_Visit]:
+    """Five times to the three largest poses, then the first ten again."""
+    away = (poses - np.median(poses, axis=0)) / np.maximum(poses.std(axis=0), 1e-12)
+    largest = np.argsort(-(away**2).sum(axis=1))
+    return [*(v for _ in range(5) for v in _measure(largest[:3])), *_first_ten(poses, ids)]
+
+
+def _warm_and_cold(poses: F, ids: I) -> list[_Visit]:
+    ten = _measure(_spread_out(poses, 10))
+    return [*ten, _Visit("warm_up:60"), _Visit("unload"), _Visit("home"), *ten]
+
+
+def _zeros(poses: F, ids: I) -> list[_Visit]:
+    return _with_checks(_measure(_spread_out(poses, 40)), "unload", 10)
+
+
+def _homes(poses: F, ids: I) -> list[_Visit]:
+    """Large poses on one side only, again and again, home after each.
+
+    A set grows that way, and faster than before; a slip stays, a marker goes on with time.
+    """
+    away = (poses - np.median(poses, axis=0)) / np.maximum(poses.std(axis=0), 1e-12)
+    largest = away[int((away**2).sum(axis=1).argmax())]
+    one_side = np.argsort(-(away @ largest))[:8].tolist()
+    return _with_checks(_measure(one_side * 8), "home", 1)
+
+
+def _turned(degrees: int) -> Callable[[F, I], list[_Visit]]:
+    return lambda poses, ids: [
+        _Visit(f"remount:{degrees}"), _Visit("unload"), _Visit("home"),
+        *_measure(_spread_out(poses, 20)),
+    ]  # fmt: skip
+
+
+def _relative_remounts(visits: Iterable[_Visit]) -> list[_Visit]:
+    """Give each remount as a turn from the one before it, because the rig adds them up."""
+    reached = 0
+    rows = []
+    for visit in visits:
+        name, _, degrees = visit.action.partition(":")
+        if name != "remount":
+            rows.append(visit)
+            continue
+        rows.append(replace(visit, action=f"remount:{int(degrees) - reached}"))
+        reached = int(degrees)
+    return rows
+
+
+def _without_payload(poses: F, ids: I) -> list[_Visit]:
+    after = _measure(_spread_out(poses, 15))
+    return [_Visit("remove_payload"), _Visit("unload"), _Visit("home"), *after]
+
+
+def _dead_weights(poses: F, ids: I) -> list[_Visit]:
+    loads = (0.5, 1.0, 2.0, 4.0, 2.0, 1.0, 0.5)
+    weights = [_Visit(f"dead_weight:{mass:g}") for mass in loads]
+    return [*weights, *_measure(_spread_out(poses, 10))]
+
+
+def _repeated(poses: F, ids: I) -> list[_Visit]:
+    some = _spread_out(poses, 10)
+    return _measure([i for _ in range(4) for i in some])
+
+
+def _push_and_pull(poses: F, ids: I) -> list[_Visit]:
+    """The poses of the most stretched and the most compressed bodies, as arcs, three times."""
+    half = 0.5 * np.linalg.norm(poses[:, 3:], axis=1)
+    arc = np.linalg.norm(poses[:, :3], axis=1) / np.sinc(half / np.pi)
+    order = np.argsort(arc)
+    return _measure([*order[:6].tolist(), *order[-6:].tolist()] * 3)
+
+
+def _sweep(poses: F, ids: I) -> list[_Visit]:
+    """Nine stops each on the straight ways to six poses that lie far apart."""
+    shares = np.linspace(0.2, 1.0, 9)
+    return [_Visit("measure", i, share=float(s)) for i in _spread_out(poses, 6) for s in shares]
+
+
+RECIPES: dict[str, Callable[[F, I], list[_Visit]]] = {
+    "both_sides": _both_sides,
+    "holds": _holds,
+    "push_and_pull": _push_and_pull,
+    "sweep": _sweep,
+    "homes": _homes,
+    "zeros": _zeros,
+    "first_poses": _first_ten,
+    "repeats": _repeated,
+    "conditioning": _conditioning,
+    "warm_and_cold": _warm_and_cold,
+    "without_payload": _without_payload,
+    "remount_90": _turned(90),
+    "remount_180": _turned(180),
+    "dead_weights": _dead_weights,
+}
+"""Plans by the recipe that an experiment names. In a session they run in this order: what changes
+the set-up least comes first."""
+
+
+def _pose_ids(visits: list[_Visit], ids: I) -> list[int]:
+    """-1 at home; a stop on the way to a pose is a pose of its own."""
+    on_the_way: dict[tuple[int, float], int] = {}
+    pose_ids = []
+    for v in visits:
+        if v.pose < 0 or v.share == 1.0:
+            pose_ids.append(-1 if v.pose < 0 else int(ids[v.pose]))
+        else:
+            new = int(ids.max()) + 1 + len(on_the_way)
+            pose_ids.append(on_the_way.setdefault((v.pose, v.share), new))
+    return pose_ids
+
+
+def _of_poses(data: Table, poses: F, ids: I, visits: list[_Visit]) -> Table:
+    """Table of a plan of distinct poses of the data, its run after theirs."""
+    length = data.meta.mechanism.get("length_m", float(np.median(poses[:, 0])))
+    home = np.array([float(length), 0.0, 0.0, 0.0, 0.0, 0.0])
+    at = np.stack([home if v.pose < 0 else home + v.share * (poses[v.pose] - home) for v in visits])
+    run = float(data.column("run").max()) + 1.0 if data.has("run") else 1.0
+    return _plan(data, dict(zip(POSE, at.T, strict=True)), _pose_ids(visits, ids), visits, run)

@@ -14,7 +14,7 @@ from ecm.diagnosis.readings import EQUAL
 from ecm.diagnosis.search import delta_chi2
 from ecm.errors import ModelError
 from ecm.io.arrays import F
-from ecm.models.base_choice import energy_of_unlike_ends, next_degree
+from ecm.models.fit import energy_of_unlike_ends, next_degree
 from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import EnergyMap, StiffnessMap
 from ecm.models.partial import whole_map

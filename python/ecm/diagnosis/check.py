@@ -29,7 +29,8 @@ from ecm.io.frames import order_warning
 from ecm.io.misread import Misread, misread
 from ecm.io.table import MetaLike, Table, TableLike, as_table, read_table, unreadable_rows
 from ecm.regression.correlation import correlation_time
-from ecm.regression.folds import is_continuous, is_pose_row, noise_source, repeated_poses
+from ecm.regression.folds import is_continuous, is_pose_row, repeated_poses
+from ecm.regression.noise import noise_source
 
 _FEWEST = 50
 """Runs of fewer rows have no pattern."""

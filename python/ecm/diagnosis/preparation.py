@@ -16,9 +16,9 @@ from ecm.errors import InputError
 from ecm.io.arrays import F, I
 from ecm.io.misread import Misread, misread
 from ecm.io.table import Table
-from ecm.models.base_choice import choose_base
+from ecm.models.fit import choose_base
 from ecm.models.model import Model
-from ecm.regression.blas import one_blas_thread
+from ecm.regression.blocks import one_blas_thread
 from ecm.regression.folds import distinct_rows, rows_without_zero_readings, spread_rows, zero_times
 from ecm.regression.normal_equations import projected_out
 

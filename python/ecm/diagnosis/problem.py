@@ -24,14 +24,13 @@ from ecm.models.joint_fit import JointFit, base_columns, error_columns, joint_fi
 from ecm.models.noise_estimate import declared_or_fitted, estimate_noise
 from ecm.regression.f_test import omnibus_test
 from ecm.regression.folds import is_pose_row, row_groups
-from ecm.regression.noise import Noise, is_exact, whiteners
+from ecm.regression.noise import Noise, is_exact, some_rows, weighed_by_rest, whiteners
 from ecm.regression.normal_equations import (
     NormalEquations,
     explained_by_blocks,
     explained_squares,
     projected_out,
 )
-from ecm.regression.reml import some_rows, weighed_by_rest
 from ecm.regression.rows import is_whole
 
 if TYPE_CHECKING:

@@ -50,7 +50,7 @@ from ecm.diagnosis.summary import directions, path_taken
 from ecm.diagnosis.unexplained import misread_table
 from ecm.io.arrays import rest_of
 from ecm.io.description import shown_ranges
-from ecm.models.history import Ceiling, ceiling_rms
+from ecm.models.errors import Ceiling, ceiling_rms
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.model import Model
 from ecm.models.partial import MeasuredMap

@@ -19,8 +19,8 @@ from ecm.effects.noise import NoiseEffect
 from ecm.io.arrays import B, F
 from ecm.io.mechanism import Mechanism
 from ecm.models.joint_fit import FittedEffect, JointFit
+from ecm.models.physics.build import stated_rod
 from ecm.models.physics.map import PhysicsMap
-from ecm.models.physics.rod import stated_rod
 from ecm.regression.f_test import orthonormal
 from ecm.regression.folds import repeat_cells
 from ecm.regression.noise import Noise, declared_noise

@@ -1,7 +1,7 @@
 """Experiments that separate effects that look alike: what is done, its minutes, its readings.
 
 The rivals of an effect name experiments by id; reports show the action. A recipe is the name of a
-plan in `ecm.designs.follow_up`; an experiment without one is done by hand.
+plan in `ecm.designs.plans`; an experiment without one is done by hand.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Experiment:
     minutes
         Time at the rig, set-up included.
     recipe
-        Name of the plan in `ecm.designs.follow_up` that the rig can drive; empty: done by hand.
+        Name of the plan in `ecm.designs.plans` that the rig can drive; empty: done by hand.
     readings
         Standard deviation, by unit, of a reading of an effect's size: effect id -> unit -> sd.
 

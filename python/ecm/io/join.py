@@ -161,7 +161,7 @@ def _shifted_time(time: F, last: float | None, source: str, warnings: list[str])
 def _new_pose_ids(current: Columns, earlier: F) -> F:
     """Number the measured rows of a table without pose_id, counted on from earlier tables.
 
-    A plan that follows such tables names its poses in the same way (designs/follow_up.py).
+    A plan that follows such tables names its poses in the same way (designs/plans.py).
     """
     kind = current.get("kind", np.full(len(current["run"]), "pose", dtype=object))
     measured = (kind == "pose") | (kind == "")

@@ -1,11 +1,11 @@
 """Models: pose in; wrench, stiffness and their uncertainty out."""
 
 from ecm.models.energy import GROUPS, EnergyModel
+from ecm.models.errors import FitRecord
 from ecm.models.estimator import ModelEstimator
 from ecm.models.expression import Expression
 from ecm.models.fit import fit_model
 from ecm.models.given import as_model
-from ecm.models.history import FitRecord
 from ecm.models.learned import GaussianProcessModel, NeuralNetworkModel
 from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap
 from ecm.models.model import Model, load_model

@@ -1,16 +1,355 @@
-"""A fitted model in steps: the compiled stepper of the exported code, for Python."""
+"""A fitted model in steps, and one that keeps itself right, by the compiled code of the exports."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ecm import _native
 from ecm._native import Stepper, seal_model
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.models.adapt import Adapter, AdaptSettings
+from ecm.io.columns import POSE
 from ecm.models.time_effects import Input, TimeEffects
+
+Outcome = Literal["waiting", "adapted", "left out", "jumped", "diagnose", "refused"]
+
+OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
+"""What a reading did, in the order of the compiled code's numbers (docs/adapt.md)."""
+GROUPS: Mapping[str, Mapping[str, str]] = {
+    "modulus": {"modulus": ""},
+    "payload": {"mass": "kg", "mass_x": "kg m", "mass_y": "kg m", "mass_z": "kg m"},
+    "zero": {f"zero_{axis}": "N" for axis in ("fx", "fy", "fz")}
+    | {f"zero_{axis}": "N m" for axis in ("tau_x", "tau_y", "tau_z")},
+    "shares": {"share_first": "", "share_second": ""},
+}
+"""The parameters of each group that can be chosen, with their units."""
+UNITS = {name: unit for names in GROUPS.values() for name, unit in names.items()}
+"""Unit of each parameter."""
+NAMES = tuple(UNITS)
+"""All parameters, in the order of the compiled code."""
+
+
+@dataclass(frozen=True)
+class AdaptSettings:
+    """Which parameters follow the readings, the noise, and what is known beforehand.
+
+    Examples
+    --------
+    >>> AdaptSettings(("modulus", "payload")).names
+    ('modulus', 'mass', 'mass_x', 'mass_y', 'mass_z')
+    >>> AdaptSettings(("weight",))
+    Traceback (most recent call last):
+        ...
+    ecm.errors.InputError: adapt: 'weight', expected some of modulus, payload, zero, shares
+    """
+
+    groups: tuple[str, ...] = ("modulus", "payload", "zero")
+    """Some of `modulus`, `payload`, `zero`, `shares`."""
+    force_sd_N: float = 0.3
+    """Standard deviation of one reading of the force, N."""
+    torque_sd_Nm: float = 0.015
+    """The same of the torque, N m."""
+    position_sd_m: float = 4e-5
+    """The same of the measured position, m."""
+    rotation_sd_rad: float = 4e-4
+    """The same of the measured rotation, rad."""
+    noise_time_s: float = 0.0
+    """Time over which the noise stays alike, such as a camera's period; 0: white."""
+    model_force_sd_N: float = 0.05
+    """Error of the model beside these parameters in the middle of its domain, N: the excess error
+    of `ecm compare` on rows that were not in the fit."""
+    model_torque_sd_Nm: float = 2e-3
+    """The same of the torque, N m."""
+    reach_m: float = 0.02
+    """Way over which the error of the model changes, m."""
+    reach_rad: float = 0.3
+    """The same of a rotation, rad."""
+    model_rim: float = 3.0
+    """Error of the model at the rim of its domain over that in the middle, 1 or more."""
+    gravity_m_s2: tuple[float, float, float] = (-9.81, 0.0, 0.0)
+    """Gravity in base axes."""
+    interval_s: float = 0.1
+    """Time over which readings, two or more, are averaged before they change a parameter."""
+    modulus_sd: float = 0.2
+    """Standard deviation of the modulus' scale at the start, and the largest ever."""
+    modulus_walk: float = 0.1
+    """Standard deviation of its change in an hour."""
+    mass_sd_kg: float = 1.0
+    """Standard deviation of a load that may be put on."""
+    lever_sd_m: float = 0.1
+    """The same of its centre from the platform's origin."""
+    zero_sd_N: float = 2.0
+    """Standard deviation of the sensor's zero at the start, and the largest ever, N."""
+    zero_sd_Nm: float = 0.06
+    """The same of its torques, N m."""
+    zero_walk_N: float = 1.0
+    """Standard deviation of its change in an hour, N."""
+    zero_walk_Nm: float = 0.03
+    """The same of its torques, N m."""
+    share_sd: float = 0.1
+    """Standard deviation of a branch's share."""
+    share_walk: float = 0.02
+    """Standard deviation of its change in an hour."""
+
+    def __post_init__(self) -> None:
+        for group in self.groups:
+            if group not in GROUPS:
+                raise InputError(f"adapt: {group!r}, expected some of {', '.join(GROUPS)}")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameters that are estimated."""
+        return tuple(name for group in GROUPS if group in self.groups for name in GROUPS[group])
+
+    def document(
+        self, effects: TimeEffects, domain: Mapping[str, Sequence[float]]
+    ) -> dict[str, Any]:
+        """Settings of the compiled adapter; parameters that were not chosen are held.
+
+        `domain` is the range of each pose column that the model was fitted on.
+        """
+        ranges = [domain.get(name, (0.0, 0.0)) for name in POSE]
+        branches = effects.document.get("branches", [])
+        shares = [float(branch["share"]) for branch in branches]
+        if "shares" in self.groups and not shares:
+            raise InputError("adapt: shares: the model has no relaxing branch, leave them out")
+        start = {"modulus": 1.0, **dict(zip(GROUPS["shares"], shares, strict=False))}
+        parameters = {}
+        for name in NAMES:
+            sd, walk, half_range, jumps = self._known(name)
+            held = name not in self.names or (name in GROUPS["shares"] and name not in start)
+            centre = start.get(name, 0.0)
+            parameters[name] = {
+                "start": centre,
+                "sd": 0.0 if held else sd,
+                "low": centre - half_range,
+                "high": centre + half_range,
+                "walk": walk,
+                "jumps": float(jumps),
+            }
+        return {
+            "parameters": parameters,
+            "noise": {
+                "wrench": [self.force_sd_N, self.torque_sd_Nm],
+                "pose": [self.position_sd_m, self.rotation_sd_rad],
+                "time_s": self.noise_time_s,
+                "model": [self.model_force_sd_N, self.model_torque_sd_Nm],
+                "reach": [self.reach_m, self.reach_rad],
+                "rim": self.model_rim,
+                "middle": [0.5 * (low + high) for low, high in ranges],
+                "per_half_range": [
+                    2.0 / (high - low) if high > low else 0.0 for low, high in ranges
+                ],
+            },
+            "gravity": list(self.gravity_m_s2),
+            "interval_s": self.interval_s,
+        }
+
+    def _known(self, name: str) -> tuple[float, float, float, bool]:
+        """Standard deviation, its growth in an hour, half of the range, and whether it may jump."""
+        if name == "modulus":
+            return self.modulus_sd, self.modulus_walk, min(0.9, 5.0 * self.modulus_sd), False
+        if name in GROUPS["shares"]:
+            return self.share_sd, self.share_walk, 5.0 * self.share_sd, False
+        if name in GROUPS["payload"]:
+            sd = self.mass_sd_kg * (1.0 if name == "mass" else self.lever_sd_m)
+            return sd, 0.01 * sd, 5.0 * sd, True
+        force = UNITS[name] == "N"
+        sd = self.zero_sd_N if force else self.zero_sd_Nm
+        return sd, self.zero_walk_N if force else self.zero_walk_Nm, 10.0 * sd, True
+
+
+@dataclass(frozen=True)
+class WeakDirection:
+    """Changes of parameters that the readings since the start hardly tell from none.
+
+    Examples
+    --------
+    >>> print(WeakDirection(0.98, {"mass": 0.2, "zero_fx": -1.96}))
+    mass +0.2 kg with zero_fx -1.96 N: 98 % of what was open at the start
+    """
+
+    share: float
+    """Standard deviation along it, over that at the start."""
+    change: dict[str, float]
+    """One standard deviation of the start, each parameter in its unit."""
+
+    def __str__(self) -> str:
+        parts = [
+            f"{name} {value:+.3g} {UNITS[name]}".rstrip() for name, value in self.change.items()
+        ]
+        return f"{' with '.join(parts)}: {100 * self.share:.0f} % of what was open at the start"
+
+
+class Adapter:
+    """A fitted model whose parameters follow measured wrenches; `Controller.adapt` makes one.
+
+    A filter over a few named parameters (docs/adapt.md): modulus, payload, the sensor's zero,
+    shares of relaxing branches. Every call takes one reading; an interval must hold two or more.
+
+    Examples
+    --------
+    >>> from ecm import as_table, fit_model
+    >>> from ecm.io.columns import POSE, WRENCH
+    >>> random = np.random.default_rng(0)
+    >>> x = 0.01 * random.standard_normal((60, 6)) + [0.1, 0, 0, 0, 0, 0]
+    >>> h = (x - [0.1, 0, 0, 0, 0, 0]) * [2e4, 3e3, 3e3, 4.0, 16.0, 16.0]
+    >>> model = fit_model(as_table(dict(zip((*POSE, *WRENCH), np.hstack([x, h]).T))), "linear")
+    >>> adapter = model.controller().adapt(AdaptSettings(("modulus",)))
+    >>> for pose, wrench in zip(x.repeat(10, 0), h.repeat(10, 0)):  # softer by a tenth
+    ...     outcome = adapter.observe(pose, 0.9 * wrench, 0.02)
+    >>> outcome, round(adapter.values["modulus"], 2)
+    ('adapted', 0.9)
+    """
+
+    def __init__(self, document: str, effects: TimeEffects, settings: AdaptSettings) -> None:
+        own = json.dumps(settings.document(effects, json.loads(document).get("domain", {})))
+        self._native = _native.Adapter(seal_model(document), json.dumps(effects.document), own)
+        self._reference = float(effects.document.get("reference_degc", 0.0))
+        self._chosen = [NAMES.index(name) for name in settings.names]
+        self._largest = np.sqrt(np.diag(self._native.covariance))
+        self.settings = settings
+        """Parameters, noise, and what is known beforehand."""
+        self.wrench: F = np.full(6, np.nan)
+        """(6,) wrench that the robot feels at the last reading, without the sensor's zero."""
+        self.stiffness: F = np.full((6, 6), np.nan)
+        """(6, 6) its derivative to the pose, without the turning of the payload."""
+
+    def observe(
+        self,
+        pose: F,
+        wrench: F,
+        dt_s: float,
+        *,
+        temperature_degC: float | None = None,
+        age_s: float = 0.0,
+    ) -> Outcome:
+        """Take one reading; return what it did.
+
+        Parameters
+        ----------
+        pose
+            (6,) measured pose, m and rad.
+        wrench
+            (6,) measured wrench, N and N m, in base axes at the top frame's origin.
+        dt_s
+            Time since the reading before, above 0.
+        temperature_degC, age_s
+            As for `Controller.step`.
+        """
+        temperature = self._reference if temperature_degC is None else temperature_degC
+        outcome, self.wrench, self.stiffness = self._native.observe(
+            np.asarray(pose, dtype=np.float64),
+            np.asarray(wrench, dtype=np.float64),
+            dt_s,
+            temperature,
+            age_s,
+        )
+        return OUTCOMES[outcome]
+
+    def follow(
+        self, poses: F, wrenches: F, dts_s: F, every: int = 1
+    ) -> tuple[F, F, F, NDArray[np.uint8]]:
+        """Take many readings at the temperature of the model.
+
+        Returns
+        -------
+        tuple
+            Readings of the sensor that were expected after each reading (N, 6); parameters and
+            their standard deviations after each `every`-th (M, p each); outcomes (N,), places in
+            `OUTCOMES`.
+        """
+        expected, values, spreads, outcomes = self._native.follow(
+            np.ascontiguousarray(poses, dtype=np.float64),
+            np.ascontiguousarray(wrenches, dtype=np.float64),
+            np.ascontiguousarray(dts_s, dtype=np.float64),
+            every,
+        )
+        return expected, values[:, self._chosen], spreads[:, self._chosen], outcomes
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The parameters by name, in the unit of `UNITS`."""
+        values = self._native.values
+        return {NAMES[i]: float(values[i]) for i in self._chosen}
+
+    @property
+    def covariance(self) -> F:
+        """(p, p) of the parameters, in the order of `values`."""
+        return self._native.covariance[np.ix_(self._chosen, self._chosen)]
+
+    @property
+    def sd(self) -> dict[str, float]:
+        """Standard deviation of each parameter."""
+        spread = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        return dict(zip(self.values, spread.tolist(), strict=True))
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Modulus and shares that the last motion does not tell: they keep their value."""
+        held = self._native.held
+        return tuple(NAMES[i] for i in self._chosen if held[i])
+
+    @property
+    def payload_centre(self) -> tuple[F, F] | None:
+        """Centre of the payload in the platform's frame, m, and its standard deviation.
+
+        None where the mass is not three standard deviations from 0.
+        """
+        at = slice(1, 5)
+        values, spread = self._native.values[at], self._native.covariance[at, at]
+        mass = values[0]
+        if not mass * mass > 9.0 * spread[0, 0]:
+            return None
+        centre = values[1:] / mass
+        slope = np.hstack([-centre[:, None], np.eye(3)]) / mass
+        return centre, np.sqrt(np.diag(slope @ spread @ slope.T))
+
+    def weak_directions(self, share: float = 0.5) -> tuple[WeakDirection, ...]:
+        """Return directions whose standard deviation is above `share` of that at the start.
+
+        The weakest comes first. Where one names mass and zero together, the poses since the last
+        jump do not tell a payload from a change of the sensor's zero: turn the platform.
+        """
+        open_ = [i for i in self._chosen if self._largest[i] > 0.0]
+        scale = self._largest[open_]
+        relative = self._native.covariance[np.ix_(open_, open_)] / np.outer(scale, scale)
+        sizes, directions = np.linalg.eigh(relative)
+        found = []
+        for size, direction in sorted(zip(sizes, directions.T, strict=True), key=lambda d: -d[0]):
+            if size < share * share:
+                break
+            sign = np.sign(direction[np.argmax(np.abs(direction))])
+            change = {
+                NAMES[i]: float(sign * d * s)
+                for i, d, s in zip(open_, direction, scale, strict=True)
+                if abs(d) > 0.15
+            }
+            found.append(WeakDirection(float(np.sqrt(size)), change))
+        return tuple(found)
+
+    def resume(self) -> None:
+        """Go on after `diagnose`, with the values as they are and the covariance of the start."""
+        self._native.resume()
+
+    def reset(self) -> None:
+        """Go back to the start; the mechanism counts as rested at the next reading."""
+        self._native.reset()
+
+    @property
+    def state(self) -> F:
+        """Plain numbers of the whole state; set them to go on from there, to the bit."""
+        return self._native.state
+
+    @state.setter
+    def state(self, numbers: F) -> None:
+        self._native.state = np.ascontiguousarray(numbers, dtype=np.float64)
 
 
 class Controller:

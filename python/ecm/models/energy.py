@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ecm._native import EnergyModel as EnergyEvaluator
 from ecm.errors import InputError
-from ecm.io.arrays import F, I
+from ecm.io.arrays import I
 from ecm.io.events import Progress, Steps
 from ecm.io.settings import ENERGY_DEGREES, setting
 from ecm.io.table import Table
-from ecm.models.errors_in_variables import Solved, fit_with_pose_noise, fits_without_folds
-from ecm.models.maps import SYMMETRIES, EnergyMap, StiffnessMap, Symmetry
+from ecm.models.errors_in_variables import fit_with_pose_noise, fits_without_folds
+from ecm.models.maps import SYMMETRIES, EnergyMap, EnergyTerms, StiffnessMap, Symmetry
 from ecm.models.partial import fit_measured, is_partial, need_pose
 from ecm.models.specification import FittedMap, ModelSpecification, Weights, length_of
 from ecm.regression.blocks import few_rows
@@ -101,40 +99,33 @@ class EnergyModel(ModelSpecification):
         """Without symmetry, degrees 5 and 6 have hundreds of terms: time grows with the square."""
         return _MOST_ROWS if self.symmetry == "general" and self.degree > 4 else None
 
-    def regressor(self, poses: F, length_m: float, scale: F) -> F:
-        """(N, 6, k) wrench of each term of the energy at poses (N, 6)."""
-        return EnergyEvaluator.regressor(
-            np.ascontiguousarray(poses),
-            length_m=length_m,
-            degree=self.degree,
-            symmetry=self.symmetry,
-            scale=scale,
-            groups=self.groups,
-        )
+    def terms(self, length_m: float) -> EnergyTerms:
+        """The terms of the energy for a mechanism of this length."""
+        return EnergyTerms(length_m, self.degree, self.symmetry, self.groups)
 
     def fit_map(
         self, table: Table, weights: Weights, progress: Progress | None = None
     ) -> FittedMap:
         """Errors in variables by the declared noise; with `weights` spread least squares."""
         need_pose(table, self.name)
-        family = _TermsOfEnergy(self, length_of(table, self.name))
+        terms = self.terms(length_of(table, self.name))
         if is_partial(table):
-            return fit_measured(family.start(table), table, weights == "spread", progress)
+            return fit_measured(_start(terms, table), table, weights == "spread", progress)
         if self.symmetry == "general" and len(table) > _FEWEST_TRIED:
-            family.refuse_wild(table)
+            _refuse_wild(terms, table)
         noise = declared_noise(table)
         if weights == "spread":
-            first = family.by_spread(table)
-            return FittedMap(EnergyMap(first), noise, np.asarray(first.covariance))
+            first = terms.fit(table.poses, table.wrenches)
+            return FittedMap(first, noise, np.asarray(first.model.covariance))
         few = few_rows(table)
-        start: StiffnessMap = EnergyMap(family.by_spread(few))
+        start: StiffnessMap = terms.fit(few.poses, few.wrenches)
         many = len(few) < len(table)
         steps = Steps({_FEW: len(few) if many else 0, _ALL: len(table)}, progress)
         if many:
             told = steps.within(_FEW)
-            start = fit_with_pose_noise(few, start, noise, family, progress=told).base
+            start = fit_with_pose_noise(few, start, noise, terms, progress=told).base
         told = steps.within(_ALL)
-        result = fit_with_pose_noise(table, start, noise, family, near=many, progress=told)
+        result = fit_with_pose_noise(table, start, noise, terms, near=many, progress=told)
         return FittedMap(result.base, noise, result.covariance, result.residual_variance)
 
     def maps_without(
@@ -147,77 +138,37 @@ class EnergyModel(ModelSpecification):
         """One step from the fit to all rows; None where wrench columns are missing."""
         if is_partial(table):
             return None
-        family = _TermsOfEnergy(self, length_of(table, self.name))
+        terms = self.terms(length_of(table, self.name))
         start = self.fit_map(table, "auto").base if fitted is None else fitted
         noise = declared_noise(table)
-        return fits_without_folds(table, start, noise, family, fold, progress)
+        return fits_without_folds(table, start, noise, terms, fold, progress)
 
-    @staticmethod
-    def map_from_document(document: dict[str, Any]) -> EnergyMap:
-        """Return the map of an opened model file."""
-        return EnergyMap.from_document(document)
+    map_from_document = staticmethod(EnergyMap.from_document)
 
 
-@dataclass(frozen=True)
-class _TermsOfEnergy:
-    """Least squares of the terms of an energy (`LinearFit`)."""
+def _start(terms: EnergyTerms, table: Table) -> EnergyMap:
+    """The energy of these poses without any force."""
+    scale = terms.frame(np.ascontiguousarray(table.poses))
+    return terms.map(scale, np.zeros(terms.regressor(table.poses[:1], scale).shape[2]))
 
-    energy: EnergyModel
-    length_m: float
 
-    @property
-    def _terms(self) -> dict[str, Any]:
-        """Arguments that choose the terms of the native energy."""
-        own = self.energy
-        terms = {"degree": own.degree, "symmetry": own.symmetry, "groups": own.groups}
-        return terms | {"length_m": self.length_m}
+def _refuse_wild(terms: EnergyTerms, table: Table) -> None:
+    """Raise InputError where a fit without one stretch of rows errs beyond measure on it.
 
-    def start(self, table: Table) -> EnergyMap:
-        """The energy of these poses without any force."""
-        scale = self.frame(np.ascontiguousarray(table.poses))
-        terms = EnergyEvaluator.regressor(
-            np.ascontiguousarray(table.poses[:1]), scale=scale, **self._terms
+    Without symmetry the terms are so many that a log of one motion does not hold them. This is
+    found here in a second, on some of the rows; the fit to all of them may take minutes.
+    """
+    table = table.select(spread_rows(table, _TRIED_ROWS))
+    stretch = np.arange(len(table)) * _STRETCHES // len(table) == _STRETCHES // 2
+    fitted = terms.fit(table.select(~stretch).poses, table.select(~stretch).wrenches)
+    errors = fitted.predict(table.poses[stretch]) - table.wrenches[stretch]
+    spread = table.wrenches.std(axis=0)
+    excited = spread > 0.0
+    rms = np.sqrt((errors[:, excited] ** 2).mean(axis=0)) / spread[excited]
+    if not rms.max(initial=0.0) <= _WILD:
+        raise InputError(
+            f"{table.source}: {fitted.name} has {len(fitted.coefficients)} coefficients, "
+            "which these rows do not hold: fitted without a stretch of them, it errs "
+            f"{rms.max():.2g} times the spread there. Take an energy with symmetry "
+            f"(energy{terms.degree}), a lower degree, or record more poses."
         )
-        zeros = np.zeros(terms.shape[2])
-        return EnergyMap(
-            EnergyEvaluator.from_coefficients(scale=scale, coefficients=zeros, **self._terms)
-        )
-
-    def by_spread(self, table: Table) -> EnergyEvaluator:
-        """The fit that weighs each component by its own spread."""
-        return EnergyEvaluator.fit(table.poses, table.wrenches, **self._terms)
-
-    def refuse_wild(self, table: Table) -> None:
-        """Raise InputError where a fit without one stretch of rows errs beyond measure on it.
-
-        Without symmetry the terms are so many that a log of one motion does not hold them. This is
-        found here in a second, on some of the rows; the fit to all of them may take minutes.
-        """
-        table = table.select(spread_rows(table, _TRIED_ROWS))
-        stretch = np.arange(len(table)) * _STRETCHES // len(table) == _STRETCHES // 2
-        fitted = self.by_spread(table.select(~stretch))
-        wrenches = table.wrenches[stretch]
-        errors = fitted.predict(np.ascontiguousarray(table.poses[stretch])) - wrenches
-        spread = table.wrenches.std(axis=0)
-        excited = spread > 0.0
-        rms = np.sqrt((errors[:, excited] ** 2).mean(axis=0)) / spread[excited]
-        if not rms.max(initial=0.0) <= _WILD:
-            raise InputError(
-                f"{table.source}: {self.energy.name} has {len(fitted.coefficients)} coefficients, "
-                "which these rows do not hold: fitted without a stretch of them, it errs "
-                f"{rms.max():.2g} times the spread there. Take an energy with symmetry "
-                f"(energy{self.energy.degree}), a lower degree, or record more poses."
-            )
-
-    def frame(self, poses: F) -> F:
-        """(2,) scale of length and angle."""
-        return EnergyEvaluator.scale_of(poses, self.length_m)
-
-    def reduce(self, frame: F, poses: F, wrenches: F, covariance: F) -> F:
-        """(c, c) triangle of the whitened rows."""
-        return EnergyEvaluator.triangle(poses, wrenches, covariance, scale=frame, **self._terms)
-
-    def solve(self, frame: F, parts: Sequence[F], rows: int) -> Solved:
-        """The fit of the blocks' triangles."""
-        model = EnergyEvaluator.fit_triangles(parts, rows, scale=frame, **self._terms)
-        return EnergyMap(model), np.asarray(model.covariance), model.residual_variance

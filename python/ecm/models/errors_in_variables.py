@@ -31,12 +31,10 @@ from ecm.io.arrays import F, I
 from ecm.io.columns import POSE
 from ecm.io.events import Progress
 from ecm.io.table import Table
-from ecm.models.maps import StiffnessMap
-from ecm.regression.blocks import in_blocks, triangles_of_folds
+from ecm.models.maps import Solved, StiffnessMap
+from ecm.regression.blocks import in_blocks, triangles_of_folds, without_each
 from ecm.regression.noise import Noise, whiteners
 
-Solved = tuple[StiffnessMap, F, float]
-"""Map, covariance (k, k), whitened residual variance."""
 Solve = Callable[[F, F, F], Solved]
 """Generalised least squares of all rows: poses, wrenches, covariance (N, m, m)."""
 
@@ -207,11 +205,7 @@ def fits_without_folds(
         return np.asarray(rows.of_rows(own).reduced(fitted, noise, family, frame))
 
     parts = triangles_of_folds(fold, triangle, progress)
-    counts = np.bincount(fold)
-    return [
-        family.solve(frame, parts[:i] + parts[i + 1 :], len(fold) - int(counts[i]))[0]
-        for i in range(len(parts))
-    ]
+    return without_each(fold, parts, lambda own, count: family.solve(frame, own, count)[0])
 
 
 @dataclass(frozen=True)
@@ -253,7 +247,7 @@ class _NoisyRows:
     def reduced(self, base: StiffnessMap, noise: Noise, family: LinearFit, frame: Any) -> Any:
         """Part of the linear fit."""
         rows = self.under(base)
-        moved = self.wrenches - np.einsum("nij,nj->ni", _screw_stiffness(rows), self.shift)
+        moved = self.wrenches - np.einsum("nij,nj->ni", rows.acting_stiffness, self.shift)
         return family.reduce(frame, self.poses, moved, noise.covariance(rows))
 
     def moved(self, base: StiffnessMap, noise: Noise) -> _NoisyRows:
@@ -269,16 +263,9 @@ class _NoisyRows:
         return _NoisyRows(self.table, self.inputs, self.measured, self.wrenches, poses, shift)
 
 
-def _screw_stiffness(rows: Rows) -> F:
-    """(N, m, n) wrench by increments of the pose, rotations in base axes."""
-    return rows.screw_stiffness if rows.base.inputs == POSE else rows.stiffness
-
-
 def _pose_shift(rows: Rows, wrenches: F, shift: F, noise: Noise) -> F:
     """(N, n) measured minus most likely pose, rotations as increments in base axes."""
-    inputs = rows.base.inputs
-    k_s = _screw_stiffness(rows)
-    sd = np.array([noise.position_sd_m if c in POSE[:3] else noise.rotation_sd_rad for c in inputs])
+    k_s, sd = rows.acting_stiffness, noise.pose_sd(rows.base.inputs)
     whitener = whiteners(noise.covariance(rows))
     e = wrenches - rows.wrench - np.einsum("nij,nj->ni", k_s, shift)
     weighted = np.einsum("nji,nj->ni", whitener, np.einsum("nij,nj->ni", whitener, e))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -18,9 +18,8 @@ from ecm.models.model import Model
 from ecm.models.registry import parse_model
 from ecm.models.specification import ModelSpecification, Weights
 
-_OPTIONS = ("model", "length_m", "weights", "zero_at_home", "stable", "force")
 
-
+@dataclass(eq=False)
 class ModelEstimator:
     """A model with `fit`, `predict` and `score`, for `clone`, `cross_val_score` and the like.
 
@@ -50,28 +49,15 @@ class ModelEstimator:
     """
 
     _estimator_type = "regressor"
-    model_: Model
 
-    def __init__(
-        self,
-        model: ModelSpecification | str = "cubic",
-        *,
-        length_m: float | None = None,
-        weights: Weights = "auto",
-        zero_at_home: bool = False,
-        stable: bool = False,
-        force: bool = False,
-    ) -> None:
-        self.model = model
-        self.length_m = length_m
-        self.weights: Weights = weights
-        self.zero_at_home = zero_at_home
-        self.stable = stable
-        self.force = force
-
-    def __repr__(self) -> str:
-        options = ", ".join(f"{name}={value!r}" for name, value in self.get_params(False).items())
-        return f"ModelEstimator({options})"
+    model: ModelSpecification | str = "cubic"
+    _: KW_ONLY
+    length_m: float | None = None
+    weights: Weights = "auto"
+    zero_at_home: bool = False
+    stable: bool = False
+    force: bool = False
+    model_: Model = field(init=False, repr=False)
 
     def fit(self, X: Any, y: Any) -> ModelEstimator:
         """Fit the model to poses X (N, 6) in m and rad and wrenches y (N, 6) in N and N m.
@@ -84,14 +70,9 @@ class ModelEstimator:
         columns = dict(zip(POSE, _array(X, "X").T, strict=True))
         columns |= dict(zip(WRENCH, _array(y, "y").T, strict=True))
         mechanism = {} if self.length_m is None else {"length_m": self.length_m}
-        self.model_ = fit_model(
-            Table(columns, Meta(mechanism=mechanism), "X, y"),
-            self.model,
-            weights=self.weights,
-            zero_at_home=self.zero_at_home,
-            stable=self.stable,
-            force=self.force,
-        )
+        options = self.get_params(False)
+        options.pop("length_m")
+        self.model_ = fit_model(Table(columns, Meta(mechanism=mechanism), "X, y"), **options)
         return self
 
     def predict(self, X: Any) -> F:
@@ -112,7 +93,7 @@ class ModelEstimator:
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Options by name; with `deep` also fields of the specification as `model__degree`."""
-        options = {name: getattr(self, name) for name in _OPTIONS}
+        options = {item.name: getattr(self, item.name) for item in fields(self) if item.init}
         if deep:
             own = parse_model(self.model)
             options |= {f"model__{item.name}": getattr(own, item.name) for item in fields(own)}
@@ -124,7 +105,7 @@ class ModelEstimator:
             known = self.get_params()
             if name not in known:
                 raise InputError(f"option {name!r}: expected one of {', '.join(known)}")
-            if name in _OPTIONS:
+            if not name.startswith("model__"):
                 setattr(self, name, value)
             else:
                 change: dict[str, Any] = {name.removeprefix("model__"): value}

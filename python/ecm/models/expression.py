@@ -23,7 +23,13 @@ from ecm.io.events import Progress
 from ecm.io.table import Table
 from ecm.io.toml import check_keys, did_you_mean
 from ecm.models.maps import central_differences, partial_to
-from ecm.models.parameters import Parameter, ParametrisedMap, fit_parameters, parameters_of
+from ecm.models.parameters import (
+    Parameter,
+    ParametrisedMap,
+    fit_parameters,
+    parameters_of,
+    starts_of,
+)
 from ecm.models.specification import FittedMap, ModelSpecification, Weights, pose_and_wrench_columns
 
 _STEP = 1e-5
@@ -121,7 +127,7 @@ class FunctionModel(ModelSpecification):
     def map(self, table: Table) -> FunctionMap:
         """The map at the start of the parameters, of the table's columns."""
         inputs, outputs = pose_and_wrench_columns(table)
-        values = {name: float(own.value) for name, own in self.parameters.items()}
+        values = starts_of(self.parameters)
         return FunctionMap(self.parameters, values, self.function, inputs, outputs)
 
     def fit_map(
@@ -392,24 +398,18 @@ class ExpressionMap(ParametrisedMap):
 
     def document(self) -> dict[str, Any]:
         """Equations and parameters for a model file."""
-        return {
-            "kind": self.kind,
-            "name": self.name,
-            "inputs": list(self.inputs),
-            "outputs": list(self.outputs),
-            "equations": self.equations.text,
-            "parameters": {
-                name: {
-                    "value": self.values[name],
-                    "start": own.value,
-                    "min": own.min if math.isfinite(own.min) else None,
-                    "max": own.max if math.isfinite(own.max) else None,
-                    "sd": own.sd,
-                    "vary": own.vary,
-                }
-                for name, own in self.parameters.items()
-            },
+        parameters = {
+            name: {
+                "value": self.values[name],
+                "start": own.value,
+                "min": own.min if math.isfinite(own.min) else None,
+                "max": own.max if math.isfinite(own.max) else None,
+                "sd": own.sd,
+                "vary": own.vary,
+            }
+            for name, own in self.parameters.items()
         }
+        return self.head(equations=self.equations.text, parameters=parameters)
 
 
 @dataclass(frozen=True, init=False)
@@ -491,8 +491,7 @@ class Expression(ModelSpecification):
 
     def map(self) -> ExpressionMap:
         """The map at the start of the parameters."""
-        values = {name: float(own.value) for name, own in self.parameters.items()}
-        return ExpressionMap(self.parameters, values, self.equations)
+        return ExpressionMap(self.parameters, starts_of(self.parameters), self.equations)
 
     def fit_map(
         self, table: Table, weights: Weights, progress: Progress | None = None

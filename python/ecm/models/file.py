@@ -19,13 +19,6 @@ from ecm.io.description import Scene
 from ecm.io.table import Table
 from ecm.models.joint_fit import FittedEffect
 from ecm.models.maps import StiffnessMap
-from ecm.models.noise_estimate import estimate_noise
-from ecm.regression.folds import spread_rows
-from ecm.regression.noise import Noise, whiteners
-from ecm.regression.rows import Rows
-
-_MOST_ROWS = 1000
-"""Rows that give the error of a model at home."""
 
 
 def training_of(table: Table) -> dict[str, Any]:
@@ -51,49 +44,29 @@ def was_trained_on(training: Mapping[str, Any], table: Table) -> bool:
     return bool(known == hash_of(lists, ""))
 
 
-def noise_for(base: StiffnessMap, table: Table, before: Noise, *, same_rows: bool) -> Noise:
-    """Noise of the rows, else that of the fit before.
-
-    For the same rows, whose repeats gave the noise of the fit before, that noise is kept: fits are
-    compared under one noise.
-    """
-    if same_rows and before.source == "repeats":
-        return before
-    rows = Rows(table, base)
-    # Effects have no shape for these rows yet, but their changes between repeats do not count.
-    return estimate_noise(rows, rows.sensor_load, fallback=before)
-
-
-def error_over_noise(base: StiffnessMap, noise: Noise, table: Table) -> float | None:
-    """Root mean square error of a fitted map on its own rows over their noise, where it is known.
-
-    What a later table may be compared with: a model that erred at home errs as much elsewhere.
-    """
-    if noise.is_residual:
-        return None
-    rows = Rows(table.thinned(spread_rows(table, _MOST_ROWS)), base)
-    errors = rows.table.matrix(base.outputs) - rows.sensor_load
-    whitener = whiteners(noise.covariance(rows, base.error))
-    return float(np.sqrt((np.einsum("nij,nj->ni", whitener, errors) ** 2).mean()))
-
-
 CONDITIONS = ("temperature_degC", "time_s")
 """Columns beside the pose that effects of the mechanism follow."""
 
 
-def conditions_of(table: Table) -> dict[str, tuple[float, float]]:
-    """Range of temperature and time over measured rows, of those that the table has."""
+def fitted_to(table: Table, inputs: Sequence[str]) -> dict[str, Any]:
+    """Fields of a model that say what it was fitted to: where it holds, and under which scene.
+
+    `domain` and `conditions` are ranges over the measured rows: of the pose columns, and of
+    temperature and time where the table has them.
+    """
     measured = table.measured()
     there = {name: measured.column(name) for name in CONDITIONS if measured.has(name)}
     known = {name: values[np.isfinite(values)] for name, values in there.items()}
-    return {name: (float(v.min()), float(v.max())) for name, v in known.items() if len(v)}
+    return {
+        "training": training_of(table),
+        "domain": {name: _range(measured.column(name)) for name in inputs},
+        "conditions": {name: _range(values) for name, values in known.items() if len(values)},
+        "scene": table.meta.scene,
+    }
 
 
-def domain_of(table: Table, inputs: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Range of each pose column over measured poses."""
-    measured = table.measured()
-    columns = {name: measured.column(name) for name in inputs}
-    return {name: (float(values.min()), float(values.max())) for name, values in columns.items()}
+def _range(values: F) -> tuple[float, float]:
+    return float(values.min()), float(values.max())
 
 
 FORMAT = "ecm-model"
@@ -173,14 +146,8 @@ def effect_document(item: FittedEffect) -> dict[str, Any]:
         "shape": item.effect.shape,
         "frozen": item.frozen,
         "parameters": {
-            parameter.name: {
-                "value": float(value),
-                "sd": float(sd) if np.isfinite(sd) else None,
-                "unit": parameter.unit,
-            }
-            for parameter, value, sd in zip(
-                item.effect.parameters, item.values, item.sd, strict=True
-            )
+            p.name: {"value": value, "sd": sd if np.isfinite(sd) else None, "unit": p.unit}
+            for p, value, sd in item.listed
         },
     }
 

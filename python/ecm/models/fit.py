@@ -2,29 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, cast, get_args
 
 import numpy as np
+from scipy.optimize import nnls
 
-from ecm.errors import InputError, ModelError
+from ecm.errors import ComputationError, InputError, ModelError
 from ecm.io.arguments import check_arguments
-from ecm.io.columns import POSE
+from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import Progress
 from ecm.io.misread import misread, refuse_misread
 from ecm.io.table import MetaLike, Table, TableLike, as_table
-from ecm.models.constraints import constrained
+from ecm.models.energy import EnergyModel
+from ecm.models.errors import error_over_noise
 from ecm.models.expression import FunctionModel
-from ecm.models.file import conditions_of, domain_of, error_over_noise, training_of
+from ecm.models.file import fitted_to
+from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap, Symmetry
 from ecm.models.measured_poses import sample_of
 from ecm.models.model import Model
 from ecm.models.parameters import parameters_of
-from ecm.models.partial import measured_part
-from ecm.models.pose_error import pose_error, report_rows
+from ecm.models.partial import is_partial, measured_part, whole_map
+from ecm.models.physics.map import FREE, PhysicsMap
+from ecm.models.polynomial import PolynomialModel
+from ecm.models.pose_error import error_of_report
 from ecm.models.registry import parse_model
 from ecm.models.specification import CHOOSE, FittedMap, ModelSpecification, Weights
 from ecm.regression.folds import spread_rows
+
+if TYPE_CHECKING:
+    from ecm.models.model import Model
 
 
 def fit_model(  # noqa: PLR0913 - a choice each, all with a default
@@ -110,12 +119,8 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
         raise InputError(f"{table.source}: {unfit}", remedy=CHOOSE) from None
     if zero_at_home or stable:
         fitted = constrained(fitted, zero_at_home=zero_at_home, stable=stable)
-    shown = table.measured()
-    shown = shown.select(report_rows(shown))
-    part = replace(fitted, base=measured_part(fitted.base, shown))
-    errors = shown.matrix(part.outputs) - part.predict(shown.matrix(part.inputs))
-    error = pose_error(part, shown, errors)
-    known: dict[str, Any] = {"pose_error": error.to_dict()}
+    part = replace(fitted, base=measured_part(fitted.base, table))
+    known: dict[str, Any] = {"pose_error": error_of_report(part, table.measured())}
     if wrong is not None:
         known["misread"] = {"sentence": wrong.sentence()}
     known["poses"] = sample_of(table, fitted.inputs)
@@ -157,7 +162,8 @@ def fit_rows(
 
 def _model(fitted: FittedMap, table: Table) -> Model:
     """The model of a fit, its covariance widened where residuals exceed the stated noise."""
-    base, covariance, training = fitted.base, fitted.covariance, training_of(table)
+    base, covariance, known = fitted.base, fitted.covariance, fitted_to(table, fitted.base.inputs)
+    training = known["training"]
     if (error := error_over_noise(measured_part(base, table), fitted.noise, table)) is not None:
         training["over_noise"] = error
     variance = fitted.residual_variance
@@ -169,9 +175,202 @@ def _model(fitted: FittedMap, table: Table) -> Model:
         base=base,
         noise=fitted.noise,
         covariance=covariance,
-        training=training,
-        domain=domain_of(table, base.inputs),
-        conditions=conditions_of(table),
         length_m=base.length_m or table.meta.length_m,
-        scene=table.meta.scene,
+        **known,
     )
+
+
+_SMALLEST = 1e-3
+"""Smallest eigenvalue that counts as stable, as a share of the middle one."""
+_CUTS = 60
+
+
+def constrained(model: Model, *, zero_at_home: bool = False, stable: bool = False) -> Model:
+    """The model with the nearest coefficients that satisfy the constraints.
+
+    Parameters
+    ----------
+    zero_at_home
+        No wrench at the undeformed pose (L, 0, 0, 0, 0, 0).
+    stable
+        The stored energy has a minimum there: all eigenvalues of H above zero.
+    """
+    base, home = model.base, model.rest_pose("a constraint at the undeformed pose")
+    beta = base.coefficients
+    known = model.covariance is not None
+    covariance = np.asarray(model.covariance) if known else np.eye(len(beta))
+    if zero_at_home:
+        beta, covariance = _onto(base.columns(home)[0], beta, covariance)
+    if stable:
+        beta = _stable(base, home, beta, covariance)
+    if np.array_equal(beta, base.coefficients):
+        return model
+    constrained_base = base.with_coefficients(beta)
+    return replace(model, base=constrained_base, covariance=covariance if known else None)
+
+
+def _onto(rows: F, beta: F, covariance: F) -> tuple[F, F]:
+    """Nearest beta with rows @ beta = 0, and its covariance."""
+    size = np.linalg.norm(rows, axis=1).max()
+    if size == 0.0:
+        return beta, covariance
+    carried = covariance @ rows.T
+    gain = carried @ np.linalg.pinv(rows @ carried, rcond=1e-12, hermitian=True)
+    # Twice: the second step removes what rounding left.
+    for _ in range(2):
+        beta = beta - gain @ (rows @ beta)
+    reduced = covariance - gain @ carried.T
+    return beta, 0.5 * (reduced + reduced.T)
+
+
+def _hessian(base: StiffnessMap, home: F, beta: F) -> F:
+    """(6, 6) dimensionless symmetric part of H at rest, for the coefficients beta."""
+    scale = np.array([home[0, 0]] * 3 + [1.0] * 3)
+    h = base.with_coefficients(beta).stiffness(home, "generalised")[0]
+    return np.asarray(0.5 * (h + h.T) * np.outer(scale, scale))
+
+
+def _stable(base: StiffnessMap, home: F, beta: F, covariance: F) -> F:
+    """Nearest beta that is stable at rest; beta itself where it is stable already."""
+    values = np.linalg.eigvalsh(_hessian(base, home, beta))
+    floor = _SMALLEST * float(np.median(np.abs(values)))
+    if values[0] >= floor:
+        return beta
+    each = np.stack([_hessian(base, home, unit) for unit in np.eye(len(beta))])
+    start, rows = beta, []
+    for _ in range(_CUTS):
+        values, vectors = np.linalg.eigh(np.tensordot(beta, each, axes=1))
+        if values[0] >= 0.5 * floor:
+            return beta
+        rows += [
+            np.einsum("tij,i,j->t", each, v, v)
+            for value, v in zip(values, vectors.T, strict=True)
+            if value < floor
+        ]
+        beta = _above(np.array(rows), floor, start, covariance)
+    raise ComputationError(
+        f"no stable coefficients after {_CUTS} cuts (smallest eigenvalue {values[0]:.3g} N m): "
+        "the data contradict a stable rest; look for a wrong sign or a wrong length_m"
+    )
+
+
+def _above(rows: F, floor: float, start: F, covariance: F) -> F:
+    """Nearest beta with rows @ beta >= floor: the dual is a non-negative least squares."""
+    size = np.sqrt(np.einsum("ij,jk,ik->i", rows, covariance, rows))
+    rows, need = rows / size[:, None], (floor - rows @ start) / size
+    carried = rows @ covariance
+    values, vectors = np.linalg.eigh(carried @ rows.T)
+    positive = values > 1e-12 * values[-1]
+    root = np.sqrt(values[positive])[:, None] * vectors[:, positive].T
+    target = (vectors[:, positive] / np.sqrt(values[positive])).T @ need
+    multipliers, _ = nnls(root, target)
+    return np.asarray(start + multipliers @ carried)
+
+
+_ENERGY = (4, 5, 6)
+_POLYNOMIAL = (1, 2, 3)
+_HALF = 0.5
+"""Coefficients over equations from which a higher degree must be far better."""
+_MOST = 0.8
+_FAR_BETTER = 0.1
+"""Its error over that of the lower degrees: these would leave structure that has no other name."""
+
+
+def symmetric_energy(table: Table) -> StiffnessMap:
+    """The symmetric energy of the degree that the rows can carry."""
+    return _by_degree(table, [EnergyModel(degree) for degree in _ENERGY])
+
+
+def energy_of_unlike_ends(table: Table) -> StiffnessMap:
+    """The energy of revolution, whose ends may differ, of the degree that the rows can carry."""
+    return _by_degree(table, [EnergyModel(degree, "revolution") for degree in _ENERGY])
+
+
+def polynomial(table: Table, also: int = 0) -> StiffnessMap:
+    """The free polynomial of the degree that the rows can carry, up to three; also of another."""
+    degrees = (*_POLYNOMIAL, *([also] if also > _POLYNOMIAL[-1] else []))
+    return _by_degree(table, [PolynomialModel(degree) for degree in degrees])
+
+
+def next_degree(base: StiffnessMap, table: Table) -> StiffnessMap | None:
+    """The same kind of map, one degree higher; None where the rows do not carry one.
+
+    A free polynomial of six columns takes in nearly every effect of the pose: none is returned.
+    """
+    model: ModelSpecification
+    whole = whole_map(base)
+    if isinstance(whole, EnergyMap) and whole.model.degree < _ENERGY[-1]:
+        symmetry = cast(Symmetry, whole.model.symmetry)
+        model = EnergyModel(whole.model.degree + 1, symmetry, tuple(whole.model.groups))
+    elif (
+        isinstance(base, PolynomialMap)
+        and base.model.degree < _POLYNOMIAL[-1]
+        and len(base.inputs) < len(POSE)
+    ):
+        model = PolynomialModel(base.model.degree + 1)
+    else:
+        return None
+    measured = table.measured()
+    try:
+        higher = measured_part(fit_rows(measured, model).base, measured)
+    except ModelError:
+        return None
+    equations = len(measured) * len(higher.outputs)
+    return higher if len(higher.coefficients) <= _HALF * equations else None
+
+
+def _by_degree(table: Table, models: Sequence[ModelSpecification]) -> StiffnessMap:
+    """The map of least generalised cross-validation error among those that the rows carry."""
+    measured = table.measured()
+    tried = [measured_part(fit_rows(measured, models[0]).base, measured)]
+    for model in models[1:]:
+        try:
+            base = measured_part(fit_rows(measured, model).base, measured)
+        except (ModelError, InputError):
+            # More coefficients than equations: so are they for every degree above.
+            break
+        share = len(base.coefficients) / (len(measured) * len(base.outputs))
+        least = min(_score(other, measured) for other in tried)
+        if share < _HALF or (share < _MOST and _score(base, measured) < _FAR_BETTER * least):
+            tried.append(base)
+    return min(tried, key=lambda base: _score(base, measured))
+
+
+def _score(base: StiffnessMap, measured: Table) -> float:
+    """Generalised cross-validation error, sum over components in their spread.
+
+    A component that never varies has none, whatever the rounding of its mean makes of it.
+    """
+    truth, poses = measured.matrix(base.outputs), measured.matrix(base.inputs)
+    n, k = truth.size, len(base.coefficients)
+    spread = np.where(np.ptp(truth, axis=0) > 1e-12, truth.std(axis=0), np.inf)
+    square = float((((truth - base.predict(poses)) / spread) ** 2).sum())
+    return square / n / (1.0 - min(k / n, 0.999)) ** 2
+
+
+def choose_base(model: Model, table: Table) -> StiffnessMap:
+    """Choose physics where there is a body, else a symmetric energy, else a polynomial.
+
+    The first two need six pose columns, and take the wrench columns that there are.
+
+    A polynomial of few columns that was given with a higher degree may be the base with it: what
+    it does not lack is not named.
+
+    E and nu of the physics are free; L and D enter only as effects. Degrees are chosen by
+    generalised cross-validation. A rod that was fitted is no physics base: its sections absorbed a
+    part of the missing effect, and with fixed ratios they would need an effect of their own.
+    """
+    base = whole_map(model.base)
+    if isinstance(base, PhysicsMap):
+        free = base if base.family is None else base.with_free(*FREE)
+        return measured_part(free, table)
+    body = table.meta.elastic_body()
+    six = table.has(*POSE, *WRENCH) or is_partial(table)
+    if six and body is not None:
+        return measured_part(fit_model(table, "physics", force=True).base, table)
+    if six and table.meta.length_m is not None:
+        return symmetric_energy(table)
+    alike = (model.inputs, model.outputs) == (table.pose_columns, table.wrench_columns)
+    if isinstance(model.base, PolynomialMap) and alike and len(model.inputs) < len(POSE):
+        return polynomial(table, also=model.base.model.degree)
+    return polynomial(table)

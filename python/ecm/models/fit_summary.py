@@ -19,7 +19,7 @@ from ecm.models.partial import MeasuredMap, measured_part
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.physics.refit import PhysicsModel, physics_sentences
 from ecm.models.polynomial import PolynomialModel
-from ecm.models.selection import CrossValidation, cross_validate
+from ecm.models.selection import CrossValidation, Told, cross_validate
 from ecm.models.specification import ModelSpecification
 from ecm.regression.correlation import correlation_time
 from ecm.regression.folds import CHOSEN, split_words
@@ -28,7 +28,6 @@ _FOLDS = 10
 _HALVINGS = 25
 _USELESS = 3.0
 """Held-out errors beyond so many times the spread are no errors of a prediction."""
-Progress = Callable[[float, float], object] | None
 
 
 def fit_summary(
@@ -37,7 +36,7 @@ def fit_summary(
     model: ModelSpecification,
     *,
     seed: int = 0,
-    progress: Progress = None,
+    progress: Told = None,
 ) -> dict[str, Any]:
     """Return error on the fitted and on held-out rows, absolute and as a share of the spread.
 
@@ -134,7 +133,7 @@ def _parameters(fitted: Model) -> dict[str, Any] | None:
 
 
 def _held_out(
-    table: Table, model: ModelSpecification, seed: int, base: StiffnessMap, progress: Progress
+    table: Table, model: ModelSpecification, seed: int, base: StiffnessMap, progress: Told
 ) -> dict[str, Any] | None:
     """Cross-validated error: ten folds, or halves by group and by random rows for a grouped table.
 
@@ -171,7 +170,7 @@ def _shares(
     folds: int,
     grouped: bool,
     seeds: Sequence[int],
-    progress: Progress = None,
+    progress: Told = None,
 ) -> dict[str, float]:
     """Held-out RMSE over the spread of each component that is excited, median over the seeds."""
     results = []

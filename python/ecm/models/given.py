@@ -13,8 +13,8 @@ from scipy.spatial import cKDTree
 from ecm.errors import InputError, Remedy
 from ecm.io.arrays import F
 from ecm.io.table import Table, as_table
-from ecm.models.base_choice import polynomial
 from ecm.models.expression import Expression, FunctionModel
+from ecm.models.fit import polynomial
 from ecm.models.maps import MapDefaults, StiffnessMap
 from ecm.models.model import Model, load_model
 from ecm.models.noise_estimate import declared_or_fitted

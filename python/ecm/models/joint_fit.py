@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -10,15 +10,15 @@ import numpy as np
 from scipy.linalg import cho_solve
 from scipy.optimize import lsq_linear
 
-from ecm.effects.protocol import Effect, correction_of, jacobian_of
+from ecm.effects.protocol import Effect, Parameter, correction_of, jacobian_of
 from ecm.errors import ModelError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import same_unit
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
 from ecm.regression.f_test import independent_factor, orthonormal
-from ecm.regression.folds import is_pose_row, shared_zero_error
-from ecm.regression.noise import Noise, whiteners
+from ecm.regression.folds import is_pose_row
+from ecm.regression.noise import Noise, shared_zero_error, whiteners
 from ecm.regression.rows import Rows
 
 
@@ -83,6 +83,13 @@ class FittedEffect:
     def id(self) -> str:
         """The effect's id."""
         return self.effect.id
+
+    @property
+    def listed(self) -> list[tuple[Parameter, float, float]]:
+        """Each parameter with its value and standard deviation."""
+        return list(
+            zip(self.effect.parameters, self.values.tolist(), self.sd.tolist(), strict=True)
+        )
 
     @property
     def is_new(self) -> bool:
@@ -164,47 +171,41 @@ def joint_fit(
     prior
         What is known of the base's coefficients beside the rows.
     """
-    fitted = [e if isinstance(e, FittedEffect) else FittedEffect.unfitted(e) for e in effects]
+    fitted = tuple(e if isinstance(e, FittedEffect) else FittedEffect.unfitted(e) for e in effects)
+    at = _At(base, fitted, 0 if freeze_base else len(base.coefficients))
     rows = Rows(table, base)
     whitener = whiteners(noise.covariance(rows, base.error))
     measured = table.matrix(base.outputs)
     root = np.ones(len(table)) if row_weights is None else np.sqrt(row_weights)
-    free_base = 0 if freeze_base else len(base.coefficients)
-    priors = _priors_of(base, prior, free_base)
+    priors = _priors_of(base, prior, at.free_base)
     converged, iteration = False, 0
     while iteration < _MAX_ITERATIONS and not converged:
         iteration += 1
         with _naming_what_ran_away(iteration):
-            residual, design = _linearised(rows, base, fitted, measured, free_base)
+            residual, design = at.linearised(rows, measured)
         z = (whitener @ design) * root[:, None, None]
         y = np.einsum("nij,nj->ni", whitener, residual) * root[:, None]
         # The shape is given, so that it holds for zero columns as well.
-        flat, response = _with_priors(z.reshape(y.size, z.shape[2]), y.ravel(), base, priors)
+        flat, response = _with_priors(z.reshape(y.size, z.shape[2]), y.ravel(), at.base, priors)
         size, products = unit_products(flat)
-        step = _bounded_step(flat, response, base, fitted, free_base, size, products)
+        step = at.bounded_step(flat, response, size, products)
         change = float(np.linalg.norm(flat @ step))
-        values = _values(base, fitted, free_base)
-        smallest = _least_effects(size, products, fitted, free_base) @ (values + step)
-        lower, upper = _bounds(base, fitted, free_base)
+        values, (lower, upper) = at.values, at.bounds
+        smallest = at.least_effects(size, products) @ (values + step)
         # A value at its bound may miss it by a rounding of the projection.
         near = _AT_BOUND * np.maximum(1.0, np.abs(smallest))
         if np.all(smallest >= lower - near) and np.all(smallest <= upper + near):
             step = np.clip(smallest, lower, upper) - values
-        if free_base:
-            base = base.with_coefficients(base.coefficients + step[:free_base])
-            rows = Rows(table, base)
-        parts = _split(fitted, step[free_base:])
-        fitted = [
-            item if part is None else replace(item, values=item.values + part)
-            for item, part in zip(fitted, parts, strict=True)
-        ]
+        at = at.moved(step)
+        if at.free_base:
+            rows = Rows(table, at.base)
         converged = change < _TOLERANCE * np.sqrt(max(1, y.size))
-    residual, design = _linearised(rows, base, fitted, measured, free_base)
+    residual, design = at.linearised(rows, measured)
     z = whitener @ design
     weighted = (z * root[:, None, None]).reshape(residual.size, z.shape[2])
-    weighted, _ = _with_priors(weighted, np.zeros(residual.size), base, priors)
+    weighted, _ = _with_priors(weighted, np.zeros(residual.size), at.base, priors)
     size, products = unit_products(weighted)
-    least = _least_effects(size, products, fitted, free_base)
+    least = at.least_effects(size, products)
     y = np.einsum("nij,nj->ni", whitener, residual)
     covariance = np.asarray(least @ covariance_of(size, products) @ least.T)
     # Change of the parameters by one standard deviation of an error that all rows share.
@@ -214,11 +215,8 @@ def joint_fit(
     covariance = covariance + shift @ shift.T
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     return JointFit(
-        base=base,
-        effects=tuple(
-            item if part is None else replace(item, sd=part)
-            for item, part in zip(fitted, _split(fitted, sd[free_base:]), strict=True)
-        ),
+        base=at.base,
+        effects=at.each(sd, lambda item, own: replace(item, sd=own)),
         rows=rows,
         residual=residual,
         whitened=y,
@@ -227,10 +225,109 @@ def joint_fit(
         iterations=iteration,
         converged=converged,
         smallest_taken=bool((least != np.eye(len(least))).any()),
-        prior=_with_priors(np.zeros((0, z.shape[2])), np.zeros(0), base, priors)
+        prior=_with_priors(np.zeros((0, z.shape[2])), np.zeros(0), at.base, priors)
         if priors
         else None,
     )
+
+
+@dataclass(frozen=True)
+class _At:
+    """Where a fit stands; the free parameters are those of the base, then of the free effects."""
+
+    base: StiffnessMap
+    effects: tuple[FittedEffect, ...]
+    free_base: int
+    """Number of the base's coefficients that are free: all or none."""
+
+    @property
+    def _free(self) -> list[FittedEffect]:
+        return [item for item in self.effects if not item.frozen]
+
+    @property
+    def values(self) -> F:
+        """(k,) free parameters."""
+        own = [item.values for item in self._free]
+        return np.concatenate([self.base.coefficients[: self.free_base], *own])
+
+    @property
+    def bounds(self) -> tuple[F, F]:
+        """(k,) smallest and largest values."""
+        limits = self.base.bounds
+        if limits is None or not self.free_base:
+            limits = np.full(self.free_base, -np.inf), np.full(self.free_base, np.inf)
+        own = [p for item in self._free for p in item.effect.parameters]
+        lower = np.concatenate([limits[0], [p.lower for p in own]])
+        return lower, np.concatenate([limits[1], [p.upper for p in own]])
+
+    def each(
+        self, numbers: F, changed: Callable[[FittedEffect, F], FittedEffect]
+    ) -> tuple[FittedEffect, ...]:
+        """The effects, the free ones changed by their part of the numbers (k,)."""
+        effects, at = [], self.free_base
+        for item in self.effects:
+            k = 0 if item.frozen else len(item.values)
+            effects.append(item if item.frozen else changed(item, numbers[at : at + k]))
+            at += k
+        return tuple(effects)
+
+    def moved(self, step: F) -> _At:
+        """The free parameters changed by a step (k,)."""
+        base = self.base
+        if self.free_base:
+            base = base.with_coefficients(base.coefficients + step[: self.free_base])
+        effects = self.each(step, lambda item, own: replace(item, values=item.values + own))
+        return _At(base, effects, self.free_base)
+
+    def linearised(self, rows: Rows, measured: F) -> tuple[F, F]:
+        """Residual (N, m) and the Jacobian (N, m, k) of the prediction."""
+        prediction = rows.sensor_load.copy()
+        blocks = [base_columns(rows, self.base)] if self.free_base else []
+        for item in self.effects:
+            prediction += correction_of(item.effect, rows, item.values)
+            if not item.frozen:
+                blocks.append(jacobian_of(item.effect, rows, item.values))
+        if not blocks:
+            blocks = [np.zeros((*measured.shape, 0))]
+        return measured - prediction, np.concatenate(blocks, axis=2)
+
+    def bounded_step(self, z: F, y: F, size: F, products: F) -> F:
+        """Least-squares step; bounded where the plain one leaves the bounds."""
+        if z.shape[1] == 0:
+            return np.zeros(0)
+        factor = independent_factor(products)
+        if factor is None:
+            step = np.linalg.lstsq(z / size, y, rcond=1e-12)[0] / size
+        else:
+            # A tenth of the work; the next iteration takes the rounding of the squares back.
+            step = cho_solve((factor, False), z.T @ y / size, check_finite=False) / size
+        lower, upper = (bound - self.values for bound in self.bounds)
+        if np.all(step >= lower) and np.all(step <= upper):
+            return np.asarray(step)
+        slack = 1e-12
+        # The triangle of Z = Q R has the same minimum with k rows instead of N m.
+        q, triangle = np.linalg.qr(z / size)
+        bounds = (lower - slack) * size, (upper + slack) * size
+        return np.asarray(lsq_linear(triangle, q.T @ y, bounds=bounds, method="bvls").x / size)
+
+    def least_effects(self, size: F, products: F) -> F:
+        """(k, k) projection along the null space of the columns, to the smallest effects.
+
+        The identity where the columns of effects and base are independent.
+        """
+        k, free_base = len(size), self.free_base
+        scale = np.array([p.scale for item in self._free for p in item.effect.parameters])
+        if not free_base or not len(scale) or not (np.diag(products) > 0.0).all():
+            return np.eye(k)
+        values, vectors = np.linalg.eigh(products)
+        null = vectors[:, values < _NULL * k] / size[:, None]
+        if not null.shape[1]:
+            return np.eye(k)
+        own = null[free_base:] / scale[:, None]
+        onto = np.concatenate(
+            [np.zeros((k, free_base)), null @ np.linalg.pinv(own) / scale], axis=1
+        )
+        return np.asarray(np.eye(k) - onto)
 
 
 @contextmanager
@@ -265,15 +362,21 @@ def _with_priors(
     return design, response
 
 
+def _acting(fit: JointFit) -> dict[str, F]:
+    """(n, m) correction of each effect at the pose rows of a fit, by its id."""
+    scored = is_pose_row(fit.rows.table)
+    return {
+        item.id: correction_of(item.effect, fit.rows, item.values)[scored] for item in fit.effects
+    }
+
+
 def effect_sizes(fit: JointFit, noise: Noise) -> dict[str, float]:
     """Root mean square of each effect on the fitted rows over the noise, of its worst component."""
-    scored = is_pose_row(fit.rows.table)
-    variance = np.einsum("njj->nj", noise.covariance(fit.rows, fit.base.error))[scored]
-    sizes = {}
-    for item in fit.effects:
-        acts = correction_of(item.effect, fit.rows, item.values)[scored]
-        sizes[item.id] = float(np.sqrt((acts**2 / variance).mean(axis=0).max()))
-    return sizes
+    variance = noise.variances(fit.rows, fit.base.error)[is_pose_row(fit.rows.table)]
+    return {
+        id: float(np.sqrt((acts**2 / variance).mean(axis=0).max()))
+        for id, acts in _acting(fit).items()
+    }
 
 
 def effect_shares(fit: JointFit) -> dict[str, float]:
@@ -281,14 +384,12 @@ def effect_shares(fit: JointFit) -> dict[str, float]:
 
     The larger of the shares of the outputs with one unit, force or moment.
     """
-    scored = is_pose_row(fit.rows.table)
-    same = same_unit(fit.base.outputs)
+    same, scored = same_unit(fit.base.outputs), is_pose_row(fit.rows.table)
     wrench = same @ (fit.rows.table.matrix(fit.base.outputs)[scored] ** 2).sum(axis=0)
-    shares = {}
-    for item in fit.effects:
-        acts = same @ (correction_of(item.effect, fit.rows, item.values)[scored] ** 2).sum(axis=0)
-        shares[item.id] = float(np.sqrt(acts / np.maximum(wrench, 1e-300)).max())
-    return shares
+    return {
+        id: float(np.sqrt(same @ (acts**2).sum(axis=0) / np.maximum(wrench, 1e-300)).max())
+        for id, acts in _acting(fit).items()
+    }
 
 
 def best_shape(
@@ -333,26 +434,6 @@ def best_shape(
     return best
 
 
-def _linearised(
-    rows: Rows,
-    base: StiffnessMap,
-    fitted: Sequence[FittedEffect],
-    measured: F,
-    free_base: int,
-) -> tuple[F, F]:
-    """Residual (N, m) and the Jacobian (N, m, k) of the prediction."""
-    prediction = rows.sensor_load.copy()
-    blocks = [base_columns(rows, base)] if free_base else []
-    for item in fitted:
-        correction = correction_of(item.effect, rows, item.values)
-        prediction += correction
-        if not item.frozen:
-            blocks.append(jacobian_of(item.effect, rows, item.values))
-    if not blocks:
-        blocks = [np.zeros((*measured.shape, 0))]
-    return measured - prediction, np.concatenate(blocks, axis=2)
-
-
 def base_columns(rows: Rows, base: StiffnessMap) -> F:
     """(N, m, k) derivative of the base wrench to its coefficients, zero where unloaded."""
     return rows.where_loaded(base.columns, rows.poses, len(base.outputs), len(base.coefficients))
@@ -386,80 +467,3 @@ def unit_products(z: F) -> tuple[F, F]:
 def covariance_of(size: F, products: F) -> F:
     """(k, k) covariance of parameters by `unit_products` of their whitened columns."""
     return np.asarray(np.linalg.pinv(products, hermitian=True) / np.outer(size, size))
-
-
-def _bounded_step(
-    z: F,
-    y: F,
-    base: StiffnessMap,
-    fitted: Sequence[FittedEffect],
-    free_base: int,
-    size: F,
-    products: F,
-) -> F:
-    """Least-squares step; bounded where the plain one leaves the bounds."""
-    if z.shape[1] == 0:
-        return np.zeros(0)
-    factor = independent_factor(products)
-    if factor is None:
-        step = np.linalg.lstsq(z / size, y, rcond=1e-12)[0] / size
-    else:
-        # A tenth of the work; the next iteration takes the rounding of the squares back.
-        step = cho_solve((factor, False), z.T @ y / size, check_finite=False) / size
-    values = _values(base, fitted, free_base)
-    lower, upper = (bound - values for bound in _bounds(base, fitted, free_base))
-    if np.all(step >= lower) and np.all(step <= upper):
-        return np.asarray(step)
-    slack = 1e-12
-    # The triangle of Z = Q R has the same minimum with k rows instead of N m.
-    q, triangle = np.linalg.qr(z / size)
-    bounds = (lower - slack) * size, (upper + slack) * size
-    return np.asarray(lsq_linear(triangle, q.T @ y, bounds=bounds, method="bvls").x / size)
-
-
-def _values(base: StiffnessMap, fitted: Sequence[FittedEffect], free_base: int) -> F:
-    """(k,) free parameters: those of the base, then those of the effects."""
-    own = [item.values for item in fitted if not item.frozen]
-    return np.concatenate([base.coefficients[:free_base], *own])
-
-
-def _least_effects(size: F, products: F, fitted: Sequence[FittedEffect], free_base: int) -> F:
-    """(k, k) projection along the null space of the columns, to the smallest effects.
-
-    The identity where the columns of effects and base are independent.
-    """
-    k = len(size)
-    scale = np.array([p.scale for item in fitted if not item.frozen
-                      for p in item.effect.parameters])  # fmt: skip
-    if not free_base or not len(scale) or not (np.diag(products) > 0.0).all():
-        return np.eye(k)
-    values, vectors = np.linalg.eigh(products)
-    null = vectors[:, values < _NULL * k] / size[:, None]
-    if not null.shape[1]:
-        return np.eye(k)
-    own = null[free_base:] / scale[:, None]
-    return np.asarray(np.eye(k) - np.concatenate(
-        [np.zeros((k, free_base)), null @ np.linalg.pinv(own) / scale], axis=1
-    ))  # fmt: skip
-
-
-def _bounds(base: StiffnessMap, fitted: Sequence[FittedEffect], free_base: int) -> tuple[F, F]:
-    """(k,) smallest and largest values of the free parameters, in the order of `_values`."""
-    limits = base.bounds
-    if limits is None or not free_base:
-        limits = np.full(free_base, -np.inf), np.full(free_base, np.inf)
-    own = [p for item in fitted if not item.frozen for p in item.effect.parameters]
-    lower = np.concatenate([limits[0], [p.lower for p in own]])
-    upper = np.concatenate([limits[1], [p.upper for p in own]])
-    return lower, upper
-
-
-def _split(fitted: Sequence[FittedEffect], numbers: F) -> list[F | None]:
-    """The part of the numbers (k,) that belongs to each effect; None for a frozen one."""
-    parts: list[F | None] = []
-    at = 0
-    for item in fitted:
-        k = 0 if item.frozen else len(item.values)
-        parts.append(None if item.frozen else numbers[at : at + k])
-        at += k
-    return parts

@@ -7,8 +7,9 @@ what all have. A layout is a function of a value and of its place, which raises 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import fields
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -42,47 +43,36 @@ def number(low: float = -LARGEST, *, positive: bool = False) -> Layout:
     least = _LEAST if positive else low
     words = "above 0" if positive else f"of at least {low:g}" if low > -LARGEST else "up to 1e100"
 
-    def check(value: Any, place: str) -> None:
+    def holds(value: Any) -> bool:
         known = isinstance(value, int | float) and not isinstance(value, bool)
-        if not known or not least <= value <= LARGEST:  # nan fails, too
-            raise _wrong(place, value, f"a number {words}")
+        return known and least <= value <= LARGEST  # nan fails, too
 
-    return check
+    return must(holds, f"a number {words}")
 
 
-def of_type(kind: type, words: str) -> Layout:
-    """A value of a type: `text`, `flag` and `anything` below."""
+def must(holds: Callable[[Any], bool], words: str) -> Layout:
+    """A value of which something holds; else it was expected to be what the words say."""
 
     def check(value: Any, place: str) -> None:
-        if not isinstance(value, kind):
+        if not holds(value):
             raise _wrong(place, value, words)
 
     return check
 
 
-text = of_type(str, "text")
-flag = of_type(bool, "true or false")
-anything = of_type(object, "anything")
+text = must(lambda value: isinstance(value, str), "text")
+flag = must(lambda value: isinstance(value, bool), "true or false")
+anything = must(lambda value: True, "anything")
 
 
 def one_of(*choices: str) -> Layout:
     """One of these texts."""
-
-    def check(value: Any, place: str) -> None:
-        if value not in choices:
-            raise _wrong(place, value, f"one of {', '.join(choices)}")
-
-    return check
+    return must(lambda value: value in choices, f"one of {', '.join(choices)}")
 
 
 def exactly(expected: Any) -> Layout:
     """This value and no other."""
-
-    def check(value: Any, place: str) -> None:
-        if value != expected:
-            raise _wrong(place, value, str(expected))
-
-    return check
+    return must(lambda value: bool(value == expected), str(expected))
 
 
 def or_null(layout: Layout) -> Layout:
@@ -134,36 +124,38 @@ def array(*shape: int | None, positive: bool = False, most: float = LARGEST) -> 
 
 def items(layout: Layout, least: int = 0) -> Layout:
     """A list of values of one layout."""
-
-    def check(value: Any, place: str) -> None:
-        if not isinstance(value, list) or len(value) < least:
-            raise _wrong(place, value, "a list" if not least else f"a list of at least {least}")
-        for i, item in enumerate(value):
-            layout(item, f"{place}[{i}]")
-
-    return check
+    words = "a list" if not least else f"a list of at least {least}"
+    whole = must(lambda value: isinstance(value, list) and len(value) >= least, words)
+    return _each(whole, lambda value: ((f"[{i}]", item, layout) for i, item in enumerate(value)))
 
 
 def row(*layouts: Layout) -> Layout:
     """A list with a layout for each of its values."""
-
-    def check(value: Any, place: str) -> None:
-        if not isinstance(value, list) or len(value) != len(layouts):
-            raise _wrong(place, value, f"a list of {len(layouts)} values")
-        for i, (item, layout) in enumerate(zip(value, layouts, strict=True)):
-            layout(item, f"{place}[{i}]")
-
-    return check
+    n = len(layouts)
+    whole = must(lambda value: isinstance(value, list) and len(value) == n, f"a list of {n} values")
+    return _each(
+        whole,
+        lambda value: ((f"[{i}]", value[i], layout) for i, layout in enumerate(layouts)),
+    )
 
 
 def named(layout: Layout) -> Layout:
     """An object whose values have one layout, under any names."""
+    return _each(
+        _an_object, lambda value: ((f".{shown(key)}", value[key], layout) for key in value)
+    )
+
+
+_an_object = must(lambda value: isinstance(value, dict), "an object")
+
+
+def _each(whole: Layout, parts: Callable[[Any], Iterable[tuple[str, Any, Layout]]]) -> Layout:
+    """A layout of the whole, then of each of its parts: place within it, value and layout."""
 
     def check(value: Any, place: str) -> None:
-        if not isinstance(value, dict):
-            raise _wrong(place, value, "an object")
-        for key, item in value.items():
-            layout(item, f"{place}.{shown(key)}")
+        whole(value, place)
+        for at, item, layout in parts(value):
+            layout(item, f"{place}{at}")
 
     return check
 
@@ -173,8 +165,7 @@ def record(needed: Keys, optional: Keys | None = None, *, others: bool = False) 
     known = {**needed, **(optional or {})}
 
     def check(value: Any, place: str) -> None:
-        if not isinstance(value, dict):
-            raise _wrong(place, value, "an object")
+        _an_object(value, place)
         begin = f"{place}." if place else ""
         for key in needed:
             if key not in value:
@@ -307,3 +298,26 @@ def check_covariance(document: Mapping[str, Any], count: int) -> None:
         array(count, positive=True)(document["covariance_sd"], "covariance_sd")
         rows = [array(i, most=1.0) for i in range(1, count)]
         row(*rows)(document.get("covariance_correlation"), "covariance_correlation")
+
+
+T = TypeVar("T")
+_READ: Mapping[str, Callable[[Any], Any]] = {
+    "F": lambda value: np.asarray(value, dtype=np.float64),
+    "int": int,
+    "float": float,
+    "tuple[float, float]": lambda value: (float(value[0]), float(value[1])),
+}
+"""How a value of a file becomes a field, by its annotation; others are taken as they are."""
+
+
+def plain(item: Any) -> dict[str, Any]:
+    """The fields of a dataclass of numbers and arrays, for a model file or the cache."""
+    values = {own.name: getattr(item, own.name) for own in fields(item)}
+    lists = {n: np.asarray(v).tolist() for n, v in values.items() if not isinstance(v, str)}
+    return {**values, **lists}
+
+
+def read_plain(kind: Callable[..., T], document: Mapping[str, Any]) -> T:
+    """The dataclass whose fields `plain` wrote, from a document of a layout that was checked."""
+    own = fields(kind)  # type: ignore[arg-type]
+    return kind(**{f.name: _READ.get(str(f.type), lambda v: v)(document[f.name]) for f in own})

@@ -18,7 +18,13 @@ from ecm.io.events import Progress, after_a_part
 from ecm.io.extras import require
 from ecm.io.table import Table
 from ecm.models.layout import Layout, array, items, record, row
-from ecm.models.maps import MapDefaults, StiffnessMap, finite, partial_to, refuse_long_rotations
+from ecm.models.maps import (
+    MapDefaults,
+    StiffnessMap,
+    finite,
+    partial_to,
+    refuse_long_rotations,
+)
 from ecm.models.noise_estimate import declared_or_fitted
 from ecm.models.specification import (
     FittedMap,
@@ -79,19 +85,10 @@ class _Learned(MapDefaults):
     def _slope(self, x: F) -> F:
         raise NotImplementedError
 
-    def _document(self, kind: str, parameters: dict[str, Any]) -> dict[str, Any]:
-        return {
-            "kind": kind,
-            "name": kind,
-            "inputs": list(self.inputs),
-            "outputs": list(self.outputs),
-            "length_m": None,
-            "parameters": {
-                "input_scale": self.input_scale.tolist(),
-                "output_scale": self.output_scale.tolist(),
-                **parameters,
-            },
-        }
+    def _document(self, **parameters: Any) -> dict[str, Any]:
+        scales = {"input_scale": self.input_scale, "output_scale": self.output_scale}
+        stored = {name: np.asarray(scale).tolist() for name, scale in scales.items()}
+        return self.head(length_m=None, parameters=stored | parameters)
 
 
 @dataclass(frozen=True)
@@ -130,14 +127,8 @@ class GpMap(_Learned):
 
     def document(self) -> dict[str, Any]:
         """Points, lengths and weights."""
-        return self._document(
-            "gp",
-            {
-                "points": self.points.tolist(),
-                "lengths": self.lengths.tolist(),
-                "weights": self.weights.tolist(),
-            },
-        )
+        own = {"points": self.points, "lengths": self.lengths, "weights": self.weights}
+        return self._document(**{name: values.tolist() for name, values in own.items()})
 
 
 @dataclass(frozen=True)
@@ -171,7 +162,7 @@ class MlpMap(_Learned):
     def document(self) -> dict[str, Any]:
         """The layers."""
         layers = [{"matrix": m.tolist(), "shift": s.tolist()} for m, s in self.layers]
-        return self._document("mlp", {"layers": layers})
+        return self._document(layers=layers)
 
 
 def _array(value: Any) -> F:
@@ -187,11 +178,8 @@ def _shared(document: dict[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...],
 
 def _scales(n: int, m: int) -> dict[str, Layout]:
     """Layout of mean and standard deviation of the columns."""
-    return {"input_scale": _scale(n), "output_scale": _scale(m)}
-
-
-def _scale(count: int) -> Layout:
-    return row(array(count), array(count, positive=True))
+    sizes = {"input_scale": n, "output_scale": m}
+    return {name: row(array(k), array(k, positive=True)) for name, k in sizes.items()}
 
 
 def _layers(n: int, m: int) -> Layout:
@@ -250,10 +238,7 @@ class GaussianProcessModel(ModelSpecification):
     any_columns = True
     kind = "gp"
 
-    @property
-    def most_rows(self) -> int:
-        """Its matrices grow with the square of the rows, its time with the cube."""
-        return 2000
+    most_rows = 2000  # its matrices grow with the square of the rows, its time with the cube
 
     def fit_map(
         self, table: Table, weights: Weights, progress: Progress | None = None
@@ -310,10 +295,7 @@ class NeuralNetworkModel(ModelSpecification):
     any_columns = True
     kind = "mlp"
 
-    @property
-    def most_rows(self) -> int:
-        """Its steps go over all rows, thousands of times."""
-        return 5000
+    most_rows = 5000  # its steps go over all rows, thousands of times
 
     def fit_map(
         self, table: Table, weights: Weights, progress: Progress | None = None

@@ -12,25 +12,19 @@ hold the misfit of the polynomial too.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, Protocol, cast, get_args
 
 import numpy as np
 
-from ecm._native import (
-    EnergyModel,
-    PolynomialModel,
-    check_rotations,
-    convert_stiffness,
-    polynomial_regressor,
-)
+from ecm import _native
+from ecm._native import check_rotations, convert_stiffness, polynomial_regressor
 from ecm.errors import InputError, ModelError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
-from ecm.io.events import Progress
 from ecm.io.table import Table
 from ecm.regression.blocks import in_blocks
 from ecm.regression.noise import Noise, whiteners
@@ -41,7 +35,7 @@ Symmetry = Literal["alike", "revolution", "general"]
 SYMMETRIES: tuple[Symmetry, ...] = get_args(Symmetry)
 
 
-class StiffnessMap(Protocol):
+class StiffnessMap(BaseMap, Protocol):
     """Pose in, wrench and stiffness out; what every map has, also one of your own.
 
     Examples
@@ -65,18 +59,6 @@ class StiffnessMap(Protocol):
         """Family of the map, as in model files."""
 
     @property
-    def inputs(self) -> tuple[str, ...]:
-        """Pose columns, n of them."""
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Wrench columns, m of them."""
-
-    @property
-    def length_m(self) -> float | None:
-        """Length of the mechanism, where the map needs it."""
-
-    @property
     def coefficients(self) -> F:
         """(k,) numbers that a refit may change."""
 
@@ -86,12 +68,6 @@ class StiffnessMap(Protocol):
 
     def error_columns(self, poses: F) -> F:
         """(N, n) poses to (N, m, e): by how much the map may err as a whole, each with sd 1."""
-
-    def predict(self, poses: F) -> F:
-        """(N, n) poses to (N, m) wrenches."""
-
-    def stiffness(self, poses: F, kind: str = "partial") -> F:
-        """(N, m, n) stiffness: `partial`, `generalised` or `screw` (docs/explain/mechanics.md)."""
 
     def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
         """(N, m) wrenches and (N, m, n) stiffnesses in one call."""
@@ -110,9 +86,6 @@ class StiffnessMap(Protocol):
     def prior(self) -> tuple[F, F] | None:
         """(k,) means and standard deviations of what is known of the coefficients before a fit."""
 
-    def other_body(self, change: BodyChange) -> BaseMap | None:
-        """The map of a changed body; None where it knows one body only."""
-
     def document(self) -> dict[str, Any]:
         """The map as part of a model file."""
 
@@ -122,6 +95,11 @@ class MapDefaults:
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+
+    def head(self: Any, **more: Any) -> dict[str, Any]:
+        """What the document of a map begins with, and more of it."""
+        columns = {"inputs": list(self.inputs), "outputs": list(self.outputs)}
+        return {"kind": self.kind, "name": self.name, **columns, **more}
 
     def wrench_and_stiffness(self: StiffnessMap, poses: F, kind: str = "partial") -> tuple[F, F]:
         """(N, m) and (N, m, n), one after the other."""
@@ -188,7 +166,7 @@ class PolynomialMap(MapDefaults):
     ('poly:1', ('fx_N',), 2)
     """
 
-    model: PolynomialModel
+    model: _native.PolynomialModel
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
 
@@ -238,7 +216,7 @@ class PolynomialMap(MapDefaults):
     def with_coefficients(self, coefficients: F) -> PolynomialMap:
         """The same terms with other coefficients (k,)."""
         shaped = coefficients.reshape(len(self.outputs), -1).T
-        model = PolynomialModel.from_coefficients(
+        model = _native.PolynomialModel.from_coefficients(
             self.model.degree, self.model.lower, self.model.upper, np.ascontiguousarray(shaped)
         )
         return PolynomialMap(model, self.inputs, self.outputs)
@@ -251,7 +229,7 @@ class PolynomialMap(MapDefaults):
     def from_document(document: dict[str, Any]) -> PolynomialMap:
         """Return the map of an opened model file."""
         ranges = document["normalisation"]
-        model = PolynomialModel.from_coefficients(
+        model = _native.PolynomialModel.from_coefficients(
             int(document["degree"]),
             np.asarray(ranges["lower"], dtype=np.float64),
             np.asarray(ranges["upper"], dtype=np.float64),
@@ -275,15 +253,14 @@ class EnergyMap(SixAxisMap):
 
     Examples
     --------
-    >>> from ecm._native import EnergyModel
     >>> poses = np.random.default_rng(0).uniform(-0.01, 0.01, (30, 6)) + [0.1, 0, 0, 0, 0, 0]
     >>> wrenches = 1000.0 * (poses - [0.1, 0, 0, 0, 0, 0])
-    >>> base = EnergyMap(EnergyModel.fit(poses, wrenches, length_m=0.1, degree=4))
+    >>> base = EnergyTerms(0.1, 4).fit(poses, wrenches)
     >>> base.name, len(base.coefficients)
     ('energy4', 22)
     """
 
-    model: EnergyModel
+    model: _native.EnergyModel
 
     kind = "energy"
 
@@ -318,24 +295,18 @@ class EnergyMap(SixAxisMap):
 
     def columns(self, poses: F) -> F:
         """(N, 6, k) wrench of each term."""
-        return EnergyModel.regressor(
-            np.ascontiguousarray(poses), scale=self.model.scale, **self._terms
-        )
+        return self.terms.regressor(poses, self.model.scale)
 
     def with_coefficients(self, coefficients: F) -> EnergyMap:
         """The same terms with other coefficients (k,)."""
-        coefficients = np.ascontiguousarray(coefficients)
-        return EnergyMap(
-            EnergyModel.from_coefficients(
-                scale=self.model.scale, coefficients=coefficients, **self._terms
-            )
-        )
+        return self.terms.map(self.model.scale, coefficients)
 
     @property
-    def _terms(self) -> dict[str, Any]:
-        """Arguments that choose the terms of the native energy."""
-        names = ("length_m", "degree", "symmetry", "groups")
-        return {name: getattr(self.model, name) for name in names}
+    def terms(self) -> EnergyTerms:
+        """The terms of the energy."""
+        own = self.model
+        symmetry = cast(Symmetry, own.symmetry)
+        return EnergyTerms(own.length_m, own.degree, symmetry, tuple(own.groups))
 
     def document(self) -> dict[str, Any]:
         """Terms, scales and coefficients for a model file."""
@@ -344,16 +315,66 @@ class EnergyMap(SixAxisMap):
     @staticmethod
     def from_document(document: dict[str, Any]) -> EnergyMap:
         """Return the map of an opened model file."""
-        return EnergyMap(
-            EnergyModel.from_coefficients(
-                length_m=float(document["length_m"]),
-                degree=int(document["degree"]),
-                symmetry=cast(Symmetry, document["symmetry"]),
-                scale=np.asarray(document["normalisation"]["scale"], dtype=np.float64),
-                coefficients=np.asarray(document["coefficients"], dtype=np.float64),
-                groups=list(document.get("groups", ())),
-            )
+        terms = EnergyTerms(
+            float(document["length_m"]),
+            int(document["degree"]),
+            cast(Symmetry, document["symmetry"]),
+            tuple(document.get("groups", ())),
         )
+        scale = np.asarray(document["normalisation"]["scale"], dtype=np.float64)
+        return terms.map(scale, np.asarray(document["coefficients"], dtype=np.float64))
+
+
+Solved = tuple[StiffnessMap, F, float]
+"""Map, covariance (k, k), whitened residual variance."""
+
+
+@dataclass(frozen=True)
+class EnergyTerms:
+    """The terms of an energy: their wrenches, and their fits in whole or block by block.
+
+    Examples
+    --------
+    >>> poses = np.random.default_rng(0).uniform(-0.01, 0.01, (30, 6)) + [0.1, 0, 0, 0, 0, 0]
+    >>> wrenches = 1000.0 * (poses - [0.1, 0, 0, 0, 0, 0])
+    >>> EnergyTerms(0.1, 4).fit(poses, wrenches).name
+    'energy4'
+    """
+
+    length_m: float
+    degree: int
+    symmetry: Symmetry = "alike"
+    groups: tuple[str, ...] = ()
+
+    def regressor(self, poses: F, scale: F) -> F:
+        """(N, 6, k) wrench of each term at poses (N, 6); `scale` (2,) of length and angle."""
+        poses = np.ascontiguousarray(poses)
+        return _native.EnergyModel.regressor(poses, scale=scale, **vars(self))
+
+    def map(self, scale: F, coefficients: F) -> EnergyMap:
+        """The map with these coefficients (k,)."""
+        values = np.ascontiguousarray(coefficients)
+        model = _native.EnergyModel.from_coefficients
+        return EnergyMap(model(scale=scale, coefficients=values, **vars(self)))
+
+    def fit(self, poses: F, wrenches: F) -> EnergyMap:
+        """The fit that weighs each component by its own spread."""
+        pairs = np.ascontiguousarray(poses), np.ascontiguousarray(wrenches)
+        return EnergyMap(_native.EnergyModel.fit(*pairs, **vars(self)))
+
+    def frame(self, poses: F) -> F:
+        """(2,) scale of length and angle, which all blocks of a fit share."""
+        return _native.EnergyModel.scale_of(poses, self.length_m)
+
+    def reduce(self, frame: F, poses: F, wrenches: F, covariance: F) -> F:
+        """(c, c) triangle of the whitened rows of a block."""
+        triangle = _native.EnergyModel.triangle
+        return triangle(poses, wrenches, covariance, scale=frame, **vars(self))
+
+    def solve(self, frame: F, parts: Sequence[F], rows: int) -> Solved:
+        """The fit of the blocks' triangles."""
+        model = _native.EnergyModel.fit_triangles(parts, rows, scale=frame, **vars(self))
+        return EnergyMap(model), np.asarray(model.covariance), model.residual_variance
 
 
 def finite(what: str, evaluate: Callable[[], F]) -> F:
@@ -408,8 +429,8 @@ def central_differences(function: Callable[[F], F], poses: F, step: float) -> li
     return slopes
 
 
-def partial_to(kind: str, partial: F, poses: F, base: StiffnessMap) -> F:
-    """(N, m, n) another kind of stiffness from K = dh/dp; needs all six columns on both sides."""
+def partial_to(kind: str, partial: F, poses: F, base: Any) -> F:
+    """(N, m, n) another kind of stiffness of a map or model, from K; needs all twelve columns."""
     if kind == "partial":
         return partial
     if not is_whole(base):
@@ -461,10 +482,8 @@ def variances_of(columns: F, covariance: F) -> F:
     return np.asarray(np.einsum("nmk,nmk->nm", images, columns))
 
 
-def leverages(
-    base: StiffnessMap, covariance: F, noise: Noise, poses: F, progress: Progress | None = None
-) -> F:
-    """(N,) leverage of poses (N, 6); `progress` is told the rows that are done, of all."""
+def leverages(base: StiffnessMap, covariance: F, noise: Noise, poses: F) -> F:
+    """(N,) leverage of poses (N, 6)."""
     known = {} if base.length_m is None else {"length_m": base.length_m}
     shares = _OwnVariances.of(base, covariance) if isinstance(base, PolynomialMap) else None
     # P = R R', so that only the columns' images are needed, block by block.
@@ -485,7 +504,7 @@ def leverages(
         own = whitener @ (images @ np.swapaxes(images, 1, 2)) @ np.swapaxes(whitener, 1, 2)
         return np.asarray(np.linalg.eigvalsh(own)[:, -1])
 
-    return np.concatenate([np.zeros(0), *in_blocks(len(poses), of_block, progress)])
+    return np.concatenate([np.zeros(0), *in_blocks(len(poses), of_block)])
 
 
 @dataclass(frozen=True)

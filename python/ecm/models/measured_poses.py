@@ -8,25 +8,25 @@ Older files hold none: their poses are those that loads bend the model to inside
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
-from ecm._native import EnergyModel, ModelError, PolynomialModel, mid_frame, rotation_matrices
-from ecm.effects import Rows
+from ecm import _native
+from ecm._native import ModelError, mid_frame, rotation_matrices
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, evenly
 from ecm.io.columns import POSE, WRENCH, same_unit
 from ecm.io.description import Meta
 from ecm.io.settings import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
 from ecm.io.table import Table
-from ecm.models.joint_fit import FittedEffect
-from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap, Symmetry
+from ecm.models.errors import worst_over
+from ecm.models.evaluation import EvaluatedModel
+from ecm.models.maps import EnergyMap, EnergyTerms, PolynomialMap, StiffnessMap, Symmetry
 from ecm.models.physics.map import PhysicsMap
 from ecm.regression.folds import spread_rows
-from ecm.regression.noise import Noise
 from ecm.regression.rows import is_whole
 
 _MOST_STORED = 200
@@ -41,36 +41,6 @@ _MARGIN = 1.01
 """Size over that of the data: fits average repeated poses, so that measured ones lie beyond."""
 _THINNEST = 0.03
 """Least extent of a coordinate, over the largest one of its unit, that counts as measured."""
-
-
-class Posed(Protocol):
-    """The members of a model that are needed here."""
-
-    @property
-    def base(self) -> StiffnessMap:
-        """Base map."""
-
-    @property
-    def noise(self) -> Noise:
-        """Noise of a row."""
-
-    @property
-    def domain(self) -> Mapping[str, tuple[float, float]]:
-        """Range of each pose column."""
-
-    @property
-    def training(self) -> Mapping[str, Any]:
-        """What the model file says of its training data."""
-
-    @property
-    def known_length_m(self) -> float | None:
-        """Undeformed length."""
-
-    def predict(self, data: F) -> F:
-        """(N, m) wrench at poses."""
-
-    def rows_at(self, poses: F) -> Rows:
-        """Rows of poses (N, n) without a table."""
 
 
 def sample_of(table: Table, inputs: Sequence[str]) -> list[list[float]]:
@@ -109,12 +79,12 @@ def _rounded(poses: F) -> list[list[float]]:
     return [[float(f"{x:.8g}") for x in pose] for pose in poses]
 
 
-def has_measured_poses(model: Posed) -> bool:
+def has_measured_poses(model: EvaluatedModel) -> bool:
     """Whether the model file says at which poses it was measured."""
     return bool(model.training.get("poses"))
 
 
-def measured_poses(model: Posed) -> F:
+def measured_poses(model: EvaluatedModel) -> F:
     """(N, n) poses that the model was measured at, some hundred of all.
 
     Examples
@@ -130,7 +100,7 @@ def measured_poses(model: Posed) -> F:
     return _loaded_poses(model)
 
 
-def near_poses(model: Posed, count: int, *, around: float = 0.0) -> F:
+def near_poses(model: EvaluatedModel, count: int, *, around: float = 0.0) -> F:
     """(count, n) mixes of near measured poses, under at most 1.2 times their largest load.
 
     `around` moves each coordinate of a mix by so much of the largest deviation of its unit.
@@ -159,7 +129,7 @@ def near_poses(model: Posed, count: int, *, around: float = 0.0) -> F:
     return found[:count]
 
 
-def poses_like_measured(model: Posed, count: int) -> F:
+def poses_like_measured(model: EvaluatedModel, count: int) -> F:
     """(count, n) measured poses, then mixes of near ones where there are fewer."""
     rows = measured_poses(model)
     if len(rows) >= count:
@@ -167,7 +137,7 @@ def poses_like_measured(model: Posed, count: int) -> F:
     return np.vstack([rows, near_poses(model, count - len(rows))])
 
 
-def noise_sd(model: Posed) -> F:
+def noise_sd(model: EvaluatedModel) -> F:
     """(m,) root mean square noise of a row of each component over the measured poses."""
     rows = model.rows_at(measured_poses(model))
     return np.asarray(np.sqrt(np.einsum("njj->j", model.noise.covariance(rows)) / len(rows)))
@@ -247,7 +217,7 @@ class Reach:
         }
 
 
-def reach_of(model: Posed, base: StiffnessMap) -> Reach | None:
+def reach_of(model: EvaluatedModel, base: StiffnessMap) -> Reach | None:
     """The reach of a model in the coordinates of a map that is exported in its place.
 
     Mid-frame coordinates of an energy, else the pose columns; None where the model file holds no
@@ -258,7 +228,7 @@ def reach_of(model: Posed, base: StiffnessMap) -> Reach | None:
     return Reach.of(_coordinates_of(base, measured_poses(model)), base.inputs)
 
 
-def are_inside(model: Posed, poses: F) -> B:
+def are_inside(model: EvaluatedModel, poses: F) -> B:
     """(N,) whether poses (N, n) are where the model was measured: `inside` of its export.
 
     Of a file that holds no measured poses: whether each column is inside its range.
@@ -286,7 +256,7 @@ def _coordinates_of(base: StiffnessMap, poses: F) -> F:
     return poses
 
 
-def largest_coordinates(model: Posed) -> F:
+def largest_coordinates(model: EvaluatedModel) -> F:
     """(2,) largest |c| (m) and |theta| (rad) of the mid frame over the measured poses."""
     q = coordinates(measured_poses(model), model.known_length_m or 0.0)
     return np.array([np.linalg.norm(part, axis=1).max() for part in (q[:, :3], q[:, 3:])])
@@ -305,7 +275,7 @@ def _nearest(z: F) -> Any:
     return np.argsort(apart, axis=1)[:, : min(_NEIGHBOURS, len(z) - 1)]
 
 
-def _loads(model: Posed, poses: F) -> F:
+def _loads(model: EvaluatedModel, poses: F) -> F:
     """(N, groups) norm of the force and of the torque, and each other output, at poses."""
     wrench = model.predict(np.ascontiguousarray(poses))
     names = model.base.outputs
@@ -315,7 +285,7 @@ def _loads(model: Posed, poses: F) -> F:
     return np.stack([np.linalg.norm(wrench[:, g], axis=1) for g in groups if g], axis=1)
 
 
-def _loaded_poses(model: Posed) -> F:
+def _loaded_poses(model: EvaluatedModel) -> F:
     """(N, n) poses for a file that holds none: those of random loads that stay in its domain.
 
     All six columns bend under loads by the stiffness at rest, each load at most as large as takes
@@ -353,7 +323,7 @@ def _loaded_poses(model: Posed) -> F:
     return np.asarray(poses[least[excess[least] <= max(1.0, excess[least[len(least) // 10]])]])
 
 
-def _ranges(model: Posed) -> F:
+def _ranges(model: EvaluatedModel) -> F:
     """(n, 2) range of each pose column; where none is known, that of the map's own coordinates."""
     inputs, length = model.base.inputs, model.known_length_m or 0.1
     wide = np.array([0.1 * length] * 3 + [0.3] * 3)
@@ -377,57 +347,34 @@ _SMALL_ERROR = 0.15
 """An energy whose error over the noise is smaller is near enough to fold effects into."""
 
 
-class Fitted(Posed, Protocol):
-    """The members of a model that are needed here."""
+def folded(model: EvaluatedModel) -> tuple[EnergyMap | PolynomialMap, float]:
+    """The smallest map that is near enough to the base with its effects, and how far it differs.
 
-    @property
-    def effects(self) -> Sequence[FittedEffect]:
-        """Effects beside the base."""
-
-    @property
-    def conditions(self) -> Mapping[str, tuple[float, float]]:
-        """Range of temperature and time in the training data."""
-
-    def rest_pose(self, purpose: str) -> F:
-        """(1, 6) undeformed pose."""
-
-
-def folded(model: Fitted) -> tuple[EnergyMap, float]:
-    """The smallest energy that is near enough to the base with its effects.
-
-    Also how far it differs from the two at measured poses: rms of the worst component over the
-    noise.
+    Rms of the worst component over the noise at measured poses. An energy; of few pose columns,
+    and of a polynomial of some wrench columns, which have no energy, the lowest polynomial.
     """
+    base = model.base
+    few = len(base.inputs) < len(POSE)
+    if few or (isinstance(base, PolynomialMap) and not is_whole(base)):
+        least = base.model.degree if isinstance(base, PolynomialMap) else POLYNOMIAL_DEGREES[0]
+        most = MOST_OF_ONE_INPUT if len(base.inputs) == 1 else POLYNOMIAL_DEGREES[1]
+
+        def polynomial(degree: int, poses: F, wrenches: F) -> PolynomialMap:
+            fitted = _native.PolynomialModel.fit(poses, wrenches, degree)
+            return PolynomialMap(fitted, base.inputs, base.outputs)
+
+        return _first_near_enough(range(least, most + 1), polynomial, model)
     rest = model.rest_pose("a model with effects of physics is exported as an energy, which")
     length = float(rest[0, 0])
 
-    def fitted(form: tuple[int, Symmetry], poses: F, wrenches: F) -> EnergyMap:
-        return EnergyMap(
-            EnergyModel.fit(poses, wrenches, length_m=length, degree=form[0], symmetry=form[1])
-        )
+    def energy(form: tuple[int, Symmetry], poses: F, wrenches: F) -> EnergyMap:
+        return EnergyTerms(length, *form).fit(poses, wrenches)
 
-    return _first_near_enough(_ENERGIES, fitted, model)
-
-
-def folded_polynomial(model: Fitted) -> tuple[PolynomialMap, float]:
-    """The lowest polynomial that is near enough to a map with effects, and how far it differs.
-
-    For models of few columns, which have no energy: polynomials, and equations of one's own.
-    """
-    base = model.base
-    least = base.model.degree if isinstance(base, PolynomialMap) else POLYNOMIAL_DEGREES[0]
-    most = MOST_OF_ONE_INPUT if len(base.inputs) == 1 else POLYNOMIAL_DEGREES[1]
-
-    def fitted(degree: int, poses: F, wrenches: F) -> PolynomialMap:
-        return PolynomialMap(
-            PolynomialModel.fit(poses, wrenches, degree), base.inputs, base.outputs
-        )
-
-    return _first_near_enough(range(least, most + 1), fitted, model)
+    return _first_near_enough(_ENERGIES, energy, model)
 
 
 def _first_near_enough(
-    forms: Iterable[Form], fitted: Callable[[Form, F, F], Map], model: Fitted
+    forms: Iterable[Form], fitted: Callable[[Form, F, F], Map], model: EvaluatedModel
 ) -> tuple[Map, float]:
     """The first of several forms whose error over the noise is small, else the best, and its error.
 
@@ -442,8 +389,7 @@ def _first_near_enough(
             found = fitted(form, near, between)
         except ModelError:  # more terms than these poses tell
             continue
-        error = np.sqrt(((found.predict(rows) - truth) ** 2).mean(axis=0))
-        trials.append((float(np.max(error / noise)), form))
+        trials.append((worst_over(noise, found.predict(rows) - truth), form))
         if trials[-1][0] < _SMALL_ERROR:
             break
     if not trials:

@@ -3,61 +3,49 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ecm._native import convert_stiffness
-from ecm.effects import Effect, Missing, Rows, effects_for, get_effect
-from ecm.effects.protocol import correction_of, missing_length
+from ecm.effects import Effect, effects_for, get_effect
+from ecm.effects.protocol import missing_length
 from ecm.errors import EcmError, InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F
-from ecm.io.columns import POSE
-from ecm.io.description import Meta, Scene
 from ecm.io.events import Progress, Steps
 from ecm.io.extras import require
 from ecm.io.table import Table, TableLike, as_table
 from ecm.models import file
 from ecm.models.controller import Controller
-from ecm.models.file import (
-    conditions_of,
-    domain_of,
-    noise_for,
-    training_of,
-    was_trained_on,
-)
-from ecm.models.history import FitRecord, RecordedFit, correlations_of, fit_records, fit_report
+from ecm.models.errors import FitRecord, rms
+from ecm.models.evaluation import EvaluatedModel, rows_of_poses
+from ecm.models.file import was_trained_on
 from ecm.models.joint_fit import (
     CoefficientPrior,
     FittedEffect,
+    JointFit,
     best_shape,
     effect_shares,
     effect_sizes,
     joint_fit,
 )
-from ecm.models.maps import (
-    StiffnessMap,
-    central_differences,
-    finite,
-    leverages,
-    variances_of,
-    wrench_variances,
-)
 from ecm.models.measured_poses import are_inside, folded, sample_of
-from ecm.models.partial import MeasuredMap
-from ecm.models.plots import history_figure
-from ecm.models.pose_error import pose_error, report_rows
+from ecm.models.noise_estimate import noise_for
+from ecm.models.parameters import ParametrisedMap
+from ecm.models.pose_error import error_of_report
 from ecm.models.registry import map_from_document
-from ecm.models.time_effects import time_effects
+from ecm.models.time_effects import needed_by_steps, time_effects
 from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import HOW, RowsUsed, spread_rows, without_zero_readings
 from ecm.regression.noise import Noise
 from ecm.regression.rows import is_whole
+from ecm.report import figures
 
+_LARGE_CORRELATION = 0.3
+_MOST_PAIRS = 12
 _NOISE, _FORM, _ALL, _RECORD = "noise", "form of {}", "all values together", "errors"
 """Steps of a fit with effects."""
 _SAID_OF_A_FIT = ("misread", "prior", "pose_error", "rows_used")
@@ -65,7 +53,7 @@ _SAID_OF_A_FIT = ("misread", "prior", "pose_error", "rows_used")
 
 
 @dataclass(frozen=True, repr=False)
-class Model:
+class Model(EvaluatedModel):
     """A base map with effects: h(p) of the base plus the corrections of the effects.
 
     `fit_model` and `load_model` make one; it prints itself as its fit report.
@@ -84,25 +72,10 @@ class Model:
     array([False,  True])
     """
 
-    base: StiffnessMap
-    noise: Noise = field(default_factory=Noise)
-    effects: tuple[FittedEffect, ...] = ()
-    covariance: F | None = None
-    """(k, k) covariance of the base's coefficients; None where it is not known."""
-    training: Mapping[str, Any] = field(default_factory=dict)
-    """Training data: hash, rows, source."""
-    domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """Range of each pose column in the training data."""
-    conditions: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """Range of temperature_degC and time_s in the training data, where it has them."""
-    length_m: float | None = None
-    """Length of the mechanism, for effects that need it where the base does not state it."""
-    scene: Scene = field(default_factory=Scene)
-    """Scene of the fit: bare poses are under its gravity; a table states its own."""
     base_frozen: bool = False
     """Whether `fit` keeps the base's coefficients."""
     history: tuple[FitRecord, ...] = ()
-    """One record for each fit (history.py)."""
+    """One record for each fit (errors.py)."""
     correlations: tuple[tuple[str, str, float], ...] = ()
     """Pairs of fitted parameters with large correlation, the largest first."""
     previous: Model | None = None
@@ -114,185 +87,13 @@ class Model:
         """The fit report."""
         return self.fit_report()
 
-    @property
-    def name(self) -> str:
-        """Name of the base and ids of the effects, joined by `+`."""
-        return "+".join([self.base.name, *(item.id for item in self.effects)])
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Pose columns."""
-        return self.base.inputs
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Wrench columns."""
-        return self.base.outputs
-
-    @property
-    def known_length_m(self) -> float | None:
-        """Length of the mechanism, m: the base's own, else that of the data it was fitted to."""
-        return self.base.length_m or self.length_m
-
-    def rest_pose(self, purpose: str) -> F:
-        """(1, 6) undeformed pose (L, 0, 0, 0, 0, 0).
-
-        Raises
-        ------
-        InputError
-            Where the model has fewer columns or no length; the message begins with `purpose`.
-        """
-        length = self.known_length_m
-        if not is_whole(self.base) or length is None:
-            raise InputError(
-                f"{purpose} needs all six pose and wrench columns and the mechanism's length: "
-                "give [mechanism] length_m in the data's TOML"
-            )
-        return np.array([[length, 0.0, 0.0, 0.0, 0.0, 0.0]])
-
-    def predict(self, data: TableLike | F, *, skip_untestable: bool = False) -> F:
-        """(N, m) wrench, N and N m, at poses (N, n), or expected readings of a table.
-
-        One pose (n,) gives one wrench (m,). A table's rows have time, temperature and approach, so
-        that all effects act; bare poses get the base map and the effects of physics that need the
-        pose alone.
-
-        Parameters
-        ----------
-        data
-            A table, a data frame or a dict of columns, or poses (N, n) or (n,) in m and rad.
-        skip_untestable
-            Leave out effects whose columns the table lacks (`left_out` names them) instead of
-            refusing.
-        """
-        if isinstance(self.base, MeasuredMap) and self.effects:
-            whole = replace(self, base=self.base.whole)
-            found = whole.predict(data, skip_untestable=skip_untestable)
-            return np.ascontiguousarray(found[..., self.base.places])
-        if isinstance(data, np.ndarray):
-            found = self._at_poses(_rows_of_poses(data, self.inputs))
-            return found if data.ndim != 1 else np.asarray(found[0])
-        data = as_table(data)
-        rows = Rows(data, self.base)
-        lacking = self.left_out(data)
-        for id, why in lacking.items():
-            if not skip_untestable:
-                raise InputError(
-                    f"{data.source}: effect {id} cannot be predicted here, "
-                    f"{why.reason}; record {why.record}, or remove the effect"
-                )
-        acting = [item for item in self.effects if item.id not in lacking]
-        return self._with_corrections(rows.sensor_load, rows, acting)
-
-    def left_out(self, table: Table) -> dict[str, Missing]:
-        """Effects of the model whose columns a table lacks, by id.
-
-        Columns that only have to vary for a fit need not vary here.
-        """
-        # A table of poses has no wrench, which a prediction does not need.
-        absent = {n: np.zeros(len(table)) for n in self.outputs if not table.has(n)}
-        filled = table.with_columns(absent)
-        lacking = {item.id: item.effect.missing(filled) for item in self.effects}
-        return {id: why for id, why in lacking.items() if why is not None and why.absent}
-
-    def predict_sd(self, data: Table | F) -> F | None:
-        """(N, m) standard deviation of the base's wrench from its coefficients, where known."""
-        if self.covariance is None:
-            return None
-        if isinstance(data, Table):
-            data = Rows(data, self.base).poses
-        poses = _rows_of_poses(data, self.inputs)
-        covariance, base = self.covariance, self.base
-
-        def of_coefficients() -> F:
-            variance = wrench_variances(base, covariance, poses)
-            return np.asarray(np.sqrt(np.maximum(variance, 0.0) + base.error**2))
-
-        return finite("the deviation", of_coefficients)
-
-    def reading_sd(self, poses: F) -> F | None:
-        """(N, m) standard deviation of a new reading around the prediction, where known.
-
-        From the coefficients and the noise of one row, the latter widened where the training
-        residuals are larger.
-        """
-        poses = _rows_of_poses(poses, self.inputs)
-        sd = self.predict_sd(poses)
-        if sd is None:
-            return None
-        factor = max(1.0, float(self.training.get("residual_variance", 1.0)))
-        variance = np.einsum("njj->nj", self.noise.covariance(self.rows_at(poses)))
-        return finite("the deviation", lambda: np.sqrt(sd**2 + factor * variance))
-
-    def leverage(self, poses: F) -> F | None:
-        """(N,) uncertainty of the prediction over the noise of one row, where known."""
-        poses = _rows_of_poses(poses, self.inputs)
-        if self.covariance is None or self.noise.components is not None or self.inputs != POSE:
-            return None
-        return leverages(self.base, self.covariance, self.noise, poses)
-
     def extrapolates(self, poses: F) -> B:
         """(N,) whether the model is asked beyond its measured poses.
 
         There `inside` of the exported model is 0. A file that holds no measured poses has the range
         of each pose column.
         """
-        return ~are_inside(self, _rows_of_poses(poses, self.inputs))
-
-    def stiffness_sd(self, poses: F) -> F | None:
-        """(N, m, n) standard deviation of K = dh/dp from the coefficients, where known."""
-        if self.covariance is None:
-            return None
-        poses = _rows_of_poses(poses, self.inputs)
-        covariance = self.covariance
-
-        def of_coefficients() -> F:
-            variances = [
-                variances_of(slope, covariance)
-                for slope in central_differences(self.base.columns, poses, 1e-5)
-            ]
-            return np.asarray(np.sqrt(np.maximum(np.stack(variances, axis=2), 0.0)))
-
-        return finite("the deviation", of_coefficients)
-
-    def stiffness(self, poses: F, kind: str = "partial") -> F:
-        """(N, m, n) stiffness of the base and of the effects of physics on the pose.
-
-        One pose (n,) gives one stiffness (m, n).
-        """
-        rows = _rows_of_poses(poses, self.inputs)
-        acting = self.acting_at_poses
-        found = self._changed_stiffness(rows, kind) if acting else self.base.stiffness(rows, kind)
-        return found if np.ndim(poses) != 1 else np.asarray(found[0])
-
-    def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
-        """`predict` and `stiffness` of poses (N, n) or of one pose (n,), in one call.
-
-        Examples
-        --------
-        >>> import ecm
-        >>> y = np.linspace(-0.01, 0.01, 9)
-        >>> model = ecm.fit_model({"y_m": y, "fy_N": 3000.0 * y}, "linear")
-        >>> wrench, stiffness = model.wrench_and_stiffness(np.array([0.005]))
-        >>> wrench.round(6), stiffness.round(6)
-        (array([15.]), array([[3000.]]))
-        """
-        rows = _rows_of_poses(poses, self.inputs)
-        if self.acting_at_poses:
-            wrench, stiffness = self._at_poses(rows), self._changed_stiffness(rows, kind)
-        else:
-            wrench, stiffness = self.base.wrench_and_stiffness(rows, kind)
-        return (wrench, stiffness) if np.ndim(poses) != 1 else (wrench[0], stiffness[0])
-
-    def _changed_stiffness(self, poses: F, kind: str) -> F:
-        """(N, m, n) of the base and the effects, by central differences."""
-        partial = np.stack(central_differences(self._at_poses, poses, 1e-6), axis=2)
-        if kind == "partial":
-            return partial
-        target: Any = kind
-        return convert_stiffness(
-            partial, poses, self._at_poses(poses), source="partial", target=target
-        )
+        return ~are_inside(self, rows_of_poses(poses, self.inputs))
 
     def controller(self) -> Controller:
         """Return the model in steps of any length: wrench and tangent with effects of time.
@@ -345,37 +146,6 @@ class Model:
         poses = sample_of(as_table(table), self.inputs)
         return replace(self, training={**self.training, "poses": poses})
 
-    @property
-    def acting_at_poses(self) -> list[FittedEffect]:
-        """Effects of physics that need the pose alone."""
-        return [i for i in self.effects if i.effect.kind == "pose" and i.effect.side == "physics"]
-
-    def _at_poses(self, poses: F) -> F:
-        wrench = self.base.predict(poses)
-        acting = self.acting_at_poses
-        if not acting:
-            return wrench
-        return self._with_corrections(wrench, self.rows_at(poses), acting)
-
-    def _with_corrections(self, wrench: F, rows: Rows, acting: Sequence[FittedEffect]) -> F:
-        """(N, m) wrenches with the corrections of some effects."""
-        if not acting:
-            return np.array(wrench)
-
-        def whole() -> F:
-            corrections = [correction_of(i.effect, rows, i.values) for i in acting]
-            return np.asarray(wrench + np.sum(corrections, axis=0))
-
-        return finite("the prediction", whole)
-
-    def rows_at(self, poses: F) -> Rows:
-        """Rows of poses (N, n) without a table, of the model's mechanism in the model's scene."""
-        columns = {name: poses[:, j] for j, name in enumerate(self.inputs)}
-        length = self.known_length_m
-        known = {} if length is None else {"length_m": length}
-        meta = Meta(mechanism=known, scene=self.scene)
-        return Rows(Table(columns, meta, "poses"), self.base)
-
     def add(self, *effects: str | Effect) -> Model:
         """The model with these effects, given by id or as such; they are zero until `fit`."""
         present = {item.id for item in self.effects}
@@ -414,16 +184,38 @@ class Model:
 
     def fit_report(self) -> str:
         """Values with errors and correlations, and the history of fits with its tests."""
-        text = fit_report(
-            self.name,
-            self.base,
-            self.effects,
-            self.correlations,
-            self.history,
-            self.covariance,
-        )
-        parts = (self.training.get(name) for name in _SAID_OF_A_FIT)
-        return "\n  ".join([text, *(part["sentence"] for part in parts if part is not None)])
+        lines = [f"model {self.name}: {len(self.base.coefficients)} coefficients in the base"]
+        if isinstance(self.base, ParametrisedMap):
+            lines += [f"  {line}" for line in self.base.sentences(self.covariance)]
+        for side, title in (("physics", "physics"), ("measurement", "instruments")):
+            for item in (i for i in self.effects if i.effect.side == side):
+                shape = "".join(f", {k} = {v}" for k, v in item.effect.shape.items())
+                lines.append(f"  {item.id} ({title}{shape}){' frozen' if item.frozen else ''}")
+                for (parameter, value, sd), bound in zip(item.listed, item.at_bounds, strict=True):
+                    error = f" +- {sd:.2g}" if np.isfinite(sd) else " (not fitted)"
+                    at = " at its bound" if bound else ""
+                    lines.append(f"    {parameter.name} = {value:.4g}{error} {parameter.unit}{at}")
+                least = [1e-6 * parameter.scale for parameter in item.effect.parameters]
+                if (
+                    not item.is_new
+                    and item.at_bounds.all()
+                    and np.all(np.abs(item.values) <= least)
+                ):
+                    lines.append("    it explains nothing: the data would need the opposite sign")
+        if self.correlations:
+            lines.append(f"  correlations beyond {_LARGE_CORRELATION}:")
+            lines += [f"    {a} and {b}: {value:+.2f}" for a, b, value in self.correlations]
+        for record in self.history:
+            ceiling = "" if record.ceiling is None else f", ceiling {record.ceiling:.3f}"
+            lines.append(
+                f"  {record.name}: error over noise {record.train:.3f} fitted, "
+                f"{record.held_out:.3f} held out{ceiling}, floor {record.floor:g}"
+            )
+            if record.test:
+                lines.append(f"    {record.test}")
+        said = (self.training.get(name) for name in _SAID_OF_A_FIT)
+        lines += [f"  {part['sentence']}" for part in said if part is not None]
+        return "\n".join(lines)
 
     def plot(self) -> Any:
         """Return a plotly figure of the errors in the history of fits.
@@ -435,16 +227,19 @@ class Model:
         """
         if not self.history:
             raise InputError("the model has no history of fits to plot: call fit(table) first")
-        return history_figure(self.history)
+        errors: dict[str, Sequence[float]] = {
+            "fitted rows": [record.train for record in self.history],
+            "held-out rows": [record.held_out for record in self.history],
+        }
+        names = [record.name for record in self.history]
+        return drawn(figures.bars(errors, names, y_title="error / noise"))
 
     def to_pandas(self) -> Any:
         """Return a DataFrame with a row for each fitted parameter of the effects."""
         rows = [
             (item.id, parameter.name, value, sd, parameter.unit, item.frozen)
             for item in self.effects
-            for parameter, value, sd in zip(
-                item.effect.parameters, item.values, item.sd, strict=True
-            )
+            for parameter, value, sd in item.listed
         ]
         columns = ["effect", "parameter", "value", "sd", "unit", "frozen"]
         pandas = require("pandas", "data", "Model.to_pandas")
@@ -531,10 +326,10 @@ class Model:
             Where the table cannot determine an effect; the message names the column to record.
         """
         table, freeze_base = without_zero_readings(as_table(table)), self.base_frozen
-        training = training_of(table)
+        described = file.fitted_to(table, self.inputs)
+        training = described["training"]
         training["poses"] = sample_of(table, self.inputs)
         same_rows = was_trained_on(self.training, table)
-        domain, conditions = domain_of(table, self.inputs), conditions_of(table)
         if len(table) > most_rows:
             total, table = len(table), table.thinned(spread_rows(table, most_rows))
             fitted_rows = RowsUsed(total, len(table), HOW, "the errors of the values are theirs")
@@ -547,6 +342,46 @@ class Model:
         used = noise
         if used is None:
             used = noise_for(self.base, table, self.noise, same_rows=same_rows)
+        shaped = self._shaped(table, used, steps)
+        steps.begin(_ALL)
+        joint = joint_fit(
+            shaped.base, shaped.effects, table, used, freeze_base=freeze_base, prior=prior
+        )
+        if joint.smallest_taken:
+            training["smallest_taken"] = True
+        if prior is not None:
+            training["prior"] = {"sentence": prior.sentence}
+        training |= needed_by_steps(joint)
+        training["effect_sizes"] = effect_sizes(joint, used)
+        training["effect_shares"] = effect_shares(joint)
+        if not used.is_residual:
+            training["over_noise"] = rms(joint.whitened)
+        k = 0 if freeze_base else len(joint.base.coefficients)
+        fitted = replace(
+            shaped,
+            base=joint.base,
+            effects=joint.effects,
+            noise=used,
+            length_m=table.meta.length_m or self.length_m,
+            covariance=self.covariance if freeze_base else joint.covariance[:k, :k],
+            correlations=_correlations(joint, freeze_base),
+            previous=self.previous if self.changed else self,
+            changed=False,
+            **described,
+        )
+        steps.begin(_RECORD)
+        training["pose_error"] = error_of_report(fitted, table)
+        history = list(self.history)
+        # From the same base, whose stiffness weighs the rows: else the sums cannot be compared.
+        if joint.effects and not history:
+            alone = joint_fit(self.base, (), table, used, freeze_base=freeze_base)
+            history.append(FitRecord.of(self.base.name, alone, used, training["hash"]))
+        own = FitRecord.of(fitted.name, joint, used, training["hash"])
+        history.append(own.beside(history[-1]) if history else own)
+        return replace(fitted, history=tuple(history))
+
+    def _shaped(self, table: Table, noise: Noise, steps: Steps) -> Model:
+        """The model with the shape of each free effect that explains most beside the others."""
         forms = self._forms_of(table)
         # Beside the others the shape of one is chosen: a new effect needs one that has columns.
         first = {
@@ -561,47 +396,10 @@ class Model:
             steps.begin(_FORM.format(form.id))
             effects = shaped.effects
             others = (*effects[:position], *effects[position + 1 :])
-            best = best_shape(self.base, others, form, table, used, freeze_base=freeze_base)
+            frozen = self.base_frozen
+            best = best_shape(self.base, others, form, table, noise, freeze_base=frozen)
             shaped = shaped._with_effects({position: best})
-        steps.begin(_ALL)
-        joint = joint_fit(
-            shaped.base, shaped.effects, table, used, freeze_base=freeze_base, prior=prior
-        )
-        if joint.smallest_taken:
-            training["smallest_taken"] = True
-        if prior is not None:
-            training["prior"] = {"sentence": prior.sentence}
-        if any(item.effect.shape.get("overstress") for item in joint.effects):
-            # A branch follows it, or has its sign, also in a controller, which has no table.
-            training["mean_stiffness"] = joint.rows.stiffness.mean(axis=0).tolist()
-        training["effect_sizes"] = effect_sizes(joint, used)
-        training["effect_shares"] = effect_shares(joint)
-        if not used.is_residual:
-            training["over_noise"] = float(np.sqrt((joint.whitened**2).mean()))
-        k = 0 if freeze_base else len(joint.base.coefficients)
-        fitted = replace(
-            shaped,
-            base=joint.base,
-            effects=joint.effects,
-            noise=used,
-            length_m=table.meta.length_m or self.length_m,
-            scene=table.meta.scene,
-            covariance=self.covariance if freeze_base else joint.covariance[:k, :k],
-            training=training,
-            domain=domain,
-            conditions=conditions,
-            correlations=correlations_of(joint, freeze_base),
-            previous=self.previous if self.changed else self,
-            changed=False,
-        )
-        steps.begin(_RECORD)
-        shown = report_rows(table)
-        errors = table.matrix(self.outputs)[shown] - fitted.predict(table)[shown]
-        training["pose_error"] = pose_error(fitted, table.select(shown), errors).to_dict()
-        fit = RecordedFit(fitted.name, joint, table, used, training["hash"])
-        # From the same base, whose stiffness weighs the rows: else the sums cannot be compared.
-        records = fit_records(fit, self.base, self.history, frozen=freeze_base)
-        return replace(fitted, history=(*self.history, *records))
+        return shaped
 
     def _forms_of(self, table: Table) -> dict[int, Effect]:
         """The free effects in the forms that these columns call for, by position; all testable."""
@@ -630,22 +428,26 @@ class Model:
         return replace(self, effects=tuple(effects))
 
 
-def _rows_of_poses(poses: F, inputs: Sequence[str]) -> F:
-    """(N, n) of poses (N, n), or (1, n) of one pose (n,)."""
-    try:
-        rows = np.ascontiguousarray(poses, dtype=np.float64)
-    except (TypeError, ValueError):
-        rows = np.zeros((0, 0, 0))
-    if np.ndim(poses) == 1 and rows.ndim == 1:
-        rows = rows[None]
-    n = len(inputs)
-    if rows.ndim != 2 or rows.shape[1] != n or isinstance(poses, str | bytes | Mapping):
-        shape = getattr(poses, "shape", None)
-        found = f"of shape {shape}" if isinstance(shape, tuple) else f"as a {type(poses).__name__}"
-        raise InputError(
-            f"poses {found}: expected (N, {n}), or ({n},) for one pose, of {', '.join(inputs)}"
-        )
-    return rows
+def _correlations(fit: JointFit, base_frozen: bool) -> tuple[tuple[str, str, float], ...]:
+    """Pairs of parameters with large correlation: of effects, and of these with the base."""
+    own = [
+        f"{item.id}.{parameter.name}"
+        for item in fit.effects
+        if not item.frozen
+        for parameter in item.effect.parameters
+    ]
+    base = 0 if base_frozen else len(fit.base.coefficients)
+    own_names = fit.base.parameter_names if isinstance(fit.base, ParametrisedMap) else ()
+    names = [*(own_names or (f"base.{j + 1}" for j in range(base)))][:base] + own
+    sd = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))
+    matrix = fit.covariance / np.outer(sd, sd)
+    pairs = [
+        (names[i], names[j], float(matrix[i, j]))
+        for j in range(base, len(names))
+        for i in range(j)
+        if abs(matrix[i, j]) > _LARGE_CORRELATION
+    ]
+    return tuple(sorted(pairs, key=lambda pair: -abs(pair[2]))[:_MOST_PAIRS])
 
 
 def _ranges(document: Any) -> dict[str, tuple[float, float]]:
@@ -708,3 +510,8 @@ def load_model(path: str | Path) -> Model:
         raise InputError(
             f"{path}: the model file lacks or misstates {error}; fit the model again"
         ) from None
+
+
+def drawn(figure: dict[str, Any]) -> Any:
+    """A plotly figure; MissingExtra without the extra `report`."""
+    return require("plotly.graph_objects", "report", "A figure").Figure(figure)

@@ -10,9 +10,9 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
-from ecm.regression.folds import is_pose_row, noise_source, repeat_cells
-from ecm.regression.noise import Noise, declared_noise
-from ecm.regression.reml import reml_noise
+from ecm.regression.f_test import within_cells
+from ecm.regression.folds import is_pose_row, repeat_cells
+from ecm.regression.noise import Noise, declared_noise, noise_source, reml_noise
 from ecm.regression.rows import Rows, is_whole
 
 
@@ -41,6 +41,19 @@ def estimate_noise(rows: Rows, predicted: F, *, fallback: Noise | None = None) -
     return prior if estimated is None else estimated
 
 
+def noise_for(base: StiffnessMap, table: Table, before: Noise, *, same_rows: bool) -> Noise:
+    """Noise of the rows, else that of the fit before.
+
+    For the same rows, whose repeats gave the noise of the fit before, that noise is kept: fits are
+    compared under one noise.
+    """
+    if same_rows and before.source == "repeats":
+        return before
+    rows = Rows(table, base)
+    # Effects have no shape for these rows yet, but their changes between repeats do not count.
+    return estimate_noise(rows, rows.sensor_load, fallback=before)
+
+
 def declared_or_fitted(base: StiffnessMap, table: Table) -> Noise:
     """Declared figures; for tables of other columns without any the spread of the residual."""
     declared = declared_noise(table, (*base.inputs, *base.outputs))
@@ -63,15 +76,9 @@ def spread_noise(measured: F) -> Noise:
 
 def _pure_error(rows: Rows, predicted: F) -> Noise:
     """Spread of each output within repeats, for tables of other columns."""
-    table = rows.table
-    cells = repeat_cells(table)
-    _, packed = np.unique(cells, return_inverse=True)
-    count = np.bincount(packed)
-    contrasts = len(packed) - len(count)
-    measured = np.stack([table.column(name) for name in rows.base.outputs], axis=1)
-    left = measured - predicted
-    means = np.stack([np.bincount(packed, column) / count for column in left.T], axis=1)
-    spread = np.sqrt(((left - means[packed]) ** 2).sum(axis=0) / contrasts)
+    measured = rows.table.matrix(rows.base.outputs)
+    within, cells = within_cells(measured - predicted, repeat_cells(rows.table))
+    spread = np.sqrt((within**2).sum(axis=0) / (len(measured) - cells))
     return Noise(source="repeats", components=usable_sd(spread, measured))
 
 

@@ -96,6 +96,11 @@ def _is_number(value: Any) -> bool:
     return known and not isinstance(value, bool) and not math.isnan(value)
 
 
+def starts_of(parameters: Mapping[str, Parameter]) -> dict[str, float]:
+    """Where the fit of each parameter begins."""
+    return {name: float(own.value) for name, own in parameters.items()}
+
+
 def parameters_of(given: Any) -> dict[str, Parameter]:
     """The parameters of a dict by name."""
     if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):

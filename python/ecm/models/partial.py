@@ -120,13 +120,7 @@ class MeasuredMap(MapDefaults):
 
     def document(self) -> dict[str, Any]:
         """The whole map, and the columns that it is good for."""
-        return {
-            "kind": MEASURED,
-            "name": self.name,
-            "inputs": list(self.inputs),
-            "outputs": list(self.outputs),
-            "parameters": self.whole.document(),
-        }
+        return self.head(parameters=self.whole.document()) | {"kind": MEASURED}
 
 
 def measured_outputs(table: Table, base: StiffnessMap) -> tuple[str, ...]:
@@ -212,7 +206,9 @@ def fit_measured(
     variance = None
     if not noise.is_residual and freedom > 0 and not spread:
         variance = float((joint.whitened**2).sum()) / freedom
-    return FittedMap(fitted, noise, joint.covariance, variance)
+    # The spread of what was measured is no noise of the columns that a whole map predicts beside.
+    known = declared_or_fitted(fitted, table) if noise.is_residual else noise
+    return FittedMap(fitted, known, joint.covariance, variance)
 
 
 def _refuse_few(table: Table, base: StiffnessMap, seen: int, readings: int) -> None:

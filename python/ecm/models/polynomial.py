@@ -12,12 +12,13 @@ alone; coefficients and covariance come back by R^-1.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
-from ecm._native import PolynomialModel as PolynomialEvaluator
+from ecm import _native
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F, I
 from ecm.io.events import Progress, after_a_part
@@ -27,7 +28,7 @@ from ecm.models.errors_in_variables import AllRows, fit_with_pose_noise
 from ecm.models.maps import PolynomialMap, StiffnessMap
 from ecm.models.noise_estimate import declared_or_fitted
 from ecm.models.specification import FittedMap, ModelSpecification, Weights, pose_and_wrench_columns
-from ecm.regression.blocks import triangles_of_folds
+from ecm.regression.blocks import triangles_of_folds, without_each
 from ecm.regression.noise import declared_noise, whiteners
 
 Threshold: TypeAlias = float | str | None
@@ -49,7 +50,7 @@ def singular_threshold(pcr: float | str, poses: F, wrenches: F, degree: int) -> 
         return _positive(_number(text[:-6], pcr), pcr) * float(np.sqrt(len(poses)))
     if text != "press" and not text.startswith("rank:"):
         return _positive(_number(text, pcr), pcr)
-    values, rmse = PolynomialEvaluator.leave_one_out(poses, wrenches, degree)
+    values, rmse = _native.PolynomialModel.leave_one_out(poses, wrenches, degree)
     if text == "press":
         rank = press_rank(rmse, len(poses))
     else:
@@ -230,8 +231,8 @@ class PolynomialModel(ModelSpecification):
         if self.pcr is not None:
             threshold = singular_threshold(self.pcr, poses, wrenches, self.degree)
 
-        def solved(rows: int) -> PolynomialEvaluator:
-            return PolynomialEvaluator.fit(
+        def solved(rows: int) -> _native.PolynomialModel:
+            return _native.PolynomialModel.fit(
                 np.ascontiguousarray(poses[:rows]),
                 np.ascontiguousarray(wrenches[:rows]),
                 self.degree,
@@ -271,20 +272,17 @@ class PolynomialModel(ModelSpecification):
         frame = (self.degree, poses.min(axis=0), poses.max(axis=0))
 
         def triangle(rows: I) -> F:
-            return PolynomialEvaluator.triangle(poses[rows], wrenches[rows], *frame)
+            return _native.PolynomialModel.triangle(poses[rows], wrenches[rows], *frame)
 
         parts = triangles_of_folds(fold, triangle, progress)
-        maps: list[StiffnessMap] = []
-        for i, out in enumerate(np.bincount(fold).tolist()):
-            others = parts[:i] + parts[i + 1 :]
-            model = PolynomialEvaluator.fit_triangles(others, len(fold) - out, *frame)
-            maps.append(PolynomialMap(model, inputs, outputs))
-        return maps
 
-    @staticmethod
-    def map_from_document(document: dict[str, Any]) -> PolynomialMap:
-        """Return the map of an opened model file."""
-        return PolynomialMap.from_document(document)
+        def solved(own: Sequence[F], count: int) -> StiffnessMap:
+            model = _native.PolynomialModel.fit_triangles(own, count, *frame)
+            return PolynomialMap(model, inputs, outputs)
+
+        return without_each(fold, parts, solved)
+
+    map_from_document = staticmethod(PolynomialMap.from_document)
 
 
 def _check_rows(rows: int, what: str, instead: str) -> None:

@@ -7,7 +7,7 @@ far a mechanism settles from the pose that a controller wanted of this model, to
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -15,13 +15,11 @@ from ecm._native import inverse_left_jacobians, left_jacobians
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, I, evenly
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import Table
+from ecm.models.evaluation import EvaluatedModel
 from ecm.regression.folds import is_pose_row
+from ecm.regression.noise import Noise
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-    from ecm.regression.noise import Noise
-    from ecm.regression.rows import BaseMap
 
 _BLOCK = 20_000
 """Rows whose stiffness is held at once."""
@@ -34,34 +32,6 @@ _ROWS_OF_A_FIT = 200
 """Rows that the fit report rests on: the stiffness of a rod takes a hundredth of a second each."""
 _CONSTANT = 1e-12
 """Range below which a column does not vary."""
-
-
-class HasStiffness(Protocol):
-    """The members of a model that a pose error needs.
-
-    Examples
-    --------
-    >>> import ecm
-    >>> x = np.linspace(-0.01, 0.01, 9)
-    >>> model: HasStiffness = ecm.fit_model({"x_m": x, "fx_N": 2000.0 * x}, "linear")
-    >>> model.outputs
-    ('fx_N',)
-    """
-
-    @property
-    def base(self) -> BaseMap:
-        """Map from pose to wrench, through which the noise of the pose acts."""
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Pose columns, n of them."""
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Wrench columns, m of them."""
-
-    def stiffness(self, poses: F, kind: str = "partial") -> F:
-        """(N, m, n) stiffness."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +134,7 @@ _UNITS = {"position_mm": " mm", "rotation_deg": "°"}
 
 
 def pose_error(
-    model: HasStiffness, table: Table, errors: F, *, noise: Noise | None = None
+    model: EvaluatedModel, table: Table, errors: F, *, noise: Noise | None = None
 ) -> PoseError:
     """Turn the wrench errors of a model into errors of the pose.
 
@@ -243,7 +213,15 @@ def report_rows(table: Table) -> I:
     return rows[evenly(len(rows), _ROWS_OF_A_FIT)]
 
 
-def _axes(model: HasStiffness, measured: Table) -> list[int]:
+def error_of_report(model: EvaluatedModel, table: Table) -> dict[str, Any]:
+    """Pose error of a model on the rows of a fit report, as plain JSON."""
+    shown = report_rows(table)
+    some = table.thinned(shown)
+    errors = some.matrix(model.outputs) - model.predict(some)
+    return pose_error(model, table.select(shown), errors).to_dict()
+
+
+def _axes(model: EvaluatedModel, measured: Table) -> list[int]:
     """Places in POSE of the columns that vary, with the wrench on their axis."""
     pairs = zip(POSE, WRENCH, strict=True)
     return [
@@ -255,7 +233,7 @@ def _axes(model: HasStiffness, measured: Table) -> list[int]:
     ]
 
 
-def _stiffness(model: HasStiffness, table: Table, axes: list[int]) -> tuple[F, F]:
+def _stiffness(model: EvaluatedModel, table: Table, axes: list[int]) -> tuple[F, F]:
     """K = dh/dp of the axes (N, a, a), and K_s where all rotations are among them, else K."""
     inputs = [model.inputs.index(POSE[k]) for k in axes]
     outputs = [model.outputs.index(WRENCH[k]) for k in axes]
@@ -269,7 +247,7 @@ def _stiffness(model: HasStiffness, table: Table, axes: list[int]) -> tuple[F, F
     return partial, screw
 
 
-def _typical_stiffness(model: HasStiffness, table: Table, axes: list[int]) -> F:
+def _typical_stiffness(model: EvaluatedModel, table: Table, axes: list[int]) -> F:
     """(a,) typical stiffness of each axis, N/m and N m/rad."""
     _, screw = _stiffness(model, table, axes)
     return np.asarray(np.median(np.abs(np.einsum("nii->ni", screw)), axis=0))
@@ -282,7 +260,7 @@ def _rotations(table: Table) -> F:
 
 
 def _of_block(
-    model: HasStiffness, table: Table, errors: F, noise: Noise | None, axes: list[int], typical: F
+    model: EvaluatedModel, table: Table, errors: F, noise: Noise | None, axes: list[int], typical: F
 ) -> tuple[B, F, F, F]:
     """Which rows hold (N,), dp (N, 6), its mm and degrees (N, 2), and those of the noise alone."""
     partial, screw = _stiffness(model, table, axes)

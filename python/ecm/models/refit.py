@@ -17,13 +17,12 @@ from ecm.effects.protocol import Effect
 from ecm.errors import ComputationError, EcmError, InputError, Remedy
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH, same_unit, unit_of
+from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.events import Progress
 from ecm.io.table import MetaLike, Table, TableLike, as_table
-from ecm.models.base_choice import choose_base
-from ecm.models.fit import fit_rows
+from ecm.models.errors import errors_and_noise, held_out, rms
+from ecm.models.fit import choose_base, fit_rows
 from ecm.models.given import as_model
-from ecm.models.history import held_out_rms
 from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import EnergyMap, PolynomialMap
 from ecm.models.model import Model
@@ -34,10 +33,7 @@ from ecm.models.registry import parse_model
 from ecm.models.specification import CHOOSE
 from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import (
-    folds,
-    held_out_by,
     is_pose_row,
-    row_groups,
     spread_rows,
     without_zero_readings,
 )
@@ -80,25 +76,17 @@ def base_and_error(model: Model, table: Table, noise: Noise) -> tuple[str, float
         None where these rows cannot carry a base.
     """
     kept = without_zero_readings(table)
-    groups = row_groups(kept)
     try:
         base = choose_base(model, kept)
         if noise.components is not None and base.outputs != model.outputs:
             return None  # noise of other columns
-        fit = joint_fit(base, (), kept, noise)
-        parts = folds(kept, fit.rows.poses, groups, held_out_by(kept, "time"))
+        error = held_out(joint_fit(base, (), kept, noise))
     except (EcmError, np.linalg.LinAlgError):
         return None
-    if len(np.unique(parts)) < 2:
-        return None
-    error = held_out_rms(fit.design, fit.whitened, groups, parts, is_pose_row(kept))
-    return base.name, error
+    return None if error is None else (base.name, error)
 
 
-_MOST_ROWS = 3000
 _WORSE = 1.1
-_ROUNDING = 1e-9
-"""Share of the readings that is rounding: what never moves is predicted to the last digits only."""
 _ONE_COLUMN = 0.99
 """Correlation from which a parameter and a coefficient of the base are one column."""
 _SD = 3.0
@@ -149,7 +137,7 @@ def refuse_worse(
     if before is not None:
         refuse_addition(fitted, table, before)
     fitted = _on_what_is_measured(fitted, table)
-    errors, noise = _errors(fitted, table)
+    errors, noise = errors_and_noise(fitted, table)
     reasons = _worse_than_mean(fitted, table, errors, noise, held_out or {})
     if reasons:
         raise ComputationError(
@@ -199,7 +187,7 @@ def objections(fitted: Model, table: Table, before: Model) -> list[str]:
         The model without it.
     """
     fitted, before = _on_what_is_measured(fitted, table), _on_what_is_measured(before, table)
-    errors, noise = _errors(fitted, table)
+    errors, noise = errors_and_noise(fitted, table)
     return [
         *_worse_than(before, fitted, table, errors, noise),
         *_worse_held_out(fitted),
@@ -247,7 +235,7 @@ def _stiffness_moves(fitted: Model, table: Table, before: Model) -> list[str]:
     if known is None or own is None:
         return []
     # What the model lacks without the effect widens the interval.
-    wide = max(1.0, float(np.sqrt((fit.whitened**2).mean())))
+    wide = max(1.0, rms(fit.whitened))
     move, size = np.abs(new - old), np.abs(old)
     if old.shape[0] == old.shape[1]:  # a coupling is small beside what it couples
         size = np.sqrt(np.outer(np.diag(size), np.diag(size)))
@@ -331,7 +319,7 @@ def _another_base(fitted: Model, table: Table) -> Remedy:
 
 
 def _worse_than(before: Model, fitted: Model, table: Table, errors: F, sd: F) -> list[str]:
-    old, _ = _errors(before, table)
+    old, _ = errors_and_noise(before, table)
     return [
         f"{name} errs {error:.3g} {unit_of(name)}, before {other:.3g}"
         for name, error, other, noise in zip(fitted.outputs, errors, old, sd, strict=True)
@@ -369,20 +357,6 @@ def _worse_than_mean(
 
 def _is_worse(error: float, other: float, noise: float) -> bool:
     return not error <= max(_WORSE * other, float(np.hypot(other, noise)))
-
-
-def _errors(model: Model, table: Table) -> tuple[F, F]:
-    """Return (m,) rms error and noise of the components; only rounding where none is known."""
-    some = table.thinned(spread_rows(table, _MOST_ROWS))
-    scored = is_pose_row(some)
-    readings = some.matrix(model.outputs)
-    left = readings - model.predict(some, skip_untestable=True)
-    errors = np.sqrt((left[scored] ** 2).mean(axis=0))
-    if model.noise.is_residual:
-        size = np.sqrt((readings[scored] ** 2).mean(axis=0))
-        return errors, _ROUNDING * (same_unit(model.outputs) * size).max(axis=1)
-    variance = np.einsum("nii->ni", model.noise.covariance(Rows(some, model.base)))
-    return errors, np.sqrt(variance[scored].mean(axis=0))
 
 
 def refit(
@@ -481,8 +455,8 @@ def refit_summary(model: Model) -> dict[str, Any]:
     effects = []
     for item in model.effects:
         values = [
-            {"name": p.name, "value": float(v), "sd": float(s), "unit": p.unit}
-            for p, v, s in zip(item.effect.parameters, item.values, item.sd, strict=True)
+            {"name": p.name, "value": value, "sd": sd, "unit": p.unit}
+            for p, value, sd in item.listed
         ]
         effects.append({"id": item.id, "frozen": item.frozen, "parameters": values})
     pairs = [{"between": [a, b], "value": value} for a, b, value in model.correlations]

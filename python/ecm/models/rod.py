@@ -10,13 +10,13 @@ Rod: shear-flexible, uniform, straight; EA, GA, EI, GJ. Its wrench at a pose com
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import Any, ClassVar, TypeVar, cast
 
 import numpy as np
 
 from ecm._native import (
-    EnergyModel,
     left_jacobians,
     mid_frame,
     rod_poses,
@@ -28,11 +28,23 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import Progress
 from ecm.io.table import Table
-from ecm.models.layout import Keys, Layout, exactly, number, record
-from ecm.models.maps import SixAxisMap, StiffnessMap, central_differences, finite, partial_to
+from ecm.models.layout import Layout, exactly, number, record
+from ecm.models.maps import (
+    EnergyTerms,
+    SixAxisMap,
+    StiffnessMap,
+    central_differences,
+    finite,
+    partial_to,
+)
 from ecm.models.noise_estimate import declared_or_fitted
 from ecm.models.partial import fit_measured, is_partial, need_pose, need_whole_wrench
-from ecm.models.specification import FittedMap, ModelSpecification, Weights, length_of
+from ecm.models.specification import (
+    FittedMap,
+    ModelSpecification,
+    Weights,
+    length_of,
+)
 
 _FIT_ITERATIONS = 15
 
@@ -41,6 +53,8 @@ _FIT_ITERATIONS = 15
 class _Backbone(SixAxisMap):
     """A length and a few parameters."""
 
+    names: ClassVar[tuple[str, ...]]
+    """Names of the parameters, with their units."""
     length: float
     parameters: F
 
@@ -71,18 +85,19 @@ class _Backbone(SixAxisMap):
         )
         return partial_to(kind, slope, poses, cast(StiffnessMap, self))
 
-    def _document(self, kind: str, names: tuple[str, ...]) -> dict[str, Any]:
-        return {
-            "kind": kind,
-            "name": kind,
-            "inputs": list(POSE),
-            "outputs": list(WRENCH),
-            "length_m": self.length,
-            "parameters": dict(zip(names, self.parameters.tolist(), strict=True)),
-        }
+    def document(self) -> dict[str, Any]:
+        """Length and parameters by name."""
+        parameters = dict(zip(self.names, self.parameters.tolist(), strict=True))
+        return self.head(length_m=self.length, parameters=parameters)
+
+    @classmethod
+    def from_document(cls: type[AnyBackbone], document: dict[str, Any]) -> AnyBackbone:
+        """Return the map of an opened model file."""
+        values = [float(document["parameters"][name]) for name in cls.names]
+        return cls(float(document["length_m"]), np.array(values))
 
 
-_ARC = ("stretch_N_per_m", "bend_Nm_per_rad", "twist_Nm_per_rad")
+AnyBackbone = TypeVar("AnyBackbone", bound=_Backbone)
 
 
 @dataclass(frozen=True)
@@ -91,6 +106,7 @@ class ConstantCurvatureMap(_Backbone):
 
     name = "constant-curvature"
     kind = "constant-curvature"
+    names = ("stretch_N_per_m", "bend_Nm_per_rad", "twist_Nm_per_rad")
 
     def columns(self, poses: F) -> F:
         """(N, 6, 3) wrench of each spring alone."""
@@ -120,10 +136,6 @@ class ConstantCurvatureMap(_Backbone):
         """(N, 6) poses to (N, 6) wrenches."""
         return finite("the prediction", lambda: self.columns(poses) @ self.parameters)
 
-    def document(self) -> dict[str, Any]:
-        """The three springs."""
-        return self._document("constant-curvature", _ARC)
-
 
 def _wrench_of(poses: F, force: F) -> F:
     """(N, 6, k) h of generalised forces Q in mid-frame coordinates."""
@@ -150,6 +162,7 @@ class RodMap(_Backbone):
 
     name = "rod"
     kind = "rod"
+    names = ROD_SECTIONS
 
     def predict(self, poses: F) -> F:
         """(N, 6) to (N, 6); NaN where no equilibrium exists."""
@@ -205,21 +218,12 @@ class RodMap(_Backbone):
             columns[:, :, t] = (plus - minus) / (2.0 * step[t])
         return columns
 
-    def document(self) -> dict[str, Any]:
-        """The four section stiffnesses."""
-        return self._document("rod", ROD_SECTIONS)
 
-
-def _layout(parameters: Keys) -> Layout:
+def _layout(names: Sequence[str], parameter: Layout) -> Layout:
     """Layout of the keys of a backbone: six columns on both sides, a length, parameters."""
     six = {"inputs": exactly(list(POSE)), "outputs": exactly(list(WRENCH))}
-    own = {"length_m": number(positive=True), "parameters": record(parameters)}
-    return record({**six, **own}, others=True)
-
-
-def _from_document(document: dict[str, Any], names: tuple[str, ...]) -> tuple[float, F]:
-    values = [float(document["parameters"][name]) for name in names]
-    return float(document["length_m"]), np.array(values)
+    parameters = record(dict.fromkeys(names, parameter))
+    return record({**six, "length_m": number(positive=True), "parameters": parameters}, others=True)
 
 
 @dataclass(frozen=True)
@@ -255,12 +259,9 @@ class ConstantCurvatureModel(ModelSpecification):
     @staticmethod
     def layout(n: int, m: int) -> Layout:
         """Layout of the springs in a model file."""
-        return _layout(dict.fromkeys(_ARC, number()))
+        return _layout(ConstantCurvatureMap.names, number())
 
-    @staticmethod
-    def map_from_document(document: dict[str, Any]) -> ConstantCurvatureMap:
-        """Return the map of an opened model file."""
-        return ConstantCurvatureMap(*_from_document(document, _ARC))
+    map_from_document = staticmethod(ConstantCurvatureMap.from_document)
 
 
 @dataclass(frozen=True)
@@ -276,10 +277,7 @@ class RodModel(ModelSpecification):
 
     kind = "rod"
 
-    @property
-    def most_rows(self) -> int:
-        """Each step solves the rod of every row nine times, for four numbers."""
-        return 2000
+    most_rows = 2000  # each step solves the rod of every row nine times, for four numbers
 
     def fit_map(
         self, table: Table, weights: Weights, progress: Progress | None = None
@@ -293,12 +291,9 @@ class RodModel(ModelSpecification):
     @staticmethod
     def layout(n: int, m: int) -> Layout:
         """Layout of the section stiffnesses in a model file."""
-        return _layout(dict.fromkeys(ROD_SECTIONS, number(positive=True)))
+        return _layout(ROD_SECTIONS, number(positive=True))
 
-    @staticmethod
-    def map_from_document(document: dict[str, Any]) -> RodMap:
-        """Return the map of an opened model file."""
-        return RodMap(*_from_document(document, ROD_SECTIONS))
+    map_from_document = staticmethod(RodMap.from_document)
 
 
 def fit_rod(poses: F, wrenches: F, length: float, progress: Progress | None = None) -> RodMap:
@@ -309,7 +304,7 @@ def fit_rod(poses: F, wrenches: F, length: float, progress: Progress | None = No
     `progress` is told how often the rod was solved, of the most that it may be.
     """
     scale = np.array([length] * 3 + [1.0] * 3)
-    start = EnergyModel.fit(poses, wrenches, length_m=length, degree=4)
+    start = EnergyTerms(length, 4).fit(poses, wrenches)
     home = np.array([[length, 0.0, 0.0, 0.0, 0.0, 0.0]])
     # Wrenches that follow no pose leave a singular stiffness: a pseudoinverse, which is not
     # positive, and so is refused below.

@@ -26,14 +26,18 @@ from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.models.energy import EnergyModel
 from ecm.models.fit import fit_model, fit_rows
 from ecm.models.maps import PolynomialMap, StiffnessMap
+from ecm.models.model import drawn
 from ecm.models.partial import measured_part
-from ecm.models.plots import learning_curve_figure
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.registry import parse_model
 from ecm.models.specification import ModelSpecification
 from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import row_groups
 from ecm.regression.noise import declared_noise, whiteners
+from ecm.report import figures
+
+Told = Callable[[float, float], object] | None
+"""Called with the part that is done, and the whole."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +83,7 @@ def cross_validate(
     grouped: bool = True,
     seed: int = 0,
     fitted: StiffnessMap | None = None,
-    progress: Callable[[float, float], object] | None = None,
+    progress: Told = None,
 ) -> CrossValidation:
     """Held-out errors of a model; groups of rows stay together unless asked otherwise.
 
@@ -311,10 +315,9 @@ def choose_model(
             for part in range(parts):
                 if progress is not None:
                     progress(place * parts + part, len(listed) * parts, candidate.title)
-                fitted = fit_rows(measured.select(np.flatnonzero(fold != part)), candidate)
-                size = free_coefficients(fitted.base)
-                test = np.flatnonzero(fold == part)
-                squares.append(_square(fitted.base, measured, test, whitener))
+                split = np.flatnonzero(fold != part), np.flatnonzero(fold == part)
+                square, size = _square(candidate, measured, *split, whitener)
+                squares.append(square)
         except EcmError:
             squares = [np.inf]
         sizes.append(size)
@@ -333,11 +336,7 @@ def choose_model(
     return ModelChoice(listed, tuple(sizes), errors, sd, int(order[0]), _over(measured))
 
 
-def free_coefficients(base: StiffnessMap) -> int:
-    """Number of fitted coefficients; for a principal component regression those of its rank."""
-    if isinstance(base, PolynomialMap) and base.model.rank > 0:
-        return base.model.rank * len(base.outputs)
-    return len(base.coefficients)
+_TESTED, _ALIKE = 0.25, 0.05
 
 
 @dataclass(frozen=True)
@@ -400,7 +399,9 @@ class LearningCurve:
     def plot(self) -> Any:
         """Return a plotly figure of the curve with its quartiles; needs the extra `report`."""
         bands = {"median": self.error, "lower quartile": self.lower, "upper quartile": self.upper}
-        return learning_curve_figure(self.sizes, bands)
+        series = {name: (list(self.sizes), band.tolist()) for name, band in bands.items()}
+        titles = "poses", "error / noise"
+        return drawn(figures.lines(series, x_title=titles[0], y_title=titles[1], log_y=True))
 
     def to_pandas(self) -> Any:
         """Return a DataFrame with a row for each number of poses; needs the extra `data`."""
@@ -414,17 +415,15 @@ def learning_curve(
     sizes: Sequence[int],
     *,
     draws: int = 8,
-    tolerance: float = 0.05,
-    held_out: float = 0.25,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> LearningCurve:
     """How many poses are enough for a model.
 
-    The stop rule: the fewest poses whose held-out error is within `tolerance` of the smallest
-    on the curve, provided that the curve has become flat there: the largest size must not be
-    better than the one before by more than `tolerance`. `one_standard_error` uses the standard
-    error over the draws in place of the share.
+    The error is that on a quarter of the poses. The stop rule: the fewest poses whose error is
+    within 5 % of the smallest on the curve, provided that the curve has become flat there: the
+    largest size must not be better than the one before by more than 5 %. `one_standard_error` uses
+    the standard error over the draws in place of the share.
 
     Parameters
     ----------
@@ -436,10 +435,6 @@ def learning_curve(
         Numbers of poses to fit to; those that leave too few to test are left out.
     draws
         Random choices of poses for each size.
-    tolerance
-        Share of the error by which the stop rule judges.
-    held_out
-        Share of the poses that the error is measured on.
     seed
         Seed of the random generator.
     progress
@@ -465,7 +460,7 @@ def learning_curve(
     specification, measured = parse_model(model), table.measured()
     groups = row_groups(measured)
     count = int(groups.max()) + 1
-    tests = max(1, round(held_out * count))
+    tests = max(1, round(_TESTED * count))
     whitener = _whitener(measured)
     usable = [n for n in sizes if n <= count - tests]
     if not usable:
@@ -484,16 +479,16 @@ def learning_curve(
                 progress(steps, draws * sum(usable), f"{n} poses")
             steps += n
             try:
-                fitted = fit_rows(measured.select(rows), specification)
+                square, _ = _square(specification, measured, rows, test, whitener)
             except EcmError:
                 continue
-            errors[s, d] = np.sqrt(_square(fitted.base, measured, test, whitener))
+            errors[s, d] = np.sqrt(square)
     middle = np.median(errors, axis=1)
     lower, upper = np.sort(errors, axis=1)[:, [draws // 4, -1 - draws // 4]].T
     enough = None
-    flat = len(usable) > 1 and middle[-2] <= (1.0 + tolerance) * middle[-1]
+    flat = len(usable) > 1 and middle[-2] <= (1.0 + _ALIKE) * middle[-1]
     if flat and np.isfinite(middle[-1]):
-        within = middle <= (1.0 + tolerance) * middle.min()
+        within = middle <= (1.0 + _ALIKE) * middle.min()
         enough = usable[int(np.argmax(within))]
     mean, few = errors.mean(axis=1), None
     if np.isfinite(mean).any() and draws > 1:
@@ -533,10 +528,19 @@ def _whitener(table: Table) -> F:
     return whiteners(declared_noise(table).covariance(Rows(table, base)))
 
 
-def _square(base: StiffnessMap, table: Table, test: I, whitener: F) -> float:
-    """Mean whitened square of the residual on the rows `test`."""
+def _square(
+    model: ModelSpecification, table: Table, rows: I, test: I, whitener: F
+) -> tuple[float, int]:
+    """Mean whitened square on the rows `test` of a fit to others, and its free coefficients.
+
+    Those of a principal component regression are of its rank.
+    """
+    base = fit_rows(table.select(rows), model).base
     part = table.select(test)
     residual = part.matrix(base.outputs) - base.predict(
         np.ascontiguousarray(part.matrix(base.inputs))
     )
-    return float((np.einsum("nij,nj->ni", whitener[test], residual) ** 2).mean())
+    square = float((np.einsum("nij,nj->ni", whitener[test], residual) ** 2).mean())
+    if isinstance(base, PolynomialMap) and base.model.rank > 0:
+        return square, base.model.rank * len(base.outputs)
+    return square, len(base.coefficients)

@@ -20,13 +20,16 @@ from ecm.effects.pairs import numbers, split, turns
 from ecm.effects.relaxation import StressRelaxation
 from ecm.effects.rod import generalised, rest_stiffness, wrench_of
 from ecm.io.arrays import F
+from ecm.models.errors import worst_over
+from ecm.models.evaluation import EvaluatedModel
+from ecm.models.joint_fit import JointFit
 from ecm.models.measured_poses import (
-    Fitted,
     largest_coordinates,
     measured_poses,
     noise_sd,
     poses_like_measured,
 )
+from ecm.regression.rows import is_whole
 
 _ENERGIES = ("energy", "physics")
 _NOT_PASSIVE = (
@@ -136,7 +139,7 @@ class TimeEffects:
         )
 
 
-def time_effects(model: Fitted, to: str = "rust") -> TimeEffects:
+def time_effects(model: EvaluatedModel, to: str = "rust") -> TimeEffects:
     """Effects of time of a model for its stepper.
 
     Parameters
@@ -169,8 +172,7 @@ def time_effects(model: Fitted, to: str = "rust") -> TimeEffects:
         elif model.base.document().get("kind") not in kinds:
             found.left_out[item.id] = "steps need an energy or physics model: fit one"
         else:
-            add = _add_along_a_line if line else _add
-            why = add(found, model, effect, item.values)
+            why = _add(found, model, effect, item.values, line)
             if why:
                 found.left_out[item.id] = why
             else:
@@ -184,7 +186,7 @@ def time_effects(model: Fitted, to: str = "rust") -> TimeEffects:
     return found
 
 
-def _size_of(model: Fitted, id: str) -> str:
+def _size_of(model: EvaluatedModel, id: str) -> str:
     """The size of an effect on the fitted rows in words; empty where it is small or not known."""
     share = model.training.get("effect_shares", {}).get(id, 0.0)
     if model.noise.is_residual:
@@ -193,7 +195,7 @@ def _size_of(model: Fitted, id: str) -> str:
     return f"{over_noise:.2g} times the measurement noise" if over_noise > _SMALL else ""
 
 
-def _limits(model: Fitted, line: bool) -> list[float]:
+def _limits(model: EvaluatedModel, line: bool) -> list[float]:
     """Largest |c| and |theta| of a step; along a single coordinate its least and largest value."""
     if not line:
         return [_FARTHEST * float(largest) for largest in largest_coordinates(model)]
@@ -203,104 +205,90 @@ def _limits(model: Fitted, line: bool) -> list[float]:
     return [float(middle) - far, float(middle) + far]
 
 
-def _add(found: TimeEffects, model: Fitted, effect: Effect, values: F) -> str:
+def _add(found: TimeEffects, model: EvaluatedModel, effect: Any, values: F, line: bool) -> str:
     """Add the constants of one effect, or say why it has no step."""
-    makers: dict[str, Callable[[TimeEffects, Fitted, Any, F], str]] = {
-        "stress_relaxation": _relaxation,
-        "hysteresis": _friction,
-        "temperature_modulus": _temperature,
-        "ageing": _ageing,
-        "viscous_damping": _damping,
-        "mullins_softening": _softening,
-        "permanent_set": _set,
-    }
-    reasons = {
-        "inertia": "the mass of what moves: it belongs to the robot's dynamics",
-    }
-    if effect.id in makers:
-        return makers[effect.id](found, model, effect, values)
-    return reasons.get(effect.id, "it has no exact step")
+    if line and effect.id not in _ALONG_A_LINE:
+        return _NOT_ALONG_A_LINE
+    if effect.id in _MAKERS:
+        return _MAKERS[effect.id](found, model, effect, values)
+    if effect.id == "inertia":
+        return "the mass of what moves: it belongs to the robot's dynamics"
+    return "it has no exact step"
 
 
-def _add_along_a_line(found: TimeEffects, model: Fitted, effect: Effect, values: F) -> str:
-    """The same of a model from one column to one, which has no frame."""
-    if isinstance(effect, TemperatureModulus):
-        return _temperature(found, model, effect, values)
-    if effect.id == "ageing":
-        return _ageing(found, model, effect, values)
-    if isinstance(effect, Hysteresis) and effect.of is not None:
-        return _friction_along_a_line(found, effect.of, effect.slip, values)
-    if not isinstance(effect, StressRelaxation):
-        return "it has no step along a single coordinate"
-    linear = effect.overstress == "linear"
-    stiffness = model.training.get("mean_stiffness")
-    if linear:
-        if stiffness is None:
-            return "its stiffness is not in the model file; ecm refit writes it"
-        found.document["stiffness"] = [float(np.ravel(stiffness)[0])] + [0.0] * 5
-    else:
-        found.warnings.append(_NOT_PASSIVE)
-    found.document["branches"] = _branches(effect, _turned(effect, model, values), linear)
-    return ""
+def needed_by_steps(fit: JointFit) -> dict[str, Any]:
+    """What steps need of a fit beside its values, for the training data of the model file.
+
+    A relaxing branch follows the stiffness of the rows, or has its sign.
+    """
+    branches = [item.effect for item in fit.effects if isinstance(item.effect, StressRelaxation)]
+    if not any(effect.overstress for effect in branches):
+        return {}
+    return {"mean_stiffness": fit.rows.stiffness.mean(axis=0).tolist()}
 
 
-def _turned(effect: StressRelaxation, model: Fitted, values: F) -> F:
-    """The factors of the branches with the sign that their columns had in the fit."""
-    if not effect.loses:
-        return values
-    stiffness = np.reshape(model.training["mean_stiffness"], (1, 1))
-    return values * turns(effect.loses, stiffness, model.base.inputs, model.base.outputs)
-
-
-def _friction_along_a_line(found: TimeEffects, pair: str, slip: str, values: F) -> str:
-    """One spring that slips: the pair's friction over the path to the slip."""
-    name, _, sign = split(pair)
-    path = numbers(slip)[name]
-    found.document["friction"] = [sign * float(values[0]) / path] + [0.0] * 5
-    found.document["slip"] = [path] + [0.0] * 5
-    return ""
-
-
-def _branches(effect: StressRelaxation, values: F, linear: bool) -> list[dict[str, Any]]:
-    taus = (effect.tau_s, effect.second_tau_s)
-    return [
-        {"share": float(share), "tau_s": tau, "linear": linear}
-        for share, tau in zip(values, taus, strict=False)
-    ]
-
-
-def _along(model: Fitted) -> F:
+def _along(model: EvaluatedModel) -> F:
     """(6,) stiffness at rest along the mid-frame coordinates."""
     return rest_stiffness(model.rows_at(model.rest_pose("an effect of time"))).along
 
 
-def _relaxation(found: TimeEffects, model: Fitted, effect: StressRelaxation, values: F) -> str:
-    if (effect.overstress or effect.path) and effect.frame != "middle":
-        return "fitted in base axes, as older versions did: ecm refit fits it in the mid frame"
-    along = _along(model)
+def _relaxation(
+    found: TimeEffects, model: EvaluatedModel, effect: StressRelaxation, values: F
+) -> str:
     linear = effect.overstress == "linear"
-    if not linear:
-        poses = poses_like_measured(model, 500)
-        wrench = model.base.predict(poses)
-        more = generalised(poses, wrench) - mid_frame(poses, model.known_length_m or 0.0) * along
-        change = np.sqrt((wrench_of(poses, np.abs(values).sum() * more) ** 2).mean(axis=0))
-        share = float(np.max(change / noise_sd(model)))
-        linear = share <= _ALIKE and bool((along >= 0.0).all())
-        found.warnings.append(
-            f"stress_relaxation: replaced by its passive form k q, which differs by at most "
-            f"{share:.2g} of the measurement noise."
-            if linear
-            else f"{_NOT_PASSIVE} The passive form k q differs by {share:.2g} of the noise."
-        )
-    if linear and (values < 0.0).any():
-        found.warnings.append("stress_relaxation is not passive: a factor is below zero.")
-    found.document["stiffness"] = along.tolist()
-    found.document["branches"] = _branches(effect, values, linear)
-    found.stiffer += float(np.maximum(values, 0.0).sum())
+    if not is_whole(model.base):  # along a single coordinate
+        slope = np.reshape(model.training.get("mean_stiffness", np.nan), (1, 1))
+        if linear and np.isnan(slope).any():
+            return "its stiffness is not in the model file; ecm refit writes it"
+        if linear:
+            found.document["stiffness"] = _single(slope[0, 0])
+        else:
+            found.warnings.append(_NOT_PASSIVE)
+        if effect.loses:  # the sign that its columns had in the fit
+            values = values * turns(effect.loses, slope, model.base.inputs, model.base.outputs)
+    else:
+        if (effect.overstress or effect.path) and effect.frame != "middle":
+            return "fitted in base axes, as older versions did: ecm refit fits it in the mid frame"
+        along = _along(model)
+        if not linear:
+            poses = poses_like_measured(model, 500)
+            wrench, q = model.base.predict(poses), mid_frame(poses, model.known_length_m or 0.0)
+            more = generalised(poses, wrench) - q * along
+            change = wrench_of(poses, np.abs(values).sum() * more)
+            share = worst_over(noise_sd(model), change)
+            linear = share <= _ALIKE and bool((along >= 0.0).all())
+            found.warnings.append(
+                f"stress_relaxation: replaced by its passive form k q, which differs by at most "
+                f"{share:.2g} of the measurement noise."
+                if linear
+                else f"{_NOT_PASSIVE} The passive form k q differs by {share:.2g} of the noise."
+            )
+        if linear and (values < 0.0).any():
+            found.warnings.append("stress_relaxation is not passive: a factor is below zero.")
+        found.document["stiffness"] = along.tolist()
+        found.stiffer += float(np.maximum(values, 0.0).sum())
+    taus = (effect.tau_s, effect.second_tau_s)
+    found.document["branches"] = [
+        {"share": float(share), "tau_s": tau, "linear": linear}
+        for share, tau in zip(values, taus, strict=False)
+    ]
     return ""
 
 
-def _friction(found: TimeEffects, model: Fitted, effect: Hysteresis, values: F) -> str:
+def _single(number: float) -> list[float]:
+    """Six numbers, of which a step along a single coordinate takes the first."""
+    return [float(number)] + [0.0] * 5
+
+
+def _friction(found: TimeEffects, model: EvaluatedModel, effect: Hysteresis, values: F) -> str:
+    if not is_whole(model.base):  # one spring: the pair's friction over the path to the slip
+        if effect.of is None:
+            return _NOT_ALONG_A_LINE
+        name, _, sign = split(effect.of)
+        path = numbers(effect.slip)[name]
+        found.document["friction"] = _single(sign * float(values[0]) / path)
+        found.document["slip"] = _single(path)
+        return ""
     if effect.yield_m <= 0.0:
         return (
             "it follows the pose before, which a motion does not have: with time_s in the data "
@@ -318,40 +306,46 @@ def _friction(found: TimeEffects, model: Fitted, effect: Hysteresis, values: F) 
     return ""
 
 
-def _temperature(found: TimeEffects, model: Fitted, effect: TemperatureModulus, values: F) -> str:
-    if effect.reference_degC is None:
+def _temperature(
+    found: TimeEffects, model: EvaluatedModel, effect: TemperatureModulus, values: F
+) -> str:
+    reference = effect.reference_degC
+    if reference is None:
         return "its reference temperature is not in the model file; ecm refit writes it"
     found.document["softer_per_kelvin"] = float(values[0])
-    found.document["reference_degc"] = effect.reference_degC
+    found.document["reference_degc"] = reference
     measured = model.conditions.get("temperature_degC")
     if measured is None:
-        measured = (effect.reference_degC, effect.reference_degC)
-        found.warnings.append(
-            "temperature_modulus: the range of temperatures is not in the model file, so that only "
-            "the reference counts as inside; ecm refit writes it."
-        )
-    found.document["temperature_range_degc"] = list(measured)
+        _warn_of_range(found, effect, "temperatures", "the reference")
+    found.document["temperature_range_degc"] = list(measured or (reference, reference))
     return ""
 
 
-def _ageing(found: TimeEffects, model: Fitted, effect: Effect, values: F) -> str:
+def _ageing(found: TimeEffects, model: EvaluatedModel, effect: Effect, values: F) -> str:
     found.document["ageing_per_s"] = float(values[0])
-    least, largest = model.conditions.get("time_s", (0.0, 0.0))
-    if "time_s" not in model.conditions:
-        found.warnings.append(
-            "ageing: the range of ages is not in the model file, so that only 0 s counts as "
-            "inside; ecm refit writes it."
-        )
+    measured = model.conditions.get("time_s")
+    if measured is None:
+        _warn_of_range(found, effect, "ages", "0 s")
+    least, largest = measured or (0.0, 0.0)
     found.document["age_range_s"] = [min(least, 0.0), largest]
     return ""
 
 
-def _damping(found: TimeEffects, model: Fitted, effect: Effect, values: F) -> str:
+def _warn_of_range(found: TimeEffects, effect: Effect, what: str, inside: str) -> None:
+    found.warnings.append(
+        f"{effect.id}: the range of {what} is not in the model file, so that only {inside} counts "
+        "as inside; ecm refit writes it."
+    )
+
+
+def _damping(found: TimeEffects, model: EvaluatedModel, effect: Effect, values: F) -> str:
     found.document["damping"] = [float(values[0]), float(values[1])]
     return ""
 
 
-def _softening(found: TimeEffects, model: Fitted, effect: MullinsSoftening, values: F) -> str:
+def _softening(
+    found: TimeEffects, model: EvaluatedModel, effect: MullinsSoftening, values: F
+) -> str:
     if effect.width > 0.0 or effect.measure != "energy":
         return "its loss counts from a median of the campaign, which the model file does not hold"
     found.document["softening"] = float(values[0])
@@ -361,7 +355,7 @@ def _softening(found: TimeEffects, model: Fitted, effect: MullinsSoftening, valu
     return ""
 
 
-def _set(found: TimeEffects, model: Fitted, effect: PermanentSet, values: F) -> str:
+def _set(found: TimeEffects, model: EvaluatedModel, effect: PermanentSet, values: F) -> str:
     if effect.memory != "largest":
         return (
             "its memory sums the readings of a campaign: the same motion read twice as often would "
@@ -372,8 +366,7 @@ def _set(found: TimeEffects, model: Fitted, effect: PermanentSet, values: F) -> 
     moved = float(values[0]) * (poses[::-1] - rest)
     stepped = model.base.predict(poses - moved) - model.base.predict(poses)
     fitted = -np.einsum("nij,nj->ni", model.base.stiffness(poses), moved)
-    change = np.sqrt(((stepped - fitted) ** 2).mean(axis=0))
-    share = float(np.max(change / noise_sd(model)))
+    share = worst_over(noise_sd(model), stepped - fitted)
     found.document["set_share"] = float(values[0])
     found.warnings.append(
         f"permanent_set moves the rest pose, h(p - s), which differs from the fitted -K s by at "
@@ -381,3 +374,16 @@ def _set(found: TimeEffects, model: Fitted, effect: PermanentSet, values: F) -> 
         "the mechanism is turned."
     )
     return ""
+
+
+_MAKERS: dict[str, Callable[[TimeEffects, EvaluatedModel, Any, F], str]] = {
+    "stress_relaxation": _relaxation,
+    "hysteresis": _friction,
+    "temperature_modulus": _temperature,
+    "ageing": _ageing,
+    "viscous_damping": _damping,
+    "mullins_softening": _softening,
+    "permanent_set": _set,
+}
+_ALONG_A_LINE = ("stress_relaxation", "hysteresis", "temperature_modulus", "ageing")
+_NOT_ALONG_A_LINE = "it has no step along a single coordinate"

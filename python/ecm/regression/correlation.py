@@ -8,7 +8,7 @@ what they explain in noise that was drawn from the fit.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -152,12 +152,7 @@ def correlation_time(table: Table) -> CorrelationTime | None:
         return None
     names = (*table.pose_columns, *table.wrench_columns)
     times, steps, weights = [], [], []
-    for rows in order_of_visits(table):
-        gaps = np.diff(table.column("time_s")[rows])
-        step = float(np.median(gaps)) if len(gaps) else 0.0
-        if step <= 0.0:
-            continue
-        stride = 1 + len(rows) // _MANY
+    for rows, step, stride in _runs(table):
         found = [_integral(table.column(name)[rows[::stride]]) for name in names]
         moving = [value for value in found if value is not None]
         if moving:
@@ -194,21 +189,25 @@ def correlation_of_rest(table: Table, rest: F) -> CorrelationTime | None:
     if not is_continuous(table):
         return None
     times, steps = [], []
-    for rows in order_of_visits(table):
-        gaps = np.diff(table.column("time_s")[rows])
-        step = float(np.median(gaps)) if len(gaps) else 0.0
-        stride = 1 + len(rows) // _MANY
+    for rows, step, stride in _runs(table):
         found = [
             _integral(own[::stride])
             for own in rest[rows].T
             if own.std() > 0.0 and own[1:] @ own[:-1] > _ALIKE * (own @ own)
         ]
-        if step > 0.0:
-            times.append(max([value or 1.0 for value in found], default=1.0) * step * stride)
-            steps.append(step)
+        times.append(max([value or 1.0 for value in found], default=1.0) * step * stride)
+        steps.append(step)
     if not times or max(times) <= 2.0 * max(steps):
         return None
     return CorrelationTime(float(np.mean(times)), float(np.median(steps)), len(table))
+
+
+def _runs(table: Table) -> Iterator[tuple[I, float, int]]:
+    """Rows of each run that lasts, their median step in s, and every how manyth row is taken."""
+    for rows in order_of_visits(table):
+        gaps = np.diff(table.column("time_s")[rows])
+        if len(gaps) and (step := float(np.median(gaps))) > 0.0:
+            yield rows, step, 1 + len(rows) // _MANY
 
 
 def _integral(values: F) -> float | None:

@@ -98,16 +98,27 @@ def lack_of_fit(whitened: F, cells: I, parameters: float, weights: F | None = No
     """
     keep = np.ones(len(whitened), dtype=np.bool_) if weights is None else weights > 0.0
     rows, own = whitened[keep], cells[keep]
-    _, packed = np.unique(own, return_inverse=True)
-    count = np.bincount(packed)
-    if count.max(initial=0) < 2:
+    m, (within, count) = rows.shape[1], within_cells(rows, own)
+    if count == len(rows):
         return None
-    m = rows.shape[1]
-    means = np.stack([np.bincount(packed, rows[:, j]) / count for j in range(m)], axis=1)
-    pure = float(((rows - means[packed]) ** 2).sum())
+    pure = float((within**2).sum())
     total = float((rows**2).sum())
-    dof_pure = (len(rows) - len(count)) * m
-    return FTest.of(total - pure, len(count) * m - parameters, pure, dof_pure)
+    return FTest.of(total - pure, count * m - parameters, pure, (len(rows) - count) * m)
+
+
+def within_cells(values: F, cells: I) -> tuple[F, int]:
+    """Deviations of values (N, m) from the mean of their cell, and the number of cells.
+
+    Examples
+    --------
+    >>> deviations, count = within_cells(np.array([[1.0], [3.0], [5.0]]), np.array([7, 7, 2]))
+    >>> deviations.ravel().tolist(), count
+    ([-1.0, 1.0, 0.0], 2)
+    """
+    _, packed = np.unique(cells, return_inverse=True)
+    size = np.bincount(packed)
+    means = np.stack([np.bincount(packed, column) / size for column in values.T], axis=1)
+    return values - means[packed], len(size)
 
 
 def omnibus_test(whitened: F, design: F, fitted: F, weights: F | None = None) -> FTest:
@@ -139,33 +150,6 @@ def omnibus_test(whitened: F, design: F, fitted: F, weights: F | None = None) ->
     (1, True)
     """
     return Beside.of(whitened, design, fitted, weights).omnibus_test()
-
-
-def sign_chance(whitened: F, design: F, fitted: F, weights: F | None = None) -> float:
-    """Chance of as much explained, where the components of a row may share their errors.
-
-    The F test takes every number as independent. Where the noise of the components is only assumed,
-    they are not, and columns explain more by chance. Here the rows change their signs at random:
-    what errors of a row share stays. The share that is explained then has a beta distribution, of
-    the mean and variance of 200 draws.
-
-    Parameters
-    ----------
-    whitened, design, fitted, weights
-        As for `omnibus_test`; the errors of a row may be of any size.
-
-    Examples
-    --------
-    >>> random = np.random.default_rng(4)
-    >>> error = np.repeat(random.standard_normal((30, 1)), 6, axis=1)
-    >>> columns = np.einsum("nq,ij->niqj", random.standard_normal((30, 3)), np.eye(6))
-    >>> columns = columns.reshape(30, 6, 18)
-    >>> nothing = np.zeros((30, 6, 0))
-    >>> alone = omnibus_test(error, columns, nothing).p
-    >>> alone < 0.01 < sign_chance(error, columns, nothing)
-    True
-    """
-    return Beside.of(whitened, design, fitted, weights).sign_chance()
 
 
 @dataclass(frozen=True)
@@ -215,7 +199,22 @@ class Beside:
         return FTest.of(explained, directions, rest, self.size - self.basis.shape[1] - directions)
 
     def sign_chance(self) -> float:
-        """Chance of as much explained where the components of a row may share their errors."""
+        """Chance of as much explained, where the components of a row may share their errors.
+
+        The F test takes every number as independent. Where the noise of the components is only
+        assumed, they are not, and columns explain more by chance. Here the rows change their signs
+        at random: what errors of a row share stays. The share that is explained then has a beta
+        distribution, of the mean and variance of 200 draws.
+
+        Examples
+        --------
+        >>> random = np.random.default_rng(4)
+        >>> error = np.repeat(random.standard_normal((30, 1)), 6, axis=1)
+        >>> columns = np.einsum("nq,ij->niqj", random.standard_normal((30, 3)), np.eye(6))
+        >>> beside = Beside.of(error, columns.reshape(30, 6, 18), np.zeros((30, 6, 0)))
+        >>> beside.omnibus_test().p < 0.01 < beside.sign_chance()
+        True
+        """
         n, m = self.residual.shape
         random = np.random.default_rng(_SEED)
         signs = random.choice([-1.0, 1.0], (n, _DRAWS))

@@ -3,11 +3,6 @@
 A free sensor reads exactly zero where the zero was taken from that reading. Between two zeros it is
 linear in time, as in the paper.
 
-The noise of the reading from which the zero was taken is the same in all rows: a constant wrench
-in body axes, which more rows do not reduce. Later readings of the free sensor show its size.
-Readings of exactly zero were new zeros; their errors are not seen and average out over the
-campaign.
-
 Repeats of a pose are never split. Effects of the pose are tested on contiguous blocks of time,
 effects of time on clusters of poses, several runs of a continuous test run by run.
 
@@ -19,18 +14,14 @@ those that were taken before. Repeats are taken first, because the noise is esti
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from ecm.io.arrays import B, F, I, evenly
-from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.regression.approach import order_of_visits
-from ecm.regression.noise import Noise, Source, declared_noise
-from ecm.regression.rows import Rows, is_whole
 
 
 def is_zero(table: Table) -> B:
@@ -55,38 +46,6 @@ def zero_of_rows(time_s: F, taken_s: F, readings: F) -> F:
     if len(taken_s) == 0:
         return np.zeros((len(time_s), readings.shape[1]))
     return np.stack([np.interp(time_s, taken_s, axis) for axis in readings.T], axis=1)
-
-
-_LEAST_READINGS = 3
-
-
-def shared_zero_error(rows: Rows, residual: F, noise: Noise) -> F:
-    """(N, 6, 6 c) wrench of each row per standard deviation of the zero's error, in base axes.
-
-    One column for each axis of the top frame and each of c campaigns, which have zeros of their
-    own. Standard deviations of force and torque are those of the campaign's unloaded readings about
-    their mean, at most those of a row. A campaign with fewer than three readings has no columns.
-
-    Parameters
-    ----------
-    residual
-        (N, m) measured minus predicted.
-    """
-    if not is_whole(rows.base):
-        return np.zeros((*residual.shape, 0))
-    free = rows.unloaded & rows.table.wrenches.any(axis=1) & ~rows.dead_weight
-    most = np.array([noise.force_sd_N, noise.torque_sd_Nm])
-    columns = [np.zeros((*residual.shape, 0))]
-    for campaign in np.unique(rows.campaign).tolist():
-        own = rows.campaign == campaign
-        read = free & own
-        if read.sum() < _LEAST_READINGS:
-            continue
-        in_top = np.einsum("nji,nj->ni", rows.base_from_top[read], residual[read])
-        variance = in_top.var(axis=0, ddof=1).reshape(2, 3).mean(axis=1)
-        sd = np.repeat(np.minimum(np.sqrt(variance), most), 3)
-        columns.append(rows.base_from_top * sd * own[:, None, None])
-    return np.concatenate(columns, axis=2)
 
 
 _STRETCHES = 12
@@ -248,12 +207,6 @@ def _clusters(points: F, n: int) -> I:
     return labels
 
 
-LEAST_CONTRASTS = 20
-"""Rows beyond the first of their pose that the four figures of full tables need (reml.py)."""
-LEAST_CONTRASTS_OF_SOME_COLUMNS = 8
-"""The same of tables with other columns, where each output has a figure of its own."""
-
-
 def repeat_cells(table: Table) -> I:
     """(N,) number of the pose that each row repeats; rows that measure no pose are alone.
 
@@ -287,41 +240,6 @@ def repeat_visits(table: Table) -> int:
     if not measured.has("pose_id"):
         return 0
     return len(measured) - len(np.unique(measured.column("pose_id")))
-
-
-def noise_source(table: Table, columns: Sequence[str] = ()) -> Source:
-    """Where the noise of a table comes from: its repeats, else its `[instrument]`, else assumed.
-
-    Parameters
-    ----------
-    table
-        Measurements with their description.
-    columns
-        Pose and wrench columns that are looked at; left out: all that the table has.
-
-    Returns
-    -------
-    Source
-        `repeats` from 20 contrasts on (8 where some of the twelve columns are not there or not
-        looked at); `declared` where every instrument figure that concerns the columns is given
-        and not all are 0; else `assumed`.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from ecm import as_table
-    >>> columns = {"x_m": 0.1 + 0.001 * np.arange(9.0), "fx_N": np.arange(9.0)}
-    >>> noise_source(as_table(columns))
-    'assumed'
-    >>> noise_source(as_table({**columns, "pose_id": np.zeros(9)}))
-    'repeats'
-    """
-    columns = tuple(columns) or (*table.pose_columns, *table.wrench_columns)
-    full = set(columns) == {*POSE, *WRENCH}
-    least = LEAST_CONTRASTS if full else LEAST_CONTRASTS_OF_SOME_COLUMNS
-    if repeat_contrasts(table) >= least:
-        return "repeats"
-    return declared_noise(table, columns).source
 
 
 CHOSEN = "spread over runs, time and poses, repeats first"

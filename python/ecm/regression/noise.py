@@ -3,6 +3,16 @@
 The pose noise acts through the stiffness: the stiff axis has most of it, and the components are
 correlated. Its rotations are increments in base axes (isotropic, hence the same in top axes), which
 act through K_s = K diag(I, J^-1).
+
+The noise of the reading from which the zero was taken is the same in all rows: a constant wrench
+in body axes, which more rows do not reduce. Later readings of the free sensor show its size.
+Readings of exactly zero were new zeros; their errors are not seen and average out over the
+campaign.
+
+REML: the four standard deviations of a row, from repeats of a pose or from a residual. Repeats are
+spread over the run, so they also vary with drift, temperature and side of approach. The part that
+given columns can explain is projected out; the rest is noise. A weak prior keeps each figure near
+the declared one.
 """
 
 from __future__ import annotations
@@ -14,10 +24,11 @@ from typing import Any, Literal
 import numpy as np
 
 from ecm.errors import InputError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, I, evenly
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
-from ecm.regression.rows import Rows
+from ecm.regression.folds import repeat_contrasts
+from ecm.regression.rows import Rows, is_whole
 
 Source = Literal["repeats", "declared", "assumed"]
 
@@ -94,10 +105,9 @@ class Noise:
         if self.components is not None:
             covariance = np.broadcast_to(np.diag(np.square(self.components)), (len(rows), m, m))
             return np.array(covariance)
-        inputs, outputs = rows.base.inputs, rows.base.outputs
-        of_pose = [self.position_sd_m if n in POSE[:3] else self.rotation_sd_rad for n in inputs]
+        outputs = rows.base.outputs
         of_wrench = [self.force_sd_N if n in WRENCH[:3] else self.torque_sd_Nm for n in outputs]
-        acting = _acting_stiffness(rows) * np.array(of_pose)
+        acting = rows.acting_stiffness * self.pose_sd(rows.base.inputs)
         covariance = acting @ np.swapaxes(acting, 1, 2)
         covariance += np.diag(np.square(of_wrench))
         if self.growth_per_N > 0.0 or self.growth_per_Nm > 0.0:
@@ -106,6 +116,16 @@ class Noise:
             loaded = (~rows.unloaded).astype(np.float64)
             covariance += loaded[:, None, None] * np.diag(np.square(base_error))
         return np.asarray(covariance)
+
+    def pose_sd(self, inputs: Sequence[str]) -> F:
+        """(n,) standard deviations of pose columns."""
+        return np.array(
+            [self.position_sd_m if n in POSE[:3] else self.rotation_sd_rad for n in inputs]
+        )
+
+    def variances(self, rows: Rows, base_error: F | None = None) -> F:
+        """(N, m) of the residual of each row."""
+        return np.asarray(np.einsum("njj->nj", self.covariance(rows, base_error)))
 
     def _grown(self, rows: Rows) -> F:
         """(N, m, m) diagonal (sigma g h)^2."""
@@ -142,7 +162,7 @@ class Noise:
 def covariance_parts(rows: Rows) -> F:
     """(4, N, m, m) covariance per unit variance of position, rotation, force, torque."""
     inputs, outputs = rows.base.inputs, rows.base.outputs
-    stiffness = _acting_stiffness(rows)
+    stiffness = rows.acting_stiffness
     position = np.array([name in POSE[:3] for name in inputs])
     force = np.array([name in WRENCH[:3] for name in outputs])
     along, about = stiffness[:, :, position], stiffness[:, :, ~position]
@@ -153,11 +173,6 @@ def covariance_parts(rows: Rows) -> F:
     parts[2] = np.diag(force.astype(np.float64))
     parts[3] = np.diag((~force).astype(np.float64))
     return parts
-
-
-def _acting_stiffness(rows: Rows) -> F:
-    """(N, m, n) stiffness through which the pose noise acts."""
-    return rows.screw_stiffness if rows.base.inputs == POSE else rows.stiffness
 
 
 _ALL = (*POSE, *WRENCH)
@@ -234,3 +249,282 @@ def whiteners(covariance: F) -> F:
         ) from None
     identity = np.broadcast_to(np.eye(covariance.shape[1]), covariance.shape)
     return np.asarray(np.linalg.solve(lower, identity))
+
+
+LEAST_CONTRASTS = 20
+"""Rows beyond the first of their pose that the four figures of full tables need."""
+LEAST_CONTRASTS_OF_SOME_COLUMNS = 8
+"""The same of tables with other columns, where each output has a figure of its own."""
+
+
+def noise_source(table: Table, columns: Sequence[str] = ()) -> Source:
+    """Where the noise of a table comes from: its repeats, else its `[instrument]`, else assumed.
+
+    Parameters
+    ----------
+    table
+        Measurements with their description.
+    columns
+        Pose and wrench columns that are looked at; left out: all that the table has.
+
+    Returns
+    -------
+    Source
+        `repeats` from 20 contrasts on (8 where some of the twelve columns are not there or not
+        looked at); `declared` where every instrument figure that concerns the columns is given
+        and not all are 0; else `assumed`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ecm import as_table
+    >>> columns = {"x_m": 0.1 + 0.001 * np.arange(9.0), "fx_N": np.arange(9.0)}
+    >>> noise_source(as_table(columns))
+    'assumed'
+    >>> noise_source(as_table({**columns, "pose_id": np.zeros(9)}))
+    'repeats'
+    """
+    columns = tuple(columns) or (*table.pose_columns, *table.wrench_columns)
+    full = set(columns) == {*POSE, *WRENCH}
+    least = LEAST_CONTRASTS if full else LEAST_CONTRASTS_OF_SOME_COLUMNS
+    if repeat_contrasts(table) >= least:
+        return "repeats"
+    return declared_noise(table, columns).source
+
+
+_LEAST_READINGS = 3
+
+
+def shared_zero_error(rows: Rows, residual: F, noise: Noise) -> F:
+    """(N, 6, 6 c) wrench of each row per standard deviation of the zero's error, in base axes.
+
+    One column for each axis of the top frame and each of c campaigns, which have zeros of their
+    own. Standard deviations of force and torque are those of the campaign's unloaded readings about
+    their mean, at most those of a row. A campaign with fewer than three readings has no columns.
+
+    Parameters
+    ----------
+    residual
+        (N, m) measured minus predicted.
+    """
+    if not is_whole(rows.base):
+        return np.zeros((*residual.shape, 0))
+    free = rows.unloaded & rows.table.wrenches.any(axis=1) & ~rows.dead_weight
+    most = np.array([noise.force_sd_N, noise.torque_sd_Nm])
+    columns = [np.zeros((*residual.shape, 0))]
+    for campaign in np.unique(rows.campaign).tolist():
+        own = rows.campaign == campaign
+        read = free & own
+        if read.sum() < _LEAST_READINGS:
+            continue
+        in_top = np.einsum("nji,nj->ni", rows.base_from_top[read], residual[read])
+        variance = in_top.var(axis=0, ddof=1).reshape(2, 3).mean(axis=1)
+        sd = np.repeat(np.minimum(np.sqrt(variance), most), 3)
+        columns.append(rows.base_from_top * sd * own[:, None, None])
+    return np.concatenate(columns, axis=2)
+
+
+_MOST_ROWS = 400
+_ITERATIONS = 30
+_OUTLIER = 30.0  # six components reach it with probability 4e-5
+_PRIOR_DECLARED = 0.5  # standard deviation of log variance around declared figures
+_PRIOR_ASSUMED = 3.0
+_MOST_NUISANCE = 0.7
+"""Columns over readings up to which what they leave tells the noise."""
+
+
+@dataclass(frozen=True)
+class _Contrasts:
+    response: F  # (M, m)
+    nuisance: F  # (M, m, k)
+    parts: F  # (4, M, m, m)
+
+
+def reml_noise(
+    rows: Rows, residual: F, cells: I, nuisance: F, prior: Noise, *, outlier: float = _OUTLIER
+) -> Noise | None:
+    """REML noise of the rows.
+
+    Parameters
+    ----------
+    rows
+        N rows with the six pose and six wrench columns.
+    residual
+        (N, m) measured minus predicted.
+    cells
+        (N,) number of the pose that each row repeats; -1 leaves a row out.
+    nuisance
+        (N, m, k) columns that may vary within a cell without being noise.
+    prior
+        Declared or assumed noise.
+    outlier
+        Contrasts beyond this squared whitened length are left out.
+
+    Returns
+    -------
+    Noise or None
+        None with fewer than 20 contrasts.
+    """
+    contrasts = _contrasts(rows, residual, cells, nuisance)
+    if contrasts is None or len(contrasts.response) < LEAST_CONTRASTS:
+        return None
+    log_prior = np.log(prior.parameters() ** 2)
+    width = _PRIOR_DECLARED if prior.source == "declared" else _PRIOR_ASSUMED
+    log_variance, _ = _of_inliers(contrasts, log_prior, width, outlier)
+    return prior.with_parameters(np.sqrt(np.exp(log_variance)), "repeats")
+
+
+def some_rows(count: int) -> I:
+    """(M,) places of the rows, of so many, that tell the noise."""
+    return evenly(count, _MOST_ROWS)
+
+
+def weighed_by_rest(rows: Rows, residual: F, nuisance: F, assumed: Noise) -> Noise:
+    """Assumed noise with the ratios of its figures as what no column explains shows them.
+
+    How pose, force and torque err beside each other decides what is seen; a common rig's ratios
+    may be wrong by a hundred. How large the noise is stays as assumed: a rest is no noise.
+
+    Parameters
+    ----------
+    rows
+        N rows with the six pose and six wrench columns.
+    residual
+        (N, m) measured minus predicted.
+    nuisance
+        (N, m, k) columns that explain what is no noise, or (M, m, k) of `some_rows(N)` only.
+    assumed
+        Noise without repeats and declared figures.
+
+    Returns
+    -------
+    Noise
+        As assumed, where the rows are too few for the columns.
+    """
+    take = some_rows(len(rows))
+    nuisance = nuisance if len(nuisance) == len(take) else nuisance[take]
+    data = _Contrasts(residual[take], nuisance, covariance_parts(rows)[:, take])
+    if data.nuisance.shape[2] > _MOST_NUISANCE * data.response.size:
+        return assumed
+    log_prior = np.log(assumed.parameters() ** 2)
+    log_variance, data = _of_inliers(data, log_prior, _PRIOR_ASSUMED, _OUTLIER)
+    ratio = _left(data, log_prior).sum() / _left(data, log_variance).sum()
+    return assumed.with_parameters(np.sqrt(np.exp(log_variance) / ratio), "assumed")
+
+
+def _of_inliers(
+    data: _Contrasts, log_prior: F, width: float, outlier: float
+) -> tuple[F, _Contrasts]:
+    """(4,) log variances, once more where there were outliers, and the contrasts without them."""
+    log_variance = log_prior
+    for _ in range(2):
+        log_variance = _reml(data, log_variance, log_prior, width)
+        inliers = _without_outliers(data, log_variance, outlier)
+        if len(inliers.response) == len(data.response):
+            break
+        data = inliers
+    return log_variance, data
+
+
+def _contrasts(rows: Rows, residual: F, cells: I, nuisance: F) -> _Contrasts | None:
+    """Orthonormal contrasts within each cell: r rows give r - 1, of which some are taken.
+
+    Contrast i is Helmert's: the first i rows of the cell against the next one.
+    """
+    order = np.argsort(cells, kind="stable")
+    numbers, begins, counts = np.unique(cells[order], return_index=True, return_counts=True)
+    repeated = (numbers >= 0) & (counts > 1)
+    begins, counts = begins[repeated], counts[repeated]
+    ends = np.cumsum(counts - 1)
+    total = int(ends[-1]) if len(ends) else 0
+    if total == 0:
+        return None
+    take = some_rows(total)
+    cell = np.searchsorted(ends, take, side="right")
+    place = take - (ends - counts + 1)[cell] + 1
+    parts = covariance_parts(rows)
+    means = {
+        c: parts[:, order[begins[c] : begins[c] + counts[c]]].mean(axis=1)
+        for c in np.unique(cell).tolist()
+    }
+
+    def contrast(values: F, c: int, i: int) -> F:
+        members = order[begins[c] : begins[c] + i + 1]
+        difference = values[members[:i]].sum(axis=0) - i * values[members[i]]
+        return np.asarray(difference / np.sqrt(i * (i + 1.0)))
+
+    chosen = list(zip(cell.tolist(), place.tolist(), strict=True))
+    return _Contrasts(
+        np.stack([contrast(residual, c, i) for c, i in chosen]),
+        np.stack([contrast(nuisance, c, i) for c, i in chosen]),
+        np.stack([means[c] for c, _ in chosen], axis=1),
+    )
+
+
+def _reml(data: _Contrasts, start: F, prior: F, width: float) -> F:
+    """Fisher scoring of the restricted likelihood in log variances, with a normal prior."""
+    log_variance, last, longest = start.copy(), np.zeros(len(start)), 1.0
+    count, m = data.response.shape
+    flat = data.nuisance.reshape(count * m, -1)
+    norms = np.sqrt((flat**2).sum(axis=0))
+    flat = flat[:, norms > 0.0] / norms[norms > 0.0]
+    nuisance = flat.reshape(count, m, -1)
+    for _ in range(_ITERATIONS):
+        parts = data.parts * np.exp(log_variance)[:, None, None, None]
+        inverse = np.linalg.inv(parts.sum(axis=0))
+        # P = V^-1 - W A W', W = V^-1 X, A = (X' V^-1 X)^+: V is block diagonal, X is thin.
+        weighted = inverse @ nuisance
+        flat_weighted = weighted.reshape(count * m, -1)
+        normal = flat_weighted.T @ nuisance.reshape(count * m, -1)
+        inner = np.linalg.pinv(normal, hermitian=True, rcond=1e-10)
+        fitted = inner @ (flat_weighted.T @ data.response.ravel())
+        py = np.einsum("cij,cj->ci", inverse, data.response) - weighted @ fitted
+        products = inverse @ parts
+        acting = (parts @ weighted).reshape(len(parts), count * m, -1)
+        seen = np.stack([inner @ (flat_weighted.T @ a) for a in acting])
+        score = np.zeros(len(parts))
+        information = np.zeros((len(parts), len(parts)))
+        for q, part in enumerate(parts):
+            quadratic = np.einsum("ci,cij,cj->", py, part, py)
+            trace = np.einsum("cii->", products[q]) - np.trace(seen[q])
+            score[q] = 0.5 * (quadratic - trace)
+            back = (inverse @ acting[q].reshape(count, m, -1)).reshape(count * m, -1)
+            for r in range(len(parts)):
+                whole = np.einsum("cij,cji->", products[q], products[r])
+                mixed = np.trace(inner @ (back.T @ acting[r]))
+                both = np.einsum("ij,ji->", seen[q], seen[r])
+                information[q, r] = 0.5 * (whole - 2.0 * mixed + both)
+        score -= (log_variance - prior) / width**2
+        information += np.eye(4) / width**2
+        step = np.clip(np.linalg.solve(information, score), -longest, longest)
+        if float(step @ last) < 0.0:
+            # Around a variance near zero steps may go to and fro.
+            longest, step = 0.5 * longest, 0.5 * step
+        last = step
+        log_variance = np.clip(log_variance + step, prior - 9.0, prior + 9.0)
+        if float(np.abs(step).max()) < 1e-3:
+            break
+    return np.asarray(log_variance)
+
+
+def _without_outliers(data: _Contrasts, log_variance: F, outlier: float) -> _Contrasts:
+    """The contrasts without outliers, whose whitened length beyond the nuisance is too large."""
+    _, m = data.response.shape
+    squares = _left(data, log_variance)
+    # The median of chi-squared with m degrees of freedom is about m - 2/3.
+    scale = max(1.0, float(np.median(squares)) / (m - 2.0 / 3.0))
+    keep = squares < outlier * scale
+    return _Contrasts(data.response[keep], data.nuisance[keep], data.parts[:, keep])
+
+
+def _left(data: _Contrasts, log_variance: F) -> F:
+    """(M,) whitened squares that the nuisance leaves."""
+    covariance = (data.parts * np.exp(log_variance)[:, None, None, None]).sum(axis=0)
+    count, m = data.response.shape
+    whitener = np.linalg.inv(np.linalg.cholesky(covariance))
+    y = np.einsum("cij,cj->ci", whitener, data.response).ravel()
+    x = np.einsum("cij,cjk->cik", whitener, data.nuisance).reshape(count * m, -1)
+    norms = np.sqrt((x**2).sum(axis=0))
+    x = x / np.where(norms > 0.0, norms, 1.0)
+    y = y - x @ np.linalg.lstsq(x, y, rcond=1e-10)[0]
+    return np.asarray((y.reshape(count, m) ** 2).sum(axis=1))

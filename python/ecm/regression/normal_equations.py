@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import lapack
@@ -38,8 +37,6 @@ class NormalEquations:
     """(g + 1,) where each group begins."""
     squares: F
     """(g,)."""
-    counts: F
-    """(g,) rows times components."""
     precision: F
     """(k,) 1 / variance of a normal prior of each coefficient around zero; 0: nothing is known."""
 
@@ -64,34 +61,17 @@ class NormalEquations:
         y = response * root[:, None]
         bounds = np.searchsorted(groups[order], np.arange(count + 1)) * m
         squares = np.asarray(np.bincount(groups, (y**2).sum(axis=1), count), dtype=np.float64)
-        members = (root > 0.0) * float(m)
-        counts = np.asarray(np.bincount(groups, members, count), dtype=np.float64)
         return NormalEquations(
             rows.reshape(n * m, k),
             y[order].ravel(),
             bounds.astype(np.int64),
             squares,
-            counts,
             np.zeros(k) if precision is None else precision,
         )
 
-    @cached_property
-    def matrices(self) -> F:
-        """(g, k, k)."""
-        return np.stack([self.rows[a:b].T @ self.rows[a:b] for a, b in pairwise(self.bounds)])
-
-    @cached_property
-    def vectors(self) -> F:
-        """(g, k)."""
-        parts = [self.response[a:b] @ self.rows[a:b] for a, b in pairwise(self.bounds)]
-        return np.stack(parts)
-
-    def total(self, weights: F | None = None) -> tuple[F, F, float]:
-        """G, c, s summed over groups, each with its weight."""
-        if weights is None:
-            return self._total
-        matrix = np.tensordot(weights, self.matrices, axes=1) + np.diag(self.precision)
-        return np.asarray(matrix), np.asarray(weights @ self.vectors), float(weights @ self.squares)
+    def total(self) -> tuple[F, F, float]:
+        """G, c, s of all groups together."""
+        return self._total
 
     def only(self, columns: Sequence[int]) -> NormalEquations:
         """The equations of some of the columns, in their order."""

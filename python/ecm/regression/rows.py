@@ -174,7 +174,7 @@ class BaseMap(Protocol):
         """(N, n) poses to (N, m) wrenches."""
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
-        """(N, m, n) stiffness."""
+        """(N, m, n) stiffness: `partial`, `generalised` or `screw` (docs/explain/mechanics.md)."""
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -316,6 +316,14 @@ class Rows:
         screw: F = self.stiffness.copy()
         screw[:, :, 3:] = self.stiffness[:, :, 3:] @ inverse
         return screw
+
+    @property
+    def acting_stiffness(self) -> F:
+        """(N, m, n) wrench by a change of the pose, its rotations in base axes where all are there.
+
+        What the noise of the pose acts through.
+        """
+        return self.screw_stiffness if self.base.inputs == POSE else self.stiffness
 
     @cached_property
     def rotation_vectors(self) -> F:

@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm._native import PolynomialModel as PolynomialEvaluator
-from ecm._native import __version__
+from ecm import _native
 from ecm.comparison import Comparison, compare
 from ecm.comparison.sections import residual_points
 from ecm.designs import Design, DesignSettings, diagnosable_plan, optimal_design, paper_plan
@@ -35,7 +34,7 @@ from ecm.models import (
     physics_map,
 )
 from ecm.models.physics.map import reach_of
-from ecm.regression.blas import one_blas_thread
+from ecm.regression.blocks import one_blas_thread
 from ecm.report.page import require_report, write_page
 from ecm.rig import HiddenTable, RigSettings
 from ecm.rig.arm.first_pose import PictureSource, first_pose_trace
@@ -106,7 +105,7 @@ def identify(
     job.summary |= {
         "format": "ecm-identify",
         "version": 1,
-        "program": __version__,
+        "program": _native.__version__,
         "seed": seed,
         "mechanism": config.mechanism.to_dict(),
     }
@@ -202,7 +201,7 @@ def select(job: Job, train: tuple[F, F], test: tuple[F, F]) -> dict[str, Design]
     table_two = steps.table_two(train, test, settings.degrees, settings.thresholds)
     for row in table_two["degrees"]:
         job.console.print(f"  degree {row['degree']}: {_errors(row)}")
-    b01 = PolynomialEvaluator.fit(*train, settings.degrees[-1], method="pcr", threshold=0.1)
+    b01 = _native.PolynomialModel.fit(*train, settings.degrees[-1], method="pcr", threshold=0.1)
     predicted = b01.predict(test[0])
     job.figures["e_rel_b01"] = steps.relative_error(predicted, test[1])
     energy = steps.energy_learning(

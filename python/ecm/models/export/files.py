@@ -8,41 +8,169 @@ result says which and why.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+import textwrap
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Literal
+
+import numpy as np
 
 from ecm.errors import InputError, Remedy
 from ecm.io.arguments import check_arguments
+from ecm.io.arrays import F
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE
 from ecm.io.interrupts import uninterrupted
-from ecm.models.adapt import AdaptSettings
-from ecm.models.control import ControlLoop, LoopSettings
-from ecm.models.export import code, fmu, mujoco, opensim
-from ecm.models.export.source import Precision, Source, Target, without
-from ecm.models.maps import PolynomialMap, StiffnessMap
-from ecm.models.measured_poses import folded, folded_polynomial, has_measured_poses, measured_poses
+from ecm.models.control_loop import ControlLoop, LoopSettings, design_loop
+from ecm.models.controller import AdaptSettings
+from ecm.models.export.fmu import fmu
+from ecm.models.export.simulators import mujoco, opensim
+from ecm.models.export.source import Exported, Precision, Source, Target, without
+from ecm.models.measured_poses import folded, has_measured_poses, measured_poses
 from ecm.models.model import Model
 from ecm.models.time_effects import time_effects
 from ecm.regression.rows import is_whole
 
+
+def c(source: Source) -> Exported:
+    """C99: header, source, golden vectors, and a loop."""
+    name = source.name
+    step = f"cc -O2 @OUT@/{name}.c @OUT@/{name}_check.c -o check && ./check"
+    if source.adapt is not None:
+        crate = f"@OUT@/{name}_adapt"
+        step = (
+            f"cargo build --release --manifest-path {crate}/Cargo.toml && cc -O2 @OUT@/{name}.c "
+            f"{crate}_check.c {crate}/target/release/lib{name}_adapt.a -o check && ./check"
+        )
+    return _code(source, "c", f"{step}   (0: the compiler keeps the golden vectors)")
+
+
+def rust(source: Source) -> Exported:
+    """A crate without the standard library."""
+    return _code(source, "rust", "cargo test --release --manifest-path @OUT@/Cargo.toml")
+
+
+def _code(source: Source, language: Literal["c", "rust"], next_step: str) -> Exported:
+    written: dict[str, str | bytes] = dict(source.code(language, source.precision))
+    if not source.whole:
+        return Exported(written, next_step=next_step)
+    poses = source.poses()
+    try:
+        stiffness = source.inside.base.stiffness(poses, "screw")
+        loop = design_loop(poses, stiffness, source.loop, stiffer=source.timed.stiffer)
+    except InputError as error:
+        return Exported(written, (f"No control loop: {error}.",), next_step=next_step)
+    if loop.holds.any():
+        path = f"{source.name}_control.c" if language == "c" else "examples/control.rs"
+        written[path] = _loop_example(source, loop, language == "c")
+    return Exported(written, loop.sentences(), loop=loop, next_step=next_step)
+
+
+def _loop_example(source: Source, loop: ControlLoop, c: bool) -> str:
+    """The example of a loop that holds some pose; with a state it begins after a long rest."""
+    model, sentences = source.model, loop.sentences()
+    rest = model.rest_pose("a loop with a state")[0] if source.has_state else np.zeros(6)
+    # The push ends after 700 steps; the slowest error then falls by a factor of e^20.
+    settled = np.ceil(20.0 / (loop.decay_per_s * loop.gains.dt_s))
+
+    def listed(values: F) -> str:
+        return ", ".join(f"R({x:.9e})" if c else f"{x:.9e}" for x in values)
+
+    prefix = " *     " if c else "//! "
+    lines = textwrap.wrap(" ".join(sentences), 90 - len(prefix))
+    values = {
+        "SUMMARY": "\n".join(prefix + line for line in lines),
+        "PRINTED": "\n".join(_printed(sentence, c) for sentence in sentences),
+        "REAL": {"double": "f64", "single": "f32"}[source.precision],
+        "COUNT": str(int(np.clip(700 + settled, 4000, 100_000))),
+        "DELAY": str(loop.gains.delay_steps),
+        "DT": f"{loop.gains.dt_s:e}",
+        "MASS": f"{loop.mass_kg:e}",
+        "INERTIA": f"{loop.inertia_kg_m2:e}",
+        "BANDWIDTH": f"{loop.gains.bandwidth_rad_s:e}",
+        "GRAVITY": listed(np.asarray(model.scene.gravity_m_s2)),
+        "HELD": listed(loop.held),
+        "REST": listed(rest),
+        "COLUMNS": ", ".join(f'"{column}"' for column in POSE),
+    }
+    return source.template("control/control.c" if c else "control/control.rs", values)
+
+
+def _printed(sentence: str, c: bool) -> str:
+    if c:
+        parts = textwrap.wrap(sentence.replace("%", "%%"), 80, drop_whitespace=False)
+        quoted = "\n".join(f'           "{part}"' for part in parts).lstrip()
+        return f'    printf({quoted}\n           "\\n");'
+    quoted = " \\\n         ".join(textwrap.wrap(sentence, 80))
+    return f'    println!(\n        "{quoted}"\n    );'
+
+
+def drake(source: Source) -> Exported:
+    """A LeafSystem that pushes on the bodies of a MultibodyPlant."""
+    rest = source.inside.rest_pose("a Drake export")[0] if source.whole else ()
+    values = {"REST": ", ".join(f"{x:.17g}" for x in rest)}
+    return _beside(source, "drake", "system.py.txt", f"{source.name}_drake.py", values)
+
+
+def pinocchio(source: Source) -> Exported:
+    """External forces of the joints between two frames."""
+    return _beside(source, "pinocchio", "forces.py.txt", f"{source.name}_pinocchio.py")
+
+
+def ros2(source: Source) -> Exported:
+    """A node from stamped poses to stamped wrenches."""
+    step = f"python @OUT@/{source.name}_node.py, in a shell with ROS 2 set up"
+    return _beside(source, "ros2", "node.py.txt", f"{source.name}_node.py", step=step)
+
+
+def _beside(
+    source: Source,
+    target: str,
+    template: str,
+    path: str,
+    values: dict[str, str] | None = None,
+    step: str | None = None,
+) -> Exported:
+    source.need_whole(target)
+    written: dict[str, str | bytes] = dict(source.code())
+    written[f"{source.name}_model.py"] = source.template("python/model.py.txt")
+    written[path] = source.template(f"{target}/{template}", values)
+    step = step or f"PYTHONPATH=@OUT@ python -c 'import {path[:-3]}'"
+    return Exported(written, next_step=step)
+
+
+def simulink(source: Source) -> Exported:
+    """NAME.c and NAME.h for a C Caller block, NAME_sfun.c, NAME_mex.c."""
+    source.need_whole("simulink")
+    name = source.name
+    written: dict[str, str | bytes] = dict(source.code())
+    written |= {
+        f"{name}_{kind}.c": source.template(f"simulink/{kind}.c") for kind in ("sfun", "mex")
+    }
+    step = (
+        f"in MATLAB, in @OUT@: mex {name}_sfun.c {name}.c   "
+        f"(Octave: mkoctfile --mex {name}_mex.c {name}.c)"
+    )
+    return Exported(written, next_step=step)
+
+
 TARGETS: dict[str, Target] = {
-    "c": Target(code.c, precisions=("double", "single")),
-    "rust": Target(code.rust, language="rust", precisions=("double", "single")),
-    "mujoco": Target(mujoco.mujoco, taken=("mj",)),
-    "fmu": Target(fmu.fmu, taken=("instance", "fmi2", "fmi3")),
-    "opensim": Target(opensim.opensim, language="none"),
-    "simulink": Target(code.simulink, taken=("mex", "simstruc", "simulink")),
-    "drake": Target(code.drake),
-    "pinocchio": Target(code.pinocchio),
-    "ros2": Target(code.ros2),
+    "c": Target(c, precisions=("double", "single")),
+    "rust": Target(rust, language="rust", precisions=("double", "single")),
+    "mujoco": Target(mujoco, taken=("mj",)),
+    "fmu": Target(fmu, taken=("instance", "fmi2", "fmi3")),
+    "opensim": Target(opensim, language="none"),
+    "simulink": Target(simulink, taken=("mex", "simstruc", "simulink")),
+    "drake": Target(drake),
+    "pinocchio": Target(pinocchio),
+    "ros2": Target(ros2),
 }
 """Every target; a new one is one more line here and one in the options of the command."""
 
 
 _WITH_CODE = ("polynomial", "energy", "physics")
-"""Kinds of maps that `ecm._native.export_model` writes as code."""
+"""Kinds of maps that `ecm._native.export_model` writes as """
 _EXPORTED = "Wrench and stiffness of an elastic mechanism"
 """Begins the description of exported crates."""
 _NO_POSES = (
@@ -51,36 +179,6 @@ _NO_POSES = (
 )
 _MOST_FOLDING = 1.0
 """Largest change of a model by folding, over the noise, that is exported without `force`."""
-
-
-@dataclass(frozen=True)
-class Exported:
-    """An exported model.
-
-    Examples
-    --------
-    >>> Exported({"spring.h": "..."}, ("Left out: fts_drift.",), ("fts_drift",)).left_out
-    ('fts_drift',)
-    """
-
-    files: dict[str, str | bytes]
-    """Content of each file by its path."""
-    notes: tuple[str, ...]
-    """What a reader of the files must know."""
-    left_out: tuple[str, ...]
-    """Ids of the effects that are not in the files."""
-    loop: ControlLoop | None = None
-    """The control loop of the example, where the model takes a pose to a wrench."""
-    next_step: str = ""
-    """The command or line that uses the files."""
-    folding: float = 0.0
-    """Change of the model by folding its effects into the base, over the noise."""
-    folded: tuple[str, ...] = ()
-    """Ids of the effects that were folded."""
-    change: float = 0.0
-    """Change of the model by the form that the target can hold, over the noise."""
-    lost: Mapping[str, str] = field(default_factory=dict)
-    """Effects beyond the noise that the files lack: words by id."""
 
 
 def export(
@@ -180,16 +278,13 @@ def export_files(
     timed = time_effects(model, chosen.language)
     lost = dict(zip(timed.lost, timed.lost_sentences(), strict=True))
     given = chosen.write(Source(model, inside, timed, name, precision, loop, adapt))
-    return Exported(
-        given.files,
-        (*timed.sentences(), *notes, *given.notes),
-        tuple(timed.left_out),
-        given.loop,
-        given.next_step,
-        folding,
-        tuple(sorted(item.id for item in model.acting_at_poses)),
-        given.change,
-        lost,
+    return replace(
+        given,
+        notes=(*timed.sentences(), *notes, *given.notes),
+        left_out=tuple(timed.left_out),
+        folding=folding,
+        folded=tuple(sorted(item.id for item in model.acting_at_poses)),
+        lost=lost,
     )
 
 
@@ -271,11 +366,7 @@ def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
             "all six pose and wrench columns and a length: fit a polynomial or an energy",
             remedy=Remedy("fit a polynomial", "ecm fit DATA --model linear --out linear.json"),
         )
-    one: StiffnessMap
-    if few or (isinstance(model.base, PolynomialMap) and not whole):
-        one, share = folded_polynomial(model)
-    else:
-        one, share = folded(model)
+    one, share = folded(model)
     where = "measured poses" if has_measured_poses(model) else "poses drawn from the domain"
     parts = acting if has_code else [str(kind), *acting]
     note = (

@@ -7,14 +7,14 @@ import io
 import platform
 import sys
 from contextlib import suppress
-from dataclasses import dataclass
-from xml.sax.saxutils import quoteattr
+from typing import Any
+from xml.sax.saxutils import escape
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
 
 from ecm.errors import ComputationError, InputError
-from ecm.models.export.source import LINUX, WINDOWS, Files, Source, shared_library
+from ecm.models.export.source import LINUX, WINDOWS, Exported, Source, shared_library
 from ecm.models.measured_poses import measured_poses
 
 _UNITS = {
@@ -26,38 +26,48 @@ _UNITS = {
     "degC": '<BaseUnit K="1" offset="273.15"/>',
 }
 _CONDITIONS = ("temperature_degC", "age_s")
-_MAJOR = (2, 3)
+_SCALAR = '    <ScalarVariable name="{name}" valueReference="{reference}" causality='
+_REAL = '<Real unit="{unit}"'
+_FLOAT = '    <Float64 name="{name}" valueReference="{reference}" causality='
+_LINES = {
+    2: {
+        "input": f'{_SCALAR}"input" variability="continuous">{_REAL} start="{{start}}"/>'
+        "</ScalarVariable>",
+        "output": f'{_SCALAR}"output" variability="continuous" initial="calculated">{_REAL}/>'
+        "</ScalarVariable>",
+        "inside": f'{_SCALAR}"output" variability="discrete" initial="calculated"><Integer/>'
+        "</ScalarVariable>",
+        "dependent": ['      <Unknown index="{reference}" dependencies="{needs}"/>'],
+    },
+    3: {
+        "input": f'{_FLOAT}"input" unit="{{unit}}" start="{{start}}"/>',
+        "output": f'{_FLOAT}"output" initial="calculated" unit="{{unit}}"/>',
+        "inside": '    <Int32 name="{name}" valueReference="{reference}" causality="output" '
+        'variability="discrete" initial="calculated"/>',
+        "dependent": [
+            '    <Output valueReference="{reference}" dependencies="{needs}"/>',
+            '    <InitialUnknown valueReference="{reference}" dependencies="{needs}"/>',
+        ],
+    },
+}
+"""Lines of the description of each version of FMI."""
 
 
-@dataclass(frozen=True)
-class _Variables:
-    """Names by the value references that `instance.h` counts in the same order."""
-
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    start: tuple[float, ...]
-
-    @property
-    def inside(self) -> int:
-        """Value reference of `inside`."""
-        return 1 + len(self.inputs) + len(self.outputs)
-
-
-def fmu(source: Source) -> Files:
+def fmu(source: Source) -> Exported:
     """NAME_fmi2.fmu and NAME_fmi3.fmu."""
-    variables = _variables(source)
+    start, outputs = _inputs(source), source.inside.outputs
     code = source.code()
     token = hashlib.sha256("".join(code[path] for path in sorted(code)).encode()).hexdigest()
     values = {
         "TOKEN": token,
         "MARK": f"0x{token[:15]}u",
         "N": str(len(source.inside.inputs)),
-        "M": str(len(variables.outputs)),
-        "START": ", ".join(f"{x:.17g}" for x in variables.start),
+        "M": str(len(outputs)),
+        "START": ", ".join(f"{x:.17g}" for x in start.values()),
     }
     written: dict[str, str | bytes] = {}
     made: set[str] = set()
-    for major in _MAJOR:
+    for major in _LINES:
         files = {path: code[path] for path in (f"{source.name}.c", f"{source.name}.h")}
         files["instance.h"] = source.template("fmu/instance.h", values)
         files[f"fmi{major}.c"] = source.template(f"fmu/fmi{major}.c", values)
@@ -67,13 +77,11 @@ def fmu(source: Source) -> Files:
             with suppress(ComputationError):  # the sources go into the archive all the same
                 archive[f"binaries/{folder}/{name}"] = shared_library(files, compiled, commands)
                 made.add("Windows" if name.endswith("dll") else "this machine")
-        if major == 2:
-            archive["modelDescription.xml"] = _description_2(
-                source.name, token, variables, compiled
-            )
-        else:
-            archive["modelDescription.xml"] = _description_3(source.name, token, variables)
-            archive["sources/buildDescription.xml"] = _build_3(source.name, compiled)
+        described = values | _described(major, start, outputs)
+        description = source.template(f"fmu/modelDescription{major}.xml", described)
+        archive["modelDescription.xml"] = description
+        if major == 3:
+            archive["sources/buildDescription.xml"] = source.template("fmu/buildDescription.xml")
         written[f"{source.name}_fmi{major}.fmu"] = _zipped(archive)
     held = (
         f"binaries for {' and '.join(sorted(made))}"
@@ -84,10 +92,12 @@ def fmu(source: Source) -> Files:
         f"FMUs for co-simulation with sources and {held}; K as directional derivatives; states may "
         "be read, set and stored.",
     )
-    return Files(written, f"fmpy simulate @OUT@/{source.name}_fmi3.fmu --show-plot", notes)
+    step = f"fmpy simulate @OUT@/{source.name}_fmi3.fmu --show-plot"
+    return Exported(written, notes, next_step=step)
 
 
-def _variables(source: Source) -> _Variables:
+def _inputs(source: Source) -> dict[str, float]:
+    """Start of each input: the pose, then what effects of time follow."""
     model = source.inside
     if source.whole and model.known_length_m is not None:
         start = model.rest_pose("an FMU")[0]
@@ -95,14 +105,40 @@ def _variables(source: Source) -> _Variables:
         start = measured_poses(source.model)[0]
     else:
         start = np.array([0.5 * sum(model.domain.get(name, (0.0, 0.0))) for name in model.inputs])
-    conditions: tuple[str, ...] = ()
-    if source.has_state:
-        conditions = _CONDITIONS
-        start = np.append(start, [source.timed.document.get("reference_degc", 0.0), 0.0])
     for name in (*model.inputs, *model.outputs):
-        if name.rpartition("_")[2] not in _UNITS:
+        if _unit(name) not in _UNITS:
             raise InputError(f"--to fmu: column {name} has no unit of {', '.join(_UNITS)}")
-    return _Variables((*model.inputs, *conditions), model.outputs, tuple(map(float, start)))
+    inputs = dict(zip(model.inputs, map(float, start), strict=True))
+    if source.has_state:
+        reference = float(source.timed.document.get("reference_degc", 0.0))
+        inputs |= dict(zip(_CONDITIONS, (reference, 0.0), strict=True))
+    return inputs
+
+
+def _unit(column: str) -> str:
+    return column.rpartition("_")[2]
+
+
+def _described(major: int, start: dict[str, float], outputs: tuple[str, ...]) -> dict[str, str]:
+    """Variables of a description; value references count as in `instance.h`, from the time, 0."""
+    lines: dict[str, Any] = _LINES[major]
+    names = (*start, *outputs, "inside")
+    variables = []
+    for reference, name in enumerate(names, start=1):
+        kind = "input" if name in start else "output" if name in outputs else "inside"
+        known = {"name": escape(name, {'"': "&quot;"}), "unit": _unit(name)}
+        known["start"] = f"{start.get(name, 0.0):.17g}"
+        variables.append(lines[kind].format(reference=reference, **known))
+    needs = " ".join(str(1 + i) for i in range(len(start)))
+    dependent = [
+        line.format(reference=reference, needs=needs)
+        for line in lines["dependent"]
+        for reference in range(1 + len(start), 1 + len(names))
+    ]
+    used = {_unit(name) for name in names}
+    units = [f'    <Unit name="{unit}">{_UNITS[unit]}</Unit>' for unit in _UNITS if unit in used]
+    listed = {"VARIABLES": variables, "DEPENDENT": dependent, "UNITS": units}
+    return {key: "\n".join(own) for key, own in listed.items()}
 
 
 def _platforms(major: int, name: str) -> list[tuple[str, str, tuple[tuple[str, ...], ...]]]:
@@ -114,134 +150,6 @@ def _platforms(major: int, name: str) -> list[tuple[str, str, tuple[tuple[str, .
             found.append((folder, f"{name}.so", LINUX))
     found.append(("x86_64-windows" if major == 3 else "win64", f"{name}.dll", WINDOWS))
     return found
-
-
-def _units(variables: _Variables) -> str:
-    used = {name.rpartition("_")[2] for name in (*variables.inputs, *variables.outputs)}
-    lines = (f'    <Unit name="{unit}">{_UNITS[unit]}</Unit>' for unit in _UNITS if unit in used)
-    return "  <UnitDefinitions>\n" + "\n".join(lines) + "\n  </UnitDefinitions>"
-
-
-def _description_2(name: str, token: str, variables: _Variables, compiled: tuple[str, ...]) -> str:
-    def scalar(reference: int, column: str, kind: str, body: str) -> str:
-        return (
-            f'    <ScalarVariable name={quoteattr(column)} valueReference="{reference}" {kind}>'
-            f"{body}</ScalarVariable>"
-        )
-
-    def unit(column: str) -> str:
-        return f'unit="{column.rpartition("_")[2]}"'
-
-    inputs = [
-        scalar(
-            1 + i, column, 'causality="input" variability="continuous"',
-            f'<Real {unit(column)} start="{start:.17g}"/>',
-        )
-        for i, (column, start) in enumerate(zip(variables.inputs, variables.start, strict=True))
-    ]  # fmt: skip
-    first = 1 + len(inputs)
-    outputs = [
-        scalar(
-            first + j, column, 'causality="output" variability="continuous" initial="calculated"',
-            f"<Real {unit(column)}/>",
-        )
-        for j, column in enumerate(variables.outputs)
-    ]  # fmt: skip
-    inside = scalar(
-        variables.inside, "inside",
-        'causality="output" variability="discrete" initial="calculated"', "<Integer/>",
-    )  # fmt: skip
-    listed = "\n".join(f'      <File name="{path}"/>' for path in compiled)
-    needs = " ".join(str(1 + i) for i in range(len(inputs)))
-    unknowns = "\n".join(
-        f'      <Unknown index="{first + j}" dependencies="{needs}"/>'
-        for j in range(len(outputs) + 1)
-    )
-    body = "\n".join([*inputs, *outputs, inside])
-    return f"""<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="2.0" modelName="{name}" guid="{token}"
-  description="Wrench and stiffness of an elastic mechanism" generationTool="ecm"
-  variableNamingConvention="flat">
-  <CoSimulation modelIdentifier="{name}" canHandleVariableCommunicationStepSize="true"
-    canGetAndSetFMUstate="true" canSerializeFMUstate="true" providesDirectionalDerivative="true">
-    <SourceFiles>
-{listed}
-    </SourceFiles>
-  </CoSimulation>
-{_units(variables)}
-  <DefaultExperiment startTime="0" stopTime="1" stepSize="0.001"/>
-  <ModelVariables>
-{body}
-  </ModelVariables>
-  <ModelStructure>
-    <Outputs>
-{unknowns}
-    </Outputs>
-    <InitialUnknowns>
-{unknowns}
-    </InitialUnknowns>
-  </ModelStructure>
-</fmiModelDescription>
-"""
-
-
-def _description_3(name: str, token: str, variables: _Variables) -> str:
-    def unit(column: str) -> str:
-        return f'unit="{column.rpartition("_")[2]}"'
-
-    lines = ['    <Float64 name="time" valueReference="0" causality="independent"/>']
-    lines += [
-        f'    <Float64 name="{column}" valueReference="{1 + i}" causality="input" '
-        f'{unit(column)} start="{start:.17g}"/>'
-        for i, (column, start) in enumerate(zip(variables.inputs, variables.start, strict=True))
-    ]
-    first = 1 + len(variables.inputs)
-    lines += [
-        f'    <Float64 name="{column}" valueReference="{first + j}" causality="output" '
-        f'initial="calculated" {unit(column)}/>'
-        for j, column in enumerate(variables.outputs)
-    ]
-    lines.append(
-        f'    <Int32 name="inside" valueReference="{variables.inside}" causality="output" '
-        'variability="discrete" initial="calculated"/>'
-    )
-    needs = " ".join(str(1 + i) for i in range(len(variables.inputs)))
-    structure = "\n".join(
-        f'    <{element} valueReference="{reference}" dependencies="{needs}"/>'
-        for element in ("Output", "InitialUnknown")
-        for reference in range(first, variables.inside + 1)
-    )
-    body = "\n".join(lines)
-    return f"""<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="3.0" modelName="{name}" instantiationToken="{token}"
-  description="Wrench and stiffness of an elastic mechanism" generationTool="ecm"
-  variableNamingConvention="flat">
-  <CoSimulation modelIdentifier="{name}" canHandleVariableCommunicationStepSize="true"
-    canGetAndSetFMUState="true" canSerializeFMUState="true" providesDirectionalDerivatives="true"
-    providesAdjointDerivatives="true"/>
-{_units(variables)}
-  <DefaultExperiment startTime="0" stopTime="1" stepSize="0.001"/>
-  <ModelVariables>
-{body}
-  </ModelVariables>
-  <ModelStructure>
-{structure}
-  </ModelStructure>
-</fmiModelDescription>
-"""
-
-
-def _build_3(name: str, compiled: tuple[str, ...]) -> str:
-    listed = "\n".join(f'      <SourceFile name="{path}"/>' for path in compiled)
-    return f"""<?xml version="1.0" encoding="UTF-8"?>
-<fmiBuildDescription fmiVersion="3.0">
-  <BuildConfiguration modelIdentifier="{name}">
-    <SourceFileSet language="C99">
-{listed}
-    </SourceFileSet>
-  </BuildConfiguration>
-</fmiBuildDescription>
-"""
 
 
 def _zipped(archive: dict[str, str | bytes]) -> bytes:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,8 +15,8 @@ from typing import Literal
 from ecm._native import export_model, seal_model
 from ecm.errors import ComputationError, InputError, Remedy
 from ecm.io.arrays import F
-from ecm.models.adapt import AdaptSettings
-from ecm.models.control import ControlLoop, LoopSettings
+from ecm.models.control_loop import ControlLoop, LoopSettings
+from ecm.models.controller import AdaptSettings
 from ecm.models.measured_poses import poses_like_measured, reach_of
 from ecm.models.model import Model
 from ecm.models.time_effects import TimeEffects
@@ -33,8 +33,6 @@ def shared_library(
     sources: dict[str, str],
     names: Sequence[str],
     commands: Sequence[Sequence[str]] = LINUX,
-    *,
-    options: Sequence[str] = (),
 ) -> bytes:
     """Compile sources, in memory, to a shared library.
 
@@ -46,8 +44,6 @@ def shared_library(
         Which of them are compiled.
     commands
         Compilers to look for.
-    options
-        More options of the compiler, such as definitions.
 
     Returns
     -------
@@ -76,7 +72,7 @@ def shared_library(
             (Path(folder) / path).write_text(text, encoding="utf-8")
         # Without paths in it, the same sources give the same bytes.
         done = subprocess.run(
-            [*command, *_FLAGS, *extra, *names, *options, "-o", "library.bin"],
+            [*command, *_FLAGS, *extra, *names, "-o", "library.bin"],
             cwd=folder,
             capture_output=True,
             text=True,
@@ -88,6 +84,8 @@ def shared_library(
 
 
 Precision = Literal["double", "single"]
+_MASS_KG, _INERTIA_KG_M2 = 0.1, 1e-4
+"""Mass and inertia of the platform where neither is stated."""
 
 
 @dataclass(frozen=True)
@@ -115,6 +113,12 @@ class Source:
     def whole(self) -> bool:
         """Whether the model takes a pose to a wrench."""
         return is_whole(self.inside.base)
+
+    @property
+    def platform(self) -> tuple[float, float]:
+        """Mass of the platform (kg), and its inertia (kg m2) about any axis."""
+        loop = self.loop or LoopSettings()
+        return loop.mass_kg or _MASS_KG, loop.inertia_kg_m2 or _INERTIA_KG_M2
 
     def code(
         self, language: Literal["c", "rust"] = "c", precision: Precision = "double"
@@ -156,8 +160,14 @@ class Source:
             )
 
     def template(self, path: str, values: dict[str, str] | None = None) -> str:
-        """Text of a file below `templates`, with each @KEY@ replaced by its value."""
+        """Text of a file below `templates`, with each @KEY@ replaced by its value.
+
+        Lines that begin with `@+` stand only with a state, those with `@-` only without.
+        """
         text = (files("ecm.models.export") / "templates" / path).read_text(encoding="utf-8")
+        keep, drop = ("@+", "@-") if self.has_state else ("@-", "@+")
+        lines = text.split("\n")
+        text = "\n".join(line.removeprefix(keep) for line in lines if not line.startswith(drop))
         common = {"NAME": self.name, "STEPS": str(int(self.has_state))}
         for key, value in {**(values or {}), **common}.items():
             text = text.replace(f"@{key}@", value)
@@ -178,26 +188,40 @@ def without(ids: Sequence[str], then: str) -> Remedy:
 
 
 @dataclass(frozen=True)
-class Files:
-    """What a target gives."""
+class Exported:
+    """An exported model: what a target gives, and what `export_files` says of it.
+
+    Examples
+    --------
+    >>> Exported({"spring.h": "..."}, ("Left out: fts_drift.",), ("fts_drift",)).left_out
+    ('fts_drift',)
+    """
 
     files: dict[str, str | bytes]
     """Content of each file by its path."""
-    next_step: str
-    """The command or line that uses the files, with @OUT@ for their folder."""
     notes: tuple[str, ...] = ()
     """What a reader of the files must know."""
+    left_out: tuple[str, ...] = ()
+    """Ids of the effects that are not in the files."""
     loop: ControlLoop | None = None
-    """The control loop of the example, where there is one."""
+    """The control loop of the example, where the model takes a pose to a wrench."""
+    next_step: str = ""
+    """The command or line that uses the files, with @OUT@ for their folder."""
+    folding: float = 0.0
+    """Change of the model by folding its effects into the base, over the noise."""
+    folded: tuple[str, ...] = ()
+    """Ids of the effects that were folded."""
     change: float = 0.0
-    """How much the target changes the model, over the noise."""
+    """Change of the model by the form that the target can hold, over the noise."""
+    lost: Mapping[str, str] = field(default_factory=dict)
+    """Effects beyond the noise that the files lack: words by id."""
 
 
 @dataclass(frozen=True)
 class Target:
     """One way to write a model."""
 
-    write: Callable[[Source], Files]
+    write: Callable[[Source], Exported]
     language: str = "c"
     """`c` or `rust`: what holds the effects of time; `none` where nothing does."""
     precisions: tuple[Precision, ...] = ("double",)

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ecm._native import EnergyModel, convert_stiffness, d_optimal, mid_frame, rod_poses
+from ecm._native import convert_stiffness, d_optimal, mid_frame, rod_poses
 from ecm.errors import ComputationError
 from ecm.fem.simulate import TABLE_I_MAX, TABLE_I_MIN
 from ecm.io.arrays import B, F
-from ecm.models.maps import Symmetry
+from ecm.models.maps import EnergyTerms, Symmetry
 from ecm.models.physics.family import POWER, PhysicsFamily, poisson_ratio
 from ecm.regression.noise import whiteners
 
@@ -112,9 +112,7 @@ def spread_poses(
         stiffness, length_m, _CANDIDATES, seed=seed, rotation_limit_rad=rotation_limit_rad
     )
     bounding = count // 2
-    regressor = EnergyModel.regressor(
-        pool, length_m=length_m, degree=_DEGREE, symmetry="alike", scale=np.array([length_m, 1.0])
-    )
+    regressor = EnergyTerms(length_m, _DEGREE).regressor(pool, np.array([length_m, 1.0]))
     position, rotation, force, torque = NOISE
     variance = (stiffness[:, :3] ** 2).sum(axis=1) * position**2
     variance += (stiffness[:, 3:] ** 2).sum(axis=1) * rotation**2
@@ -292,13 +290,8 @@ class BodyFits:
         return np.asarray(solution.T / (SHEAR_MODULUS_PA * LENGTH_M**3))
 
     def _rows(self, poses: F, symmetry: Symmetry, degree: int) -> F:
-        return EnergyModel.regressor(
-            np.ascontiguousarray(poses),
-            length_m=LENGTH_M,
-            degree=degree,
-            symmetry=symmetry,
-            scale=np.array([self.scale[0] * LENGTH_M, self.scale[1]]),
-        )
+        scale = np.array([self.scale[0] * LENGTH_M, self.scale[1]])
+        return EnergyTerms(LENGTH_M, degree, symmetry).regressor(poses, scale)
 
 
 def best_family(

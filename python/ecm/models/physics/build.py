@@ -8,8 +8,11 @@ error and choose the degree.
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +37,7 @@ from ecm.models.physics.body_fits import (
     workspace_poses,
 )
 from ecm.models.physics.family import MeshDifference, PhysicsFamily, compressibility, poisson_ratio
-from ecm.models.physics.rod import RodBody, scaled_rod, stated_rod
+from ecm.models.rod import ROD_SECTIONS, RodMap
 
 _CANDIDATES_OF_A_WIDE_POSE = 2
 """A load holds the neck in every second pose that a rod takes beyond 0.8 rad."""
@@ -119,9 +122,20 @@ def build_family(
         threads=threads,
         rotation_limit_rad=limit,
     )
-    solver = _Solver(made, stage, threads)
+
+    def solved_at(index: int, s: float, x: float, at: F, counts: tuple[int, int]) -> Solved:
+        """One body, kept in `stage`; `counts` are the poses solved before, and all."""
+        part = None if stage is None else stage.load_part(index)
+        if part is not None:
+            return Solved(part["wrenches"], part["stiffness"], part["ok"].astype(np.bool_))
+        found = _solved(made.fem(s, x), at, threads, progress, counts)
+        with suppress(OSError):  # a cache that cannot be written only costs time
+            if stage is not None:
+                stage.save_part(index, dict(vars(found)))
+        return found
+
     if wide:
-        first = solver.run(_SCREEN, nodes.centre, 0.0, poses, progress, (0, len(poses)))
+        first = solved_at(_SCREEN, nodes.centre, 0.0, poses, (0, len(poses)))
         poses = np.ascontiguousarray(poses[held_by_loads(poses, first)][: settings.poses])
     unseen = workspace_poses(
         rest,
@@ -137,7 +151,7 @@ def build_family(
     solved: list[Solved] = []
     done = 0
     for index, (s, x, at) in enumerate(bodies):
-        solved.append(solver.run(index, s, x, at, progress, (done, total)))
+        solved.append(solved_at(index, s, x, at, (done, total)))
         done += len(at)
     if progress is not None:
         progress(total, total, "fitting")
@@ -221,35 +235,6 @@ def _solved(
     return Solved(results.wrenches, results.stiffness, ok)
 
 
-@dataclass(frozen=True)
-class _Solver:
-    """Poses of bodies by FEM; finished ones are kept in `stage`."""
-
-    made: _Rods | _Bodies
-    stage: Stage | None
-    threads: int
-
-    def run(
-        self,
-        index: int,
-        s: float,
-        x: float,
-        poses: F,
-        progress: Progress | None,
-        counts: tuple[int, int],
-    ) -> Solved:
-        """Solve one body; `counts` are the poses solved before, and all."""
-        part = None if self.stage is None else self.stage.load_part(index)
-        if part is not None:
-            return Solved(part["wrenches"], part["stiffness"], part["ok"].astype(np.bool_))
-        found = _solved(self.made.fem(s, x), poses, self.threads, progress, counts)
-        with suppress(OSError):  # a cache that cannot be written only costs time
-            if self.stage is not None:
-                parts = {"wrenches": found.wrenches, "stiffness": found.stiffness, "ok": found.ok}
-                self.stage.save_part(index, parts)
-        return found
-
-
 class _Rods:
     """The bodies of one rod: its section stiffnesses scaled."""
 
@@ -259,7 +244,11 @@ class _Rods:
 
     def fem(self, s: float, x: float) -> RodBody:
         """The rod with mu/kappa = s and its diameter times exp(x)."""
-        return RodBody.of(self._shape, poisson_ratio(s), float(np.exp(x)))
+        shape = self._shape
+        nominal = np.array([getattr(shape, name) for name in ROD_SECTIONS])
+        young = (1.0 + poisson_ratio(s)) / (1.0 + shape.poisson_ratio)
+        sections = nominal * young**_BY_YOUNG * float(np.exp(x)) ** _BY_DIAMETER
+        return RodBody(RodMap(shape.length_m, sections))
 
 
 class _Bodies:
@@ -308,3 +297,61 @@ def _axis(mesh: Mesh) -> F:
     """(2,) y and z of the middle of the base."""
     base = mesh.nodes_m[mesh.base_nodes][:, 1:]
     return np.asarray(0.5 * (base.min(axis=0) + base.max(axis=0)))
+
+
+_BY_YOUNG = np.array([1.0, 0.0, 1.0, 0.0])
+_BY_DIAMETER = np.array([2.0, 2.0, 4.0, 4.0])
+_BY_LENGTH = np.array([2.0, 2.0, 4.0, 4.0])
+
+
+def stated_rod(mechanism: Mechanism) -> Mechanism:
+    """The rod with all of its four stiffnesses, radius and modulus, from those that are given.
+
+    A rod given by its stiffnesses alone has the radius and E of the solid circle of its EI and EA:
+    r = 2 sqrt(EI / EA), E = EA / (pi r^2).
+    """
+    sections = mechanism.rod_sections()
+    axial, bending = sections["axial_stiffness_N"], sections["bending_stiffness_Nm2"]
+    radius = mechanism.radius_m or 2.0 * math.sqrt(bending / axial)
+    young = mechanism.young_modulus_Pa or axial / (math.pi * radius**2)
+    known: dict[str, Any] = {**sections, "radius_m": radius, "young_modulus_Pa": young}
+    return replace(mechanism, material=None, **known)
+
+
+def scaled_rod(rod: Mechanism, length_m: float, shear_modulus_Pa: float) -> Mechanism:
+    """The same shape at another length and shear modulus; twelve digits, so that copies agree."""
+    longer = length_m / rod.length_m
+    stiffer = shear_modulus_Pa / (rod.young_modulus_Pa / (2.0 * (1.0 + rod.poisson_ratio)))
+    sections: dict[str, Any] = {
+        name: float(f"{getattr(rod, name) * stiffer * longer**power:.12g}")
+        for name, power in zip(ROD_SECTIONS, _BY_LENGTH, strict=True)
+    }
+    return replace(
+        rod,
+        length_m=length_m,
+        radius_m=float(f"{rod.radius_m * longer:.12g}"),
+        young_modulus_Pa=2.0 * shear_modulus_Pa * (1.0 + rod.poisson_ratio),
+        density_kg_m3=0.0,
+        free_length_m=0.0,
+        **sections,
+    )
+
+
+@dataclass(frozen=True)
+class RodBody:
+    """One rod of a family, with the methods of the FEM of a body."""
+
+    map: RodMap
+
+    def rest_stiffness(self) -> F:
+        """(6, 6) partial, at the undeformed pose."""
+        rest = np.zeros((1, 6))
+        rest[0, 0] = self.map.length
+        return np.asarray(self.map.stiffness(rest)[0])
+
+    def solve_poses(self, poses: F, **_: Any) -> SimpleNamespace:
+        """Wrench (N, 6) and partial stiffness (N, 6, 6) at poses; status as from the FEM."""
+        wrenches, stiffness = self.map.wrench_and_stiffness(poses)
+        solved = np.isfinite(wrenches).all(axis=1) & np.isfinite(stiffness).all(axis=(1, 2))
+        status = np.where(solved, "solved", "not_converged").tolist()
+        return SimpleNamespace(wrenches=wrenches, stiffness=stiffness, status=status)

@@ -21,15 +21,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
-from ecm._native import EnergyModel
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
-from ecm.models.layout import array, number, one_of, record
-from ecm.models.maps import SYMMETRIES, EnergyMap, Symmetry
+from ecm.models.layout import array, number, one_of, read_plain, record
+from ecm.models.maps import SYMMETRIES, EnergyMap, EnergyTerms, Symmetry
 
 PARAMETERS = ("young_modulus_Pa", "poisson_ratio", "length_m", "diameter_m")
 POWER = 3.0
@@ -58,15 +57,10 @@ _LAYOUT = record(
 
 def scaled_energy(
     degree: int, symmetry: Symmetry, scale: F, coefficients: F, length_m: float
-) -> EnergyModel:
+) -> EnergyMap:
     """The energy with coefficients (k,) in J of terms in c/L and theta over their `scale` (2,)."""
-    return EnergyModel.from_coefficients(
-        length_m=length_m,
-        degree=degree,
-        symmetry=symmetry,
-        scale=np.array([scale[0] * length_m, scale[1]]),
-        coefficients=np.ascontiguousarray(coefficients),
-    )
+    terms = EnergyTerms(length_m, degree, symmetry)
+    return terms.map(np.array([scale[0] * length_m, scale[1]]), coefficients)
 
 
 def compressibility(poisson_ratio: float) -> float:
@@ -111,7 +105,7 @@ class PhysicsFamily:
     def exponents(self) -> I:
         """(k, 6) exponents of the terms."""
         count = self.table.shape[2]
-        return np.asarray(self._model(np.zeros(count), 1.0).terms)
+        return np.asarray(self._map(np.zeros(count), 1.0).model.terms)
 
     def check(self, values: Mapping[str, float]) -> None:
         """InputError where a value lies outside what was tabulated."""
@@ -194,50 +188,13 @@ class PhysicsFamily:
         return slope
 
     def _map(self, coefficients: F, length_m: float) -> EnergyMap:
-        return EnergyMap(self._model(coefficients, length_m))
-
-    def _model(self, coefficients: F, length_m: float) -> EnergyModel:
         return scaled_energy(self.degree, self.symmetry, self.scale, coefficients, length_m)
-
-    def to_dict(self) -> dict[str, Any]:
-        """For model files and the cache."""
-        return {
-            "degree": self.degree,
-            "symmetry": self.symmetry,
-            "scale": self.scale.tolist(),
-            "table": self.table.tolist(),
-            "centre": list(self.centre),
-            "width": self.width,
-            "s_range": list(self.s_range),
-            "x_range": list(self.x_range),
-            "error": self.error.tolist(),
-            "error_over_noise": self.error_over_noise.tolist(),
-        }
 
     @staticmethod
     def from_dict(document: Mapping[str, Any]) -> PhysicsFamily:
-        """Return the family that `to_dict` described; InputError where it is spoilt."""
+        """Return the family that `plain` described; InputError where it is spoilt."""
         _LAYOUT(document, "family")
-
-        def pair(name: str) -> tuple[float, float]:
-            first, second = document[name]
-            return float(first), float(second)
-
-        def numbers(name: str) -> F:
-            return np.asarray(document[name], dtype=np.float64)
-
-        return PhysicsFamily(
-            degree=int(document["degree"]),
-            symmetry=cast(Symmetry, document["symmetry"]),
-            scale=numbers("scale"),
-            table=numbers("table"),
-            centre=pair("centre"),
-            width=float(document["width"]),
-            s_range=pair("s_range"),
-            x_range=pair("x_range"),
-            error=numbers("error"),
-            error_over_noise=numbers("error_over_noise"),
-        )
+        return read_plain(PhysicsFamily, document)
 
 
 LAYOUT = record(
@@ -267,7 +224,7 @@ class MeshDifference:
         mu = values["young_modulus_Pa"] / (2.0 * (1.0 + values["poisson_ratio"]))
         length = values["length_m"]
         in_joules = mu * length**3 * self.coefficients
-        return EnergyMap(scaled_energy(self.degree, self.symmetry, self.scale, in_joules, length))
+        return scaled_energy(self.degree, self.symmetry, self.scale, in_joules, length)
 
     def shares(self, values: Mapping[str, float], body: EnergyMap) -> F:
         """(6,) by how much each wrench component of a small load errs, over the component.
@@ -278,22 +235,8 @@ class MeshDifference:
         off, standard = self.at(values).stiffness(rest)[0], body.stiffness(rest)[0]
         return np.asarray(np.diag(np.linalg.solve((standard - off).T, off.T).T))
 
-    def to_dict(self) -> dict[str, Any]:
-        """For model files and the cache."""
-        return {
-            "degree": self.degree,
-            "symmetry": self.symmetry,
-            "scale": self.scale.tolist(),
-            "coefficients": self.coefficients.tolist(),
-        }
-
     @staticmethod
     def from_dict(document: Mapping[str, Any]) -> MeshDifference:
-        """Return the difference that `to_dict` described; InputError where it is spoilt."""
+        """Return the difference that `plain` described; InputError where it is spoilt."""
         LAYOUT(document, "mesh_difference")
-        return MeshDifference(
-            degree=int(document["degree"]),
-            symmetry=cast(Symmetry, document["symmetry"]),
-            scale=np.asarray(document["scale"], dtype=np.float64),
-            coefficients=np.asarray(document["coefficients"], dtype=np.float64),
-        )
+        return read_plain(MeshDifference, document)

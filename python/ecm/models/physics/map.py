@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm._native import EcmError, EnergyModel
+from ecm._native import EcmError
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.cache import Stage, cache_directory, hash_of, write_atomically
@@ -26,11 +26,17 @@ from ecm.io.events import Progress
 from ecm.io.frames import ORDERS, likely_order, read_in_other_order
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
-from ecm.models.maps import EnergyMap, SixAxisMap, Symmetry, finite
+from ecm.models.layout import plain
+from ecm.models.maps import EnergyMap, EnergyTerms, SixAxisMap, finite
 from ecm.models.physics.body_fits import MARGIN, ROTATION_LIMIT_RAD
-from ecm.models.physics.build import BuildSettings, build_family, mesh_difference, shape_of
+from ecm.models.physics.build import (
+    BuildSettings,
+    build_family,
+    mesh_difference,
+    shape_of,
+    stated_rod,
+)
 from ecm.models.physics.family import PARAMETERS, MeshDifference, PhysicsFamily, check_parameters
-from ecm.models.physics.rod import stated_rod
 from ecm.regression.rows import BodyChange
 
 _DEGREE = 6
@@ -233,11 +239,11 @@ class PhysicsMap(SixAxisMap):
             "mechanism": self.mechanism,
         }
         if self.mesh is not None:
-            document["mesh_difference"] = self.mesh.to_dict()
+            document["mesh_difference"] = plain(self.mesh)
         if self.family is not None and self.values is not None:
             document["parameters"] = dict(self.values)
             document["free"] = list(self.free)
-            document["family"] = self.family.to_dict()
+            document["family"] = plain(self.family)
         return document
 
     @staticmethod
@@ -268,7 +274,6 @@ def surrogate_of(
     test_poses: F,
     test_wrenches: F,
     mechanism: dict[str, Any] | None = None,
-    symmetry: Symmetry = "alike",
 ) -> PhysicsMap:
     """A physics map from poses and wrenches without noise, its error from other ones.
 
@@ -282,8 +287,6 @@ def surrogate_of(
         Pairs that the map is not fitted to; they give its own error.
     mechanism
         Table `[mechanism]` to keep with the map.
-    symmetry
-        Symmetry of the energy.
 
     Examples
     --------
@@ -293,14 +296,7 @@ def surrogate_of(
     >>> base.name, base.coefficients.tolist()
     ('physics', [1.0])
     """
-    model = EnergyModel.fit(
-        np.ascontiguousarray(poses),
-        np.ascontiguousarray(wrenches),
-        length_m=length_m,
-        degree=_DEGREE,
-        symmetry=symmetry,
-    )
-    surrogate = EnergyMap(model)
+    surrogate = EnergyTerms(length_m, _DEGREE).fit(poses, wrenches)
     error = np.sqrt(((surrogate.predict(test_poses) - test_wrenches) ** 2).mean(axis=0))
     return PhysicsMap(surrogate, error, {} if mechanism is None else dict(mechanism))
 
@@ -447,7 +443,7 @@ class _Kept:
             return None
         found = mesh_difference(self.shape, family.symmetry, threads=threads, progress=progress)
         with suppress(OSError):  # a cache that cannot be written only costs time
-            document = {"mesh_difference": None if found is None else found.to_dict()}
+            document = {"mesh_difference": None if found is None else plain(found)}
             write_atomically(self.directory / name, json.dumps(document))
         return found
 
@@ -497,4 +493,4 @@ def _read(path: Path) -> PhysicsFamily | None:
 def _write(path: Path, built: PhysicsFamily) -> None:
     """Write to the cache; one that cannot be written only costs time."""
     with suppress(OSError):
-        write_atomically(path, json.dumps(built.to_dict()))
+        write_atomically(path, json.dumps(plain(built)))

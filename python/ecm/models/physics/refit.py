@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from ecm.io.arrays import F
 from ecm.io.events import Progress, Steps
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
-from ecm.models.joint_fit import CoefficientPrior, FittedEffect, joint_fit
+from ecm.models.joint_fit import CoefficientPrior, FittedEffect, base_columns, joint_fit
 from ecm.models.layout import Layout, anything, array, items, named, number, one_of, record
 from ecm.models.maps import StiffnessMap
 from ecm.models.partial import fit_measured, is_partial, need_pose
@@ -44,20 +43,32 @@ class PhysicsRefit:
     """Fitted parameters of a body."""
 
     base: PhysicsMap
-    names: tuple[str, ...]
-    """Free parameters: young_modulus_Pa, poisson_ratio, length_m, diameter_m, or factor."""
-    values: F
-    sd: F
-    """(k,) standard deviations from the noise alone."""
-    correlation: F
-    """(k, k)."""
     covariance: F
-    """(k, k)."""
-    whitened_rms: float
-    """Root mean square of the whitened residual: 1 where only noise is left."""
+    """(k, k) of the free parameters, from the noise alone."""
     at_bound: tuple[str, ...]
     """Parameters at the limit of the tabulated range, or at nu = 0.5."""
     converged: bool
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Free parameters: young_modulus_Pa, poisson_ratio, length_m, diameter_m, or factor."""
+        return self.base.parameter_names
+
+    @property
+    def values(self) -> F:
+        """(k,) in the unit of their name."""
+        return self.base.coefficients
+
+    @property
+    def sd(self) -> F:
+        """(k,) standard deviations."""
+        return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
+
+    @property
+    def correlation(self) -> F:
+        """(k, k)."""
+        scale = np.where(self.sd > 0.0, self.sd, 1.0)
+        return np.asarray(self.covariance / np.outer(scale, scale))
 
     def sentences(self) -> list[str]:
         """One line per parameter, and their correlations."""
@@ -149,18 +160,8 @@ def refit_physics(
     values = fitted.coefficients
     near = _AT_BOUND * np.abs(values)
     outside = (values - low < near) | (high - values < near)
-    scale = np.where(sd > 0.0, sd, 1.0)
-    return PhysicsRefit(
-        base=fitted,
-        names=fitted.parameter_names,
-        values=values,
-        sd=sd,
-        correlation=joint.covariance / np.outer(scale, scale),
-        covariance=joint.covariance,
-        whitened_rms=float(np.sqrt((joint.whitened**2).mean())),
-        at_bound=tuple(n for n, out in zip(fitted.parameter_names, outside, strict=True) if out),
-        converged=joint.converged,
-    )
+    at_bound = tuple(n for n, out in zip(fitted.parameter_names, outside, strict=True) if out)
+    return PhysicsRefit(fitted, joint.covariance, at_bound, joint.converged)
 
 
 @dataclass(frozen=True)
@@ -220,10 +221,7 @@ class PhysicsModel(ModelSpecification):
             others=True,
         )
 
-    @staticmethod
-    def map_from_document(document: dict[str, Any]) -> PhysicsMap:
-        """Return the map of an opened model file."""
-        return PhysicsMap.from_document(document)
+    map_from_document = staticmethod(PhysicsMap.from_document)
 
 
 _SIZES = np.geomspace(0.1, 30.0, 25)
@@ -256,23 +254,15 @@ def physics_prior(
         Noise of a row.
     """
     rows = Rows(table, physics)
-    loaded = ~rows.unloaded
     whitener = whiteners(noise.covariance(rows, physics.error))
-    poses = rows.poses[loaded]
 
     def whitened(columns: F) -> F:
         """(M, q) of columns (N, 6, q)."""
         flat = np.einsum("nij,njq->niq", whitener, columns).reshape(-1, columns.shape[2])
         return np.asarray(flat)
 
-    def of_poses(columns: F) -> F:
-        every = np.zeros((len(table), *columns.shape[1:]))
-        every[loaded] = columns
-        return whitened(every)
-
-    x = of_poses(base.columns(poses))
-    sensitivity = of_poses(physics.columns(poses))
-    target = of_poses(physics.predict(poses)[:, :, None])[:, 0]
+    x, sensitivity = (whitened(base_columns(rows, own)) for own in (base, physics))
+    target = whitened(rows.wrench[:, :, None])[:, 0]
     q, r = np.linalg.qr(x)
     # Coefficients of a base whose columns depend on each other: the smallest that fit.
     solve = np.linalg.pinv(r / np.linalg.norm(r, axis=0)) / np.linalg.norm(r, axis=0)[:, None]

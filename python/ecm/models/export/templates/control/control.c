@@ -28,7 +28,7 @@
 typedef @NAME@_real real;
 #define R(x) ((real)(x))
 
-enum { STEPS = @STEPS@, SUBSTEPS = 4, DELAY_STEPS = @DELAY@ };
+enum { STEPS = @COUNT@, SUBSTEPS = 4, DELAY_STEPS = @DELAY@ };
 
 static const real dt = R(@DT@);               /* s */
 static const real mass = R(@MASS@);           /* kg, of the platform and what it carries */

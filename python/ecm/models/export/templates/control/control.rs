@@ -23,7 +23,7 @@ use std::collections::VecDeque;
 @-use @NAME@::{value, value_and_stiffness};
 @+use @NAME@::{DEFAULT_INPUTS, State, init, step, value_and_stiffness};
 
-const STEPS: usize = @STEPS@;
+const STEPS: usize = @COUNT@;
 const SUBSTEPS: usize = 4;
 const DELAY_STEPS: usize = @DELAY@;
 /// s.

@@ -1,0 +1,261 @@
+"""Errors of a fit: over the noise, held out, beside a free cubic, and what a change was worth.
+
+All are root mean squares. Over the noise each row is whitened by its own, so that 1 is the noise
+floor and all components count alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ecm._native import polynomial_regressor
+from ecm.io.arrays import F
+from ecm.io.cache import hash_of
+from ecm.io.columns import POSE, same_unit
+from ecm.io.table import Table
+from ecm.models.evaluation import EvaluatedModel
+from ecm.models.joint_fit import JointFit
+from ecm.models.maps import StiffnessMap
+from ecm.regression.f_test import FTest
+from ecm.regression.folds import folds, held_out_by, is_pose_row, row_groups, spread_rows
+from ecm.regression.noise import Noise, whiteners
+from ecm.regression.normal_equations import NormalEquations, ridge_path
+from ecm.regression.rows import Rows
+
+_CEILING_DEGREE = 3
+_CEILING_FOLDS = 5
+_MOST_ROWS, _MOST_ROWS_OF_A_MODEL = 1000, 3000
+"""Rows that give the error of a map at home, and those of a model with its effects."""
+_ROUNDING = 1e-9
+"""Share of the readings that is rounding: what never moves is predicted to the last digits only."""
+
+
+def rms(values: F) -> float:
+    """Root mean square of numbers of any shape.
+
+    Examples
+    --------
+    >>> rms(np.array([[3.0, 4.0], [0.0, 5.0]])).is_integer(), rms(np.array([2.0, -2.0]))
+    (False, 2.0)
+    """
+    return float(np.sqrt((values**2).mean()))
+
+
+def worst_over(noise: F, errors: F) -> float:
+    """Root mean square of errors (N, m) over the noise (m,) of their component, of the worst one.
+
+    Examples
+    --------
+    >>> worst_over(np.array([1.0, 10.0]), np.array([[2.0, 5.0], [-2.0, 5.0]]))
+    2.0
+    """
+    return float(np.max(np.sqrt((errors**2).mean(axis=0)) / noise))
+
+
+def error_over_noise(base: StiffnessMap, noise: Noise, table: Table) -> float | None:
+    """Error of a fitted map on its own rows over their noise, where it is known.
+
+    What a later table may be compared with: a model that erred at home errs as much elsewhere.
+    """
+    if noise.is_residual:
+        return None
+    rows = Rows(table.thinned(spread_rows(table, _MOST_ROWS)), base)
+    errors = rows.table.matrix(base.outputs) - rows.sensor_load
+    whitener = whiteners(noise.covariance(rows, base.error))
+    return rms(np.einsum("nij,nj->ni", whitener, errors))
+
+
+def errors_and_noise(model: EvaluatedModel, table: Table) -> tuple[F, F]:
+    """(m,) error of each component of a model on a table, and its noise, both in its unit.
+
+    Only rounding where no noise is known. Effects whose columns the table lacks are left out.
+    """
+    some = table.thinned(spread_rows(table, _MOST_ROWS_OF_A_MODEL))
+    scored = is_pose_row(some)
+    readings = some.matrix(model.outputs)
+    left = readings - model.predict(some, skip_untestable=True)
+    errors = np.sqrt((left[scored] ** 2).mean(axis=0))
+    if model.noise.is_residual:
+        size = np.sqrt((readings[scored] ** 2).mean(axis=0))
+        return errors, _ROUNDING * (same_unit(model.outputs) * size).max(axis=1)
+    variance = model.noise.variances(Rows(some, model.base))
+    return errors, np.sqrt(variance[scored].mean(axis=0))
+
+
+def held_out(fit: JointFit) -> float | None:
+    """Error over the noise on each part of the fitted rows, without which it was fitted.
+
+    The parts are those of effects of time (`held_out_by`); the fit is linearised at its optimum.
+    Columns of parameters at their bounds are left out: linear steps would leave the bounds. The
+    rows of a prior are known to each part. None where there is one part only.
+    """
+    table, m = fit.rows.table, fit.whitened.shape[1]
+    groups = row_groups(table)
+    parts = folds(table, fit.rows.poses, groups, held_out_by(table, "time"))
+    if len(np.unique(parts)) < 2:
+        return None
+    design, whitened, scored = fit.design, fit.whitened, is_pose_row(table)
+    held = fit.held_columns
+    if len(held):
+        design = np.delete(design, held, axis=2)
+    if fit.prior is not None:
+        root, response = np.delete(fit.prior[0], held, axis=1), fit.prior[1]
+        more = -(-len(response) // m)
+        rows, expected = np.zeros((more * m, design.shape[2])), np.zeros(more * m)
+        rows[: len(response)], expected[: len(response)] = root, response
+        design = np.concatenate([design, rows.reshape(more, m, -1)])
+        whitened = np.concatenate([whitened, expected.reshape(more, m)])
+        groups = np.append(groups, np.full(more, groups.max() + 1))
+        parts = np.append(parts, np.full(more, parts.max() + 1))
+        scored = np.append(scored, np.zeros(more, dtype=bool))
+    equations = NormalEquations.of(design, whitened, groups)
+    count = int(groups.max()) + 1
+    fold_of_group = np.zeros(count, dtype=np.int64)
+    fold_of_group[groups] = parts
+    counts = np.asarray(np.bincount(groups, scored, count), dtype=np.float64)
+    squares = equations.held_out(range(design.shape[2]), fold_of_group, counts)
+    return float(np.sqrt(squares.sum() / (counts.sum() * m)))
+
+
+@dataclass(frozen=True)
+class FitRecord:
+    """Errors of one fit, root mean square over the noise: 1 is the noise floor.
+
+    Examples
+    --------
+    >>> FitRecord("energy4", train=1.02, held_out=1.1, ceiling=0.99).to_dict()["held_out"]
+    1.1
+    """
+
+    name: str
+    train: float
+    """On the fitted rows."""
+    held_out: float
+    """On each fold of poses in turn, fitted without it."""
+    ceiling: float | None
+    """Held out, with a free cubic of the pose added: no effect of the pose can do better."""
+    floor: float = 1.0
+    chi2: float = 0.0
+    """Sum of squares of the fitted rows, in units of the noise."""
+    parameters: int = 0
+    """Number of fitted parameters."""
+    size: int = 0
+    """Rows times components."""
+    rows: str = ""
+    """Hash of the fitted rows and of their noise: only fits that share it can be compared."""
+    test: str = ""
+    """F test and BIC of the change against the fit before, in words."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """For reports and model files."""
+        return asdict(self)
+
+    @staticmethod
+    def of(name: str, fit: JointFit, noise: Noise, training_hash: str) -> FitRecord:
+        """The errors of a fit to rows of this hash."""
+        table, m = fit.rows.table, fit.whitened.shape[1]
+        squares = (fit.whitened**2).sum(axis=1)[is_pose_row(table)]
+        train, beyond = float(np.sqrt(squares.mean() / m)), held_out(fit)
+        ceiling = ceiling_rms(fit, table, noise)
+        return FitRecord(
+            name=name,
+            train=train,
+            held_out=train if beyond is None else beyond,
+            ceiling=None if ceiling is None else ceiling.whitened,
+            chi2=float((fit.whitened**2).sum()),
+            parameters=fit.design.shape[2],
+            size=fit.whitened.size,
+            rows=hash_of(training_hash, noise.to_dict()),
+        )
+
+    def beside(self, before: FitRecord) -> FitRecord:
+        """The record with a test of the change since the fit before.
+
+        F-test and BIC, from the sums of squares of the same rows.
+        """
+        if not before.rows:  # from an older file
+            return self
+        if before.rows != self.rows:
+            words = "no test: other rows or another noise than in the fit before"
+            return replace(self, test=words)
+        more = self.parameters - before.parameters
+        delta_chi2 = before.chi2 - self.chi2
+        wide, narrow = (self, before) if more >= 0 else (before, self)
+        dof = wide.size - wide.parameters
+        if more == 0 or dof <= 0:
+            return replace(self, test=f"chi2 falls by {delta_chi2:.1f} with as many parameters")
+        test = FTest.of(narrow.chi2 - wide.chi2, abs(more), wide.chi2, dof)
+        bic = delta_chi2 - more * float(np.log(self.size))
+        words = (
+            f"chi2 falls by {delta_chi2:.1f} with {abs(more)} parameters "
+            f"{'more' if more > 0 else 'fewer'} "
+            f"(F = {test.F:.3g}, p = {test.p:.2g}, BIC falls by {bic:.1f})"
+        )
+        return replace(self, test=words)
+
+
+@dataclass(frozen=True)
+class Ceiling:
+    """Held-out error with a free cubic of the pose."""
+
+    whitened: float
+    """Root mean square in units of the noise."""
+    components: F
+    """(m,) root mean square of each component, in its unit."""
+
+
+def ceiling_rms(fit: JointFit, table: Table, noise: Noise) -> Ceiling | None:
+    """Held-out error with a free cubic of the pose fitted to the residual.
+
+    Ridge regression in whitened coordinates; the ridge is the best of a grid on the held-out rows,
+    so that few distinct poses give a ceiling no worse than the model. None where the poses lack
+    some of the six coordinates.
+    """
+    rows = fit.rows
+    scored = is_pose_row(table)
+    poses, whitened = rows.poses[scored], fit.whitened[scored]
+    low, high = poses.min(axis=0), poses.max(axis=0)
+    moving = high > low
+    if rows.base.inputs != POSE or not moving.any():
+        return None
+    regressor = polynomial_regressor(
+        np.ascontiguousarray(poses[:, moving]), _CEILING_DEGREE, low[moving], high[moving]
+    )
+    whitener = whiteners(noise.covariance(rows, fit.base.error)[scored])
+    n, m = whitened.shape
+    groups = row_groups(table)[scored]
+    _, packed = np.unique(groups, return_inverse=True)
+    parts = np.arange(int(packed.max()) + 1)[packed] % _CEILING_FOLDS
+    ridges = np.geomspace(1e-2, 1e4, 13) * np.sqrt(n)
+    squares = np.zeros(len(ridges))
+    physical = np.zeros((m, len(ridges)))
+    colour = np.linalg.inv(whitener)
+
+    def design_of(part: int) -> F:
+        """(n m, m k) whitened columns of one part; those of all rows would fill the memory."""
+        own = parts == part
+        columns = whitener[own][:, :, :, None] * regressor[own][:, None, None, :]
+        return np.asarray(columns.reshape(-1, m * regressor.shape[1]))
+
+    matrices, vectors = [], []
+    for part in range(_CEILING_FOLDS):
+        own = design_of(part)
+        matrices.append(own.T @ own)
+        vectors.append(own.T @ whitened[parts == part].ravel())
+    matrix, vector = np.sum(matrices, axis=0), np.sum(vectors, axis=0)
+    size = np.sqrt(np.diag(matrix) / n) + 1e-300
+    for part in range(_CEILING_FOLDS):
+        others = (matrix - matrices[part]) / np.outer(size, size)
+        weights = ridge_path(others, (vector - vectors[part]) / size, ridges)
+        test = parts == part
+        left = whitened[test].ravel()[:, None] - (design_of(part) / size) @ weights
+        squares += (left**2).sum(axis=0)
+        physical += ((colour[test] @ left.reshape(-1, m, len(ridges))) ** 2).sum(axis=0)
+    best = int(np.argmin(squares))
+    total, own = float(squares[best]), physical[:, best]
+    if total >= (whitened**2).sum():
+        total, own = float((whitened**2).sum()), (fit.residual[scored] ** 2).sum(axis=0)
+    return Ceiling(float(np.sqrt(total / whitened.size)), np.asarray(np.sqrt(own / n)))

@@ -1,0 +1,276 @@
+"""A fitted model evaluated: wrench, stiffness and what is known of their errors, at any rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ecm.effects import Missing, Rows
+from ecm.effects.protocol import correction_of
+from ecm.errors import InputError
+from ecm.io.arrays import F
+from ecm.io.columns import POSE
+from ecm.io.description import Meta, Scene
+from ecm.io.table import Table, TableLike, as_table
+from ecm.models.joint_fit import FittedEffect
+from ecm.models.maps import (
+    StiffnessMap,
+    central_differences,
+    finite,
+    leverages,
+    partial_to,
+    variances_of,
+    wrench_variances,
+)
+from ecm.models.partial import MeasuredMap
+from ecm.regression.noise import Noise
+from ecm.regression.rows import is_whole
+
+
+@dataclass(frozen=True, repr=False)
+class EvaluatedModel:
+    """What a model holds and what it says at poses; `Model` adds fits, effects and files.
+
+    Examples
+    --------
+    >>> import ecm
+    >>> x = np.linspace(-0.01, 0.01, 9)
+    >>> model: EvaluatedModel = ecm.fit({"x_m": x, "fx_N": 2000.0 * x}, "linear")
+    >>> model.stiffness(np.array([0.005])).round(6)
+    array([[2000.]])
+    """
+
+    base: StiffnessMap
+    noise: Noise = field(default_factory=Noise)
+    effects: tuple[FittedEffect, ...] = ()
+    covariance: F | None = None
+    """(k, k) covariance of the base's coefficients; None where it is not known."""
+    training: Mapping[str, Any] = field(default_factory=dict)
+    """Training data: hash, rows, source."""
+    domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Range of each pose column in the training data."""
+    conditions: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Range of temperature_degC and time_s in the training data, where it has them."""
+    length_m: float | None = None
+    """Length of the mechanism, for effects that need it where the base does not state it."""
+    scene: Scene = field(default_factory=Scene)
+    """Scene of the fit: bare poses are under its gravity; a table states its own."""
+
+    @property
+    def name(self) -> str:
+        """Name of the base and ids of the effects, joined by `+`."""
+        return "+".join([self.base.name, *(item.id for item in self.effects)])
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Pose columns."""
+        return self.base.inputs
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Wrench columns."""
+        return self.base.outputs
+
+    @property
+    def known_length_m(self) -> float | None:
+        """Length of the mechanism, m: the base's own, else that of the data it was fitted to."""
+        return self.base.length_m or self.length_m
+
+    def rest_pose(self, purpose: str) -> F:
+        """(1, 6) undeformed pose (L, 0, 0, 0, 0, 0).
+
+        Raises
+        ------
+        InputError
+            Where the model has fewer columns or no length; the message begins with `purpose`.
+        """
+        length = self.known_length_m
+        if not is_whole(self.base) or length is None:
+            raise InputError(
+                f"{purpose} needs all six pose and wrench columns and the mechanism's length: "
+                "give [mechanism] length_m in the data's TOML"
+            )
+        return np.array([[length, 0.0, 0.0, 0.0, 0.0, 0.0]])
+
+    def predict(self, data: TableLike | F, *, skip_untestable: bool = False) -> F:
+        """(N, m) wrench, N and N m, at poses (N, n), or expected readings of a table.
+
+        One pose (n,) gives one wrench (m,). A table's rows have time, temperature and approach, so
+        that all effects act; bare poses get the base map and the effects of physics that need the
+        pose alone.
+
+        Parameters
+        ----------
+        data
+            A table, a data frame or a dict of columns, or poses (N, n) or (n,) in m and rad.
+        skip_untestable
+            Leave out effects whose columns the table lacks (`left_out` names them) instead of
+            refusing.
+        """
+        if isinstance(self.base, MeasuredMap) and self.effects:
+            whole = replace(self, base=self.base.whole)
+            found = whole.predict(data, skip_untestable=skip_untestable)
+            return np.ascontiguousarray(found[..., self.base.places])
+        if isinstance(data, np.ndarray):
+            found = self._at_poses(rows_of_poses(data, self.inputs))
+            return found if data.ndim != 1 else np.asarray(found[0])
+        data = as_table(data)
+        rows = Rows(data, self.base)
+        lacking = self.left_out(data)
+        for id, why in lacking.items():
+            if not skip_untestable:
+                raise InputError(
+                    f"{data.source}: effect {id} cannot be predicted here, "
+                    f"{why.reason}; record {why.record}, or remove the effect"
+                )
+        acting = [item for item in self.effects if item.id not in lacking]
+        return self._with_corrections(rows.sensor_load, rows, acting)
+
+    def left_out(self, table: Table) -> dict[str, Missing]:
+        """Effects of the model whose columns a table lacks, by id.
+
+        Columns that only have to vary for a fit need not vary here.
+        """
+        # A table of poses has no wrench, which a prediction does not need.
+        absent = {n: np.zeros(len(table)) for n in self.outputs if not table.has(n)}
+        filled = table.with_columns(absent)
+        lacking = {item.id: item.effect.missing(filled) for item in self.effects}
+        return {id: why for id, why in lacking.items() if why is not None and why.absent}
+
+    def predict_sd(self, data: Table | F) -> F | None:
+        """(N, m) standard deviation of the base's wrench from its coefficients, where known."""
+        if self.covariance is None:
+            return None
+        if isinstance(data, Table):
+            data = Rows(data, self.base).poses
+        poses = rows_of_poses(data, self.inputs)
+        covariance, base = self.covariance, self.base
+
+        def of_coefficients() -> F:
+            variance = wrench_variances(base, covariance, poses)
+            return np.asarray(np.sqrt(np.maximum(variance, 0.0) + base.error**2))
+
+        return finite("the deviation", of_coefficients)
+
+    def reading_sd(self, poses: F) -> F | None:
+        """(N, m) standard deviation of a new reading around the prediction, where known.
+
+        From the coefficients and the noise of one row, the latter widened where the training
+        residuals are larger.
+        """
+        poses = rows_of_poses(poses, self.inputs)
+        sd = self.predict_sd(poses)
+        if sd is None:
+            return None
+        factor = max(1.0, float(self.training.get("residual_variance", 1.0)))
+        variance = self.noise.variances(self.rows_at(poses))
+        return finite("the deviation", lambda: np.sqrt(sd**2 + factor * variance))
+
+    def leverage(self, poses: F) -> F | None:
+        """(N,) uncertainty of the prediction over the noise of one row, where known."""
+        poses = rows_of_poses(poses, self.inputs)
+        if self.covariance is None or self.noise.components is not None or self.inputs != POSE:
+            return None
+        return leverages(self.base, self.covariance, self.noise, poses)
+
+    def stiffness_sd(self, poses: F) -> F | None:
+        """(N, m, n) standard deviation of K = dh/dp from the coefficients, where known."""
+        if self.covariance is None:
+            return None
+        poses = rows_of_poses(poses, self.inputs)
+        covariance = self.covariance
+
+        def of_coefficients() -> F:
+            variances = [
+                variances_of(slope, covariance)
+                for slope in central_differences(self.base.columns, poses, 1e-5)
+            ]
+            return np.asarray(np.sqrt(np.maximum(np.stack(variances, axis=2), 0.0)))
+
+        return finite("the deviation", of_coefficients)
+
+    def stiffness(self, poses: F, kind: str = "partial") -> F:
+        """(N, m, n) stiffness of the base and of the effects of physics on the pose.
+
+        One pose (n,) gives one stiffness (m, n).
+        """
+        rows = rows_of_poses(poses, self.inputs)
+        acting = self.acting_at_poses
+        found = self._changed_stiffness(rows, kind) if acting else self.base.stiffness(rows, kind)
+        return found if np.ndim(poses) != 1 else np.asarray(found[0])
+
+    def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
+        """`predict` and `stiffness` of poses (N, n) or of one pose (n,), in one call.
+
+        Examples
+        --------
+        >>> import ecm
+        >>> y = np.linspace(-0.01, 0.01, 9)
+        >>> model = ecm.fit_model({"y_m": y, "fy_N": 3000.0 * y}, "linear")
+        >>> wrench, stiffness = model.wrench_and_stiffness(np.array([0.005]))
+        >>> wrench.round(6), stiffness.round(6)
+        (array([15.]), array([[3000.]]))
+        """
+        rows = rows_of_poses(poses, self.inputs)
+        if self.acting_at_poses:
+            wrench, stiffness = self._at_poses(rows), self._changed_stiffness(rows, kind)
+        else:
+            wrench, stiffness = self.base.wrench_and_stiffness(rows, kind)
+        return (wrench, stiffness) if np.ndim(poses) != 1 else (wrench[0], stiffness[0])
+
+    def _changed_stiffness(self, poses: F, kind: str) -> F:
+        """(N, m, n) of the base and the effects, by central differences."""
+        slopes = central_differences(self._at_poses, poses, 1e-6)
+        return partial_to(kind, np.stack(slopes, axis=2), poses, self)
+
+    @property
+    def acting_at_poses(self) -> list[FittedEffect]:
+        """Effects of physics that need the pose alone."""
+        return [i for i in self.effects if i.effect.kind == "pose" and i.effect.side == "physics"]
+
+    def _at_poses(self, poses: F) -> F:
+        wrench = self.base.predict(poses)
+        acting = self.acting_at_poses
+        if not acting:
+            return wrench
+        return self._with_corrections(wrench, self.rows_at(poses), acting)
+
+    def _with_corrections(self, wrench: F, rows: Rows, acting: Sequence[FittedEffect]) -> F:
+        """(N, m) wrenches with the corrections of some effects."""
+        if not acting:
+            return np.array(wrench)
+
+        def whole() -> F:
+            corrections = [correction_of(i.effect, rows, i.values) for i in acting]
+            return np.asarray(wrench + np.sum(corrections, axis=0))
+
+        return finite("the prediction", whole)
+
+    def rows_at(self, poses: F) -> Rows:
+        """Rows of poses (N, n) without a table, of the model's mechanism in the model's scene."""
+        columns = {name: poses[:, j] for j, name in enumerate(self.inputs)}
+        length = self.known_length_m
+        known = {} if length is None else {"length_m": length}
+        meta = Meta(mechanism=known, scene=self.scene)
+        return Rows(Table(columns, meta, "poses"), self.base)
+
+
+def rows_of_poses(poses: F, inputs: Sequence[str]) -> F:
+    """(N, n) of poses (N, n), or (1, n) of one pose (n,)."""
+    try:
+        rows = np.ascontiguousarray(poses, dtype=np.float64)
+    except (TypeError, ValueError):
+        rows = np.zeros((0, 0, 0))
+    if np.ndim(poses) == 1 and rows.ndim == 1:
+        rows = rows[None]
+    n = len(inputs)
+    if rows.ndim != 2 or rows.shape[1] != n or isinstance(poses, str | bytes | Mapping):
+        shape = getattr(poses, "shape", None)
+        found = f"of shape {shape}" if isinstance(shape, tuple) else f"as a {type(poses).__name__}"
+        raise InputError(
+            f"poses {found}: expected (N, {n}), or ({n},) for one pose, of {', '.join(inputs)}"
+        )
+    return rows
