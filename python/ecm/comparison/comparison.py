@@ -21,12 +21,11 @@ from ecm.comparison.structure import (
     structure_test,
 )
 from ecm.errors import InputError
-from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import unit_of
 from ecm.io.events import Progress, Steps
 from ecm.io.extras import require
-from ecm.io.table import as_table
+from ecm.io.table import takes_table
 from ecm.models.file import was_trained_on
 from ecm.models.given import as_model
 from ecm.models.joint_fit import base_columns
@@ -343,6 +342,7 @@ class Comparison:
         }
 
 
+@takes_table()
 def compare(
     model: Model | Any,
     table: TableLike,
@@ -399,8 +399,6 @@ def compare(
     >>> [c.name for c in result.components]
     ['fx_N']
     """
-    check_arguments(compare, locals())
-    table = as_table(table, meta=meta)
     model = as_model(model, table)
     lacking = [name for name in (*model.inputs, *model.outputs) if not table.has(name)]
     if lacking:

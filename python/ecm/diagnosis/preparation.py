@@ -14,7 +14,7 @@ from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows, effects_of, get_effect, load_installed
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
-from ecm.io.misread import Misread, misread
+from ecm.io.sanity import WrongConvention, wrong_convention
 from ecm.io.table import Table
 from ecm.models.base_choice import choose_base
 from ecm.models.model import Model
@@ -47,7 +47,7 @@ class Prepared:
     """Effects that the model has already."""
     padding: tuple[str, ...] = ()
     """Pose and wrench columns that are 0 in every row: `unexplained` is without them."""
-    misread: Misread | None = None
+    misread: WrongConvention | None = None
     """What looks wrong with the signs or the columns of the rows as they were given."""
 
 
@@ -99,7 +99,7 @@ def prepare(
         effects=tuple(effect for effect in given if effect.id not in of_model),
         carried={effect.id: why for effect in given if effect.id in of_model},
         padding=padded,
-        misread=misread(table),
+        misread=wrong_convention(table),
     )
 
 

@@ -46,9 +46,8 @@ from ecm.diagnosis.stated_numbers import (
 from ecm.diagnosis.unexplained import Unknown, describe_residual
 from ecm.diagnosis.whiteness import Pattern, find_pattern
 from ecm.effects import Effect
-from ecm.io.arguments import check_arguments
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.table import as_table
+from ecm.io.table import takes_table
 from ecm.models.base_choice import choose_base, symmetric_energy
 from ecm.models.given import as_model
 from ecm.models.physics.map import PhysicsMap
@@ -122,6 +121,7 @@ def watched(stages: Stages, progress: Callable[[int, int, str], object]) -> Stag
     )
 
 
+@takes_table("fit")
 @one_blas_thread()
 def diagnose(
     model: Model | Any,
@@ -176,8 +176,6 @@ def diagnose(
     >>> ecm.diagnose(ecm.fit_model(table, "linear"), table, effects=[]).verdict
     'none'
     """
-    check_arguments(diagnose, locals())
-    table = as_table(table, meta=meta, need="fit")
     model = as_model(model, table)
     with naming_wild_readings(table):
         decision = find_missing(

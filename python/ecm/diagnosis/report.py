@@ -13,7 +13,6 @@ from ecm.comparison.residuals import confounded_with_order
 from ecm.comparison.structure import run_outliers, signature_shares
 from ecm.diagnosis.check import (
     NotTestable,
-    likely_continuous,
     never_excited,
     padding_sentences,
 )
@@ -25,7 +24,6 @@ from ecm.diagnosis.identifiability import detection_limits, least_strength_seen
 from ecm.diagnosis.next_experiment import next_experiments
 from ecm.diagnosis.preparation import Prepared
 from ecm.diagnosis.problem import Candidate, Problem
-from ecm.diagnosis.readings import time_unit
 from ecm.diagnosis.result import (
     BaseSummary,
     ComponentErrors,
@@ -49,6 +47,7 @@ from ecm.diagnosis.summary import directions, path_taken
 from ecm.diagnosis.unexplained import misread_table
 from ecm.io.arrays import rest_of
 from ecm.io.description import shown_ranges
+from ecm.io.sanity import likely_continuous, time_unit
 from ecm.models.history import Ceiling, ceiling_rms
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.model import Model

@@ -6,18 +6,20 @@ and no row twice.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, KeysView, Mapping, Sequence
+from collections.abc import Callable, Iterator, KeysView, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import wraps
 from html import escape
+from inspect import signature
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, ParamSpec, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
-from ecm.io.arrays import F, I
+from ecm.io.arrays import B, F, I
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, TEXT, WRENCH, close_name, is_standard
 from ecm.io.csv import RawTable, raw_table, read_csv, write_csv
@@ -41,6 +43,27 @@ columns, a record array, or the path of a file, or several."""
 MetaLike: TypeAlias = Meta | Mapping[str, Any] | str | Path | None
 """A description: a `Meta`, a dict of what the TOML beside a table holds, or the path of such a
 file."""
+
+
+def _with_checks(init: Callable[..., None]) -> Callable[..., None]:
+    """Decorate the constructor of a Table: what comes without a `Meta` is read with all checks."""
+
+    @wraps(init)
+    def at_the_door(
+        self: Table,
+        columns: TableLike,
+        meta: MetaLike = None,
+        source: str = "table",
+        warnings: tuple[str, ...] = (),
+        **others: Any,
+    ) -> None:
+        if not isinstance(meta, Meta):
+            checked = as_table(columns, meta=meta, source=source)
+            columns, meta, source = checked.columns, checked.meta, checked.source
+            warnings = (*warnings, *checked.warnings)
+        init(self, columns, meta, source, warnings, **others)
+
+    return at_the_door
 
 
 @dataclass(frozen=True, repr=False, init=False)
@@ -92,6 +115,7 @@ class Table:
     places: I | None = None
     file_rows: I | None = None
 
+    @_with_checks
     def __init__(
         self,
         columns: TableLike,
@@ -103,10 +127,6 @@ class Table:
         places: I | None = None,
         file_rows: I | None = None,
     ) -> None:
-        if not isinstance(meta, Meta):
-            checked = as_table(columns, meta=meta, source=source)
-            columns, meta, source = checked.columns, checked.meta, checked.source
-            warnings = (*warnings, *checked.warnings)
         values = (columns, meta, source, warnings, zeros_s, whole, places, file_rows)
         for item, value in zip(fields(self), values, strict=True):
             object.__setattr__(self, item.name, value)
@@ -298,12 +318,20 @@ class Table:
         """Return the table with this length of the mechanism, unless its own is known."""
         return self.with_meta(self.meta.with_length(length_m))
 
+    @property
+    def continuous(self) -> bool:
+        """Whether the rows are samples of a continuous test."""
+        return self.meta.file.kind == "continuous" and "time_s" in self.columns
+
+    @property
+    def of_poses(self) -> B:
+        """(N,) rows that measure a pose: neither home checks nor unloaded readings."""
+        kind = self.text("kind")
+        return np.asarray((kind == "") | (kind == "pose"), dtype=np.bool_)
+
     def measured(self) -> Table:
         """Return the rows of kind `pose`, without home checks and unloaded readings."""
-        if "kind" not in self.columns:
-            return self
-        kind = self.columns["kind"]
-        return self.select((kind == "pose") | (kind == ""))
+        return self.select(self.of_poses) if "kind" in self.columns else self
 
     def write(self, path: str | Path, *, progress: Progress | None = None) -> None:
         """Write NAME.csv, whose numbers read back bit for bit, and NAME.toml where needed.
@@ -460,6 +488,53 @@ one; expected the unit in the name. If it is in that unit, call it 'y_m'; else g
         table = _checked(raw_table(data, source), as_meta(meta), source, skip_bad_rows)
     require_columns(table, need)
     return table
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def takes_table(
+    need: Need | None = None, *, name: str = "table", or_array: bool = False
+) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Decorate a public function that takes all that `as_table` reads.
+
+    Its arguments are checked by their types, and its body gets a Table that `meta` describes. So
+    files, frames and dicts end at the door.
+
+    Parameters
+    ----------
+    need
+        "fit" or "predict": check that the columns it needs exist.
+    name
+        The argument that becomes a Table.
+    or_array
+        Whether an array, such as poses (N, 6), stays what it is.
+
+    Examples
+    --------
+    >>> @takes_table()
+    ... def count(table: TableLike, *, meta: MetaLike = None) -> int:
+    ...     return len(table)
+    >>> count({"y_m": [0.0, 0.01]})
+    2
+    """
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        parameters = signature(function)
+
+        @wraps(function)
+        def at_the_door(*args: P.args, **kwargs: P.kwargs) -> R:
+            given = parameters.bind(*args, **kwargs)
+            check_arguments(function, given.arguments)
+            data, meta = given.arguments[name], given.arguments.get("meta")
+            if not (or_array and isinstance(data, np.ndarray) and data.dtype.names is None):
+                given.arguments[name] = as_table(data, meta=meta, need=need)
+            return function(*given.args, **given.kwargs)
+
+        return at_the_door
+
+    return decorate
 
 
 def _are_paths(data: TableLike) -> bool:

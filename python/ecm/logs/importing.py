@@ -23,6 +23,7 @@ from ecm.io.description import FileMeta, Meta, as_meta, row_ranges, shown_ranges
 from ecm.io.events import Progress
 from ecm.io.frames import ORDERS, order_warning
 from ecm.io.interrupts import uninterrupted
+from ecm.io.sanity import samples_s
 from ecm.io.table import MetaLike, Table, as_table
 from ecm.io.toml import did_you_mean, refuse_pipe
 from ecm.io.units import given_units
@@ -57,8 +58,6 @@ _EXPERIMENTS = {"experiment", "specimen", "sample", "trial", "subject", "test", 
 """Words in names of columns that tell experiments apart."""
 _MOST_WORDS = 8
 """Words of a column that tells experiments apart that are listed with their numbers."""
-_SAMPLED_S = 0.5
-"""Rows that follow each other faster are samples of a continuous test."""
 
 
 @dataclass(frozen=True)
@@ -351,12 +350,7 @@ def _read(log: Any, topics: Sequence[str], progress: Progress | None) -> ReadLog
 
 def _file(table: Mapping[str, NDArray[Any]], file: FileMeta) -> FileMeta:
     """[file] of the table: samples that follow each other closely are a continuous test."""
-    if file.kind == "static" and "time_s" in table and len(table["time_s"]) > 100:
-        steps = np.diff(table["time_s"])
-        steps = steps[steps > 0.0]
-        if len(steps) and float(np.median(steps)) < _SAMPLED_S:
-            return replace(file, kind="continuous")
-    return file
+    return replace(file, kind="continuous") if samples_s(table) else file
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from ecm.io.columns import POSE
 from ecm.io.description import Meta, Scene
 from ecm.io.events import Progress, Steps
 from ecm.io.extras import require
-from ecm.io.table import Table, TableLike, as_table
+from ecm.io.table import Table, TableLike, takes_table
 from ecm.models import file
 from ecm.models.controller import Controller
 from ecm.models.file import (
@@ -150,6 +150,7 @@ class Model:
             )
         return np.array([[length, 0.0, 0.0, 0.0, 0.0, 0.0]])
 
+    @takes_table(name="data", or_array=True)
     def predict(self, data: TableLike | F, *, skip_untestable: bool = False) -> F:
         """(N, m) wrench, N and N m, at poses (N, n), or expected readings of a table.
 
@@ -172,7 +173,6 @@ class Model:
         if isinstance(data, np.ndarray):
             found = self._at_poses(_rows_of_poses(data, self.inputs))
             return found if data.ndim != 1 else np.asarray(found[0])
-        data = as_table(data)
         rows = Rows(data, self.base)
         lacking = self.left_out(data)
         for id, why in lacking.items():
@@ -329,6 +329,7 @@ class Model:
             bare = replace(bare, base=folded(self)[0], covariance=None)
         return Controller(json.dumps(bare.document()), time_effects(self))
 
+    @takes_table()
     def measured_at(self, table: TableLike) -> Model:
         """The model with the poses of these rows for its measured ones.
 
@@ -342,7 +343,7 @@ class Model:
         >>> model.measured_at({"y_m": [0.0, 0.004]}).training["poses"]
         [[0.0], [0.004]]
         """
-        poses = sample_of(as_table(table), self.inputs)
+        poses = sample_of(table, self.inputs)
         return replace(self, training={**self.training, "poses": poses})
 
     @property
@@ -498,6 +499,7 @@ class Model:
                 listed = ", ".join(present) if present else "none"
                 raise InputError(f"the model has no effect {id}; it has: {listed}")
 
+    @takes_table()
     def fit(
         self,
         table: TableLike,
@@ -530,7 +532,7 @@ class Model:
         InputError
             Where the table cannot determine an effect; the message names the column to record.
         """
-        table, freeze_base = without_zero_readings(as_table(table)), self.base_frozen
+        table, freeze_base = without_zero_readings(table), self.base_frozen
         training = training_of(table)
         training["poses"] = sample_of(table, self.inputs)
         same_rows = was_trained_on(self.training, table)

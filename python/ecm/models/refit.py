@@ -15,11 +15,10 @@ import numpy as np
 
 from ecm.effects.protocol import Effect
 from ecm.errors import ComputationError, EcmError, InputError, Remedy
-from ecm.io.arguments import check_arguments
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH, same_unit, unit_of
 from ecm.io.events import Progress
-from ecm.io.table import MetaLike, Table, TableLike, as_table
+from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.base_choice import choose_base
 from ecm.models.fit import fit_rows
 from ecm.models.given import as_model
@@ -385,6 +384,7 @@ def _errors(model: Model, table: Table) -> tuple[F, F]:
     return errors, np.sqrt(variance[scored].mean(axis=0))
 
 
+@takes_table()
 def refit(
     model: Model,
     table: TableLike,
@@ -440,22 +440,20 @@ def refit(
     >>> print(model.fit_report().splitlines()[3])
         fy_rate = 0.05 +- 0.016 N/s
     """
-    check_arguments(refit, locals())
     if not (add or remove or freeze):
         raise InputError(
             "refit: nothing to change; give add, remove or freeze "
             "(--add EFFECT, --remove EFFECT, --freeze NAME)"
         )
-    rows = as_table(table, meta=meta)
-    changed = as_model(model, rows).remove(*remove).add(*add).freeze(*freeze)
-    with naming_wild_readings(rows):
-        fitted = changed.fit(rows, progress=progress)
+    changed = as_model(model, table).remove(*remove).add(*add).freeze(*freeze)
+    with naming_wild_readings(table):
+        fitted = changed.fit(table, progress=progress)
         before = model.remove(*remove)
         one_column = fitted.training.get("smallest_taken", False)
-        if not add or not (one_column or undetermined(fitted, rows, before)):
+        if not add or not (one_column or undetermined(fitted, table, before)):
             return fitted
-        held = _held_near_physics(changed, rows)
-        return fitted if held is None or undetermined(held, rows, before) else held
+        held = _held_near_physics(changed, table)
+        return fitted if held is None or undetermined(held, table, before) else held
 
 
 def _held_near_physics(changed: Model, table: Table) -> Model | None:
