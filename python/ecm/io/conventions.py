@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -288,11 +289,11 @@ def _rotations() -> Iterator[Convention]:
     yield Convention("the pose looks inverted (the base seen from the top)", _inverted, True)
     for stated, meant in ORDERS.items():
         words = f"the rotation looks read from a quaternion as {stated}, which is {meant}"
-        yield _of_rotation(words, lambda v, stated=stated: read_in_other_order(v, stated))
+        yield _of_rotation(words, partial(read_in_other_order, stated=stated))
     for order in itertools.permutations(range(3)):
         name = "".join("xyz"[j] for j in order)
         words = f"the rotation columns look like Euler angles in the order {name}"
-        yield _of_rotation(words, lambda v, order=order: _of_euler(v, order))
+        yield _of_rotation(words, partial(_of_euler, order=order))
 
 
 def _of_rotation(words: str, change: Callable[[F], F]) -> Convention:

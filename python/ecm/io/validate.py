@@ -20,7 +20,7 @@ from ecm.io.columns import (
     is_standard,
     likely_name,
 )
-from ecm.io.csv import Cells, RawTable, RowError, RowErrors
+from ecm.io.csv import Cells, RawTable, RowError, RowErrors, number_of
 from ecm.io.description import ColumnSource, Meta
 from ecm.io.frames import to_base
 from ecm.io.toml import did_you_mean
@@ -160,7 +160,7 @@ def _plain_numbers(cells: Cells) -> Any:
 def _parse_cells(name: str, own: str, cells: Cells, errors: RowErrors) -> tuple[F, B]:
     """Return numbers (N,), NaN where a cell is not a number, and which cells these are."""
     texts = ["" if cell is None else str(cell).strip() for cell in cells]
-    parsed = [_parsed(text) for text in texts]
+    parsed = [number_of(text) for text in texts]
     unread = np.array([value is None for value in parsed])
     if not is_standard(own) and len(texts) > 1 and unread.all() and "" not in texts:
         raise InputError(
@@ -173,13 +173,6 @@ def _parse_cells(name: str, own: str, cells: Cells, errors: RowErrors) -> tuple[
             comma = " (with a decimal point)" if "," in text else ""
             errors.add(int(row), own, shown(text) if text else "an empty cell", f"a number{comma}")
     return np.array([np.nan if value is None else value for value in parsed]), unread
-
-
-def _parsed(text: str) -> float | None:
-    try:
-        return None if "_" in text else float(text)
-    except ValueError:
-        return None
 
 
 def _text(name: str, cells: Cells, errors: RowErrors) -> NDArray[np.object_]:
