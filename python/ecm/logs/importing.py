@@ -38,7 +38,7 @@ from ecm.logs.containers import (
     read_parquet_log,
 )
 from ecm.logs.log import Log, log_of_object
-from ecm.logs.mapping import propose, standard_of
+from ecm.logs.mapping import propose
 from ecm.logs.names import read_name
 from ecm.logs.sources import (
     ColumnMap,
@@ -410,7 +410,7 @@ def list_columns(log: Any) -> list[LogColumn]:
     found = []
     for name, values in raw.columns.items():
         named = read_name(name, raw.units.get(name, ""))
-        standards = {standard_of(reading) for reading in named.readings} - {None}
+        standards = {guess.standard() for guess in named.guesses} - {None}
         known = values[np.isfinite(values)]
         low, high = (known.min(), known.max()) if len(known) else (np.nan, np.nan)
         unit = raw.units.get(name, "") if named.unit is None else named.unit.word
@@ -421,7 +421,7 @@ def list_columns(log: Any) -> list[LogColumn]:
                 float(high),
                 unit,
                 str(*standards) if len(standards) == 1 else "",
-                named.readings[0].quantity if named.readings else "",
+                named.guesses[0].quantity if named.guesses else "",
             )
         )
     return found
