@@ -177,13 +177,13 @@ def test_columns_of_zeros_are_noticed_and_left_out(zeros: tuple[str, ...]) -> No
     table = one_angle("kink")
     padded = table.with_columns({name: np.zeros(len(table)) for name in zeros}).with_length(0.1)
     checked = ecm.check(padded)
-    assert set(checked.padding) == set(zeros)
-    assert "0 in every row: padding?" in str(checked)
+    assert set(checked.zero_columns) == set(zeros)
+    assert "0 in every row: filled up with zeros?" in str(checked)
     assert {"kink", "hysteresis"} <= set(checked.testable)
     found = ecm.diagnose(ecm.fit(padded, "cubic"), padded)
     assert found.answer == (("kink",),)
-    assert any("padding" in line for line in found.warnings)
-    assert ecm.check(table).padding == ()
+    assert any("filled up with zeros" in line for line in found.warnings)
+    assert ecm.check(table).zero_columns == ()
 
 
 def test_what_cannot_be_tested_is_at_most_six_lines() -> None:

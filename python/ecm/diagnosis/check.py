@@ -110,7 +110,7 @@ class Check:
     columns: tuple[ColumnCheck, ...]
     never_excited: tuple[str, ...]
     """Pose and wrench columns that are constant: nothing can be learnt about them."""
-    padding: tuple[str, ...]
+    zero_columns: tuple[str, ...] = field(metadata={"json": "padding"})
     """Pose and wrench columns that are 0 in every row: left out when effects are tested."""
     missing: tuple[str, ...]
     """Pose and wrench columns that are not there."""
@@ -183,7 +183,7 @@ def never_excited(table: Table) -> tuple[str, ...]:
     return tuple(name for name in names if _is_constant(measured.column(name)))
 
 
-def padding(table: Table) -> tuple[str, ...]:
+def zero_columns(table: Table) -> tuple[str, ...]:
     """Return the pose and wrench columns that are 0 in every row, where a table was filled up.
 
     With a body in [mechanism] a pose may well stay zero: then the physics tells what follows.
@@ -197,13 +197,13 @@ def padding(table: Table) -> tuple[str, ...]:
     return zero if kept & {*POSE} and kept & {*WRENCH} else ()
 
 
-def padding_sentences(padded: Sequence[str]) -> list[str]:
+def zero_column_sentences(zeros: Sequence[str]) -> list[str]:
     """Return what is done with columns that are 0 in every row; nothing without any."""
-    if not padded:
+    if not zeros:
         return []
     return [
-        f"{', '.join(padded)} {'are' if len(padded) > 1 else 'is'} 0 in every row: padding? "
-        "Effects are tested without, in the columns that vary."
+        f"{', '.join(zeros)} {'are' if len(zeros) > 1 else 'is'} 0 in every row: filled up with "
+        "zeros? Effects are tested without, in the columns that vary."
     ]
 
 
@@ -244,10 +244,10 @@ def check(table: TableLike, *, meta: MetaLike = None, progress: Progress | None 
     kinds = {name: int(np.count_nonzero(kind == name)) for name in KINDS}
     kinds["pose"] = int(table.of_poses.sum())
     groups = table.groups()
-    padded = padding(table)
+    zeros = zero_columns(table)
     testable, not_testable = _effects(
-        table.drop(*padded),
-        [name for name in constant if name not in padded],
+        table.drop(*zeros),
+        [name for name in constant if name not in zeros],
         steps.within(_TESTABLE),
     )
     steps.begin(_REPEATS)
@@ -261,7 +261,7 @@ def check(table: TableLike, *, meta: MetaLike = None, progress: Progress | None 
         runs=len(np.unique(table.column("run"))) if table.has("run") else 1,
         columns=columns,
         never_excited=constant,
-        padding=padded,
+        zero_columns=zeros,
         missing=tuple(missing),
         groups=None if groups is None else len(np.unique(groups)),
         repeated_poses=repeated,
@@ -271,7 +271,7 @@ def check(table: TableLike, *, meta: MetaLike = None, progress: Progress | None 
         warnings=(*table.warnings, *doubts(table, wrong)),
         suspect=tuple(suspect_rows(table)),
         misread=wrong,
-        remarks=(*padding_sentences(padded), *_sampling(table), *whole_turns(table)),
+        remarks=(*zero_column_sentences(zeros), *_sampling(table), *whole_turns(table)),
     )
 
 

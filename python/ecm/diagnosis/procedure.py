@@ -263,7 +263,7 @@ def _of_rows(
     against = partial(
         decide, prepared=prepared, seed=seed, noise=noise, settings=settings, stages=stages
     )
-    decision = against(choose_base(model, prepared.table.drop(*prepared.padding)))
+    decision = against(choose_base(model, prepared.table.drop(*prepared.zero_columns)))
     if decision.verdict != "none":
         other = base_of_unlike_ends(decision)
         again = None if other is None else against(other)

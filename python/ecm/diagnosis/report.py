@@ -14,7 +14,7 @@ from ecm.comparison.structure import run_outliers, signature_shares
 from ecm.diagnosis.check import (
     NotTestable,
     never_excited,
-    padding_sentences,
+    zero_column_sentences,
 )
 from ecm.diagnosis.classify import modulus_warning
 from ecm.diagnosis.confusion import confusable_pairs
@@ -127,7 +127,7 @@ def _report(decision: Decision, model: Model, seed: int, judged: Future[GivenMod
         directions=(directions(final) or None) if decision.answer else None,
         refinements=refinements(problem, accepted),
         warnings=(
-            *padding_sentences(prepared.padding),
+            *zero_column_sentences(prepared.zero_columns),
             *_warnings(problem, prepared, final),
             *negative_payload(final.effects if decision.answer else ()),
             *path_taken(problem.table, [id for members in decision.answer for id in members]),
