@@ -407,7 +407,7 @@ def refit_of_kind(model: Model, table: Table, noise: Noise) -> JointFit | None:
         None for a map that is learned or has no coefficients, and where half of the numbers or
         more would be coefficients.
     """
-    table = table.thinned(spread_rows(table, _MOST_ROWS))
+    table = table.subsample(spread_rows(table, _MOST_ROWS))
     base = model.base
     if base.kind in LEARNED or not len(base.coefficients):
         return None

@@ -162,7 +162,7 @@ def upper_bound(test: FTest, size: int) -> float:
 
 def _rows_used(problem: Problem, alike: bool) -> RowsUsed | None:
     """Return how many rows of a large table were used, and why they are enough."""
-    if problem.table.whole is None:
+    if problem.table.sampled_from is None:
         return None
     seen, trusted = least_strength_seen(problem), problem.settings.least_strength
     enough = (
@@ -171,7 +171,7 @@ def _rows_used(problem: Problem, alike: bool) -> RowsUsed | None:
         "own error"
     )
     how = "as many as tell more, since neighbours err alike; " * alike + HOW
-    return RowsUsed(len(problem.table.whole), len(problem.table), how, enough)
+    return RowsUsed(len(problem.table.sampled_from), len(problem.table), how, enough)
 
 
 def _outside_causes(decision: Decision) -> tuple[OutsideCause, ...]:
@@ -288,7 +288,7 @@ def _warnings(problem: Problem, prepared: Prepared, final: JointFit) -> tuple[st
             f"{len(unlike)} rows are unlike all others and count less: {numbers}; ecm check says "
             "which are no measurement, and its --leave-out leaves them out"
         )
-    warnings += likely_continuous(prepared.table.unthinned)
+    warnings += likely_continuous(prepared.table.full)
     if late := time_unit(problem.table):
         warnings.append(late)
     if strange := modulus_warning(problem):

@@ -87,8 +87,8 @@ class Table:
         Warnings from reading.
     zeros_s
         Times of sensor zeros whose readings are no longer rows.
-    whole, places
-        Of a thinned table: the table that its rows were chosen from, and their places (N,) there.
+    sampled_from, sampled_rows
+        Of a subsample: the table that its rows were chosen from, and their numbers (N,) there.
     file_rows
         (N,) number of each row in its file, from 1, where rows were left out.
 
@@ -111,8 +111,8 @@ class Table:
     source: str
     warnings: tuple[str, ...] = ()
     zeros_s: tuple[float, ...] = ()
-    whole: Table | None = None
-    places: I | None = None
+    sampled_from: Table | None = None
+    sampled_rows: I | None = None
     file_rows: I | None = None
 
     @_with_checks
@@ -123,11 +123,11 @@ class Table:
         source: str = "table",
         warnings: tuple[str, ...] = (),
         zeros_s: tuple[float, ...] = (),
-        whole: Table | None = None,
-        places: I | None = None,
+        sampled_from: Table | None = None,
+        sampled_rows: I | None = None,
         file_rows: I | None = None,
     ) -> None:
-        values = (columns, meta, source, warnings, zeros_s, whole, places, file_rows)
+        values = (columns, meta, source, warnings, zeros_s, sampled_from, sampled_rows, file_rows)
         for item, value in zip(fields(self), values, strict=True):
             object.__setattr__(self, item.name, value)
 
@@ -242,14 +242,16 @@ class Table:
         """Return the rows of a mask (N,) or of row numbers."""
         index = np.asarray(rows)
         columns = {name: col[index] for name, col in self.columns.items()}
-        places = None if self.places is None else self.places[index]
+        sampled = None if self.sampled_rows is None else self.sampled_rows[index]
         file_rows = None if self.file_rows is None else self.file_rows[index]
-        return replace(self, columns=columns, places=places, file_rows=file_rows)
+        return replace(self, columns=columns, sampled_rows=sampled, file_rows=file_rows)
 
     @property
     def row_numbers(self) -> I:
-        """(N,) numbers of the rows from 0; those of a thinned table are the places in its whole."""
-        return np.arange(len(self), dtype=np.int64) if self.places is None else self.places
+        """(N,) numbers of the rows from 0; those of a subsample are its `sampled_rows`."""
+        return (
+            np.arange(len(self), dtype=np.int64) if self.sampled_rows is None else self.sampled_rows
+        )
 
     @property
     def numbers_in_file(self) -> I:
@@ -257,35 +259,37 @@ class Table:
         return self.row_numbers + 1 if self.file_rows is None else self.file_rows
 
     @property
-    def unthinned(self) -> Table:
-        """The table that the rows of a thinned one were chosen from; else this table.
+    def full(self) -> Table:
+        """The table that the rows of a subsample were chosen from; else this table.
 
         Examples
         --------
         >>> table = as_table({"y_m": [0.0, 0.01, 0.02], "fy_N": [0.0, 30.5, 61.0]})
-        >>> len(table.thinned([0, 2]).unthinned), len(table.unthinned)
+        >>> len(table.subsample([0, 2]).full), len(table.full)
         (3, 3)
         """
-        return self if self.whole is None else self.whole
+        return self if self.sampled_from is None else self.sampled_from
 
-    def thinned(self, rows: ArrayLike) -> Table:
+    def subsample(self, rows: ArrayLike) -> Table:
         """Return rows of growing numbers, which keep the history of all; all are the table itself.
 
         What depends on earlier rows, such as the pose before or the load so far, is computed on
-        the `whole` table.
+        the `full` table.
 
         Examples
         --------
         >>> table = as_table({"y_m": [0.0, 0.01, 0.02], "fy_N": [0.0, 30.5, 61.0]})
-        >>> few = table.thinned([0, 2])
-        >>> len(few), len(few.whole), few.places
+        >>> some = table.subsample([0, 2])
+        >>> len(some), len(some.full), some.sampled_rows
         (2, 3, array([0, 2]))
         """
         index = np.asarray(rows, dtype=np.int64)
         if len(index) == len(self):
             return self
-        few = self.select(index)
-        return few if self.whole is not None else replace(few, whole=self, places=index)
+        some = self.select(index)
+        if self.sampled_from is not None:
+            return some
+        return replace(some, sampled_from=self, sampled_rows=index)
 
     def with_columns(self, columns: Mapping[str, ArrayLike]) -> Table:
         """Return the table with these columns (N,) replaced or added; new ones are last."""
@@ -311,8 +315,8 @@ class Table:
 
     def with_meta(self, meta: Meta) -> Table:
         """Return the table with another description."""
-        whole = None if self.whole is None else self.whole.with_meta(meta)
-        return replace(self, meta=meta, whole=whole)
+        full = None if self.sampled_from is None else self.full.with_meta(meta)
+        return replace(self, meta=meta, sampled_from=full)
 
     def with_length(self, length_m: float | None) -> Table:
         """Return the table with this length of the mechanism, unless its own is known."""

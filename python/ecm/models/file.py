@@ -71,7 +71,7 @@ def error_over_noise(base: StiffnessMap, noise: Noise, table: Table) -> float | 
     """
     if noise.is_residual:
         return None
-    rows = Rows(table.thinned(spread_rows(table, _MOST_ROWS)), base)
+    rows = Rows(table.subsample(spread_rows(table, _MOST_ROWS)), base)
     errors = rows.table.matrix(base.outputs) - rows.sensor_load
     whitener = whiteners(noise.covariance(rows, base.error))
     return float(np.sqrt((np.einsum("nij,nj->ni", whitener, errors) ** 2).mean()))

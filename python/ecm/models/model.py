@@ -538,7 +538,7 @@ class Model:
         same_rows = was_trained_on(self.training, table)
         domain, conditions = domain_of(table, self.inputs), conditions_of(table)
         if len(table) > most_rows:
-            total, table = len(table), table.thinned(spread_rows(table, most_rows))
+            total, table = len(table), table.subsample(spread_rows(table, most_rows))
             fitted_rows = RowsUsed(total, len(table), HOW, "the errors of the values are theirs")
             training["rows_used"] = fitted_rows.to_dict()
         free = [item.id for item in self.effects if not item.frozen]
@@ -556,9 +556,7 @@ class Model:
             for i, form in forms.items()
             if form is not self.effects[i].effect or self.effects[i].is_new
         }
-        shaped = self._with_effects(
-            {i: form.variants(table.unthinned)[0] for i, form in first.items()}
-        )
+        shaped = self._with_effects({i: form.variants(table.full)[0] for i, form in first.items()})
         for position, form in forms.items():
             steps.begin(_FORM.format(form.id))
             effects = shaped.effects
@@ -607,7 +605,7 @@ class Model:
 
     def _forms_of(self, table: Table) -> dict[int, Effect]:
         """The free effects in the forms that these columns call for, by position; all testable."""
-        whole = table.unthinned.with_length(self.known_length_m)
+        whole = table.full.with_length(self.known_length_m)
         forms = {}
         for position, item in enumerate(self.effects):
             if item.frozen and not (

@@ -236,7 +236,7 @@ def undetermined(fitted: Model, table: Table, before: Model) -> list[str]:
 def _stiffness_moves(fitted: Model, table: Table, before: Model) -> list[str]:
     if fitted.base_frozen or fitted.covariance is None:
         return []
-    table = table.thinned(spread_rows(table, MANY_ROWS))
+    table = table.subsample(spread_rows(table, MANY_ROWS))
     fit = joint_fit(before.base, before.effects, table, fitted.noise)
     k = len(fit.base.coefficients)
     alone = replace(before, base=fit.base, effects=fit.effects, covariance=fit.covariance[:k, :k])
@@ -372,7 +372,7 @@ def _is_worse(error: float, other: float, noise: float) -> bool:
 
 def _errors(model: Model, table: Table) -> tuple[F, F]:
     """Return (m,) rms error and noise of the components; only rounding where none is known."""
-    some = table.thinned(spread_rows(table, _MOST_ROWS))
+    some = table.subsample(spread_rows(table, _MOST_ROWS))
     scored = is_pose_row(some)
     readings = some.matrix(model.outputs)
     left = readings - model.predict(some, skip_untestable=True)
