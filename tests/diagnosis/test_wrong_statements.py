@@ -13,8 +13,8 @@ from ecm.diagnosis import Diagnosis, diagnose
 from ecm.diagnosis.check import check
 from ecm.diagnosis.procedure import find_missing
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.conventions import wrong_convention
 from ecm.io.description import Instrument, Meta
-from ecm.io.sanity import wrong_convention
 from ecm.io.table import Table, as_table, read_table
 from ecm.models import fit_model
 from support.campaigns import campaign, model, workspace_poses

@@ -11,7 +11,8 @@ from ecm.cli.session import Session, saved_by_force
 from ecm.effects import load_installed
 from ecm.errors import InputError
 from ecm.io.columns import POSE
-from ecm.io.sanity import likely_continuous, wrong_convention
+from ecm.io.conventions import wrong_convention
+from ecm.io.sanity import likely_continuous
 from ecm.io.table import Table
 from ecm.models import (
     Expression,

@@ -13,16 +13,9 @@ from ecm.diagnosis.summary import fields_json
 from ecm.effects import effects_of
 from ecm.effects.protocol import missing_length
 from ecm.io.columns import KINDS, POSE, TEXT, WRENCH, is_standard
+from ecm.io.conventions import WrongConvention, wrong_convention
 from ecm.io.events import Progress, Steps
-from ecm.io.sanity import (
-    SuspectRows,
-    WrongConvention,
-    doubts,
-    likely_continuous,
-    suspect_rows,
-    whole_turns,
-    wrong_convention,
-)
+from ecm.io.sanity import SuspectRows, doubts, likely_continuous, suspect_rows, whole_turns
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.regression.correlation import correlation_time
 from ecm.regression.folds import noise_source, repeated_poses

@@ -14,7 +14,7 @@ from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows, effects_of, get_effect, load_installed
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
-from ecm.io.sanity import WrongConvention, wrong_convention
+from ecm.io.conventions import WrongConvention, wrong_convention
 from ecm.io.table import Table
 from ecm.models.base_choice import choose_base
 from ecm.models.model import Model

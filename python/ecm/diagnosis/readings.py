@@ -22,8 +22,7 @@ from ecm.diagnosis.problem import Candidate, Problem
 from ecm.errors import EcmError, ModelError
 from ecm.io.arrays import F, I, evenly, rest_of
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.conventions import Convention, conventions, in_words
-from ecm.io.sanity import falling_loads
+from ecm.io.conventions import Convention, conventions, falling_loads, in_words
 from ecm.io.se3 import rotation
 from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import EnergyMap, StiffnessMap

@@ -1,24 +1,32 @@
 """Conventions in which a user may have meant a table: signs, axes, units, points, rotations.
 
 Each is a sentence, what looks wrong, and a change, which gives pose and wrench as they were meant.
-Who asks which one holds fits something to every one of them: `ecm.io.sanity` an energy, the
-diagnosis its base or the model that was given.
+Who asks which one holds fits something to every one of them: the diagnosis its base or the model
+that was given, and `wrong_convention` an energy. A body that nothing drives pushes back: the
+Hessian H = d(f, J'tau)/dp of its energy is symmetric, and positive definite where the body rests
+stably (docs/explain/mechanics.md). A column that is negated or exchanged breaks one of both: no
+energy has such loads, or a load falls along a direction that the poses take. No model and no stated
+body is needed.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property, partial
+from typing import Any, Literal
 
 import numpy as np
 
-from ecm._native import rotation_matrices, rotation_vectors
-from ecm.io.arrays import F
+from ecm._native import EnergyModel, left_jacobians, rotation_matrices, rotation_vectors
+from ecm.errors import EcmError, InputError, Remedy
+from ecm.io.arrays import B, F, evenly, rest_of
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import ColumnSource
 from ecm.io.frames import ORDERS, read_in_other_order
 from ecm.io.se3 import rotate, rotation, transpose, turn_wrench
+from ecm.io.table import Table
 from ecm.io.units import factor_of
 
 Change = Callable[[F, F], tuple[F, F]]
@@ -314,3 +322,391 @@ def _of_euler(angles: F, order: tuple[int, ...]) -> F:
     for axis in order:
         turned = turned @ rotation_matrices(angles * np.eye(3)[axis])
     return rotation_vectors(turned)
+
+
+_ROWS = 150
+"""Rows that are compared, spread over the table."""
+_Kind = tuple[Literal["alike", "revolution", "general"], int]
+_ENERGIES: tuple[_Kind, ...] = (
+    ("alike", 4), ("revolution", 4), ("general", 2), ("general", 3),
+)  # fmt: skip
+"""Energies that are asked, from a body of revolution to any body, and their degree."""
+_LEAST_T = 6.0
+"""A slope counts from so many standard deviations."""
+_LEAST_SHARE = 0.05
+"""A load falls where its work along a direction is less than minus this share of its size."""
+_LEAST_SPREAD = 0.05
+"""Directions whose poses spread less than this share of the widest are not judged."""
+_MENDED = 0.5
+"""Share of the error to which a convention must bring an energy."""
+_MOST_ERROR = 0.2
+"""Largest error over the loads at which an energy counts as fitting."""
+_EQUAL = 1.5
+"""Conventions that leave up to so many times the least error are said as well."""
+_MOST_SAID = 3
+
+
+@dataclass(frozen=True)
+class WrongConvention:
+    """What looks wrong with the signs or the columns of a table.
+
+    Parameters
+    ----------
+    what
+        The conventions that mend it, in words; empty where none does.
+    columns
+        Names of the columns in question.
+    decided
+        Whether the other columns prove it: else the mechanism may also be one that does not rest,
+        or origins and rotations may be meant in another way.
+    falls
+        Loads that fall where their own coordinate grows; empty where only the energy contradicts.
+    error_stated, error_mended
+        Error of an energy over the size of the loads, as stated and mended; None where too few
+        columns or rows are there.
+    mend
+        Entries of [columns] in the description that mend it; empty where none do.
+    """
+
+    what: str
+    columns: tuple[str, ...]
+    decided: bool
+    falls: tuple[str, ...] = ()
+    error_stated: float | None = None
+    error_mended: float | None = None
+    mend: tuple[str, ...] = ()
+
+    def sentence(self) -> str:
+        """Return what looks wrong and why, in plain words.
+
+        Examples
+        --------
+        >>> wrong = WrongConvention("the sign of fx looks reversed", ("fx_N",), False, ("fx_N",))
+        >>> print(wrong.sentence())
+        fx_N falls where its coordinate grows: the sign of fx looks reversed, or the mechanism is \
+not passive there (pre-loaded, near buckling, driven)
+        """
+        falls = " and ".join(filter(None, (", ".join(self.falls[:-1]), *self.falls[-1:])))
+        grows = f"{falls} falls where its coordinate grows"
+        if len(self.falls) > 1:
+            grows = f"{falls} fall where their coordinates grow"
+        if not self.decided and self.error_mended is None:
+            what = self.what or "a column is wrong"
+            active = "the mechanism is not passive there (pre-loaded, near buckling, driven)"
+            return f"{grows}: {what}, or {active}"
+        why = [grows] if self.falls else []
+        if self.error_stated is not None and self.error_mended is not None:
+            why.append(
+                f"no elastic body has these loads as stated (an energy errs "
+                f"{100 * self.error_stated:.2g} % of them, with that mended "
+                f"{100 * self.error_mended:.2g} %)"
+            )
+        return f"{self.what}: {', and '.join(why)}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as plain JSON, and the sentence."""
+        return asdict(self) | {"sentence": self.sentence()}
+
+    def refusal(self, source: str) -> InputError:
+        """Return the error of a table that is fitted all the same, and the entry that mends it."""
+        words = "mend the table, then check it again"
+        if self.mend:
+            entries = "\n".join(self.mend)
+            words = (
+                "mend the columns in the TOML beside the table:\n"
+                f"[columns]\n{entries}\nThen check it again"
+            )
+        return InputError(
+            f"{source}: {self.sentence()}. --force (force=True in Python) takes the table as it "
+            "is.",
+            remedy=Remedy(words, "ecm check DATA", force=True),
+        )
+
+
+def wrong_convention(table: Table, *, refuse: bool = False) -> WrongConvention | None:
+    """Return what looks wrong with the signs and columns of a table; None where nothing does.
+
+    Parameters
+    ----------
+    refuse
+        Refuse a table of which one convention is proven wrong.
+
+    Raises
+    ------
+    InputError
+        With the convention, and the entry of [columns] that mends it.
+
+    Examples
+    --------
+    >>> from ecm.io.table import as_table
+    >>> x = np.linspace(-1e-3, 1e-3, 20)
+    >>> wrong_convention(as_table({"x_m": x, "fx_N": 1e4 * x})) is None
+    True
+    >>> wrong_convention(as_table({"x_m": x, "fx_N": -1e4 * x})).falls
+    ('fx_N',)
+    """
+    rows = table.measured()
+    if len(rows) == 0 or not rows.pose_columns or not rows.wrench_columns:
+        return None
+    found = _Elastic(rows.select(evenly(len(rows), _ROWS))).found()
+    if refuse and found is not None and found.decided:
+        raise found.refusal(table.source)
+    return found
+
+
+class _Elastic:
+    """The rows of a table, and how well each convention of them is that of an elastic body."""
+
+    def __init__(self, rows: Table) -> None:
+        self.rows = rows
+        zeros = np.zeros(len(rows))
+        names = (*POSE, *WRENCH)
+        values = np.column_stack([rows.column(n) if rows.has(n) else zeros for n in names])
+        self.there = np.array([bool(np.ptp(column) > 0.0) for column in values.T])
+        self.poses, self.wrench = values[:, :6], values[:, 6:]
+        self.stated_length_m = rows.meta.length_m
+        # The origin along the axis is free in these energies; it only gives a scale.
+        self.length_m = self.stated_length_m or float(np.linalg.norm(values[:, :3].mean(axis=0)))
+        if not rows.has("x_m"):
+            self.poses[:, 0] = self.length_m
+
+    @cached_property
+    def of_columns(self) -> list[Convention]:
+        """The conventions that negate or exchange columns that are there, the simplest first."""
+        varying = {n for n, known in zip((*POSE, *WRENCH), self.there, strict=True) if known}
+        return [
+            item
+            for item in (*signs(), *exchanges())
+            if {stated for _, stated, _ in item.columns} <= varying
+            or (item.words == WRENCH_REVERSED and varying & {*WRENCH})
+        ]
+
+    def found(self) -> WrongConvention | None:
+        """Return what looks wrong; None where nothing does."""
+        falling = falling_loads(self.poses, self.wrench, self.there)
+        if self.energies:
+            proven = self.proven(self.of_columns, tuple(self.energies), falling, decided=True)
+            if proven is not None:
+                return proven
+            if self.there.all() and self.is_doubtful():
+                # Without a length the axis may be any: then only what holds for any body counts.
+                kinds = [k for k in self.energies if self.stated_length_m or k[0] == "general"]
+                # What falls is wrong; another origin or rotation may be the user's choice.
+                every = list(conventions(self.stated_length_m))
+                proven = self.proven(every, kinds, falling, decided=bool(falling))
+                if proven is not None:
+                    return proven
+        return self.either_or(falling) if falling else None
+
+    @cached_property
+    def energies(self) -> dict[_Kind, float]:
+        """The energies whose terms these rows can tell, and their error as stated."""
+        pairs = int((self.there[:6] & self.there[6:]).sum())
+        if pairs < 2 or not self.length_m > 0.0:
+            return {}
+        return {kind: error for kind in _ENERGIES for _, error in self.errors(kind, [None])}
+
+    def errors(
+        self, kind: _Kind, items: Iterable[Convention | None]
+    ) -> Iterator[tuple[Convention | None, float]]:
+        """Yield conventions and the error of an energy fitted to each, where the rows can tell."""
+        as_stated = self.basis(kind, self.poses)
+        for item in items:
+            poses, wrench = self.poses, self.wrench
+            try:
+                if item is not None:
+                    poses, wrench = item.change(poses, wrench)
+            except EcmError:
+                continue
+            of_pose = item is not None and item.of_pose
+            basis = self.basis(kind, poses) if of_pose else as_stated
+            if basis is not None:
+                loads = wrench[:, self.there[6:]]
+                size = _rms(loads)
+                z = (basis[:, self.there[6:]] / size[:, None]).reshape(loads.size, -1)
+                yield item, _rms_left(z, (loads / size).ravel())
+
+    def basis(self, kind: _Kind, poses: F) -> F | None:
+        """Return (N, 6, k) of an energy's terms; None where the rows cannot tell them."""
+        symmetry, degree = kind
+        try:
+            terms = EnergyModel.regressor(
+                poses,
+                length_m=self.length_m,
+                degree=degree,
+                symmetry=symmetry,
+                scale=EnergyModel.scale_of(poses, self.length_m),
+            )
+        except EcmError:
+            return None
+        if not np.isfinite(terms).all():
+            return None
+        loaded = self.there[6:]
+        terms = terms[:, :, np.abs(terms[:, loaded]).max(axis=(0, 1)) > 0.0]
+        return terms if 2 * terms.shape[2] <= loaded.sum() * len(poses) else None
+
+    def is_doubtful(self) -> bool:
+        """Whether every energy errs far more than a wrench that is any quadratic of the pose."""
+        wrench = self.wrench[:, self.there[6:]]
+        x = self.poses[:, self.there[:6]] - self.poses[:, self.there[:6]].mean(axis=0)
+        x = x / np.maximum(x.std(axis=0), 1e-300)
+        terms = [np.ones((len(x), 1)), x]
+        first, second = np.triu_indices(x.shape[1])
+        if len(x) >= 2 * (1 + x.shape[1] + len(first)):
+            terms.append(x[:, first] * x[:, second])
+        free = _rms_left(np.hstack(terms), wrench / _rms(wrench))
+        return min(self.energies.values()) > _EQUAL * free
+
+    def proven(
+        self,
+        items: Sequence[Convention],
+        kinds: Sequence[_Kind],
+        falling: Sequence[str],
+        decided: bool,
+    ) -> WrongConvention | None:
+        """Return the conventions with which an energy fits far better, and nothing falls."""
+        told = [item for item in items if not item.of_pose_unit]
+        best: tuple[float, list[Convention]] = (np.inf, [])
+        for kind in kinds:
+            left = [(item, error) for item, error in self.errors(kind, told) if item is not None]
+            best = min(best, self.right(left), key=lambda pair: pair[0])
+        least, right = best
+        stated = min(self.energies.values())
+        if least > min(_MOST_ERROR, _MENDED * stated):
+            return None
+        return self.said(right, falling, decided, (stated, least))
+
+    def right(self, left: Sequence[tuple[Convention, float]]) -> tuple[float, list[Convention]]:
+        """Return the least error of a convention with which nothing falls, and those of it."""
+        least = np.inf
+        kept: list[int] = []
+        for place in np.argsort([error for _, error in left], kind="stable").tolist():
+            item, error = left[place]
+            if error > _EQUAL * least:
+                break
+            if self.is_right(item):
+                least = min(least, error)
+                kept.append(place)
+        return least, [left[place][0] for place in sorted(kept)]
+
+    def is_right(self, item: Convention) -> bool:
+        """Whether with a convention nothing falls, and the top is on the stated side of the base.
+
+        Where the length is stated this is the side of positive x.
+        """
+        poses, wrench = item.change(self.poses, self.wrench)
+        stated, mean = self.poses[:, 0].mean(), poses[:, 0].mean()
+        known = self.there[0] and abs(stated) > np.ptp(self.poses[:, 0])
+        if known and mean < 0.0 < max(stated, self.stated_length_m or 0.0):
+            return False
+        return not falling_loads(poses, wrench, self.there)
+
+    def either_or(self, falling: Sequence[str]) -> WrongConvention:
+        """Return which sign would mend it, where the mechanism may also be one that is driven."""
+        kind = next(iter(self.energies), None)
+        left: Iterable[tuple[Convention | None, float]] = ((i, 0.0) for i in self.of_columns)
+        most = np.inf
+        if kind is not None:
+            left, most = self.errors(kind, self.of_columns), _EQUAL * self.energies[kind]
+        mending = [i for i, error in left if i is not None and error <= most and self.is_right(i)]
+        whole = [item for item in mending if item.words == WRENCH_REVERSED]
+        of_sign = [item for item in mending if all(factor < 0.0 for *_, factor in item.columns)]
+        single = [item for item in of_sign if len(item.columns) == 1]
+        # A body that is about to buckle gives way in one direction or two, and not in all.
+        decided = bool(whole) and len(falling) >= 3
+        return self.said(whole or single or of_sign or mending, falling, decided, (None, None))
+
+    def said(
+        self,
+        items: Sequence[Convention],
+        falling: Sequence[str],
+        decided: bool,
+        errors: tuple[float | None, float | None],
+    ) -> WrongConvention:
+        """Return the simplest of these conventions, and the entries of [columns] of a single."""
+        said = list(items)[:_MOST_SAID]
+        columns = dict.fromkeys(name for item in said for name, _, _ in item.columns)
+        names = tuple(columns) or tuple(falling)
+        mend = self.entries(said[0]) if len(said) == 1 else ()
+        return WrongConvention(in_words(said), names, decided, tuple(falling), *errors, mend)
+
+    def entries(self, item: Convention) -> tuple[str, ...]:
+        """Return the entries of [columns] that mend columns, in place of those that are there."""
+        sources = self.rows.meta.applied_columns
+        entries = []
+        for name, stated, factor in item.columns:
+            # Where the description turns the frames, its columns are not those of the table.
+            if sources is None or not self.rows.has(stated):
+                continue
+            source = sources.get(stated, ColumnSource(stated))
+            own = f'"{source.column}"' if isinstance(source.column, str) else source.column
+            parts = [f"column = {own}"]
+            if factor * source.scale != 1.0:
+                parts.append(f"scale = {factor * source.scale!r}")
+            if source.offset:
+                parts.append(f"offset = {factor * source.offset!r}")
+            entries.append(f"{name} = {{ {', '.join(parts)} }}")
+        return tuple(entries)
+
+
+def _rms_left(z: F, y: F) -> float:
+    """Return the rms of what columns leave of numbers, by the degrees of freedom."""
+    freedom = (len(y) - z.shape[1]) * y.size // len(y)
+    return float(np.sqrt((rest_of(z, y) ** 2).sum() / max(1, freedom)))
+
+
+def _rms(wrench: F) -> F:
+    """(m,) root mean square of each load; the largest first, or squares would be lost."""
+    largest = np.maximum(np.abs(wrench).max(axis=0), 1e-300)
+    return np.asarray(largest * np.sqrt(((wrench / largest) ** 2).mean(axis=0)))
+
+
+def falling_loads(poses: F, wrench: F, there: B) -> tuple[str, ...]:
+    """Return the loads that fall along a direction of the poses in which their work is negative.
+
+    The slope of all loads over all moving coordinates is taken in units of work, and only along
+    directions that the poses take: poses of one load leave the others to noise.
+    """
+    moving, loaded = there[:6], there[6:]
+    both = moving & loaded
+    if not both.any():
+        return ()
+    loads = wrench
+    if both[3:].all():
+        turned = left_jacobians(np.ascontiguousarray(poses[:, 3:]))
+        loads = np.hstack([wrench[:, :3], np.einsum("nji,nj->ni", turned, wrench[:, 3:])])
+    x = poses[:, moving] - poses[:, moving].mean(axis=0)
+    spread = _rms(x - x.mean(axis=0))
+    u, s, vt = np.linalg.svd(x / spread, full_matrices=False)
+    dof = len(x) - 1 - x.shape[1]
+    if dof < x.shape[1] + 1:
+        return ()
+    taken = s > _LEAST_SPREAD * s[0]
+    q = (loads[:, both] - loads[:, both].mean(axis=0)) * poses[:, both].std(axis=0)
+    inverse = vt[taken].T / s[taken]
+    slope = inverse @ (u[:, taken].T @ q)  # (moving, both)
+    rest = q - u[:, taken] @ (u[:, taken].T @ q)
+    sigma = rest.T @ rest / dof
+    own = both[moving]
+    # Directions taken by the poses in which only coordinates with a load of their own move.
+    others = vt[taken].T[~own]
+    _, w, at = np.linalg.svd(others) if len(others) else (None, np.zeros(0), np.eye(taken.sum()))
+    free = at[int((w > 1e-9).sum()) :]
+    directions = vt[taken].T[own] @ free.T  # (both, d)
+    if directions.shape[1] == 0:
+        return ()
+    matrix = directions.T @ slope[own] @ directions
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    names = [name for name, is_both in zip(WRENCH, both, strict=True) if is_both]
+    falling: list[str] = []
+    for value, vector in zip(values, vectors.T, strict=True):
+        v = directions @ vector
+        of_pose = np.zeros(len(own))
+        of_pose[own] = v
+        variance = float(v @ sigma @ v) * float(((of_pose @ inverse) ** 2).sum())
+        size = float(np.linalg.norm(slope[own].T @ v))
+        if value > -_LEAST_T * np.sqrt(variance) or value > -_LEAST_SHARE * size:
+            continue
+        work = v * (slope[own].T @ v)
+        falling += [n for n, part in zip(names, work, strict=True) if part < 0.3 * work.min()]
+    return tuple(name for name in names if name in falling)

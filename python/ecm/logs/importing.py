@@ -21,9 +21,9 @@ from ecm.io.columns import POSE
 from ecm.io.csv import BadRows, check_names, write_csv
 from ecm.io.description import FileMeta, Meta, as_meta, row_ranges, shown_ranges
 from ecm.io.events import Progress
-from ecm.io.frames import ORDERS, order_warning
+from ecm.io.frames import ORDERS
 from ecm.io.interrupts import uninterrupted
-from ecm.io.sanity import samples_s
+from ecm.io.sanity import order_warning, samples_s
 from ecm.io.table import MetaLike, Table, as_table
 from ecm.io.toml import did_you_mean, refuse_pipe
 from ecm.io.units import given_units
@@ -221,35 +221,30 @@ def import_log(  # noqa: PLR0913 - one for each question that a log may raise
     time_notes = begin_time_at_zero(table)
     notes += drop_columns_with_gaps(table, words, {*POSE, *mapped.columns, *given.group})
     gone = np.flatnonzero(~(usable & holds_numbers(table))) + 1
-    left: dict[str, str] = dict(given.leave_out)
-    if len(gone):
-        empty = ", ".join(
-            name for name, values in table.items() if not holds_numbers({name: values}).all()
+    empty = ", ".join(n for n, values in table.items() if not holds_numbers({n: values}).all())
+    if 0 < len(gone) == len(usable):
+        raise InputError(
+            f"{source}: no row holds numbers and a rotation in every column: there are none in "
+            f"{empty}. Say which columns hold the readings: --map NAME=COLUMN, --rotation "
+            "WORD:COLUMN,..."
         )
-        if len(gone) == len(usable):
-            raise InputError(
-                f"{source}: no row holds numbers and a rotation in every column: there are none in "
-                f"{empty}. Say which columns hold the readings: --map NAME=COLUMN, --rotation "
-                "WORD:COLUMN,..."
-            )
+    left: dict[str, str] = dict(given.leave_out)
+    for reason, rows, why, what in (
+        ("unreadable", gone.tolist(), f"hold no number or no rotation in {empty}",
+         "rows without numbers"),
+        ("copies", _copies(table, gone),
+         "are copies of another row in every column, the time too", "copies of rows"),
+    ):  # fmt: skip
+        if not rows:
+            continue
+        shown = shown_ranges(rows)
         if not leave_out:
             raise BadRows(
-                f"{source}: {len(gone)} of {len(usable)} rows hold no number or no rotation in "
-                f"{empty}: rows {shown_ranges(gone.tolist())}.",
+                f"{source}: {len(rows)} of {len(usable)} rows {why}: rows {shown}.",
                 remedy=_LEFT_OUT,
             )
-        left["unreadable"] = row_ranges(gone.tolist())
-        notes.append(f"left out {len(gone)} rows without numbers: {shown_ranges(gone.tolist())}")
-    copies = _copies(table, gone)
-    if copies:
-        if not leave_out:
-            raise BadRows(
-                f"{source}: {len(copies)} of {len(usable)} rows are copies of another row in every "
-                f"column, the time too: rows {shown_ranges(copies)}.",
-                remedy=_LEFT_OUT,
-            )
-        left["copies"] = row_ranges(copies)
-        notes.append(f"left out {len(copies)} copies of rows: {shown_ranges(copies)}")
+        left[reason] = row_ranges(rows)
+        notes.append(f"left out {len(rows)} {what}: {shown}")
     every = (*raw.notes, *notes, *time_notes)
     origin = {"source": source, "sha256": digest} | words | {"notes": list(every)}
     described = replace(given, file=_file(table, given.file), leave_out=left, origin=origin)

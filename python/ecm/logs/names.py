@@ -94,7 +94,7 @@ class Guess:
 
     @property
     def dimension(self) -> str:
-        """Of the quantity; empty for a name of this project, which has its unit."""
+        """Dimension of the quantity; empty for a name of this project, which has its unit."""
         return "" if self.quantity == "standard" else QUANTITIES[self.quantity].dimension
 
     def standard(self, axis: str = "") -> str | None:

@@ -10,8 +10,8 @@ import numpy as np
 
 from ecm.errors import InputError, ModelError
 from ecm.io.columns import POSE
+from ecm.io.conventions import wrong_convention
 from ecm.io.events import Progress
-from ecm.io.sanity import wrong_convention
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.constraints import constrained
 from ecm.models.expression import FunctionModel
