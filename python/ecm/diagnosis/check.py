@@ -269,7 +269,7 @@ def check(table: TableLike, *, meta: MetaLike = None, progress: Progress | None 
 
 
 def _sampling(table: Table) -> list[str]:
-    """Say how long the samples of a continuous test stay alike, or that it may be one."""
+    """Say how long the errors of samples stay correlated, or that it may be one."""
     correlated = correlation_time(table)
     return likely_continuous(table) if correlated is None else [correlated.sentence()]
 

@@ -1,4 +1,4 @@
-"""Column names of the measurement table: what each holds, and the name behind a wrong one."""
+"""Column names of the measurement table: what each holds, and the name that a wrong one means."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from ecm.io.arrays import B
 from ecm.io.toml import closest
+from ecm.io.units import find_unit
 
 POSE = ("x_m", "y_m", "z_m", "theta_x_rad", "theta_y_rad", "theta_z_rad")
 WRENCH = ("fx_N", "fy_N", "fz_N", "tau_x_Nm", "tau_y_Nm", "tau_z_Nm")
@@ -42,18 +43,8 @@ _SHORT = tuple(name.rsplit("_", 1)[0] for name in (*WRENCH, *POSE))
 STIFFNESS = tuple(f"k_{force}_{coordinate}" for force in _SHORT[:6] for coordinate in _SHORT[6:])
 """The 36 columns of `predict --stiffness`: k_fx_x ... k_tau_z_theta_z, row by row of K."""
 
-# Units that may follow a name, after `_` or in brackets.
-_UNITS = frozenset(
-    (
-        *("m", "mm", "cm", "um", "km", "in", "inch", "ft"),
-        *("rad", "mrad", "urad", "deg", "degree", "degrees", "grad"),
-        *("n", "kn", "mn", "gf", "kgf", "lbf", "g", "kg"),
-        *("nm", "nmm", "mnm", "ncm", "knm", "gfcm", "kgfcm", "ozin", "lbin", "lbfin"),
-        *("s", "ms", "us", "min", "h", "sec", "seconds", "ns"),
-        *("c", "k", "f", "degc", "degf", "kelvin", "celsius"),
-        *("volt", "v", "mps", "rads", "degs"),
-    )
-)
+_OTHER_UNITS = frozenset({"km", "urad", "g", "kg", "v", "volt", "mps", "rads", "degs"})
+"""Words that may end a name besides the units of logs."""
 _ALIASES = {
     "thetax": "theta_x_rad",
     "thetay": "theta_y_rad",
@@ -83,10 +74,10 @@ def likely_name(name: str) -> str | None:
         return _SQUEEZED[squeezed]
     stem, unit = _split_unit(name)
     known = _STEMS.get(stem)
-    if known is not None and (unit == "" or unit in _UNITS):
+    if known is not None and (unit == "" or _is_unit(unit)):
         return known
     tendon = re.fullmatch(r"tendon([1-9][0-9]*)", stem)
-    if tendon is not None and (unit == "" or unit in _UNITS):
+    if tendon is not None and (unit == "" or _is_unit(unit)):
         return f"tendon{tendon[1]}_N"
     return None
 
@@ -122,9 +113,13 @@ def _split_unit(name: str) -> tuple[str, str]:
     parts = text.replace(" ", "_").split("_")
     for size in (2, 1):
         unit = "".join(parts[-size:])
-        if len(parts) > size and unit in _UNITS:
+        if len(parts) > size and _is_unit(unit):
             return _squeeze("".join(parts[:-size])), unit
     return _squeeze(text), ""
+
+
+def _is_unit(word: str) -> bool:
+    return find_unit(word) is not None or word in _OTHER_UNITS
 
 
 def _squeeze(text: str) -> str:

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from io import TextIOWrapper
+from io import StringIO, TextIOWrapper
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -42,7 +42,7 @@ class RawTable:
 
 
 _MOST_NAME = 255
-"""Letters of the longest name of a column: a longer one is no name, but a line that was misread."""
+"""Letters of the longest name of a column: a longer one is no name, but a line without its end."""
 
 
 def check_names(names: Sequence[str], source: str) -> None:
@@ -456,24 +456,24 @@ def write_csv(
     """
     rows = max(map(len, columns.values()), default=0)
     with atomic(path) as file:
-        file.write((",".join(_quoted(name) for name in columns) + "\n").encode())
+        file.write(_lines([list(columns)]))
         for start in range(0, rows, _BLOCK):
             if progress is not None:
                 progress(start, rows, "")
             block = slice(start, start + _BLOCK)
             cells = [_cells(name, column[block]) for name, column in columns.items()]
-            file.writelines((",".join(row) + "\n").encode() for row in zip(*cells, strict=True))
+            file.write(_lines(zip(*cells, strict=True)))
+
+
+def _lines(rows: Iterable[Sequence[str]]) -> bytes:
+    text = StringIO(newline="")
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue().encode()
 
 
 def _cells(name: str, column: NDArray[Any]) -> list[str]:
     if name in TEXT or column.dtype == object:
-        return [_quoted(str(value)) for value in column]
+        return [str(value) for value in column]
     if name in WHOLE:
         return [str(int(value)) for value in column]
     return ["" if math.isnan(value) else repr(value) for value in column.tolist()]
-
-
-def _quoted(text: str) -> str:
-    if any(sign in text for sign in ',"\n\r'):
-        return '"' + text.replace('"', '""') + '"'
-    return text

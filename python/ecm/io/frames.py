@@ -47,9 +47,7 @@ def vectors_of(quaternions: F, order: str) -> F:
     >>> vectors_of(np.array([[1.0, 0.0, 0.0, -1.0]]), "wxyz").round(4)
     array([[ 0.    ,  0.    , -1.5708]])
     """
-    last = order == "xyzw"
-    scalar = quaternions[:, 3:] if last else quaternions[:, :1]
-    vector = quaternions[:, :3] if last else quaternions[:, 1:]
+    vector, scalar = np.split(np.roll(quaternions, 0 if order == "xyzw" else -1, axis=1), [3], 1)
     turned = vector * np.where(scalar < 0.0, -1.0, 1.0)
     size = np.linalg.norm(turned, axis=1, keepdims=True)
     full = 2.0 * np.arctan2(size, np.abs(scalar))

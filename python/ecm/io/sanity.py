@@ -55,7 +55,7 @@ def likely_continuous(table: Table) -> list[str]:
     ]
 
 
-_MINUTES = {"minutes": 60.0, "hours": 3600.0}
+_TIME_UNITS = {"minutes": 60.0, "hours": 3600.0}
 
 
 def time_unit(table: Table) -> str:
@@ -69,7 +69,7 @@ def time_unit(table: Table) -> str:
     if int(known.sum()) < 8:
         return ""
     share = float(np.median(steps[known] / rests[known]))
-    meant = next((unit for unit, factor in _MINUTES.items() if factor * share >= 0.9), "")
+    meant = next((unit for unit, factor in _TIME_UNITS.items() if factor * share >= 0.9), "")
     if share >= 0.9 or not meant:
         return ""
     return (

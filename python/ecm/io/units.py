@@ -1,18 +1,13 @@
-"""Units as logs write them, and size limits of poses with their likely unit."""
+"""Units as logs write them, and the unit that a factor between two loads tells."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from ecm.errors import InputError
-from ecm.io.arrays import F, I
-from ecm.io.columns import POSE
-from ecm.io.csv import RowErrors
 from ecm.io.toml import closest
 
 _LBF_N = 4.4482216152605
@@ -145,18 +140,6 @@ def given_units(words: Sequence[str]) -> dict[str, Unit]:
     return {_UNITS[word].dimension: _UNITS[word] for word in _SI} | found if si else found
 
 
-_LONGEST_M = 2.0
-"""Largest position, m, if the length of the mechanism is unknown."""
-_LARGEST_LENGTHS = 5.0
-"""Largest position in lengths of the mechanism."""
-_LARGEST_REACH_M = 3.0
-"""Largest position in a robot's or a camera's own frame."""
-_ROUNDING = 1e-6
-"""By how much a rotation vector of half a turn may be longer in a robot's own frame, rad."""
-_MOST_DEGREES = 720.0
-"""Angles of more turns are not in degrees either."""
-_FEW_ROWS = 0.1
-"""If a smaller share of rows exceeds the limit, these rows are wrong; else the unit is."""
 _SAME_FACTOR = 0.1
 """Share by which a factor may differ from that of a unit: bodies and fits differ, too."""
 _FACTORS = {
@@ -187,69 +170,3 @@ def unit_of_factor(factor: float) -> str:
     size = abs(math.log(factor))
     near = {abs(size - math.log(own)): words for own, words in _FACTORS.items()}
     return near[min(near)] if min(near) < math.log1p(_SAME_FACTOR) else ""
-
-
-def check_positions(
-    columns: Mapping[str, F], rows: I, length_m: float | None, errors: RowErrors
-) -> None:
-    """Add positions beyond the size limit to `errors`; InputError if unit or frame seems wrong."""
-    limit_m = _LONGEST_M if length_m is None else max(_LARGEST_LENGTHS * length_m, 1e-9)
-    for name in POSE[:3]:
-        if name in columns:
-            _check_size(name, columns[name], rows, limit_m, errors)
-
-
-def check_rotations(
-    columns: Mapping[str, F], rows: I, errors: RowErrors, *, in_own_frames: bool = False
-) -> None:
-    """Add rotation vectors of pi and more to `errors`; InputError if the unit seems wrong.
-
-    In frames of the log half a turn is usual: a robot's tool that points down.
-    """
-    longest = math.pi + (_ROUNDING if in_own_frames else 0.0)
-    for name in POSE[3:]:
-        if name in columns:
-            _check_size(name, columns[name], rows, longest, errors)
-    if not all(name in columns for name in POSE[3:]):
-        return
-    theta = np.column_stack([columns[name][rows] for name in POSE[3:]])
-    angles = np.sqrt(sum(values**2 for values in theta.T))
-    for i in np.flatnonzero((angles >= longest) & (np.abs(theta) <= longest).all(axis=1)):
-        turn = f"a rotation vector of {angles[i]:.4g} rad"
-        errors.add(int(rows[i]), "", turn, "less than pi (the shorter way round)")
-
-
-def _check_size(name: str, values: F, rows: I, limit: float, errors: RowErrors) -> None:
-    """Add few values beyond the limit to `errors`; of many the unit is wrong: InputError."""
-    outside = rows[np.abs(values[rows]) > limit]
-    position = name in POSE[:3]
-    if len(outside) <= _FEW_ROWS * len(rows):
-        for row in outside:
-            unit = "m" if position else "rad"
-            errors.add(int(row), name, f"{values[row]:g}", f"at most {limit:.3g} {unit}")
-        return
-    largest, span = float(np.abs(values[rows]).max()), float(np.ptp(values[rows]))
-    # What is expected, the unit that it looks like, and its word, scale and how to mend it.
-    si, other, word, scale, mend = (
-        ("metres", "millimetres", "mm", "1e-3", "Divide by 1000")
-        if position
-        else ("radians", "degrees", "deg", "0.017453292519943295", "Multiply by pi/180")
-    )
-    guess = (
-        f"expected {si}: these look like {other}. {mend}, give {name} = {{ column = ..., scale = "
-        f"{scale} }} in [columns], or import the log with --map {name}=COLUMN:{word}."
-    )
-    if position and largest <= _LARGEST_REACH_M and span <= limit:
-        guess = (
-            f"but they move by {span:.3g} m only: positions from another origin, for example the "
-            "robot's base. Say where it is: base_from_robot = [x, y, z, 1, 0, 0, 0] in [frames] "
-            "(docs/import.md)."
-        )
-    elif position and largest / 1e3 > limit:
-        guess = "no plausible position in metres. Check the unit and the frame."
-    elif not position and largest > _MOST_DEGREES:
-        guess = "no plausible rotation vector in radians. Check the unit."
-    raise InputError(
-        f"{errors.source}: column '{name}', {errors.place(int(outside[0]))}: found "
-        f"{values[outside[0]]:g} ({len(outside)} of {len(rows)} rows beyond {limit:.3g}), {guess}"
-    )

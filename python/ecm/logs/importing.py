@@ -47,9 +47,9 @@ from ecm.logs.sources import (
     column_like,
     drop_columns_with_gaps,
     holds_numbers,
+    known_column,
     standard_columns,
     unwrap_angle,
-    without_columns,
 )
 from ecm.logs.text import read_text_log
 
@@ -309,7 +309,11 @@ class ReadLog(NamedTuple):
         InputError
             For a column that it has not.
         """
-        return self._replace(log=without_columns(self.log, columns))
+        log = self.log
+        gone = {known_column(name, log, f"--ignore {name}", or_text=True) for name in columns}
+        left = {name: values for name, values in log.columns.items() if name not in gone}
+        text = {name: values for name, values in log.text.items() if name not in gone}
+        return self._replace(log=replace(log, columns=left, text=text))
 
 
 def read_log(log: Any, topics: Sequence[str], progress: Progress | None = None) -> ReadLog:

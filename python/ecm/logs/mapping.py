@@ -10,7 +10,6 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH, is_standard, likely_name
-from ecm.io.toml import did_you_mean
 from ecm.io.units import Unit
 from ecm.logs.log import Log, unique_names
 from ecm.logs.names import QUANTITIES, Guess, Named, read_name, trailing_units
@@ -22,7 +21,7 @@ from ecm.logs.sources import (
     UserChoices,
     ask_units,
     chosen_source,
-    column_like,
+    known_column,
     stated_unit,
 )
 
@@ -44,13 +43,8 @@ def rotation_of(
         count = check_rotation_word(word)
         columns = _columns_of(word, named, groups)
         if colon:
-            columns = [column_like(name.strip(), log) for name in listed.split(",")]
-        for name in columns:
-            if name not in log.columns:
-                raise InputError(
-                    f"--rotation {choices.rotation}: the log has no column '{name}', "
-                    f"{did_you_mean(name, log.columns)}"
-                )
+            option = f"--rotation {choices.rotation}"
+            columns = [known_column(name.strip(), log, option) for name in listed.split(",")]
         if len(columns) != count:
             raise InputError(
                 f"--rotation {word}: expected {count} columns, found {len(columns)} "
