@@ -50,7 +50,7 @@ def test_what_is_never_excited_is_said() -> None:
     assert never_excited(table) == ("tau_z_Nm",)
     found = check(table)
     assert "The z torque (tau_z_Nm) is never excited" in " ".join(found.sentences())
-    assert found.padding == ("tau_z_Nm",)
+    assert found.zero_columns == ("tau_z_Nm",)
     # What needs all twelve columns cannot be tested, what acts in those that vary can.
     assert set(found.testable) == {"kink", "dead_zone", "higher_degree"}
 

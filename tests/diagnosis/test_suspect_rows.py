@@ -11,8 +11,8 @@ import pytest
 
 import ecm
 import ecm.io.description
-from ecm.diagnosis.check import suspect_rows
 from ecm.io.description import rows_of
+from ecm.io.sanity import suspect_rows
 from support.neck import Done, csv_text
 
 F = np.ndarray[Any, np.dtype[np.float64]]

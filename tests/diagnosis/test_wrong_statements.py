@@ -13,8 +13,8 @@ from ecm.diagnosis import Diagnosis, diagnose
 from ecm.diagnosis.check import check
 from ecm.diagnosis.procedure import find_missing
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.conventions import wrong_convention
 from ecm.io.description import Instrument, Meta
-from ecm.io.misread import misread
 from ecm.io.table import Table, as_table, read_table
 from ecm.models import fit_model
 from support.campaigns import campaign, model, workspace_poses
@@ -210,7 +210,7 @@ def test_a_reversed_sign_is_no_effect(name: str, names: tuple[str, ...], words: 
     assert found.verdict == "unknown"
     assert found.answer == ()
     assert words in found.sentence()
-    said = misread(wrong)
+    said = wrong_convention(wrong)
     assert said is not None
     assert said.sentence() in found.warnings
 

@@ -81,28 +81,28 @@ def test_repeats_of_few_poses_keep_their_visits_apart() -> None:
 
 def test_a_thinned_table_keeps_the_history_of_all_rows() -> None:
     table = campaign()
-    few = table.thinned(spread_rows(table, 200))
-    assert few.places is not None
+    few = table.subsample(spread_rows(table, 200))
+    assert few.sampled_rows is not None
     whole, rows = Rows(table, physics()), Rows(few, physics())
-    np.testing.assert_array_equal(approach_sides(few), approach_sides(table)[few.places])
+    np.testing.assert_array_equal(approach_sides(few), approach_sides(table)[few.sampled_rows])
     # Without it the pose before is the mean of other rows, or not known at all.
-    alone = Rows(table.select(few.places), physics())
+    alone = Rows(table.select(few.sampled_rows), physics())
     assert not np.allclose(alone.known_before, rows.known_before)
     later = few.select(np.arange(50, 100))
     np.testing.assert_array_equal(approach_sides(later), approach_sides(few)[50:100])
-    np.testing.assert_allclose(rows.known_before, whole.known_before[few.places])
+    np.testing.assert_allclose(rows.known_before, whole.known_before[few.sampled_rows])
 
 
 @pytest.mark.parametrize("kind", ["pose", "time"])
 def test_columns_of_chosen_rows_are_those_of_all_rows(kind: str) -> None:
     table = campaign()
-    few = table.thinned(spread_rows(table, 200))
+    few = table.subsample(spread_rows(table, 200))
     whole, rows = Rows(table, physics()), Rows(few, physics())
     tested = [e for e in all_effects() if e.kind == kind and e.missing(table) is None]
     assert len(tested) > 8
     for effect in tested:
         zero = np.zeros(len(effect.parameters))
-        expected = effect.jacobian(whole, zero)[few.places]
+        expected = effect.jacobian(whole, zero)[few.sampled_rows]
         size = np.abs(expected).max(axis=(0, 1)) + 1e-300
         own = jacobian_of(effect, rows, zero)
         np.testing.assert_allclose(own / size, expected / size, atol=1e-6, err_msg=effect.id)

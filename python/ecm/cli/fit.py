@@ -8,11 +8,11 @@ from typing import cast
 from ecm.cli.models import build_physics, is_toml, open_model, read_own
 from ecm.cli.options.tables import FitArguments, RefitArguments
 from ecm.cli.session import Session, saved_by_force
-from ecm.diagnosis.check import likely_continuous
 from ecm.effects import load_installed
 from ecm.errors import InputError
 from ecm.io.columns import POSE
-from ecm.io.misread import misread, refuse_misread
+from ecm.io.conventions import wrong_convention
+from ecm.io.sanity import likely_continuous
 from ecm.io.table import Table
 from ecm.models import (
     Expression,
@@ -40,9 +40,7 @@ def fit(options: FitArguments, session: Session) -> None:
     table = session.read(options.data, need="fit")
     for sentence in likely_continuous(table):
         session.warn(sentence)
-    wrong = misread(table)
-    if not options.force:
-        refuse_misread(wrong, table.source)
+    wrong = wrong_convention(table, refuse=not options.force)
     if wrong is not None:
         session.warn(wrong.sentence(), wrong=True)
     choice = _chosen(options, table, session)

@@ -7,13 +7,14 @@ from pathlib import Path
 from ecm.cli.options.rig import NewArguments, What
 from ecm.cli.options.tables import CheckArguments, ImportArguments
 from ecm.cli.session import Session, columns
-from ecm.diagnosis.check import Check, lines_by_reason, record_leave_out
+from ecm.diagnosis.check import Check, lines_by_reason
 from ecm.diagnosis.check import check as check_table
 from ecm.effects import load_installed
 from ecm.errors import InputError, Remedy
 from ecm.io.cache import write_atomically
 from ecm.io.csv import BadRows
 from ecm.io.interrupts import uninterrupted
+from ecm.io.sanity import record_leave_out
 from ecm.io.templates import NEXT_STEP, data_template, description_template, template
 from ecm.logs import import_log as import_any
 from ecm.logs.importing import read_log

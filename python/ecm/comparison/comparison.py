@@ -21,12 +21,11 @@ from ecm.comparison.structure import (
     structure_test,
 )
 from ecm.errors import InputError
-from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import unit_of
 from ecm.io.events import Progress, Steps
 from ecm.io.extras import require
-from ecm.io.table import as_table
+from ecm.io.table import takes_table
 from ecm.models.file import was_trained_on
 from ecm.models.given import as_model
 from ecm.models.joint_fit import base_columns
@@ -160,7 +159,7 @@ class Comparison:
         Made when it is asked for: fits two bases; no FEM runs for it.
         """
         made = self.compared
-        return fit_reference_models(made.model, made.table.thinned(made.chosen), self.noise)
+        return fit_reference_models(made.model, made.table.subsample(made.chosen), self.noise)
 
     @cached_property
     def pose_error(self) -> PoseError:
@@ -176,7 +175,7 @@ class Comparison:
         size[self.row] = (self.whitened**2).sum(axis=1)
         worst = np.argsort(-size, kind="stable")[:WORST]
         shown = np.union1d(made.chosen, worst)
-        rows = Rows(made.table.thinned(shown), made.model.base)
+        rows = Rows(made.table.subsample(shown), made.model.base)
         errors = residuals(rows, made.predicted[shown], self.noise, made.model.base.error)
         scored = is_pose_row(rows.table)
         at = np.ascontiguousarray(rows.poses[scored])
@@ -284,7 +283,7 @@ class Comparison:
         if self.structure.found or not known:
             return None
         made = self.compared
-        base = base_and_error(made.model, made.table.thinned(made.chosen), self.noise)
+        base = base_and_error(made.model, made.table.subsample(made.chosen), self.noise)
         ahead = base is not None and is_far_behind(self.whitened_rms, base[1])
         return base[1] if base is not None and ahead else None
 
@@ -343,6 +342,7 @@ class Comparison:
         }
 
 
+@takes_table()
 def compare(
     model: Model | Any,
     table: TableLike,
@@ -399,8 +399,6 @@ def compare(
     >>> [c.name for c in result.components]
     ['fx_N']
     """
-    check_arguments(compare, locals())
-    table = as_table(table, meta=meta)
     model = as_model(model, table)
     lacking = [name for name in (*model.inputs, *model.outputs) if not table.has(name)]
     if lacking:
@@ -415,7 +413,7 @@ def compare(
     predicted = model.predict(table)
     chosen = spread_rows(table, most_rows)
     if noise is None:
-        some = Rows(table.thinned(chosen), model.base)
+        some = Rows(table.subsample(chosen), model.base)
         noise = estimate_noise(some, predicted[chosen], fallback=model.noise)
     scored = is_pose_row(table)
     physical, whitened, variance = (
@@ -471,7 +469,7 @@ def compare(
 
 def _structure(model: Model, table: Table, predicted: F, chosen: I, noise: Noise) -> StructureTest:
     """Return the test of the residual; coefficients that were fitted to these rows count."""
-    rows = Rows(table.thinned(chosen), model.base)
+    rows = Rows(table.subsample(chosen), model.base)
     errors = residuals(rows, predicted[chosen], noise, model.base.error)
     own = None
     refitted = not model.base_frozen and model.base.kind not in LEARNED

@@ -231,7 +231,7 @@ def residual_maps_of(
         shares = signature_shares(rows, errors.whitened, errors.whitener, weights)
         stiffness, sd = residual_stiffness(rows, errors, scored & counted)
     size = np.asarray(np.sqrt((errors.whitened[scored] ** 2).mean(axis=1)))
-    table = rows.table.unthinned
+    table = rows.table.full
     worst = np.argsort(-size, kind="stable")[:WORST]
     return ResidualMaps(
         outputs=outputs,

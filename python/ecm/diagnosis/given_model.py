@@ -27,7 +27,7 @@ from ecm.effects import Effect
 from ecm.errors import EcmError, Remedy
 from ecm.io.arrays import B, F, evenly
 from ecm.io.columns import POSE, WRENCH, unit_of
-from ecm.io.restated import Restatement, in_words, rarer_restatements, restatements
+from ecm.io.conventions import Convention, conventions, in_words, rarer_conventions
 from ecm.io.units import unit_of_factor
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.learned import LEARNED
@@ -82,7 +82,7 @@ def reading_of_given_model(
     def of_noise(values: F) -> float:
         return float((np.einsum("nij,nj->ni", whitener, values) ** 2).mean())
 
-    def squares(reading: Restatement | None) -> float | None:
+    def squares(reading: Convention | None) -> float | None:
         """Return the mean square over the noise; None where the columns or the model end."""
         try:
             p, h = (poses, wrench) if reading is None else reading.change(poses, wrench)
@@ -101,7 +101,7 @@ def reading_of_given_model(
     if now is None:
         return None
     length = table.meta.length_m if moving[0] else None
-    listed = [*restatements(length), *rarer_restatements()]
+    listed = [*conventions(length), *rarer_conventions()]
     told = [r for r in listed if not _is_a_specimen(r, poses, wrench)]
     left = [(value, item) for item in told if (value := squares(item)) is not None]
     best = best_of(_distinct(left, poses, wrench), min(share**2 * now, most_error**2))
@@ -125,7 +125,7 @@ def _filled(values: F, missing: B) -> bool:
     return bool(np.abs(values[:, missing]).max(initial=0.0) > 1e-9 * np.abs(values).max())
 
 
-def _is_a_specimen(item: Restatement, poses: F, wrench: F) -> bool:
+def _is_a_specimen(item: Convention, poses: F, wrench: F) -> bool:
     """Whether a reading only scales all loads, by no more than stiffness differs between bodies."""
     own_poses, own_wrench = item.change(poses, wrench)
     factor = float((own_wrench * wrench).sum() / (wrench**2).sum())
@@ -134,10 +134,10 @@ def _is_a_specimen(item: Restatement, poses: F, wrench: F) -> bool:
 
 
 def _distinct(
-    left: Sequence[tuple[float, Restatement]], poses: F, wrench: F
-) -> list[tuple[float, Restatement]]:
+    left: Sequence[tuple[float, Convention]], poses: F, wrench: F
+) -> list[tuple[float, Convention]]:
     """Return the readings without those that say the same of these columns as an earlier one."""
-    kept: list[tuple[float, Restatement]] = []
+    kept: list[tuple[float, Convention]] = []
     for value, item in left:
         own = item.change(poses, wrench)
         if not any(
@@ -407,7 +407,7 @@ def refit_of_kind(model: Model, table: Table, noise: Noise) -> JointFit | None:
         None for a map that is learned or has no coefficients, and where half of the numbers or
         more would be coefficients.
     """
-    table = table.thinned(spread_rows(table, _MOST_ROWS))
+    table = table.subsample(spread_rows(table, _MOST_ROWS))
     base = model.base
     if base.kind in LEARNED or not len(base.coefficients):
         return None

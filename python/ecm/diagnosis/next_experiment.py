@@ -478,7 +478,7 @@ def _joined_rows(problem: Problem, experiment: Experiment) -> Rows | None:
         [table.column("run") if table.has("run") else np.zeros(len(table)), predicted.column("run")]
     )
     # The chosen rows of a large table stand for its history.
-    joined = replace(table, columns=columns, meta=meta, whole=None, places=None)
+    joined = replace(table, columns=columns, meta=meta, sampled_from=None, sampled_rows=None)
     return Rows(joined, problem.base)
 
 

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ecm.diagnosis.check import padding
+from ecm.diagnosis.check import zero_columns
 from ecm.diagnosis.problem import Candidate, Problem, assemble
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows, effects_of, get_effect, load_installed
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
-from ecm.io.misread import Misread, misread
+from ecm.io.conventions import WrongConvention, wrong_convention
 from ecm.io.table import Table
 from ecm.models.fit import choose_base
 from ecm.models.model import Model
@@ -45,9 +45,9 @@ class Prepared:
     """Effects to test."""
     carried: dict[str, Missing]
     """Effects that the model has already."""
-    padding: tuple[str, ...] = ()
+    zero_columns: tuple[str, ...] = ()
     """Pose and wrench columns that are 0 in every row: `unexplained` is without them."""
-    misread: Misread | None = None
+    misread: WrongConvention | None = None
     """What looks wrong with the signs or the columns of the rows as they were given."""
 
 
@@ -84,9 +84,13 @@ def prepare(
     unexplained = without_effects(model.effects, Rows(table, model.base))
     if len(table) > settings.most_rows:
         chosen = spread_rows(table, settings.most_rows)
-        rows, table, unexplained = rows[chosen], table.thinned(chosen), unexplained.thinned(chosen)
-    padded = () if model.base.kind == "physics" else padding(table)
-    unexplained = unexplained.drop(*padded)
+        rows, table, unexplained = (
+            rows[chosen],
+            table.subsample(chosen),
+            unexplained.subsample(chosen),
+        )
+    zeros = () if model.base.kind == "physics" else zero_columns(table)
+    unexplained = unexplained.drop(*zeros)
     chosen_effects = [get_effect(e) if isinstance(e, str) else e for e in effects or ()]
     given = effects_of(unexplained, chosen_effects or None)
     of_model = {item.id for item in model.effects}
@@ -98,8 +102,8 @@ def prepare(
         copies=copies,
         effects=tuple(effect for effect in given if effect.id not in of_model),
         carried={effect.id: why for effect in given if effect.id in of_model},
-        padding=padded,
-        misread=misread(table),
+        zero_columns=zeros,
+        misread=wrong_convention(table),
     )
 
 
@@ -178,7 +182,7 @@ def preview_effects(
     """
     load_installed()
     prepared = prepare(model, table, None, settings)
-    base = choose_base(model, prepared.table.drop(*prepared.padding))
+    base = choose_base(model, prepared.table.drop(*prepared.zero_columns))
     problem = assemble(base, prepared.unexplained, prepared.effects, None, settings)
     matrix, vector, _ = problem.normal.total()
     left = projected_out(matrix, vector, problem.base_index)

@@ -48,9 +48,8 @@ from ecm.diagnosis.stated_numbers import (
 from ecm.diagnosis.unexplained import Unknown, describe_residual
 from ecm.diagnosis.whiteness import Pattern, find_pattern
 from ecm.effects import Effect
-from ecm.io.arguments import check_arguments
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.table import as_table
+from ecm.io.table import takes_table
 from ecm.models.fit import choose_base, symmetric_energy
 from ecm.models.given import as_model
 from ecm.models.physics.map import PhysicsMap
@@ -124,6 +123,7 @@ def watched(stages: Stages, progress: Callable[[int, int, str], object]) -> Stag
     )
 
 
+@takes_table("fit")
 @one_blas_thread()
 def diagnose(
     model: Model | Any,
@@ -178,8 +178,6 @@ def diagnose(
     >>> ecm.diagnose(ecm.fit_model(table, "linear"), table, effects=[]).verdict
     'none'
     """
-    check_arguments(diagnose, locals())
-    table = as_table(table, meta=meta, need="fit")
     model = as_model(model, table)
     with naming_wild_readings(table):
         decision = find_missing(
@@ -278,7 +276,7 @@ def _of_rows(
     against = partial(
         decide, prepared=prepared, seed=seed, noise=noise, settings=settings, stages=stages
     )
-    decision = against(choose_base(model, prepared.table.drop(*prepared.padding)))
+    decision = against(choose_base(model, prepared.table.drop(*prepared.zero_columns)))
     if decision.verdict != "none":
         other = base_of_unlike_ends(decision)
         again = None if other is None else against(other)

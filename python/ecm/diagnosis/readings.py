@@ -1,7 +1,7 @@
 """Other readings of a table: points, axes, signs and units with which a base fits far better.
 
 A frame that is turned by 90 degrees, a reversed torque or degrees for radians leave an error that
-effects can imitate in part. Each other reading (`ecm.io.restated`) is fitted by the same
+effects can imitate in part. Each other reading (`ecm.io.conventions`) is fitted by the same
 base; one that brings the error down to a third, and far below what the accepted effects leave, is
 named as what it is. A polynomial takes in most wrong readings. Where no length is stated, so that
 nothing else serves as base, an energy without symmetry is asked: any elastic body has one.
@@ -22,14 +22,13 @@ from ecm.diagnosis.problem import Candidate, Problem
 from ecm.errors import EcmError, ModelError
 from ecm.io.arrays import F, I, evenly, rest_of
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.misread import falling_loads
-from ecm.io.restated import Restatement, in_words, restatements
+from ecm.io.conventions import Convention, conventions, falling_loads, in_words
 from ecm.io.se3 import rotation
 from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import EnergyMap, StiffnessMap
 
 if TYPE_CHECKING:
-    from ecm.io.table import Table
+    pass
 
 
 _LEAST_SHARE = 0.01
@@ -46,7 +45,7 @@ Left = Callable[[F, F], F]
 """(poses, wrench) -> what a base fitted to them leaves, a vector."""
 
 
-def moved_points(length_m: float, poses: F, wrench: F, left: Left) -> Iterator[Restatement]:
+def moved_points(length_m: float, poses: F, wrench: F, left: Left) -> Iterator[Convention]:
     """Yield the points that fit these rows best, one for each kind.
 
     Parameters
@@ -73,7 +72,7 @@ def moved_points(length_m: float, poses: F, wrench: F, left: Left) -> Iterator[R
         said = words.format(f"({', '.join(f'{1e3 * c:.1f}' for c in at)}) mm")
         if of_pose and abs(at[0]) > 3.0 * float(np.hypot(at[1], at[2])):
             said += f", or the length looks {length_m + at[0]:.4g} m, not {length_m:.4g} m"
-        yield Restatement(said, partial(move, at), of_pose)
+        yield Convention(said, partial(move, at), of_pose)
 
 
 def _best_point(
@@ -143,7 +142,7 @@ class WrongStatement:
 
 def best_readings(
     base: StiffnessMap, poses: F, wrench: F, length_m: float | None, share: float
-) -> list[Restatement]:
+) -> list[Convention]:
     """Return the readings of which a base leaves the least, the simplest first.
 
     Parameters
@@ -170,10 +169,10 @@ def best_readings(
 
     if length_m is None:
         # Every symmetric stiffness has an energy where the rotations are small enough.
-        listed = [item for item in restatements(None) if not item.of_pose_unit]
+        listed = [item for item in conventions(None) if not item.of_pose_unit]
     else:
-        listed = [*restatements(length_m), *moved_points(length_m, poses, wrench, left_by)]
-    left: list[tuple[float, Restatement]] = []
+        listed = [*conventions(length_m), *moved_points(length_m, poses, wrench, left_by)]
+    left: list[tuple[float, Convention]] = []
     for item in listed:
         try:
             own_poses, own_wrench = item.change(poses, wrench)
@@ -185,7 +184,7 @@ def best_readings(
     return best_of(left, share**2 * _misfit(as_stated, wrench))
 
 
-def best_of(left: Sequence[tuple[float, Restatement]], most: float) -> list[Restatement]:
+def best_of(left: Sequence[tuple[float, Convention]], most: float) -> list[Convention]:
     """Return the readings that leave about the least squares; none where that is above `most`."""
     least = min((value for value, _ in left), default=np.inf)
     if not least <= most:
@@ -314,7 +313,7 @@ def _compared_rows(problem: Problem) -> I:
     return rows[evenly(len(rows), _ROWS)]
 
 
-def _error(problem: Problem, base: StiffnessMap, reading: Restatement | None) -> float | None:
+def _error(problem: Problem, base: StiffnessMap, reading: Convention | None) -> float | None:
     """Return the whitened rms that a base leaves of a reading; None where it cannot be fitted."""
     table = problem.table
     if reading is not None:
@@ -327,22 +326,3 @@ def _error(problem: Problem, base: StiffnessMap, reading: Restatement | None) ->
     # Some bad rows shall not decide.
     kept = np.sort(squares)[: max(1, int(0.98 * len(squares)))]
     return float(np.sqrt(kept.mean() / fit.whitened.shape[1]))
-
-
-def time_unit(table: Table) -> str:
-    """Return the unit that time_s seems to have where readings follow faster than they rest."""
-    if not table.has("time_s") or not table.has("dwell_s"):
-        return ""
-    time, dwell = table.column("time_s"), table.column("dwell_s")
-    order = np.argsort(time, kind="stable")
-    steps, rests = np.diff(time[order]), dwell[order][1:]
-    known = np.isfinite(rests) & (rests > 0.0) & (steps > 0.0)
-    if int(known.sum()) < 8 or float(np.median(steps[known] / rests[known])) >= 0.9:
-        return ""
-    for unit, factor in (("minutes", 60.0), ("hours", 3600.0)):
-        if float(np.median(factor * steps[known] / rests[known])) >= 0.9:
-            return (
-                f"time_s looks stated in {unit}, not s: readings follow each other faster than "
-                "the mechanism rests before them (dwell_s)"
-            )
-    return ""

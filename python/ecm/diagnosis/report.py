@@ -13,9 +13,8 @@ from ecm.comparison.residuals import confounded_with_order
 from ecm.comparison.structure import run_outliers, signature_shares
 from ecm.diagnosis.check import (
     NotTestable,
-    likely_continuous,
     never_excited,
-    padding_sentences,
+    zero_column_sentences,
 )
 from ecm.diagnosis.classify import modulus_warning
 from ecm.diagnosis.confusion import confusable_pairs
@@ -26,7 +25,6 @@ from ecm.diagnosis.next_experiment import next_experiments
 from ecm.diagnosis.preparation import Prepared
 from ecm.diagnosis.probability import probability
 from ecm.diagnosis.problem import Candidate, Problem
-from ecm.diagnosis.readings import time_unit
 from ecm.diagnosis.result import (
     BaseSummary,
     ComponentErrors,
@@ -50,6 +48,7 @@ from ecm.diagnosis.summary import directions, path_taken
 from ecm.diagnosis.unexplained import misread_table
 from ecm.io.arrays import rest_of
 from ecm.io.description import shown_ranges
+from ecm.io.sanity import likely_continuous, time_unit
 from ecm.models.errors import Ceiling, ceiling_rms
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.model import Model
@@ -131,7 +130,7 @@ def _report(decision: Decision, model: Model, seed: int, judged: Future[GivenMod
         directions=(directions(final) or None) if decision.answer else None,
         refinements=refinements(problem, accepted),
         warnings=(
-            *padding_sentences(prepared.padding),
+            *zero_column_sentences(prepared.zero_columns),
             *_warnings(problem, prepared, final),
             *negative_payload(final.effects if decision.answer else ()),
             *path_taken(problem.table, [id for members in decision.answer for id in members]),
@@ -166,7 +165,7 @@ def upper_bound(test: FTest, size: int) -> float:
 
 def _rows_used(problem: Problem, alike: bool) -> RowsUsed | None:
     """Return how many rows of a large table were used, and why they are enough."""
-    if problem.table.whole is None:
+    if problem.table.sampled_from is None:
         return None
     seen, trusted = least_strength_seen(problem), problem.settings.least_strength
     enough = (
@@ -175,7 +174,7 @@ def _rows_used(problem: Problem, alike: bool) -> RowsUsed | None:
         "own error"
     )
     how = "as many as tell more, since neighbours err alike; " * alike + HOW
-    return RowsUsed(len(problem.table.whole), len(problem.table), how, enough)
+    return RowsUsed(len(problem.table.sampled_from), len(problem.table), how, enough)
 
 
 def _outside_causes(decision: Decision) -> tuple[OutsideCause, ...]:
@@ -292,7 +291,7 @@ def _warnings(problem: Problem, prepared: Prepared, final: JointFit) -> tuple[st
             f"{len(unlike)} rows are unlike all others and count less: {numbers}; ecm check says "
             "which are no measurement, and its --leave-out leaves them out"
         )
-    warnings += likely_continuous(prepared.table.unthinned)
+    warnings += likely_continuous(prepared.table.full)
     if late := time_unit(problem.table):
         warnings.append(late)
     if strange := modulus_warning(problem):

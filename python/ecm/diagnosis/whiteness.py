@@ -185,7 +185,7 @@ def _neighbours(problem: Problem, left: F, counted: B) -> list[Pattern]:
 def _memory(problem: Problem) -> list[Pattern]:
     """Return what the residual keeps of the reading before: its pose and its load."""
     table, rows = problem.table, problem.rows
-    if table.whole is not None or not table.has("time_s"):
+    if table.sampled_from is not None or not table.has("time_s"):
         # Of a large table the reading before is not there; without a time it is not known.
         return []
     before = np.full(len(table), -1)

@@ -1,15 +1,15 @@
-"""Column names of the measurement table: what each holds, and the name behind a wrong one."""
+"""Column names of the measurement table: what each holds, and the name that a wrong one means."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from ecm.io.arrays import B
 from ecm.io.toml import closest
+from ecm.io.units import find_unit
 
 POSE = ("x_m", "y_m", "z_m", "theta_x_rad", "theta_y_rad", "theta_z_rad")
 WRENCH = ("fx_N", "fy_N", "fz_N", "tau_x_Nm", "tau_y_Nm", "tau_z_Nm")
@@ -43,18 +43,8 @@ _SHORT = tuple(name.rsplit("_", 1)[0] for name in (*WRENCH, *POSE))
 STIFFNESS = tuple(f"k_{force}_{coordinate}" for force in _SHORT[:6] for coordinate in _SHORT[6:])
 """The 36 columns of `predict --stiffness`: k_fx_x ... k_tau_z_theta_z, row by row of K."""
 
-# Units that may follow a name, after `_` or in brackets.
-_UNITS = frozenset(
-    (
-        *("m", "mm", "cm", "um", "km", "in", "inch", "ft"),
-        *("rad", "mrad", "urad", "deg", "degree", "degrees", "grad"),
-        *("n", "kn", "mn", "gf", "kgf", "lbf", "g", "kg"),
-        *("nm", "nmm", "mnm", "ncm", "knm", "gfcm", "kgfcm", "ozin", "lbin", "lbfin"),
-        *("s", "ms", "us", "min", "h", "sec", "seconds", "ns"),
-        *("c", "k", "f", "degc", "degf", "kelvin", "celsius"),
-        *("volt", "v", "mps", "rads", "degs"),
-    )
-)
+_OTHER_UNITS = frozenset({"km", "urad", "g", "kg", "v", "volt", "mps", "rads", "degs"})
+"""Words that may end a name besides the units of logs."""
 _ALIASES = {
     "thetax": "theta_x_rad",
     "thetay": "theta_y_rad",
@@ -84,10 +74,10 @@ def likely_name(name: str) -> str | None:
         return _SQUEEZED[squeezed]
     stem, unit = _split_unit(name)
     known = _STEMS.get(stem)
-    if known is not None and (unit == "" or unit in _UNITS):
+    if known is not None and (unit == "" or _is_unit(unit)):
         return known
     tendon = re.fullmatch(r"tendon([1-9][0-9]*)", stem)
-    if tendon is not None and (unit == "" or unit in _UNITS):
+    if tendon is not None and (unit == "" or _is_unit(unit)):
         return f"tendon{tendon[1]}_N"
     return None
 
@@ -123,9 +113,13 @@ def _split_unit(name: str) -> tuple[str, str]:
     parts = text.replace(" ", "_").split("_")
     for size in (2, 1):
         unit = "".join(parts[-size:])
-        if len(parts) > size and unit in _UNITS:
+        if len(parts) > size and _is_unit(unit):
             return _squeeze("".join(parts[:-size])), unit
     return _squeeze(text), ""
+
+
+def _is_unit(word: str) -> bool:
+    return find_unit(word) is not None or word in _OTHER_UNITS
 
 
 def _squeeze(text: str) -> str:
@@ -139,40 +133,3 @@ _SQUEEZED = {_squeeze(name.lower()): name for name in STANDARD}
 _STEMS = {
     _squeeze(name.rsplit("_", 1)[0].lower()): name for name in STANDARD if name not in _NO_UNIT
 } | _ALIASES
-
-
-class ColumnGuide(NamedTuple):
-    """One line of the page: columns of a kind, unit, meaning and allowed values."""
-
-    names: tuple[str, ...]
-    unit: str
-    meaning: str
-    allowed: str = "any number"
-
-
-COLUMN_GUIDE = (
-    ColumnGuide(POSE[:3], "m", "measured position of the top frame in base axes"),
-    ColumnGuide(POSE[3:], "rad", "measured rotation vector of the top frame"),
-    ColumnGuide(WRENCH[:3], "N", "measured force in base axes"),
-    ColumnGuide(WRENCH[3:], "N m", "measured moment in base axes at the top frame"),
-    ColumnGuide(("time_s",), "s", "middle of the reading since the test began", "never falls"),
-    ColumnGuide(("run",), "", "a new value: the mechanism rested before", "whole numbers"),
-    ColumnGuide(("pose_id",), "", "the same commanded pose has the same id", "whole numbers"),
-    ColumnGuide(("repeat",), "", "which visit to this pose it is", "whole numbers from 0"),
-    ColumnGuide(("dwell_s",), "s", "time at rest before the reading", "a number, or empty"),
-    ColumnGuide(
-        ("approach",), "", "where the pose was approached from", "`initial`, a pose_id, or empty"
-    ),
-    ColumnGuide(("kind",), "", "what was read", "`pose`, `home`, `unloaded`; empty is `pose`"),
-    ColumnGuide(("temperature_degC",), "degC", "temperature of the mechanism"),
-    ColumnGuide(("sensor_temperature_degC",), "degC", "temperature of the force-torque sensor"),
-    ColumnGuide(VELOCITY[:3], "m/s", "velocity of the approach or sample"),
-    ColumnGuide(VELOCITY[3:], "rad/s", "the same of the rotation vector"),
-    ColumnGuide(SPREAD, "of the column", "standard deviation within the reading", "from 0"),
-    ColumnGuide(JOINTS, "rad", "joint positions of the robot"),
-    ColumnGuide(JOINT_SIGNS, "", "sign of the last motion of each joint", "-1, 0, 1"),
-    ColumnGuide(("leds_visible",), "", "markers that the camera saw", "whole numbers"),
-    ColumnGuide(("tendon1_N",), "N", "force of tendon 1, 2, ..."),
-    ColumnGuide(("action",), "", "of a plan: what to do", "`measure`, `home`, `remount:90`, ..."),
-)
-"""In the order of the page."""

@@ -8,7 +8,8 @@ import shlex
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from io import TextIOWrapper
+from functools import partial
+from io import StringIO, TextIOWrapper
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -41,7 +42,7 @@ class RawTable:
 
 
 _MOST_NAME = 255
-"""Letters of the longest name of a column: a longer one is no name, but a line that was misread."""
+"""Letters of the longest name of a column: a longer one is no name, but a line without its end."""
 
 
 def check_names(names: Sequence[str], source: str) -> None:
@@ -214,7 +215,7 @@ def read_csv(
                 file.seek(0)
                 size = path.stat().st_size
 
-                def told() -> None:
+                def told(_: int) -> None:
                     if progress is not None and size > 0:
                         progress(min(raw.tell(), size), size, "")
 
@@ -226,7 +227,7 @@ def read_csv(
 
 
 def _filled_lines(
-    file: Iterable[str], path: Path, before: int = 0
+    file: Iterable[str], before: int = 0, *, path: Path
 ) -> Iterator[tuple[int, list[str]]]:
     """Number and cells of each line that is not empty, after so many lines before."""
     reader = csv.reader(file, strict=True)
@@ -246,13 +247,13 @@ def _read(
     path: Path,
     header_rows: int,
     text: Collection[str | int],
-    told: Callable[[], None],
+    told: Callable[[int], None],
 ) -> RawTable:
-    top = list(islice(_filled_lines(file, path), header_rows))
+    top = list(islice(_filled_lines(file, path=path), header_rows))
     header = [[cell.strip() for cell in cells] for _, cells in top]
     first = top[-1][0] if top else 0
     start = list(islice(file, _BLOCK))
-    row = header[0] if header else next(_filled_lines(start, path), (0, None))[1]
+    row = header[0] if header else next(_filled_lines(start, path=path), (0, None))[1]
     if row is None:
         raise InputError(f"{path}: the file is empty, expected a header row and rows of numbers.")
     names = _names(header, path) if header else _numbered(row)
@@ -266,30 +267,70 @@ def _read(
                 f"ecm import {shlex.quote(str(path))} --out table.csv",
             ),
         )
-    columns = [_Column(name in text or i in text) for i, name in enumerate(names, 1)]
+    quoted = partial(_filled_lines, path=path)
+    kinds = [name in text or i in text for i, name in enumerate(names, 1)]
+    return read_lines(chain(start, file), names, quoted, told, text=kinds, first=first)
+
+
+def read_lines(
+    lines: Iterable[str],
+    names: Sequence[str],
+    split: Callable[[Iterable[str], int], Iterator[tuple[int, list[str]]]],
+    told: Callable[[int], None],
+    *,
+    text: Sequence[bool] = (),
+    separator: str | None = ",",
+    comma: bool = False,
+    first: int = 0,
+) -> RawTable:
+    """Read names and cells of the lines below the header, block by block.
+
+    Parameters
+    ----------
+    split
+        (lines, number of lines before them) -> number and cells of each.
+    told
+        Is told the number of lines after each block.
+    text
+        Whether each column is text in any case.
+    separator, comma
+        How lines of numbers alone are read at once: what is between cells (None: any spaces), and
+        whether their decimal points are commas.
+    first
+        Number of lines before.
+    """
+    lines = iter(lines)
+    columns = [_Column(own) for own in text or [False] * len(names)]
     numbers: list[NDArray[np.int64]] = [np.zeros(0, dtype=np.int64)]
-    while start and (found := _plain_columns(start, columns)):
+    start = list(islice(lines, _BLOCK))
+    while start and (found := _plain_columns(start, columns, separator, comma)):
         for column, own in zip(columns, found, strict=True):
             column.add(own)
         numbers.append(np.arange(first + 1, first + 1 + len(start)))
         first += len(start)
-        told()
-        start = list(islice(file, _BLOCK))
+        told(first)
+        start = list(islice(lines, _BLOCK))
     ragged: list[tuple[int, int]] = []
-    lines = _filled_lines(chain(start, file), path, first)
-    while block := list(islice(lines, _BLOCK)):
+    rows = split(chain(start, lines), first)
+    while block := list(islice(rows, _BLOCK)):
         good = [(line, cells) for line, cells in block if len(cells) == len(names)]
         ragged += [(line, len(cells)) for line, cells in block if len(cells) != len(names)]
         numbers.append(np.array([line for line, _ in good], dtype=np.int64))
         if good:
             for column, *own in zip(columns, *(cells for _, cells in good), strict=True):
                 column.add(own)
-        told()
+        told(block[-1][0])
     places = np.concatenate(numbers)
-    return RawTable(names, tuple(c.cells() for c in columns), places, "line", tuple(ragged))
+    cells = tuple(column.cells() for column in columns)
+    return RawTable(tuple(names), cells, places, "line", tuple(ragged))
 
 
-def _plain_columns(lines: Sequence[str], columns: Sequence[_Column]) -> list[Any] | None:
+def _plain_columns(
+    lines: Sequence[str],
+    columns: Sequence[_Column],
+    separator: str | None = ",",
+    comma: bool = False,
+) -> list[Any] | None:
     """Cells of lines without quotes, gaps and odd numbers, by numpy's reader; None for others.
 
     It gives the same numbers in half the time, but does not say where something is no number.
@@ -300,8 +341,9 @@ def _plain_columns(lines: Sequence[str], columns: Sequence[_Column]) -> list[Any
     ):
         return None
     kinds = [(f"f{i}", object if column.text else float) for i, column in enumerate(columns)]
+    read = [line.replace(",", ".") for line in lines] if comma else lines
     try:
-        cells = np.loadtxt(lines, delimiter=",", comments=None, ndmin=1, dtype=np.dtype(kinds))
+        cells = np.loadtxt(read, delimiter=separator, comments=None, ndmin=1, dtype=np.dtype(kinds))
     except ValueError:
         return None
     found = [cells[name].tolist() if kind is object else cells[name].copy() for name, kind in kinds]
@@ -357,10 +399,11 @@ def _numbered(cells: list[str]) -> tuple[str, ...]:
 
 def _names(header: list[list[str]], path: Path) -> tuple[str, ...]:
     """Return the column names of a header of one or two rows, checked."""
-    names = header[0] if len(header) == 1 else _two_rows(*header)
+    names = header[0] if len(header) == 1 else grouped_names(*header)
     check_names(names, str(path))
     # `nan` and `1e5` are names of columns, too: beside a known name, or where nothing is a number.
-    number = next((name for name in names if _is_finite(name)), None)
+    values = zip(names, map(number_of, names), strict=True)
+    number = next((n for n, value in values if value is not None and math.isfinite(value)), None)
     if number is not None and len(header) == 1 and not any(map(is_standard, names)):
         raise InputError(
             f"{path}: the header row holds the number {number}, expected column names. Where "
@@ -378,7 +421,7 @@ def _names(header: list[list[str]], path: Path) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _two_rows(upper: list[str], lower: list[str]) -> list[str]:
+def grouped_names(upper: Sequence[str], lower: Sequence[str]) -> list[str]:
     """Join 'Force', '', '' over 'X', 'Y', 'Z' to 'Force X', 'Force Y', 'Force Z'."""
     names: list[str] = []
     group = ""
@@ -390,11 +433,18 @@ def _two_rows(upper: list[str], lower: list[str]) -> list[str]:
     return names
 
 
-def _is_finite(text: str) -> bool:
+def number_of(text: str) -> float | None:
+    """The number of a cell; None where it is none. Python reads 1_000, other programs do not.
+
+    Examples
+    --------
+    >>> number_of("1e3"), number_of("1_000"), number_of("one")
+    (1000.0, None, None)
+    """
     try:
-        return math.isfinite(float(text))
+        return None if "_" in text else float(text)
     except ValueError:
-        return False
+        return None
 
 
 def write_csv(
@@ -406,24 +456,24 @@ def write_csv(
     """
     rows = max(map(len, columns.values()), default=0)
     with atomic(path) as file:
-        file.write((",".join(_quoted(name) for name in columns) + "\n").encode())
+        file.write(_lines([list(columns)]))
         for start in range(0, rows, _BLOCK):
             if progress is not None:
                 progress(start, rows, "")
             block = slice(start, start + _BLOCK)
             cells = [_cells(name, column[block]) for name, column in columns.items()]
-            file.writelines((",".join(row) + "\n").encode() for row in zip(*cells, strict=True))
+            file.write(_lines(zip(*cells, strict=True)))
+
+
+def _lines(rows: Iterable[Sequence[str]]) -> bytes:
+    text = StringIO(newline="")
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue().encode()
 
 
 def _cells(name: str, column: NDArray[Any]) -> list[str]:
     if name in TEXT or column.dtype == object:
-        return [_quoted(str(value)) for value in column]
+        return [str(value) for value in column]
     if name in WHOLE:
         return [str(int(value)) for value in column]
     return ["" if math.isnan(value) else repr(value) for value in column.tolist()]
-
-
-def _quoted(text: str) -> str:
-    if any(sign in text for sign in ',"\n\r'):
-        return '"' + text.replace('"', '""') + '"'
-    return text

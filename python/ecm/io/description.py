@@ -60,10 +60,8 @@ def rows_of(ranges: str, where: str) -> I:
     return np.unique(np.concatenate(found))
 
 
-def read_leave_out(table: Any, where: str) -> dict[str, str]:
+def read_leave_out(table: Mapping[str, Any], where: str) -> dict[str, str]:
     """Check `[leave_out]`: ranges of rows by reason."""
-    if not isinstance(table, Mapping):
-        raise InputError(f"{where} [leave_out]: found {table!r}, expected a table")
     for reason, ranges in table.items():
         place = f"{where} [leave_out] {reason}"
         if not isinstance(ranges, str):
@@ -390,10 +388,8 @@ class Meta:
         """Check a parsed NAME.toml; InputError names file, table and key."""
         _check_places(document, where)
         check_keys(document, _TABLES, where)
-        columns, group = _columns(document.get("columns", {}), f"{where} [columns]")
-        mechanism = document.get("mechanism", {})
-        if not isinstance(mechanism, Mapping):
-            raise InputError(f"{where} [mechanism]: found {mechanism!r}, expected a table")
+        columns, group = _columns(_table(document, "columns", where), f"{where} [columns]")
+        mechanism = _table(document, "mechanism", where)
         check_keys(mechanism, MECHANISM_KEYS, f"{where} [mechanism]")
         if mechanism and "mesh" not in mechanism:
             Mechanism.from_dict(mechanism, f"{where} [mechanism]")
@@ -408,10 +404,10 @@ class Meta:
             mechanism=dict(mechanism),
             instrument=section(Instrument, "instrument"),
             scene=section(Scene, "scene"),
-            runs=_runs(document.get("run", {}), where),
+            runs=_runs(_table(document, "run", where, "tables [run.0], [run.1], ..."), where),
             frames=section(Frames, "frames"),
-            leave_out=read_leave_out(document.get("leave_out", {}), where),
-            origin=_origin(document.get("import", {}), f"{where} [import]"),
+            leave_out=read_leave_out(_table(document, "leave_out", where), where),
+            origin=_origin(_table(document, "import", where), f"{where} [import]"),
             source=where,
         )
 
@@ -450,6 +446,15 @@ def _check_places(document: Mapping[str, Any], where: str) -> None:
         check({"kind": columns["kind"]}, (), f"{where} [columns]")
 
 
+def _table(
+    document: Mapping[str, Any], name: str, where: str, expected: str = "a table"
+) -> Mapping[str, Any]:
+    table = document.get(name, {})
+    if not isinstance(table, Mapping):
+        raise InputError(f"{where} [{name}]: found {table!r}, expected {expected}")
+    return table
+
+
 def read_meta(path: Path) -> Meta:
     """Read NAME.toml, or the file given by --meta."""
     return Meta.from_dict(read_toml(path, "description of a table"), str(path))
@@ -478,10 +483,10 @@ def as_meta(meta: Meta | Mapping[str, Any] | str | Path | None) -> Meta:
     return replace(Meta.from_dict(meta, "meta"), source="")
 
 
-def _columns(table: Any, where: str) -> tuple[dict[str, ColumnSource], tuple[str, ...]]:
+def _columns(
+    table: Mapping[str, Any], where: str
+) -> tuple[dict[str, ColumnSource], tuple[str, ...]]:
     """Read [columns]: sources by standard name, and the columns of `group`."""
-    if not isinstance(table, Mapping):
-        raise InputError(f"{where}: found {table!r}, expected a table")
     columns: dict[str, ColumnSource] = {}
     group: tuple[str, ...] = ()
     for name, entry in table.items():
@@ -501,10 +506,8 @@ def _columns(table: Any, where: str) -> tuple[dict[str, ColumnSource], tuple[str
     return columns, group
 
 
-def _runs(table: Any, where: str) -> dict[int, dict[str, Any]]:
+def _runs(table: Mapping[str, Any], where: str) -> dict[int, dict[str, Any]]:
     """Read [run.0], [run.1], ...: the given keys of each run, checked."""
-    if not isinstance(table, Mapping):
-        raise InputError(f"{where} [run]: found {table!r}, expected tables [run.0], [run.1], ...")
     runs: dict[int, dict[str, Any]] = {}
     for key, values in table.items():
         place = f"{where} [run.{key}]"
@@ -518,10 +521,8 @@ def _runs(table: Any, where: str) -> dict[int, dict[str, Any]]:
     return runs
 
 
-def _origin(table: Any, where: str) -> dict[str, Any]:
+def _origin(table: Mapping[str, Any], where: str) -> dict[str, Any]:
     """Read [import]: text or lists of text, which nothing here depends on."""
-    if not isinstance(table, Mapping):
-        raise InputError(f"{where}: found {table!r}, expected a table")
     for name, value in table.items():
         entries = value if isinstance(value, list) else [value]
         if not all(isinstance(entry, str) for entry in entries):

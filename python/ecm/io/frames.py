@@ -14,19 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm._native import rotation_matrices, rotation_vectors
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.se3 import from_quaternion, rotate, transpose
+from ecm.io.se3 import compose, from_quaternion, rotate, rotation, rotation_vector, seen_from
 from ecm.io.settings import Checked, setting
 
 ORDERS = {"wxyz": "xyzw", "xyzw": "wxyz"}
 """The other order of each."""
-_FAR = 2.0
-"""Median turn, rad, from which poses of a clamped body are doubted."""
-_NEAR = 1.0
-"""Median turn, rad, below which the other order is believed; nine tenths are below twice that."""
 
 
 def quaternions_of(vectors: F, order: str) -> F:
@@ -52,9 +47,7 @@ def vectors_of(quaternions: F, order: str) -> F:
     >>> vectors_of(np.array([[1.0, 0.0, 0.0, -1.0]]), "wxyz").round(4)
     array([[ 0.    ,  0.    , -1.5708]])
     """
-    last = order == "xyzw"
-    scalar = quaternions[:, 3:] if last else quaternions[:, :1]
-    vector = quaternions[:, :3] if last else quaternions[:, 1:]
+    vector, scalar = np.split(np.roll(quaternions, 0 if order == "xyzw" else -1, axis=1), [3], 1)
     turned = vector * np.where(scalar < 0.0, -1.0, 1.0)
     size = np.linalg.norm(turned, axis=1, keepdims=True)
     full = 2.0 * np.arctan2(size, np.abs(scalar))
@@ -77,58 +70,6 @@ def read_in_other_order(vectors: F, stated: str) -> F:
     array([[0., 0., 0.]])
     """
     return vectors_of(quaternions_of(vectors, stated), ORDERS[stated])
-
-
-def likely_order(vectors: F, stated: str = "") -> str:
-    """Return the order in which quaternions were likely meant; empty where the stated may be right.
-
-    A body whose base is clamped is turned little. Read in the wrong order it is turned by half a
-    turn, about x where the scalar was first and about z where it was last.
-
-    Parameters
-    ----------
-    vectors
-        (N, 3) rad.
-    stated
-        Order that was stated; default: either.
-
-    Examples
-    --------
-    >>> likely_order(np.array([[3.1, 0.02, 0.0], [3.0, 0.0, 0.1]]))
-    'wxyz'
-    >>> likely_order(np.array([[0.1, 0.02, 0.0], [0.3, 0.0, 0.1]]))
-    ''
-    """
-    known = vectors[np.isfinite(vectors).all(axis=1)]
-    if not len(known) or np.median(np.linalg.norm(known, axis=1)) < _FAR:
-        return ""
-    for order, meant in ORDERS.items():
-        turns = np.linalg.norm(read_in_other_order(known, order), axis=1)
-        near = np.median(turns) < _NEAR and np.quantile(turns, 0.9) < 2.0 * _NEAR
-        if stated in ("", order) and near:
-            return meant
-    return ""
-
-
-def order_warning(vectors: F, stated: str = "") -> str:
-    """Return what looks wrong with the order of quaternions, in words; empty where nothing does.
-
-    Examples
-    --------
-    >>> order_warning(np.array([[0.0, 0.1, 3.1]]))[:58]
-    'the rotations look read from quaternions in the order wxyz'
-    """
-    meant = likely_order(vectors, stated)
-    if not meant:
-        return ""
-    turn = np.degrees(np.nanmedian(np.linalg.norm(vectors, axis=1)))
-    other = np.linalg.norm(read_in_other_order(vectors, ORDERS[meant]), axis=1)
-    return (
-        f"the rotations look read from quaternions in the order {ORDERS[meant]}, which are {meant}:"
-        f" half of them are turned by more than {turn:.0f} degrees, in the other order by "
-        f"{np.degrees(np.nanmedian(other)):.0f}; import again with --rotation {meant}, unless the "
-        "frames are meant to stand half a turn apart"
-    )
 
 
 _FRAMES = ("base", "robot", "top", "tool", "sensor")
@@ -186,24 +127,7 @@ class Frames(Checked):
         return self.base_from_robot is not None or self.top_from_tool is not None
 
 
-@dataclass(frozen=True)
-class _Motions:
-    """Rotations (N, 3, 3) and positions (N, 3) of a frame in the base frame; N may be 1."""
-
-    rotation: F
-    position: F
-
-    def times(self, other: _Motions) -> _Motions:
-        """The frame whose pose in this frame is `other`."""
-        shift = rotate(self.rotation, other.position)
-        return _Motions(self.rotation @ other.rotation, self.position + shift)
-
-    def inverse(self) -> _Motions:
-        back = transpose(self.rotation)
-        return _Motions(back, -rotate(back, self.position))
-
-
-_REST = _Motions(np.eye(3)[None], np.zeros((1, 3)))
+_REST = np.zeros((1, 6))
 
 
 def to_base(
@@ -227,15 +151,14 @@ def to_base(
     _refuse_velocities(columns, source)
     top = _tops(columns, frames, source)
     if frames.moves_pose:
-        vectors = rotation_vectors(np.ascontiguousarray(top.rotation))
-        moved |= dict(zip(POSE, np.concatenate([top.position, vectors], axis=1).T, strict=True))
+        moved |= dict(zip(POSE, top.T, strict=True))
     if any(name in columns for name in WRENCH):
         moved |= _wrench(columns, frames, top, top_from_sensor, source)
     return moved
 
 
-def _tops(columns: Mapping[str, NDArray[Any]], frames: Frames, source: str) -> _Motions:
-    """Pose of the top frame in the base frame, (N,); at rest where nothing depends on it."""
+def _tops(columns: Mapping[str, NDArray[Any]], frames: Frames, source: str) -> F:
+    """Pose of the top frame in the base frame, (N, 6); at rest where nothing depends on it."""
     needed = (
         frames.moves_pose
         or frames.wrench_point != "top"
@@ -250,99 +173,72 @@ def _tops(columns: Mapping[str, NDArray[Any]], frames: Frames, source: str) -> _
             f"{source}: [frames] needs all six pose columns, and {', '.join(missing)} "
             f"{'is' if len(missing) == 1 else 'are'} missing"
         )
-    poses = np.column_stack([columns[name] for name in POSE]).astype(np.float64)
-    tool = _motions(poses)
-    return _given(frames.base_from_robot).times(tool).times(_given(frames.top_from_tool).inverse())
+    tool = np.column_stack([columns[name] for name in POSE]).astype(np.float64)
+    bad = ~np.isfinite(tool).all(axis=1)
+    tool[bad] = 0.0  # a row with NaN stays one
+    robot, inside = _pose(frames.base_from_robot), _pose(frames.top_from_tool)
+    top = compose(compose(robot, tool), seen_from(inside, _REST))
+    top[bad, :3] = np.nan
+    return top
 
 
-def _motions(poses: F) -> _Motions:
-    """Motions of poses with rotation vectors of any length; a row with NaN stays one."""
-    bad = np.asarray(~np.isfinite(poses).all(axis=1))
-    vectors = np.ascontiguousarray(np.where(bad[:, None], 0.0, poses[:, 3:]))
-    position = np.where(bad[:, None], np.nan, poses[:, :3])
-    return _Motions(rotation_matrices(vectors), position)
-
-
-def _given(pose: tuple[float, ...] | None) -> _Motions:
-    """The motion of position and quaternion w x y z."""
-    if pose is None:
+def _pose(frame: tuple[float, ...] | None) -> F:
+    """(1, 6) of position and quaternion w x y z; None: that of its own frame."""
+    if frame is None:
         return _REST
-    position = np.asarray(pose[:3], dtype=np.float64)
-    return _Motions(from_quaternion(pose[3:])[None], position[None])
+    turned = rotation_vector(from_quaternion(frame[3:])[None])
+    return np.concatenate([np.asarray(frame[:3], dtype=np.float64)[None], turned], axis=1)
 
 
 def _wrench(
     columns: Mapping[str, NDArray[Any]],
     frames: Frames,
-    top: _Motions,
+    top: F,
     top_from_sensor: tuple[float, ...] | None,
     source: str,
 ) -> dict[str, NDArray[Any]]:
     """Wrench columns in base axes about the top frame's origin."""
     sign = -1.0 if frames.wrench_by == "mechanism" else 1.0
-    turn = _frame(frames.wrench_axes, frames, top, top_from_sensor, source).rotation
-    point = _frame(frames.wrench_point, frames, top, top_from_sensor, source).position
-    lever = point - top.position if frames.wrench_point != "top" else np.zeros((1, 3))
-    turns = frames.wrench_axes != "base"
-    moves = frames.wrench_point != "top"
+    axes = _frame(frames.wrench_axes, frames, top, top_from_sensor, source)
+    point = _frame(frames.wrench_point, frames, top, top_from_sensor, source)
+    turns, moves = frames.wrench_axes != "base", frames.wrench_point != "top"
     if not turns and not moves:
         return {name: sign * columns[name] for name in WRENCH if name in columns}
-    found: dict[str, NDArray[Any]] = {}
-    force = _three(columns, WRENCH[:3], turn, turns, source)
-    moment = _three(columns, WRENCH[3:], turn, turns, source)
+    turned: list[F | None] = []
+    for names in (WRENCH[:3], WRENCH[3:]):
+        present = [name for name in names if name in columns]
+        if len(present) in (1, 2):
+            raise InputError(
+                f"{source}: [frames] turns or moves the wrench and needs {', '.join(names)}, but "
+                f"only {', '.join(present)} {'is' if len(present) == 1 else 'are'} there"
+            )
+        vectors = np.column_stack([columns[name] for name in present]) if present else None
+        turned.append(None if vectors is None else rotate(rotation(axes[:, 3:]), vectors))
+    force, moment = turned
     if moves and moment is not None:
         if force is None:
             raise InputError(f"{source}: [frames] wrench_point needs fx_N, fy_N and fz_N")
-        moment = moment + np.cross(np.broadcast_to(lever, force.shape), force)
-    for names, values in ((WRENCH[:3], force), (WRENCH[3:], moment)):
-        if values is not None:
-            found |= dict(zip(names, sign * values.T, strict=True))
-    return found
-
-
-def _three(
-    columns: Mapping[str, NDArray[Any]], names: tuple[str, ...], turn: F, turns: bool, source: str
-) -> F | None:
-    """(N, 3) vectors turned to base axes; None where none of the columns is there."""
-    present = [name for name in names if name in columns]
-    if not present:
-        return None
-    if len(present) < 3:
-        raise InputError(
-            f"{source}: [frames] turns or moves the wrench and needs {', '.join(names)}, but only "
-            f"{', '.join(present)} {'is' if len(present) == 1 else 'are'} there"
-        )
-    vectors = np.column_stack([columns[name] for name in names]).astype(np.float64)
-    return np.asarray(np.einsum("nij,nj->ni", np.broadcast_to(turn, (len(vectors), 3, 3)), vectors)
-                      if turns else vectors)  # fmt: skip
+        moment = moment + np.cross(point[:, :3] - top[:, :3], force)
+    found = np.concatenate([part for part in (force, moment) if part is not None], axis=1)
+    return dict(zip([name for name in WRENCH if name in columns], sign * found.T, strict=True))
 
 
 def _frame(
-    word: str,
-    frames: Frames,
-    top: _Motions,
-    top_from_sensor: tuple[float, ...] | None,
-    source: str,
-) -> _Motions:
-    """Pose of a named frame in the base frame."""
-    if word == "base":
-        return _REST
-    if word == "top":
-        return top
-    if word == "robot":
-        return _given(_needed(frames.base_from_robot, "base_from_robot", word, source))
+    word: str, frames: Frames, top: F, top_from_sensor: tuple[float, ...] | None, source: str
+) -> F:
+    """Pose (N, 6) of a named frame in the base frame."""
+    if word in ("base", "top"):
+        return top if word == "top" else _REST
     if word == "tool":
-        return top.times(_given(frames.top_from_tool))
-    if frames.base_from_sensor is not None:
-        return _given(frames.base_from_sensor)
-    name = "[frames] base_from_sensor, or [instrument] top_from_sensor,"
-    return top.times(_given(_needed(top_from_sensor, name, word, source)))
-
-
-def _needed(pose: tuple[float, ...] | None, name: str, word: str, source: str) -> tuple[float, ...]:
-    if pose is None:
+        return compose(top, _pose(frames.top_from_tool))
+    given, name = frames.base_from_robot, "base_from_robot"
+    if word == "sensor":
+        given = frames.base_from_sensor or top_from_sensor
+        name = "[frames] base_from_sensor, or [instrument] top_from_sensor,"
+    if given is None:
         raise InputError(f"{source} [frames]: wrench in '{word}': {name} is missing")
-    return pose
+    moving = word == "sensor" and frames.base_from_sensor is None
+    return compose(top, _pose(given)) if moving else _pose(given)
 
 
 def _refuse_velocities(columns: Mapping[str, NDArray[Any]], source: str) -> None:

@@ -6,18 +6,20 @@ and no row twice.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, KeysView, Mapping, Sequence
+from collections.abc import Callable, Iterator, KeysView, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import wraps
 from html import escape
+from inspect import signature
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, ParamSpec, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
-from ecm.io.arrays import F, I
+from ecm.io.arrays import B, F, I
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, TEXT, WRENCH, close_name, is_standard
 from ecm.io.csv import RawTable, raw_table, read_csv, write_csv
@@ -43,6 +45,27 @@ MetaLike: TypeAlias = Meta | Mapping[str, Any] | str | Path | None
 file."""
 
 
+def _with_checks(init: Callable[..., None]) -> Callable[..., None]:
+    """Decorate the constructor of a Table: what comes without a `Meta` is read with all checks."""
+
+    @wraps(init)
+    def at_the_door(
+        self: Table,
+        columns: TableLike,
+        meta: MetaLike = None,
+        source: str = "table",
+        warnings: tuple[str, ...] = (),
+        **others: Any,
+    ) -> None:
+        if not isinstance(meta, Meta):
+            checked = as_table(columns, meta=meta, source=source)
+            columns, meta, source = checked.columns, checked.meta, checked.source
+            warnings = (*warnings, *checked.warnings)
+        init(self, columns, meta, source, warnings, **others)
+
+    return at_the_door
+
+
 @dataclass(frozen=True, repr=False, init=False)
 class Table:
     """Measurements, one row each, with their description.
@@ -64,8 +87,8 @@ class Table:
         Warnings from reading.
     zeros_s
         Times of sensor zeros whose readings are no longer rows.
-    whole, places
-        Of a thinned table: the table that its rows were chosen from, and their places (N,) there.
+    sampled_from, sampled_rows
+        Of a subsample: the table that its rows were chosen from, and their numbers (N,) there.
     file_rows
         (N,) number of each row in its file, from 1, where rows were left out.
 
@@ -88,10 +111,11 @@ class Table:
     source: str
     warnings: tuple[str, ...] = ()
     zeros_s: tuple[float, ...] = ()
-    whole: Table | None = None
-    places: I | None = None
+    sampled_from: Table | None = None
+    sampled_rows: I | None = None
     file_rows: I | None = None
 
+    @_with_checks
     def __init__(
         self,
         columns: TableLike,
@@ -99,15 +123,11 @@ class Table:
         source: str = "table",
         warnings: tuple[str, ...] = (),
         zeros_s: tuple[float, ...] = (),
-        whole: Table | None = None,
-        places: I | None = None,
+        sampled_from: Table | None = None,
+        sampled_rows: I | None = None,
         file_rows: I | None = None,
     ) -> None:
-        if not isinstance(meta, Meta):
-            checked = as_table(columns, meta=meta, source=source)
-            columns, meta, source = checked.columns, checked.meta, checked.source
-            warnings = (*warnings, *checked.warnings)
-        values = (columns, meta, source, warnings, zeros_s, whole, places, file_rows)
+        values = (columns, meta, source, warnings, zeros_s, sampled_from, sampled_rows, file_rows)
         for item, value in zip(fields(self), values, strict=True):
             object.__setattr__(self, item.name, value)
 
@@ -222,14 +242,16 @@ class Table:
         """Return the rows of a mask (N,) or of row numbers."""
         index = np.asarray(rows)
         columns = {name: col[index] for name, col in self.columns.items()}
-        places = None if self.places is None else self.places[index]
+        sampled = None if self.sampled_rows is None else self.sampled_rows[index]
         file_rows = None if self.file_rows is None else self.file_rows[index]
-        return replace(self, columns=columns, places=places, file_rows=file_rows)
+        return replace(self, columns=columns, sampled_rows=sampled, file_rows=file_rows)
 
     @property
     def row_numbers(self) -> I:
-        """(N,) numbers of the rows from 0; those of a thinned table are the places in its whole."""
-        return np.arange(len(self), dtype=np.int64) if self.places is None else self.places
+        """(N,) numbers of the rows from 0; those of a subsample are its `sampled_rows`."""
+        return (
+            np.arange(len(self), dtype=np.int64) if self.sampled_rows is None else self.sampled_rows
+        )
 
     @property
     def numbers_in_file(self) -> I:
@@ -237,35 +259,37 @@ class Table:
         return self.row_numbers + 1 if self.file_rows is None else self.file_rows
 
     @property
-    def unthinned(self) -> Table:
-        """The table that the rows of a thinned one were chosen from; else this table.
+    def full(self) -> Table:
+        """The table that the rows of a subsample were chosen from; else this table.
 
         Examples
         --------
         >>> table = as_table({"y_m": [0.0, 0.01, 0.02], "fy_N": [0.0, 30.5, 61.0]})
-        >>> len(table.thinned([0, 2]).unthinned), len(table.unthinned)
+        >>> len(table.subsample([0, 2]).full), len(table.full)
         (3, 3)
         """
-        return self if self.whole is None else self.whole
+        return self if self.sampled_from is None else self.sampled_from
 
-    def thinned(self, rows: ArrayLike) -> Table:
+    def subsample(self, rows: ArrayLike) -> Table:
         """Return rows of growing numbers, which keep the history of all; all are the table itself.
 
         What depends on earlier rows, such as the pose before or the load so far, is computed on
-        the `whole` table.
+        the `full` table.
 
         Examples
         --------
         >>> table = as_table({"y_m": [0.0, 0.01, 0.02], "fy_N": [0.0, 30.5, 61.0]})
-        >>> few = table.thinned([0, 2])
-        >>> len(few), len(few.whole), few.places
+        >>> some = table.subsample([0, 2])
+        >>> len(some), len(some.full), some.sampled_rows
         (2, 3, array([0, 2]))
         """
         index = np.asarray(rows, dtype=np.int64)
         if len(index) == len(self):
             return self
-        few = self.select(index)
-        return few if self.whole is not None else replace(few, whole=self, places=index)
+        some = self.select(index)
+        if self.sampled_from is not None:
+            return some
+        return replace(some, sampled_from=self, sampled_rows=index)
 
     def with_columns(self, columns: Mapping[str, ArrayLike]) -> Table:
         """Return the table with these columns (N,) replaced or added; new ones are last."""
@@ -291,19 +315,27 @@ class Table:
 
     def with_meta(self, meta: Meta) -> Table:
         """Return the table with another description."""
-        whole = None if self.whole is None else self.whole.with_meta(meta)
-        return replace(self, meta=meta, whole=whole)
+        full = None if self.sampled_from is None else self.full.with_meta(meta)
+        return replace(self, meta=meta, sampled_from=full)
 
     def with_length(self, length_m: float | None) -> Table:
         """Return the table with this length of the mechanism, unless its own is known."""
         return self.with_meta(self.meta.with_length(length_m))
 
+    @property
+    def continuous(self) -> bool:
+        """Whether the rows are samples of a continuous test."""
+        return self.meta.file.kind == "continuous" and "time_s" in self.columns
+
+    @property
+    def of_poses(self) -> B:
+        """(N,) rows that measure a pose: neither home checks nor unloaded readings."""
+        kind = self.text("kind")
+        return np.asarray((kind == "") | (kind == "pose"), dtype=np.bool_)
+
     def measured(self) -> Table:
         """Return the rows of kind `pose`, without home checks and unloaded readings."""
-        if "kind" not in self.columns:
-            return self
-        kind = self.columns["kind"]
-        return self.select((kind == "pose") | (kind == ""))
+        return self.select(self.of_poses) if "kind" in self.columns else self
 
     def write(self, path: str | Path, *, progress: Progress | None = None) -> None:
         """Write NAME.csv, whose numbers read back bit for bit, and NAME.toml where needed.
@@ -460,6 +492,53 @@ one; expected the unit in the name. If it is in that unit, call it 'y_m'; else g
         table = _checked(raw_table(data, source), as_meta(meta), source, skip_bad_rows)
     require_columns(table, need)
     return table
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def takes_table(
+    need: Need | None = None, *, name: str = "table", or_array: bool = False
+) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Decorate a public function that takes all that `as_table` reads.
+
+    Its arguments are checked by their types, and its body gets a Table that `meta` describes. So
+    files, frames and dicts end at the door.
+
+    Parameters
+    ----------
+    need
+        "fit" or "predict": check that the columns it needs exist.
+    name
+        The argument that becomes a Table.
+    or_array
+        Whether an array, such as poses (N, 6), stays what it is.
+
+    Examples
+    --------
+    >>> @takes_table()
+    ... def count(table: TableLike, *, meta: MetaLike = None) -> int:
+    ...     return len(table)
+    >>> count({"y_m": [0.0, 0.01]})
+    2
+    """
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        parameters = signature(function)
+
+        @wraps(function)
+        def at_the_door(*args: P.args, **kwargs: P.kwargs) -> R:
+            given = parameters.bind(*args, **kwargs)
+            check_arguments(function, given.arguments)
+            data, meta = given.arguments[name], given.arguments.get("meta")
+            if not (or_array and isinstance(data, np.ndarray) and data.dtype.names is None):
+                given.arguments[name] = as_table(data, meta=meta, need=need)
+            return function(*given.args, **given.kwargs)
+
+        return at_the_door
+
+    return decorate
 
 
 def _are_paths(data: TableLike) -> bool:

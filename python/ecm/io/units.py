@@ -1,18 +1,13 @@
-"""Units as logs write them, and size limits of poses with their likely unit."""
+"""Units as logs write them, and the unit that a factor between two loads tells."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from ecm.errors import InputError
-from ecm.io.arrays import F, I
-from ecm.io.columns import POSE
-from ecm.io.csv import RowErrors
 from ecm.io.toml import closest
 
 _LBF_N = 4.4482216152605
@@ -37,45 +32,45 @@ class Unit:
     offset: float = 0.0
 
 
-def _units() -> dict[str, Unit]:
-    lengths = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6, "µm": 1e-6, "in": _INCH_M,
-               "inch": _INCH_M, "inches": _INCH_M, "ft": 12 * _INCH_M}  # fmt: skip
-    degree = math.pi / 180.0
-    angles = {"rad": 1.0, "mrad": 1e-3, "deg": degree, "degree": degree, "degrees": degree,
-              "°": degree, "grad": math.pi / 200.0, "rev": 2.0 * math.pi}  # fmt: skip
-    forces = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "gf": _GF_N, "kgf": 1e3 * _GF_N, "lbf": _LBF_N,
-              "lb": _LBF_N, "lbs": _LBF_N, "ozf": _LBF_N / 16.0}  # fmt: skip
-    times = {"s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6,
-             "µs": 1e-6, "ns": 1e-9, "min": 60.0, "minutes": 60.0, "h": 3600.0,
-             "hours": 3600.0}  # fmt: skip
-    torques = {
-        f"{force}{length}": forces[force] * lengths[length]
-        for force in ("N", "kN", "mN", "gf", "kgf", "lbf", "lb", "ozf")
-        for length in ("m", "mm", "cm", "in", "ft")
-    } | {
-        f"{length}{force}": forces[force] * lengths[length]
-        for force in ("lbf", "lb")
-        for length in ("in", "ft")
-    }
-    torques["ozin"] = _LBF_N / 16.0 * _INCH_M
-    found = {
-        word: Unit(word, dimension, factor)
-        for dimension, words in (
-            ("length", lengths), ("angle", angles), ("force", forces), ("torque", torques),
-            ("time", times),
-        )
-        for word, factor in words.items()
-    }  # fmt: skip
-    for word in ("degC", "C", "°C", "celsius"):
-        found[word] = Unit(word, "temperature")
-    for word in ("K", "kelvin"):
-        found[word] = Unit(word, "temperature", 1.0, -273.15)
-    for word in ("degF", "F", "°F", "fahrenheit"):
-        found[word] = Unit(word, "temperature", 5.0 / 9.0, -160.0 / 9.0)
-    return found
-
-
-_UNITS = _units()
+_LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6, "µm": 1e-6, "in": _INCH_M,
+            "inch": _INCH_M, "inches": _INCH_M, "ft": 12 * _INCH_M}  # fmt: skip
+_ANGLES = {"rad": 1.0, "mrad": 1e-3, "grad": math.pi / 200.0, "rev": 2.0 * math.pi} | dict.fromkeys(
+    ("deg", "degree", "degrees", "°"), math.pi / 180.0
+)
+_FORCES = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "gf": _GF_N, "kgf": 1e3 * _GF_N, "lbf": _LBF_N,
+           "lb": _LBF_N, "lbs": _LBF_N, "ozf": _LBF_N / 16.0}  # fmt: skip
+_TIMES = {
+    "ms": 1e-3,
+    "us": 1e-6,
+    "µs": 1e-6,
+    "ns": 1e-9,
+    "min": 60.0,
+    "minutes": 60.0,
+    "h": 3600.0,
+    "hours": 3600.0,
+} | dict.fromkeys(("s", "sec", "second", "seconds"), 1.0)
+_TORQUES = (
+    {f + l: _FORCES[f] * _LENGTHS[l] for f in _FORCES for l in ("m", "mm", "cm", "in", "ft")}
+    | {l + f: _FORCES[f] * _LENGTHS[l] for f in ("lbf", "lb") for l in ("in", "ft")}
+    | {"ozin": _LBF_N / 16.0 * _INCH_M}
+)  # fmt: skip
+_TEMPERATURES = {
+    ("degC", "C", "°C", "celsius"): (1.0, 0.0),
+    ("K", "kelvin"): (1.0, -273.15),
+    ("degF", "F", "°F", "fahrenheit"): (5.0 / 9.0, -160.0 / 9.0),
+}
+_UNITS = {
+    word: Unit(word, dimension, factor)
+    for dimension, words in (
+        ("length", _LENGTHS), ("angle", _ANGLES), ("force", _FORCES), ("torque", _TORQUES),
+        ("time", _TIMES),
+    )
+    for word, factor in words.items()
+} | {
+    word: Unit(word, "temperature", *scale)
+    for words, scale in _TEMPERATURES.items()
+    for word in words
+}  # fmt: skip
 _LOWER = {word.lower(): unit for word, unit in reversed(_UNITS.items())}
 _SI = ("m", "rad", "N", "Nm", "s", "degC")
 
@@ -145,16 +140,6 @@ def given_units(words: Sequence[str]) -> dict[str, Unit]:
     return {_UNITS[word].dimension: _UNITS[word] for word in _SI} | found if si else found
 
 
-_LONGEST_M = 2.0
-"""Largest position, m, if the length of the mechanism is unknown."""
-_LARGEST_LENGTHS = 5.0
-"""Largest position in lengths of the mechanism."""
-_LARGEST_REACH_M = 3.0
-"""Largest position in a robot's or a camera's own frame."""
-_ROUNDING = 1e-6
-"""By how much a rotation vector of half a turn may be longer in a robot's own frame, rad."""
-_FEW_ROWS = 0.1
-"""If a smaller share of rows exceeds the limit, these rows are wrong; else the unit is."""
 _SAME_FACTOR = 0.1
 """Share by which a factor may differ from that of a unit: bodies and fits differ, too."""
 _FACTORS = {
@@ -185,75 +170,3 @@ def unit_of_factor(factor: float) -> str:
     size = abs(math.log(factor))
     near = {abs(size - math.log(own)): words for own, words in _FACTORS.items()}
     return near[min(near)] if min(near) < math.log1p(_SAME_FACTOR) else ""
-
-
-def check_positions(
-    columns: Mapping[str, F], rows: I, length_m: float | None, errors: RowErrors
-) -> None:
-    """Add positions beyond the size limit to `errors`; InputError if unit or frame seems wrong."""
-    limit_m = _LONGEST_M if length_m is None else max(_LARGEST_LENGTHS * length_m, 1e-9)
-    for name in POSE[:3]:
-        if name in columns:
-            _check_column(name, columns[name], rows, limit_m, errors)
-
-
-def check_rotations(
-    columns: Mapping[str, F], rows: I, errors: RowErrors, *, in_own_frames: bool = False
-) -> None:
-    """Add rotation vectors of pi and more to `errors`; InputError if the unit seems wrong.
-
-    In frames of the log half a turn is usual: a robot's tool that points down.
-    """
-    longest = math.pi + (_ROUNDING if in_own_frames else 0.0)
-    for name in POSE[3:]:
-        if name in columns:
-            _check_column(name, columns[name], rows, longest, errors)
-    if not all(name in columns for name in POSE[3:]):
-        return
-    theta = np.column_stack([columns[name][rows] for name in POSE[3:]])
-    angles = np.sqrt(sum(values**2 for values in theta.T))
-    for i in np.flatnonzero((angles >= longest) & (np.abs(theta) <= longest).all(axis=1)):
-        turn = f"a rotation vector of {angles[i]:.4g} rad"
-        errors.add(int(rows[i]), "", turn, "less than pi (the shorter way round)")
-
-
-def _check_column(name: str, values: F, rows: I, limit: float, errors: RowErrors) -> None:
-    outside = rows[np.abs(values[rows]) > limit]
-    if len(outside) <= _FEW_ROWS * len(rows):
-        unit = "m" if name in POSE[:3] else "rad"
-        for row in outside:
-            errors.add(int(row), name, f"{values[row]:g}", f"at most {limit:.3g} {unit}")
-        return
-    guess = _guess_length if name in POSE[:3] else _guess_angle
-    raise InputError(
-        f"{errors.source}: column '{name}', {errors.place(int(outside[0]))}: found "
-        f"{values[outside[0]]:g} ({len(outside)} of {len(rows)} rows beyond {limit:.3g}), "
-        f"{guess(name, values[rows], limit)}"
-    )
-
-
-def _guess_length(name: str, values: F, limit: float) -> str:
-    largest, span = float(np.max(np.abs(values))), float(np.ptp(values))
-    if largest <= _LARGEST_REACH_M and span <= limit:
-        return (
-            f"but they move by {span:.3g} m only: positions from another origin, for example the "
-            "robot's base. Say where it is: base_from_robot = [x, y, z, 1, 0, 0, 0] in [frames] "
-            "(docs/import.md)."
-        )
-    if largest / 1e3 > limit:
-        return "no plausible position in metres. Check the unit and the frame."
-    return (
-        "expected metres: these look like millimetres. Divide by 1000, give "
-        f"{name} = {{ column = ..., scale = 1e-3 }} in [columns], or import the log with "
-        f"--map {name}=COLUMN:mm."
-    )
-
-
-def _guess_angle(name: str, values: F, _: float) -> str:
-    if float(np.max(np.abs(values))) > 720.0:
-        return "no plausible rotation vector in radians. Check the unit."
-    return (
-        "expected radians: these look like degrees. Multiply by pi/180, give "
-        f"{name} = {{ column = ..., scale = 0.017453292519943295 }} in [columns], or import the "
-        f"log with --map {name}=COLUMN:deg."
-    )

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,17 +16,17 @@ from ecm.io.columns import (
     JOINT_SIGNS,
     KINDS,
     MAY_BE_EMPTY,
+    POSE,
     TEXT,
     WHOLE,
     close_name,
     is_standard,
     likely_name,
 )
-from ecm.io.csv import Cells, RawTable, RowError, RowErrors
+from ecm.io.csv import Cells, RawTable, RowError, RowErrors, number_of
 from ecm.io.description import ColumnSource, Meta
 from ecm.io.frames import to_base
 from ecm.io.toml import did_you_mean
-from ecm.io.units import check_positions, check_rotations
 
 _MOST_HINTS = 50
 Columns = dict[str, NDArray[Any]]
@@ -59,13 +61,13 @@ def validated_columns(
         columns[name] = values
     numeric = {name: column for name, column in columns.items() if name not in TEXT}
     rows = np.flatnonzero(_good(columns, numbers, errors))
-    check_rotations(numeric, rows, errors, in_own_frames=meta.frames.moves_pose)
+    _check_rotations(numeric, rows, errors, in_own_frames=meta.frames.moves_pose)
     if not meta.frames.empty:
         columns |= to_base(columns, meta.frames, meta.instrument.top_from_sensor, source)
         numeric = {name: column for name, column in columns.items() if name not in TEXT}
-        check_rotations(numeric, np.flatnonzero(_good(columns, numbers, errors)), errors)
+        _check_rotations(numeric, np.flatnonzero(_good(columns, numbers, errors)), errors)
     rows = np.flatnonzero(_good(columns, numbers, errors))
-    check_positions(numeric, rows, meta.length_m, errors)
+    _check_positions(numeric, rows, meta.length_m, errors)
     warnings += _check_time(columns, numbers, errors)
     repeated = repeated_rows(columns, _good(columns, numbers, errors))
     if "time_s" in columns:
@@ -160,7 +162,7 @@ def _plain_numbers(cells: Cells) -> Any:
 def _parse_cells(name: str, own: str, cells: Cells, errors: RowErrors) -> tuple[F, B]:
     """Return numbers (N,), NaN where a cell is not a number, and which cells these are."""
     texts = ["" if cell is None else str(cell).strip() for cell in cells]
-    parsed = [_parsed(text) for text in texts]
+    parsed = [number_of(text) for text in texts]
     unread = np.array([value is None for value in parsed])
     if not is_standard(own) and len(texts) > 1 and unread.all() and "" not in texts:
         raise InputError(
@@ -173,13 +175,6 @@ def _parse_cells(name: str, own: str, cells: Cells, errors: RowErrors) -> tuple[
             comma = " (with a decimal point)" if "," in text else ""
             errors.add(int(row), own, shown(text) if text else "an empty cell", f"a number{comma}")
     return np.array([np.nan if value is None else value for value in parsed]), unread
-
-
-def _parsed(text: str) -> float | None:
-    try:
-        return None if "_" in text else float(text)
-    except ValueError:
-        return None
 
 
 def _text(name: str, cells: Cells, errors: RowErrors) -> NDArray[np.object_]:
@@ -250,7 +245,7 @@ def _check_time(columns: Columns, numbers: I, errors: RowErrors) -> list[str]:
 
 
 def _following(time: F, run: F) -> tuple[F, int]:
-    """Times with each run that begins before the end of the one before moved behind it.
+    """Times with each run that begins before the end of the one before moved after it.
 
     Also the number of runs that were moved.
     """
@@ -267,14 +262,14 @@ def _following(time: F, run: F) -> tuple[F, int]:
 
 def repeated_rows(columns: Columns, good: B) -> list[tuple[int, int]]:
     """Return (row, the earlier row that it equals in every column) among good rows."""
-    alike = np.flatnonzero(good & _seen_twice(columns, len(good)))
+    equal = np.flatnonzero(good & _seen_twice(columns, len(good)))
     lists = [
-        column[alike].tolist() if name in TEXT else np.nan_to_num(column[alike], nan=-1.0).tolist()
+        column[equal].tolist() if name in TEXT else np.nan_to_num(column[equal], nan=-1.0).tolist()
         for name, column in columns.items()
     ]
     first_rows: dict[tuple[Any, ...], int] = {}
     repeated: list[tuple[int, int]] = []
-    for row, values in zip(alike.tolist(), zip(*lists, strict=True), strict=True):
+    for row, values in zip(equal.tolist(), zip(*lists, strict=True), strict=True):
         if first_rows.setdefault(values, row) != row:
             repeated.append((row, first_rows[values]))
     return repeated
@@ -306,3 +301,83 @@ def _covariate_warnings(columns: Columns, source: str) -> list[str]:
     shown = ", ".join(own[:12]) + (", ..." if len(own) > 12 else "")
     hint = f" ({'; '.join(hints)})" if hints else ""
     return [f"{source}: {len(own)} column(s) of your own are kept as covariates: {shown}{hint}"]
+
+
+_LONGEST_M = 2.0
+"""Largest position, m, if the length of the mechanism is unknown."""
+_LARGEST_LENGTHS = 5.0
+"""Largest position in lengths of the mechanism."""
+_LARGEST_REACH_M = 3.0
+"""Largest position in a robot's or a camera's own frame."""
+_ROUNDING = 1e-6
+"""By how much a rotation vector of half a turn may be longer in a robot's own frame, rad."""
+_MOST_DEGREES = 720.0
+"""Angles of more turns are not in degrees either."""
+_FEW_ROWS = 0.1
+"""If a smaller share of rows exceeds the limit, these rows are wrong; else the unit is."""
+
+
+def _check_positions(
+    columns: Mapping[str, F], rows: I, length_m: float | None, errors: RowErrors
+) -> None:
+    """Add positions beyond the size limit to `errors`; InputError if unit or frame seems wrong."""
+    limit_m = _LONGEST_M if length_m is None else max(_LARGEST_LENGTHS * length_m, 1e-9)
+    for name in POSE[:3]:
+        if name in columns:
+            _check_size(name, columns[name], rows, limit_m, errors)
+
+
+def _check_rotations(
+    columns: Mapping[str, F], rows: I, errors: RowErrors, *, in_own_frames: bool = False
+) -> None:
+    """Add rotation vectors of pi and more to `errors`; InputError if the unit seems wrong.
+
+    In frames of the log half a turn is usual: a robot's tool that points down.
+    """
+    longest = math.pi + (_ROUNDING if in_own_frames else 0.0)
+    for name in POSE[3:]:
+        if name in columns:
+            _check_size(name, columns[name], rows, longest, errors)
+    if not all(name in columns for name in POSE[3:]):
+        return
+    theta = np.column_stack([columns[name][rows] for name in POSE[3:]])
+    angles = np.sqrt(sum(values**2 for values in theta.T))
+    for i in np.flatnonzero((angles >= longest) & (np.abs(theta) <= longest).all(axis=1)):
+        turn = f"a rotation vector of {angles[i]:.4g} rad"
+        errors.add(int(rows[i]), "", turn, "less than pi (the shorter way round)")
+
+
+def _check_size(name: str, values: F, rows: I, limit: float, errors: RowErrors) -> None:
+    """Add few values beyond the limit to `errors`; of many the unit is wrong: InputError."""
+    outside = rows[np.abs(values[rows]) > limit]
+    position = name in POSE[:3]
+    if len(outside) <= _FEW_ROWS * len(rows):
+        for row in outside:
+            unit = "m" if position else "rad"
+            errors.add(int(row), name, f"{values[row]:g}", f"at most {limit:.3g} {unit}")
+        return
+    largest, span = float(np.abs(values[rows]).max()), float(np.ptp(values[rows]))
+    # What is expected, the unit that it looks like, and its word, scale and how to mend it.
+    si, other, word, scale, mend = (
+        ("metres", "millimetres", "mm", "1e-3", "Divide by 1000")
+        if position
+        else ("radians", "degrees", "deg", "0.017453292519943295", "Multiply by pi/180")
+    )
+    guess = (
+        f"expected {si}: these look like {other}. {mend}, give {name} = {{ column = ..., scale = "
+        f"{scale} }} in [columns], or import the log with --map {name}=COLUMN:{word}."
+    )
+    if position and largest <= _LARGEST_REACH_M and span <= limit:
+        guess = (
+            f"but they move by {span:.3g} m only: positions from another origin, for example the "
+            "robot's base. Say where it is: base_from_robot = [x, y, z, 1, 0, 0, 0] in [frames] "
+            "(docs/import.md)."
+        )
+    elif position and largest / 1e3 > limit:
+        guess = "no plausible position in metres. Check the unit and the frame."
+    elif not position and largest > _MOST_DEGREES:
+        guess = "no plausible rotation vector in radians. Check the unit."
+    raise InputError(
+        f"{errors.source}: column '{name}', {errors.place(int(outside[0]))}: found "
+        f"{values[outside[0]]:g} ({len(outside)} of {len(rows)} rows beyond {limit:.3g}), {guess}"
+    )

@@ -132,7 +132,7 @@ def read_bag(path: Path, topics: Sequence[str] = (), progress: Progress | None =
         readable(path, "bag", _NEXT),
         highlevel.AnyReader([path], default_typestore=store) as reader,
     ):
-        used = [c for c in reader.connections if _message(c.msgtype) is not None]
+        used = [c for c in reader.connections if _kind(c.msgtype) in _MESSAGES]
         found = {c.topic: c.msgtype for c in reader.connections}
         streams = _streams(reader, used, progress)
     if topics:
@@ -156,7 +156,7 @@ def _streams(reader: Any, connections: Sequence[Any], progress: Progress | None)
     for done, (connection, received_ns, raw) in enumerate(reader.messages(connections=connections)):
         if progress is not None and done % _TOLD == 0:
             progress(done, max(whole, done), "messages")
-        kind, stamped, samples = _known(connection.msgtype)
+        kind, stamped, samples = _MESSAGES[_kind(connection.msgtype)]
         message = reader.deserialize(raw, connection.msgtype)
         begin = received_ns if begin is None else begin
         received = (received_ns - begin) * 1e-9
@@ -202,6 +202,11 @@ def _wrench(wrench: Any) -> dict[str, float]:
     return _vector("force", wrench.force) | _vector("torque", wrench.torque)
 
 
+def _transform(message: Any) -> Sample:
+    moved = message.transform
+    return message.child_frame_id, _placed(moved.translation, moved.rotation)
+
+
 def _joints(message: Any) -> dict[str, float]:
     """Angles and efforts: of one joint the pair `angle`, `torque`, of several q1_rad, q2_rad."""
     angles, efforts = list(message.position), list(message.effort)
@@ -214,31 +219,19 @@ def _joints(message: Any) -> dict[str, float]:
     }
 
 
+def _kind(msgtype: str) -> str:
+    return msgtype.rsplit("/", 1)[-1]
+
+
 _MESSAGES: dict[str, tuple[str, bool, Callable[[Any], Sample]]] = {
     "WrenchStamped": ("wrench", True, lambda m: ("", _wrench(m.wrench))),
     "Wrench": ("wrench", False, lambda m: ("", _wrench(m))),
     "PoseStamped": ("pose", True, lambda m: ("", _placed(m.pose.position, m.pose.orientation))),
     "Pose": ("pose", False, lambda m: ("", _placed(m.position, m.orientation))),
-    "TransformStamped": (
-        "pose",
-        True,
-        lambda m: (m.child_frame_id, _placed(m.transform.translation, m.transform.rotation)),
-    ),
-    "TFMessage": (
-        "pose",
-        True,
-        lambda m: (m.child_frame_id, _placed(m.transform.translation, m.transform.rotation)),
-    ),
+    "TransformStamped": ("pose", True, _transform),
+    "TFMessage": ("pose", True, _transform),
     "JointState": ("joints", True, lambda m: ("", _joints(m))),
 }
-
-
-def _message(msgtype: str) -> tuple[str, bool, Callable[[Any], Sample]] | None:
-    return _MESSAGES.get(msgtype.rsplit("/", 1)[-1])
-
-
-def _known(msgtype: str) -> tuple[str, bool, Callable[[Any], Sample]]:
-    return _MESSAGES[msgtype.rsplit("/", 1)[-1]]
 
 
 def _check_topics(topics: Sequence[str], streams: Sequence[Stream], path: Path) -> None:

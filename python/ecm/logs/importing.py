@@ -21,8 +21,9 @@ from ecm.io.columns import POSE
 from ecm.io.csv import BadRows, check_names, write_csv
 from ecm.io.description import FileMeta, Meta, as_meta, row_ranges, shown_ranges
 from ecm.io.events import Progress
-from ecm.io.frames import ORDERS, order_warning
+from ecm.io.frames import ORDERS
 from ecm.io.interrupts import uninterrupted
+from ecm.io.sanity import order_warning, samples_s
 from ecm.io.table import MetaLike, Table, as_table
 from ecm.io.toml import did_you_mean, refuse_pipe
 from ecm.io.units import given_units
@@ -37,7 +38,7 @@ from ecm.logs.containers import (
     read_parquet_log,
 )
 from ecm.logs.log import Log, log_of_object
-from ecm.logs.mapping import propose, standard_of
+from ecm.logs.mapping import propose
 from ecm.logs.names import read_name
 from ecm.logs.sources import (
     ColumnMap,
@@ -46,9 +47,9 @@ from ecm.logs.sources import (
     column_like,
     drop_columns_with_gaps,
     holds_numbers,
+    known_column,
     standard_columns,
     unwrap_angle,
-    without_columns,
 )
 from ecm.logs.text import read_text_log
 
@@ -57,8 +58,6 @@ _EXPERIMENTS = {"experiment", "specimen", "sample", "trial", "subject", "test", 
 """Words in names of columns that tell experiments apart."""
 _MOST_WORDS = 8
 """Words of a column that tells experiments apart that are listed with their numbers."""
-_SAMPLED_S = 0.5
-"""Rows that follow each other faster are samples of a continuous test."""
 
 
 @dataclass(frozen=True)
@@ -222,35 +221,30 @@ def import_log(  # noqa: PLR0913 - one for each question that a log may raise
     time_notes = begin_time_at_zero(table)
     notes += drop_columns_with_gaps(table, words, {*POSE, *mapped.columns, *given.group})
     gone = np.flatnonzero(~(usable & holds_numbers(table))) + 1
-    left: dict[str, str] = dict(given.leave_out)
-    if len(gone):
-        empty = ", ".join(
-            name for name, values in table.items() if not holds_numbers({name: values}).all()
+    empty = ", ".join(n for n, values in table.items() if not holds_numbers({n: values}).all())
+    if 0 < len(gone) == len(usable):
+        raise InputError(
+            f"{source}: no row holds numbers and a rotation in every column: there are none in "
+            f"{empty}. Say which columns hold the readings: --map NAME=COLUMN, --rotation "
+            "WORD:COLUMN,..."
         )
-        if len(gone) == len(usable):
-            raise InputError(
-                f"{source}: no row holds numbers and a rotation in every column: there are none in "
-                f"{empty}. Say which columns hold the readings: --map NAME=COLUMN, --rotation "
-                "WORD:COLUMN,..."
-            )
+    left: dict[str, str] = dict(given.leave_out)
+    for reason, rows, why, what in (
+        ("unreadable", gone.tolist(), f"hold no number or no rotation in {empty}",
+         "rows without numbers"),
+        ("copies", _copies(table, gone),
+         "are copies of another row in every column, the time too", "copies of rows"),
+    ):  # fmt: skip
+        if not rows:
+            continue
+        shown = shown_ranges(rows)
         if not leave_out:
             raise BadRows(
-                f"{source}: {len(gone)} of {len(usable)} rows hold no number or no rotation in "
-                f"{empty}: rows {shown_ranges(gone.tolist())}.",
+                f"{source}: {len(rows)} of {len(usable)} rows {why}: rows {shown}.",
                 remedy=_LEFT_OUT,
             )
-        left["unreadable"] = row_ranges(gone.tolist())
-        notes.append(f"left out {len(gone)} rows without numbers: {shown_ranges(gone.tolist())}")
-    copies = _copies(table, gone)
-    if copies:
-        if not leave_out:
-            raise BadRows(
-                f"{source}: {len(copies)} of {len(usable)} rows are copies of another row in every "
-                f"column, the time too: rows {shown_ranges(copies)}.",
-                remedy=_LEFT_OUT,
-            )
-        left["copies"] = row_ranges(copies)
-        notes.append(f"left out {len(copies)} copies of rows: {shown_ranges(copies)}")
+        left[reason] = row_ranges(rows)
+        notes.append(f"left out {len(rows)} {what}: {shown}")
     every = (*raw.notes, *notes, *time_notes)
     origin = {"source": source, "sha256": digest} | words | {"notes": list(every)}
     described = replace(given, file=_file(table, given.file), leave_out=left, origin=origin)
@@ -315,7 +309,11 @@ class ReadLog(NamedTuple):
         InputError
             For a column that it has not.
         """
-        return self._replace(log=without_columns(self.log, columns))
+        log = self.log
+        gone = {known_column(name, log, f"--ignore {name}", or_text=True) for name in columns}
+        left = {name: values for name, values in log.columns.items() if name not in gone}
+        text = {name: values for name, values in log.text.items() if name not in gone}
+        return self._replace(log=replace(log, columns=left, text=text))
 
 
 def read_log(log: Any, topics: Sequence[str], progress: Progress | None = None) -> ReadLog:
@@ -351,12 +349,7 @@ def _read(log: Any, topics: Sequence[str], progress: Progress | None) -> ReadLog
 
 def _file(table: Mapping[str, NDArray[Any]], file: FileMeta) -> FileMeta:
     """[file] of the table: samples that follow each other closely are a continuous test."""
-    if file.kind == "static" and "time_s" in table and len(table["time_s"]) > 100:
-        steps = np.diff(table["time_s"])
-        steps = steps[steps > 0.0]
-        if len(steps) and float(np.median(steps)) < _SAMPLED_S:
-            return replace(file, kind="continuous")
-    return file
+    return replace(file, kind="continuous") if samples_s(table) else file
 
 
 @dataclass(frozen=True)
@@ -416,7 +409,7 @@ def list_columns(log: Any) -> list[LogColumn]:
     found = []
     for name, values in raw.columns.items():
         named = read_name(name, raw.units.get(name, ""))
-        standards = {standard_of(reading) for reading in named.readings} - {None}
+        standards = {guess.standard() for guess in named.guesses} - {None}
         known = values[np.isfinite(values)]
         low, high = (known.min(), known.max()) if len(known) else (np.nan, np.nan)
         unit = raw.units.get(name, "") if named.unit is None else named.unit.word
@@ -427,7 +420,7 @@ def list_columns(log: Any) -> list[LogColumn]:
                 float(high),
                 unit,
                 str(*standards) if len(standards) == 1 else "",
-                named.readings[0].quantity if named.readings else "",
+                named.guesses[0].quantity if named.guesses else "",
             )
         )
     return found

@@ -1,41 +1,90 @@
 """What a column of a log is, by its name: quantity, axis and unit.
 
-Case and separators do not matter. A name with two readings gets both: who asks decides by what else
-the log holds, or asks the user.
+Case and separators do not matter. `QUANTITIES` is the table of all that a name may tell. A name
+that tells two quantities gets both: who asks decides by what else the log holds, or asks the user.
 """
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import NamedTuple
 
-from ecm.io.columns import is_standard
+from ecm.io.columns import POSE, WRENCH, is_standard
 from ecm.io.units import Unit, find_unit, is_other_unit
 
-DIMENSION = {
-    "position": "length",
-    "force": "force",
-    "torque": "torque",
-    "rotvec": "angle",
-    "rotation": "angle",
-    "euler": "angle",
-    "clinical": "angle",
-    "quaternion": "number",
-    "matrix": "number",
-    "time": "time",
-    "temperature": "temperature",
+
+class Quantity(NamedTuple):
+    """A row of the table: what columns may measure, and how they are called."""
+
+    dimension: str
+    words: str
+    """Words of a name that tell it."""
+    parts: str = "[xyz0-3]?"
+    """Pattern of what may follow: an axis, a component."""
+    standard: tuple[str, ...] = ()
+    """The standard columns, along x, y and z, or a single one."""
+    rotation: tuple[str, ...] = ()
+    """Words for how the columns are a rotation (rotations.py)."""
+    question: str = ""
+    """What the first two of these words mean."""
+
+
+QUANTITIES = {
+    "position": Quantity(
+        "length",
+        "pos position p disp displ displacement deflection translation trans location loc "
+        "coordinate extension stroke elongation weg verschiebung",
+        standard=POSE[:3],
+    ),
+    "force": Quantity("force", "f force load kraft", standard=WRENCH[:3]),
+    "torque": Quantity("torque", "m torque moment tau trq mom drehmoment", standard=WRENCH[3:]),
+    "rotvec": Quantity(
+        "angle", "theta rotvec rv rodrigues axisangle", standard=POSE[3:], rotation=("rotvec",)
+    ),
+    "rotation": Quantity(
+        "angle",
+        "r rot rotation angle ang euler winkel deviation phi alpha",
+        standard=POSE[3:],
+        rotation=("rotvec", "xyz"),
+        question="a rotation vector, or Euler angles of a sequence",
+    ),
+    "quaternion": Quantity(
+        "number",
+        "q quat quaternion orientation ori",
+        parts="[xyzw0-4]",
+        rotation=("wxyz", "xyzw"),
+        question="a quaternion with its scalar first or last",
+    ),
+    "matrix": Quantity(
+        "number",
+        "r rot rotation matrix dcm",
+        parts="[0-9]{1,2}|[xyz]{2}",
+        rotation=("rows", "columns"),
+        question="a rotation matrix row by row or column by column",
+    ),
+    "euler": Quantity("angle", "", rotation=("xyz",)),
+    "clinical": Quantity(
+        "angle",
+        "",
+        rotation=("grood-suntay-right", "grood-suntay-left"),
+        question="a right knee or a left one",
+    ),
+    "time": Quantity(
+        "time", "t time timestamp stamp timestamps elapsed zeit clock", "", ("time_s",)
+    ),
+    "temperature": Quantity("temperature", "temp temperature", "", ("temperature_degC",)),
 }
-"""Dimension of each quantity."""
 
 
 @dataclass(frozen=True)
-class Reading:
-    """One reading of a name.
+class Guess:
+    """What a name may mean.
 
     Parameters
     ----------
     quantity
-        A key of `DIMENSION`, or `standard` for a name of this project.
+        A key of `QUANTITIES`, or `standard` for a name of this project.
     part
         Axis, component of a quaternion or matrix, angle's name; empty where the name has none.
     """
@@ -43,41 +92,59 @@ class Reading:
     quantity: str
     part: str = ""
 
+    @property
+    def dimension(self) -> str:
+        """Dimension of the quantity; empty for a name of this project, which has its unit."""
+        return "" if self.quantity == "standard" else QUANTITIES[self.quantity].dimension
+
+    def standard(self, axis: str = "") -> str | None:
+        """Return the standard column; None where there is none, or its axis is not known."""
+        if self.quantity == "standard":
+            return self.part
+        names = QUANTITIES[self.quantity].standard
+        if len(names) == 1:
+            return names[0]
+        part = self.part or axis
+        several = self.quantity == "rotation" and self.part != ""  # asked about as a whole
+        return None if several or not names or part not in _AXES else names[_AXES.index(part)]
+
 
 @dataclass(frozen=True)
 class Named:
-    """The readings of a name, likeliest first, and the unit that it states."""
+    """What a name may mean, likeliest first, and the unit that it states."""
 
-    readings: tuple[Reading, ...]
+    guesses: tuple[Guess, ...]
     unit: Unit | None = None
 
+    def part(self, quantity: str) -> str:
+        """Return the part of this quantity; empty where the name does not tell it."""
+        return next((guess.part for guess in self.guesses if guess.quantity == quantity), "")
 
-_WORDS = {
-    "position": "pos position p disp displ displacement deflection translation trans location loc "
-    "coordinate extension stroke elongation weg verschiebung",
-    "force": "f force load kraft",
-    "torque": "m torque moment tau trq mom drehmoment",
-    "rotvec": "theta rotvec rv rodrigues axisangle",
-    "rotation": "r rot rotation angle ang euler winkel deviation phi alpha",
-    "quaternion": "q quat quaternion orientation ori",
-    "matrix": "r rot rotation matrix dcm",
-    "time": "t time timestamp stamp timestamps elapsed zeit clock",
-    "temperature": "temp temperature",
-}
+
+_AXES = ("x", "y", "z")
 _QUANTITIES: dict[str, list[str]] = {}
-for _quantity, _names in _WORDS.items():
-    for _name in _names.split():
+for _quantity, _row in QUANTITIES.items():
+    for _name in _row.words.split():
         _QUANTITIES.setdefault(_name, []).append(_quantity)
 _LONG_WORDS = sorted((word for word in _QUANTITIES if len(word) > 2), key=len, reverse=True)
-_EULER = {"roll": "x", "pitch": "y", "yaw": "z"}
-_CLINICAL = {
-    "flexion": "flexion", "flex": "flexion", "extensionflexion": "flexion",
-    "adduction": "adduction", "varus": "adduction", "varusvalgus": "adduction",
-    "internal": "internal", "internalrotation": "internal", "axialrotation": "internal",
-    "internalrot": "internal", "introtation": "internal", "introt": "internal",
-    "axialrot": "internal", "tibialrotation": "internal", "tibialrot": "internal",
-    "internalexternal": "internal", "internalexternalrotation": "internal",
-}  # fmt: skip
+_ANGLES = {
+    "euler": {"roll": "roll", "pitch": "pitch", "yaw": "yaw"},
+    "clinical": {
+        "flexion": "flexion flex extensionflexion",
+        "adduction": "adduction varus varusvalgus",
+        "internal": "internal internalrotation axialrotation internalrot introtation introt "
+        "axialrot tibialrotation tibialrot internalexternal internalexternalrotation",
+    },
+}
+"""Words of angles that have names of their own."""
+_NAMED_ANGLES = {
+    word: Guess(quantity, part)
+    for quantity, parts in _ANGLES.items()
+    for part, words in parts.items()
+    for word in words.split()
+}
+_AMONG_OTHERS = frozenset({"roll", "pitch", "yaw", "adduction", "varus", "flexion"})
+"""Those that tell the angle beside any other words."""
 _IGNORED = frozenset(
     {"pose", "tool", "tcp", "tip", "top", "platform", "marker", "rigid", "body", "ft", "fts", "ati"}
     | {"sensor", "measured", "actual", "meas", "robot", "ee", "end", "effector", "wrench", "msg"}
@@ -96,7 +163,7 @@ _NOT_MEASURED = frozenset(
 
 
 def read_name(name: str, unit_word: str = "") -> Named:
-    """Return the readings of a column's name.
+    """Return what a column's name may mean.
 
     Parameters
     ----------
@@ -108,15 +175,15 @@ def read_name(name: str, unit_word: str = "") -> Named:
     Examples
     --------
     >>> named = read_name("Force-X (lbf)")
-    >>> named.readings[0], named.unit.factor
-    (Reading(quantity='force', part='x'), 4.4482216152605)
-    >>> [reading.quantity for reading in read_name("tx").readings]
+    >>> named.guesses[0], named.unit.factor
+    (Guess(quantity='force', part='x'), 4.4482216152605)
+    >>> [guess.quantity for guess in read_name("tx").guesses]
     ['position', 'torque']
-    >>> read_name("Force X (V)").readings, read_name("Force X limit").readings
+    >>> read_name("Force X (V)").guesses, read_name("Force X limit").guesses
     ((), ())
     """
     if is_standard(name):
-        return Named((Reading("standard", name),))
+        return Named((Guess("standard", name),))
     unit = find_unit(unit_word) if unit_word else None
     bracket = re.fullmatch(r"(.*?)[\s_]*[\[(]\s*([^\[\]()]*?)\s*[\])]\s*", name)
     if bracket is not None and bracket[1]:
@@ -133,20 +200,20 @@ def read_name(name: str, unit_word: str = "") -> Named:
         found = find_unit("".join(tokens[-size:])) if len(tokens) > size else None
         if found is None or _NOT_MEASURED.intersection(tokens[:-size]):
             continue
-        readings = _readings(tokens[:-size])
-        fitting = tuple(r for r in readings if DIMENSION[r.quantity] == found.dimension)
+        guesses = _guesses(tokens[:-size])
+        fitting = tuple(r for r in guesses if r.dimension == found.dimension)
         if fitting:
             return Named(fitting, found)  # time_min is in minutes, fx_min is a smallest force
     if _NOT_MEASURED.intersection(tokens):
         return Named(())
-    readings = _readings(tokens)
+    guesses = _guesses(tokens)
     outer = re.match(r"[^./]*[./](?=.*[A-Za-z])", name)
-    if not readings and outer is not None and not _is_axis(name[outer.end() :]):
+    if not guesses and outer is not None and name[outer.end() :].strip().lower() not in _AXES:
         # log.t of a struct, /rig/ft/force.x of a topic; gyro.x is no position
         return read_name(name[outer.end() :], unit.word if unit is not None else unit_word)
     if unit is not None:
-        readings = tuple(r for r in readings if DIMENSION[r.quantity] == unit.dimension)
-    return Named(readings, unit)
+        guesses = tuple(r for r in guesses if r.dimension == unit.dimension)
+    return Named(guesses, unit)
 
 
 def trailing_units(name: str) -> tuple[str, dict[str, Unit]]:
@@ -173,37 +240,27 @@ def trailing_units(name: str) -> tuple[str, dict[str, Unit]]:
         name, units[found.dimension] = cut[1], found
 
 
-def _is_axis(name: str) -> bool:
-    return name.strip().lower() in ("x", "y", "z")
-
-
 def _tokens(name: str) -> list[str]:
     """Words of a name: 'ForceX', 'force_x' and 'Force X' are ['force', 'x']."""
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z0-9])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
     return [token.lower() for token in re.split(r"[^A-Za-z0-9°µ]+", spaced) if token]
 
 
-def _readings(tokens: list[str]) -> tuple[Reading, ...]:
+def _guesses(tokens: list[str]) -> tuple[Guess, ...]:
     labview = tokens == ["x", "value"]  # LabVIEW's first column, which mostly is time
     tokens = [token for token in tokens if token not in _IGNORED] or tokens[-1:]
-    joined = "".join(tokens)
-    if joined in _CLINICAL:
-        return (Reading("clinical", _CLINICAL[joined]),)
-    for token in tokens:
-        if token in _EULER:
-            return (Reading("euler", token),)
-        if token in ("adduction", "varus", "flexion"):
-            return (Reading("clinical", _CLINICAL[token]),)
+    for word in ("".join(tokens), *(token for token in tokens if token in _AMONG_OTHERS)):
+        if word in _NAMED_ANGLES:
+            return (_NAMED_ANGLES[word],)
     if len(tokens) > 1 and tokens[-1] in _SIDES:
         tokens = tokens[:-1]
     stem, part = _split_axis(tokens)
-    if stem in ("", "own") and part in ("x", "y", "z"):
-        position = (Reading("position", part),)
-        return (Reading("time"), *position) if labview else position
-    found = [Reading(q, part) for q in _quantities(stem) if _fits(q, part)]
-    if stem == "t" and part:
-        return (Reading("position", part), Reading("torque", part))
-    return tuple(found)
+    found = [q for q in _quantities(stem) if re.fullmatch(QUANTITIES[q].parts, part)]
+    if stem in ("", "own") and part in _AXES:
+        found = ["time", "position"] if labview else ["position"]
+    elif stem == "t" and part:
+        found = ["position", "torque"]
+    return tuple(Guess(q, "" if q == "time" else part) for q in found)
 
 
 def _quantities(stem: str) -> list[str]:
@@ -226,14 +283,3 @@ def _split_axis(tokens: list[str]) -> tuple[str, str]:
     if match is not None and (match[1] in _QUANTITIES or match[1] == ""):
         return match[1], match[2]
     return "".join(text), ""
-
-
-def _fits(quantity: str, part: str) -> bool:
-    """Whether a quantity can have this part."""
-    if quantity == "matrix":
-        return bool(re.fullmatch(r"[0-9]{1,2}|[xyz]{2}", part))
-    if quantity == "quaternion":
-        return part in ("x", "y", "z", "w", "0", "1", "2", "3", "4")
-    if quantity in ("time", "temperature"):
-        return part == ""
-    return part in ("", "x", "y", "z", "0", "1", "2", "3")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -107,12 +107,7 @@ def chosen_source(
     # Of the columns F and FN, F:N means the first.
     if whole or (column not in log.columns and column_like(choice, log) in log.columns):
         column, colon, word = choice, "", ""
-    column = column_like(column if colon else choice, log)
-    if column not in log.columns:
-        raise InputError(
-            f"--map {standard}={choice}: the log has no column '{column}', "
-            f"{did_you_mean(column, log.columns)}"
-        )
+    column = known_column(column if colon else choice, log, f"--map {standard}={choice}")
     if not is_standard(standard) and not standard.isidentifier():
         raise InputError(f"--map {standard}={choice}: '{standard}' is no column name")
     if colon:
@@ -129,26 +124,14 @@ def chosen_source(
     return Source(column, stated_unit(column, standard, named[column], choices))
 
 
-def without_columns(log: Log, ignore: Sequence[str]) -> Log:
-    """The log without columns that are not used.
-
-    Raises
-    ------
-    InputError
-        For a column that it has not.
-    """
-    for name in ignore:
-        if column_like(name, log) not in (*log.columns, *log.text):
-            raise InputError(
-                f"--ignore {name}: the log has no column '{name}', "
-                f"{did_you_mean(name, log.columns)}"
-            )
-    gone = {column_like(name, log) for name in ignore}
-    return replace(
-        log,
-        columns={name: values for name, values in log.columns.items() if name not in gone},
-        text={name: values for name, values in log.text.items() if name not in gone},
-    )
+def known_column(name: str, log: Log, option: str, *, or_text: bool = False) -> str:
+    """The log's column of this name, which an option gives; InputError where there is none."""
+    column = column_like(name, log)
+    if column not in log.columns and not (or_text and column in log.text):
+        raise InputError(
+            f"{option}: the log has no column '{column}', {did_you_mean(column, log.columns)}"
+        )
+    return column
 
 
 def column_like(name: str, log: Log) -> str:
@@ -157,12 +140,12 @@ def column_like(name: str, log: Log) -> str:
     if name in known:
         return name
     # A minus is no separator: -Fx is not Fx.
-    alike = [
+    same = [
         own
         for own in known
         if _squeezed(own) == _squeezed(name) and own.startswith("-") == name.startswith("-")
     ]
-    return alike[0] if len(alike) == 1 and _squeezed(name) else name
+    return same[0] if len(same) == 1 and _squeezed(name) else name
 
 
 def _squeezed(name: str) -> str:
@@ -171,13 +154,10 @@ def _squeezed(name: str) -> str:
 
 def _dimension(standard: str) -> str:
     """Dimension of a standard column; empty for one without unit or of the user's own."""
-    for words, dimension in (
-        (("_Nm",), "torque"), (("_N",), "force"), (("_rad",), "angle"), (("_m",), "length"),
-        (("time_s", "dwell_s"), "time"), (("_degC",), "temperature"),
-    ):  # fmt: skip
-        if is_standard(standard) and not standard.startswith("v_") and standard.endswith(words):
-            return dimension
-    return ""
+    if not is_standard(standard) or standard.startswith("v_"):
+        return ""
+    unit = find_unit(standard.rpartition("_")[2])
+    return "" if unit is None else unit.dimension
 
 
 _UNSTATED = Unit("", "unstated")

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import io
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,8 @@ from numpy.typing import NDArray
 
 from ecm.errors import InputError, shown
 from ecm.io.arrays import F
-from ecm.io.events import Progress, after_a_part
+from ecm.io.csv import RawTable, grouped_names, number_of, read_lines
+from ecm.io.events import Progress
 from ecm.io.units import find_unit, is_other_unit
 from ecm.logs.log import Log, seconds_of_dates, unique_names
 
@@ -25,16 +25,18 @@ _DECIMAL_POINT = re.compile(r"^[+-]?[\d,]*\.\d+([eE][+-]?\d+)?$")
 _DECIMAL_COMMA = re.compile(r"^[+-]?\d+,\d+([eE][+-]?\d+)?$")
 
 
-def has_decimal_comma(lines: list[str], split: Callable[[str], list[str]], path: Path) -> bool:
+def has_decimal_comma(lines: list[str], separator: str | None, path: Path) -> bool:
     """Whether commas are decimal; InputError where they may separate thousands."""
     found = ""
     for line in lines:
-        for cell in map(str.strip, split(line) if "," in line else ()):
+        for cell in map(str.strip, split(line, separator) if "," in line else ()):
             if _THOUSANDS.match(cell):
                 found = found or cell
             elif _DECIMAL_COMMA.match(cell):
                 return True
-    if found and any(_DECIMAL_POINT.match(cell.strip()) for line in lines for cell in split(line)):
+    if found and any(
+        _DECIMAL_POINT.match(cell.strip()) for line in lines for cell in split(line, separator)
+    ):
         raise InputError(
             f"{path}: {shown(found)} may be thousands or a decimal comma: other cells have a "
             "decimal point. Save the log without separators of thousands."
@@ -52,16 +54,19 @@ def number(cell: str, comma: bool) -> float:
     text = cell.strip().strip('"')
     if comma and _DECIMAL_COMMA.match(text):
         text = text.replace(",", ".")
-    try:
-        return float("nan") if "_" in text else float(text)
-    except ValueError:
-        return float("nan")
+    found = number_of(text)
+    return math.nan if found is None else found
 
 
-def _quoted_split(line: str) -> list[str]:
-    if '"' not in line:
-        return line.split(",")
-    return re.findall(r'(?:^|,)("(?:[^"]|"")*"|[^,]*)', line)
+SEPARATORS = {"semicolons": ";", "tabs": "\t", "commas": ",", "bars": "|", "spaces": None}
+"""What stands between the cells of a line, by its word; None: any number of spaces."""
+
+
+def split(line: str, separator: str | None) -> list[str]:
+    """The cells of a line; commas inside quotes are none."""
+    if separator == "," and '"' in line:
+        return re.findall(r'(?:^|,)("(?:[^"]|"")*"|[^,]*)', line)
+    return line.split(separator)
 
 
 def ends_with_remark(cells: list[str], width: int) -> bool:
@@ -81,20 +86,8 @@ def trimmed(cells: list[str]) -> list[str]:
     return cells[:-1] if len(cells) > 1 and not cells[-1].strip() else cells
 
 
-SEPARATORS: dict[str, Callable[[str], list[str]]] = {
-    "semicolons": lambda line: line.split(";"),
-    "tabs": lambda line: line.split("\t"),
-    "commas": _quoted_split,
-    "bars": lambda line: line.split("|"),
-    "spaces": str.split,
-}
-"""How a line becomes cells, by the word for its separator."""
-
-
 _SAMPLE = 400
 """Lines from which separator and first row of numbers are found."""
-_PART = 2000
-"""Rows whose time tells that of all."""
 _COMMENT = re.compile(r"^\s*(#|%|//|!|\*)")
 
 
@@ -106,21 +99,28 @@ def read_text_log(path: Path, progress: Progress | None = None) -> Log:
     lines = _decoded(path).splitlines()
     kept = [line for line in lines if line.strip(' \t;,|"') and not _COMMENT.match(line)]
     comments = [line for line in lines if _COMMENT.match(line)]
-    word, split, begin, width = _layout(kept[:_SAMPLE], path)
-    comma = word != "commas" and has_decimal_comma(kept[begin:], split, path)
-    remarks = begin > 0 and ends_with_remark(split(kept[begin - 1]), width)
-    above = [of_width(split(line), width, remarks) for line in kept[:begin]]
-    names, units = _header(above, comments, split, width)
+    word, begin, width = _layout(kept[:_SAMPLE], path)
+    sign = SEPARATORS[word]
+    comma = word != "commas" and has_decimal_comma(kept[begin:], sign, path)
+    remarks = begin > 0 and ends_with_remark(split(kept[begin - 1], sign), width)
+    above = [of_width(split(line, sign), width, remarks) for line in kept[:begin]]
+    names, units = _header(above, comments, sign, width)
 
-    def read(rows: int) -> tuple[dict[str, F], dict[str, NDArray[np.object_]], int]:
-        lines = kept[begin : begin + rows]
-        return _columns(lines, split, width, comma, names, remarks, units)
+    def told(rows: int) -> None:
+        if progress is not None:
+            progress(rows, len(kept) - begin, "")
 
-    columns, text, bad = after_a_part(read, len(kept) - begin, _PART, progress)
+    def cells_of(lines: Iterable[str], before: int) -> Iterator[tuple[int, list[str]]]:
+        for place, line in enumerate(lines, before + 1):
+            yield place, of_width(split(line, sign), width, remarks)
+
+    raw = read_lines(kept[begin:], names, cells_of, told, separator=sign, comma=comma)
+    columns, text = _columns(raw, comma, units)
+    bad = len(raw.ragged)
     notes = [f"text with {word}{' and decimal commas' if comma else ''}, {len(kept) - begin} rows"]
     if len(kept[:begin]) > bool(above) + bool(units):
         notes.append(f"{begin} line(s) above the numbers")
-    if not above and not _named_by_comment(comments, split, width):
+    if not above and not _named_by_comment(comments, sign, width):
         notes.append("no line of names: the columns are called column_1, column_2, ...")
     if above and _counts_rows(above[-1], names, columns):
         del columns[names[0]]
@@ -151,11 +151,11 @@ def _decoded(path: Path) -> str:
     return raw.decode("latin-1")
 
 
-def _layout(lines: list[str], path: Path) -> tuple[str, Callable[[str], list[str]], int, int]:
-    """Separator (its word and a splitter), first row of numbers, and number of cells."""
+def _layout(lines: list[str], path: Path) -> tuple[str, int, int]:
+    """The word of the separator, first row of numbers, and number of cells."""
     best: tuple[float, str, int, int] | None = None
-    for word, split in SEPARATORS.items():
-        cells = [trimmed(split(line)) for line in lines]
+    for word, separator in SEPARATORS.items():
+        cells = [trimmed(split(line, separator)) for line in lines]
         counts = [len(row) for row in cells[len(cells) // 2 :]]
         if not counts:
             continue
@@ -183,7 +183,7 @@ def _layout(lines: list[str], path: Path) -> tuple[str, Callable[[str], list[str
             f"{path}: no rows of numbers were found with commas, semicolons, tabs or spaces "
             "between them. Save the log as CSV with one header line."
         )
-    return best[1], SEPARATORS[best[1]], best[2], best[3]
+    return best[1:]
 
 
 def _share(cells: list[str], word: str) -> float:
@@ -194,7 +194,7 @@ def _share(cells: list[str], word: str) -> float:
 def _header(
     above: list[list[str]],
     comments: list[str],
-    split: Callable[[str], list[str]],
+    separator: str | None,
     width: int,
 ) -> tuple[list[str], dict[str, str]]:
     """Names and units from the lines above the numbers, else from the last comment."""
@@ -207,9 +207,9 @@ def _header(
     if rows:
         names = rows[-1]
         if len(rows) > 1 and len(set(names)) < len(names):  # Force, , over X, Y, Z
-            names = _grouped(rows[-2], names)
+            names = grouped_names([cell.strip() for cell in rows[-2]], names)
     else:
-        names = _named_by_comment(comments, split, width)
+        names = _named_by_comment(comments, separator, width)
     names = [
         " ".join(name.strip().strip('"').split()) or f"column_{i + 1}"
         for i, name in enumerate(names)
@@ -219,23 +219,13 @@ def _header(
     return names, units
 
 
-def _named_by_comment(
-    comments: list[str], split: Callable[[str], list[str]], width: int
-) -> list[str]:
+def _named_by_comment(comments: list[str], separator: str | None, width: int) -> list[str]:
     """Names in the last comment that has the width of the rows."""
     for line in reversed(comments):
-        cells = trimmed(split(_COMMENT.sub("", line).strip()))
+        cells = trimmed(split(_COMMENT.sub("", line).strip(), separator))
         if len(cells) == width and not any(is_number(cell, True) for cell in cells):
             return cells
     return []
-
-
-def _grouped(upper: Sequence[str], lower: Sequence[str]) -> list[str]:
-    group, names = "", []
-    for above, name in zip(upper, lower, strict=True):
-        group = above.strip() or group
-        names.append(f"{group} {name}".strip())
-    return names
 
 
 def _is_unit_row(cells: Sequence[str]) -> bool:
@@ -250,51 +240,21 @@ def _is_unit(word: str) -> bool:
 
 
 def _columns(
-    lines: list[str],
-    split: Callable[[str], list[str]],
-    width: int,
-    comma: bool,
-    names: list[str],
-    remarks: bool,
-    units: dict[str, str],
-) -> tuple[dict[str, F], dict[str, NDArray[np.object_]], int]:
-    """Numbers and text by name, and the count of lines with another number of cells.
-
-    Dates become seconds, which is added to `units`.
-    """
-    fast = _all_numbers(lines, split, width, comma)
-    if fast is not None:
-        return dict(zip(names, fast.T, strict=True)), {}, 0
-    rows = [of_width(split(line), width, remarks) for line in lines]
-    good = [row for row in rows if len(row) == width]
+    raw: RawTable, comma: bool, units: dict[str, str]
+) -> tuple[dict[str, F], dict[str, NDArray[np.object_]]]:
+    """Numbers and text by name. Dates become seconds, which is added to `units`."""
     columns: dict[str, F] = {}
     text: dict[str, NDArray[np.object_]] = {}
-    for name, cells in zip(names, zip(*good, strict=True), strict=True):
-        values = np.array([number(cell, comma) for cell in cells])
+    for name, cells in zip(raw.names, raw.columns, strict=True):
+        if isinstance(cells, np.ndarray):
+            columns[name] = cells
+            continue
+        values = np.array([number(str(cell), comma) for cell in cells])
+        times = None
         if np.isfinite(values).mean() > 0.5:
             columns[name] = values
+        elif (times := seconds_of_dates(cells)) is not None:
+            columns[name], units[name] = times, "s"
         else:
-            times = seconds_of_dates(cells)
-            if times is None:
-                text[name] = np.array([cell.strip().strip('"') for cell in cells], dtype=object)
-            else:
-                columns[name], units[name] = times, "s"
-    return columns, text, len(rows) - len(good)
-
-
-def _all_numbers(
-    lines: list[str], split: Callable[[str], list[str]], width: int, comma: bool
-) -> F | None:
-    """(N, width) where every cell is a number, by numpy's reader; None otherwise."""
-    separator = next(
-        (s for s in ";\t,|" if split(f"1{s}2") == ["1", "2"]), None
-    )  # None: any spaces
-    body = "\n".join(lines)
-    try:
-        values = np.loadtxt(
-            io.StringIO(body.replace(",", ".") if comma else body),
-            delimiter=separator, comments=None, ndmin=2,
-        )  # fmt: skip
-    except ValueError:
-        return None
-    return values if values.shape[1] == width else None
+            text[name] = np.array([str(cell).strip().strip('"') for cell in cells], dtype=object)
+    return columns, text

@@ -62,7 +62,7 @@ def error_over_noise(base: StiffnessMap, noise: Noise, table: Table) -> float | 
     """
     if noise.is_residual:
         return None
-    rows = Rows(table.thinned(spread_rows(table, _MOST_ROWS)), base)
+    rows = Rows(table.subsample(spread_rows(table, _MOST_ROWS)), base)
     errors = rows.table.matrix(base.outputs) - rows.sensor_load
     whitener = whiteners(noise.covariance(rows, base.error))
     return rms(np.einsum("nij,nj->ni", whitener, errors))
@@ -73,7 +73,7 @@ def errors_and_noise(model: EvaluatedModel, table: Table) -> tuple[F, F]:
 
     Only rounding where no noise is known. Effects whose columns the table lacks are left out.
     """
-    some = table.thinned(spread_rows(table, _MOST_ROWS_OF_A_MODEL))
+    some = table.subsample(spread_rows(table, _MOST_ROWS_OF_A_MODEL))
     scored = is_pose_row(some)
     readings = some.matrix(model.outputs)
     left = readings - model.predict(some, skip_untestable=True)

@@ -14,7 +14,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.description import Meta, Scene
-from ecm.io.table import Table, TableLike, as_table
+from ecm.io.table import Table, TableLike, takes_table
 from ecm.models.joint_fit import FittedEffect
 from ecm.models.maps import (
     StiffnessMap,
@@ -95,6 +95,7 @@ class EvaluatedModel:
             )
         return np.array([[length, 0.0, 0.0, 0.0, 0.0, 0.0]])
 
+    @takes_table(name="data", or_array=True)
     def predict(self, data: TableLike | F, *, skip_untestable: bool = False) -> F:
         """(N, m) wrench, N and N m, at poses (N, n), or expected readings of a table.
 
@@ -117,7 +118,6 @@ class EvaluatedModel:
         if isinstance(data, np.ndarray):
             found = self._at_poses(rows_of_poses(data, self.inputs))
             return found if data.ndim != 1 else np.asarray(found[0])
-        data = as_table(data)
         rows = Rows(data, self.base)
         lacking = self.left_out(data)
         for id, why in lacking.items():

@@ -10,12 +10,11 @@ import numpy as np
 from scipy.optimize import nnls
 
 from ecm.errors import ComputationError, InputError, ModelError
-from ecm.io.arguments import check_arguments
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.conventions import wrong_convention
 from ecm.io.events import Progress
-from ecm.io.misread import misread, refuse_misread
-from ecm.io.table import MetaLike, Table, TableLike, as_table
+from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.energy import EnergyModel
 from ecm.models.errors import error_over_noise
 from ecm.models.expression import FunctionModel
@@ -36,6 +35,7 @@ if TYPE_CHECKING:
     from ecm.models.model import Model
 
 
+@takes_table()
 def fit_model(  # noqa: PLR0913 - a choice each, all with a default
     table: TableLike,
     model: ModelSpecification | str | Callable[..., Any],
@@ -85,8 +85,8 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
     Raises
     ------
     InputError
-        For an unknown name, a table without rows or columns to fit, a misread table, or options
-        that do not fit the model.
+        For an unknown name, a table without rows or columns to fit, a wrong sign or axis
+        that the other columns prove, or options that do not fit the model.
 
     Examples
     --------
@@ -96,7 +96,6 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
     >>> model.stiffness(np.zeros((1, 1))).round(3)
     array([[[2000.]]])
     """
-    check_arguments(fit_model, locals())
     specification = _specification(model, parameters)
     if weights not in get_args(Weights):
         raise InputError(f"weights = {weights!r}: expected {', '.join(get_args(Weights))}")
@@ -104,15 +103,13 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
         raise InputError(
             f"model {specification.name}: weights are chosen for polynomials and energies only"
         )
-    table = as_table(table, meta=meta)
     if not specification.any_columns and table.pose_columns != POSE:
         raise InputError(
             f"{table.source}: {specification.name} needs all six pose columns, found "
             f"{', '.join(table.pose_columns) or 'none'}",
             remedy=CHOOSE,
         )
-    wrong = None if force else misread(table)
-    refuse_misread(wrong, table.source)
+    wrong = None if force else wrong_convention(table, refuse=True)
     try:
         fitted = fit_rows(table, specification, weights, progress)
     except ModelError as unfit:  # more coefficients than equations, or columns that never vary

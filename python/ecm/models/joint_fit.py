@@ -406,7 +406,7 @@ def best_shape(
     Variants are compared by the score test of their tangents, less ln(n) for each parameter;
     shapes between the best of a coarse grid and its neighbours are tried as well.
     """
-    whole = table.unthinned
+    whole = table.full
     variants = effect.variants(whole)
     if len(variants) == 1:
         return variants[0]

@@ -17,7 +17,7 @@ from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F
 from ecm.io.events import Progress, Steps
 from ecm.io.extras import require
-from ecm.io.table import Table, TableLike, as_table
+from ecm.io.table import Table, TableLike, takes_table
 from ecm.models import file
 from ecm.models.controller import Controller
 from ecm.models.errors import FitRecord, rms
@@ -130,6 +130,7 @@ class Model(EvaluatedModel):
             bare = replace(bare, base=folded(self)[0], covariance=None)
         return Controller(json.dumps(bare.document()), time_effects(self))
 
+    @takes_table()
     def measured_at(self, table: TableLike) -> Model:
         """The model with the poses of these rows for its measured ones.
 
@@ -143,7 +144,7 @@ class Model(EvaluatedModel):
         >>> model.measured_at({"y_m": [0.0, 0.004]}).training["poses"]
         [[0.0], [0.004]]
         """
-        poses = sample_of(as_table(table), self.inputs)
+        poses = sample_of(table, self.inputs)
         return replace(self, training={**self.training, "poses": poses})
 
     def add(self, *effects: str | Effect) -> Model:
@@ -293,6 +294,7 @@ class Model(EvaluatedModel):
                 listed = ", ".join(present) if present else "none"
                 raise InputError(f"the model has no effect {id}; it has: {listed}")
 
+    @takes_table()
     def fit(
         self,
         table: TableLike,
@@ -325,13 +327,13 @@ class Model(EvaluatedModel):
         InputError
             Where the table cannot determine an effect; the message names the column to record.
         """
-        table, freeze_base = without_zero_readings(as_table(table)), self.base_frozen
+        table, freeze_base = without_zero_readings(table), self.base_frozen
         described = file.fitted_to(table, self.inputs)
         training = described["training"]
         training["poses"] = sample_of(table, self.inputs)
         same_rows = was_trained_on(self.training, table)
         if len(table) > most_rows:
-            total, table = len(table), table.thinned(spread_rows(table, most_rows))
+            total, table = len(table), table.subsample(spread_rows(table, most_rows))
             fitted_rows = RowsUsed(total, len(table), HOW, "the errors of the values are theirs")
             training["rows_used"] = fitted_rows.to_dict()
         free = [item.id for item in self.effects if not item.frozen]
@@ -389,9 +391,7 @@ class Model(EvaluatedModel):
             for i, form in forms.items()
             if form is not self.effects[i].effect or self.effects[i].is_new
         }
-        shaped = self._with_effects(
-            {i: form.variants(table.unthinned)[0] for i, form in first.items()}
-        )
+        shaped = self._with_effects({i: form.variants(table.full)[0] for i, form in first.items()})
         for position, form in forms.items():
             steps.begin(_FORM.format(form.id))
             effects = shaped.effects
@@ -403,7 +403,7 @@ class Model(EvaluatedModel):
 
     def _forms_of(self, table: Table) -> dict[int, Effect]:
         """The free effects in the forms that these columns call for, by position; all testable."""
-        whole = table.unthinned.with_length(self.known_length_m)
+        whole = table.full.with_length(self.known_length_m)
         forms = {}
         for position, item in enumerate(self.effects):
             if item.frozen and not (

@@ -13,11 +13,10 @@ from typing import Literal
 import numpy as np
 
 from ecm._native import convert_stiffness
-from ecm.io.arguments import check_arguments
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, STIFFNESS, WRENCH
 from ecm.io.events import Progress
-from ecm.io.table import MetaLike, Table, TableLike, as_table
+from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
 
@@ -98,6 +97,7 @@ _ROWS = 4 * 4096
 """Rows whose stiffness is held at once."""
 
 
+@takes_table("predict")
 def predict(
     model: Model,
     table: TableLike,
@@ -143,8 +143,6 @@ def predict(
     >>> predicted.warnings
     ('1 of 2 poses are outside what the model was trained on: there it extrapolates',)
     """
-    check_arguments(predict, locals())
-    table = as_table(table, meta=meta, need="predict")
     poses = table.matrix(model.inputs)
     # Effects follow the history of all rows.
     whole = model.predict(table) if model.effects else None

@@ -15,11 +15,10 @@ import numpy as np
 
 from ecm.effects.protocol import Effect
 from ecm.errors import ComputationError, EcmError, InputError, Remedy
-from ecm.io.arguments import check_arguments
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.events import Progress
-from ecm.io.table import MetaLike, Table, TableLike, as_table
+from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.errors import errors_and_noise, held_out, rms
 from ecm.models.fit import choose_base, fit_rows
 from ecm.models.given import as_model
@@ -225,7 +224,7 @@ def undetermined(fitted: Model, table: Table, before: Model) -> list[str]:
 def _stiffness_moves(fitted: Model, table: Table, before: Model) -> list[str]:
     if fitted.base_frozen or fitted.covariance is None:
         return []
-    table = table.thinned(spread_rows(table, MANY_ROWS))
+    table = table.subsample(spread_rows(table, MANY_ROWS))
     fit = joint_fit(before.base, before.effects, table, fitted.noise)
     k = len(fit.base.coefficients)
     alone = replace(before, base=fit.base, effects=fit.effects, covariance=fit.covariance[:k, :k])
@@ -359,6 +358,7 @@ def _is_worse(error: float, other: float, noise: float) -> bool:
     return not error <= max(_WORSE * other, float(np.hypot(other, noise)))
 
 
+@takes_table()
 def refit(
     model: Model,
     table: TableLike,
@@ -414,22 +414,20 @@ def refit(
     >>> print(model.fit_report().splitlines()[3])
         fy_rate = 0.05 +- 0.016 N/s
     """
-    check_arguments(refit, locals())
     if not (add or remove or freeze):
         raise InputError(
             "refit: nothing to change; give add, remove or freeze "
             "(--add EFFECT, --remove EFFECT, --freeze NAME)"
         )
-    rows = as_table(table, meta=meta)
-    changed = as_model(model, rows).remove(*remove).add(*add).freeze(*freeze)
-    with naming_wild_readings(rows):
-        fitted = changed.fit(rows, progress=progress)
+    changed = as_model(model, table).remove(*remove).add(*add).freeze(*freeze)
+    with naming_wild_readings(table):
+        fitted = changed.fit(table, progress=progress)
         before = model.remove(*remove)
         one_column = fitted.training.get("smallest_taken", False)
-        if not add or not (one_column or undetermined(fitted, rows, before)):
+        if not add or not (one_column or undetermined(fitted, table, before)):
             return fitted
-        held = _held_near_physics(changed, rows)
-        return fitted if held is None or undetermined(held, rows, before) else held
+        held = _held_near_physics(changed, table)
+        return fitted if held is None or undetermined(held, table, before) else held
 
 
 def _held_near_physics(changed: Model, table: Table) -> Model | None:

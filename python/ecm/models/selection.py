@@ -16,13 +16,12 @@ import numpy as np
 
 from ecm.effects import Rows
 from ecm.errors import EcmError, InputError
-from ecm.io.arguments import check_arguments
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import Progress
 from ecm.io.extras import require
 from ecm.io.settings import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
-from ecm.io.table import MetaLike, Table, TableLike, as_table
+from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.energy import EnergyModel
 from ecm.models.fit import fit_model, fit_rows
 from ecm.models.maps import PolynomialMap, StiffnessMap
@@ -74,6 +73,7 @@ class CrossValidation:
         return pandas.DataFrame({"rmse": self.rmse, "spread": self.spread})
 
 
+@takes_table()
 def cross_validate(
     table: TableLike,
     model: ModelSpecification | str,
@@ -124,8 +124,6 @@ def cross_validate(
     >>> errors.rmse["fx_N"] < 1e-9
     True
     """
-    check_arguments(cross_validate, locals())
-    table = as_table(table, meta=meta)
     specification, measured = parse_model(model), table.measured()
     if not measured.wrench_columns:
         raise InputError(f"{table.source}: no wrench column to predict; name one such as fx_N")

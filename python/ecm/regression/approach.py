@@ -15,8 +15,8 @@ def pose_before(table: Table, rest_pose: F) -> F:
     `approach` it is the row before in time, of the same run. The rows of a thinned table keep the
     poses before them in the whole one.
     """
-    if table.whole is not None:
-        return pose_before(table.whole, rest_pose)[table.places]
+    if table.sampled_from is not None:
+        return pose_before(table.sampled_from, rest_pose)[table.sampled_rows]
     if not table.has("approach"):
         return _row_before(table)
     poses = table.poses
@@ -74,8 +74,8 @@ def approach_sides(table: Table, length_m: float | None = None) -> F:
     >>> approach_sides(table, 0.1).tolist()
     [-1.0, 1.0]
     """
-    if table.whole is not None:
-        return approach_sides(table.whole, length_m)[table.places]
+    if table.sampled_from is not None:
+        return approach_sides(table.sampled_from, length_m)[table.sampled_rows]
     length = table.meta.length_m if length_m is None else length_m
     if length is None:
         length = float(np.median(table.poses[:, 0]))

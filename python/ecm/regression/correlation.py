@@ -45,8 +45,10 @@ def speeds(table: Table) -> dict[str, F]:
     >>> (speeds(table)["speed"] ** 2).round(9).tolist()
     [0.0, 2.4, 0.6]
     """
-    if table.whole is not None:
-        return {name: values[table.places] for name, values in speeds(table.whole).items()}
+    if table.sampled_from is not None:
+        return {
+            name: values[table.sampled_rows] for name, values in speeds(table.sampled_from).items()
+        }
     recorded = {name: np.nan_to_num(table.column(name)) for name in VELOCITY if table.has(name)}
     if recorded:
         return _moving(recorded)

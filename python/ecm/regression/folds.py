@@ -78,7 +78,7 @@ def row_groups(table: Table) -> I:
 
 def is_continuous(table: Table) -> bool:
     """Whether the rows are samples of a continuous test."""
-    return table.meta.file.kind == "continuous" and table.has("time_s")
+    return table.continuous
 
 
 def held_out_by(table: Table, kind: str) -> Literal["time", "pose", "run"]:
@@ -123,8 +123,7 @@ def _stretches(table: Table) -> I:
 
 def is_pose_row(table: Table) -> B:
     """(N,) rows that measure a pose: neither home checks nor unloaded readings."""
-    kind = table.text("kind")
-    return np.asarray((kind == "") | (kind == "pose"), dtype=np.bool_)
+    return table.of_poses
 
 
 def without_zero_readings(table: Table) -> Table:

@@ -237,11 +237,11 @@ class Rows:
     @cached_property
     def whole(self) -> Rows:
         """All rows of the table that a thinned table was chosen from; else these rows."""
-        return self if self.table.whole is None else Rows(self.table.whole, self.base)
+        return self if self.table.sampled_from is None else Rows(self.table.sampled_from, self.base)
 
     def of_whole(self, values: F) -> F:
         """(N, ...) the values of these rows, from those of all rows of `whole`."""
-        return values if self.table.places is None else values[self.table.places]
+        return values if self.table.sampled_rows is None else values[self.table.sampled_rows]
 
     @cached_property
     def poses(self) -> F:

@@ -15,7 +15,7 @@ import pytest
 import ecm
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.misread import falling_loads, misread
+from ecm.io.conventions import falling_loads, wrong_convention
 from ecm.io.table import Table, as_table, read_table
 from ecm.io.templates import data_template, description_template
 from ecm.io.units import unit_of_factor
@@ -44,7 +44,7 @@ def exchanged(table: Table, first: str, second: str) -> Table:
 
 @pytest.mark.parametrize("name", COLUMNS)
 def test_each_negated_column_is_told(neck: Table, name: str) -> None:
-    found = misread(negated(neck, name))
+    found = wrong_convention(negated(neck, name))
     assert found is not None
     assert found.decided
     assert found.columns == (name,)
@@ -54,7 +54,7 @@ def test_each_negated_column_is_told(neck: Table, name: str) -> None:
 
 @pytest.mark.parametrize(("first", "second"), PAIRS)
 def test_each_exchange_of_two_columns_is_told(neck: Table, first: str, second: str) -> None:
-    found = misread(exchanged(neck, first, second))
+    found = wrong_convention(exchanged(neck, first, second))
     assert found is not None
     assert found.decided
     assert set(found.columns) == {first, second}
@@ -73,7 +73,7 @@ def test_each_exchange_of_two_columns_is_told(neck: Table, first: str, second: s
     ],
 )
 def test_groups_of_columns_are_told(neck: Table, names: tuple[str, ...], words: str) -> None:
-    found = misread(negated(neck, *names))
+    found = wrong_convention(negated(neck, *names))
     assert found is not None
     assert found.decided
     assert found.what.startswith(words)
@@ -85,7 +85,7 @@ def test_groups_of_columns_are_told(neck: Table, names: tuple[str, ...], words: 
 def test_axes_of_pose_or_wrench_exchanged(neck: Table, names: tuple[str, ...], axes: str) -> None:
     a, b = ("xyz".index(axis) for axis in axes)
     wrong = exchanged(exchanged(neck, names[a], names[b]), names[a + 3], names[b + 3])
-    found = misread(wrong)
+    found = wrong_convention(wrong)
     assert found is not None
     assert found.decided
     assert set(found.columns) == {names[a], names[b], names[a + 3], names[b + 3]}
@@ -95,22 +95,22 @@ def test_few_rows_are_enough_and_never_wrong(neck: Table) -> None:
     random = np.random.default_rng(3)
     for rows in (8, 12, 20):
         some = neck.select(random.choice(len(neck), rows, replace=False))
-        assert misread(some) is None
+        assert wrong_convention(some) is None
         for name in ("fx_N", "y_m", "theta_x_rad"):
-            found = misread(negated(some, name))
+            found = wrong_convention(negated(some, name))
             assert found is not None
             assert name in found.columns
 
 
 def test_right_tables_are_left_alone(neck: Table, tmp_path: Path) -> None:
-    assert misread(read_table(NECK)) is None
+    assert wrong_convention(read_table(NECK)) is None
     for some in (WRENCH[3:], WRENCH[:3], POSE[:3], (*POSE[3:], *WRENCH[3:])):
-        assert misread(neck.drop(*some)) is None
+        assert wrong_convention(neck.drop(*some)) is None
     for dof in (1, 3, 6):
         path = tmp_path / f"data{dof}.csv"
         path.write_text(data_template(dof), encoding="utf-8")
         path.with_suffix(".toml").write_text(description_template(dof), encoding="utf-8")
-        assert misread(read_table(path)) is None
+        assert wrong_convention(read_table(path)) is None
 
 
 def springs(stiffness: np.ndarray, random: np.random.Generator, rows: int = 60) -> Table:
@@ -123,12 +123,12 @@ def springs(stiffness: np.ndarray, random: np.random.Generator, rows: int = 60) 
 
 def test_springs_without_a_coupling_do_not_say_which_of_the_two_is_reversed() -> None:
     table = springs(np.diag([3e3, 3e2, 3e2, 3.0, 2.0, 2.0]), np.random.default_rng(0))
-    assert misread(table) is None
-    along = misread(negated(table, "fx_N"))
+    assert wrong_convention(table) is None
+    along = wrong_convention(negated(table, "fx_N"))
     assert along is not None
     assert not along.decided
     assert along.columns == ("fx_N",)  # with -x the top would stand on the other side of the base
-    found = misread(negated(table, "fy_N"))
+    found = wrong_convention(negated(table, "fy_N"))
     assert found is not None
     assert not found.decided
     assert set(found.columns) == {"fy_N", "y_m"}
@@ -138,13 +138,13 @@ def test_springs_without_a_coupling_do_not_say_which_of_the_two_is_reversed() ->
     )
 
 
-def test_a_body_that_buckles_is_not_called_misread() -> None:
+def test_a_body_that_buckles_is_not_called_wrong() -> None:
     """Its bending is coupled: no sign mends it, so that it may well be what it is."""
     stiffness = np.diag([3e3, 2e2, 3e2, 3.0, 0.5, 0.5])
     stiffness[1, 5] = stiffness[5, 1] = -14.0
     stiffness[2, 4] = stiffness[4, 2] = 6.0
     assert np.linalg.eigvalsh(stiffness).min() < 0.0
-    found = misread(springs(stiffness, np.random.default_rng(1)))
+    found = wrong_convention(springs(stiffness, np.random.default_rng(1)))
     assert found is not None
     assert not found.decided
     assert "or the mechanism is not passive there" in found.sentence()
@@ -167,7 +167,7 @@ def test_directions_that_no_pose_takes_say_nothing() -> None:
 
 def test_one_axis_and_three_forces() -> None:
     x = np.linspace(-1e-3, 1e-3, 20)
-    one = misread(as_table({"x_m": x, "fx_N": -1e4 * x}))
+    one = wrong_convention(as_table({"x_m": x, "fx_N": -1e4 * x}))
     assert one is not None
     assert not one.decided
     assert one.what == "the wrench's sign looks reversed"
@@ -175,7 +175,7 @@ def test_one_axis_and_three_forces() -> None:
     place = random.uniform(-0.01, 0.01, (30, 3))
     force = -place * [3e3, 5e2, 5e2]
     values = np.hstack([place, force]).T
-    three = misread(as_table(dict(zip((*POSE[:3], *WRENCH[:3]), values, strict=True))))
+    three = wrong_convention(as_table(dict(zip((*POSE[:3], *WRENCH[:3]), values, strict=True))))
     assert three is not None
     assert three.decided  # no body can be held that pushes on in every direction
 
@@ -183,7 +183,7 @@ def test_one_axis_and_three_forces() -> None:
 def test_a_real_joint_whose_torque_falls(shared_data: Path) -> None:
     """The gyroscope's x axis points against that of the weights: r = -0.86."""
     path = shared_data / "finger_joint" / "03April2018_full_calculated_data.csv"
-    found = misread(read_table(path, meta=ROOT / "examples" / "finger_joint.toml"))
+    found = wrong_convention(read_table(path, meta=ROOT / "examples" / "finger_joint.toml"))
     assert found is not None
     assert not found.decided
     assert set(found.columns) == {"tau_x_Nm", "theta_x_rad"}
@@ -226,7 +226,7 @@ def test_an_entry_that_is_there_is_replaced_by_one_of_the_other_sign() -> None:
     meta = {
         "columns": {"x_m": {"column": "x", "scale": 1e-3}, "fx_N": {"column": 2, "offset": 4.0}}
     }
-    found = misread(as_table({"x": x, "f": -10.0 * x}, meta=meta))
+    found = wrong_convention(as_table({"x": x, "f": -10.0 * x}, meta=meta))
     assert found is not None
     assert found.mend == ("fx_N = { column = 2, scale = -1.0, offset = -4.0 }",)
 

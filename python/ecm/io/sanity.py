@@ -1,0 +1,406 @@
+"""Is a table sane: its time, its rotations, its rows; the signs and axes are in `conventions.py`.
+
+Rows of a continuous log that are no measurement of the mechanism are found by their own pattern, in
+each run. Nothing is left out here: `ecm check` shows what was found, and `ecm check --leave-out`
+records it in `[leave_out]` of the description.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ecm.io.arrays import F, I, evenly
+from ecm.io.cache import write_atomically
+from ecm.io.columns import POSE
+from ecm.io.conventions import WrongConvention
+from ecm.io.description import read_meta, row_ranges, rows_of, shown_ranges, with_leave_out
+from ecm.io.frames import ORDERS, read_in_other_order
+from ecm.io.table import Table, read_table, unreadable_rows
+
+_SAMPLED_S = 0.5
+"""Rows that follow each other faster are samples of a continuous test: no rest is as short."""
+_SAMPLES = 100
+"""So many of them are no accident."""
+
+
+def samples_s(table: Mapping[str, Any]) -> float:
+    """Return the step of time of rows that are likely samples of a continuous test; 0 for none.
+
+    Examples
+    --------
+    >>> round(samples_s({"time_s": 0.01 * np.arange(200.0)}), 3)
+    0.01
+    """
+    if "time_s" not in table or len(table["time_s"]) <= _SAMPLES:
+        return 0.0
+    steps = np.diff(table["time_s"])
+    steps = steps[steps > 0.0]
+    step = float(np.median(steps)) if len(steps) else 0.0
+    return step if step < _SAMPLED_S else 0.0
+
+
+def likely_continuous(table: Table) -> list[str]:
+    """Say that rows which follow each other closely may be samples of a continuous test."""
+    step = 0.0 if table.continuous or table.has("pose_id") else samples_s(table.columns)
+    if not step:
+        return []
+    return [
+        f"Rows follow each other every {step:.3g} s: samples of a continuous test? "
+        'Then say kind = "continuous" in [file], or repeats and held-out rows are judged wrongly.'
+    ]
+
+
+_TIME_UNITS = {"minutes": 60.0, "hours": 3600.0}
+
+
+def time_unit(table: Table) -> str:
+    """Return the unit that time_s seems to have where readings follow faster than they rest."""
+    if not table.has("time_s", "dwell_s"):
+        return ""
+    time, dwell = table.column("time_s"), table.column("dwell_s")
+    order = np.argsort(time, kind="stable")
+    steps, rests = np.diff(time[order]), dwell[order][1:]
+    known = np.isfinite(rests) & (rests > 0.0) & (steps > 0.0)
+    if int(known.sum()) < 8:
+        return ""
+    share = float(np.median(steps[known] / rests[known]))
+    meant = next((unit for unit, factor in _TIME_UNITS.items() if factor * share >= 0.9), "")
+    if share >= 0.9 or not meant:
+        return ""
+    return (
+        f"time_s looks stated in {meant}, not s: readings follow each other faster than "
+        "the mechanism rests before them (dwell_s)"
+    )
+
+
+_FAR = 2.0
+"""Median turn, rad, from which poses of a clamped body are doubted."""
+_NEAR = 1.0
+"""Median turn, rad, below which the other order is believed; nine tenths are below twice that."""
+
+
+def likely_order(vectors: F, stated: str = "") -> str:
+    """Return the order in which quaternions were likely meant; empty where the stated may be right.
+
+    A body whose base is clamped is turned little. Read in the wrong order it is turned by half a
+    turn, about x where the scalar was first and about z where it was last.
+
+    Parameters
+    ----------
+    vectors
+        (N, 3) rad.
+    stated
+        Order that was stated; default: either.
+
+    Examples
+    --------
+    >>> likely_order(np.array([[3.1, 0.02, 0.0], [3.0, 0.0, 0.1]]))
+    'wxyz'
+    >>> likely_order(np.array([[0.1, 0.02, 0.0], [0.3, 0.0, 0.1]]))
+    ''
+    """
+    known = vectors[np.isfinite(vectors).all(axis=1)]
+    if not len(known) or np.median(np.linalg.norm(known, axis=1)) < _FAR:
+        return ""
+    for order, meant in ORDERS.items():
+        turns = np.linalg.norm(read_in_other_order(known, order), axis=1)
+        near = np.median(turns) < _NEAR and np.quantile(turns, 0.9) < 2.0 * _NEAR
+        if stated in ("", order) and near:
+            return meant
+    return ""
+
+
+def order_warning(vectors: F, stated: str = "") -> str:
+    """Return what looks wrong with the order of quaternions, in words; empty where nothing does.
+
+    Examples
+    --------
+    >>> order_warning(np.array([[0.0, 0.1, 3.1]]))[:58]
+    'the rotations look read from quaternions in the order wxyz'
+    """
+    meant = likely_order(vectors, stated)
+    if not meant:
+        return ""
+    turn = np.degrees(np.nanmedian(np.linalg.norm(vectors, axis=1)))
+    other = np.linalg.norm(read_in_other_order(vectors, ORDERS[meant]), axis=1)
+    return (
+        f"the rotations look read from quaternions in the order {ORDERS[meant]}, which are {meant}:"
+        f" half of them are turned by more than {turn:.0f} degrees, in the other order by "
+        f"{np.degrees(np.nanmedian(other)):.0f}; import again with --rotation {meant}, unless the "
+        "frames are meant to stand half a turn apart"
+    )
+
+
+def doubts(table: Table, wrong: WrongConvention | None) -> list[str]:
+    """Return what looks wrong with the signs, the time and the rotations of a table."""
+    said = [time_unit(table), "" if wrong is None else wrong.sentence()]
+    if table.has(*POSE[3:]):
+        said.append(order_warning(table.matrix(POSE[3:])))
+    return [words for words in said if words]
+
+
+def whole_turns(table: Table) -> list[str]:
+    """Return a sentence for each angle that jumps by a whole turn between two samples."""
+    sentences = []
+    for name in POSE[3:]:
+        if not (table.continuous and table.has(name)):
+            continue
+        values = table.column(name)
+        # No motion turns by half a turn from one sample to the next.
+        jumps = [rows[1:][np.abs(np.diff(values[rows])) > np.pi] for rows in _runs(table)]
+        at = np.concatenate(jumps)
+        if len(at):
+            rows = shown_ranges(table.numbers_in_file[at].tolist())
+            sentences.append(
+                f"{name} jumps by a whole turn at row(s) {rows}: one rotation written in two ways. "
+                "ecm import unwraps a single angle; effects of rate and lag would see a motion."
+            )
+    return sentences
+
+
+_FEWEST = 50
+"""Runs of fewer rows have no pattern."""
+_LONGEST_START = 0.2
+"""A start-up is at most this share of a run; a longer one is the test itself."""
+_MARGIN, _MOVING = 0.02, 0.05
+"""Shares of a channel's range: within the first it is in the range, by the second it has moved."""
+_OUT = 3.0
+"""So many times the longest usual stay, or the largest later step, is out of the usual."""
+_RARE = 0.005
+"""Share of the samples, or of the stays, at an end of their order that say nothing of the usual."""
+_FOLLOWS = 0.9
+"""Rank correlation of pose and wrench from which on the wrench follows the pose.
+
+Rows of which half move without load have 7/8.
+"""
+_SWINGS = 2.0
+"""A start goes to its place once; so many ranges of ways are loading."""
+_PLATEAU, _STUCK = 4, 20
+"""Fewest rows that stay at an end of the range to be clipped, and elsewhere to be stuck.
+
+An end is reached in any case: there fewer rows suffice.
+"""
+_FEW, _FEW_SHARE = 15, 0.005
+"""Most rows, and largest share of a run, that are said to set its range alone."""
+_WIDER = 1.6
+"""Range with these rows over range without them."""
+
+
+@dataclass(frozen=True)
+class SuspectRows:
+    """Rows that were found for one reason.
+
+    Examples
+    --------
+    >>> SuspectRows("clipped", "fx_N stays at 44.1", (3, 4, 5)).sentence()
+    'clipped: fx_N stays at 44.1 (rows 3-5)'
+    """
+
+    reason: str
+    """start_up, clipped, stuck, few_rows or repeated_time."""
+    words: str
+    rows: tuple[int, ...]
+    """Numbers from 1, those of the table's file."""
+
+    def sentence(self) -> str:
+        """Return reason, channel and rows."""
+        return f"{self.reason}: {self.words} (rows {shown_ranges(self.rows)})"
+
+
+def suspect_rows(table: Table) -> list[SuspectRows]:
+    """Return the rows of a continuous log that are likely no measurement, by reason.
+
+    - start_up: the beginning of a run, until pose and wrench are first in the range of its second
+      half; a rest and a first loading, which are measurements, are none;
+    - clipped: several rows at exactly the largest or smallest value of a channel;
+    - stuck: a channel that stays at a value while another one moves;
+    - few_rows: few rows that alone set the range of a pose column;
+    - repeated_time: a time stamp of an earlier row.
+
+    Tables of static measurements have none.
+
+    Examples
+    --------
+    >>> from ecm import Table
+    >>> t = 0.01 * np.arange(400.0)
+    >>> force = np.minimum(30.0 * np.sin(9.0 * t), 25.0)
+    >>> log = {"time_s": t, "y_m": 0.01 * np.sin(9.0 * t), "fy_N": force}
+    >>> table = Table(log, meta={"file": {"kind": "continuous"}})
+    >>> [found.sentence() for found in suspect_rows(table)]
+    ['clipped: fy_N stays at 25 (rows 12-24, 82-94, 152-164, 222-234, 292-304, 362-374)']
+    """
+    if not table.continuous:
+        return []
+    numbers = table.numbers_in_file
+    found: list[SuspectRows] = []
+    names = (*table.pose_columns, *table.wrench_columns)
+    for rows in _runs(table):
+        if len(rows) < _FEWEST:
+            continue
+        channels = {name: table.column(name)[rows] for name in names}
+        for reason, words, own in _of_run(channels, table.column("time_s")[rows]):
+            found.append(SuspectRows(reason, words, tuple(numbers[rows[own]].tolist())))
+    return found
+
+
+def record_leave_out(path: Path, description: Path) -> dict[str, str]:
+    """Add the suspect and the unreadable rows of a table to `[leave_out]` of its description.
+
+    Rows that it names already stay out; the rest of the description keeps every word.
+
+    Parameters
+    ----------
+    path
+        The table, CSV or Parquet.
+    description
+        Its TOML, which may not exist yet.
+
+    Returns
+    -------
+    dict
+        Ranges of rows by reason, as they were written.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "t.csv"
+    ...     _ = path.write_text("x_m,fx_N\\n0,1\\n0.1,nan\\n0.2,3\\n")
+    ...     record_leave_out(path, path.with_suffix(".toml"))
+    {'unreadable': '2'}
+    """
+    meta = read_meta(description) if description.is_file() else None
+    reasons: dict[str, list[int]] = {}
+    if len(unreadable := unreadable_rows(path, meta)):
+        reasons["unreadable"] = unreadable.tolist()
+    for one in suspect_rows(read_table(path, meta=meta, skip_bad_rows=True)):
+        reasons.setdefault(one.reason, []).extend(one.rows)
+    for reason, ranges in ({} if meta is None else meta.leave_out).items():
+        reasons.setdefault(reason, []).extend(rows_of(ranges, reason).tolist())
+    found = {reason: row_ranges(rows) for reason, rows in reasons.items()}
+    text = description.read_text(encoding="utf-8") if description.is_file() else ""
+    if found:
+        write_atomically(description, with_leave_out(text, found))
+    return found
+
+
+def _runs(table: Table) -> Iterator[I]:
+    run = table.column("run") if table.has("run") else np.zeros(len(table))
+    for number in np.unique(run):
+        yield np.flatnonzero(table.of_poses & (run == number))
+
+
+def _of_run(channels: Mapping[str, F], time: F) -> Iterator[tuple[str, str, I]]:
+    """Reason, words and index of the rows of one run."""
+    repeated = np.flatnonzero(np.diff(time) == 0.0) + 1
+    if len(repeated):
+        yield "repeated_time", f"{len(repeated)} time stamps of the row before", repeated
+    start = _start_up(channels)
+    if start:
+        seconds = float(time[start] - time[0])
+        yield "start_up", f"the first {seconds:.3g} s, out of the later range", np.arange(start)
+    for name, values in channels.items():
+        yield from _stays(name, values, channels)
+        few = _few_rows(values) if name in POSE else ()
+        if len(few):
+            words = f"{len(few)} rows alone widen {name} to {values.min():.4g} .. "
+            yield "few_rows", f"{words}{values.max():.4g}", np.asarray(few)
+
+
+def _start_up(channels: Mapping[str, F]) -> int:
+    """Number of rows before all channels are in the range of the second half; 0 for none."""
+    size = len(next(iter(channels.values())))
+    inside = {}
+    for name, values in channels.items():
+        low, high = np.quantile(values[size // 2 :], [_RARE, 1.0 - _RARE])
+        margin = _MARGIN * (high - low)
+        if high > low:
+            inside[name] = (values >= low - margin) & (values <= high + margin)
+    both = np.all([*inside.values(), np.ones(size, dtype=bool)], axis=0)
+    first = int(np.argmax(both)) if both.any() else 0
+    if not 3 <= first <= _LONGEST_START * size:
+        return 0
+    if any(_swings(values, first) for values in channels.values()):
+        return 0
+    outside = {name: channels[name] for name, own in inside.items() if not own[:first].all()}
+    return 0 if _is_rest_or_loading(outside, first) else first
+
+
+def _swings(values: F, first: int) -> bool:
+    """Whether a channel goes up and down in the first rows: a test that was not repeated later."""
+    some = values[evenly(first, _STUCK)]
+    return float(np.abs(np.diff(some)).sum()) > _SWINGS * float(np.ptp(values))
+
+
+def _is_rest_or_loading(channels: Mapping[str, F], first: int) -> bool:
+    """Whether the first rows are a rest, or a first loading: the wrench follows the pose.
+
+    Both are measurements, though a test that cycles about a mean load never comes back to them. A
+    way to the place moves the pose alone, and a tracker that begins late jumps.
+    """
+    for values in channels.values():
+        steps = np.abs(np.diff(values))
+        if steps[:first].max() > _OUT * steps[first:].max():
+            return False
+    moves = {n: np.abs(v[:first] - v[0]) > _MOVING * np.ptp(v) for n, v in channels.items()}
+    if not any(own.any() for own in moves.values()):
+        return True
+    for name in channels.keys() & {*POSE}:
+        part = slice(int(np.argmax(moves[name])), first)
+        if not moves[name].any() or part.stop - part.start < 3:
+            continue
+        pose = _ranks(channels[name][part])
+        loads = [_ranks(v[part]) for n, v in channels.items() if n not in POSE]
+        if any(abs(np.corrcoef(pose, load)[0, 1]) > _FOLLOWS for load in loads):
+            return True
+    return False
+
+
+def _ranks(values: F) -> F:
+    """(N,) places in order of size: what a hardening curve does not bend."""
+    return np.asarray(np.argsort(np.argsort(values)), dtype=np.float64)
+
+
+def _stays(name: str, values: F, channels: Mapping[str, F]) -> Iterator[tuple[str, str, I]]:
+    """Plateaus at an end of the range, and long stays elsewhere while another channel moves."""
+    begins = np.concatenate([[0], np.flatnonzero(np.diff(values) != 0.0) + 1])
+    lengths = np.diff(np.append(begins, len(values)))
+    if len(begins) < 3:
+        return  # constant: said as never excited
+    level = values[begins]
+    ends = (values.min(), values.max())
+    between = ~np.isin(level, ends)  # near a peak a coarse channel stays longer than elsewhere
+    usual = float(np.quantile(lengths[between], 1.0 - _RARE)) if between.any() else len(values)
+    long = lengths >= _OUT * usual
+    for end in ends:
+        own = long & (lengths >= _PLATEAU) & (level == end)
+        if own.any():
+            yield "clipped", f"{name} stays at {end:.4g}", np.flatnonzero(np.repeat(own, lengths))
+    others = [other for key, other in channels.items() if key != name]
+    stuck = long & (lengths >= _STUCK) & between
+    for i in np.flatnonzero(stuck):
+        part = slice(begins[i], begins[i] + lengths[i])
+        stuck[i] = any(np.ptp(other[part]) > _MOVING * np.ptp(other) for other in others)
+    if stuck.any():
+        yield "stuck", f"{name} stays while others move", np.flatnonzero(np.repeat(stuck, lengths))
+
+
+def _few_rows(values: F) -> I:
+    """Index of few rows without which the range is much smaller."""
+    most = min(_FEW, max(1, int(_FEW_SHARE * len(values))))
+    order = np.argsort(values)
+    full = float(values[order[-1]] - values[order[0]])
+    best: I = np.zeros(0, dtype=np.int64)
+    for below in range(most + 1):
+        low, high = values[order[below]], values[order[below - most - 1]]
+        margin = 0.1 * (high - low)  # only what is far outside: a smooth curve's next rows are near
+        if margin > 0.0 and full > _WIDER * (high - low):
+            outside = np.flatnonzero((values < low - margin) | (values > high + margin))
+            if len(best) == 0 or 0 < len(outside) < len(best):
+                best = outside
+    return best
