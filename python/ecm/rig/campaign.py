@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -198,8 +199,16 @@ class Campaign:
         text = self.truth_text()
         return table_of(self, readings, "" if text is None else truth.sha256(text))
 
-    def run(self) -> Table:
+    def drive(self, threads: int = 0, progress: Progress = None, parts: Path | None = None) -> None:
+        """What must move before readings are taken: nothing on the quasi-static rig."""
+
+    def record(self) -> dict[str, Any] | None:
+        """What the arm did, for NAME.robot.json; None without an arm."""
+        return None
+
+    def run(self, threads: int = 0, progress: Progress = None) -> Table:
         """All readings, without a file."""
+        self.drive(threads, progress)
         return self.table([self.measure(i) for i in range(len(self))])
 
     def truth_text(self) -> str | None:

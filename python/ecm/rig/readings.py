@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -46,6 +47,11 @@ def journal_path(out: Path) -> Path:
 def raw_path(out: Path) -> Path:
     """Where the raw stream of a table lies."""
     return out.with_suffix(".raw.parquet")
+
+
+def robot_path(out: Path) -> Path:
+    """Where the record of the arm lies beside a table."""
+    return out.with_suffix(".robot.json")
 
 
 BESIDE = {
@@ -118,7 +124,7 @@ class Journal:
             write_atomically(self.path, self._head + "".join(f"{line}\n" for line in self.lines))
             self._stream = self.path.open("a", encoding="utf-8", newline="")
         except OSError as error:
-            raise _disk(self.path, error) from None
+            raise disk_error(self.path, error) from None
         return self
 
     def __exit__(
@@ -128,7 +134,8 @@ class Journal:
         trace: TracebackType | None,
     ) -> None:
         if self._stream is not None:
-            self._stream.close()
+            with suppress(OSError):  # of a line that a full disk cut, which `append` told
+                self._stream.close()
 
     def append(self, line: str) -> None:
         """One more reading, on disk when this returns."""
@@ -138,7 +145,7 @@ class Journal:
                 self._stream.flush()
                 os.fsync(self._stream.fileno())
         except OSError as error:
-            raise _disk(self.path, error) from None
+            raise disk_error(self.path, error) from None
         self.lines.append(line)
 
     def remove(self) -> None:
@@ -161,7 +168,8 @@ class Journal:
         return complete[len(self._head) :].splitlines()
 
 
-def _disk(path: Path, error: OSError) -> ComputationError:
+def disk_error(path: Path, error: OSError) -> ComputationError:
+    """What to raise where a disk is full or gone."""
     return ComputationError(
         f"{path}: a reading could not be written: {error}. All readings before it are kept; free "
         "the disk and run the same command again"

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -18,7 +19,7 @@ from typing import Any
 
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
-from ecm.io.cache import cache_directory, write_atomically
+from ecm.io.cache import cache_directory, write_atomically, write_json
 from ecm.io.extras import require_pyarrow, write_parquet
 from ecm.io.parallel import DaskClient
 from ecm.io.table import Table, read_table
@@ -36,6 +37,7 @@ from ecm.rig.readings import (
     journal_path,
     keep_data,
     raw_path,
+    robot_path,
 )
 from ecm.rig.settings import RigSettings
 from ecm.rig.timeline import timeline_of
@@ -97,7 +99,8 @@ def run_campaign(
         Settings of the rig.
     out
         Table to write, with NAME.toml and NAME.truth.json beside it; every reading is in
-        NAME.journal.csv before the next one is taken. None: in memory, without the raw stream.
+        NAME.journal.csv before the next one is taken (of the arm, every sortie in
+        NAME.journal.parts). None: in memory, without the raw stream.
     hide
         `EFFECT=S`, `random`, several with commas, or parsed; goes before the rig's `[hidden]`.
     seed
@@ -147,31 +150,21 @@ def run_campaign(
         hide = Hidden.parse(hide)
     if folder is None:
         folder = cache_directory()
+    kind: type[Campaign] = Campaign
     if rig.rig.mode == "robot":
-        from ecm.rig.arm.campaign import RobotCampaign  # noqa: PLC0415 - it takes 1.5 s to load
-        from ecm.rig.arm.run import require_arm, run_robot, sortie_store, write_record  # noqa: PLC0415 - as above
+        from ecm.rig.arm.campaign import RobotCampaign, require_arm  # noqa: PLC0415 - it takes 1.5 s to load
 
         require_arm(folder)
-        arm = RobotCampaign(
-            plan, rig, source, hide=hide, seed=seed, folder=folder,
-            progress=progress,
-        )  # fmt: skip
-        table, journal = run_robot(
-            arm, source, out, progress=progress, resume=resume, threads=options.threads
-        )
-        if out is not None and journal is not None:
-            table = _written(arm, table, out)
-            write_record(arm, out)
-            sortie_store(arm, out).remove()
-            journal.remove()
-        return table
-    campaign = Campaign(plan, rig, source, hide=hide, seed=seed, folder=folder, progress=progress)
+        kind = RobotCampaign
+    campaign = kind(plan, rig, source, hide=hide, seed=seed, folder=folder, progress=progress)
     raw = campaign.raw_stream()  # where a plan has too few poses for one it is said now
     if out is None:
-        table = campaign.run()
+        table = campaign.run(options.threads, progress)
         return table if raw is None else replace(table, warnings=(*table.warnings, _NO_STREAM))
     path = journal_path(out)
+    parts = path.with_suffix(".parts")
     with Journal(path, campaign.key(source), HEADER, resume=resume) as journal:
+        campaign.drive(options.threads, progress, parts)
         for i in range(len(journal.lines), len(campaign)):
             journal.append(campaign.measure(i).line())
             if progress is not None:
@@ -181,6 +174,7 @@ def run_campaign(
         stream = raw.table(campaign, readings)
         write_parquet(stream.columns, stream.meta.applied().to_toml(), raw_path(out))
     table = _written(campaign, campaign.table(readings), out)
+    shutil.rmtree(parts, ignore_errors=True)
     journal.remove()
     return table
 
@@ -206,8 +200,11 @@ def _written(campaign: Campaign, table: Table, out: Path) -> Table:
     """The table on disk, and the truth beside it where something was hidden."""
     table = replace(table, source=str(out))
     text = campaign.truth_text()
-    own = [".robot.json"] if campaign.settings.rig.mode == "robot" else []
-    own += [".raw.parquet", ".raw.toml"] if campaign.settings.rig.stream_Hz else []
+    own = [".raw.parquet", ".raw.toml"] if campaign.settings.rig.stream_Hz else []
+    record = campaign.record()
+    if record is not None:
+        write_json(robot_path(out), record)
+        own.append(".robot.json")
     if text is not None:
         write_atomically(truth.truth_path(out), text)
         own.append(".truth.json")

@@ -11,7 +11,7 @@ backwards.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,13 +19,11 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from ecm.io.arrays import F
-from ecm.rig.arm.kinematics import inverse_kinematics, joints_at_swivel, swivel_angle
+from ecm.rig.arm.kuka import inverse_kinematics, joints_at_swivel, scene, swivel_angle
 from ecm.rig.arm.mechanism import STEPS_BETWEEN, ControllerModel, NonElasticWrench
 from ecm.rig.arm.safety_limits import SafetyLimits
-from ecm.rig.arm.scene import scene
 from ecm.rig.arm.simulation import Diverged, Impedance, Servo, Simulation
 from ecm.rig.arm.sorties import (
-    RunningSortie,
     SortieResult,
     Stop,
     StopResult,
@@ -90,10 +88,6 @@ class SimulatedArm:
 
     def sortie(self, stops: Sequence[Stop]) -> SortieResult:
         """Visit the stops one after the other and return home; a stop that fails is skipped."""
-        return RunningSortie(self.results(stops)).whole()
-
-    def results(self, stops: Sequence[Stop]) -> Iterator[StopResult | SortieResult]:
-        """Yield the result of each stop of a sortie when it is done, and the whole at the end."""
         self.simulation.reset()
         self._servo.release()
         self._recorded = [self._servo.encoders_rad().copy()]
@@ -124,11 +118,10 @@ class SimulatedArm:
                 self._result.reason = "the simulation diverged; choose a smaller [rig] step_s"
                 self._reset_to_home()
                 from_home = True
-            yield results[-1]
         home = self._result = StopResult(-1)
         if not from_home:
             self._return()
-        yield SortieResult(tuple(results), self.simulation.time_s, home)
+        return SortieResult(tuple(results), self.simulation.time_s, home)
 
     def _reset_to_home(self) -> None:
         """Put the arm at home after a divergence; the clock goes on."""

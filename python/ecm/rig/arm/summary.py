@@ -1,4 +1,8 @@
-"""What the arm did: the record `NAME.robot.json` of a campaign, and its summary in a few lines."""
+"""The record `NAME.robot.json` of a campaign of the arm, its summary, and the paper's Fig. 7.
+
+The record has for each pose: goal, pose after the impedance phase and after the position phase by
+the arm's own encoders, times of the phases, and the reason if it was skipped.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE as POSE_COLUMNS
 from ecm.io.columns import WRENCH
-from ecm.rig.arm.sorties import VisitRecord
+from ecm.rig.arm.sorties import SortieResult, Stop, StopResult
 from ecm.rig.plan import POSE, rest_pose
 
 if TYPE_CHECKING:
@@ -60,28 +65,32 @@ def motion_shares(poses: F, goals: F, rest: F) -> F:
 
 def campaign_record(campaign: RobotCampaign) -> dict[str, Any]:
     """Return the record of a campaign."""
-    planned = campaign.planned.visits
-    records = [r for r in campaign.records if planned[r.visit].kind == POSE]
-    driven_rows = {planned[r.visit].row for r in records}
+    planned, stops, length = campaign.planned.visits, campaign.stops, campaign.plant.length_m
+    driven_rows = {planned[s.visit].row for s in stops}
     not_driven = [s for s in campaign.skipped if s.row not in driven_rows]
-    reached = [r for r in records if not r.reason]
-    total = len(records) + len(not_driven)
-    off_known = [r.off_known_m for r in reached]
+    reached = [s for s in stops if not s.reason]
+    total = len(stops) + len(not_driven)
+    plan = np.stack([visit.pose for visit in planned if visit.kind == POSE])
+    away = [
+        float(_distance_m(s.trace[::5], plan, rest_pose(length), length).max(initial=0.0))
+        for s in stops
+    ]
+    off_known = [far for far, s in zip(away, stops, strict=True) if not s.reason]
     document: dict[str, Any] = {
         "schema": 1,
         "visits": [
             {
-                "row": planned[r.visit].row,
-                "pose_id": planned[r.visit].pose_id,
-                "reason": r.reason,
-                "phases_s": r.phases,
-                "goal": r.goal,
-                "after_impedance": r.after_impedance,
-                "after_position": r.reached,
-                "joints_rad": r.joints_rad,
-                "off_known_m": r.off_known_m,
+                "row": planned[s.visit].row,
+                "pose_id": planned[s.visit].pose_id,
+                "reason": s.reason,
+                "phases_s": s.phases,
+                "goal": campaign.goals[s.visit].tolist(),
+                "after_impedance": s.after_impedance.tolist(),
+                "after_position": s.reached.tolist(),
+                "joints_rad": s.joints_rad.tolist(),
+                "off_known_m": far,
             }
-            for r in records
+            for s, far in zip(stops, away, strict=True)
         ],
         "poses": total,
         "reached": len(reached),
@@ -89,9 +98,9 @@ def campaign_record(campaign: RobotCampaign) -> dict[str, Any]:
         "reasons": [
             *([s.row + 1, s.pose_id, s.reason] for s in not_driven),
             *(
-                [planned[r.visit].row + 1, planned[r.visit].pose_id, r.reason]
-                for r in records
-                if r.reason
+                [planned[s.visit].row + 1, planned[s.visit].pose_id, s.reason]
+                for s in stops
+                if s.reason
             ),
         ],
         "mechanism_rms": dict(zip(WRENCH, campaign.mechanism.rms.tolist(), strict=True)),
@@ -102,9 +111,10 @@ def campaign_record(campaign: RobotCampaign) -> dict[str, Any]:
         },
     }
     if reached:
-        document["phases"] = _phases(reached, campaign.plant.length_m)
-        plan = np.stack([planned[r.visit].pose for r in reached])
-        distance, angle = pose_errors(np.asarray([r.reached for r in reached]), plan)
+        goals = np.stack([campaign.goals[s.visit] for s in reached])
+        document["phases"] = _phases(reached, goals, rest_pose(length))
+        commanded = np.stack([planned[s.visit].pose for s in reached])
+        distance, angle = pose_errors(np.stack([s.reached for s in reached]), commanded)
         document["calibration"] = {
             "median_m": float(np.median(distance)),
             "median_rad": float(np.median(angle)),
@@ -112,16 +122,27 @@ def campaign_record(campaign: RobotCampaign) -> dict[str, Any]:
     return document
 
 
-def _phases(reached: Sequence[VisitRecord], length_m: float) -> dict[str, Any]:
+def _distance_m(path: F, poses: F, rest: F, length_m: float) -> F:
+    """(n,) distance of each pose of a path (n, 6) from the lines to (N, 6) poses, m."""
+    metric = np.array([1.0, 1.0, 1.0, length_m, length_m, length_m])
+    lines = (poses - rest) * metric
+    points = (path - rest) * metric
+    square = np.maximum((lines**2).sum(axis=1), 1e-18)
+    share = np.clip(points @ lines.T / square, 0.0, 1.0)
+    gaps = points[:, None, :] - share[:, :, None] * lines[None, :, :]
+    nearest: F = np.sqrt((gaps**2).sum(axis=2).min(axis=1))
+    return nearest
+
+
+def _phases(reached: Sequence[StopResult], goals: F, rest: F) -> dict[str, Any]:
     """Errors after the two phases of motion, and the median duration of each phase."""
-    goals = np.asarray([r.goal for r in reached])
     phases: dict[str, Any] = {}
     for name, poses in (
-        ("impedance", np.asarray([r.after_impedance for r in reached])),
-        ("position", np.asarray([r.reached for r in reached])),
+        ("impedance", np.stack([s.after_impedance for s in reached])),
+        ("position", np.stack([s.reached for s in reached])),
     ):
         distance, angle = pose_errors(poses, goals)
-        shares = motion_shares(poses, goals, rest_pose(length_m))
+        shares = motion_shares(poses, goals, rest)
         phases[name] = {
             "median_m": float(np.median(distance)),
             "largest_m": float(distance.max()),
@@ -130,8 +151,8 @@ def _phases(reached: Sequence[VisitRecord], length_m: float) -> dict[str, Any]:
             "fraction": dict(zip(POSE_COLUMNS, shares.tolist(), strict=True)),
         }
     spans: dict[str, list[float]] = {name: [] for name in PHASES}
-    for record in reached:
-        for name, begin, end in record.phases:
+    for stop in reached:
+        for name, begin, end in stop.phases:
             spans[name].append(end - begin)
     phases["median_s"] = {name: float(np.median(s)) for name, s in spans.items() if s}
     return phases
@@ -169,3 +190,49 @@ def _phase_line(name: str, phase: Mapping[str, Any]) -> str:
         f"{thousandths(phase['largest_m'])} mm and {thousandths(phase['largest_rad'])} mrad; "
         f"share of the motion, x to theta_z: {share} %"
     )
+
+
+_TRIED = 10
+"""Poses that are driven, each for about a second, until one is reached."""
+
+
+def first_pose_trace(campaign: RobotCampaign) -> tuple[dict[str, F], list[list[Any]], str]:
+    """Return the data of Fig. 7: the first pose of a plan that is reached, from home and back.
+
+    If none of the first ten poses is reached, it is the very first, as far as the arm came.
+
+    Returns
+    -------
+    arrays
+        `time_s` (n,), `way` (n, 6) and `goal` (6,) minus the rest pose, m and rad.
+    phases
+        Name, begin and end in s.
+    reason
+        Why the pose was not reached; empty if it was.
+    """
+    sortie, stop = first_reached(campaign)
+    time_s, trace = full_trace(sortie)
+    rest = rest_pose(campaign.plant.length_m)
+    phases = [[*phase] for phase in (*sortie.stops[0].phases, *sortie.home.phases)]
+    finite = np.isfinite(trace).all(axis=1)  # until it diverged, if it did
+    arrays = {"time_s": time_s[finite], "way": trace[finite] - rest, "goal": stop.goal - rest}
+    return arrays, phases, sortie.stops[0].reason
+
+
+def first_reached(campaign: RobotCampaign) -> tuple[SortieResult, Stop]:
+    """Drive the first poses; return the first that is reached, or else the first."""
+    arm = campaign.setup.build()
+    driven = []
+    for planned in campaign.sorties[:_TRIED]:
+        driven.append((arm.sortie(planned.stops[:1]), planned.stops[0]))
+        if not driven[-1][0].stops[0].reason:
+            return driven[-1]
+    if not driven:
+        raise InputError("the plan has no pose that the arm could show")
+    return driven[0]
+
+
+def full_trace(sortie: SortieResult) -> tuple[F, F]:
+    """Times (n,) and poses (n, 6) of a sortie with one stop, from home and back."""
+    parts = (sortie.stops[0], sortie.home)
+    return np.concatenate([p.trace_s for p in parts]), np.concatenate([p.trace for p in parts])
