@@ -133,7 +133,6 @@ class Payload(TrueEffect):
     """Places of the points, in the top frame."""
 
     effect: ClassVar[str] = "payload"
-    name: ClassVar[str] = "payload"
     unit: ClassVar[str] = "kg"
     limit: ClassVar[Limit] = Limit(0.25, "poses that turn on all sides")
 
@@ -271,7 +270,6 @@ class OwnWeight(PlatformLoad):
     points: int = 8
 
     effect: ClassVar[str] = "own_weight"
-    name: ClassVar[str] = "own_weight"
     unit: ClassVar[str] = "kg"
     limit: ClassVar[Limit] = Limit(0.25, "poses that bend on all sides")
 
