@@ -1,4 +1,4 @@
-"""Random rigs for the calibration: frames and loads that nobody is told, and what is read there."""
+"""Random rigs for the calibration: frames that nobody is told, and what is read there."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from ecm.io.columns import POSE
 from ecm.io.description import Meta
-from ecm.io.se3 import compose, displaced, rotation, seen_from
+from ecm.io.se3 import rotation
 from ecm.io.table import Table
 from ecm.rig import Campaign, RigSettings
-from ecm.rig.calibration import hand_eye, payload, sensor_frame, target_frame
+from ecm.rig.calibration import sensor_frame, target_frame
 from ecm.rig.camera import Camera
 from ecm.rig.elastic import Anchors, Progress, Smooth
 from ecm.rig.measurement import ForceTorqueSensor, wrench_in_base
@@ -22,8 +22,6 @@ F = NDArray[np.float64]
 POSES = 25
 WINDOW_S = 1.0
 GRAVITY = np.array([-9.81, 0.0, 0.0])
-ENCODER_M, ENCODER_RAD = 5e-5, 2e-4
-"""Errors of the robot's forward kinematics, m and rad."""
 
 
 def frame(random: np.random.Generator, reach_m: float, turn_rad: float) -> F:
@@ -44,21 +42,6 @@ def one_rig(seed: int, instruments: Instruments) -> dict[str, bool]:
     camera, sensor = Camera(instruments), ForceTorqueSensor(instruments)
     held: dict[str, bool] = {}
 
-    # Hand-eye: the robot shows the target to the camera in many places.
-    x, y = frame(random, 0.05, 3.0), frame(random, 1.5, 3.0)
-    robot = np.stack([frame(random, 0.3, 0.6) for _ in range(POSES)])
-    true = seen_from(np.tile(y, (POSES, 1)), compose(robot, x))
-    position, angle = camera.row_sd(WINDOW_S)
-    error = random.standard_normal((POSES, 6)) * np.repeat([ENCODER_M, ENCODER_RAD], 3)
-    found = hand_eye(
-        displaced(robot, error),
-        seen(true, camera, random),
-        position_sd_m=float(np.hypot(position, ENCODER_M)),
-        rotation_sd_rad=float(np.hypot(angle, ENCODER_RAD)),
-    )
-    held["target on the flange"] = found.flange_from_target.holds(x)
-    held["camera in the robot's base"] = found.robot_from_camera.holds(y)
-
     # Target to frame: a probe in twelve bores of a plate, top and base.
     for name in ("top frame in its target", "base frame in its target"):
         t = frame(random, 0.05, 3.0)
@@ -67,23 +50,12 @@ def one_rig(seed: int, instruments: Instruments) -> dict[str, bool]:
         probes = np.concatenate([places, np.zeros((12, 3))], axis=1)
         held[name] = target_frame(holes, seen(probes, camera, random)[:, :3]).holds(t)
 
-    # Payload and zero: the free sensor turned in gravity.
-    mass = float(random.uniform(0.2, 2.0))
-    centre = random.uniform(-0.04, 0.04, 3)
-    zero = random.uniform(-1.0, 1.0, 6) * np.repeat([4.0, 0.15], 3)
+    # Sensor in the top frame: dead weights at known points, after the zero was taken.
     turns = rotation(np.stack([frame(random, 0.0, 2.5)[3:] for _ in range(POSES)]))
-    gravity = np.einsum("nji,j->ni", turns, GRAVITY)
-    force = mass * gravity
-    load = np.concatenate([force, np.cross(centre, force)], axis=1)
-    read = np.stack([sensor.read(row, WINDOW_S, random).mean(axis=0) for row in load + zero])
     noise = {
         "force_sd_N": instruments.force_noise_N / np.sqrt(sensor.samples(WINDOW_S)),
         "torque_sd_Nm": instruments.torque_noise_Nm / np.sqrt(sensor.samples(WINDOW_S)),
     }
-    fitted = payload(read, gravity, **noise)
-    held["payload"] = fitted.holds(np.array([mass, *(mass * centre)]))
-
-    # Sensor in the top frame: dead weights at known points, after the zero was taken.
     s = frame(random, 0.03, 3.0)
     forces = 5.0 * np.einsum("nji,j->ni", turns, GRAVITY)
     arms = random.uniform(-0.05, 0.05, (POSES, 3))

@@ -16,7 +16,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.se3 import displaced
 from ecm.io.table import Table
-from ecm.rig.calibration.pre_campaign import Calibration, calibrated
+from ecm.rig.calibration import Calibration, calibrated
 from ecm.rig.camera import Camera, CameraStand, Window
 from ecm.rig.elastic import (
     UNIFORM,
