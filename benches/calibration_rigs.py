@@ -94,20 +94,11 @@ def zero_left(law: str, every: int, seed: int) -> tuple[float, float, float]:
     campaign = Campaign(Table(columns, Meta(), "plan"), settings, Springs(), seed=seed)
     readings = [campaign.measure(i) for i in range(len(campaign))]
     visits, plant = campaign.visits, campaign.plant
-    truth = plant.truth(visits, campaign.physics, np.zeros(6))
-    quiet = wrench_in_base(
-        plant,
-        visits,
-        campaign.physics,
-        sensor=np.where(
-            visits.zero_readings[:, None],
-            np.stack([r.sensor for r in readings]),
-            truth.sensor + campaign.offset,
-        ),
-        poses=truth.pose_seen,
-        law=law,
-        temperature_degC=np.asarray([r.sensor_temperature_degC for r in readings]),
-    )
+    truth = plant.truth(visits)
+    read = np.stack([r.sensor for r in readings])
+    sensor = np.where(visits.zero_readings[:, None], read, truth.sensor)
+    warm = np.asarray([r.sensor_temperature_degC for r in readings])
+    quiet = wrench_in_base(plant, visits, sensor, truth.pose_seen, warm)
     rows = visits.at_poses
     left = quiet[rows] - plant.elastic.wrench(visits.anchor[rows], truth.pose_seen[rows])
     force, torque = np.sqrt(np.mean(left[:, :3] ** 2)), np.sqrt(np.mean(left[:, 3:] ** 2))

@@ -77,7 +77,7 @@ def test_with_nothing_hidden_only_the_declared_noise_is_left(cache: Path) -> Non
     true = campaign.plant.elastic.wrench(
         campaign.visits.anchor[rows], campaign.visits.reached[rows]
     )
-    covariance = row_covariance(campaign.plant, campaign.visits, campaign.settings)
+    covariance = row_covariance(campaign.plant, campaign.visits)
     strength = Whitener(covariance, true[:, :, None]).strength(table.wrenches - elastic)
     assert strength == pytest.approx(1.0, abs=0.25)
 

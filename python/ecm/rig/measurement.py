@@ -7,11 +7,10 @@ import numpy as np
 from ecm.io.arrays import F
 from ecm.io.se3 import left_jacobian_inverse, rotation, turn_wrench
 from ecm.rig.camera import Camera
-from ecm.rig.physics import Physics
 from ecm.rig.physics.sensor import SensorWarmUp
 from ecm.rig.plan import Visits
 from ecm.rig.plant import Plant
-from ecm.rig.settings import Instruments, RigSettings
+from ecm.rig.settings import Instruments
 
 _ENOUGH_FOR_TIME = 4
 
@@ -108,11 +107,8 @@ def _columns(time_s: F, temperature_degC: F, with_time: bool) -> F:
 def wrench_in_base(
     plant: Plant,
     visits: Visits,
-    physics: Physics,
-    *,
     sensor: F,
     poses: F,
-    law: str,
     temperature_degC: F | None = None,
 ) -> F:
     """Compensated wrench (N, 6) in base axes at the top frame.
@@ -127,36 +123,45 @@ def wrench_in_base(
         Of the sensor (N,) as it was read; the true one where it is not given.
     """
     reads = visits.zero_readings
-    warm_up = physics.get(SensorWarmUp)
     warm = visits.sensor_temperature_degC if temperature_degC is None else temperature_degC
+    readings = sensor[reads], visits.time_s[reads], warm[reads]
+    return compensated(plant, readings, visits.time_s, sensor, poses, warm)
+
+
+def compensated(
+    plant: Plant,
+    readings: tuple[F, F, F],
+    time_s: F,
+    sensor: F,
+    poses: F,
+    temperature_degC: F,
+) -> F:
+    """The same at any times (N,); readings of the zero (k, 6), their times and temperatures."""
+    zero, read_s, warm = readings
+    warm_up = plant.physics.get(SensorWarmUp)
     zero = zero_at(
-        visits.time_s,
-        visits.time_s[reads],
-        sensor[reads],
-        law,
-        temperature_degC=warm,
-        reading_temperature_degC=warm[reads],
+        time_s,
+        read_s,
+        zero,
+        plant.settings.rig.offset_compensation,
+        temperature_degC=temperature_degC,
+        reading_temperature_degC=warm,
         later_readings_lost=warm_up is not None and warm_up.later_readings_lost,
     )
     return turn_wrench(rotation(poses[:, 3:]), plant.to_top(sensor - zero))
 
 
-def residual(plant: Plant, visits: Visits, physics: Physics, offset: F, settings: RigSettings) -> F:
+def residual(plant: Plant, visits: Visits) -> F:
     """Noise-free measured wrench minus the elastic wrench at the measured pose, rows of poses."""
-    truth = plant.truth(visits, physics, offset)
-    law = settings.rig.offset_compensation
-    measured = wrench_in_base(
-        plant, visits, physics, sensor=truth.sensor, poses=truth.pose_seen, law=law
-    )
+    truth = plant.truth(visits)
+    measured = wrench_in_base(plant, visits, truth.sensor, truth.pose_seen)
     rows = visits.at_poses
     elastic = plant.elastic.wrench(visits.anchor[rows], truth.pose_seen[rows])
     difference: F = measured[rows] - elastic
     return difference
 
 
-def row_covariance(
-    plant: Plant, visits: Visits, settings: RigSettings, window_s: float | None = None
-) -> F:
+def row_covariance(plant: Plant, visits: Visits, window_s: float | None = None) -> F:
     """Sigma_i = B Sigma_sensor B' + K_s Sigma_pose K_s' of pose rows, (N, 6, 6).
 
     Rows are means over window_s, by default the rig's. Pose noise is a translation and a rotation
@@ -164,6 +169,7 @@ def row_covariance(
     """
     rows = visits.at_poses
     poses = visits.reached[rows]
+    settings = plant.settings
     window = settings.rig.window_s if window_s is None else window_s
     sensor = ForceTorqueSensor(settings.instrument).row_covariance(window, plant.top_from_sensor)
     turn = np.zeros((len(poses), 6, 6))

@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import IO, TYPE_CHECKING, Any, Protocol
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,12 +29,7 @@ from ecm.rig.plan import OFFSET
 from ecm.rig.timeline import stream
 
 if TYPE_CHECKING:
-    from ecm.rig.physics import Physics
-    from ecm.rig.plan import Skipped, Visits
-    from ecm.rig.plant import Plant
-    from ecm.rig.settings import RigSettings
-    from ecm.rig.timeline import Timeline
-
+    from ecm.rig.campaign import Campaign
 
 _MARK = "# campaign "
 
@@ -190,19 +185,6 @@ HEADER = ",".join(_NAMES)
 """Header of the journal; `sensor_` columns are in sensor axes and hold the sensor's zero."""
 
 
-class CampaignState(Protocol):
-    """What a table needs of the campaign that it was measured in."""
-
-    plan: Table
-    settings: RigSettings
-    seed: int
-    plant: Plant
-    visits: Visits
-    physics: Physics
-    timeline: Timeline
-    skipped: list[Skipped]
-
-
 @dataclass(frozen=True)
 class Reading:
     """Means and spreads of one window."""
@@ -259,18 +241,12 @@ class Reading:
         return Reading(pose, pose_sd, sensor, wrench_sd, float(numbers[24]), float(numbers[25]))
 
 
-def table_of(campaign: CampaignState, readings: list[Reading], truth_sha256: str) -> Table:
+def table_of(campaign: Campaign, readings: list[Reading], truth_sha256: str) -> Table:
     """The measurement table: wrenches compensated and in base axes, noise of the averaged row."""
     poses = np.stack([r.pose for r in readings])
-    wrenches = wrench_in_base(
-        campaign.plant,
-        campaign.visits,
-        campaign.physics,
-        sensor=np.stack([r.sensor for r in readings]),
-        poses=poses,
-        law=campaign.settings.rig.offset_compensation,
-        temperature_degC=np.asarray([r.sensor_temperature_degC for r in readings]),
-    )
+    sensor = np.stack([r.sensor for r in readings])
+    warm = np.asarray([r.sensor_temperature_degC for r in readings])
+    wrenches = wrench_in_base(campaign.plant, campaign.visits, sensor, poses, warm)
     visits = campaign.timeline.visits
     rows = [i for i, v in enumerate(visits) if v.kind != OFFSET]
     taken = [visits[i] for i in rows]
@@ -289,9 +265,7 @@ def table_of(campaign: CampaignState, readings: list[Reading], truth_sha256: str
     columns |= dict(zip(POSE_NAMES, poses[rows].T.copy(), strict=True))
     columns |= dict(zip(WRENCH_NAMES, wrenches[rows].T.copy(), strict=True))
     columns["temperature_degC"] = np.asarray([readings[i].temperature_degC for i in rows])
-    columns["sensor_temperature_degC"] = np.asarray(
-        [readings[i].sensor_temperature_degC for i in rows]
-    )
+    columns["sensor_temperature_degC"] = warm[rows]
     names = (f"sd_{name}" for name in (*POSE_NAMES, *WRENCH_NAMES))
     columns |= dict(zip(names, spreads.T.copy(), strict=True))
     skipped = tuple(
@@ -300,7 +274,7 @@ def table_of(campaign: CampaignState, readings: list[Reading], truth_sha256: str
     return Table(columns, described(campaign, truth_sha256), "campaign", skipped)
 
 
-def _stamps(campaign: CampaignState, rows: list[int]) -> F:
+def _stamps(campaign: Campaign, rows: list[int]) -> F:
     """Time stamps by the recorder's clock; they grow, as a recorder's do."""
     instrument = campaign.settings.instrument
     time = np.asarray([campaign.timeline.visits[i].time_s for i in rows])
@@ -314,7 +288,7 @@ def _stamps(campaign: CampaignState, rows: list[int]) -> F:
     return stamps
 
 
-def described(campaign: CampaignState, truth_sha256: str, window_s: float | None = None) -> Meta:
+def described(campaign: Campaign, truth_sha256: str, window_s: float | None = None) -> Meta:
     """The description of a table whose rows are means over window_s, by default the rig's."""
     settings = campaign.settings
     instrument, plant = settings.instrument, settings.plant

@@ -210,7 +210,7 @@ class RobotCampaign(Campaign):
         """Take these visits as those of the campaign, at true poses (N, 6)."""
         self.timeline.visits = visits
         self.visits = visits_of(tuple(visits), reached, self._anchors[self._visited], self._air)
-        self._truth = self.plant.truth(self.visits, self.physics, self._offset)
+        self._truth = self.plant.truth(self.visits)
 
     def _skip(self, stop: StopResult, reason: str) -> None:
         planned = self.planned.visits[stop.visit]
@@ -224,7 +224,7 @@ class RobotCampaign(Campaign):
         return HiddenPhysics(
             anchors=self.plant.elastic.anchors,
             gradings=self.plant.gradings,
-            physics=self.physics,
+            physics=self.plant.physics,
             visits=tuple(self.planned.visits),
             anchor=self._anchors,
             seed=self.seed,

@@ -131,7 +131,7 @@ class HiddenPhysics:
     def wrench(self, settings: RigSettings, surrogate: Surrogate) -> NonElasticWrench:
         """Build the plant in this process."""
         elastic = Elastic(self.anchors, surrogate.model())
-        plant = Plant(settings, elastic, surrogate.length_m, self.gradings)
+        plant = Plant(settings, elastic, surrogate.length_m, self.gradings, self.physics)
         air = Climate.build(settings, self.seed, self.end_s, self.heating)
         return NonElasticWrench(self, plant, air)
 
@@ -175,8 +175,8 @@ class NonElasticWrench:
             rested=True,
         )  # fmt: skip
         visits = visits_of((visit,), pose[None].copy(), self._anchor, self._air)
-        plant, physics = self._plant, self._hidden.physics
-        wrench: F = (plant.load(visits, physics) - plant.load(visits, Physics()))[0]
+        bare = replace(self._plant, physics=Physics())
+        wrench: F = (self._plant.load(visits) - bare.load(visits))[0]
         return wrench
 
 

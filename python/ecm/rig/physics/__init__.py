@@ -28,10 +28,6 @@ class Physics:
         others = {other.effect: other for other in self.effects} | {effect.effect: effect}
         return Physics(tuple(others[name] for name in TRUE_EFFECTS if name in others))
 
-    def without(self, kind: type[TrueEffect]) -> Physics:
-        """The same physics without the effects of a kind."""
-        return Physics(tuple(e for e in self.effects if not isinstance(e, kind)))
-
     def of(self, stage: type[T]) -> list[T]:
         """The effects of a stage, in the order in which they are applied."""
         return [effect for effect in self.effects if isinstance(effect, stage)]

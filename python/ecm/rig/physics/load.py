@@ -129,7 +129,7 @@ class Payload(TrueEffect):
 
     shares: tuple[float, ...] = (1.0,)
     """Share of the mass at each point; they sum to 1."""
-    places_m: tuple[tuple[float, float, float], ...] = ((0.03, 0.0, 0.0),)
+    places_m: tuple[tuple[float, ...], ...] = ((0.03, 0.0, 0.0),)
     """Places of the points, in the top frame."""
 
     effect: ClassVar[str] = "payload"
