@@ -11,10 +11,10 @@ from ecm.io.se3 import rotation
 from ecm.io.table import Table
 from ecm.rig import Campaign, RigSettings
 from ecm.rig.calibration import sensor_frame, target_frame
-from ecm.rig.camera import Camera
 from ecm.rig.elastic import Anchors, Progress, Smooth
-from ecm.rig.measurement import ForceTorqueSensor, wrench_in_base
+from ecm.rig.instruments import Camera, ForceTorqueSensor
 from ecm.rig.plan import rest_pose
+from ecm.rig.plant import wrench_in_base
 from ecm.rig.settings import Instruments
 
 F = NDArray[np.float64]

@@ -20,8 +20,8 @@ from ecm.io.table import read_table
 from ecm.rig import Hidden, campaign_minutes, reveal
 from ecm.rig.arm.campaign import RobotCampaign
 from ecm.rig.arm.sorties import SortieResult
-from ecm.rig.hidden.size import Whitener
-from ecm.rig.measurement import row_covariance
+from ecm.rig.hidden.inject import Whitener
+from ecm.rig.plant import row_covariance
 from support.arm_rig import REST, arm_setup, plan, run, settings
 from support.neck import ROOT
 from support.stand_in import StandIn, some_poses

@@ -12,7 +12,7 @@ from ecm.errors import InputError
 from ecm.io.se3 import rotation
 from ecm.rig import Campaign, RigSettings
 from ecm.rig.calibration import calibrated, sensor_frame, target_frame
-from ecm.rig.measurement import zero_at
+from ecm.rig.instruments import zero_at
 from support.stand_in import StandIn, instruments, plan_of, some_poses
 
 F = NDArray[np.float64]

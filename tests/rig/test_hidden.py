@@ -15,13 +15,12 @@ from ecm.errors import InputError
 from ecm.io.se3 import rotate, rotation
 from ecm.io.table import Table, read_table
 from ecm.rig import Campaign, CampaignOptions, Hidden, RigSettings, reveal, run_campaign, score
-from ecm.rig.hidden.inject import whitener_of
-from ecm.rig.hidden.size import measure
-from ecm.rig.measurement import residual, wrench_in_base
+from ecm.rig.hidden.inject import measure, whitener_of
 from ecm.rig.physics import TRUE_EFFECTS, Conditions, TrueEffect
 from ecm.rig.physics.body import PlatformSlip
 from ecm.rig.physics.camera import MarkerMotion
 from ecm.rig.physics.true_effect import RigScale
+from ecm.rig.plant import residual, wrench_in_base
 from support.campaigns import plan as diagnosable_plan
 from support.stand_in import F, StandIn, error_of, plan_of, some_poses, wrench
 

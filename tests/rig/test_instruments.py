@@ -9,9 +9,9 @@ import pytest
 
 from ecm.io.se3 import rotation, rotation_vector, wrench_adjoint
 from ecm.rig import Campaign, RigSettings
-from ecm.rig.camera import Camera, Optics
-from ecm.rig.measurement import ForceTorqueSensor, residual
+from ecm.rig.instruments import Camera, ForceTorqueSensor, Optics
 from ecm.rig.physics import Physics
+from ecm.rig.plant import residual
 from support.stand_in import StandIn, instruments, plan_of, some_poses
 
 

@@ -16,7 +16,7 @@ from ecm.io.se3 import rotation, turn_wrench
 from ecm.io.table import Table, read_table
 from ecm.rig import Campaign, CampaignOptions, Hidden, RigSettings, run_campaign
 from ecm.rig.elastic import Anchors, Smooth
-from ecm.rig.hidden.size import Whitener
+from ecm.rig.hidden.inject import Whitener
 from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.physics.camera import TimeSkew
 from ecm.rig.raw_stream import RawStream

@@ -31,8 +31,7 @@ from ecm.io.se3 import (
     transpose,
     wrench_adjoint,
 )
-from ecm.rig.camera import Camera
-from ecm.rig.measurement import ForceTorqueSensor
+from ecm.rig.instruments import Camera, ForceTorqueSensor
 from ecm.rig.settings import Instruments
 from ecm.rig.timeline import stream
 

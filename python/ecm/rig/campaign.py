@@ -17,7 +17,6 @@ from ecm.io.arrays import F
 from ecm.io.se3 import displaced
 from ecm.io.table import Table
 from ecm.rig.calibration import Calibration, calibrated
-from ecm.rig.camera import Camera, CameraStand, Window
 from ecm.rig.elastic import (
     UNIFORM,
     Anchors,
@@ -30,10 +29,9 @@ from ecm.rig.elastic import (
     unique_poses,
 )
 from ecm.rig.hidden import truth
-from ecm.rig.hidden.inject import InjectedEffect, inject
-from ecm.rig.hidden.size import CannotHide
+from ecm.rig.hidden.inject import CannotHide, InjectedEffect, inject
 from ecm.rig.hidden.truth import NOTHING, Hidden
-from ecm.rig.measurement import ForceTorqueSensor
+from ecm.rig.instruments import Camera, CameraStand, ForceTorqueSensor, Window
 from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.physics.sensor import SensorWarmUp
 from ecm.rig.plan import Visits, reachable, requests, rest_pose, split_by_limits

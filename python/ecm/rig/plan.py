@@ -14,8 +14,8 @@ from ecm.io.arrays import B, F, I
 from ecm.io.se3 import rotation, transpose, turn_wrench, wrench_adjoint
 from ecm.io.table import Table
 from ecm.io.toml import did_you_mean
-from ecm.rig.camera import Optics
 from ecm.rig.elastic import Anchors
+from ecm.rig.instruments import Optics
 from ecm.rig.physics.camera import LEDS, LEDS_NEEDED
 from ecm.rig.physics.true_effect import LEVER_M
 from ecm.rig.settings import Procedure, RigSettings

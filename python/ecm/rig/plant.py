@@ -14,11 +14,12 @@ from functools import cached_property, partial
 import numpy as np
 
 from ecm.io.arrays import F, I
-from ecm.io.se3 import rotation, transpose, turn_wrench, wrench_adjoint
-from ecm.rig.camera import Optics
+from ecm.io.se3 import left_jacobian_inverse, rotation, transpose, turn_wrench, wrench_adjoint
 from ecm.rig.elastic import Elastic, Grading
+from ecm.rig.instruments import Camera, ForceTorqueSensor, Optics, zero_at
 from ecm.rig.physics import Conditions, Physics, TrueEffect
 from ecm.rig.physics.load import Payload
+from ecm.rig.physics.sensor import SensorWarmUp
 from ecm.rig.physics.true_effect import (
     BodyPose,
     BodyVariation,
@@ -228,3 +229,84 @@ def visits_of(
         climate.at(climate.walk, time),
         moving,
     )
+
+
+def wrench_in_base(
+    plant: Plant,
+    visits: Visits,
+    sensor: F,
+    poses: F,
+    temperature_degC: F | None = None,
+) -> F:
+    """Compensated wrench (N, 6) in base axes at the top frame.
+
+    Parameters
+    ----------
+    sensor
+        Readings (N, 6) in sensor axes.
+    poses
+        Measured poses (N, 6): their rotation turns the wrench to base axes.
+    temperature_degC
+        Of the sensor (N,) as it was read; the true one where it is not given.
+    """
+    reads = visits.zero_readings
+    warm = visits.sensor_temperature_degC if temperature_degC is None else temperature_degC
+    readings = sensor[reads], visits.time_s[reads], warm[reads]
+    return compensated(plant, readings, visits.time_s, sensor, poses, warm)
+
+
+def compensated(
+    plant: Plant,
+    readings: tuple[F, F, F],
+    time_s: F,
+    sensor: F,
+    poses: F,
+    temperature_degC: F,
+) -> F:
+    """The same at any times (N,); readings of the zero (k, 6), their times and temperatures."""
+    zero, read_s, warm = readings
+    warm_up = plant.physics.get(SensorWarmUp)
+    zero = zero_at(
+        time_s,
+        read_s,
+        zero,
+        plant.settings.rig.offset_compensation,
+        temperature_degC=temperature_degC,
+        reading_temperature_degC=warm,
+        later_readings_lost=warm_up is not None and warm_up.later_readings_lost,
+    )
+    return turn_wrench(rotation(poses[:, 3:]), plant.to_top(sensor - zero))
+
+
+def residual(plant: Plant, visits: Visits) -> F:
+    """Noise-free measured wrench minus the elastic wrench at the measured pose, rows of poses."""
+    truth = plant.truth(visits)
+    measured = wrench_in_base(plant, visits, truth.sensor, truth.pose_seen)
+    rows = visits.at_poses
+    elastic = plant.elastic.wrench(visits.anchor[rows], truth.pose_seen[rows])
+    difference: F = measured[rows] - elastic
+    return difference
+
+
+def row_covariance(plant: Plant, visits: Visits, window_s: float | None = None) -> F:
+    """Sigma_i = B Sigma_sensor B' + K_s Sigma_pose K_s' of pose rows, (N, 6, 6).
+
+    Rows are means over window_s, by default the rig's. Pose noise is a translation and a rotation
+    in base axes, so it goes through K_s = K diag(I, J^-1).
+    """
+    rows = visits.at_poses
+    poses = visits.reached[rows]
+    settings = plant.settings
+    window = settings.rig.window_s if window_s is None else window_s
+    sensor = ForceTorqueSensor(settings.instrument).row_covariance(window, plant.top_from_sensor)
+    turn = np.zeros((len(poses), 6, 6))
+    turn[:, :3, :3] = turn[:, 3:, 3:] = rotation(poses[:, 3:])
+    stiffness = plant.elastic.stiffness(visits.anchor[rows], poses)
+    screw = stiffness.copy()
+    screw[:, :, 3:] = stiffness[:, :, 3:] @ left_jacobian_inverse(poses[:, 3:])
+    position, angle = Camera(settings.instrument).row_sd(window)
+    pose = np.repeat([position**2, angle**2], 3)
+    covariance: F = turn @ sensor @ np.swapaxes(turn, 1, 2) + (screw * pose) @ np.swapaxes(
+        screw, 1, 2
+    )
+    return covariance

@@ -27,14 +27,13 @@ from ecm.errors import InputError
 from ecm.io.arrays import F, I
 from ecm.io.se3 import rotation, turn_wrench
 from ecm.io.table import Table
-from ecm.rig.camera import Optics
 from ecm.rig.elastic import REST_ANCHOR, Anchors, Elastic, Grading, unique_poses
-from ecm.rig.hidden.size import Whitener
-from ecm.rig.measurement import ForceTorqueSensor, compensated, row_covariance
+from ecm.rig.hidden.inject import Whitener
+from ecm.rig.instruments import ForceTorqueSensor, Optics
 from ecm.rig.physics import Physics
 from ecm.rig.physics.true_effect import Clock
 from ecm.rig.plan import POSE, Visit, Visits
-from ecm.rig.plant import Plant, visits_of
+from ecm.rig.plant import Plant, compensated, row_covariance, visits_of
 from ecm.rig.readings import POSE_NAMES, WRENCH_NAMES, Reading, described
 from ecm.rig.settings import Procedure
 from ecm.rig.timeline import Climate, stream, travel_s

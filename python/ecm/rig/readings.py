@@ -23,9 +23,9 @@ from ecm.io.cache import write_atomically
 from ecm.io.description import FileMeta, Instrument, Meta, Scene
 from ecm.io.se3 import rotation, turn_wrench
 from ecm.io.table import Table
-from ecm.rig.camera import Camera, Optics, Window
-from ecm.rig.measurement import ForceTorqueSensor, wrench_in_base
+from ecm.rig.instruments import Camera, ForceTorqueSensor, Optics, Window
 from ecm.rig.plan import OFFSET
+from ecm.rig.plant import wrench_in_base
 from ecm.rig.timeline import stream
 
 if TYPE_CHECKING:

@@ -25,7 +25,7 @@ from ecm.rig.arm.mechanism import (
     fit_surrogate,
     require_library,
 )
-from ecm.rig.arm.safety_limits import unusable
+from ecm.rig.arm.procedure import unusable
 from ecm.rig.arm.sorties import (
     PlannedSortie,
     SortieResult,
@@ -35,10 +35,10 @@ from ecm.rig.arm.sorties import (
 )
 from ecm.rig.arm.summary import campaign_record
 from ecm.rig.arm.worker import ArmSetup, run_sorties
-from ecm.rig.camera import Optics
 from ecm.rig.campaign import Campaign
 from ecm.rig.elastic import Progress, Source
 from ecm.rig.hidden.truth import Hidden
+from ecm.rig.instruments import Optics
 from ecm.rig.plan import HOME, OFFSET, Skipped, Visit, rest_pose
 from ecm.rig.plant import visits_of
 from ecm.rig.readings import Reading

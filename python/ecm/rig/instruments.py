@@ -1,4 +1,6 @@
-"""The camera: three lenses, nine LEDs on the top target, and a second target at the base.
+"""The instruments: camera, and force-torque sensor with its zero.
+
+The camera has three lenses, and sees nine LEDs on the top target and a second target at the base.
 
 An LED is located where at least two lenses see it, and a lens sees it while the LED's direction
 and the line of sight are within an angle. Errors of localisation are common to all LEDs of a
@@ -192,3 +194,95 @@ def rotate_errors(pose: F, errors: F) -> F:
     inverse = left_jacobian_inverse(pose[None, 3:])[0]
     turned = rotate(np.broadcast_to(inverse, (len(errors), 3, 3)), errors[:, 3:])
     return np.concatenate([errors[:, :3], turned], axis=1)
+
+
+_ENOUGH_FOR_TIME = 4
+
+
+class ForceTorqueSensor:
+    """Six axes in its own frame: white noise, counts, clipping."""
+
+    def __init__(self, settings: Instruments) -> None:
+        self._settings = settings
+        self._noise = np.repeat([settings.force_noise_N, settings.torque_noise_Nm], 3)
+        self._range = np.asarray(settings.fts_range)
+        self._step = np.asarray(settings.fts_resolution)
+
+    def samples(self, window_s: float) -> int:
+        """Number of samples in a window."""
+        return max(1, round(window_s * self._settings.fts_rate_Hz))
+
+    def read(self, true: F, window_s: float, random: np.random.Generator) -> F:
+        """Samples (n, 6) of a wrench (6,) that rests, in sensor axes."""
+        count = self.samples(window_s)
+        noise = np.hypot(self._noise, self._settings.force_noise_per_load * true)
+        samples = true + noise * random.standard_normal((count, 6))
+        step = np.where(self._step > 0.0, self._step, 1.0)
+        counted = np.where(self._step > 0.0, np.round(samples / step) * step, samples)
+        clipped: F = np.clip(counted, -self._range, self._range)
+        return clipped
+
+    def row_covariance(self, window_s: float, adjoint: F) -> F:
+        """(6, 6) of a window's mean wrench in top axes: noise and counts over samples."""
+        variance = (self._noise**2 + self._step**2 / 12.0) / self.samples(window_s)
+        covariance: F = adjoint @ np.diag(variance) @ adjoint.T
+        return covariance
+
+
+def zero_at(
+    time_s: F,
+    reading_time_s: F,
+    readings: F,
+    law: str,
+    *,
+    temperature_degC: F | None = None,
+    reading_temperature_degC: F | None = None,
+    later_readings_lost: bool = False,
+) -> F:
+    """Zero of the sensor (N, 6) at (N,) times, in sensor axes.
+
+    Parameters
+    ----------
+    reading_time_s, readings
+        Times (k,), growing, and means (k, 6) of the unloaded sensor.
+    law
+        "linear" between the readings before and after (the paper's), "before": the last one,
+        "none": zero; "temperature": b0 + b1 T fitted to all readings (and + b2 t where there are
+        four), and the line between what that leaves of the readings before and after.
+    temperature_degC, reading_temperature_degC
+        Of the sensor, at the rows (N,) and the readings (k,); for "temperature".
+    later_readings_lost
+        Only the first reading is used, whatever the law.
+    """
+    if law == "none" or len(readings) == 0:
+        return np.zeros((len(time_s), readings.shape[1]))
+    if later_readings_lost:
+        return np.tile(readings[0], (len(time_s), 1))
+    if law == "before":
+        last = np.clip(np.searchsorted(reading_time_s, time_s, side="right") - 1, 0, None)
+        held: F = readings[last]
+        return held
+    model, at_readings = np.zeros((len(time_s), readings.shape[1])), np.zeros_like(readings)
+    if (
+        law == "temperature"
+        and len(readings) >= 2
+        and temperature_degC is not None
+        and reading_temperature_degC is not None
+    ):
+        with_time = len(readings) >= _ENOUGH_FOR_TIME
+        own = _columns(reading_time_s, reading_temperature_degC, with_time)
+        coefficients = np.linalg.lstsq(own, readings, rcond=1e-9)[0]
+        model, at_readings = (
+            _columns(time_s, temperature_degC, with_time) @ coefficients,
+            own @ coefficients,
+        )
+    left = readings - at_readings
+    line = np.stack([np.interp(time_s, reading_time_s, axis) for axis in left.T], axis=1)
+    zero: F = model + line
+    return zero
+
+
+def _columns(time_s: F, temperature_degC: F, with_time: bool) -> F:
+    # Times in hours: columns of one size.
+    columns = [np.ones_like(time_s), temperature_degC - 25.0, time_s / 3600.0]
+    return np.stack(columns[: 3 if with_time else 2], axis=1)
