@@ -19,6 +19,7 @@ from ecm.errors import InputError
 from ecm.io.table import read_table
 from ecm.rig import Hidden, campaign_minutes, reveal
 from ecm.rig.arm.campaign import RobotCampaign
+from ecm.rig.arm.mechanism import NonElasticWrench
 from ecm.rig.arm.sorties import SortieResult
 from ecm.rig.hidden.inject import Whitener
 from ecm.rig.plant import row_covariance
@@ -365,7 +366,7 @@ def test_what_is_hidden_acts_while_the_arm_moves(cache: Path, effect: str) -> No
         if hide:
             hidden = campaign.setup.hidden
             assert hidden is not None
-            non_elastic = hidden.wrench(campaign.settings, campaign.mechanism)
+            non_elastic = NonElasticWrench(hidden, campaign.mechanism)
             non_elastic.begin(REST, 0.0)
             non_elastic.next_visit(campaign.sorties[0].stops[0].visit)
             at_rest = non_elastic.at(REST, 0.0, 0.1, moving=False)

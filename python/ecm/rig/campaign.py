@@ -204,13 +204,14 @@ class Campaign:
         return truth.sealed(effects, seed=self.seed, salt=salt)
 
     def key(self, source: Source) -> str:
-        """Hash of all that the readings depend on."""
+        """Hash of all that the readings depend on, however many processes simulate."""
+        settings = replace(self.settings, arm=replace(self.settings.arm, processes=0))
         visits = [
             [v.kind, v.row, v.pose.tolist(), v.pose_id, v.repeat, v.run, v.approach, v.time_s]
             for v in self.timeline.visits
         ]
         hide = [[h.effect, h.strength, *([list(h.shape)] if h.shape else [])] for h in self._hide]
-        document = [1, source.key(), self.settings.to_dict(), self.seed, hide, visits]
+        document = [1, source.key(), settings.to_dict(), self.seed, hide, visits]
         return hashlib.sha256(json.dumps(document).encode()).hexdigest()
 
     def _hidden(self, hide: Sequence[Hidden], graded: Callable[[str], Grading]) -> list[Hidden]:

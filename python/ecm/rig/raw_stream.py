@@ -184,9 +184,9 @@ class RawStream:
         warmth = warmth + instrument.thermometer_noise_degC * other[:, :2]
         stamps = (1.0 + instrument.clock_skew) * self.time_s
         stamps = stamps + instrument.time_stamp_sd_s * other[:, 2]
-        zero = [np.stack([r.sensor for r in readings])[reads], visits.time_s[reads]]
-        warm = np.asarray([r.sensor_temperature_degC for r in readings])[reads]
-        wrench = compensated(campaign.plant, (*zero, warm), self.time_s, sensor, seen, warmth[:, 1])
+        warm = np.asarray([r.sensor_temperature_degC for r in readings])
+        zero = np.stack([r.sensor for r in readings])[reads], visits.time_s[reads], warm[reads]
+        wrench = compensated(campaign.plant, zero, self.time_s, sensor, seen, warmth[:, 1])
         columns: dict[str, NDArray[Any]] = {
             "run": np.asarray([float(leg.visit.run) for leg in self.legs])[self.leg],
             "time_s": np.maximum.accumulate(stamps),  # they grow, as a recorder's do

@@ -13,7 +13,7 @@ import json
 import shutil
 import tempfile
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -332,16 +332,21 @@ def run_campaigns(
         )
     rigs, seed, threads = len(seeds), seeds.start, options.threads
     paths = rig_paths(out, rigs)
-    ledger = _Ledger.of(ledger_path(out), _key(plan, rig, hide, seed), overwrite=overwrite)
+    key = _key(plan, rig, hide, seed)
+    own, done = _ledger(ledger_path(out), key, overwrite=overwrite)
+
+    def save() -> None:
+        document = {"key": key, "own": sorted(own), "done": sorted(done)}
+        write_atomically(ledger_path(out), json.dumps(document))
+
     for i, path in enumerate(paths):
         # A journal that is there is a single campaign's, never this job's.
-        keep_data(path, overwrite=overwrite or i in ledger.own, resume=False)
+        keep_data(path, overwrite=overwrite or i in own, resume=False)
     numbers = set(range(rigs))
-    if overwrite and ledger.done >= numbers:
-        ledger.done -= numbers  # nothing is unfinished: all of it is to be measured again
-    ledger.own |= numbers
-    ledger.save()
-    done = ledger.done
+    if overwrite and done >= numbers:
+        done -= numbers  # nothing is unfinished: all of it is to be measured again
+    own |= numbers
+    save()
     open_ = [i for i, path in enumerate(paths) if i not in done or not path.exists()]
     settings = rig.to_dict()
     meta = plan.meta.to_toml()
@@ -354,7 +359,7 @@ def run_campaigns(
             )
         clear_beside(paths[i], files)
         done.add(i)
-        ledger.save()
+        save()
         if progress is not None:
             progress(len(done & numbers), rigs, "rigs")
 
@@ -397,38 +402,24 @@ def _key(plan: Table, rig: RigSettings, hide: str | None, seed: int) -> str:
     return hashlib.sha256(json.dumps(document).encode()).hexdigest()
 
 
-@dataclass
-class _Ledger:
+def _ledger(path: Path, key: str, *, overwrite: bool) -> tuple[set[int], set[int]]:
     """Which tables are this job's own, and which of them are done."""
-
-    path: Path
-    key: str
-    own: set[int] = field(default_factory=set)
-    done: set[int] = field(default_factory=set)
-
-    @staticmethod
-    def of(path: Path, key: str, *, overwrite: bool) -> _Ledger:
-        if not path.exists():
-            return _Ledger(path, key)
-        try:
-            stored = json.loads(path.read_text(encoding="utf-8"))
-            done = {int(i) for i in stored["done"]}
-            own = {int(i) for i in stored["own"]}
-            if stored["key"] == key:
-                return _Ledger(path, key, own, done)
-        except (OSError, ValueError, KeyError, TypeError):
-            pass
-        if overwrite:
-            return _Ledger(path, key)
-        raise InputError(
-            f"{path}: these are campaigns of another plan, rig, seed or hidden effect, and "
-            "measurements are not overwritten. Choose another name, or say --overwrite (in "
-            "Python: overwrite=True)"
-        )
-
-    def save(self) -> None:
-        document = {"key": self.key, "own": sorted(self.own), "done": sorted(self.done)}
-        write_atomically(self.path, json.dumps(document))
+    if not path.exists():
+        return set(), set()
+    try:
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        own, done = ({int(i) for i in stored[name]} for name in ("own", "done"))
+        if stored["key"] == key:
+            return own, done
+    except (OSError, ValueError, KeyError, TypeError):
+        pass
+    if overwrite:
+        return set(), set()
+    raise InputError(
+        f"{path}: these are campaigns of another plan, rig, seed or hidden effect, and "
+        "measurements are not overwritten. Choose another name, or say --overwrite (in "
+        "Python: overwrite=True)"
+    )
 
 
 def _on_workers(scheduler: str, work: Iterable[tuple[int, Any]], finished: Any) -> None:

@@ -36,7 +36,7 @@ from ecm.rig.arm.sorties import (
 from ecm.rig.arm.summary import campaign_record
 from ecm.rig.arm.worker import ArmSetup, run_sorties
 from ecm.rig.campaign import Campaign
-from ecm.rig.elastic import Progress, Source
+from ecm.rig.elastic import Elastic, Progress, Source
 from ecm.rig.hidden.truth import Hidden
 from ecm.rig.instruments import Optics
 from ecm.rig.plan import HOME, OFFSET, Skipped, Visit, rest_pose
@@ -103,7 +103,8 @@ class RobotCampaign(Campaign):
         """Index in the planned timeline of each visit that was carried out."""
         self._joints: F = np.empty((0, 14))
         """Angles, and signs of the last motion, at each of them."""
-        self._key = self._key_of(source)
+        # The controller's model is named by the hash of its code.
+        self._key = f"{super().key(source)}-{self.setup.library.stem}"
 
     def key(self, source: Source) -> str:
         """Hash of everything that the readings depend on; processes do not count."""
@@ -221,25 +222,10 @@ class RobotCampaign(Campaign):
         """Return what acts on the platform beyond the bare mechanism; None if nothing is hidden."""
         if not self.injected:
             return None
-        return HiddenPhysics(
-            anchors=self.plant.elastic.anchors,
-            gradings=self.plant.gradings,
-            physics=self.plant.physics,
-            visits=tuple(self.planned.visits),
-            anchor=self._anchors,
-            seed=self.seed,
-            end_s=3.0 * self.planned.end_s + _EXTRA_S,
-            heating=tuple(self.planned.heating),
-        )
-
-    def _key_of(self, source: Source) -> str:
-        own = self.settings
-        try:
-            self.settings = replace(own, arm=replace(own.arm, processes=0))
-            # The controller's model is named by the hash of its code.
-            return f"{super().key(source)}-{self.setup.library.stem}"
-        finally:
-            self.settings = own
+        end_s, heating = 3.0 * self.planned.end_s + _EXTRA_S, self.planned.heating
+        bare = replace(self.plant, elastic=Elastic(self.plant.elastic.anchors))
+        air = Climate.build(self.settings, self.seed, end_s, heating)
+        return HiddenPhysics(bare, air, tuple(self.planned.visits), self._anchors)
 
 
 def _thinned(trace: F) -> F:

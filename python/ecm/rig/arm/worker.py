@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import IO, Any, cast
 
 from ecm.errors import ComputationError
-from ecm.rig.arm.mechanism import HiddenPhysics, Surrogate
+from ecm.rig.arm.mechanism import HiddenPhysics, NonElasticWrench, Surrogate
 from ecm.rig.arm.procedure import OnFrame, SimulatedArm
 from ecm.rig.arm.sorties import SortieResult, Stop
 from ecm.rig.settings import RigSettings
@@ -45,7 +45,7 @@ class ArmSetup:
             self.surrogate.model().predict,
             self.library,
             on_frame=on_frame,
-            non_elastic=hidden.wrench(self.settings, self.surrogate) if hidden else None,
+            non_elastic=NonElasticWrench(hidden, self.surrogate) if hidden else None,
         )
 
 
