@@ -31,7 +31,7 @@ from ecm.rig.elastic import (
 from ecm.rig.hidden import truth
 from ecm.rig.hidden.inject import CannotHide, InjectedEffect, inject
 from ecm.rig.hidden.truth import NOTHING, Hidden
-from ecm.rig.instruments import Camera, CameraStand, ForceTorqueSensor, Window
+from ecm.rig.instruments import Camera, ForceTorqueSensor, Window
 from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.physics.sensor import SensorWarmUp
 from ecm.rig.plan import Visits, reachable, requests, rest_pose, split_by_limits
@@ -114,7 +114,6 @@ class Campaign:
         self._hide = self._hidden(
             hide, partial(grading, source, anchors, folder=folder, progress=progress)
         )
-        self._stand = CameraStand(settings.instrument)
         self.frames: Calibration | None = None
         """Calibrated frames, where the true ones are not known."""
         if settings.instrument.frames == "calibrated":
@@ -163,8 +162,8 @@ class Campaign:
     ) -> Window:
         """What the camera makes of a pose (6,); streams of the base target and of the camera."""
         walk = self._air.at(self._air.camera, np.array([time_s]))[0]
-        shown = self._stand.apparent_pose(pose, walk, random[0])
-        seen = Camera(self.settings.instrument).read(shown, window_s, random[1])
+        camera = Camera(self.settings.instrument)
+        seen = camera.read(camera.apparent_pose(pose, walk, random[0]), window_s, random[1])
         if self.frames is None:
             return seen
         return replace(seen, mean=self.frames.measured(seen.mean[None])[0])

@@ -151,28 +151,8 @@ class Camera:
         )
         return Window(mean, spread)
 
-    def row_sd(self, window_s: float) -> tuple[float, float]:
-        """Standard deviation of a window's mean: m per axis, rad about each base axis."""
-        settings = self._settings
-        images = self.images(window_s)
-        position, angle = settings.camera_error_m, settings.camera_error_rad
-        if settings.led_errors == "independent":
-            shift, turn = self._optics.independent_sd()
-            position, angle = shift * settings.camera_error_m, turn * settings.camera_error_m
-        return (
-            float(np.hypot(position, settings.camera_jitter_m / np.sqrt(images))),
-            float(np.hypot(angle, settings.camera_jitter_rad / np.sqrt(images))),
-        )
-
-
-class CameraStand:
-    """The camera's stand, which creeps; the base target shows how far, up to its own noise."""
-
-    def __init__(self, settings: Instruments) -> None:
-        self._settings = settings
-
     def apparent_pose(self, true: F, walk: F, random: np.random.Generator) -> F:
-        """The pose (6,) as the moved camera sees it; walk (6,) is the stand's unit process."""
+        """The pose (6,) as the creeping camera sees it; walk (6,) is the stand's unit process."""
         settings = self._settings
         moved = walk * np.repeat([settings.camera_drift_m, settings.camera_drift_rad], 3)
         if not moved.any():
@@ -187,6 +167,19 @@ class CameraStand:
         place = true[:3] + back[:3] + np.cross(back[3:], true[:3])
         turned = displaced(true[None], np.concatenate([np.zeros(3), back[3:]])[None])[0]
         return np.concatenate([place, turned[3:]])
+
+    def row_sd(self, window_s: float) -> tuple[float, float]:
+        """Standard deviation of a window's mean: m per axis, rad about each base axis."""
+        settings = self._settings
+        images = self.images(window_s)
+        position, angle = settings.camera_error_m, settings.camera_error_rad
+        if settings.led_errors == "independent":
+            shift, turn = self._optics.independent_sd()
+            position, angle = shift * settings.camera_error_m, turn * settings.camera_error_m
+        return (
+            float(np.hypot(position, settings.camera_jitter_m / np.sqrt(images))),
+            float(np.hypot(angle, settings.camera_jitter_rad / np.sqrt(images))),
+        )
 
 
 def rotate_errors(pose: F, errors: F) -> F:

@@ -16,7 +16,7 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.settings import Checked, read_settings, setting
-from ecm.io.toml import check_keys, closest
+from ecm.io.toml import check_keys
 from ecm.rig.hidden.truth import Hidden
 
 
@@ -461,12 +461,9 @@ def split_arm(table: Mapping[str, Any], where: str) -> tuple[dict[str, Any], dic
     InputError
         A key of the arm where the mode is another.
     """
-    arm_keys = {f.name for f in fields(ArmSettings)}
-    own_keys = {f.name for f in fields(Procedure)}
+    arm_keys, own_keys = ([f.name for f in fields(kind)] for kind in (ArmSettings, Procedure))
     if table.get("mode") == "robot":
-        # A misspelt key goes where the likely name is known, which tells it.
-        for key in set(table) - arm_keys - own_keys:
-            arm_keys |= {key} if closest(key, [*own_keys, *arm_keys]) in arm_keys else set()
+        check_keys(table, [*own_keys, *arm_keys, _RETIRED], f"{where} [rig]")
     if table.get(_RETIRED):
         raise InputError(
             f"{where} [rig] {_RETIRED}: faults are not rehearsed any more; take it out"
@@ -477,5 +474,4 @@ def split_arm(table: Mapping[str, Any], where: str) -> tuple[dict[str, Any], dic
             f'{where} [rig] {next(iter(arm))}: only the arm has it; set mode = "robot", or take '
             "the key out"
         )
-    arm_keys.add(_RETIRED)
-    return {key: value for key, value in table.items() if key not in arm_keys}, arm
+    return {k: value for k, value in table.items() if k not in (*arm_keys, _RETIRED)}, arm
