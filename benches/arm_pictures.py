@@ -28,11 +28,11 @@ from ecm.io.cache import cache_directory
 from ecm.io.extras import require
 from ecm.io.table import Table
 from ecm.rig import RigSettings, Source, fem_source
-from ecm.rig.arm.campaign import RobotCampaign, require_arm
+from ecm.rig.arm.campaign import RobotCampaign, first_reached, full_trace, require_arm
 from ecm.rig.arm.kuka import mujoco
 from ecm.rig.arm.simulation import Simulation
 from ecm.rig.arm.sorties import SortieResult, Stop
-from ecm.rig.arm.summary import COLOURS, PANELS, first_reached, full_trace
+from ecm.rig.arm.summary import COLOURS, PANELS
 from ecm.rig.arm.worker import ArmSetup
 from ecm.rig.elastic import Progress
 from ecm.rig.plan import rest_pose

@@ -15,10 +15,9 @@ from arm_pictures import Film, campaign_of, centre_line, draw_phases, write_film
 from ecm.errors import ComputationError, InputError, MissingExtra
 from ecm.report.page import FigureBlock
 from ecm.rig import RigSettings
-from ecm.rig.arm.campaign import RobotCampaign
+from ecm.rig.arm.campaign import RobotCampaign, first_pose_trace
 from ecm.rig.arm.kuka import mujoco
 from ecm.rig.arm.sorties import Stop
-from ecm.rig.arm.summary import first_pose_trace
 from ecm.workflow.report_identify import arm_section
 from support.arm_rig import REST, arm_setup, library, plan, settings, simulated_arm
 from support.neck import Done
@@ -87,7 +86,7 @@ def test_a_pose_that_no_limit_lets_the_arm_reach_is_not_called_reached(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("matplotlib", reason="matplotlib is missing: see the extra report")
-    monkeypatch.setattr("ecm.rig.arm.summary._TRIED", 2)
+    monkeypatch.setattr("ecm.rig.arm.campaign._TRIED", 2)
     weak = pictures(tmp_path / "cache", force_limit_N=1.0)
     (line,) = write_pictures(weak, None, tmp_path / "fig7.png")
     assert "does not reach: while in phase impedance: force" in line

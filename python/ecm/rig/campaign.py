@@ -225,8 +225,9 @@ class Campaign:
         for i, hidden in enumerate(hide):
             impossible: tuple[str, ...] = ()
             while drawn[i].effect != NOTHING:
+                in_motion = TRUE_EFFECTS[drawn[i].effect].only_in_motion
                 try:
-                    effect = inject(drawn[i], self)
+                    effect = inject(drawn[i], self, self.raw_stream() if in_motion else None)
                 except CannotHide:
                     if hidden.effect != "random":
                         raise

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,18 +28,14 @@ from ecm.io.arrays import F, I
 from ecm.io.se3 import rotation, turn_wrench
 from ecm.io.table import Table
 from ecm.rig.elastic import REST_ANCHOR, Anchors, Elastic, Grading, unique_poses
-from ecm.rig.hidden.inject import Whitener
 from ecm.rig.instruments import ForceTorqueSensor, Optics
 from ecm.rig.physics import Physics
 from ecm.rig.physics.true_effect import Clock
 from ecm.rig.plan import POSE, Visit, Visits
 from ecm.rig.plant import Plant, compensated, row_covariance, visits_of
-from ecm.rig.readings import POSE_NAMES, WRENCH_NAMES, Reading, described
+from ecm.rig.readings import POSE_NAMES, WRENCH_NAMES, CampaignState, Reading, described
 from ecm.rig.settings import Procedure
 from ecm.rig.timeline import Climate, stream, travel_s
-
-if TYPE_CHECKING:
-    from ecm.rig.campaign import Campaign
 
 NODES = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
 """Shares of a leg at which FEM is solved."""
@@ -137,10 +133,6 @@ class RawStream:
         plant, visits = self._still
         return row_covariance(plant, visits, self.window_s)
 
-    def whitener(self) -> Whitener:
-        """Whitens the rows and takes out what the modulus absorbs."""
-        return Whitener(self.covariance(), self.elastic_wrench()[:, :, None])
-
     def truth(self, physics: Physics) -> tuple[F, F]:
         """Poses that the camera would see and readings of the sensor with its zero, (N, 6) each."""
         plant, visits = self._still
@@ -159,7 +151,7 @@ class RawStream:
         left: F = wrench - plant.elastic.wrench(visits.anchor, seen)
         return left
 
-    def table(self, campaign: Campaign, readings: list[Reading]) -> Table:
+    def table(self, campaign: CampaignState, readings: list[Reading]) -> Table:
         """The samples with the noise of one row each."""
         # Copies: where nothing lies between, what the camera sees is the samples' own pose.
         seen, sensor = (array.copy() for array in self.truth(campaign.plant.physics))

@@ -38,8 +38,8 @@ from ecm.models.physics.map import reach_of
 from ecm.regression.blas import one_blas_thread
 from ecm.report.page import require_report, write_page
 from ecm.rig import HiddenTable, RigSettings, fem_source
-from ecm.rig.arm.campaign import RobotCampaign, require_arm
-from ecm.rig.arm.summary import first_pose_trace, read_summary
+from ecm.rig.arm.campaign import RobotCampaign, first_pose_trace, require_arm
+from ecm.rig.arm.summary import read_summary
 from ecm.rig.readings import robot_path
 from ecm.workflow import paper as steps
 from ecm.workflow.config import Config, read_config

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.io.columns import JOINT_SIGNS, JOINTS
+from ecm.io.columns import JOINT_SIGNS, JOINTS, WRENCH
 from ecm.io.parallel import own_cores
 from ecm.rig.arm.kuka import mujoco, scene
 from ecm.rig.arm.mechanism import (
@@ -30,16 +31,17 @@ from ecm.rig.arm.sorties import (
     PlannedSortie,
     SortieResult,
     SortieStore,
+    Stop,
     StopResult,
     plan_sorties,
 )
-from ecm.rig.arm.summary import campaign_record
+from ecm.rig.arm.summary import distance_m, phases_of, pose_errors
 from ecm.rig.arm.worker import ArmSetup, run_sorties
 from ecm.rig.campaign import Campaign
 from ecm.rig.elastic import Elastic, Progress, Source
 from ecm.rig.hidden.truth import Hidden
 from ecm.rig.instruments import Optics
-from ecm.rig.plan import HOME, OFFSET, Skipped, Visit, rest_pose
+from ecm.rig.plan import HOME, OFFSET, POSE, Skipped, Visit, rest_pose
 from ecm.rig.plant import visits_of
 from ecm.rig.readings import Reading
 from ecm.rig.settings import RigSettings
@@ -131,8 +133,62 @@ class RobotCampaign(Campaign):
         self._carry_out([results[n] for n in every])
 
     def record(self) -> dict[str, Any]:
-        """What the arm did at each pose."""
-        return campaign_record(self)
+        """What the arm did at each pose, and in all."""
+        planned, stops, length = self.planned.visits, self.stops, self.plant.length_m
+        driven_rows = {planned[s.visit].row for s in stops}
+        not_driven = [s for s in self.skipped if s.row not in driven_rows]
+        reached = [s for s in stops if not s.reason]
+        total = len(stops) + len(not_driven)
+        plan = np.stack([visit.pose for visit in planned if visit.kind == POSE])
+        away = [
+            float(distance_m(s.trace[::5], plan, rest_pose(length), length).max(initial=0.0))
+            for s in stops
+        ]
+        off_known = [far for far, s in zip(away, stops, strict=True) if not s.reason]
+        document: dict[str, Any] = {
+            "schema": 1,
+            "visits": [
+                {
+                    "row": planned[s.visit].row,
+                    "pose_id": planned[s.visit].pose_id,
+                    "reason": s.reason,
+                    "phases_s": s.phases,
+                    "goal": self.goals[s.visit].tolist(),
+                    "after_impedance": s.after_impedance.tolist(),
+                    "after_position": s.reached.tolist(),
+                    "joints_rad": s.joints_rad.tolist(),
+                    "off_known_m": far,
+                }
+                for s, far in zip(stops, away, strict=True)
+            ],
+            "poses": total,
+            "reached": len(reached),
+            "success": len(reached) / total if total else 0.0,
+            "reasons": [
+                *([s.row + 1, s.pose_id, s.reason] for s in not_driven),
+                *(
+                    [planned[s.visit].row + 1, planned[s.visit].pose_id, s.reason]
+                    for s in stops
+                    if s.reason
+                ),
+            ],
+            "mechanism_rms": dict(zip(WRENCH, self.mechanism.rms.tolist(), strict=True)),
+            "minutes": self.minutes,
+            "off_known_m": {
+                "largest": max(off_known, default=0.0),
+                "mean": float(np.mean(off_known)) if reached else 0.0,
+            },
+        }
+        if reached:
+            goals = np.stack([self.goals[s.visit] for s in reached])
+            document["phases"] = phases_of(reached, goals, rest_pose(length))
+            commanded = np.stack([planned[s.visit].pose for s in reached])
+            distance, angle = pose_errors(np.stack([s.reached for s in reached]), commanded)
+            document["calibration"] = {
+                "median_m": float(np.median(distance)),
+                "median_rad": float(np.median(angle)),
+            }
+        return document
 
     def table(self, readings: list[Reading]) -> Table:
         """The measurement table with the joints of the arm; poses of no use are left out."""
@@ -236,3 +292,49 @@ def _thinned(trace: F) -> F:
     index = np.unique(np.linspace(0, len(trace) - 1, _WAY_POINTS).round().astype(int))
     points: F = trace[index]
     return points
+
+
+_TRIED = 10
+"""Poses that are driven, each for about a second, until one is reached."""
+
+
+def first_pose_trace(campaign: RobotCampaign) -> tuple[dict[str, F], list[list[Any]], str]:
+    """Return the data of Fig. 7: the first pose of a plan that is reached, from home and back.
+
+    If none of the first ten poses is reached, it is the very first, as far as the arm came.
+
+    Returns
+    -------
+    arrays
+        `time_s` (n,), `way` (n, 6) and `goal` (6,) minus the rest pose, m and rad.
+    phases
+        Name, begin and end in s.
+    reason
+        Why the pose was not reached; empty if it was.
+    """
+    sortie, stop = first_reached(campaign)
+    time_s, trace = full_trace(sortie)
+    rest = rest_pose(campaign.plant.length_m)
+    phases = [[*phase] for phase in (*sortie.stops[0].phases, *sortie.home.phases)]
+    finite = np.isfinite(trace).all(axis=1)  # until it diverged, if it did
+    arrays = {"time_s": time_s[finite], "way": trace[finite] - rest, "goal": stop.goal - rest}
+    return arrays, phases, sortie.stops[0].reason
+
+
+def first_reached(campaign: RobotCampaign) -> tuple[SortieResult, Stop]:
+    """Drive the first poses; return the first that is reached, or else the first."""
+    arm = campaign.setup.build()
+    driven = []
+    for planned in campaign.sorties[:_TRIED]:
+        driven.append((arm.sortie(planned.stops[:1]), planned.stops[0]))
+        if not driven[-1][0].stops[0].reason:
+            return driven[-1]
+    if not driven:
+        raise InputError("the plan has no pose that the arm could show")
+    return driven[0]
+
+
+def full_trace(sortie: SortieResult) -> tuple[F, F]:
+    """Times (n,) and poses (n, 6) of a sortie with one stop, from home and back."""
+    parts = (sortie.stops[0], sortie.home)
+    return np.concatenate([p.trace_s for p in parts]), np.concatenate([p.trace for p in parts])

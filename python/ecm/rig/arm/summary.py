@@ -1,4 +1,4 @@
-"""The record `NAME.robot.json` of a campaign of the arm, its summary, and the paper's Fig. 7.
+"""The record `NAME.robot.json` of a campaign of the arm: what is counted, and its summary.
 
 The record has for each pose: goal, pose after the impedance phase and after the position phase by
 the arm's own encoders, times of the phases, and the reason if it was skipped.
@@ -9,21 +9,14 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE as POSE_COLUMNS
-from ecm.io.columns import WRENCH
-from ecm.rig.arm.sorties import SortieResult, Stop, StopResult
-from ecm.rig.plan import POSE, rest_pose
-
-if TYPE_CHECKING:
-    from ecm.rig.arm.campaign import RobotCampaign
-
+from ecm.rig.arm.sorties import StopResult
 
 PANELS = ("x - L [mm]", "y [mm]", "z [mm]", "θx [mrad]", "θy [mrad]", "θz [mrad]")
 """Components of a pose minus the rest pose."""
@@ -63,66 +56,7 @@ def motion_shares(poses: F, goals: F, rest: F) -> F:
     return share
 
 
-def campaign_record(campaign: RobotCampaign) -> dict[str, Any]:
-    """Return the record of a campaign."""
-    planned, stops, length = campaign.planned.visits, campaign.stops, campaign.plant.length_m
-    driven_rows = {planned[s.visit].row for s in stops}
-    not_driven = [s for s in campaign.skipped if s.row not in driven_rows]
-    reached = [s for s in stops if not s.reason]
-    total = len(stops) + len(not_driven)
-    plan = np.stack([visit.pose for visit in planned if visit.kind == POSE])
-    away = [
-        float(_distance_m(s.trace[::5], plan, rest_pose(length), length).max(initial=0.0))
-        for s in stops
-    ]
-    off_known = [far for far, s in zip(away, stops, strict=True) if not s.reason]
-    document: dict[str, Any] = {
-        "schema": 1,
-        "visits": [
-            {
-                "row": planned[s.visit].row,
-                "pose_id": planned[s.visit].pose_id,
-                "reason": s.reason,
-                "phases_s": s.phases,
-                "goal": campaign.goals[s.visit].tolist(),
-                "after_impedance": s.after_impedance.tolist(),
-                "after_position": s.reached.tolist(),
-                "joints_rad": s.joints_rad.tolist(),
-                "off_known_m": far,
-            }
-            for s, far in zip(stops, away, strict=True)
-        ],
-        "poses": total,
-        "reached": len(reached),
-        "success": len(reached) / total if total else 0.0,
-        "reasons": [
-            *([s.row + 1, s.pose_id, s.reason] for s in not_driven),
-            *(
-                [planned[s.visit].row + 1, planned[s.visit].pose_id, s.reason]
-                for s in stops
-                if s.reason
-            ),
-        ],
-        "mechanism_rms": dict(zip(WRENCH, campaign.mechanism.rms.tolist(), strict=True)),
-        "minutes": campaign.minutes,
-        "off_known_m": {
-            "largest": max(off_known, default=0.0),
-            "mean": float(np.mean(off_known)) if reached else 0.0,
-        },
-    }
-    if reached:
-        goals = np.stack([campaign.goals[s.visit] for s in reached])
-        document["phases"] = _phases(reached, goals, rest_pose(length))
-        commanded = np.stack([planned[s.visit].pose for s in reached])
-        distance, angle = pose_errors(np.stack([s.reached for s in reached]), commanded)
-        document["calibration"] = {
-            "median_m": float(np.median(distance)),
-            "median_rad": float(np.median(angle)),
-        }
-    return document
-
-
-def _distance_m(path: F, poses: F, rest: F, length_m: float) -> F:
+def distance_m(path: F, poses: F, rest: F, length_m: float) -> F:
     """(n,) distance of each pose of a path (n, 6) from the lines to (N, 6) poses, m."""
     metric = np.array([1.0, 1.0, 1.0, length_m, length_m, length_m])
     lines = (poses - rest) * metric
@@ -134,7 +68,7 @@ def _distance_m(path: F, poses: F, rest: F, length_m: float) -> F:
     return nearest
 
 
-def _phases(reached: Sequence[StopResult], goals: F, rest: F) -> dict[str, Any]:
+def phases_of(reached: Sequence[StopResult], goals: F, rest: F) -> dict[str, Any]:
     """Errors after the two phases of motion, and the median duration of each phase."""
     phases: dict[str, Any] = {}
     for name, poses in (
@@ -190,49 +124,3 @@ def _phase_line(name: str, phase: Mapping[str, Any]) -> str:
         f"{thousandths(phase['largest_m'])} mm and {thousandths(phase['largest_rad'])} mrad; "
         f"share of the motion, x to theta_z: {share} %"
     )
-
-
-_TRIED = 10
-"""Poses that are driven, each for about a second, until one is reached."""
-
-
-def first_pose_trace(campaign: RobotCampaign) -> tuple[dict[str, F], list[list[Any]], str]:
-    """Return the data of Fig. 7: the first pose of a plan that is reached, from home and back.
-
-    If none of the first ten poses is reached, it is the very first, as far as the arm came.
-
-    Returns
-    -------
-    arrays
-        `time_s` (n,), `way` (n, 6) and `goal` (6,) minus the rest pose, m and rad.
-    phases
-        Name, begin and end in s.
-    reason
-        Why the pose was not reached; empty if it was.
-    """
-    sortie, stop = first_reached(campaign)
-    time_s, trace = full_trace(sortie)
-    rest = rest_pose(campaign.plant.length_m)
-    phases = [[*phase] for phase in (*sortie.stops[0].phases, *sortie.home.phases)]
-    finite = np.isfinite(trace).all(axis=1)  # until it diverged, if it did
-    arrays = {"time_s": time_s[finite], "way": trace[finite] - rest, "goal": stop.goal - rest}
-    return arrays, phases, sortie.stops[0].reason
-
-
-def first_reached(campaign: RobotCampaign) -> tuple[SortieResult, Stop]:
-    """Drive the first poses; return the first that is reached, or else the first."""
-    arm = campaign.setup.build()
-    driven = []
-    for planned in campaign.sorties[:_TRIED]:
-        driven.append((arm.sortie(planned.stops[:1]), planned.stops[0]))
-        if not driven[-1][0].stops[0].reason:
-            return driven[-1]
-    if not driven:
-        raise InputError("the plan has no pose that the arm could show")
-    return driven[0]
-
-
-def full_trace(sortie: SortieResult) -> tuple[F, F]:
-    """Times (n,) and poses (n, 6) of a sortie with one stop, from home and back."""
-    parts = (sortie.stops[0], sortie.home)
-    return np.concatenate([p.trace_s for p in parts]), np.concatenate([p.trace for p in parts])

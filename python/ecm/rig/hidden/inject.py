@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,11 +27,9 @@ from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.physics.true_effect import RigScale, TrueEffect
 from ecm.rig.plan import rest_pose
 from ecm.rig.plant import Plant, residual, row_covariance
+from ecm.rig.raw_stream import RawStream
+from ecm.rig.readings import CampaignState
 from ecm.rig.timeline import stream
-
-if TYPE_CHECKING:
-    from ecm.rig.campaign import Campaign
-
 
 _ROUNDS = 12
 _ENOUGH = 1e-6
@@ -166,7 +163,7 @@ def _rounded_down(value: float) -> str:
     return f"{float(digits):g}"
 
 
-def scale_of(campaign: Campaign) -> RigScale:
+def scale_of(campaign: CampaignState) -> RigScale:
     """What a draw and a largest size need to know of a rig and its plan."""
     plant, visits = campaign.plant, campaign.visits
     rows = visits.at_poses
@@ -190,7 +187,7 @@ def scale_of(campaign: Campaign) -> RigScale:
     )
 
 
-def whitener_of(campaign: Campaign) -> Whitener:
+def whitener_of(campaign: CampaignState) -> Whitener:
     """Whitens rows of poses and takes out what the base absorbs."""
     plant, visits = campaign.plant, campaign.visits
     rows = visits.at_poses
@@ -225,11 +222,11 @@ class InjectedEffect:
         }
 
 
-def inject(hide: Hidden, campaign: Campaign) -> InjectedEffect:
+def inject(hide: Hidden, campaign: CampaignState, raw: RawStream | None = None) -> InjectedEffect:
     """The effect that is to be hidden, at the size that gives the requested strength.
 
     Put into the plant, a hidden warm-up of the sensor takes the place of the rig's own; every
-    other effect is added.
+    other effect is added. raw: what is read while the arm moves, of an effect that only acts then.
 
     Raises
     ------
@@ -237,7 +234,6 @@ def inject(hide: Hidden, campaign: Campaign) -> InjectedEffect:
         Where the plan does not show the effect, or only at a size that nothing real has.
     """
     kind, plant = TRUE_EFFECTS[hide.effect], campaign.plant
-    raw = campaign.raw_stream() if kind.only_in_motion else None
     option = f"--hide {hide.effect}={hide.strength:g}"
     arm = campaign.settings.rig.mode == "robot"
     if kind.follows_the_way and arm and plant.elastic.smooth is None:
@@ -257,7 +253,10 @@ def inject(hide: Hidden, campaign: Campaign) -> InjectedEffect:
     if hide.shape:
         truth = first.with_parameters(dict(hide.shape)).afterwards()
         return InjectedEffect(hide.effect, hide.strength, truth)
-    whitener = whitener_of(campaign) if raw is None else raw.whitener()
+    if raw is None:
+        whitener = whitener_of(campaign)
+    else:
+        whitener = Whitener(raw.covariance(), raw.elastic_wrench()[:, :, None])
 
     def residual_of(plant: Plant) -> F:
         return residual(plant, campaign.visits) if raw is None else raw.residual(plant.physics)

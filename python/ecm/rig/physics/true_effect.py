@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 
@@ -17,9 +17,6 @@ from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import B, F, I
 from ecm.io.se3 import rotation, seen_from, turn_wrench
 from ecm.rig.elastic import Elastic, Grading
-
-if TYPE_CHECKING:
-    from ecm.rig.instruments import Optics
 
 T = TypeVar("T", bound="TrueEffect")
 Random = np.random.Generator
@@ -54,6 +51,19 @@ class RigScale:
     """Range of the sensor, N and N m."""
     rest_stiffness: tuple[float, ...] = (24585.0, 3461.0, 3468.0, 4.0, 16.0, 16.0)
     """Diagonal of K of the mechanism at rest, N/m and N m/rad."""
+
+
+class LedCamera(Protocol):
+    """The camera's view of the target on the platform."""
+
+    @property
+    def places_m(self) -> F:
+        """Places (9, 3) of the LEDs about the target's centre."""
+        ...
+
+    def visible(self, poses: F) -> B:
+        """Whether each of the nine LEDs is located at poses (N, 6): (N, 9)."""
+        ...
 
 
 _PER_VISIT = {"per_visit": True}
@@ -100,8 +110,7 @@ class Conditions:
     """Adjoint (6, 6) that moves a wrench from the top frame to the sensor's."""
     elastic: Elastic | None = None
     gradings: Mapping[str, Grading] = field(default_factory=dict)
-    camera: Optics | None = None
-    """Sees the target on the platform."""
+    camera: LedCamera | None = None
     whole: Conditions | None = None
     """All visits, where this is a selection of them."""
     selected: B | None = None
