@@ -24,11 +24,14 @@ from numpy.typing import NDArray
 import ecm
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F
+from ecm.io.cache import cache_directory
 from ecm.io.extras import require
-from ecm.rig.arm.first_pose import PictureSource, first_reached
-from ecm.rig.arm.scene import mujoco
+from ecm.io.table import Table
+from ecm.rig import RigSettings, Source, fem_source
+from ecm.rig.arm.campaign import RobotCampaign, first_reached, full_trace, require_arm
+from ecm.rig.arm.kuka import mujoco
 from ecm.rig.arm.simulation import Simulation
-from ecm.rig.arm.sorties import SortieResult, Stop, full_trace
+from ecm.rig.arm.sorties import SortieResult, Stop
 from ecm.rig.arm.summary import COLOURS, PANELS
 from ecm.rig.arm.worker import ArmSetup
 from ecm.rig.elastic import Progress
@@ -231,25 +234,39 @@ def draw_phases(sortie: SortieResult, stop: Stop, length_m: float, path: Path) -
     figure.savefig(path, dpi=110, metadata={"Date": None} if path.suffix == ".svg" else {})
 
 
+def campaign_of(
+    plan: Table,
+    rig: RigSettings,
+    seed: int = 0,
+    *,
+    source: Source | None = None,
+    folder: Path | None = None,
+) -> RobotCampaign:
+    """A campaign of the arm that is not carried out; InputError of a rig without one."""
+    if rig.rig.mode != "robot":
+        raise InputError('the pictures show the arm; set [rig] mode = "robot" in the rig file')
+    folder = cache_directory() if folder is None else folder
+    require_arm(folder)
+    source = fem_source(plan) if source is None else source
+    return RobotCampaign(plan, rig, source, seed=seed, folder=folder)
+
+
 def write_pictures(
-    pictures: PictureSource, film: Path | None, phases: Path | None, progress: Progress = None
+    campaign: RobotCampaign, film: Path | None, phases: Path | None, progress: Progress = None
 ) -> list[str]:
     """Write the requested pictures; return a line about each.
 
     Parameters
     ----------
-    pictures
-        Plan and rig.
+    campaign
+        Of which the first poses are driven.
     film
         GIF of the first poses at four times their speed.
     phases
         Fig. 7 of the first pose that is reached, PNG, SVG or PDF.
     progress
-        Called while poses are solved and filmed.
+        Called while poses are filmed.
     """
-    if pictures.rig.rig.mode != "robot":
-        raise InputError('the pictures show the arm; set [rig] mode = "robot" in the rig file')
-    campaign = pictures.campaign(progress)
     lines = []
     if phases is not None:
         sortie, stop = first_reached(campaign)
@@ -261,7 +278,7 @@ def write_pictures(
             else f"{phases}: the phases of the first pose, which the arm does not reach: {reason}"
         )
     if film is not None:
-        radius = float((pictures.plan.meta.mechanism or {}).get("radius_m", _RADIUS_M))
+        radius = float((campaign.plan.meta.mechanism or {}).get("radius_m", _RADIUS_M))
         stops = [sortie.stops[0] for sortie in campaign.sorties[:_FILMED]]
         frames = write_film(campaign.setup, stops, film, radius, progress)
         lines.append(f"{film}: {len(stops)} poses, {frames} frames")
@@ -278,8 +295,8 @@ def main() -> None:
     given = parser.parse_args()
     try:
         plan = ecm.read_table(given.plan, need="predict")
-        pictures = PictureSource(plan, read_rig(given.rig), given.seed)
-        print("\n".join(write_pictures(pictures, given.film, given.phases)))
+        campaign = campaign_of(plan, read_rig(given.rig), given.seed)
+        print("\n".join(write_pictures(campaign, given.film, given.phases)))
     except ecm.EcmError as error:
         sys.exit(f"error: {error}")
 

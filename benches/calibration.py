@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 
 from ecm.io.columns import POSE
 from ecm.io.description import Meta
-from ecm.io.se3 import compose, displaced, rotation, seen_from
+from ecm.io.se3 import rotation
 from ecm.io.table import Table
 from ecm.rig import Campaign, RigSettings
-from ecm.rig.calibration import hand_eye, payload, sensor_frame, target_frame
-from ecm.rig.camera import Camera
+from ecm.rig.calibration import sensor_frame, target_frame
 from ecm.rig.elastic import Anchors, Progress, Smooth
-from ecm.rig.measurement import ForceTorqueSensor, wrench_in_base
+from ecm.rig.instruments import Camera, ForceTorqueSensor
 from ecm.rig.plan import rest_pose
+from ecm.rig.plant import wrench_in_base
 from ecm.rig.settings import Instruments
 
 F = NDArray[np.float64]
@@ -36,8 +36,6 @@ BAND = (0.84, 0.95)
 POSES = 25
 WINDOW_S = 1.0
 GRAVITY = np.array([-9.81, 0.0, 0.0])
-ENCODER_M, ENCODER_RAD = 5e-5, 2e-4
-"""Errors of the robot's forward kinematics, m and rad."""
 
 
 def frame(random: np.random.Generator, reach_m: float, turn_rad: float) -> F:
@@ -58,21 +56,6 @@ def one_rig(seed: int, instruments: Instruments) -> dict[str, bool]:
     camera, sensor = Camera(instruments), ForceTorqueSensor(instruments)
     held: dict[str, bool] = {}
 
-    # Hand-eye: the robot shows the target to the camera in many places.
-    x, y = frame(random, 0.05, 3.0), frame(random, 1.5, 3.0)
-    robot = np.stack([frame(random, 0.3, 0.6) for _ in range(POSES)])
-    true = seen_from(np.tile(y, (POSES, 1)), compose(robot, x))
-    position, angle = camera.row_sd(WINDOW_S)
-    error = random.standard_normal((POSES, 6)) * np.repeat([ENCODER_M, ENCODER_RAD], 3)
-    found = hand_eye(
-        displaced(robot, error),
-        seen(true, camera, random),
-        position_sd_m=float(np.hypot(position, ENCODER_M)),
-        rotation_sd_rad=float(np.hypot(angle, ENCODER_RAD)),
-    )
-    held["target on the flange"] = found.flange_from_target.holds(x)
-    held["camera in the robot's base"] = found.robot_from_camera.holds(y)
-
     # Target to frame: a probe in twelve bores of a plate, top and base.
     for name in ("top frame in its target", "base frame in its target"):
         t = frame(random, 0.05, 3.0)
@@ -81,23 +64,12 @@ def one_rig(seed: int, instruments: Instruments) -> dict[str, bool]:
         probes = np.concatenate([places, np.zeros((12, 3))], axis=1)
         held[name] = target_frame(holes, seen(probes, camera, random)[:, :3]).holds(t)
 
-    # Payload and zero: the free sensor turned in gravity.
-    mass = float(random.uniform(0.2, 2.0))
-    centre = random.uniform(-0.04, 0.04, 3)
-    zero = random.uniform(-1.0, 1.0, 6) * np.repeat([4.0, 0.15], 3)
+    # Sensor in the top frame: dead weights at known points, after the zero was taken.
     turns = rotation(np.stack([frame(random, 0.0, 2.5)[3:] for _ in range(POSES)]))
-    gravity = np.einsum("nji,j->ni", turns, GRAVITY)
-    force = mass * gravity
-    load = np.concatenate([force, np.cross(centre, force)], axis=1)
-    read = np.stack([sensor.read(row, WINDOW_S, random).mean(axis=0) for row in load + zero])
     noise = {
         "force_sd_N": instruments.force_noise_N / np.sqrt(sensor.samples(WINDOW_S)),
         "torque_sd_Nm": instruments.torque_noise_Nm / np.sqrt(sensor.samples(WINDOW_S)),
     }
-    fitted = payload(read, gravity, **noise)
-    held["payload"] = fitted.holds(np.array([mass, *(mass * centre)]))
-
-    # Sensor in the top frame: dead weights at known points, after the zero was taken.
     s = frame(random, 0.03, 3.0)
     forces = 5.0 * np.einsum("nji,j->ni", turns, GRAVITY)
     arms = random.uniform(-0.05, 0.05, (POSES, 3))
@@ -136,20 +108,11 @@ def zero_left(law: str, every: int, seed: int) -> tuple[float, float, float]:
     campaign = Campaign(Table(columns, Meta(), "plan"), settings, Springs(), seed=seed)
     readings = [campaign.measure(i) for i in range(len(campaign))]
     visits, plant = campaign.visits, campaign.plant
-    truth = plant.truth(visits, campaign.physics, np.zeros(6))
-    quiet = wrench_in_base(
-        plant,
-        visits,
-        campaign.physics,
-        sensor=np.where(
-            visits.zero_readings[:, None],
-            np.stack([r.sensor for r in readings]),
-            truth.sensor + campaign.offset,
-        ),
-        poses=truth.pose_seen,
-        law=law,
-        temperature_degC=np.asarray([r.sensor_temperature_degC for r in readings]),
-    )
+    truth = plant.truth(visits)
+    read = np.stack([r.sensor for r in readings])
+    sensor = np.where(visits.zero_readings[:, None], read, truth.sensor)
+    warm = np.asarray([r.sensor_temperature_degC for r in readings])
+    quiet = wrench_in_base(plant, visits, sensor, truth.pose_seen, warm)
     rows = visits.at_poses
     left = quiet[rows] - plant.elastic.wrench(visits.anchor[rows], truth.pose_seen[rows])
     force, torque = np.sqrt(np.mean(left[:, :3] ** 2)), np.sqrt(np.mean(left[:, 3:] ** 2))

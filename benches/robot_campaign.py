@@ -29,9 +29,9 @@ from ecm.io.columns import POSE
 from ecm.io.table import Table, read_table
 from ecm.rig import RigSettings, fem_source, run_campaign
 from ecm.rig.arm.campaign import RobotCampaign
-from ecm.rig.arm.run import robot_path
 from ecm.rig.arm.sorties import Stop
 from ecm.rig.arm.summary import PHASES
+from ecm.rig.readings import robot_path
 from ecm.workflow.config import read_rig
 
 ROOT = Path(__file__).parent.parent
@@ -53,7 +53,7 @@ def drive(plan: Table, rig: RigSettings, seed: int) -> dict[str, Any]:
     begun: list[tuple[float, float]] = []
 
     def progress(done: int, total: int, word: str) -> None:
-        if word == "measuring" and not begun:
+        if word == "driving" and not begun:
             begun.append((time.perf_counter(), processor_s()))
 
     with tempfile.TemporaryDirectory() as folder:

@@ -164,17 +164,14 @@ def _rig(
 def _arm(case: Set, plan: Table, sources: Sources) -> Table:
     """The arm moves, bends and settles at each visit; strengths are those beyond E alone."""
     settings = RigSettings.from_dict({"rig": {"mode": "robot"}})
-    campaign = RobotCampaign(
+    return RobotCampaign(
         plan,
         settings,
         sources.plant(plan),
         hide=[Hidden(id, s) for id, s in case.hidden],
         seed=case.seed,
         folder=sources.cache(),
-    )
-    for _ in campaign.lines((), 1):
-        pass
-    return campaign.finished()
+    ).run(threads=1)
 
 
 def _with(

@@ -12,8 +12,7 @@ from ecm.io.description import ColumnSource, FileMeta, Instrument, Run, Scene
 from ecm.io.frames import Frames
 from ecm.io.mechanism import Mechanism
 from ecm.io.settings import Limits
-from ecm.rig.arm.settings import ArmSettings
-from ecm.rig.settings import HiddenTable, Instruments, PlantTable, Procedure
+from ecm.rig.settings import ArmSettings, HiddenTable, Instruments, PlantTable, Procedure
 from ecm.workflow.config import DesignTable, SelectTable, SimulateTable
 
 _DESCRIPTION = (

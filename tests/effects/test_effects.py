@@ -24,9 +24,8 @@ from ecm.effects import (
 from ecm.effects.contact import BaseCompliance
 from ecm.effects.frames import BaseFrameMisalignment, TipFrameMisalignment
 from ecm.effects.friction import Hysteresis
-from ecm.effects.geometry import LengthError
 from ecm.effects.load import Payload
-from ecm.effects.material import Anisotropy
+from ecm.effects.material import Anisotropy, LengthError
 from ecm.effects.sensor import FtsDrift, FtsOffset
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH

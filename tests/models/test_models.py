@@ -12,7 +12,7 @@ import pytest
 import ecm.fem.simulate  # noqa: F401  (looked up in sys.modules)
 from ecm import _native
 from ecm.effects import Rows, get_effect
-from ecm.effects.occlusion import LedOcclusion
+from ecm.effects.frames import LedOcclusion
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta, Scene

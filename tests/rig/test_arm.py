@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from ecm._native import EnergyModel
 from ecm.rig.arm import kuka as arm
-from ecm.rig.arm.kinematics import flange_pose, inverse_kinematics, joints_at_swivel, swivel_angle
+from ecm.rig.arm.kuka import flange_pose, inverse_kinematics, joints_at_swivel, scene, swivel_angle
 from ecm.rig.arm.mechanism import ControllerModel
-from ecm.rig.arm.scene import scene
 from ecm.rig.arm.simulation import Simulation, null_direction
 from ecm.rig.arm.sorties import Stop, cubic_profile, duration_s
 from support.arm_rig import REST, library, mechanism, settings, simulated_arm

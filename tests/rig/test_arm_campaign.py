@@ -1,4 +1,4 @@
-"""A campaign of the arm: the table, resuming, processes, faults, strategies, what is hidden."""
+"""A campaign of the arm: the table, resuming, processes, strategies, what is hidden."""
 
 from __future__ import annotations
 
@@ -7,9 +7,7 @@ import pickle
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
-from itertools import islice
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +15,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ecm.errors import ComputationError, InputError
+from ecm.errors import InputError
 from ecm.io.table import read_table
 from ecm.rig import Hidden, campaign_minutes, reveal
 from ecm.rig.arm.campaign import RobotCampaign
-from ecm.rig.arm.sorties import SortieResult, SortieStore, VisitRecord
-from ecm.rig.arm.worker import ArmSetup, Finished, run_sorties
-from ecm.rig.hidden.size import Whitener
-from ecm.rig.measurement import row_covariance
+from ecm.rig.arm.mechanism import NonElasticWrench
+from ecm.rig.arm.sorties import SortieResult
+from ecm.rig.hidden.inject import Whitener
+from ecm.rig.plant import row_covariance
 from support.arm_rig import REST, arm_setup, plan, run, settings
 from support.neck import ROOT
 from support.stand_in import StandIn, some_poses
@@ -74,15 +72,13 @@ def test_a_plan_of_few_poses_is_driven_too(cache: Path, count: int) -> None:
 
 def test_with_nothing_hidden_only_the_declared_noise_is_left(cache: Path) -> None:
     campaign = RobotCampaign(plan(some_poses(24)), settings(), StandIn(), folder=cache)
-    for _ in campaign.lines((), 1):
-        pass
-    table = campaign.finished().measured()
+    table = campaign.run(threads=1).measured()
     rows = campaign.visits.at_poses
     elastic = campaign.plant.elastic.wrench(campaign.visits.anchor[rows], table.poses)
     true = campaign.plant.elastic.wrench(
         campaign.visits.anchor[rows], campaign.visits.reached[rows]
     )
-    covariance = row_covariance(campaign.plant, campaign.visits, campaign.settings)
+    covariance = row_covariance(campaign.plant, campaign.visits)
     strength = Whitener(covariance, true[:, :, None]).strength(table.wrenches - elastic)
     assert strength == pytest.approx(1.0, abs=0.25)
 
@@ -112,6 +108,8 @@ def test_an_interrupted_campaign_goes_on_and_ends_with_the_same_bytes(
         if word == "measuring" and done == 5:
             raise Stopped
 
+    driven: list[int] = []
+
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
     run(cache, poses, tmp_path / "a" / "data.csv", **common)
@@ -125,9 +123,11 @@ def test_an_interrupted_campaign_goes_on_and_ends_with_the_same_bytes(
     taken: list[int] = []
     run(
         cache, poses, out,
-        progress=lambda d, n, w: taken.append(d) if w == "measuring" else None, **common,
+        progress=lambda d, n, w: {"measuring": taken, "driving": driven}.get(w, []).append(d),
+        **common,
     )  # fmt: skip
     assert taken[0] == 5
+    assert not driven
     whole = files(tmp_path / "a")
     assert set(whole) == {"data.csv", "data.toml", "data.truth.json", "data.robot.json"}
     assert files(tmp_path / "b") == whole
@@ -142,12 +142,10 @@ def test_both_sides_of_a_pose_are_driven_as_the_plan_says(cache: Path) -> None:
         plan(poses, pose_id=ids, approach=approach), settings(), StandIn(),
         folder=cache,
     )  # fmt: skip
-    lines = list(campaign.lines((), 1))
-    last = [line for line in lines if campaign.planned.visits[line.visit].kind == "pose"][-1]
+    assert campaign.run(threads=1).text("approach").tolist() == approach
+    last = [visit for visit in campaign.timeline.visits if visit.kind == "pose"][-1]
     assert last.approach == "2"
-    way = np.asarray(last.way)
-    assert np.abs((way - poses[2])[:, :3]).sum(axis=1).min() < 2e-3
-    assert campaign.finished().text("approach").tolist() == approach
+    assert np.abs((last.way - poses[2])[:, :3]).sum(axis=1).min() < 2e-3
 
 
 def test_every_action_of_a_plan_is_done(cache: Path) -> None:
@@ -198,47 +196,38 @@ def test_the_time_is_known_beforehand(cache: Path) -> None:
     rig = {"speed_m_s": 0.04, "speed_rad_s": 0.3, "dwell_s": 1.0}
     campaign = RobotCampaign(table, settings(**rig), StandIn(), folder=cache)
     planned = campaign.minutes
-    assert len(list(campaign.lines((), 1))) == 8
+    assert len(campaign.run(threads=1)) == 6
+    assert len(campaign) == 8
     assert campaign.minutes > planned + 0.1
     assert campaign.minutes == pytest.approx(campaign_minutes(table, settings(**rig)), rel=0.05)
 
 
-# --- faults ----------------------------------------------------------------------
+# --- what goes wrong ---------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("fault", "words"),
-    [
-        ("sensor_dropout", "gave no samples"),
-        ("sensor_nan", "gave nan on axis 1"),
-        ("saturation", "saturated on axis 1"),
-        ("led_loss", "3 of 9 LEDs"),
-    ],
-)
-def test_one_useless_reading_costs_one_pose(cache: Path, fault: str, words: str) -> None:
+def test_a_saturated_reading_costs_its_pose_alone(cache: Path) -> None:
     poses = some_poses(5, seed=1)
-    table = run(cache, poses, rig={"fault": f"{fault}@2"})
-    whole = run(cache, poses)
-    assert len(table) == 4
-    (warning,) = table.warnings
-    assert words in warning
+    whole = RobotCampaign(plan(poses), settings(), StandIn(), folder=cache)
+    table = whole.run(threads=1)
+    campaign = RobotCampaign(plan(poses), settings(), StandIn(), folder=cache)
+    campaign.drive(threads=1)
+    readings = [campaign.measure(i) for i in range(len(campaign))]
+    pose = [visit.kind for visit in campaign.timeline.visits].index("pose") + 2
+    sensor = readings[pose].sensor.copy()
+    sensor[0] = campaign.settings.instrument.fts_range[0]
+    readings[pose] = replace(readings[pose], sensor=sensor)
+    found = campaign.table(readings)
+    (warning,) = found.warnings
+    assert "saturated on axis 1" in warning
     assert "pose 2" in warning
-    kept = [0, 1, 3, 4]
-    assert table.wrenches == pytest.approx(whole.select(np.asarray(kept)).wrenches, abs=1e-9)
-    assert np.isfinite(table.wrenches).all()
+    assert found.wrenches == pytest.approx(np.delete(table.wrenches, 2, axis=0), abs=1e-9)
+    assert campaign.record()["reached"] == 4
 
 
-def test_a_fault_that_lasts_stops_the_campaign_which_goes_on_later(
-    cache: Path, tmp_path: Path
-) -> None:
-    poses = some_poses(7, seed=1)
-    out = tmp_path / "b" / "data.csv"
-    with pytest.raises(ComputationError, match=r"3 poses in a row.*2 poses are kept"):
-        run(cache, poses, out, rig={"fault": "led_loss@2+"})
-    assert not out.exists()
-    run(cache, poses, out)
-    run(cache, poses, tmp_path / "a" / "data.csv")
-    assert files(tmp_path / "b") == files(tmp_path / "a")
+def test_a_rig_file_of_before_with_no_fault_is_read_and_one_with_a_fault_is_refused() -> None:
+    assert settings(fault="") == settings()
+    with pytest.raises(InputError, match=r"\[rig\] fault: faults are not rehearsed any more"):
+        settings(fault="sensor_nan@3")
 
 
 def test_the_arms_own_limits_cost_poses_and_not_the_campaign(cache: Path, tmp_path: Path) -> None:
@@ -252,15 +241,6 @@ def test_the_arms_own_limits_cost_poses_and_not_the_campaign(cache: Path, tmp_pa
     assert found["success"] == pytest.approx(5 / 6)
 
 
-@pytest.mark.parametrize(
-    ("fault", "words"),
-    [("sensor_nan", "NAME@VISIT"), ("sensr_nan@3", "did you mean 'sensor_nan'")],
-)
-def test_faults_are_read_with_care(cache: Path, fault: str, words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        run(cache, some_poses(6), rig={"fault": fault})
-
-
 SMALL_DISK = """
 import resource, signal, sys
 from pathlib import Path
@@ -269,103 +249,41 @@ from ecm.errors import ComputationError
 from support.arm_rig import run
 from support.stand_in import some_poses
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, (8000, resource.RLIM_INFINITY))
+unlimited = resource.RLIM_INFINITY
+def small(done, total, word):
+    if word == {word!r} and done == 2:
+        resource.setrlimit(resource.RLIMIT_FSIZE, ({most}, unlimited))
 try:
-    run(Path({cache!r}), some_poses(8, seed=4), Path({out!r}))
+    run(Path({cache!r}), some_poses(8, seed=4), Path({out!r}), progress=small)
 except ComputationError as error:
     print(error)
 """
-"""In a process of its own: no file may grow beyond 8 kB, as on a full disk."""
+"""In a process of its own: from some moment on no file may grow, as on a full disk."""
 
 
-def test_a_full_disk_keeps_all_poses_before_it(cache: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("word", "most"), [("driving", 200), ("measuring", 3000)])
+def test_a_full_disk_keeps_all_poses_before_it(
+    cache: Path, tmp_path: Path, word: str, most: int
+) -> None:
     poses = some_poses(8, seed=4)
     run(cache, poses, tmp_path / "a" / "data.csv")
     out = tmp_path / "b" / "data.csv"
-    script = SMALL_DISK.format(tests=str(ROOT / "tests"), cache=str(cache), out=str(out))
+    script = SMALL_DISK.format(
+        tests=str(ROOT / "tests"), cache=str(cache), out=str(out), word=word, most=most
+    )
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, timeout=300, check=True
     )
     assert "All readings before it are kept" in done.stdout
-    journal = out.with_name("data.journal.csv").read_bytes()
-    complete = [json.loads(line) for line in journal.split(b"\n")[2:-1]]
-    assert 2 <= len(complete) < 10
-    taken: list[int] = []
-    run(cache, poses, out, progress=lambda d, n, w: taken.append(d) if w == "measuring" else None)
-    assert taken[0] == len(complete) + 1
+    assert 3 <= steps(cache, poses, out)[word][0] < 8
     assert files(tmp_path / "b") == files(tmp_path / "a")
 
 
-@contextmanager
-def ends_in_the_fourth_stop(
-    setup: ArmSetup, tasks: Sequence[Any], processes: int, finished: Finished = None
-) -> Iterator[Iterator[Any]]:
-    def stops(task: Any) -> Iterator[Any]:
-        yield from islice(setup.build().results(task), 3)
-        raise Stopped
-
-    yield map(stops, tasks)
-
-
-@contextmanager
-def ends_before_the_first(
-    setup: ArmSetup, tasks: Sequence[Any], processes: int, finished: Finished = None
-) -> Iterator[Iterator[Any]]:
-    """The first sortie takes longer than all others, as with several processes."""
-
-    def sorties() -> Iterator[Any]:
-        arm = setup.build()
-        for number in range(1, len(tasks)):
-            assert finished is not None
-            finished(number, arm.sortie(tasks[number]))
-        raise Stopped
-        yield
-
-    yield sorties()
-
-
-def records(campaign: RobotCampaign, store: SortieStore | None = None) -> list[VisitRecord]:
-    """Visits until the campaign is stopped."""
-    found = []
-    with suppress(Stopped):
-        for visit in campaign.lines((), 1, store):
-            found.append(visit)
+def steps(cache: Path, poses: F, out: Path) -> dict[str, list[int]]:
+    """Run a campaign to its end; what was still to be done."""
+    found: dict[str, list[int]] = {"driving": [], "measuring": []}
+    run(cache, poses, out, progress=lambda done, _, word: found.get(word, []).append(done))
     return found
-
-
-def test_poses_are_kept_while_their_sortie_is_under_way(cache: Path) -> None:
-    """From pose to pose the whole plan is one sortie: its poses were lost with it."""
-    arguments = plan(some_poses(5, seed=3)), settings(approach="previous"), StandIn()
-    whole = records(RobotCampaign(*arguments, folder=cache))
-    campaign = RobotCampaign(*arguments, folder=cache, run=ends_in_the_fourth_stop)
-    assert len(campaign.sorties[0].stops) > 3
-    kept = records(campaign)
-    assert sum(campaign.planned.visits[v.visit].kind == "pose" for v in kept) == 3
-    assert kept == whole[: len(kept)]
-
-
-def test_sorties_that_end_before_an_earlier_one_are_kept(cache: Path, tmp_path: Path) -> None:
-    arguments = plan(some_poses(4, seed=3)), settings(), StandIn()
-    whole = records(RobotCampaign(*arguments, folder=cache))
-    campaign = RobotCampaign(*arguments, folder=cache, run=ends_before_the_first)
-    store = SortieStore(tmp_path / "parts", campaign.identity)
-    before = records(campaign, store)
-    driven: list[int] = []
-
-    @contextmanager
-    def counted(
-        setup: ArmSetup, tasks: Sequence[Any], processes: int, finished: Finished = None
-    ) -> Iterator[Iterator[Any]]:
-        driven.append(len(tasks))
-        with run_sorties(setup, tasks, processes, finished) as results:
-            yield results
-
-    again = RobotCampaign(*arguments, folder=cache, run=counted)
-    assert len(before) < len(again.planned.visits)
-    assert records(again, store) == whole
-    assert driven == [1]
-    store.remove()
-    assert not list(tmp_path.iterdir())
 
 
 KILLED = """
@@ -378,15 +296,15 @@ run(Path({cache!r}), some_poses(8, seed=5), Path({out!r}), rig={{"processes": 2}
 """
 
 
-def test_kill_9_loses_at_most_one_pose(cache: Path, tmp_path: Path) -> None:
+def test_kill_9_loses_at_most_the_sorties_under_way(cache: Path, tmp_path: Path) -> None:
     poses = some_poses(8, seed=5)
     run(cache, poses, tmp_path / "a" / "data.csv")
     out = tmp_path / "b" / "data.csv"
     text = KILLED.format(tests=str(ROOT / "tests"), cache=str(cache), out=str(out))
     process = subprocess.Popen([sys.executable, "-c", text], stderr=subprocess.PIPE)
-    journal = out.with_name("data.journal.csv")
+    parts = out.with_name("data.journal.parts")
     until = time.monotonic() + 120.0
-    while not (journal.exists() and journal.read_bytes().count(b"\n") >= 4):
+    while len(list(parts.rglob("*.part"))) < 3:
         assert time.monotonic() < until
         assert process.poll() is None
         time.sleep(0.01)
@@ -394,13 +312,7 @@ def test_kill_9_loses_at_most_one_pose(cache: Path, tmp_path: Path) -> None:
     # The workers hold the pipe open until they have ended: at once, and without a word.
     _, errors = process.communicate(timeout=30)
     assert errors == b""
-    lines = journal.read_text().split("\n")[2:-1]
-    done = [VisitRecord.parse(line, "journal") for line in lines]
-    assert [line.visit for line in done] == list(range(len(done)))
-    assert len(done) >= 2
-    taken: list[int] = []
-    run(cache, poses, out, progress=lambda d, n, w: taken.append(d) if w == "measuring" else None)
-    assert taken[0] == len(done) + 1
+    assert 3 < steps(cache, poses, out)["driving"][0] <= 8
     assert files(tmp_path / "b") == files(tmp_path / "a")
 
 
@@ -454,7 +366,7 @@ def test_what_is_hidden_acts_while_the_arm_moves(cache: Path, effect: str) -> No
         if hide:
             hidden = campaign.setup.hidden
             assert hidden is not None
-            non_elastic = hidden.wrench(campaign.settings, campaign.mechanism)
+            non_elastic = NonElasticWrench(hidden, campaign.mechanism)
             non_elastic.begin(REST, 0.0)
             non_elastic.next_visit(campaign.sorties[0].stops[0].visit)
             at_rest = non_elastic.at(REST, 0.0, 0.1, moving=False)

@@ -5,19 +5,18 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from arm_pictures import Film, centre_line, draw_phases, write_film, write_pictures
+from arm_pictures import Film, campaign_of, centre_line, draw_phases, write_film, write_pictures
 from ecm.errors import ComputationError, InputError, MissingExtra
 from ecm.report.page import FigureBlock
 from ecm.rig import RigSettings
-from ecm.rig.arm.first_pose import PictureSource, first_pose_trace
-from ecm.rig.arm.scene import mujoco
+from ecm.rig.arm.campaign import RobotCampaign, first_pose_trace
+from ecm.rig.arm.kuka import mujoco
 from ecm.rig.arm.sorties import Stop
 from ecm.workflow.report_identify import arm_section
 from support.arm_rig import REST, arm_setup, library, plan, settings, simulated_arm
@@ -27,8 +26,9 @@ from support.stand_in import L, StandIn, some_poses
 GOAL = REST + np.array([-0.003, 0.004, 0.0, 0.0, 0.0, 0.3])
 
 
-def pictures(folder: Path, **rig: Any) -> PictureSource:
-    return PictureSource(plan(some_poses(7)), settings(**rig), source=StandIn(), folder=folder)
+def pictures(folder: Path, seed: int = 0, **rig: Any) -> RobotCampaign:
+    made = plan(some_poses(7, seed=seed))
+    return campaign_of(made, settings(**rig), source=StandIn(), folder=folder)
 
 
 def need_drawing() -> None:
@@ -86,7 +86,7 @@ def test_a_pose_that_no_limit_lets_the_arm_reach_is_not_called_reached(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("matplotlib", reason="matplotlib is missing: see the extra report")
-    monkeypatch.setattr("ecm.rig.arm.first_pose._TRIED", 2)
+    monkeypatch.setattr("ecm.rig.arm.campaign._TRIED", 2)
     weak = pictures(tmp_path / "cache", force_limit_N=1.0)
     (line,) = write_pictures(weak, None, tmp_path / "fig7.png")
     assert "does not reach: while in phase impedance: force" in line
@@ -112,21 +112,20 @@ def test_a_compiler_is_asked_for_where_no_controller_is_kept_and_before_any_work
 ) -> None:
     pytest.importorskip("matplotlib", reason="matplotlib is missing: see the extra report")
     library()  # skips where there is no compiler at all
-    kept, out = pictures(tmp_path / "kept"), tmp_path / "fig7.png"
-    write_pictures(kept, None, out)
+    out = tmp_path / "fig7.png"
+    write_pictures(pictures(tmp_path / "kept"), None, out)
     monkeypatch.setattr("ecm.rig.arm.mechanism.shutil.which", lambda _name: None)
-    write_pictures(kept, None, out)
+    write_pictures(pictures(tmp_path / "kept"), None, out)
     with pytest.raises(ComputationError, match="no C compiler"):
         write_pictures(pictures(tmp_path / "bare"), None, out)
     assert not (tmp_path / "bare").exists()
     with pytest.raises(ComputationError, match="no C compiler"):  # another controller than the kept
-        write_pictures(replace(kept, plan=plan(some_poses(8, seed=5))), None, out)
+        pictures(tmp_path / "kept", seed=5)
 
 
 def test_pictures_are_of_the_arm_alone(tmp_path: Path) -> None:
-    still = replace(pictures(tmp_path), rig=RigSettings())
     with pytest.raises(InputError, match=r"show the arm; set \[rig\] mode"):
-        write_pictures(still, tmp_path / "a.gif", None)
+        campaign_of(plan(some_poses(7)), RigSettings(), folder=tmp_path)
 
 
 @pytest.mark.parametrize("option", ["--film", "--phases"])

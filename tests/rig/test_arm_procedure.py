@@ -13,14 +13,20 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ecm.rig.arm.kinematics import flange_pose, joints_at_swivel, swivel_angle
-from ecm.rig.arm.kuka import RANGE_RAD, SPEED_RAD_S, TORQUE_NM
+from ecm.rig.arm.kuka import (
+    RANGE_RAD,
+    SPEED_RAD_S,
+    TORQUE_NM,
+    flange_pose,
+    joints_at_swivel,
+    scene,
+    swivel_angle,
+)
 from ecm.rig.arm.mechanism import ControllerModel
-from ecm.rig.arm.scene import scene
-from ecm.rig.arm.settings import ArmSettings
 from ecm.rig.arm.simulation import Diverged, Impedance
 from ecm.rig.arm.sorties import SortieResult, Stop, StopResult
 from ecm.rig.arm.summary import motion_shares, pose_errors
+from ecm.rig.settings import ArmSettings
 from ecm.workflow.config import read_rig
 from support.arm_rig import REST, library, mechanism, settings, simulated_arm
 from support.neck import ROOT

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from ecm.errors import ComputationError, InputError
 from ecm.io.table import read_table
 from ecm.rig import Campaign, CampaignOptions, RigSettings, campaign_minutes, run_campaign
-from ecm.rig.measurement import residual
+from ecm.rig.hidden.inject import whitener_of
+from ecm.rig.plant import residual
 from ecm.rig.readings import BESIDE, Journal
-from support.stand_in import StandIn, error_of, plan_of, some_poses, whitener_of
+from support.stand_in import StandIn, error_of, plan_of, some_poses
 
 F = NDArray[np.float64]
 
@@ -27,8 +28,8 @@ def test_with_nothing_hidden_only_the_declared_noise_is_left() -> None:
         campaign = Campaign(plan_of(some_poses(200)), RigSettings(), StandIn(), seed=seed)
         whitener = whitener_of(campaign)
         strengths.append(whitener.strength(error_of(campaign, campaign.run())))
-        args = (campaign.plant, campaign.visits, campaign.physics, np.full(6, 3.0))
-        systematic = residual(*args, campaign.settings)
+        plant = replace(campaign.plant, offset=np.full(6, 3.0))
+        systematic = residual(plant, campaign.visits)
         assert whitener.strength(systematic) < 0.05
     assert np.mean(strengths) == pytest.approx(1.0, abs=0.03)
 

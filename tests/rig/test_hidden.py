@@ -15,16 +15,15 @@ from ecm.errors import InputError
 from ecm.io.se3 import rotate, rotation
 from ecm.io.table import Table, read_table
 from ecm.rig import Campaign, CampaignOptions, Hidden, RigSettings, reveal, run_campaign, score
-from ecm.rig.hidden.size import measure
-from ecm.rig.measurement import residual, wrench_in_base
+from ecm.rig.hidden.inject import measure, whitener_of
 from ecm.rig.physics import TRUE_EFFECTS, Conditions, TrueEffect
 from ecm.rig.physics.body import PlatformSlip
 from ecm.rig.physics.camera import MarkerMotion
 from ecm.rig.physics.true_effect import RigScale
+from ecm.rig.plant import residual, wrench_in_base
 from support.campaigns import plan as diagnosable_plan
-from support.stand_in import F, StandIn, error_of, plan_of, some_poses, whitener_of, wrench
+from support.stand_in import F, StandIn, error_of, plan_of, some_poses, wrench
 
-ZERO = np.zeros(6)
 SCALE = RigScale(0.1, 3600.0, 22.0, 28.0, 0.5)
 AT_REST = sorted(name for name, kind in TRUE_EFFECTS.items() if not kind.only_in_motion)
 
@@ -46,11 +45,11 @@ def both_sides() -> Table:
 def test_the_wanted_strength_is_reached(effect: str) -> None:
     plan, settings = both_sides(), RigSettings()
     plain = Campaign(plan, settings, StandIn(), seed=2)
-    base = residual(plain.plant, plain.visits, plain.physics, ZERO, settings)
+    base = residual(plain.plant, plain.visits)
     sizes = []
     for wanted in (0.5, 2.0):
         hidden = Campaign(plan, settings, StandIn(), hide=[Hidden(effect, wanted)], seed=2)
-        left = residual(hidden.plant, hidden.visits, hidden.physics, ZERO, settings) - base
+        left = residual(hidden.plant, hidden.visits) - base
         assert whitener_of(hidden).strength(left) == pytest.approx(wanted, rel=1e-4)
         sizes.append(hidden.injected[0].size)
         excess = whitener_of(hidden).strength(error_of(hidden, hidden.run()))
@@ -74,8 +73,8 @@ def test_a_remount_by_90_degrees_turns_the_anisotropy_over() -> None:
     settings = RigSettings.from_dict({"rig": {"pose_error_m": 0.0, "pose_error_rad": 0.0}})
     campaign = Campaign(plan, settings, StandIn(), hide=[Hidden("anisotropy", 2.0)])
     nominal = Campaign(plan, settings, StandIn())
-    left = residual(campaign.plant, campaign.visits, campaign.physics, ZERO, settings)
-    left = left - residual(nominal.plant, nominal.visits, nominal.physics, ZERO, settings)
+    left = residual(campaign.plant, campaign.visits)
+    left = left - residual(nominal.plant, nominal.visits)
     assert np.abs(left).max() > 0.5
     assert left[40:] == pytest.approx(-left[:40], abs=1e-9)
 
@@ -195,7 +194,7 @@ def test_another_campaign_can_measure_the_same_rig(effect: str, tmp_path: Path) 
     second = Campaign(both_sides(), RigSettings(), StandIn(), hide=again, seed=6)
     truth = first.injected[0].truth.afterwards()
     assert second.injected == [replace(first.injected[0], truth=truth)]
-    assert truth in second.physics.effects
+    assert truth in second.plant.physics.effects
 
 
 def test_what_slipped_once_has_slipped_in_the_next_campaign() -> None:
@@ -338,15 +337,8 @@ STILL: dict[str, Any] = {
 
 def noise_free(campaign: Campaign, kind: str) -> tuple[F, F]:
     """Wrenches in base axes and poses that readings without noise give, rows of one kind."""
-    truth = campaign.plant.truth(campaign.visits, campaign.physics, ZERO)
-    wrenches = wrench_in_base(
-        campaign.plant,
-        campaign.visits,
-        campaign.physics,
-        sensor=truth.sensor,
-        poses=truth.pose_seen,
-        law="linear",
-    )
+    truth = campaign.plant.truth(campaign.visits)
+    wrenches = wrench_in_base(campaign.plant, campaign.visits, truth.sensor, truth.pose_seen)
     rows = [v.kind == kind for v in campaign.visits]
     return wrenches[rows], truth.pose_seen[rows]
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from ecm.io.se3 import rotation, rotation_vector, wrench_adjoint
 from ecm.rig import Campaign, RigSettings
-from ecm.rig.camera import Camera, Optics
-from ecm.rig.measurement import ForceTorqueSensor, residual
-from ecm.rig.physics.sensor import SensorWarmUp
+from ecm.rig.instruments import Camera, ForceTorqueSensor, Optics
+from ecm.rig.physics import Physics
+from ecm.rig.plant import residual
 from support.stand_in import StandIn, instruments, plan_of, some_poses
 
 
@@ -147,9 +149,10 @@ def test_the_sensor_s_own_errors_are_in_its_own_frame() -> None:
     straight = {"instrument": {"top_from_sensor": figures["top_from_sensor"]}}
     plain = Campaign(plan, RigSettings.from_dict(straight), StandIn())
     wrong = Campaign(plan, RigSettings.from_dict({"instrument": figures}), StandIn())
-    zero = np.zeros(6)
-    true = plain.plant.truth(plain.visits, plain.physics.without(SensorWarmUp), zero)
-    read = wrong.plant.truth(wrong.visits, wrong.physics.without(SensorWarmUp), zero)
+    true, read = (
+        replace(one.plant, physics=Physics(), offset=np.zeros(6)).truth(one.visits)
+        for one in (plain, wrong)
+    )
     assert read.sensor[:, 0] == pytest.approx(1.1 * true.sensor[:, 0])
     assert read.sensor[:, 1] == pytest.approx(true.sensor[:, 1] + 0.1 * true.sensor[:, 0])
     assert read.sensor[:, 2:] == pytest.approx(true.sensor[:, 2:])
@@ -161,9 +164,10 @@ def test_the_sensor_drifts_with_its_own_temperature() -> None:
     settings = RigSettings.from_dict({"instrument": {"fts_thermal_per_K": drift}})
     campaign = Campaign(plan, settings, StandIn())
     plain = Campaign(plan, RigSettings(), StandIn())
-    zero = np.zeros(6)
-    change = campaign.plant.truth(campaign.visits, campaign.physics, zero).sensor
-    change = change - plain.plant.truth(plain.visits, plain.physics, zero).sensor
+    sensors = [
+        replace(one.plant, offset=np.zeros(6)).truth(one.visits).sensor for one in (campaign, plain)
+    ]
+    change = sensors[0] - sensors[1]
     warm = campaign.visits.sensor_temperature_degC - 22.0
     assert change[:, 0] == pytest.approx(0.1 * warm)
     assert np.abs(change[:, 1:]).max() == 0.0
@@ -176,8 +180,7 @@ def test_the_marker_s_weight_turns_with_the_platform() -> None:
     plain = Campaign(plan, RigSettings.from_dict({"plant": {"drift_N": 0.0}}), StandIn())
     left = []
     for one in (campaign, plain):
-        args = (one.plant, one.visits, one.physics, np.zeros(6), one.settings)
-        left.append(residual(*args))
+        left.append(residual(one.plant, one.visits))
     force = (left[0] - left[1])[:, :3]
     rows = campaign.visits.at_poses
     turn = rotation(campaign.visits.reached[rows, 3:])

@@ -19,7 +19,7 @@ from ecm.io.se3 import (
     seen_from,
     wrench_adjoint,
 )
-from ecm.rig.measurement import zero_at
+from ecm.rig.instruments import zero_at
 from ecm.rig.physics import Conditions
 from ecm.rig.physics.body import FaceTilt, NaturalBend, PlatformSlip
 from ecm.rig.physics.camera import BaseFrame, MarkerMotion, TipTarget

@@ -16,7 +16,7 @@ from ecm.io.se3 import rotation, turn_wrench
 from ecm.io.table import Table, read_table
 from ecm.rig import Campaign, CampaignOptions, Hidden, RigSettings, run_campaign
 from ecm.rig.elastic import Anchors, Smooth
-from ecm.rig.hidden.size import Whitener
+from ecm.rig.hidden.inject import Whitener
 from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.physics.camera import TimeSkew
 from ecm.rig.raw_stream import RawStream
@@ -56,7 +56,7 @@ def test_a_leg_begins_and_ends_at_the_solved_poses_and_follows_the_map_between()
     campaign = Campaign(plan_of(some_poses(30)), STREAM, StandIn())
     stream = stream_of(campaign)
     assert stream.elastic_wrench() == pytest.approx(
-        wrench(stream.truth(campaign.physics)[0]), abs=1e-3
+        wrench(stream.truth(campaign.plant.physics)[0]), abs=1e-3
     )
     assert len(stream.legs) == 60  # there and home
     rows = [np.flatnonzero(stream.leg == 2 * i) for i in range(30)]
@@ -69,7 +69,7 @@ def test_a_leg_begins_and_ends_at_the_solved_poses_and_follows_the_map_between()
     assert speed[rest].max() == 0.0
     assert speed[moving].max() > 0.0
     # The velocities are those of the poses.
-    poses = stream.truth(campaign.physics)[0]
+    poses = stream.truth(campaign.plant.physics)[0]
     for r in rows[:3]:
         middle = 0.5 * (stream.velocities()[r[1:]] + stream.velocities()[r[:-1]])
         assert np.diff(poses[r], axis=0) * 2.0 == pytest.approx(middle, abs=0.3 * speed[r].max())
@@ -98,7 +98,7 @@ SLOPE: F = np.linalg.lstsq(some_poses(200) - REST, wrench(some_poses(200)), rcon
 def test_on_the_way_it_is_the_solver_that_counts_and_not_the_smooth_map() -> None:
     campaign = Campaign(plan_of(some_poses(30)), STREAM, Rough())
     stream = stream_of(campaign)
-    poses = stream.truth(campaign.physics)[0]
+    poses = stream.truth(campaign.plant.physics)[0]
     line = np.abs(Line().predict(poses) - wrench(poses)).max(axis=0)
     miss = np.abs(stream.elastic_wrench() - wrench(poses)).max(axis=0)
     assert line[:3].max() > 5.0
@@ -124,14 +124,16 @@ def test_a_skew_is_as_strong_as_wanted_and_named_with_its_delay(
     campaign = Campaign(plan, STREAM, StandIn(), hide=[Hidden("time_skew", strength)], seed=3)
     nominal = Campaign(plan, STREAM, StandIn(), seed=3)
     stream = stream_of(campaign)
-    left = stream.residual(campaign.physics) - stream_of(nominal).residual(nominal.physics)
+    left = stream.residual(campaign.plant.physics) - stream_of(nominal).residual(
+        nominal.plant.physics
+    )
     whitener = Whitener(stream.covariance(), stream.elastic_wrench()[:, :, None])
     assert whitener.strength(left) == pytest.approx(strength, rel=1e-4)
 
     out = measured(tmp_path, f"time_skew={strength}")
     found = diagnosed(out.with_suffix(".raw.parquet"))
     assert found.answer == (("time_skew",),)
-    truth = campaign.physics.get(TimeSkew)
+    truth = campaign.plant.physics.get(TimeSkew)
     assert truth is not None
     mean = truth.size * (1.0 + 0.5 * truth.creep)
     assert found.effects[0].values[0] == pytest.approx(mean, rel=0.1)
@@ -171,8 +173,8 @@ def test_every_truth_of_the_plant_acts_in_motion_too(effect: str) -> None:
     for hide in ([Hidden(effect, 1.0)], []):
         campaign = Campaign(plan, settings, StandIn(), hide=hide, seed=1)
         stream = stream_of(campaign)
-        at_rest = campaign.plant.truth(campaign.visits, campaign.physics, campaign.offset)
-        seen, sensor = stream.truth(campaign.physics)
+        at_rest = campaign.plant.truth(campaign.visits)
+        seen, sensor = stream.truth(campaign.plant.physics)
         both.append(((seen, at_rest.pose_seen), (sensor, at_rest.sensor)))
     last = np.flatnonzero(np.diff(stream.leg, append=-1))
     visits = campaign.visits
@@ -197,7 +199,7 @@ def test_what_relaxes_goes_on_through_rest_and_way_home() -> None:
     parts = []
     for hide in (relaxation, []):
         campaign = Campaign(plan, settings, StandIn(), hide=hide, seed=1)
-        seen, sensor = stream_of(campaign).truth(campaign.physics)
+        seen, sensor = stream_of(campaign).truth(campaign.plant.physics)
         parts.append(turn_wrench(rotation(seen[:, 3:]), campaign.plant.to_top(sensor))[:, :3])
     stream, part = stream_of(campaign), parts[0] - parts[1]
     ends = np.flatnonzero(np.diff(stream.leg, append=-1))
@@ -244,7 +246,7 @@ def test_a_sample_lies_within_its_leg_or_there_is_none() -> None:
     assert set(stream.leg.tolist()) < set(range(len(stream.legs)))
     for effect in ("hysteresis", "fts_hysteresis", "stress_relaxation"):
         hidden = Campaign(plan_of(some_poses(24)), settings, StandIn(), hide=Hidden.parse(effect))
-        assert np.all(np.isfinite(stream_of(hidden).truth(hidden.physics)[1]))
+        assert np.all(np.isfinite(stream_of(hidden).truth(hidden.plant.physics)[1]))
     short = {"rig": {"stream_Hz": 0.1, "dwell_s": 0.0, "speed_m_s": 1.0, "speed_rad_s": 10.0}}
     fast = Campaign(plan_of(some_poses(24)), RigSettings.from_dict(short), StandIn())
     with pytest.raises(InputError, match=r"stream_Hz = 0\.1: no way of this plan"):
@@ -343,10 +345,10 @@ def test_the_wrench_is_turned_by_the_pose_of_its_own_row() -> None:
     )
     campaign = Campaign(plan_of(some_poses(25)), settings, StandIn())
     skew = TimeSkew(0.3)
-    campaign.physics = campaign.physics.put(skew)
+    campaign.plant = campaign.plant.put(skew)
     stream = stream_of(campaign)
-    seen, sensor = stream.truth(campaign.physics)
-    top = campaign.plant.to_top(sensor - campaign.offset)
+    seen, sensor = stream.truth(campaign.plant.physics)
+    top = campaign.plant.to_top(sensor - campaign.plant.offset)
     later, _ = stream._on_the_way(skew.read_s(stream.time_s))
     own, other = (turn_wrench(rotation(poses[:, 3:]), top) for poses in (seen, later))
     table = table_of(campaign)
@@ -375,7 +377,7 @@ def test_a_pose_that_is_left_out_changes_no_other_noise() -> None:
     for kept in (ids, np.delete(ids, 4)):
         campaign = Campaign(plan_of(poses[kept], pose_id=kept), STREAM, StandIn(), seed=5)
         stream, table = stream_of(campaign), table_of(campaign)
-        off = table.poses - stream.truth(campaign.physics)[0]
+        off = table.poses - stream.truth(campaign.plant.physics)[0]
         ids_of_rows = np.asarray([stream.legs[i].visit.pose_id for i in stream.leg])
         noise.append(off[np.isin(ids_of_rows, np.delete(ids, 4))])
     assert noise[0] == pytest.approx(noise[1], abs=1e-12)
@@ -418,7 +420,7 @@ def test_a_way_point_that_nothing_is_known_of_is_no_guess() -> None:
     strange = replace(visit, way=np.stack([visit.way[0], visit.way[-1] + 1e-3, visit.way[-1]]))
     rows = (*campaign.visits.rows[:3], strange, *campaign.visits.rows[4:])
     with pytest.raises(ComputationError, match="none of the 9 solved poses"):
-        campaign.plant.truth(replace(campaign.visits, rows=rows), campaign.physics, campaign.offset)
+        campaign.plant.truth(replace(campaign.visits, rows=rows))
 
 
 def test_the_arm_cannot_remember_wrenches_that_no_map_knows() -> None:

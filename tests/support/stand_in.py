@@ -26,8 +26,6 @@ from ecm.rig.elastic import (
     Progress,
     Smooth,
 )
-from ecm.rig.hidden.size import Whitener
-from ecm.rig.measurement import row_covariance
 from ecm.rig.settings import Instruments
 
 F = NDArray[np.float64]
@@ -145,13 +143,6 @@ def error_of(campaign: Campaign, table: Table) -> F:
     measured = table.measured()
     elastic = campaign.plant.elastic.wrench(campaign.visits.anchor[rows], measured.poses)
     return measured.wrenches - elastic
-
-
-def whitener_of(campaign: Campaign) -> Whitener:
-    rows = campaign.visits.at_poses
-    h = campaign.plant.elastic.wrench(campaign.visits.anchor[rows], campaign.visits.reached[rows])
-    covariance = row_covariance(campaign.plant, campaign.visits, campaign.settings)
-    return Whitener(covariance, h[:, :, None])
 
 
 def instruments(**figures: object) -> Instruments:

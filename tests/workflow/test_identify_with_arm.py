@@ -130,13 +130,13 @@ def test_a_campaign_without_its_record_is_measured_again(measured: Step3) -> Non
     assert summary == measured.summary
 
 
-def test_processes_and_rehearsed_faults_may_change_while_a_campaign_is_interrupted(
+def test_processes_may_change_while_a_campaign_is_interrupted(
     tmp_path: Path,
 ) -> None:
     for name in ("measured-d.journal.csv", "measured-d.begun.json"):
         folder = tmp_path / ("stages" if name.endswith("json") else "")
         folder.mkdir(exist_ok=True)
-        digest = _identity(settings(processes=2, fault="sensor_nan@1"), 0)
+        digest = _identity(settings(processes=2), 0)
         (folder / name).write_text(json.dumps({"rig": digest}))
     require_free(tmp_path, tmp_path / "stages", ("measured-d",), settings(processes=1), 0)
     with pytest.raises(InputError, match="another rig"):

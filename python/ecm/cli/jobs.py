@@ -25,10 +25,9 @@ from ecm.io.arrays import F
 from ecm.io.cache import write_atomically
 from ecm.io.table import Table
 from ecm.rig import CampaignOptions, campaign_minutes, run_campaign, run_campaigns
-from ecm.rig.arm.run import robot_path
 from ecm.rig.arm.summary import summary_lines
 from ecm.rig.elastic import Progress
-from ecm.rig.readings import keep_data
+from ecm.rig.readings import keep_data, robot_path
 from ecm.workflow.app.serve import serve as serve_session
 from ecm.workflow.config import read_config, read_rig, with_rig
 from ecm.workflow.design import design as design_plan

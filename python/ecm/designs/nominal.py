@@ -23,8 +23,7 @@ from ecm.io.table import Table
 from ecm.models import Model, StiffnessMap, physics_map, surrogate_of
 from ecm.models.maps import EnergyTerms
 from ecm.regression.noise import Noise, declared_noise, whiteners
-from ecm.rig.camera import Camera
-from ecm.rig.measurement import ForceTorqueSensor
+from ecm.rig.instruments import Camera, ForceTorqueSensor
 from ecm.rig.settings import RigSettings
 
 _MIN_POSES = 100

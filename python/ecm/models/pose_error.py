@@ -216,7 +216,7 @@ def report_rows(table: Table) -> I:
 def error_of_report(model: EvaluatedModel, table: Table) -> dict[str, Any]:
     """Pose error of a model on the rows of a fit report, as plain JSON."""
     shown = report_rows(table)
-    some = table.thinned(shown)
+    some = table.subsample(shown)
     errors = some.matrix(model.outputs) - model.predict(some)
     return pose_error(model, table.select(shown), errors).to_dict()
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,12 +16,12 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.se3 import displaced
 from ecm.io.table import Table
-from ecm.rig.calibration.pre_campaign import Calibration, calibrated
-from ecm.rig.camera import Camera, CameraStand, Window
+from ecm.rig.calibration import Calibration, calibrated
 from ecm.rig.elastic import (
     UNIFORM,
     Anchors,
     Elastic,
+    Grading,
     Progress,
     Source,
     grading,
@@ -28,13 +29,13 @@ from ecm.rig.elastic import (
     unique_poses,
 )
 from ecm.rig.hidden import truth
-from ecm.rig.hidden.inject import InjectedEffect, RigState, inject
-from ecm.rig.hidden.size import CannotHide
+from ecm.rig.hidden.inject import CannotHide, InjectedEffect, inject
 from ecm.rig.hidden.truth import NOTHING, Hidden
-from ecm.rig.measurement import ForceTorqueSensor
-from ecm.rig.physics import TRUE_EFFECTS, Physics
+from ecm.rig.instruments import Camera, ForceTorqueSensor, Window
+from ecm.rig.physics import TRUE_EFFECTS
+from ecm.rig.physics.sensor import SensorWarmUp
 from ecm.rig.plan import Visits, reachable, requests, rest_pose, split_by_limits
-from ecm.rig.plant import Plant, visits_of, warm_up_of
+from ecm.rig.plant import Plant, visits_of
 from ecm.rig.raw_stream import RawStream
 from ecm.rig.readings import Reading, table_of
 from ecm.rig.settings import RigSettings
@@ -78,6 +79,8 @@ class Campaign:
         self.plan = plan
         self.settings = settings
         self.seed = seed
+        self.base_columns = base_columns
+        """(N, 6) poses to the (N, 6, k) change of the wrench per base parameter; None: E alone."""
         length = source.length_m
         remaining, self.skipped = split_by_limits(
             requests(plan, settings.rig, length), settings.rig, length
@@ -94,50 +97,34 @@ class Campaign:
             reasons = "; ".join(s.reason for s in self.skipped[:3])
             raise InputError(f"{plan.source}: no pose of the plan can be visited: {reasons}")
         self.timeline: Timeline = timeline_of(remaining, settings.rig, length)
-        smooth = source.surrogate(anchors)
         self._solve = partial(solve_cached, source, grade=UNIFORM, folder=folder, progress=progress)
-        self._raw: tuple[Plant, RawStream] | None = None
-        draws = stream(seed, "hidden effect")
-        self._hide: list[Hidden] = []
-        named = tuple(h.effect for h in hide if h.effect != "random")
-        for hidden in hide:
-            taken = (*named, *(h.effect for h in self._hide))
-            self._hide.append(hidden.drawn(draws, taken, streamed=settings.rig.stream_Hz > 0.0))
-        elastic = Elastic(anchors, smooth)
-
-        def plant() -> Plant:
-            kinds = [TRUE_EFFECTS[h.effect] for h in self._hide if h.effect != NOTHING]
-            grades = {grade for kind in kinds for grade in kind.grades}
-            gradings = {g: grading(source, anchors, g, folder, progress) for g in sorted(grades)}
-            return Plant(settings, elastic, length, gradings)
-
-        self.plant = plant()
-        self.visits = self._visits(anchors)
-        random = stream(seed, "sensor zero")
-        table = settings.plant
-        self._offset = random.uniform(-1.0, 1.0, 6) * np.repeat(
-            [table.offset_N, table.offset_Nm], 3
+        self._raw: tuple[Mapping[str, Grading], RawStream] | None = None
+        random, table = stream(seed, "sensor zero"), settings.plant
+        offset = random.uniform(-1.0, 1.0, 6) * np.repeat([table.offset_N, table.offset_Nm], 3)
+        warm_up = SensorWarmUp(
+            table.drift_N,
+            direction=tuple(random.uniform(-1.0, 1.0, 6).tolist()),
+            time_s=table.drift_time_s,
+            wander=table.drift_wander,
         )
-        direction = random.uniform(-1.0, 1.0, 6)
-        self.physics = Physics().put(warm_up_of(settings, direction))
+        elastic = Elastic(anchors, source.surrogate(anchors))
+        self.plant = Plant(settings, elastic, length, offset=offset).put(warm_up)
+        self.visits = self._visits(anchors)
         self.injected: list[InjectedEffect] = []
-        self._inject(hide, draws, plant, base_columns)
-        self._stand = CameraStand(settings.instrument)
+        self._hide = self._hidden(
+            hide, partial(grading, source, anchors, folder=folder, progress=progress)
+        )
         self.frames: Calibration | None = None
         """Calibrated frames, where the true ones are not known."""
         if settings.instrument.frames == "calibrated":
             self.frames = calibrated(settings.instrument, seed)
-            self.plant.calibrated_top_from_sensor = self.frames.top_from_sensor
-        self._truth = self.plant.truth(self.visits, self.physics, self._offset)
+            known = self.frames.top_from_sensor
+            self.plant = replace(self.plant, calibrated_top_from_sensor=known)
+        self._truth = self.plant.truth(self.visits)
 
     def __len__(self) -> int:
         """Readings, those of the sensor's zero included."""
         return len(self.timeline.visits)
-
-    @property
-    def offset(self) -> F:
-        """Constant zero of the sensor (6,), sensor axes."""
-        return np.array(self._offset, dtype=np.float64)
 
     @property
     def minutes(self) -> float:
@@ -175,8 +162,8 @@ class Campaign:
     ) -> Window:
         """What the camera makes of a pose (6,); streams of the base target and of the camera."""
         walk = self._air.at(self._air.camera, np.array([time_s]))[0]
-        shown = self._stand.apparent_pose(pose, walk, random[0])
-        seen = Camera(self.settings.instrument).read(shown, window_s, random[1])
+        camera = Camera(self.settings.instrument)
+        seen = camera.read(camera.apparent_pose(pose, walk, random[0]), window_s, random[1])
         if self.frames is None:
             return seen
         return replace(seen, mean=self.frames.measured(seen.mean[None])[0])
@@ -185,12 +172,9 @@ class Campaign:
         """What is read while the arm moves, where [rig] stream_Hz asks for it."""
         if not self.settings.rig.stream_Hz:
             return None
-        if self._raw is None or self._raw[0] is not self.plant:
-            raw = RawStream(
-                self.settings, self.plant, self.visits, self._air,
-                offset=self._offset, solve=self._solve,
-            )  # fmt: skip
-            self._raw = (self.plant, raw)
+        gradings = self.plant.gradings
+        if self._raw is None or self._raw[0] is not gradings:
+            self._raw = (gradings, RawStream(self.plant, self.visits, self._air, self._solve))
         return self._raw[1]
 
     def table(self, readings: list[Reading]) -> Table:
@@ -198,8 +182,16 @@ class Campaign:
         text = self.truth_text()
         return table_of(self, readings, "" if text is None else truth.sha256(text))
 
-    def run(self) -> Table:
+    def drive(self, threads: int = 0, progress: Progress = None, parts: Path | None = None) -> None:
+        """What must move before readings are taken: nothing on the quasi-static rig."""
+
+    def record(self) -> dict[str, Any] | None:
+        """What the arm did, for NAME.robot.json; None without an arm."""
+        return None
+
+    def run(self, threads: int = 0, progress: Progress = None) -> Table:
         """All readings, without a file."""
+        self.drive(threads, progress)
         return self.table([self.measure(i) for i in range(len(self))])
 
     def truth_text(self) -> str | None:
@@ -211,50 +203,49 @@ class Campaign:
         return truth.sealed(effects, seed=self.seed, salt=salt)
 
     def key(self, source: Source) -> str:
-        """Hash of all that the readings depend on."""
+        """Hash of all that the readings depend on, however many processes simulate."""
+        settings = replace(self.settings, arm=replace(self.settings.arm, processes=0))
         visits = [
             [v.kind, v.row, v.pose.tolist(), v.pose_id, v.repeat, v.run, v.approach, v.time_s]
             for v in self.timeline.visits
         ]
         hide = [[h.effect, h.strength, *([list(h.shape)] if h.shape else [])] for h in self._hide]
-        document = [1, source.key(), self.settings.to_dict(), self.seed, hide, visits]
+        document = [1, source.key(), settings.to_dict(), self.seed, hide, visits]
         return hashlib.sha256(json.dumps(document).encode()).hexdigest()
 
-    def _inject(
-        self,
-        hide: Sequence[Hidden],
-        draws: np.random.Generator,
-        plant: Callable[[], Plant],
-        base_columns: Callable[[F], F] | None,
-    ) -> None:
-        """Puts what was drawn into the plant; `random` is drawn again where it cannot be."""
+    def _hidden(self, hide: Sequence[Hidden], graded: Callable[[str], Grading]) -> list[Hidden]:
+        """Puts what is drawn into the plant; `random` is drawn again where it cannot be."""
+        draws, streamed = stream(self.seed, "hidden effect"), self.settings.rig.stream_Hz > 0.0
         named = tuple(h.effect for h in hide if h.effect != "random")
+        drawn: list[Hidden] = []
+        for hidden in hide:
+            taken = (*named, *(h.effect for h in drawn))
+            drawn.append(hidden.drawn(draws, taken, streamed=streamed))
+        self._grade(drawn, graded)
         for i, hidden in enumerate(hide):
             impossible: tuple[str, ...] = ()
-            while self._hide[i].effect != NOTHING:
-                in_motion = TRUE_EFFECTS[self._hide[i].effect].only_in_motion
-                rig = RigState(
-                    self.plant, self.visits, self.physics, self._offset, self.settings,
-                    self.timeline.end_s, base_columns, self.raw_stream() if in_motion else None,
-                )  # fmt: skip
+            while drawn[i].effect != NOTHING:
+                in_motion = TRUE_EFFECTS[drawn[i].effect].only_in_motion
                 try:
-                    effect = inject(self._hide[i], rig, self.seed)
+                    effect = inject(drawn[i], self, self.raw_stream() if in_motion else None)
                 except CannotHide:
                     if hidden.effect != "random":
                         raise
-                    impossible = (*impossible, self._hide[i].effect)
-                    taken = tuple(h.effect for k, h in enumerate(self._hide) if k != i)
-                    self._hide[i] = hidden.drawn(
-                        draws,
-                        (*named, *taken),
-                        impossible,
-                        streamed=self.settings.rig.stream_Hz > 0.0,
-                    )
-                    self.plant = plant()
+                    impossible = (*impossible, drawn[i].effect)
+                    taken = tuple(h.effect for k, h in enumerate(drawn) if k != i)
+                    drawn[i] = hidden.drawn(draws, (*named, *taken), impossible, streamed=streamed)
+                    self._grade(drawn, graded)
                     continue
-                self.physics = self.physics.put(effect.truth)
+                self.plant = self.plant.put(effect.truth)
                 self.injected.append(effect)
                 break
+        return drawn
+
+    def _grade(self, drawn: Sequence[Hidden], graded: Callable[[str], Grading]) -> None:
+        """Solves the further bodies that what was drawn asks for."""
+        kinds = [TRUE_EFFECTS[h.effect] for h in drawn if h.effect != NOTHING]
+        grades = sorted({grade for kind in kinds for grade in kind.grades})
+        self.plant = replace(self.plant, gradings={grade: graded(grade) for grade in grades})
 
     def _visits(self, anchors: Anchors) -> Visits:
         visits = tuple(self.timeline.visits)

@@ -297,7 +297,11 @@ def solve_cached(
 
 
 def grading(
-    source: Source, plain: Anchors, grade: str, folder: Path | None, progress: Progress = None
+    source: Source,
+    plain: Anchors,
+    grade: str,
+    folder: Path | None = None,
+    progress: Progress = None,
 ) -> Grading:
     """Difference of the graded and the plain solution, per unit contrast; 0 where unsolved."""
     graded = solve_cached(source, plain.poses, grade, folder, progress)

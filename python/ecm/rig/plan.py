@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,8 +14,8 @@ from ecm.io.arrays import B, F, I
 from ecm.io.se3 import rotation, transpose, turn_wrench, wrench_adjoint
 from ecm.io.table import Table
 from ecm.io.toml import did_you_mean
-from ecm.rig.camera import Optics
 from ecm.rig.elastic import Anchors
+from ecm.rig.instruments import Optics
 from ecm.rig.physics.camera import LEDS, LEDS_NEEDED
 from ecm.rig.physics.true_effect import LEVER_M
 from ecm.rig.settings import Procedure, RigSettings
@@ -277,42 +277,43 @@ def split_by_limits(
     requests: list[Request], procedure: Procedure, length_m: float
 ) -> tuple[list[Request], list[Skipped]]:
     """Split requests into poses within the rig's limits and the others with the reason."""
-    remaining: list[Request] = []
-    skipped: list[Skipped] = []
     rest = rest_pose(length_m)
-    for request in requests:
+
+    def reason(request: Request) -> str:
         turn = float(np.linalg.norm(request.pose[3:]))
         shift = float(np.linalg.norm(request.pose[:3] - rest[:3])) / length_m
-        reason = ""
         if turn > procedure.rotation_limit_rad:
-            reason = (
+            return (
                 f"rotation {turn:.3f} rad, limit {procedure.rotation_limit_rad:g} rad "
                 "([rig] rotation_limit_rad)"
             )
-        elif shift > procedure.stretch_limit:
-            reason = (
+        if shift > procedure.stretch_limit:
+            return (
                 f"displacement {shift:.3f} of the length, limit {procedure.stretch_limit:g} "
                 "([rig] stretch_limit)"
             )
-        if reason:
-            skipped.append(Skipped(request.row, request.pose_id, reason))
-        else:
-            remaining.append(request)
-    return without_approach(remaining, skipped)
+        return ""
+
+    return _without(requests, [], reason)
 
 
-def without_approach(
-    remaining: list[Request], skipped: list[Skipped]
+def _without(
+    requests: list[Request], skipped: list[Skipped], reason: Callable[[Request], str]
 ) -> tuple[list[Request], list[Skipped]]:
-    """Skip also the poses that are approached from one that is skipped."""
-    while True:
+    """Skip the requests that have a reason, and the poses approached from one that is skipped."""
+    reasons = [reason(request) for request in requests]
+    remaining = [r for r, why in zip(requests, reasons, strict=True) if not why]
+    lost = [(r, why) for r, why in zip(requests, reasons, strict=True) if why]
+    while lost:
+        skipped = [*skipped, *(Skipped(r.row, r.pose_id, why) for r, why in lost)]
         known = {str(r.pose_id) for r in remaining if r.action.name == "measure"} | {"", HOME}
-        lost = [r for r in remaining if r.approach not in known]
-        if not lost:
-            return remaining, skipped
-        reason = "is approached from pose {}, which is skipped"
-        skipped = [*skipped, *(Skipped(r.row, r.pose_id, reason.format(r.approach)) for r in lost)]
+        lost = [
+            (r, f"is approached from pose {r.approach}, which is skipped")
+            for r in remaining
+            if r.approach not in known
+        ]
         remaining = [r for r in remaining if r.approach in known]
+    return remaining, skipped
 
 
 def reachable(
@@ -331,27 +332,26 @@ def reachable(
     back = transpose(rotation(anchors.poses[:, 3:]))
     felt = turn_wrench(back, anchors.wrenches) @ sensor_from_top.T
     leds = Optics(instrument).visible(anchors.poses).sum(axis=1)
-    ok: list[Request] = []
-    for request in requests:
+
+    def reason(request: Request) -> str:
         i = index[request.pose.tobytes()]
-        reason = ""
+        if request.action.name != "measure":
+            return ""
         if anchors.status[i] != "solved":
-            reason = f"the mechanism has no stable solution there ({anchors.status[i]})"
-        elif np.any(np.abs(felt[i]) > limits):
+            return f"the mechanism has no stable solution there ({anchors.status[i]})"
+        if np.any(np.abs(felt[i]) > limits):
             axis = int(np.argmax(np.abs(felt[i]) - limits))
             unit = "N" if axis < 3 else "N m"
-            reason = (
+            return (
                 f"needs {felt[i, axis]:.4g} {unit} on axis {axis + 1} of the sensor, whose "
                 f"range leaves {limits[axis]:.4g} {unit} beside zero and noise "
                 "([instrument] fts_range)"
             )
-        elif leds[i] < LEDS_NEEDED:
-            reason = (
+        if leds[i] < LEDS_NEEDED:
+            return (
                 f"the camera would see {leds[i]} of {LEDS} LEDs, {LEDS_NEEDED} are needed "
                 "([instrument] camera_place_m, led_angle_rad)"
             )
-        if reason and request.action.name == "measure":
-            skipped = [*skipped, Skipped(request.row, request.pose_id, reason)]
-        else:
-            ok.append(request)
-    return without_approach(ok, skipped)
+        return ""
+
+    return _without(requests, skipped, reason)

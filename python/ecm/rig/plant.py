@@ -8,16 +8,16 @@ processes of the seed.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 
 import numpy as np
 
 from ecm.io.arrays import F, I
-from ecm.io.se3 import rotation, transpose, turn_wrench, wrench_adjoint
-from ecm.rig.camera import Optics
+from ecm.io.se3 import left_jacobian_inverse, rotation, transpose, turn_wrench, wrench_adjoint
 from ecm.rig.elastic import Elastic, Grading
-from ecm.rig.physics import Conditions, Physics
+from ecm.rig.instruments import Camera, ForceTorqueSensor, Optics, zero_at
+from ecm.rig.physics import Conditions, Physics, TrueEffect
 from ecm.rig.physics.load import Payload
 from ecm.rig.physics.sensor import SensorWarmUp
 from ecm.rig.physics.true_effect import (
@@ -50,45 +50,51 @@ class Truth:
     """Wrenches (N, 6) in sensor axes with the zero, before noise, counts and clipping."""
 
 
+@dataclass(frozen=True)
 class Plant:
-    """A mechanism in its surroundings."""
+    """A mechanism in its surroundings, with the physics that acts beside its elastic map."""
 
-    def __init__(
-        self,
-        settings: RigSettings,
-        elastic: Elastic,
-        length_m: float,
-        gradings: Mapping[str, Grading] | None = None,
-    ) -> None:
-        self._settings = settings
-        self.elastic = elastic
-        self.length_m = length_m
-        self.gradings: Mapping[str, Grading] = dict(gradings or {})
-        """Further FEM solutions, by the name of their grade."""
-        self.top_from_sensor = wrench_adjoint(settings.instrument.top_from_sensor)
-        self._sensor_from_top: F = np.asarray(np.linalg.inv(self.top_from_sensor), dtype=np.float64)
-        self.calibrated_top_from_sensor = self.top_from_sensor
-        """The adjoint (6, 6) with which readings are moved to the top."""
-        table = settings.plant
-        self._gravity = np.asarray(table.gravity_m_s2)
-        self._rest = rest_pose(length_m)
-        self._marker = _point_mass(table.marker_mass_kg, table.marker_centre_m)
-        self._known_payload = _point_mass(table.payload_mass_kg, table.payload_centre_m)
-        self._optics = Optics(settings.instrument)
+    settings: RigSettings
+    elastic: Elastic
+    length_m: float
+    gradings: Mapping[str, Grading] = field(default_factory=dict)
+    """Further FEM solutions, by the name of their grade."""
+    physics: Physics = field(default_factory=Physics)
+    offset: F = field(default_factory=lambda: np.zeros(6))
+    """Constant zero of the sensor (6,), sensor axes."""
+    calibrated_top_from_sensor: F | None = None
+    """The adjoint (6, 6) with which readings are moved to the top; None: the true one."""
 
-    def load(self, visits: Visits, physics: Physics) -> F:
+    @cached_property
+    def top_from_sensor(self) -> F:
+        """The true adjoint (6, 6)."""
+        return wrench_adjoint(self.settings.instrument.top_from_sensor)
+
+    @cached_property
+    def _sensor_from_top(self) -> F:
+        return np.asarray(np.linalg.inv(self.top_from_sensor), dtype=np.float64)
+
+    @property
+    def _gravity(self) -> F:
+        return np.asarray(self.settings.plant.gravity_m_s2)
+
+    def put(self, effect: TrueEffect) -> Plant:
+        """The same plant with one effect added or replaced."""
+        return replace(self, physics=self.physics.put(effect))
+
+    def load(self, visits: Visits) -> F:
         """Wrench (N, 6) of the sensor on the platform, base axes; the sensor is always on it."""
-        load = self._sensor_load(self._conditions(visits), visits, physics)
+        load = self._sensor_load(self._conditions(visits), visits)
         return turn_wrench(rotation(visits.reached[:, 3:]), load)
 
-    def truth(self, visits: Visits, physics: Physics, offset: F) -> Truth:
-        """Readings without noise at every visit; `offset` (6,) is the sensor's constant zero."""
-        at = self._conditions(visits)
+    def truth(self, visits: Visits) -> Truth:
+        """Readings without noise at every visit."""
+        at, physics = self._conditions(visits), self.physics
         top = np.zeros((len(visits), 6))
         if at.loaded.any():
-            top[at.loaded] = self._sensor_load(at, visits, physics)
+            top[at.loaded] = self._sensor_load(at, visits)
         if not at.loaded.all():
-            top[~at.loaded] = self._free_load(visits, physics)[~at.loaded]
+            top[~at.loaded] = self._free_load(visits)[~at.loaded]
         sensor = top @ self._sensor_from_top.T
         for frame in physics.of(SensorFrame):
             sensor = frame.reading(sensor, at)
@@ -98,18 +104,19 @@ class Plant:
         seen = visits.reached
         for effect in physics.of(CameraPose):
             seen = effect.measured(seen, at)
-        return Truth(seen, sensor + offset)
+        return Truth(seen, sensor + self.offset)
 
     def to_top(self, readings: F) -> F:
         """Wrenches (N, 6) at the top in top axes, of sensor readings (N, 6) without zero."""
-        wrenches: F = readings @ self.calibrated_top_from_sensor.T
+        known = self.calibrated_top_from_sensor
+        wrenches: F = readings @ (self.top_from_sensor if known is None else known).T
         return wrenches
 
     def _conditions(self, visits: Visits) -> Conditions:
         loaded = visits.of_kind(POSE, AT_HOME)
         return Conditions(
             length_m=self.length_m,
-            poses=np.where(loaded[:, None], visits.reached, self._rest),
+            poses=np.where(loaded[:, None], visits.reached, rest_pose(self.length_m)),
             anchor=visits.anchor,
             time_s=visits.time_s,
             temperature_degC=visits.temperature_degC,
@@ -123,54 +130,62 @@ class Plant:
             ways=tuple(visit.way for visit in visits),
             rested=tuple(visit.rested for visit in visits),
             moving=visits.moving,
-            leg_s=partial(travel_s, procedure=self._settings.rig),
+            leg_s=partial(travel_s, procedure=self.settings.rig),
             gravity_m_s2=self._gravity,
-            fts_range=np.asarray(self._settings.instrument.fts_range),
+            fts_range=np.asarray(self.settings.instrument.fts_range),
             sensor_from_top=self._sensor_from_top,
             elastic=self.elastic,
             gradings=self.gradings,
-            camera=self._optics,
+            camera=Optics(self.settings.instrument),
             memory=visits.memory,
         )
 
     def _declared_errors(self, sensor: F, visits: Visits) -> F:
         """Readings with what the rig file says of this sensor: gain, cross-talk, thermal drift."""
-        instrument = self._settings.instrument
+        instrument = self.settings.instrument
         matrix = np.asarray(instrument.fts_crosstalk).reshape(6, 6) * (1.0 - np.eye(6))
-        warm = visits.sensor_temperature_degC - self._settings.plant.room_temperature_degC
+        warm = visits.sensor_temperature_degC - self.settings.plant.room_temperature_degC
         drift = np.outer(warm, instrument.fts_thermal_per_K)
         readings: F = sensor @ (matrix + np.diag(instrument.fts_gain)).T + drift
         return readings
 
-    def _sensor_load(self, all_visits: Conditions, visits: Visits, physics: Physics) -> F:
+    def _sensor_load(self, all_visits: Conditions, visits: Visits) -> F:
         """Wrench of the sensor on the platform in top axes at the loaded visits, (n, 6)."""
         at = all_visits.select(all_visits.loaded)
-        world = self._mechanism(at, physics)
-        world = world - self._weight(visits, physics, visits.reached)[all_visits.loaded]
-        for other in physics.of(PlatformLoad):
+        world = self._mechanism(at)
+        world = world - self._weight(visits, visits.reached)[all_visits.loaded]
+        for other in self.physics.of(PlatformLoad):
             world = world - other.load(at)
         return turn_wrench(transpose(rotation(at.poses[:, 3:])), world)
 
-    def _free_load(self, visits: Visits, physics: Physics) -> F:
+    def _free_load(self, visits: Visits) -> F:
         """Wrench on the free sensor, at the rest pose: its axes are the base's."""
         force = -visits.numbers("dead_weight_kg")[:, None] * self._gravity
         arm = np.array([DEAD_WEIGHT_ARM_M, 0.0, 0.0])
         load = np.concatenate([force, np.cross(arm, force)], axis=1)
-        rest = np.tile(self._rest, (len(load), 1))
-        if self._settings.instrument.zeroed_with_payload:
-            return load - self._weight(visits, physics, rest)
+        rest = np.tile(rest_pose(self.length_m), (len(load), 1))
+        if self.settings.instrument.zeroed_with_payload:
+            return load - self._weight(visits, rest)
         return load - self._marker.weight(rest, self._gravity)
 
-    def _weight(self, visits: Visits, physics: Physics, poses: F) -> F:
+    @property
+    def _marker(self) -> Payload:
+        table = self.settings.plant
+        return Payload(table.marker_mass_kg, places_m=(table.marker_centre_m,))
+
+    def _weight(self, visits: Visits, poses: F) -> F:
         """Weight (N, 6) of everything that hangs on the platform."""
+        table = self.settings.plant
+        known = Payload(table.payload_mass_kg, places_m=(table.payload_centre_m,))
         weight = np.zeros((len(poses), 6))
-        for payload in (self._known_payload, *physics.of(Payload)):
+        for payload in (known, *self.physics.of(Payload)):
             weight += payload.weight(poses, self._gravity)
         hangs = visits.numbers("payload_on")[:, None]
         return hangs * weight + self._marker.weight(poses, self._gravity)
 
-    def _mechanism(self, at: Conditions, physics: Physics) -> F:
+    def _mechanism(self, at: Conditions) -> F:
         """Wrench (N, 6) of the mechanism on the platform, base axes."""
+        physics = self.physics
         anchor = self.elastic.anchors.poses[at.anchor]
         factor = np.ones(len(at.poses))
         for material in physics.of(MaterialFactor):
@@ -199,22 +214,6 @@ class Plant:
         return on_base(at.poses)
 
 
-def _point_mass(mass_kg: float, centre_m: tuple[float, ...]) -> Payload:
-    x, y, z = centre_m
-    return Payload(mass_kg, places_m=((x, y, z),))
-
-
-def warm_up_of(settings: RigSettings, direction: F) -> SensorWarmUp:
-    """The warm-up that every sensor has; `direction` (6,) is drawn by the seed."""
-    table = settings.plant
-    return SensorWarmUp(
-        table.drift_N,
-        direction=tuple(direction.tolist()),
-        time_s=table.drift_time_s,
-        wander=table.drift_wander,
-    )
-
-
 def visits_of(
     visits: tuple[Visit, ...], reached: F, anchor: I, climate: Climate, *, moving: bool = False
 ) -> Visits:
@@ -230,3 +229,84 @@ def visits_of(
         climate.at(climate.walk, time),
         moving,
     )
+
+
+def wrench_in_base(
+    plant: Plant,
+    visits: Visits,
+    sensor: F,
+    poses: F,
+    temperature_degC: F | None = None,
+) -> F:
+    """Compensated wrench (N, 6) in base axes at the top frame.
+
+    Parameters
+    ----------
+    sensor
+        Readings (N, 6) in sensor axes.
+    poses
+        Measured poses (N, 6): their rotation turns the wrench to base axes.
+    temperature_degC
+        Of the sensor (N,) as it was read; the true one where it is not given.
+    """
+    reads = visits.zero_readings
+    warm = visits.sensor_temperature_degC if temperature_degC is None else temperature_degC
+    readings = sensor[reads], visits.time_s[reads], warm[reads]
+    return compensated(plant, readings, visits.time_s, sensor, poses, warm)
+
+
+def compensated(
+    plant: Plant,
+    readings: tuple[F, F, F],
+    time_s: F,
+    sensor: F,
+    poses: F,
+    temperature_degC: F,
+) -> F:
+    """The same at any times (N,); readings of the zero (k, 6), their times and temperatures."""
+    zero, read_s, warm = readings
+    warm_up = plant.physics.get(SensorWarmUp)
+    zero = zero_at(
+        time_s,
+        read_s,
+        zero,
+        plant.settings.rig.offset_compensation,
+        temperature_degC=temperature_degC,
+        reading_temperature_degC=warm,
+        later_readings_lost=warm_up is not None and warm_up.later_readings_lost,
+    )
+    return turn_wrench(rotation(poses[:, 3:]), plant.to_top(sensor - zero))
+
+
+def residual(plant: Plant, visits: Visits) -> F:
+    """Noise-free measured wrench minus the elastic wrench at the measured pose, rows of poses."""
+    truth = plant.truth(visits)
+    measured = wrench_in_base(plant, visits, truth.sensor, truth.pose_seen)
+    rows = visits.at_poses
+    elastic = plant.elastic.wrench(visits.anchor[rows], truth.pose_seen[rows])
+    difference: F = measured[rows] - elastic
+    return difference
+
+
+def row_covariance(plant: Plant, visits: Visits, window_s: float | None = None) -> F:
+    """Sigma_i = B Sigma_sensor B' + K_s Sigma_pose K_s' of pose rows, (N, 6, 6).
+
+    Rows are means over window_s, by default the rig's. Pose noise is a translation and a rotation
+    in base axes, so it goes through K_s = K diag(I, J^-1).
+    """
+    rows = visits.at_poses
+    poses = visits.reached[rows]
+    settings = plant.settings
+    window = settings.rig.window_s if window_s is None else window_s
+    sensor = ForceTorqueSensor(settings.instrument).row_covariance(window, plant.top_from_sensor)
+    turn = np.zeros((len(poses), 6, 6))
+    turn[:, :3, :3] = turn[:, 3:, 3:] = rotation(poses[:, 3:])
+    stiffness = plant.elastic.stiffness(visits.anchor[rows], poses)
+    screw = stiffness.copy()
+    screw[:, :, 3:] = stiffness[:, :, 3:] @ left_jacobian_inverse(poses[:, 3:])
+    position, angle = Camera(settings.instrument).row_sd(window)
+    pose = np.repeat([position**2, angle**2], 3)
+    covariance: F = turn @ sensor @ np.swapaxes(turn, 1, 2) + (screw * pose) @ np.swapaxes(
+        screw, 1, 2
+    )
+    return covariance

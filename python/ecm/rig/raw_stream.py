@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,35 +27,20 @@ from ecm.errors import InputError
 from ecm.io.arrays import F, I
 from ecm.io.se3 import rotation, turn_wrench
 from ecm.io.table import Table
-from ecm.rig.camera import Optics, Window
 from ecm.rig.elastic import REST_ANCHOR, Anchors, Elastic, Grading, unique_poses
-from ecm.rig.hidden.size import Whitener
-from ecm.rig.measurement import ForceTorqueSensor, row_covariance, zero_at
+from ecm.rig.instruments import ForceTorqueSensor, Optics
 from ecm.rig.physics import Physics
-from ecm.rig.physics.sensor import SensorWarmUp
 from ecm.rig.physics.true_effect import Clock
 from ecm.rig.plan import POSE, Visit, Visits
-from ecm.rig.plant import Plant, visits_of
+from ecm.rig.plant import Plant, compensated, row_covariance, visits_of
 from ecm.rig.readings import POSE_NAMES, WRENCH_NAMES, CampaignState, Reading, described
-from ecm.rig.settings import Procedure, RigSettings
+from ecm.rig.settings import Procedure
 from ecm.rig.timeline import Climate, stream, travel_s
 
 NODES = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
 """Shares of a leg at which FEM is solved."""
 REST_S = 1.0
 """How much of the rest after each leg is streamed."""
-
-
-class StreamedCampaign(CampaignState, Protocol):
-    """A campaign whose camera takes an image."""
-
-    def image(
-        self,
-        pose: F,
-        time_s: float,
-        window_s: float,
-        random: tuple[np.random.Generator, np.random.Generator],
-    ) -> Window: ...
 
 
 @dataclass(frozen=True)
@@ -104,23 +89,16 @@ class RawStream:
     """The samples of a campaign, and what they would read under any physics."""
 
     def __init__(
-        self,
-        settings: RigSettings,
-        plant: Plant,
-        visits: Visits,
-        air: Climate,
-        *,
-        offset: F,
-        solve: Callable[[F], Anchors],
+        self, plant: Plant, visits: Visits, air: Climate, solve: Callable[[F], Anchors]
     ) -> None:
-        """offset: constant zero of the sensor (6,); solve: FEM at poses (N, 6)."""
-        smooth = plant.elastic.smooth
+        """solve: FEM at poses (N, 6)."""
+        settings, smooth = plant.settings, plant.elastic.smooth
         if smooth is None:
             raise InputError(
                 "[rig] stream_Hz: the way between poses needs a smooth map, and this plan has too "
                 "few poses for one. Plan 20 or more, or set stream_Hz = 0"
             )
-        self._settings, self._air, self._offset = settings, air, offset
+        self._settings, self._air = settings, air
         self._plant, self._smooth = plant, smooth
         self._rest = plant.elastic.anchors.poses[REST_ANCHOR]
         self.legs = _legs(plant, visits, settings.rig)
@@ -153,34 +131,30 @@ class RawStream:
     def covariance(self) -> F:
         """(N, 6, 6) of a row: one image, the sensor's samples between two images."""
         plant, visits = self._still
-        return row_covariance(plant, visits, self._settings, self.window_s)
-
-    def whitener(self) -> Whitener:
-        """Whitens the rows and takes out what the modulus absorbs."""
-        return Whitener(self.covariance(), self.elastic_wrench()[:, :, None])
+        return row_covariance(plant, visits, self.window_s)
 
     def truth(self, physics: Physics) -> tuple[F, F]:
         """Poses that the camera would see and readings of the sensor with its zero, (N, 6) each."""
         plant, visits = self._still
-        seen = plant.truth(visits, physics, self._offset)
+        seen = replace(plant, physics=physics).truth(visits)
         clock = physics.get(Clock)
         if clock is None:
             return seen.pose_seen, seen.sensor
         plant, visits = self._at(clock.read_s(self.time_s))
-        return seen.pose_seen, plant.truth(visits, physics, self._offset).sensor
+        return seen.pose_seen, replace(plant, physics=physics).truth(visits).sensor
 
     def residual(self, physics: Physics) -> F:
         """Noise-free wrench less the elastic one, both at the seen pose; the zero is known."""
         seen, sensor = self.truth(physics)
         plant, visits = self._still
-        wrench = turn_wrench(rotation(seen[:, 3:]), plant.to_top(sensor - self._offset))
+        wrench = turn_wrench(rotation(seen[:, 3:]), plant.to_top(sensor - plant.offset))
         left: F = wrench - plant.elastic.wrench(visits.anchor, seen)
         return left
 
-    def table(self, campaign: StreamedCampaign, readings: list[Reading]) -> Table:
+    def table(self, campaign: CampaignState, readings: list[Reading]) -> Table:
         """The samples with the noise of one row each."""
         # Copies: where nothing lies between, what the camera sees is the samples' own pose.
-        seen, sensor = (array.copy() for array in self.truth(campaign.physics))
+        seen, sensor = (array.copy() for array in self.truth(campaign.plant.physics))
         instrument = self._settings.instrument
         gauge = ForceTorqueSensor(instrument)
         # Of the two thermometers and the stamp, one row each.
@@ -202,19 +176,9 @@ class RawStream:
         warmth = warmth + instrument.thermometer_noise_degC * other[:, :2]
         stamps = (1.0 + instrument.clock_skew) * self.time_s
         stamps = stamps + instrument.time_stamp_sd_s * other[:, 2]
-        warm = campaign.physics.get(SensorWarmUp)
-        zero = zero_at(
-            self.time_s,
-            visits.time_s[reads],
-            np.stack([r.sensor for r in readings])[reads],
-            self._settings.rig.offset_compensation,
-            temperature_degC=warmth[:, 1],
-            reading_temperature_degC=np.asarray([r.sensor_temperature_degC for r in readings])[
-                reads
-            ],
-            later_readings_lost=warm is not None and warm.later_readings_lost,
-        )
-        wrench = turn_wrench(rotation(seen[:, 3:]), self._plant.to_top(sensor - zero))
+        warm = np.asarray([r.sensor_temperature_degC for r in readings])
+        zero = np.stack([r.sensor for r in readings])[reads], visits.time_s[reads], warm[reads]
+        wrench = compensated(campaign.plant, zero, self.time_s, sensor, seen, warmth[:, 1])
         columns: dict[str, NDArray[Any]] = {
             "run": np.asarray([float(leg.visit.run) for leg in self.legs])[self.leg],
             "time_s": np.maximum.accumulate(stamps),  # they grow, as a recorder's do
@@ -265,8 +229,7 @@ class RawStream:
             for name, g in self._plant.gradings.items()
             for k in (_between(g.stiffness, ends, u[:, :, None]),)
         }
-        plant = Plant(self._settings, Elastic(anchors), self._plant.length_m, gradings)
-        plant.calibrated_top_from_sensor = self._plant.calibrated_top_from_sensor
+        plant = replace(self._plant, elastic=Elastic(anchors), gradings=gradings)
         index = len(known.poses) + np.arange(len(poses))
         visits = self._visits(time_s, poses)
         return plant, visits_of(visits, poses, index, self._air, moving=True)

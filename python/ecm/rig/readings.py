@@ -7,7 +7,8 @@ after them; when the last one is there the table is written and the journal goes
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -22,18 +23,16 @@ from ecm.io.cache import write_atomically
 from ecm.io.description import FileMeta, Instrument, Meta, Scene
 from ecm.io.se3 import rotation, turn_wrench
 from ecm.io.table import Table
-from ecm.rig.camera import Camera, Optics, Window
-from ecm.rig.measurement import ForceTorqueSensor, wrench_in_base
+from ecm.rig.instruments import Camera, ForceTorqueSensor, Optics, Window
 from ecm.rig.plan import OFFSET
+from ecm.rig.plant import wrench_in_base
 from ecm.rig.timeline import stream
 
 if TYPE_CHECKING:
-    from ecm.rig.physics import Physics
     from ecm.rig.plan import Skipped, Visits
     from ecm.rig.plant import Plant
     from ecm.rig.settings import RigSettings
     from ecm.rig.timeline import Timeline
-
 
 _MARK = "# campaign "
 
@@ -46,6 +45,11 @@ def journal_path(out: Path) -> Path:
 def raw_path(out: Path) -> Path:
     """Where the raw stream of a table lies."""
     return out.with_suffix(".raw.parquet")
+
+
+def robot_path(out: Path) -> Path:
+    """Where the record of the arm lies beside a table."""
+    return out.with_suffix(".robot.json")
 
 
 BESIDE = {
@@ -118,7 +122,7 @@ class Journal:
             write_atomically(self.path, self._head + "".join(f"{line}\n" for line in self.lines))
             self._stream = self.path.open("a", encoding="utf-8", newline="")
         except OSError as error:
-            raise _disk(self.path, error) from None
+            raise disk_error(self.path, error) from None
         return self
 
     def __exit__(
@@ -128,7 +132,8 @@ class Journal:
         trace: TracebackType | None,
     ) -> None:
         if self._stream is not None:
-            self._stream.close()
+            with suppress(OSError):  # of a line that a full disk cut, which `append` told
+                self._stream.close()
 
     def append(self, line: str) -> None:
         """One more reading, on disk when this returns."""
@@ -138,7 +143,7 @@ class Journal:
                 self._stream.flush()
                 os.fsync(self._stream.fileno())
         except OSError as error:
-            raise _disk(self.path, error) from None
+            raise disk_error(self.path, error) from None
         self.lines.append(line)
 
     def remove(self) -> None:
@@ -161,7 +166,8 @@ class Journal:
         return complete[len(self._head) :].splitlines()
 
 
-def _disk(path: Path, error: OSError) -> ComputationError:
+def disk_error(path: Path, error: OSError) -> ComputationError:
+    """What to raise where a disk is full or gone."""
     return ComputationError(
         f"{path}: a reading could not be written: {error}. All readings before it are kept; free "
         "the disk and run the same command again"
@@ -183,16 +189,24 @@ HEADER = ",".join(_NAMES)
 
 
 class CampaignState(Protocol):
-    """What a table needs of the campaign that it was measured in."""
+    """What a table, a raw stream and an injected effect need of their campaign."""
 
     plan: Table
     settings: RigSettings
     seed: int
     plant: Plant
     visits: Visits
-    physics: Physics
     timeline: Timeline
     skipped: list[Skipped]
+    base_columns: Callable[[F], F] | None
+
+    def image(
+        self,
+        pose: F,
+        time_s: float,
+        window_s: float,
+        random: tuple[np.random.Generator, np.random.Generator],
+    ) -> Window: ...
 
 
 @dataclass(frozen=True)
@@ -254,15 +268,9 @@ class Reading:
 def table_of(campaign: CampaignState, readings: list[Reading], truth_sha256: str) -> Table:
     """The measurement table: wrenches compensated and in base axes, noise of the averaged row."""
     poses = np.stack([r.pose for r in readings])
-    wrenches = wrench_in_base(
-        campaign.plant,
-        campaign.visits,
-        campaign.physics,
-        sensor=np.stack([r.sensor for r in readings]),
-        poses=poses,
-        law=campaign.settings.rig.offset_compensation,
-        temperature_degC=np.asarray([r.sensor_temperature_degC for r in readings]),
-    )
+    sensor = np.stack([r.sensor for r in readings])
+    warm = np.asarray([r.sensor_temperature_degC for r in readings])
+    wrenches = wrench_in_base(campaign.plant, campaign.visits, sensor, poses, warm)
     visits = campaign.timeline.visits
     rows = [i for i, v in enumerate(visits) if v.kind != OFFSET]
     taken = [visits[i] for i in rows]
@@ -281,9 +289,7 @@ def table_of(campaign: CampaignState, readings: list[Reading], truth_sha256: str
     columns |= dict(zip(POSE_NAMES, poses[rows].T.copy(), strict=True))
     columns |= dict(zip(WRENCH_NAMES, wrenches[rows].T.copy(), strict=True))
     columns["temperature_degC"] = np.asarray([readings[i].temperature_degC for i in rows])
-    columns["sensor_temperature_degC"] = np.asarray(
-        [readings[i].sensor_temperature_degC for i in rows]
-    )
+    columns["sensor_temperature_degC"] = warm[rows]
     names = (f"sd_{name}" for name in (*POSE_NAMES, *WRENCH_NAMES))
     columns |= dict(zip(names, spreads.T.copy(), strict=True))
     skipped = tuple(

@@ -10,15 +10,16 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 import tempfile
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
-from ecm.io.cache import cache_directory, write_atomically
+from ecm.io.cache import cache_directory, write_atomically, write_json
 from ecm.io.extras import require_pyarrow, write_parquet
 from ecm.io.parallel import DaskClient
 from ecm.io.table import Table, read_table
@@ -36,6 +37,7 @@ from ecm.rig.readings import (
     journal_path,
     keep_data,
     raw_path,
+    robot_path,
 )
 from ecm.rig.settings import RigSettings
 from ecm.rig.timeline import timeline_of
@@ -97,7 +99,8 @@ def run_campaign(
         Settings of the rig.
     out
         Table to write, with NAME.toml and NAME.truth.json beside it; every reading is in
-        NAME.journal.csv before the next one is taken. None: in memory, without the raw stream.
+        NAME.journal.csv before the next one is taken (of the arm, every sortie in
+        NAME.journal.parts). None: in memory, without the raw stream.
     hide
         `EFFECT=S`, `random`, several with commas, or parsed; goes before the rig's `[hidden]`.
     seed
@@ -147,31 +150,21 @@ def run_campaign(
         hide = Hidden.parse(hide)
     if folder is None:
         folder = cache_directory()
+    kind: type[Campaign] = Campaign
     if rig.rig.mode == "robot":
-        from ecm.rig.arm.campaign import RobotCampaign  # noqa: PLC0415 - it takes 1.5 s to load
-        from ecm.rig.arm.run import require_arm, run_robot, sortie_store, write_record  # noqa: PLC0415 - as above
+        from ecm.rig.arm.campaign import RobotCampaign, require_arm  # noqa: PLC0415 - it takes 1.5 s to load
 
         require_arm(folder)
-        arm = RobotCampaign(
-            plan, rig, source, hide=hide, seed=seed, folder=folder,
-            progress=progress,
-        )  # fmt: skip
-        table, journal = run_robot(
-            arm, source, out, progress=progress, resume=resume, threads=options.threads
-        )
-        if out is not None and journal is not None:
-            table = _written(arm, table, out)
-            write_record(arm, out)
-            sortie_store(arm, out).remove()
-            journal.remove()
-        return table
-    campaign = Campaign(plan, rig, source, hide=hide, seed=seed, folder=folder, progress=progress)
+        kind = RobotCampaign
+    campaign = kind(plan, rig, source, hide=hide, seed=seed, folder=folder, progress=progress)
     raw = campaign.raw_stream()  # where a plan has too few poses for one it is said now
     if out is None:
-        table = campaign.run()
+        table = campaign.run(options.threads, progress)
         return table if raw is None else replace(table, warnings=(*table.warnings, _NO_STREAM))
     path = journal_path(out)
+    parts = path.with_suffix(".parts")
     with Journal(path, campaign.key(source), HEADER, resume=resume) as journal:
+        campaign.drive(options.threads, progress, parts)
         for i in range(len(journal.lines), len(campaign)):
             journal.append(campaign.measure(i).line())
             if progress is not None:
@@ -181,6 +174,7 @@ def run_campaign(
         stream = raw.table(campaign, readings)
         write_parquet(stream.columns, stream.meta.applied().to_toml(), raw_path(out))
     table = _written(campaign, campaign.table(readings), out)
+    shutil.rmtree(parts, ignore_errors=True)
     journal.remove()
     return table
 
@@ -206,8 +200,11 @@ def _written(campaign: Campaign, table: Table, out: Path) -> Table:
     """The table on disk, and the truth beside it where something was hidden."""
     table = replace(table, source=str(out))
     text = campaign.truth_text()
-    own = [".robot.json"] if campaign.settings.rig.mode == "robot" else []
-    own += [".raw.parquet", ".raw.toml"] if campaign.settings.rig.stream_Hz else []
+    own = [".raw.parquet", ".raw.toml"] if campaign.settings.rig.stream_Hz else []
+    record = campaign.record()
+    if record is not None:
+        write_json(robot_path(out), record)
+        own.append(".robot.json")
     if text is not None:
         write_atomically(truth.truth_path(out), text)
         own.append(".truth.json")
@@ -335,16 +332,21 @@ def run_campaigns(
         )
     rigs, seed, threads = len(seeds), seeds.start, options.threads
     paths = rig_paths(out, rigs)
-    ledger = _Ledger.of(ledger_path(out), _key(plan, rig, hide, seed), overwrite=overwrite)
+    key = _key(plan, rig, hide, seed)
+    own, done = _ledger(ledger_path(out), key, overwrite=overwrite)
+
+    def save() -> None:
+        document = {"key": key, "own": sorted(own), "done": sorted(done)}
+        write_atomically(ledger_path(out), json.dumps(document))
+
     for i, path in enumerate(paths):
         # A journal that is there is a single campaign's, never this job's.
-        keep_data(path, overwrite=overwrite or i in ledger.own, resume=False)
+        keep_data(path, overwrite=overwrite or i in own, resume=False)
     numbers = set(range(rigs))
-    if overwrite and ledger.done >= numbers:
-        ledger.done -= numbers  # nothing is unfinished: all of it is to be measured again
-    ledger.own |= numbers
-    ledger.save()
-    done = ledger.done
+    if overwrite and done >= numbers:
+        done -= numbers  # nothing is unfinished: all of it is to be measured again
+    own |= numbers
+    save()
     open_ = [i for i, path in enumerate(paths) if i not in done or not path.exists()]
     settings = rig.to_dict()
     meta = plan.meta.to_toml()
@@ -357,7 +359,7 @@ def run_campaigns(
             )
         clear_beside(paths[i], files)
         done.add(i)
-        ledger.save()
+        save()
         if progress is not None:
             progress(len(done & numbers), rigs, "rigs")
 
@@ -400,38 +402,24 @@ def _key(plan: Table, rig: RigSettings, hide: str | None, seed: int) -> str:
     return hashlib.sha256(json.dumps(document).encode()).hexdigest()
 
 
-@dataclass
-class _Ledger:
+def _ledger(path: Path, key: str, *, overwrite: bool) -> tuple[set[int], set[int]]:
     """Which tables are this job's own, and which of them are done."""
-
-    path: Path
-    key: str
-    own: set[int] = field(default_factory=set)
-    done: set[int] = field(default_factory=set)
-
-    @staticmethod
-    def of(path: Path, key: str, *, overwrite: bool) -> _Ledger:
-        if not path.exists():
-            return _Ledger(path, key)
-        try:
-            stored = json.loads(path.read_text(encoding="utf-8"))
-            done = {int(i) for i in stored["done"]}
-            own = {int(i) for i in stored["own"]}
-            if stored["key"] == key:
-                return _Ledger(path, key, own, done)
-        except (OSError, ValueError, KeyError, TypeError):
-            pass
-        if overwrite:
-            return _Ledger(path, key)
-        raise InputError(
-            f"{path}: these are campaigns of another plan, rig, seed or hidden effect, and "
-            "measurements are not overwritten. Choose another name, or say --overwrite (in "
-            "Python: overwrite=True)"
-        )
-
-    def save(self) -> None:
-        document = {"key": self.key, "own": sorted(self.own), "done": sorted(self.done)}
-        write_atomically(self.path, json.dumps(document))
+    if not path.exists():
+        return set(), set()
+    try:
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        own, done = ({int(i) for i in stored[name]} for name in ("own", "done"))
+        if stored["key"] == key:
+            return own, done
+    except (OSError, ValueError, KeyError, TypeError):
+        pass
+    if overwrite:
+        return set(), set()
+    raise InputError(
+        f"{path}: these are campaigns of another plan, rig, seed or hidden effect, and "
+        "measurements are not overwritten. Choose another name, or say --overwrite (in "
+        "Python: overwrite=True)"
+    )
 
 
 def _on_workers(scheduler: str, work: Iterable[tuple[int, Any]], finished: Any) -> None:

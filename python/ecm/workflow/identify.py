@@ -36,10 +36,10 @@ from ecm.models import (
 from ecm.models.physics.map import reach_of
 from ecm.regression.blocks import one_blas_thread
 from ecm.report.page import require_report, write_page
-from ecm.rig import HiddenTable, RigSettings
-from ecm.rig.arm.first_pose import PictureSource, first_pose_trace
-from ecm.rig.arm.run import require_arm, robot_path
+from ecm.rig import HiddenTable, RigSettings, fem_source
+from ecm.rig.arm.campaign import RobotCampaign, first_pose_trace, require_arm
 from ecm.rig.arm.summary import read_summary
+from ecm.rig.readings import robot_path
 from ecm.workflow import paper as steps
 from ecm.workflow.config import Config, read_config
 from ecm.workflow.job import Console, Job, Silent, require_free
@@ -288,15 +288,10 @@ def measure_designs(job: Job, candidates: Table, designs: dict[str, Design]) -> 
 
 def _arm(job: Job, rig: RigSettings) -> dict[str, Any]:
     """What the arm did in the campaigns of all designs, and Fig. 7."""
-    arrays, phases, reason = first_pose_trace(
-        PictureSource(
-            read_table(job.out / f"plan-{DESIGNS[0]}.csv", need="predict"),
-            rig,
-            seed=job.seed,
-            threads=job.threads,
-            folder=job.out / "stages" / "anchors",
-        )
-    )
+    plan = read_table(job.out / f"plan-{DESIGNS[0]}.csv", need="predict")
+    source, anchors = fem_source(plan, job.threads), job.out / "stages" / "anchors"
+    campaign = RobotCampaign(plan, rig, source, seed=job.seed, folder=anchors)
+    arrays, phases, reason = first_pose_trace(campaign)
     job.figures |= {f"arm_{name}": values for name, values in arrays.items()}
     records = {name: read_summary(robot_path(job.out / f"measured-{name}.csv")) for name in DESIGNS}
     return {"records": records, "phases_s": phases, "not_reached": reason}

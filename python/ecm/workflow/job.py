@@ -20,8 +20,7 @@ from ecm.io.arrays import F
 from ecm.io.cache import Stage, file_sha256, hash_of, write_json
 from ecm.io.table import Table, read_table
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
-from ecm.rig.arm.run import robot_path
-from ecm.rig.readings import journal_path
+from ecm.rig.readings import journal_path, robot_path
 from ecm.rig.run import require_possible
 from ecm.workflow.config import Config
 
@@ -213,5 +212,5 @@ def _begun_path(path: Path, stages: Path) -> Path:
 
 
 def _identity(rig: RigSettings, seed: int) -> str:
-    """Hash of rig and seed; rehearsed faults and processes may change during an interruption."""
-    return hash_of(replace(rig, arm=replace(rig.arm, fault="", processes=0)).to_dict(), seed)
+    """Hash of rig and seed; processes may change during an interruption."""
+    return hash_of(replace(rig, arm=replace(rig.arm, processes=0)).to_dict(), seed)

@@ -6,38 +6,41 @@ came to rest, when, along which path, and which poses it could not reach.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ecm.errors import ComputationError
+from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.io.columns import JOINT_SIGNS, JOINTS
+from ecm.io.columns import JOINT_SIGNS, JOINTS, WRENCH
+from ecm.io.parallel import own_cores
+from ecm.rig.arm.kuka import mujoco, scene
 from ecm.rig.arm.mechanism import (
     HiddenPhysics,
     compile_model,
     controller_document,
     fem_pairs,
     fit_surrogate,
+    require_library,
 )
-from ecm.rig.arm.safety_limits import MAX_IN_A_ROW, InstrumentOutput, parse_faults
-from ecm.rig.arm.scene import mujoco, scene
+from ecm.rig.arm.procedure import unusable
 from ecm.rig.arm.sorties import (
     PlannedSortie,
-    RunningSortie,
     SortieResult,
     SortieStore,
-    VisitRecord,
+    Stop,
+    StopResult,
     plan_sorties,
 )
-from ecm.rig.arm.worker import ArmSetup, RunSorties, run_sorties
-from ecm.rig.camera import Optics
+from ecm.rig.arm.summary import distance_m, phases_of, pose_errors
+from ecm.rig.arm.worker import ArmSetup, run_sorties
 from ecm.rig.campaign import Campaign
-from ecm.rig.elastic import Progress, Source
+from ecm.rig.elastic import Elastic, Progress, Source
 from ecm.rig.hidden.truth import Hidden
+from ecm.rig.instruments import Optics
 from ecm.rig.plan import HOME, OFFSET, POSE, Skipped, Visit, rest_pose
 from ecm.rig.plant import visits_of
 from ecm.rig.readings import Reading
@@ -47,14 +50,23 @@ from ecm.rig.timeline import Climate, Timeline
 if TYPE_CHECKING:
     from ecm.io.table import Table
 
-
 _WAY_POINTS = 12
 _EXTRA_S = 3600.0
-"""Slow processes of the air are drawn for three times the planned duration and this time."""
+"""In motion slow processes of the air are drawn for three times the planned duration and this."""
+_MOST_PROCESSES = 8
+
+
+def require_arm(folder: Path) -> None:
+    """Raise MissingExtra or ComputationError before the work if the arm cannot be simulated.
+
+    If `folder` has a compiled controller, no C compiler is needed.
+    """
+    mujoco()
+    require_library(folder)
 
 
 class RobotCampaign(Campaign):
-    """A plan on the rig with the arm; `lines` yields one visit after the other.
+    """A plan on the rig with the arm: `drive`, and then the readings as on any rig.
 
     `folder` keeps solved poses and compiled controllers.
     """
@@ -69,11 +81,8 @@ class RobotCampaign(Campaign):
         seed: int = 0,
         folder: Path,
         progress: Progress = None,
-        run: RunSorties = run_sorties,
     ) -> None:
         mujoco()  # before any work if it is missing
-        self._run = run
-        self._faults = parse_faults(settings.arm.fault)
         super().__init__(
             plan, settings, source, hide=hide, seed=seed, folder=folder, progress=progress
         )
@@ -90,259 +99,242 @@ class RobotCampaign(Campaign):
         visits = self.planned.visits
         self.sorties: list[PlannedSortie] = plan_sorties(visits, self.goals, settings.rig, length)
         self.home_rad = scene(settings, length).home_rad
-        self.records: list[VisitRecord] = []
-        self._optics = Optics(settings.instrument)
-        self._rest = rest_pose(length)
-        self._key = self._key_of(source)
-        self._readings: list[Reading] = []
-        self._reached: list[F] = []
+        self.stops: list[StopResult] = []
+        """What happened at the poses that were driven to, in their order."""
         self._visited: list[int] = []
-        self._way: list[list[float]] = [self._rest.tolist()]
-        self._shift_s = 0.0
-        self._bad_in_a_row = 0
-        pose_visits = [i for i, visit in enumerate(visits) if visit.kind == POSE]
-        self._pose_number = {i: k for k, i in enumerate(pose_visits)}
-        self._plan_poses = np.stack([visits[i].pose for i in pose_visits])
-        self.timeline = Timeline(runs=self.planned.runs)
-        self._air = self._climate()
-        self._warm_up(0.0)
-
-    @property
-    def identity(self) -> str:
-        """`key` of the source that the campaign was made with."""
-        return self._key
+        """Index in the planned timeline of each visit that was carried out."""
+        self._joints: F = np.empty((0, 14))
+        """Angles, and signs of the last motion, at each of them."""
+        # The controller's model is named by the hash of its code.
+        self._key = f"{super().key(source)}-{self.setup.library.stem}"
 
     def key(self, source: Source) -> str:
-        """Hash of everything that the readings depend on; faults and processes do not count."""
+        """Hash of everything that the readings depend on; processes do not count."""
         del source
         return self._key
 
-    # --- running ---------------------------------------------------------------
+    def drive(self, threads: int = 0, progress: Progress = None, parts: Path | None = None) -> None:
+        """Carry out all sorties; the folder `parts` keeps those that ended.
 
-    def lines(
-        self, done: Sequence[VisitRecord], processes: int, store: SortieStore | None = None
-    ) -> Iterator[VisitRecord]:
-        """Yield the visits in order, after those that are done.
-
-        Sorties that several processes finish before their turn are saved in `store`.
-        ComputationError after several unusable readings in a row.
+        threads: of processes that simulate, where [rig] processes does not say; 0: one a core.
         """
-        for record in done:
-            self._add(record)
-        begin = len(done)
-        remaining = [n for n, s in enumerate(self.sorties) if s.stops[-1].visit >= begin]
-        loaded = {n: store.load(n) for n in remaining} if store is not None else {}
-        driven = [n for n in remaining if loaded.get(n) is None]
-        # A sortie that was interrupted is driven again as a whole.
-        by_visit = {max(begin, self.sorties[n].stops[0].visit): n for n in remaining}
-
-        def finished(number: int, result: SortieResult) -> None:
+        processes = self.settings.arm.processes or threads or min(own_cores(), _MOST_PROCESSES)
+        store = None if parts is None else SortieStore(parts, self._key)
+        every = range(len(self.sorties))
+        kept = {n: store.load(n) for n in every} if store is not None else {}
+        results = {n: result for n, result in kept.items() if result is not None}
+        left = [n for n in every if n not in results]
+        for k, result in run_sorties(self.setup, [self.sorties[n].stops for n in left], processes):
+            results[left[k]] = result
             if store is not None:
-                store.save(driven[number], result)
+                store.save(left[k], result)
+            if progress is not None:
+                progress(len(results), len(self.sorties), "driving")
+        self._carry_out([results[n] for n in every])
 
-        tasks = [self.sorties[n].stops for n in driven]
-        with self._run(self.setup, tasks, processes, finished) as results:
-            for i in range(begin, len(self.planned.visits)):
-                if i in by_visit:
-                    sortie, result = self.sorties[by_visit[i]], loaded.get(by_visit[i])
-                    running = RunningSortie([*result.stops, result] if result else next(results))
-                if self.planned.visits[i].kind == POSE:
-                    record = self._visit_pose(i, sortie, running)
-                else:
-                    record = self._visit_home(i)
-                self._add(record)
-                yield record
-                if self._bad_in_a_row >= MAX_IN_A_ROW:
-                    raise ComputationError(
-                        f"{self._bad_in_a_row} poses in a row without a reading, the last because "
-                        f"{record.reason}. The arm is at home; {self.measured} poses are kept. "
-                        "Check the instrument and run the same command again"
-                    )
+    def record(self) -> dict[str, Any]:
+        """What the arm did at each pose, and in all."""
+        planned, stops, length = self.planned.visits, self.stops, self.plant.length_m
+        driven_rows = {planned[s.visit].row for s in stops}
+        not_driven = [s for s in self.skipped if s.row not in driven_rows]
+        reached = [s for s in stops if not s.reason]
+        total = len(stops) + len(not_driven)
+        plan = np.stack([visit.pose for visit in planned if visit.kind == POSE])
+        away = [
+            float(distance_m(s.trace[::5], plan, rest_pose(length), length).max(initial=0.0))
+            for s in stops
+        ]
+        off_known = [far for far, s in zip(away, stops, strict=True) if not s.reason]
+        document: dict[str, Any] = {
+            "schema": 1,
+            "visits": [
+                {
+                    "row": planned[s.visit].row,
+                    "pose_id": planned[s.visit].pose_id,
+                    "reason": s.reason,
+                    "phases_s": s.phases,
+                    "goal": self.goals[s.visit].tolist(),
+                    "after_impedance": s.after_impedance.tolist(),
+                    "after_position": s.reached.tolist(),
+                    "joints_rad": s.joints_rad.tolist(),
+                    "off_known_m": far,
+                }
+                for s, far in zip(stops, away, strict=True)
+            ],
+            "poses": total,
+            "reached": len(reached),
+            "success": len(reached) / total if total else 0.0,
+            "reasons": [
+                *([s.row + 1, s.pose_id, s.reason] for s in not_driven),
+                *(
+                    [planned[s.visit].row + 1, planned[s.visit].pose_id, s.reason]
+                    for s in stops
+                    if s.reason
+                ),
+            ],
+            "mechanism_rms": dict(zip(WRENCH, self.mechanism.rms.tolist(), strict=True)),
+            "minutes": self.minutes,
+            "off_known_m": {
+                "largest": max(off_known, default=0.0),
+                "mean": float(np.mean(off_known)) if reached else 0.0,
+            },
+        }
+        if reached:
+            goals = np.stack([self.goals[s.visit] for s in reached])
+            document["phases"] = phases_of(reached, goals, rest_pose(length))
+            commanded = np.stack([planned[s.visit].pose for s in reached])
+            distance, angle = pose_errors(np.stack([s.reached for s in reached]), commanded)
+            document["calibration"] = {
+                "median_m": float(np.median(distance)),
+                "median_rad": float(np.median(angle)),
+            }
+        return document
 
-    @property
-    def minutes(self) -> float:
-        """Duration of the campaign on the rig: as planned, plus the delay of the arm so far."""
-        return (self.planned.end_s + self._shift_s) / 60.0
+    def table(self, readings: list[Reading]) -> Table:
+        """The measurement table with the joints of the arm; poses of no use are left out."""
+        stops = {stop.visit: stop for stop in self.stops}
+        leds = Optics(self.settings.instrument).visible(self.visits.reached).sum(axis=1).tolist()
+        rows = []
+        for i, (visit, seen, reading) in enumerate(zip(self._visited, leds, readings, strict=True)):
+            reason = unusable(reading, seen, self.settings.instrument) if visit in stops else ""
+            if reason:
+                self._skip(stops[visit], reason)
+            else:
+                rows.append(i)
+        if len(rows) < len(readings):
+            readings, self._joints = [readings[i] for i in rows], self._joints[rows]
+            self._visited = [self._visited[i] for i in rows]
+            self._place([self.timeline.visits[i] for i in rows], self.visits.reached[rows])
+        table = super().table(readings)
+        listed = [i for i, visit in enumerate(self.timeline.visits) if visit.kind != OFFSET]
+        joints = zip((*JOINTS, *JOINT_SIGNS), self._joints[listed].T.copy(), strict=True)
+        return replace(table, columns=dict(table.columns) | dict(joints))
 
-    @property
-    def measured(self) -> int:
-        """Number of poses that have a reading."""
-        return sum(v.kind == POSE for v in self.timeline.visits)
-
-    def finished(self) -> Table:
-        """Return the measurement table, with the joints of the arm."""
-        self._update_visits(self.timeline.visits)
-        table = self.table(self._readings)
-        reached = [record for record in self.records if not record.reason]
-        rows = [reached[k] for k, v in enumerate(self.timeline.visits) if v.kind != OFFSET]
-        columns = dict(table.columns)
-        for names, values in (
-            (JOINTS, [r.joints_rad for r in rows]),
-            (JOINT_SIGNS, [r.directions for r in rows]),
-        ):
-            columns |= zip(names, np.reshape(values, (-1, 7)).T.copy(), strict=True)
-        return replace(table, columns=columns)
-
-    # --- one visit ---------------------------------------------------------------
-
-    def _visit_home(self, i: int) -> VisitRecord:
-        planned = self.planned.visits[i]
-        self._warm_up(planned.time_s)
-        visit = replace(planned, time_s=planned.time_s + self._shift_s, way=np.asarray(self._way))
-        goal = self.goals[i].tolist()
-        return VisitRecord(
-            i, visit.time_s, visit.travel_s, visit.dwell_s, visit.approach, self._way,
-            after=[self._rest.tolist()], reached=goal, shift_s=self._shift_s,
-            reading=self._read(visit, self.goals[i], i).line(),
-            joints_rad=self.home_rad.tolist(), directions=[0.0] * 7, goal=goal, after_impedance=[],
-        )  # fmt: skip
-
-    def _visit_pose(self, i: int, sortie: PlannedSortie, running: RunningSortie) -> VisitRecord:
-        planned = self.planned.visits[i]
-        self._warm_up(planned.time_s)
-        k = next(k for k, stop in enumerate(sortie.stops) if stop.visit == i)
-        stop, stopped = sortie.stops[k], running.stop(k)
-        result = running.whole() if k == len(sortie.stops) - 1 else None
-        planned_s = sortie.home_s - sortie.depart_s
-        trace = _thinned(stopped.trace)
-        record = VisitRecord(
-            i,
-            time_s=sortie.depart_s + self._shift_s + stopped.reading_s,
-            travel_s=stopped.travel_s,
-            dwell_s=stopped.rest_s,
-            approach=HOME if stopped.from_home and not stop.via else planned.approach,
-            way=[*self._way, *trace, *([] if stopped.reason else [stopped.reached.tolist()])],
-            after=_thinned(result.home.trace) if result else [],
-            reached=stopped.reached.tolist(),
-            shift_s=self._shift_s + (result.duration_s - planned_s if result else 0.0),
-            reading="",
-            joints_rad=stopped.joints_rad.tolist(),
-            directions=stopped.directions.tolist(),
-            goal=self.goals[i].tolist(),
-            after_impedance=stopped.after_impedance.tolist(),
-            reason=stopped.reason,
-            phases=[list(phase) for phase in stopped.phases],
-            off_known_m=float(
-                distance_m(
-                    stopped.trace[::5], self._plan_poses, self._rest, self.plant.length_m
-                ).max(initial=0.0)
-            ),
+    def _carry_out(self, results: Sequence[SortieResult]) -> None:
+        """Lay out the timeline as the arm kept it: when it rested where, along which way."""
+        rest = rest_pose(self.plant.length_m)
+        at_stop = {
+            stop.visit: (sortie, result, k)
+            for sortie, result in zip(self.sorties, results, strict=True)
+            for k, stop in enumerate(sortie.stops)
+        }
+        visits, reached, joints = list[Visit](), list[F](), list[F]()
+        self.timeline = Timeline(runs=self.planned.runs)
+        way, shift_s = rest[None], 0.0
+        for i, planned in enumerate(self.planned.visits):
+            begun = [times for times in self.planned.heating if times[0] <= planned.time_s]
+            for begin, end in begun[len(self.timeline.heating) :]:
+                self.timeline.heating.append((begin + shift_s, end + shift_s))
+            if i not in at_stop:
+                self._visited.append(i)
+                visits.append(replace(planned, time_s=planned.time_s + shift_s, way=way))
+                reached.append(self.goals[i])
+                joints.append(np.concatenate([self.home_rad, np.zeros(7)]))
+                way = np.stack([self.goals[i], rest])
+                continue
+            sortie, result, k = at_stop[i]
+            stop = result.stops[k]
+            self.stops.append(stop)
+            way = np.concatenate([way, _thinned(stop.trace)])
+            after, began_s = np.empty((0, 6)), sortie.depart_s + shift_s
+            if k == len(sortie.stops) - 1:
+                after = _thinned(result.home.trace)
+                shift_s += result.duration_s - (sortie.home_s - sortie.depart_s)
+            if stop.reason:
+                way = np.concatenate([way, after])
+                self._skip(stop, stop.reason)
+                continue
+            self._visited.append(i)
+            own = stop.from_home and not sortie.stops[k].via
+            visits.append(
+                replace(
+                    planned, time_s=began_s + stop.reading_s, travel_s=stop.travel_s,
+                    dwell_s=stop.rest_s, approach=HOME if own else planned.approach,
+                    way=np.concatenate([way, stop.reached[None]]),
+                )
+            )  # fmt: skip
+            reached.append(stop.reached)
+            joints.append(np.concatenate([stop.joints_rad, stop.directions]))
+            way = np.concatenate([stop.reached[None], after])
+        self.timeline.end_s = self.planned.end_s + shift_s
+        self._air = Climate.build(
+            self.settings, self.seed, self.timeline.end_s, self.timeline.heating
         )
-        if record.reason:
-            return record
-        instrument = self.settings.instrument
-        leds = int(self._optics.visible(stopped.reached[None]).sum())
-        reading = self._read(_carried_out(planned, record), stopped.reached, i)
-        output = InstrumentOutput(reading, leds=leds)
-        output = output.with_faults(self._faults, self._pose_number[i], instrument)
-        reason = output.unusable(instrument)
-        return replace(record, reason=reason, fault=bool(reason), reading=output.reading.line())
+        self._joints = np.stack(joints)
+        self._place(visits, np.stack(reached))
 
-    def _add(self, record: VisitRecord) -> None:
-        """Update the state for the next visits, also from a record of the journal."""
-        planned = self.planned.visits[record.visit]
-        self._warm_up(planned.time_s)
-        self.records.append(record)
-        self._shift_s = record.shift_s
-        if record.reason:
-            self._way = [*record.way, *record.after]
-            self.skipped = [*self.skipped, Skipped(planned.row, planned.pose_id, record.reason)]
-            self._bad_in_a_row = self._bad_in_a_row + 1 if record.fault else 0
-            return
-        self._way = [record.reached, *record.after]
-        if planned.kind == POSE:
-            self._bad_in_a_row = 0
-        self.timeline.visits.append(_carried_out(planned, record))
-        self._reached.append(np.asarray(record.reached))
-        self._visited.append(record.visit)
-        self._readings.append(Reading.parse(record.reading, "journal"))
+    def _place(self, visits: list[Visit], reached: F) -> None:
+        """Take these visits as those of the campaign, at true poses (N, 6)."""
+        self.timeline.visits = visits
+        self.visits = visits_of(tuple(visits), reached, self._anchors[self._visited], self._air)
+        self._truth = self.plant.truth(self.visits)
 
-    def _read(self, visit: Visit, reached: F, i: int) -> Reading:
-        """Take a reading after all visits so far, which do not change."""
-        before = self.timeline
-        self._reached.append(reached)
-        self._visited.append(i)
-        self.timeline = Timeline([*before.visits, visit], runs=before.runs)
-        self._update_visits(self.timeline.visits)
-        self._truth = self.plant.truth(self.visits, self.physics, self._offset)
-        reading = self.measure(len(self.timeline.visits) - 1)
-        self._reached.pop()
-        self._visited.pop()
-        self.timeline = before
-        return reading
-
-    def _update_visits(self, visits: Sequence[Visit]) -> None:
-        self.visits = visits_of(
-            tuple(visits), np.stack(self._reached), self._anchors[self._visited], self._air
-        )
-
-    # --- the air ---------------------------------------------------------------
-
-    @property
-    def _air_end_s(self) -> float:
-        return 3.0 * self.planned.end_s + _EXTRA_S
-
-    def _warm_up(self, planned_s: float) -> None:
-        """Start the warm-ups of the plan that have begun by now, with the delay of the arm."""
-        begun = [times for times in self.planned.heating if times[0] <= planned_s]
-        new = begun[len(self.timeline.heating) :]
-        if new:
-            self.timeline.heating.extend((b + self._shift_s, e + self._shift_s) for b, e in new)
-            self._air = self._climate()
-
-    def _climate(self) -> Climate:
-        return Climate.build(self.settings, self.seed, self._air_end_s, self.timeline.heating)
+    def _skip(self, stop: StopResult, reason: str) -> None:
+        planned = self.planned.visits[stop.visit]
+        stop.reason = reason
+        self.skipped = [*self.skipped, Skipped(planned.row, planned.pose_id, reason)]
 
     def _hidden_physics(self) -> HiddenPhysics | None:
         """Return what acts on the platform beyond the bare mechanism; None if nothing is hidden."""
         if not self.injected:
             return None
-        return HiddenPhysics(
-            anchors=self.plant.elastic.anchors,
-            gradings=self.plant.gradings,
-            physics=self.physics,
-            visits=tuple(self.planned.visits),
-            anchor=self._anchors,
-            seed=self.seed,
-            end_s=self._air_end_s,
-            heating=tuple(self.planned.heating),
-        )
-
-    def _key_of(self, source: Source) -> str:
-        own = self.settings
-        try:
-            self.settings = replace(own, arm=replace(own.arm, fault="", processes=0))
-            # The controller's model is named by the hash of its code.
-            return f"{super().key(source)}-{self.setup.library.stem}"
-        finally:
-            self.settings = own
+        end_s, heating = 3.0 * self.planned.end_s + _EXTRA_S, self.planned.heating
+        bare = replace(self.plant, elastic=Elastic(self.plant.elastic.anchors))
+        air = Climate.build(self.settings, self.seed, end_s, heating)
+        return HiddenPhysics(bare, air, tuple(self.planned.visits), self._anchors)
 
 
-def _carried_out(planned: Visit, record: VisitRecord) -> Visit:
-    """Return the visit with the times and the path of the arm."""
-    return replace(
-        planned, time_s=record.time_s, travel_s=record.travel_s, dwell_s=record.dwell_s,
-        approach=record.approach, way=np.asarray(record.way),
-    )  # fmt: skip
-
-
-def _thinned(trace: F) -> list[list[float]]:
+def _thinned(trace: F) -> F:
     """Return a few points of a path, the last one included; none if it diverged at once."""
     trace = trace[np.isfinite(trace).all(axis=1)]
     if len(trace) == 0:
-        return []
+        return trace
     index = np.unique(np.linspace(0, len(trace) - 1, _WAY_POINTS).round().astype(int))
-    points: list[list[float]] = trace[index].tolist()
+    points: F = trace[index]
     return points
 
 
-def distance_m(path: F, poses: F, rest: F, length_m: float) -> F:
-    """(n,) distance of each pose of a path (n, 6) from the lines to (N, 6) poses, m."""
-    metric = np.array([1.0, 1.0, 1.0, length_m, length_m, length_m])
-    lines = (poses - rest) * metric
-    points = (path - rest) * metric
-    square = np.maximum((lines**2).sum(axis=1), 1e-18)
-    share = np.clip(points @ lines.T / square, 0.0, 1.0)
-    gaps = points[:, None, :] - share[:, :, None] * lines[None, :, :]
-    nearest: F = np.sqrt((gaps**2).sum(axis=2).min(axis=1))
-    return nearest
+_TRIED = 10
+"""Poses that are driven, each for about a second, until one is reached."""
+
+
+def first_pose_trace(campaign: RobotCampaign) -> tuple[dict[str, F], list[list[Any]], str]:
+    """Return the data of Fig. 7: the first pose of a plan that is reached, from home and back.
+
+    If none of the first ten poses is reached, it is the very first, as far as the arm came.
+
+    Returns
+    -------
+    arrays
+        `time_s` (n,), `way` (n, 6) and `goal` (6,) minus the rest pose, m and rad.
+    phases
+        Name, begin and end in s.
+    reason
+        Why the pose was not reached; empty if it was.
+    """
+    sortie, stop = first_reached(campaign)
+    time_s, trace = full_trace(sortie)
+    rest = rest_pose(campaign.plant.length_m)
+    phases = [[*phase] for phase in (*sortie.stops[0].phases, *sortie.home.phases)]
+    finite = np.isfinite(trace).all(axis=1)  # until it diverged, if it did
+    arrays = {"time_s": time_s[finite], "way": trace[finite] - rest, "goal": stop.goal - rest}
+    return arrays, phases, sortie.stops[0].reason
+
+
+def first_reached(campaign: RobotCampaign) -> tuple[SortieResult, Stop]:
+    """Drive the first poses; return the first that is reached, or else the first."""
+    arm = campaign.setup.build()
+    driven = []
+    for planned in campaign.sorties[:_TRIED]:
+        driven.append((arm.sortie(planned.stops[:1]), planned.stops[0]))
+        if not driven[-1][0].stops[0].reason:
+            return driven[-1]
+    if not driven:
+        raise InputError("the plan has no pose that the arm could show")
+    return driven[0]
+
+
+def full_trace(sortie: SortieResult) -> tuple[F, F]:
+    """Times (n,) and poses (n, 6) of a sortie with one stop, from home and back."""
+    parts = (sortie.stops[0], sortie.home)
+    return np.concatenate([p.trace_s for p in parts]), np.concatenate([p.trace for p in parts])

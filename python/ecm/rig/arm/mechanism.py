@@ -20,7 +20,6 @@ import hashlib
 import json
 import shutil
 import subprocess
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -39,11 +38,10 @@ from ecm._native import (
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
-from ecm.rig.elastic import UNIFORM, Anchors, Elastic, Grading, Progress, Source, solve_cached
+from ecm.rig.elastic import UNIFORM, Anchors, Elastic, Progress, Source, solve_cached
 from ecm.rig.physics import Physics
 from ecm.rig.plan import Visit
 from ecm.rig.plant import Plant, visits_of
-from ecm.rig.settings import RigSettings
 from ecm.rig.timeline import Climate
 
 _ENOUGH = 90
@@ -118,31 +116,22 @@ _WAY_POINTS = 10
 class HiddenPhysics:
     """What the plant has beyond the bare mechanism, ready to be sent to another process."""
 
-    anchors: Anchors
-    gradings: Mapping[str, Grading]
-    physics: Physics
+    plant: Plant
+    """With the solved poses alone, without a smooth map."""
+    air: Climate
     visits: tuple[Visit, ...]
     """Visits of the planned timeline."""
     anchor: I
-    seed: int
-    end_s: float
-    heating: tuple[tuple[float, float], ...]
-
-    def wrench(self, settings: RigSettings, surrogate: Surrogate) -> NonElasticWrench:
-        """Build the plant in this process."""
-        elastic = Elastic(self.anchors, surrogate.model())
-        plant = Plant(settings, elastic, surrogate.length_m, self.gradings)
-        air = Climate.build(settings, self.seed, self.end_s, self.heating)
-        return NonElasticWrench(self, plant, air)
 
 
 class NonElasticWrench:
     """The wrench beyond elasticity along one sortie."""
 
-    def __init__(self, hidden: HiddenPhysics, plant: Plant, air: Climate) -> None:
+    def __init__(self, hidden: HiddenPhysics, surrogate: Surrogate) -> None:
         self._hidden = hidden
-        self._plant = plant
-        self._air = air
+        elastic = Elastic(hidden.plant.elastic.anchors, surrogate.model())
+        self._plant = replace(hidden.plant, elastic=elastic)
+        self._bare = replace(self._plant, physics=Physics())
         self._way: list[F] = []
         self._depart_s = 0.0
         self.next_visit(0)
@@ -174,9 +163,8 @@ class NonElasticWrench:
             dwell_s=self._rested_s, way=np.stack([*(self._way[i] for i in index), pose]),
             rested=True,
         )  # fmt: skip
-        visits = visits_of((visit,), pose[None].copy(), self._anchor, self._air)
-        plant, physics = self._plant, self._hidden.physics
-        wrench: F = (plant.load(visits, physics) - plant.load(visits, Physics()))[0]
+        visits = visits_of((visit,), pose[None].copy(), self._anchor, self._hidden.air)
+        wrench: F = (self._plant.load(visits) - self._bare.load(visits))[0]
         return wrench
 
 

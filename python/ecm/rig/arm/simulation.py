@@ -34,9 +34,9 @@ import numpy as np
 
 from ecm.errors import EcmError
 from ecm.io.arrays import F
+from ecm.rig.arm.kuka import Scene, mujoco
 from ecm.rig.arm.mechanism import ControllerModel
-from ecm.rig.arm.scene import Scene, mujoco
-from ecm.rig.arm.settings import ArmSettings
+from ecm.rig.settings import ArmSettings
 
 _INTEGRATOR_S = 0.1
 

@@ -1,11 +1,9 @@
-"""Sorties: motions from home to poses and back, planned, carried out, stored, recorded."""
+"""Sorties: motions from home to poses and back, planned, carried out, stored."""
 
 from __future__ import annotations
 
-import json
-import shutil
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.cache import Stage
 from ecm.rig.plan import POSE, Visit, rest_pose
+from ecm.rig.readings import disk_error
 from ecm.rig.settings import Procedure
 
 
@@ -106,43 +104,6 @@ class SortieResult:
     home: StopResult
 
 
-class RunningSortie:
-    """A sortie under way: each stop is known when it is done, the rest when the arm is home.
-
-    `results` yields the stops in order, and then the whole.
-    """
-
-    def __init__(self, results: Iterable[StopResult | SortieResult]) -> None:
-        self._results = iter(results)
-        self._stops: list[StopResult] = []
-        self._whole: SortieResult | None = None
-
-    def stop(self, k: int) -> StopResult:
-        """Wait for the k-th stop."""
-        while len(self._stops) <= k:
-            self._next()
-        return self._stops[k]
-
-    def whole(self) -> SortieResult:
-        """Wait until the arm is home again."""
-        while self._whole is None:
-            self._next()
-        return self._whole
-
-    def _next(self) -> None:
-        result = next(self._results)
-        if isinstance(result, SortieResult):
-            self._whole = result
-        else:
-            self._stops.append(result)
-
-
-def full_trace(sortie: SortieResult) -> tuple[F, F]:
-    """Times (n,) and poses (n, 6) of a sortie with one stop, from home and back."""
-    parts = (sortie.stops[0], sortie.home)
-    return np.concatenate([p.trace_s for p in parts]), np.concatenate([p.trace for p in parts])
-
-
 def plan_sorties(
     visits: Sequence[Visit], goals: F, procedure: Procedure, length_m: float
 ) -> list[PlannedSortie]:
@@ -192,63 +153,10 @@ def _leg_s(start: F, end: F, procedure: Procedure) -> float:
     return motion_s(end[:3] - start[:3], float(np.linalg.norm((end - start)[3:])), procedure)
 
 
-HEADER = "one JSON object per visit: motion of the arm, then the reading"
-
-
-@dataclass(frozen=True)
-class VisitRecord:
-    """A finished visit; poses are (x, y, z, theta_x, theta_y, theta_z)."""
-
-    visit: int
-    """Index in the planned timeline."""
-    time_s: float
-    travel_s: float
-    dwell_s: float
-    approach: str
-    way: list[list[float]]
-    """Poses (k, 6) from the previous reading to this one, or to where the arm stopped."""
-    after: list[list[float]]
-    """Poses from there on; home if the sortie ends here."""
-    reached: list[float]
-    """Mean pose over the window."""
-    shift_s: float
-    """Delay against the plan after this visit."""
-    reading: str
-    """Line of the quasi-static journal."""
-    joints_rad: list[float]
-    directions: list[float]
-    goal: list[float]
-    """Commanded pose, calibration error of the arm included."""
-    after_impedance: list[float]
-    reason: str = ""
-    """Why there is no reading; empty if there is one."""
-    fault: bool = False
-    """Whether the reason is a fault of an instrument, not of the arm."""
-    phases: list[list[Any]] = field(default_factory=list)
-    """Name, begin and end in s of each phase."""
-    off_known_m: float = 0.0
-    """Largest distance from the known workspace."""
-
-    def text(self) -> str:
-        """Return one line of JSON."""
-        return json.dumps(asdict(self))
-
-    @staticmethod
-    def parse(text: str, source: str) -> VisitRecord:
-        """Read one line of JSON; InputError if it is damaged."""
-        try:
-            return VisitRecord(**json.loads(text))
-        except (json.JSONDecodeError, TypeError):
-            raise InputError(
-                f"{source}: damaged line `{text[:40]}`. Remove the journal to start again"
-            ) from None
-
-
 class SortieStore:
     """Results of the sorties of a campaign by their number in its plan."""
 
     def __init__(self, folder: Path, key: str) -> None:
-        self._folder = folder
         self._stage = Stage(folder, "sorties", key)
 
     def save(self, number: int, result: SortieResult) -> None:
@@ -256,7 +164,10 @@ class SortieStore:
         arrays = {"duration_s": np.array(result.duration_s), **_arrays("home", result.home)}
         for k, stop in enumerate(result.stops):
             arrays |= _arrays(str(k), stop)
-        self._stage.save_part(number, arrays)
+        try:
+            self._stage.save_part(number, arrays)
+        except OSError as error:
+            raise disk_error(self._stage.directory, error) from None
 
     def load(self, number: int) -> SortieResult | None:
         """Return a stored result; None where there is none."""
@@ -266,10 +177,6 @@ class SortieStore:
         count = sum(name.endswith(".visit") for name in arrays) - 1
         stops = tuple(_stop(str(k), arrays) for k in range(count))
         return SortieResult(stops, float(arrays["duration_s"]), _stop("home", arrays))
-
-    def remove(self) -> None:
-        """Delete all of them: the campaign is finished."""
-        shutil.rmtree(self._folder, ignore_errors=True)
 
 
 def _arrays(name: str, stop: StopResult) -> dict[str, NDArray[Any]]:

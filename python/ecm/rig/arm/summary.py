@@ -1,24 +1,22 @@
-"""What the arm did: the record `NAME.robot.json` of a campaign, and its summary in a few lines."""
+"""The record `NAME.robot.json` of a campaign of the arm: what is counted, and its summary.
+
+The record has for each pose: goal, pose after the impedance phase and after the position phase by
+the arm's own encoders, times of the phases, and the reason if it was skipped.
+"""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ecm.io.arrays import F
 from ecm.io.columns import POSE as POSE_COLUMNS
-from ecm.io.columns import WRENCH
-from ecm.rig.arm.sorties import VisitRecord
-from ecm.rig.plan import POSE, rest_pose
-
-if TYPE_CHECKING:
-    from ecm.rig.arm.campaign import RobotCampaign
-
+from ecm.rig.arm.sorties import StopResult
 
 PANELS = ("x - L [mm]", "y [mm]", "z [mm]", "θx [mrad]", "θy [mrad]", "θz [mrad]")
 """Components of a pose minus the rest pose."""
@@ -58,70 +56,27 @@ def motion_shares(poses: F, goals: F, rest: F) -> F:
     return share
 
 
-def campaign_record(campaign: RobotCampaign) -> dict[str, Any]:
-    """Return the record of a campaign."""
-    planned = campaign.planned.visits
-    records = [r for r in campaign.records if planned[r.visit].kind == POSE]
-    driven_rows = {planned[r.visit].row for r in records}
-    not_driven = [s for s in campaign.skipped if s.row not in driven_rows]
-    reached = [r for r in records if not r.reason]
-    total = len(records) + len(not_driven)
-    off_known = [r.off_known_m for r in reached]
-    document: dict[str, Any] = {
-        "schema": 1,
-        "visits": [
-            {
-                "row": planned[r.visit].row,
-                "pose_id": planned[r.visit].pose_id,
-                "reason": r.reason,
-                "phases_s": r.phases,
-                "goal": r.goal,
-                "after_impedance": r.after_impedance,
-                "after_position": r.reached,
-                "joints_rad": r.joints_rad,
-                "off_known_m": r.off_known_m,
-            }
-            for r in records
-        ],
-        "poses": total,
-        "reached": len(reached),
-        "success": len(reached) / total if total else 0.0,
-        "reasons": [
-            *([s.row + 1, s.pose_id, s.reason] for s in not_driven),
-            *(
-                [planned[r.visit].row + 1, planned[r.visit].pose_id, r.reason]
-                for r in records
-                if r.reason
-            ),
-        ],
-        "mechanism_rms": dict(zip(WRENCH, campaign.mechanism.rms.tolist(), strict=True)),
-        "minutes": campaign.minutes,
-        "off_known_m": {
-            "largest": max(off_known, default=0.0),
-            "mean": float(np.mean(off_known)) if reached else 0.0,
-        },
-    }
-    if reached:
-        document["phases"] = _phases(reached, campaign.plant.length_m)
-        plan = np.stack([planned[r.visit].pose for r in reached])
-        distance, angle = pose_errors(np.asarray([r.reached for r in reached]), plan)
-        document["calibration"] = {
-            "median_m": float(np.median(distance)),
-            "median_rad": float(np.median(angle)),
-        }
-    return document
+def distance_m(path: F, poses: F, rest: F, length_m: float) -> F:
+    """(n,) distance of each pose of a path (n, 6) from the lines to (N, 6) poses, m."""
+    metric = np.array([1.0, 1.0, 1.0, length_m, length_m, length_m])
+    lines = (poses - rest) * metric
+    points = (path - rest) * metric
+    square = np.maximum((lines**2).sum(axis=1), 1e-18)
+    share = np.clip(points @ lines.T / square, 0.0, 1.0)
+    gaps = points[:, None, :] - share[:, :, None] * lines[None, :, :]
+    nearest: F = np.sqrt((gaps**2).sum(axis=2).min(axis=1))
+    return nearest
 
 
-def _phases(reached: Sequence[VisitRecord], length_m: float) -> dict[str, Any]:
+def phases_of(reached: Sequence[StopResult], goals: F, rest: F) -> dict[str, Any]:
     """Errors after the two phases of motion, and the median duration of each phase."""
-    goals = np.asarray([r.goal for r in reached])
     phases: dict[str, Any] = {}
     for name, poses in (
-        ("impedance", np.asarray([r.after_impedance for r in reached])),
-        ("position", np.asarray([r.reached for r in reached])),
+        ("impedance", np.stack([s.after_impedance for s in reached])),
+        ("position", np.stack([s.reached for s in reached])),
     ):
         distance, angle = pose_errors(poses, goals)
-        shares = motion_shares(poses, goals, rest_pose(length_m))
+        shares = motion_shares(poses, goals, rest)
         phases[name] = {
             "median_m": float(np.median(distance)),
             "largest_m": float(distance.max()),
@@ -130,8 +85,8 @@ def _phases(reached: Sequence[VisitRecord], length_m: float) -> dict[str, Any]:
             "fraction": dict(zip(POSE_COLUMNS, shares.tolist(), strict=True)),
         }
     spans: dict[str, list[float]] = {name: [] for name in PHASES}
-    for record in reached:
-        for name, begin, end in record.phases:
+    for stop in reached:
+        for name, begin, end in stop.phases:
             spans[name].append(end - begin)
     phases["median_s"] = {name: float(np.median(s)) for name, s in spans.items() if s}
     return phases

@@ -13,17 +13,17 @@ import queue
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, cast
 
 from ecm.errors import ComputationError
-from ecm.rig.arm.mechanism import HiddenPhysics, Surrogate
+from ecm.rig.arm.mechanism import HiddenPhysics, NonElasticWrench, Surrogate
 from ecm.rig.arm.procedure import OnFrame, SimulatedArm
-from ecm.rig.arm.sorties import SortieResult, Stop, StopResult
+from ecm.rig.arm.sorties import SortieResult, Stop
 from ecm.rig.settings import RigSettings
 
 
@@ -45,22 +45,12 @@ class ArmSetup:
             self.surrogate.model().predict,
             self.library,
             on_frame=on_frame,
-            non_elastic=hidden.wrench(self.settings, self.surrogate) if hidden else None,
+            non_elastic=NonElasticWrench(hidden, self.surrogate) if hidden else None,
         )
 
 
-Results = Iterable[StopResult | SortieResult]
-"""The stops of a sortie, each when it is done, and then the whole."""
-Finished = Callable[[int, SortieResult], None] | None
-"""Called with the number of a sortie and its result, on any thread, before its turn comes."""
-RunSorties = Callable[
-    [ArmSetup, Sequence[Sequence[Stop]], int, Finished], AbstractContextManager[Iterator[Results]]
-]
-"""Type of `run_sorties`; a benchmark passes one that reuses the results of another campaign."""
-
-
 class _Worker:
-    def __init__(self) -> None:
+    def __init__(self, setup: ArmSetup) -> None:
         self._process = subprocess.Popen(
             [sys.executable, "-c", "from ecm.rig.arm.worker import serve; serve()"],
             stdin=subprocess.PIPE,
@@ -69,24 +59,22 @@ class _Worker:
         )
         self._in = cast("IO[bytes]", self._process.stdin)
         self._out = cast("IO[bytes]", self._process.stdout)
+        self._send(setup)
 
-    def send(self, value: object) -> None:
+    def _send(self, value: object) -> None:
         pickle.dump(value, self._in)
         self._in.flush()
 
-    def results(self, stops: Sequence[Stop]) -> Iterator[StopResult | SortieResult]:
+    def sortie(self, stops: Sequence[Stop]) -> SortieResult:
         try:
-            self.send(tuple(stops))
-            while True:
-                result = pickle.load(self._out)
-                yield result
-                if isinstance(result, SortieResult):
-                    return
+            self._send(tuple(stops))
+            result: SortieResult = pickle.load(self._out)
         except (OSError, EOFError, pickle.UnpicklingError):
             raise ComputationError(
-                "a process that simulates the arm ended before its answer; all finished poses are "
-                "kept. Run the same command again, with [rig] processes = 1 if it happens again"
+                "a process that simulates the arm ended before its answer; all finished sorties "
+                "are kept. Run the same command again, with [rig] processes = 1 if it happens again"
             ) from None
+        return result
 
     def close(self) -> None:
         self._process.kill()
@@ -96,55 +84,34 @@ class _Worker:
         self._out.close()
 
 
-@contextmanager
 def run_sorties(
-    setup: ArmSetup,
-    tasks: Sequence[Sequence[Stop]],
-    processes: int,
-    finished: Finished = None,
-) -> Iterator[Iterator[Results]]:
-    """Yield an iterator over the results of sorties, in order; they are simulated in parallel."""
-    if processes <= 1 or len(tasks) < 2:
-        arm = setup.build() if tasks else None
-        yield (arm.results(task) for task in tasks if arm is not None)
-        return
-    found: list[queue.SimpleQueue[Any]] = [queue.SimpleQueue() for _ in tasks]
-    free: queue.SimpleQueue[_Worker] = queue.SimpleQueue()
+    setup: ArmSetup, tasks: Sequence[Sequence[Stop]], processes: int
+) -> Iterator[tuple[int, SortieResult]]:
+    """Yield the number and the result of each sortie as it ends; several run at a time."""
     count = min(processes, len(tasks))
+    if count <= 1:
+        arm = setup.build() if tasks else None
+        yield from ((n, arm.sortie(stops)) for n, stops in enumerate(tasks) if arm is not None)
+        return
+    free: queue.SimpleQueue[_Worker] = queue.SimpleQueue()
 
-    def run(number: int) -> None:
+    def run(stops: Sequence[Stop]) -> SortieResult:
         worker = free.get()
         try:
-            for result in worker.results(tasks[number]):
-                if isinstance(result, SortieResult) and finished is not None:
-                    finished(number, result)
-                found[number].put(result)
-        except Exception as error:
-            found[number].put(error)
+            return worker.sortie(stops)
         finally:
             free.put(worker)
 
     with ExitStack() as stack:
         pool = stack.enter_context(ThreadPoolExecutor(count))
         for _ in range(count):
-            worker = _Worker()
+            worker = _Worker(setup)
             stack.callback(worker.close)
-            worker.send(setup)
             free.put(worker)
         stack.callback(pool.shutdown, wait=False, cancel_futures=True)
-        for number in range(len(tasks)):
-            pool.submit(run, number)
-        yield (_received(results) for results in found)
-
-
-def _received(results: queue.SimpleQueue[Any]) -> Iterator[StopResult | SortieResult]:
-    while True:
-        result = results.get()
-        if isinstance(result, Exception):
-            raise result
-        yield result
-        if isinstance(result, SortieResult):
-            return
+        futures = {pool.submit(run, stops): n for n, stops in enumerate(tasks)}
+        for future in as_completed(futures):
+            yield futures[future], future.result()
 
 
 def serve() -> None:
@@ -156,12 +123,12 @@ def serve() -> None:
     threading.Thread(target=_receive, args=(received,), daemon=True).start()
     arm = cast("ArmSetup", received.get()).build()
     while True:
-        for result in arm.results(received.get()):
-            try:
-                pickle.dump(result, sys.stdout.buffer)
-                sys.stdout.buffer.flush()
-            except OSError:  # the campaign has ended
-                os._exit(0)
+        result = arm.sortie(received.get())
+        try:
+            pickle.dump(result, sys.stdout.buffer)
+            sys.stdout.buffer.flush()
+        except OSError:  # the campaign has ended
+            os._exit(0)
 
 
 def _receive(received: queue.SimpleQueue[Any]) -> None:

@@ -1,7 +1,7 @@
 """Physics of the plant, with formulas other than those of the catalogue of effects.
 
-One file per part of the rig (`body`, `material`, `clamp`, `load`, `sensor`, `camera`); what each
-effect declares is in `true_effect`, all of them are in `registry`.
+One file per part of the rig; what each effect declares is in `true_effect`. The effects of a stage
+are in one file, and applied in the order of their classes.
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeVar
 
-from ecm.rig.physics.registry import TRUE_EFFECTS
-from ecm.rig.physics.true_effect import Conditions, TrueEffect
+from ecm.rig.physics import body, camera, load, material, sensor  # noqa: F401
+from ecm.rig.physics.true_effect import TRUE_EFFECTS, Conditions, TrueEffect
 
 __all__ = ["TRUE_EFFECTS", "Conditions", "Physics", "TrueEffect"]
 
@@ -27,10 +27,6 @@ class Physics:
         """The same physics with one effect added or replaced."""
         others = {other.effect: other for other in self.effects} | {effect.effect: effect}
         return Physics(tuple(others[name] for name in TRUE_EFFECTS if name in others))
-
-    def without(self, kind: type[TrueEffect]) -> Physics:
-        """The same physics without the effects of a kind."""
-        return Physics(tuple(e for e in self.effects if not isinstance(e, kind)))
 
     def of(self, stage: type[T]) -> list[T]:
         """The effects of a stage, in the order in which they are applied."""

@@ -1,7 +1,8 @@
-"""A body that is not the drawn one, or not where it is drawn: tilt, bend, gap, taper, anisotropy.
+"""A body that is not the drawn one, or not where it is drawn: set, tilt, bend, gap, anisotropy.
 
 Largest sizes: 9 degrees, a tenth of the length or a fifth of the diameter do not pass the eye; a
-clamp that slips by more than a twentieth of the length lets go.
+clamp that slips by more than a twentieth of the length lets go; a set of a third of the excess is
+seen without any measurement.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from ecm.rig.physics.true_effect import (
     Random,
     RigScale,
     balanced_direction,
+    metric_root,
     random_sign,
 )
 
@@ -41,7 +43,6 @@ class PlatformSlip(BodyPose):
     at_s: float = 1800.0
 
     effect: ClassVar[str] = "platform_slip"
-    name: ClassVar[str] = "platform_slip"
     unit: ClassVar[str] = "m"
     limit: ClassVar[Limit] = Limit(0.05, "poses measured again at the end")
 
@@ -61,6 +62,54 @@ class PlatformSlip(BodyPose):
     def platform_wrench(self, wrenches: F, poses: F, body: F, at: Conditions) -> F:
         moments = wrenches[:, 3:] + np.cross(body[:, :3] - poses[:, :3], wrenches[:, :3])
         return np.concatenate([wrenches[:, :3], moments], axis=1)
+
+
+@dataclass(frozen=True)
+class PermanentSet(BodyPose):
+    """Permanent set: beyond a yield length the rest pose creeps after the platform (Perzyna).
+
+    In x = M^(1/2) (p - p0), at each visit with excess e = |x| - y > 0 the set grows towards x by
+    s e/|x| (1 - exp(-d/tau)), d the dwell; it never recovers. Mechanism and platform then differ by
+    the set, as if the rest pose had moved. `size` is s, the share of the excess that stays after a
+    long visit.
+    """
+
+    yield_m: float = 0.02
+    """y."""
+    time_s: float = 10.0
+    """tau."""
+
+    effect: ClassVar[str] = "permanent_set"
+    unit: ClassVar[str] = "1"
+    limit: ClassVar[Limit] = Limit(0.3, "home checks, small poses after large ones")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> PermanentSet:
+        yield_m = float(random.uniform(0.8, 1.1)) * rig.far_m
+        return cls(1e-4, yield_m=yield_m, time_s=float(random.uniform(3.0, 20.0)))
+
+    def body_pose(self, poses: F, at: Conditions) -> F:
+        return poses - at.from_all(self._sets)
+
+    def _sets(self, at: Conditions) -> F:
+        """Set (N, 6) at each of all visits, before the visit itself has added to it."""
+        from_s, until_s = np.zeros_like(at.dwell_s), at.dwell_s
+        if at.moving:
+            # A sample adds what creeps until the next one, or until its rest ends.
+            from_s = at.dwell_s
+            arrived = at.time_s - at.dwell_s
+            departed = arrived - at.travel_s
+            later = departed[1:] > departed[:-1] + 1e-6
+            rests = at.dwell_s[:-1] > 0.0
+            ends = np.where(later & rests, departed[1:] - arrived[:-1], at.dwell_s[:-1])
+            ends = np.append(np.where(later, ends, at.dwell_s[1:]), at.dwell_s[-1])
+            until_s = np.maximum(ends, at.dwell_s)
+        away = at.poses - at.rest
+        far = np.linalg.norm(away * metric_root(at.length_m), axis=1)
+        excess = np.maximum(0.0, far - self.yield_m) / np.maximum(far, 1e-12)
+        crept = np.exp(-from_s / self.time_s) - np.exp(-until_s / self.time_s)
+        total = np.cumsum((self.size * excess * crept)[:, None] * away, axis=0)
+        return np.concatenate([np.zeros((1, 6)), total[:-1]])
 
 
 @dataclass(frozen=True)
@@ -96,7 +145,6 @@ class FaceTilt(LateralTurn):
     """
 
     effect: ClassVar[str] = "face_tilt"
-    name: ClassVar[str] = "face_tilt"
 
     def body_pose(self, poses: F, at: Conditions) -> F:
         return seen_from(self.turns(at), poses)
@@ -163,7 +211,6 @@ class Anisotropy(BodyVariation):
     """phi0: azimuth of the stiffest fibre, from y."""
 
     effect: ClassVar[str] = "anisotropy"
-    name: ClassVar[str] = "anisotropy"
     unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.5, "a remount by 90 degrees")
     grades: ClassVar[tuple[str, ...]] = (COS2, SIN2)
@@ -198,7 +245,6 @@ class Taper(GradedBody):
     grade: str = TAPER
 
     effect: ClassVar[str] = "taper"
-    name: ClassVar[str] = "taper"
     unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.5, "bending and shear on all sides")
     grades: ClassVar[tuple[str, ...]] = (TAPER,)

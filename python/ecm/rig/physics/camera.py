@@ -121,7 +121,6 @@ class CameraScale(CameraPose):
     """
 
     effect: ClassVar[str] = "camera_scale"
-    name: ClassVar[str] = "camera_scale"
     unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.2, "larger translations")
 
@@ -169,7 +168,6 @@ class MarkerMotion(CameraPose):
     """Time at which half of the motion happens at once; beyond the end: no step."""
 
     effect: ClassVar[str] = "marker_motion"
-    name: ClassVar[str] = "marker_motion"
     unit: ClassVar[str] = "m"
     limit: ClassVar[Limit] = Limit(0.05, "a longer campaign, poses measured again at its end")
 
@@ -210,7 +208,6 @@ class TimeSkew(Clock):
     end_s: float = 1.0
 
     effect: ClassVar[str] = "time_skew"
-    name: ClassVar[str] = "time_skew"
     unit: ClassVar[str] = "s"
     limit: ClassVar[Limit] = Limit(
         0.5, "faster ways ([rig] speed_m_s) and more samples ([rig] stream_Hz)"

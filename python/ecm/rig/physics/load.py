@@ -129,11 +129,10 @@ class Payload(TrueEffect):
 
     shares: tuple[float, ...] = (1.0,)
     """Share of the mass at each point; they sum to 1."""
-    places_m: tuple[tuple[float, float, float], ...] = ((0.03, 0.0, 0.0),)
+    places_m: tuple[tuple[float, ...], ...] = ((0.03, 0.0, 0.0),)
     """Places of the points, in the top frame."""
 
     effect: ClassVar[str] = "payload"
-    name: ClassVar[str] = "payload"
     unit: ClassVar[str] = "kg"
     limit: ClassVar[Limit] = Limit(0.25, "poses that turn on all sides")
 
@@ -271,7 +270,6 @@ class OwnWeight(PlatformLoad):
     points: int = 8
 
     effect: ClassVar[str] = "own_weight"
-    name: ClassVar[str] = "own_weight"
     unit: ClassVar[str] = "kg"
     limit: ClassVar[Limit] = Limit(0.25, "poses that bend on all sides")
 

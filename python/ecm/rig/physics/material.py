@@ -1,8 +1,8 @@
-"""The material beyond elasticity: temperature, ageing, relaxation, softening, friction, set.
+"""The material beyond elasticity: temperature, ageing, relaxation, softening, friction.
 
 Largest sizes: a rubber that lost or gained much more than half of its stiffness or stress, by time
 or strain, would be another material; 10 % per kelvin is a glass transition. Friction that holds a
-twentieth of the length, or a set of a third of the excess, is seen without any measurement.
+twentieth of the length is seen without any measurement.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ import numpy as np
 from ecm.io.arrays import B, F
 from ecm.io.se3 import rotation, transpose, turn_wrench
 from ecm.rig.physics.true_effect import (
-    BodyPose,
     Conditions,
     Limit,
     MaterialFactor,
     MaterialMemory,
     Random,
     RigScale,
+    metric_root,
     random_sign,
 )
 
@@ -75,7 +75,6 @@ class Ageing(MaterialFactor):
     """tau."""
 
     effect: ClassVar[str] = "ageing"
-    name: ClassVar[str] = "ageing"
     unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.5, "a longer campaign, the first poses again at its end")
 
@@ -253,7 +252,6 @@ class Hysteresis(MaterialMemory):
     """Share of the symmetric part: 1/2 makes unloading as stiff as loading."""
 
     effect: ClassVar[str] = "hysteresis"
-    name: ClassVar[str] = "hysteresis"
     unit: ClassVar[str] = "m"
     limit: ClassVar[Limit] = Limit(0.05, "approaches from several sides, poses measured twice")
 
@@ -279,7 +277,7 @@ class Hysteresis(MaterialMemory):
 
     def wrench(self, states: F, rest_stiffness: F, length_m: float) -> F:
         """c K0 M^(-1/2) z for states (N, 6)."""
-        wrench: F = self.size * (states / _metric_root(length_m)) @ rest_stiffness.T
+        wrench: F = self.size * (states / metric_root(length_m)) @ rest_stiffness.T
         return wrench
 
     def states(self, legs: Sequence[tuple[F, bool]], length_m: float) -> F:
@@ -291,7 +289,7 @@ class Hysteresis(MaterialMemory):
             Way points (k, 6) of each leg, from the pose before on; True where the mechanism
             has rested and the history restarts.
         """
-        metric = _metric_root(length_m)
+        metric = metric_root(length_m)
         z = np.zeros(6)
         states = np.zeros((len(legs), 6))
         for i, (points, restart) in enumerate(legs):
@@ -304,7 +302,7 @@ class Hysteresis(MaterialMemory):
 
     def state_after(self, z: F, moved: F, length_m: float) -> F:
         """Internal state z (6,) after a straight way `moved` (6,) of the pose."""
-        return self._along(z, moved * _metric_root(length_m))
+        return self._along(z, moved * metric_root(length_m))
 
     def _along(self, z: F, way: F) -> F:
         distance = float(np.linalg.norm(way))
@@ -331,56 +329,3 @@ class Hysteresis(MaterialMemory):
         pull = size ** (self.exponent - 2.0) * (self.beta * abs(work) + (1.0 - self.beta) * work)
         rate: F = dx - z * pull
         return rate
-
-
-@dataclass(frozen=True)
-class PermanentSet(BodyPose):
-    """Permanent set: beyond a yield length the rest pose creeps after the platform (Perzyna).
-
-    In x = M^(1/2) (p - p0), at each visit with excess e = |x| - y > 0 the set grows towards x by
-    s e/|x| (1 - exp(-d/tau)), d the dwell; it never recovers. Mechanism and platform then differ by
-    the set, as if the rest pose had moved. `size` is s, the share of the excess that stays after a
-    long visit.
-    """
-
-    yield_m: float = 0.02
-    """y."""
-    time_s: float = 10.0
-    """tau."""
-
-    effect: ClassVar[str] = "permanent_set"
-    name: ClassVar[str] = "permanent_set"
-    unit: ClassVar[str] = "1"
-    limit: ClassVar[Limit] = Limit(0.3, "home checks, small poses after large ones")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> PermanentSet:
-        yield_m = float(random.uniform(0.8, 1.1)) * rig.far_m
-        return cls(1e-4, yield_m=yield_m, time_s=float(random.uniform(3.0, 20.0)))
-
-    def body_pose(self, poses: F, at: Conditions) -> F:
-        return poses - at.from_all(self._sets)
-
-    def _sets(self, at: Conditions) -> F:
-        """Set (N, 6) at each of all visits, before the visit itself has added to it."""
-        from_s, until_s = np.zeros_like(at.dwell_s), at.dwell_s
-        if at.moving:
-            # A sample adds what creeps until the next one, or until its rest ends.
-            from_s = at.dwell_s
-            arrived = at.time_s - at.dwell_s
-            departed = arrived - at.travel_s
-            later = departed[1:] > departed[:-1] + 1e-6
-            rests = at.dwell_s[:-1] > 0.0
-            ends = np.where(later & rests, departed[1:] - arrived[:-1], at.dwell_s[:-1])
-            ends = np.append(np.where(later, ends, at.dwell_s[1:]), at.dwell_s[-1])
-            until_s = np.maximum(ends, at.dwell_s)
-        away = at.poses - at.rest
-        far = np.linalg.norm(away * _metric_root(at.length_m), axis=1)
-        excess = np.maximum(0.0, far - self.yield_m) / np.maximum(far, 1e-12)
-        crept = np.exp(-from_s / self.time_s) - np.exp(-until_s / self.time_s)
-        total = np.cumsum((self.size * excess * crept)[:, None] * away, axis=0)
-        return np.concatenate([np.zeros((1, 6)), total[:-1]])
-
-
-def _metric_root(length_m: float) -> F:
-    return np.repeat([1.0, length_m], 3)

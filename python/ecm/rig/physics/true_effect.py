@@ -1,7 +1,7 @@
 """What every physical effect of the plant declares: size and shape, draw, largest size, stage.
 
-A true effect is one class in one file of this folder and one line of `registry.py`. The base class
-that it derives from is its stage: where the plant applies it (`ecm.rig.plant` goes through the
+A true effect is one class in one file of this folder. The base class that it derives from is its
+stage: where the plant applies it (`ecm.rig.plant` goes through the
 stages in order and knows no effect by name).
 """
 
@@ -164,21 +164,28 @@ class Limit:
     """The largest size that something real could have, and what would show the effect better."""
 
     share: float
-    """In shares of the unit's measure (`ecm.rig.hidden.size.measure`)."""
+    """In shares of the unit's measure (`ecm.rig.hidden.inject.measure`)."""
     remedy: str
     """What to plan instead of a larger size."""
 
 
+TRUE_EFFECTS: dict[str, type[TrueEffect]] = {}
+"""What can be hidden, by its id in the catalogue of effects, in the order of application."""
+
+
 @dataclass(frozen=True)
 class TrueEffect:
-    """A physical effect of the plant: `size` scales it, the other fields are its shape."""
+    """A physical effect of the plant: `size` scales it, the other fields are its shape.
+
+    A class that names its `effect` can be hidden.
+    """
 
     size: float
 
     effect: ClassVar[str]
     """Id in the catalogue of effects, for `--hide`."""
     name: ClassVar[str]
-    """Name in the sealed file."""
+    """Name in the sealed file, where it is not the id."""
     unit: ClassVar[str]
     """Unit of `size`."""
     limit: ClassVar[Limit]
@@ -188,6 +195,12 @@ class TrueEffect:
     """Only the raw stream shows it."""
     follows_the_way: ClassVar[bool] = False
     """It depends on the wrenches at all way points, not only at the visits."""
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "effect" in vars(cls):
+            TRUE_EFFECTS[cls.effect] = cls
+            cls.name = vars(cls).get("name", cls.effect)
 
     @classmethod
     def draw(cls, random: Random, rig: RigScale) -> TrueEffect:
@@ -382,6 +395,11 @@ def balanced_direction(random: Random) -> tuple[float, ...]:
 def random_sign(random: Random) -> float:
     """1 or -1."""
     return float(random.choice([-1.0, 1.0]))
+
+
+def metric_root(length_m: float) -> F:
+    """Scales (6,) of a deflection: rotations times the length."""
+    return np.repeat([1.0, length_m], 3)
 
 
 def _tuples(value: Any) -> Any:

@@ -1,4 +1,6 @@
-"""The camera: three lenses, nine LEDs on the top target, and a second target at the base.
+"""The instruments: camera, and force-torque sensor with its zero.
+
+The camera has three lenses, and sees nine LEDs on the top target and a second target at the base.
 
 An LED is located where at least two lenses see it, and a lens sees it while the LED's direction
 and the line of sight are within an angle. Errors of localisation are common to all LEDs of a
@@ -149,28 +151,8 @@ class Camera:
         )
         return Window(mean, spread)
 
-    def row_sd(self, window_s: float) -> tuple[float, float]:
-        """Standard deviation of a window's mean: m per axis, rad about each base axis."""
-        settings = self._settings
-        images = self.images(window_s)
-        position, angle = settings.camera_error_m, settings.camera_error_rad
-        if settings.led_errors == "independent":
-            shift, turn = self._optics.independent_sd()
-            position, angle = shift * settings.camera_error_m, turn * settings.camera_error_m
-        return (
-            float(np.hypot(position, settings.camera_jitter_m / np.sqrt(images))),
-            float(np.hypot(angle, settings.camera_jitter_rad / np.sqrt(images))),
-        )
-
-
-class CameraStand:
-    """The camera's stand, which creeps; the base target shows how far, up to its own noise."""
-
-    def __init__(self, settings: Instruments) -> None:
-        self._settings = settings
-
     def apparent_pose(self, true: F, walk: F, random: np.random.Generator) -> F:
-        """The pose (6,) as the moved camera sees it; walk (6,) is the stand's unit process."""
+        """The pose (6,) as the creeping camera sees it; walk (6,) is the stand's unit process."""
         settings = self._settings
         moved = walk * np.repeat([settings.camera_drift_m, settings.camera_drift_rad], 3)
         if not moved.any():
@@ -186,9 +168,114 @@ class CameraStand:
         turned = displaced(true[None], np.concatenate([np.zeros(3), back[3:]])[None])[0]
         return np.concatenate([place, turned[3:]])
 
+    def row_sd(self, window_s: float) -> tuple[float, float]:
+        """Standard deviation of a window's mean: m per axis, rad about each base axis."""
+        settings = self._settings
+        images = self.images(window_s)
+        position, angle = settings.camera_error_m, settings.camera_error_rad
+        if settings.led_errors == "independent":
+            shift, turn = self._optics.independent_sd()
+            position, angle = shift * settings.camera_error_m, turn * settings.camera_error_m
+        return (
+            float(np.hypot(position, settings.camera_jitter_m / np.sqrt(images))),
+            float(np.hypot(angle, settings.camera_jitter_rad / np.sqrt(images))),
+        )
+
 
 def rotate_errors(pose: F, errors: F) -> F:
     """Small errors (n, 6) in base axes as changes of the pose vector."""
     inverse = left_jacobian_inverse(pose[None, 3:])[0]
     turned = rotate(np.broadcast_to(inverse, (len(errors), 3, 3)), errors[:, 3:])
     return np.concatenate([errors[:, :3], turned], axis=1)
+
+
+_ENOUGH_FOR_TIME = 4
+
+
+class ForceTorqueSensor:
+    """Six axes in its own frame: white noise, counts, clipping."""
+
+    def __init__(self, settings: Instruments) -> None:
+        self._settings = settings
+        self._noise = np.repeat([settings.force_noise_N, settings.torque_noise_Nm], 3)
+        self._range = np.asarray(settings.fts_range)
+        self._step = np.asarray(settings.fts_resolution)
+
+    def samples(self, window_s: float) -> int:
+        """Number of samples in a window."""
+        return max(1, round(window_s * self._settings.fts_rate_Hz))
+
+    def read(self, true: F, window_s: float, random: np.random.Generator) -> F:
+        """Samples (n, 6) of a wrench (6,) that rests, in sensor axes."""
+        count = self.samples(window_s)
+        noise = np.hypot(self._noise, self._settings.force_noise_per_load * true)
+        samples = true + noise * random.standard_normal((count, 6))
+        step = np.where(self._step > 0.0, self._step, 1.0)
+        counted = np.where(self._step > 0.0, np.round(samples / step) * step, samples)
+        clipped: F = np.clip(counted, -self._range, self._range)
+        return clipped
+
+    def row_covariance(self, window_s: float, adjoint: F) -> F:
+        """(6, 6) of a window's mean wrench in top axes: noise and counts over samples."""
+        variance = (self._noise**2 + self._step**2 / 12.0) / self.samples(window_s)
+        covariance: F = adjoint @ np.diag(variance) @ adjoint.T
+        return covariance
+
+
+def zero_at(
+    time_s: F,
+    reading_time_s: F,
+    readings: F,
+    law: str,
+    *,
+    temperature_degC: F | None = None,
+    reading_temperature_degC: F | None = None,
+    later_readings_lost: bool = False,
+) -> F:
+    """Zero of the sensor (N, 6) at (N,) times, in sensor axes.
+
+    Parameters
+    ----------
+    reading_time_s, readings
+        Times (k,), growing, and means (k, 6) of the unloaded sensor.
+    law
+        "linear" between the readings before and after (the paper's), "before": the last one,
+        "none": zero; "temperature": b0 + b1 T fitted to all readings (and + b2 t where there are
+        four), and the line between what that leaves of the readings before and after.
+    temperature_degC, reading_temperature_degC
+        Of the sensor, at the rows (N,) and the readings (k,); for "temperature".
+    later_readings_lost
+        Only the first reading is used, whatever the law.
+    """
+    if law == "none" or len(readings) == 0:
+        return np.zeros((len(time_s), readings.shape[1]))
+    if later_readings_lost:
+        return np.tile(readings[0], (len(time_s), 1))
+    if law == "before":
+        last = np.clip(np.searchsorted(reading_time_s, time_s, side="right") - 1, 0, None)
+        held: F = readings[last]
+        return held
+    model, at_readings = np.zeros((len(time_s), readings.shape[1])), np.zeros_like(readings)
+    if (
+        law == "temperature"
+        and len(readings) >= 2
+        and temperature_degC is not None
+        and reading_temperature_degC is not None
+    ):
+        with_time = len(readings) >= _ENOUGH_FOR_TIME
+        own = _columns(reading_time_s, reading_temperature_degC, with_time)
+        coefficients = np.linalg.lstsq(own, readings, rcond=1e-9)[0]
+        model, at_readings = (
+            _columns(time_s, temperature_degC, with_time) @ coefficients,
+            own @ coefficients,
+        )
+    left = readings - at_readings
+    line = np.stack([np.interp(time_s, reading_time_s, axis) for axis in left.T], axis=1)
+    zero: F = model + line
+    return zero
+
+
+def _columns(time_s: F, temperature_degC: F, with_time: bool) -> F:
+    # Times in hours: columns of one size.
+    columns = [np.ones_like(time_s), temperature_degC - 25.0, time_s / 3600.0]
+    return np.stack(columns[: 3 if with_time else 2], axis=1)
