@@ -16,7 +16,7 @@ from contextlib import suppress
 from typer import Abort, Exit
 from typer.main import get_command
 
-from ecm.cli import application, interrupt
+from ecm.cli import command, interrupt
 from ecm.cli.app import app
 from ecm.errors import EcmError, exit_code, visible
 from ecm.io import events
@@ -83,7 +83,7 @@ def reported(work: Callable[[], int]) -> int:  # noqa: PLR0911 - a code per kind
 
 
 def _invoke(arguments: Sequence[str] | None) -> int:
-    application.typed = tuple(sys.argv[1:] if arguments is None else arguments)
+    command.typed = tuple(sys.argv[1:] if arguments is None else arguments)
     with one_blas_thread_later():
         result = get_command(app).main(
             args=None if arguments is None else list(arguments),

@@ -38,7 +38,7 @@ TARGETS: dict[str, Target] = {
     "pinocchio": Target(code.pinocchio),
     "ros2": Target(code.ros2),
 }
-"""Every target; a new one is one more line here and one in the options of the command."""
+"""Every target; a new one is one more line here and one in the help of the command."""
 
 
 _WITH_CODE = ("polynomial", "energy", "physics")
