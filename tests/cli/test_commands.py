@@ -688,29 +688,5 @@ def test_compare_and_refit_tell_their_steps() -> None:
         assert done[-1] < steps[-1][1] == steps[0][1]
 
 
-def test_progress_off_a_terminal_is_plain_lines(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    now = [0.0]
-    monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    show = Console().progress("FEM poses")
-    assert show is not None
-    for done in range(0, 101, 25):
-        now[0] = 0.4 * done
-        show(done, 100, "solving")
-    show(100, 100, "solved")  # told once
-    for done in (0, 5, 10):
-        now[0] += 12.0
-        show(done, 10, "measuring")
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err.splitlines() == [
-        "FEM poses, solving: 25 of 100, 30 s left",
-        "FEM poses, solving: 50 of 100, 20 s left",
-        "FEM poses, solving: 75 of 100, 10 s left",
-        "FEM poses, solving: 100 of 100",
-        "FEM poses, measuring: 0 of 10",
-        "FEM poses, measuring: 5 of 10, 12 s left",
-        "FEM poses, measuring: 10 of 10",
-    ]
+def test_nobody_follows_the_progress_of_a_quiet_command() -> None:
     assert Console(quiet=True).progress("FEM poses") is None

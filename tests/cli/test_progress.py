@@ -136,22 +136,28 @@ def test_the_first_rows_of_a_text_tell_the_time_of_all(tmp_path: Path) -> None:
 def test_what_is_left_falls_while_one_part_lasts(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    steps = console._Steps()
-    assert steps.line("fitting", "1 s so far", 1.0) == "fitting: 1 s so far"
+    steps = console._Progress("fitting")
+    assert steps.line(1.0) == "fitting: 1 s so far"
     steps.tell(0, 1000, "")
-    assert steps.line("fitting", "9 s so far", 9.0) == "fitting, 9 s so far: 0 %"
+    assert steps.line(9.0) == "fitting, 9 s so far: 0 %"
     now[0] = 10.0
     steps.tell(250, 1000, "pass 1", "")
     shown = {
-        10.0: "25 %, about 30 s left",
-        25.0: "62 %, about 15 s left",
-        39.0: "88 %, about 6 s left",  # not over at once
-        110.0: "88 %, about 20 s left",
+        10.0: "10 s so far: 25 %, about 30 s left",
+        25.0: "25 s so far: 62 %, about 15 s left",
+        39.0: "39 s so far: 88 %, about 6 s left",  # not over at once
+        110.0: "2 min so far: 88 %, about 20 s left",
     }
     for at, words in shown.items():
-        assert steps.line("fitting", "so far", at) == f"fitting, pass 1, so far: {words}"
+        assert steps.line(at) == f"fitting, pass 1, {words}"
     steps.tell(500, 1000, "pass 2")
-    assert steps.line("fitting", "so far", 10.0).endswith("pass 2, so far: 50 %, about 10 s left")
+    assert steps.line(10.0) == "fitting, pass 2, 10 s so far: 50 %, about 10 s left"
+    steps.tell(0, 10, "measuring")  # a count of its own
+    now[0] = 34.0
+    steps.tell(5, 10, "measuring")
+    assert steps.line(34.0) == "fitting, measuring, 34 s so far: 5 of 10, about 24 s left"
+    steps.tell(10, 10, "measuring")
+    assert steps.line(34.0) == "fitting, measuring, 34 s so far: 10 of 10"
 
 
 def test_predict_says_the_time_left(
@@ -184,26 +190,31 @@ def test_nobody_waits_for_a_quiet_command() -> None:
         tell(1, 2, "")
 
 
+def said_by(path: Path, what: str) -> dict[str, Any]:
+    """The last event of a file when it is about this."""
+    for _ in range(2000):
+        found = events.last(path.read_bytes() if path.exists() else b"", "what") or {}
+        if found.get("what") == what:
+            return found
+        time.sleep(0.005)
+    raise AssertionError(f"{what}: {found}")
+
+
 def test_another_program_reads_steps_and_errors_as_lines_of_json(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     path = tmp_path / "events"
     monkeypatch.setenv(events.VARIABLE, str(path))
     monkeypatch.setattr(events, "EVERY_S", 0.0)
-    show = Console().progress("FEM poses")
+    session = Console()
+    show = session.progress("FEM poses")
     assert show is not None
     show(3, 240, "solving")
-    assert events.last(path.read_bytes(), "what") == {
-        "what": "FEM poses, solving", "done": 3, "total": 240, "left_s": None,
-    }  # fmt: skip
-    with Console().working("fitting") as tell:
+    told = {"what": "FEM poses, solving", "done": 3, "total": 240, "left_s": None}
+    assert said_by(path, "FEM poses, solving") == told
+    with session.working("fitting") as tell:
         tell(1, 4, "noise")
-        for _ in range(2000):
-            found = events.last(path.read_bytes(), "what") or {}
-            if found["what"] == "fitting, noise":
-                break
-            time.sleep(0.005)
-    assert found["total"] == 4
+        assert said_by(path, "fitting, noise")["total"] == 4
     assert run(["check", str(tmp_path / "none.csv")]) != 0
     said = capsys.readouterr().err.strip().splitlines()[-1]
     told = events.last(path.read_bytes(), "error")
@@ -218,4 +229,6 @@ def test_another_program_reads_steps_and_errors_as_lines_of_json(
     assert events.last(path.read_bytes(), "error") == told
     # A folder that is not there costs nothing but the events.
     monkeypatch.setenv(events.VARIABLE, str(tmp_path / "none" / "events"))
-    show(240, 240)
+    with session.working("fitting") as tell:
+        tell(240, 240)
+        time.sleep(0.01)
