@@ -33,6 +33,7 @@ from ecm.workflow.app.journal import Journal
 from ecm.workflow.app.serve import begin, serve
 from ecm.workflow.app.server import App, application
 from ecm.workflow.app.session import Session
+from ecm.workflow.app.state import state_of
 from ecm.workflow.app.steps import PLAN, Files, command_of, request_of, write_demo
 from support.neck import ROOT
 
@@ -117,7 +118,7 @@ def test_the_loop_by_its_routes_and_the_script_that_repeats_it(app: App, tmp_pat
     _same_bytes_by(script, app.session, tmp_path)
     moved = tmp_path / "moved"
     shutil.copytree(app.session.folder, moved)
-    assert {**Session(moved).state(), "folder": ""} | {"running": None} == {**state, "folder": ""}
+    assert {**state_of(Session(moved)), "folder": ""} | {"running": None} == {**state, "folder": ""}
 
 
 def _same_bytes_by(script: str, session: Session, tmp_path: Path) -> None:
@@ -141,7 +142,7 @@ def _same_bytes_by(script: str, session: Session, tmp_path: Path) -> None:
 
 def test_undo_takes_the_data_back_and_a_new_step_ends_redo(app: App, tmp_path: Path) -> None:
     def names() -> list[str]:
-        return [item["name"] for item in app.session.state()["data"]]
+        return [item["name"] for item in state_of(app.session)["data"]]
 
     for name in ("a.csv", "b.csv"):
         app.session.add_table(table(tmp_path / name), name)
@@ -181,7 +182,7 @@ def test_a_log_begins_a_session_and_waits_for_its_import(app: App, tmp_path: Pat
     with pytest.raises(InputError, match="expected a table or a log"):
         begin(app, [log, tmp_path / "picture.png"])
     begin(app, [log], model="linear")
-    assert app.session.state()["dropped"] == ["log.txt"]
+    assert state_of(app.session)["dropped"] == ["log.txt"]
     assert app.jobs.progress() is None
 
 

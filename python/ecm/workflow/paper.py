@@ -109,15 +109,15 @@ def table_two(
     by_degree = []
     for degree in degrees:
         model = PolynomialModel.fit(*train, degree)
-        row = {"degree": degree, "terms": len(model.coefficients)}
+        row: dict[str, Any] = {"degree": degree, "terms": len(model.coefficients)}
         row |= _errors(model, test, TABLE_II_DEGREE.get(degree))
         row["kappa_raw"] = PolynomialModel.condition_number_raw(train[0], degree)
         by_degree.append(row)
     by_threshold = []
     for b in thresholds:
         model = PolynomialModel.fit(*train, degrees[-1], method="pcr", threshold=b)
-        row = {"threshold": b, "rank": model.rank}
-        by_threshold.append(row | _errors(model, test, TABLE_II_THRESHOLD.get(b)))
+        ranked = {"threshold": b, "rank": model.rank}
+        by_threshold.append(ranked | _errors(model, test, TABLE_II_THRESHOLD.get(b)))
     return {"degrees": by_degree, "thresholds": by_threshold}
 
 

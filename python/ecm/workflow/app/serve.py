@@ -12,8 +12,8 @@ from typing import Any
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.extras import require
-from ecm.workflow.app.contents import suffix_of
 from ecm.workflow.app.server import App, application
+from ecm.workflow.app.session import suffix_of
 
 _HOST = "127.0.0.1"
 

@@ -23,7 +23,7 @@ from ecm.report.page import WEB
 from ecm.workflow.app.jobs import Busy, Jobs
 from ecm.workflow.app.journal import DiskError, sentence, writing
 from ecm.workflow.app.session import INCOMING, Session
-from ecm.workflow.app.state import Readings, measuring
+from ecm.workflow.app.state import Readings, measuring, state_of
 from ecm.workflow.app.views import NEED_MODEL, SHOWN, Views
 
 if sys.platform == "win32":
@@ -221,7 +221,7 @@ class App:
         """Return the state of the folder, and how far the running step is."""
         self.jobs.settle()
         running = self.jobs.progress()
-        state = self.session.state()
+        state = state_of(self.session)
         going = {step["number"] for step in state["steps"] if step["status"] == "running"}
         # A step may end between the two: beside its result the page would be drawn twice, and
         # what a person does at the first drawing would be lost.
