@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import itertools
 import re
 import time
@@ -26,7 +27,7 @@ from ecm.models import fit_model, parse_model, prediction
 from ecm.models.fit_summary import fit_summary
 from ecm.models.model import Model
 from ecm.models.selection import cross_validate, learning_curve
-from support.neck import Done
+from support.neck import ROOT, Done
 
 Command = Callable[..., Done]
 Told = list[tuple[float, float, str]]
@@ -232,3 +233,47 @@ def test_another_program_reads_steps_and_errors_as_lines_of_json(
     with session.working("fitting") as tell:
         tell(240, 240)
         time.sleep(0.01)
+
+
+SAID = re.compile(
+    r"str\((error|caught|problem)\)|\.message\b|\.stderr\b|\.stdout\b|\.sentences?\(\)|\.log\("
+)
+"""Expressions of what a command, an error or a result says to people."""
+READS = {"startswith", "endswith", "split", "splitlines", "partition", "rpartition",
+         "removeprefix", "removesuffix", "find", "index", "count"}  # fmt: skip
+
+
+def reads_prose(source: str) -> list[str]:
+    """Places of a source where a program looks into words for people."""
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        read: list[ast.expr] = []
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            if isinstance(node.func.value, ast.Name) and node.func.value.id == "re":
+                read = node.args[1:]
+            elif node.func.attr in READS:
+                read = [node.func.value]
+        elif isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.In | ast.NotIn | ast.Eq):
+            read = [node.left, *node.comparators]
+        found += [text for text in map(ast.unparse, read) if SAID.search(text)]
+    return found
+
+
+def test_no_program_reads_the_words_that_are_for_people() -> None:
+    """Progress and ends of commands come as lines of JSON, refusals as fields."""
+    for old in (
+        'done = re.search(r"(\\d+) of (\\d+)", session.log(3, "err").decode())',
+        "if str(error).startswith(where): pass",
+        'refused = "not saved" in step.message',
+        "last = process.stderr.splitlines()[-1]",
+    ):
+        assert len(reads_prose(old)) == 1, old
+    assert reads_prose('message = str(error)\nlog = session.log(3, "err").decode()') == []
+    package = ROOT / "python" / "ecm"
+    found = {
+        path.relative_to(package).as_posix(): places
+        for path in sorted(package.rglob("*.py"))
+        if (places := reads_prose(path.read_text(encoding="utf-8")))
+    }
+    # It shows the first line of what a library for files of others says.
+    assert found == {"io/extras.py": ["str(error).strip()"]}

@@ -39,7 +39,7 @@ COMMANDS = {
     "campaign": Command(
         line="A simulated rig measures a plan.",
         work="jobs.campaign", of="rig.run.run_campaign", passed="overwrite",
-        common="seed threads", hide="film phases",
+        common="seed threads",
     ),
     "import": Command(
         line="A log of any kind as a table.",

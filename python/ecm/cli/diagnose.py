@@ -18,7 +18,7 @@ from ecm.diagnosis.check import NotTestable, lines_by_reason
 from ecm.diagnosis.procedure import STAGES, watched
 from ecm.diagnosis.sections import noise_words, write_diagnosis
 from ecm.diagnosis.summary import Summary
-from ecm.effects import load_installed, with_shape
+from ecm.effects import with_shape
 from ecm.effects.experiments import session_of
 from ecm.errors import InputError, Remedy
 from ecm.io.table import Table
@@ -160,7 +160,6 @@ def diagnose(
     """
     session.check_output(next_plan)
     table = session.read(data, need="fit")
-    load_installed()
     opened = open_model(model, session, table)
     if opened.base.kind != "physics":
         prepare_physics(table, session)

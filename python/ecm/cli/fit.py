@@ -164,7 +164,6 @@ def refit(
     table = session.read(data, need="fit")
     for sentence in likely_continuous(table):
         session.warn(sentence)
-    load_installed()
     before = open_model(model, session, table)
     with session.working(f"fitting {len(table)} rows") as tell:
         fitted = refit_model(before, table, remove=remove, progress=tell, **options)

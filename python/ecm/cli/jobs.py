@@ -15,7 +15,6 @@ from ecm.cli.session import Session, check_output_directory, check_plan
 from ecm.designs import Size
 from ecm.designs.settings import list_or_region, row_list
 from ecm.effects import Effect, get_effect, load_installed
-from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.cache import write_atomically
 from ecm.io.table import Table
@@ -193,8 +192,6 @@ def campaign(
     hide: str | None = None,
     rigs: Natural = 0,
     scheduler: str | None = None,
-    film: Path | None = None,
-    phases: Path | None = None,
     overwrite: bool,
 ) -> None:
     """Drive the simulated rig through a plan and write what it measures.
@@ -215,12 +212,6 @@ def campaign(
         Replace a table that is there already.
     """
     many = bool(rigs) or scheduler is not None
-    if film is not None or phases is not None:
-        raise InputError(
-            "--film, --phases: the pictures of the arm are drawn in a copy of "
-            "https://github.com/ecm-stiffness/ecm now: python benches/arm_pictures.py "
-            f"{plan} --rig {rig} --film film.gif --phases phases.png"
-        )
     session.check_output(out)
     if not many:
         keep_data(out, overwrite=overwrite)  # before the plan is read

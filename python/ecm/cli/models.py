@@ -7,7 +7,7 @@ row for each measured pose is what any other program predicts.
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,7 +22,6 @@ from ecm.diagnosis.check import excitation_sentences, never_excited
 from ecm.effects import load_installed
 from ecm.errors import InputError, Refusal, Remedy
 from ecm.io.columns import POSE, WRENCH, unit_of
-from ecm.io.events import Progress
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
 from ecm.io.toml import read_toml
@@ -44,6 +43,7 @@ def is_toml(name: str) -> bool:
 
 def open_model(name: str, session: Session, table: Table | None = None) -> Model:
     """Open MODEL; the physics model is built as wide as the poses of the table reach."""
+    load_installed()
     if Path(name).suffix.lower() in _TABLES:
         if table is None or not table.wrench_columns:
             raise InputError(
@@ -65,9 +65,8 @@ def open_model(name: str, session: Session, table: Table | None = None) -> Model
 def build_physics(body: Mechanism, session: Session, table: Table | None) -> PhysicsMap:
     """Build the FEM of a body, with progress where it is not in the cache."""
     reach = 0.0 if table is None else reach_of(table)
-    return physics_map(
-        body, threads=session.threads, progress=_late_progress(session), reach_rad=reach
-    )
+    with session.working("FEM of the body, kept for the next time") as tell:
+        return physics_map(body, threads=session.threads, progress=tell, reach_rad=reach)
 
 
 def prepare_physics(table: Table, session: Session) -> None:
@@ -90,19 +89,6 @@ def read_own(name: str) -> Expression | Mechanism:
         )
     where = f"{path} [mechanism]"
     return Mechanism.from_dict(document["mechanism"], where, base=path.parent)
-
-
-def _late_progress(session: Session) -> Progress:
-    """A progress bar that appears only when there is work to do."""
-    bars: list[Callable[..., None] | None] = []
-
-    def show(done: float, total: float, phase: str) -> None:
-        if not bars:
-            bars.append(session.progress("FEM of the body, kept for the next time"))
-        if bars[0] is not None:
-            bars[0](done, total, phase)
-
-    return show
 
 
 def predict(
@@ -132,7 +118,6 @@ def predict(
         Add the rotation as wxyz, rows, ZYX, grood-suntay-right or other words (rad).
     """
     session.check_output(out)
-    load_installed()
     if rotation:
         check_rotation_word(rotation)
     table = session.read([poses], need="predict")
@@ -163,7 +148,6 @@ _WORST_POSES = 3
 
 def compare(session: Session, model: str, data: list[Path]) -> None:
     """Compare a model with a table: RMSE, bias, noise floor and excess error per component."""
-    load_installed()
     table = session.read(data, need="fit")
     opened = open_model(model, session, table)
     with session.working(f"comparing with {len(table)} rows") as tell:
@@ -286,7 +270,6 @@ def export(
         Also where it changes the model beyond the noise.
     """
     check_output_directory(out)
-    load_installed()
     rows = session.read(data) if data else None
     with session.working(f"exporting {model}"):
         opened = open_model(model, session)

@@ -50,36 +50,6 @@ def _is_number(text: str) -> bool:
     return True
 
 
-class Outputs:
-    """The files of a command: whether they can be written, and which of them are."""
-
-    def __init__(self) -> None:
-        self._before: dict[Path, tuple[int, int] | None] = {}
-
-    def check(self, *paths: Path | None) -> None:
-        """Raise InputError where a file could not be written; None is left out."""
-        for path in paths:
-            if path is None:
-                continue
-            if path.is_dir():
-                raise InputError(f"{path}: found a directory, expected the name of a file to write")
-            if is_device(path):
-                if not os.access(path, os.W_OK):
-                    raise InputError(f"{path}: no permission to write there")
-                continue
-            _check_writable(path, path.parent)
-            if path.suffix == ".csv":
-                check_description(path)
-            self._before[path] = _identity(path)
-
-    def sentence(self) -> str:
-        """Return what an interrupted command leaves behind, and how to go on."""
-        written = [str(p) for p, before in self._before.items() if _identity(p) != before]
-        if not written:
-            return NOTHING_WRITTEN
-        return f"complete: {', '.join(written)}. Run the same command again for the rest."
-
-
 def _identity(path: Path) -> tuple[int, int] | None:
     """What changes when a file is written again; None where there is none."""
     try:
@@ -210,7 +180,8 @@ class Session(Console):
         self.meta, self.skip_bad_rows = meta, skip_bad_rows
         self.json, self.report = _stream(json), _stream(report)
         self.seed, self.threads = seed, threads
-        self._outputs = Outputs()
+        self._before: dict[Path, tuple[int, int] | None] = {}
+        """The files that are to be written, as they were."""
 
     def print(self, text: str = "") -> None:
         """Print a line of the result; on stderr where stdout gets --json or --report."""
@@ -221,15 +192,31 @@ class Session(Console):
             super().print(text)
 
     def __enter__(self) -> Session:
-        interrupt.describe(self._outputs.sentence)
+        interrupt.describe(self.left_behind)
         return self
 
     def check_output(self, *paths: Path | None) -> None:
-        """Raise InputError where a file could not be written; None is left out.
+        """Raise InputError where a file could not be written; None is left out."""
+        for path in paths:
+            if path is None:
+                continue
+            if path.is_dir():
+                raise InputError(f"{path}: found a directory, expected the name of a file to write")
+            if is_device(path):
+                if not os.access(path, os.W_OK):
+                    raise InputError(f"{path}: no permission to write there")
+                continue
+            _check_writable(path, path.parent)
+            if path.suffix == ".csv":
+                check_description(path)
+            self._before[path] = _identity(path)
 
-        An interruption tells which of the files are written.
-        """
-        self._outputs.check(*paths)
+    def left_behind(self) -> str:
+        """Return which of these files an interrupted command has written, and how to go on."""
+        written = [str(p) for p, before in self._before.items() if _identity(p) != before]
+        if not written:
+            return NOTHING_WRITTEN
+        return f"complete: {', '.join(written)}. Run the same command again for the rest."
 
     def read(self, paths: Sequence[Path], need: Need | None = None) -> Table:
         """Read the measurement table of the command and print its warnings."""

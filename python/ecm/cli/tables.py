@@ -125,12 +125,11 @@ def check(session: Session, data: list[Path], *, leave_out: bool = False) -> Non
         result = check_table(table, progress=tell)
     session.write_json(result.to_dict())
     _print(result, session)
-    wrong = result.misread
-    for warning in result.warnings[len(table.warnings) :]:
-        session.warn(warning, wrong=wrong is not None and warning == wrong.sentence())
-    if wrong is not None and wrong.mend:
+    for doubt in result.warnings[len(table.warnings) :]:
+        session.warn(doubt, wrong=True)
+    if result.misread is not None and result.misread.mend:
         session.note("To mend it, put under [columns] into the TOML beside the table:")
-        for entry in wrong.mend:
+        for entry in result.misread.mend:
             session.note(f"    {entry}")
 
 

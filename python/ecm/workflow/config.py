@@ -156,19 +156,15 @@ def config_from_dict(
         "select": SelectTable,
         "design": DesignTable,
     }
-    try:
-        return Config(
-            mechanism=mechanism,
-            **{
-                name: read_settings(table, document.get(name, {}), f"{where} [{name}]")
-                for name, table in tables.items()
-            },
-            rig=RigSettings.from_dict({k: document[k] for k in RIG_TABLES if k in document}, where),
-            source=where,
-        )
-    except InputError as error:
-        text = str(error)
-        raise InputError(text if text.startswith(where) else f"{where}: {text}") from None
+    return Config(
+        mechanism=mechanism,
+        **{
+            name: read_settings(table, document.get(name, {}), f"{where} [{name}]")
+            for name, table in tables.items()
+        },
+        rig=RigSettings.from_dict({k: document[k] for k in RIG_TABLES if k in document}, where),
+        source=where,
+    )
 
 
 def read_config(path: str | Path) -> Config:

@@ -27,24 +27,21 @@ from ecm.workflow.config import Config
 
 
 class Console(Protocol):
-    """What a job needs of its caller; the command line draws progress bars."""
+    """What a job needs of its caller, as the command line has it."""
 
     def print(self, text: str = "") -> None:
         """Print a line for the reader."""
 
     def progress(self, title: str) -> Callable[..., None] | None:
         """Return a callback (done, total[, phase]) for the work that comes next, or None."""
+        return None
 
 
-class Silent:
+class Silent(Console):
     """A console that prints nothing."""
 
     def print(self, text: str = "") -> None:
         """Drop the line."""
-
-    def progress(self, title: str) -> Callable[..., None] | None:
-        """Return None: nobody follows the progress."""
-        return None
 
 
 @dataclass
