@@ -109,7 +109,9 @@ def test_the_parser_states_what_the_functions_take(name: str) -> None:
     work = inspect.signature(_loaded(f"cli.{command.work}"))
     taken = dict(list(work.parameters.items())[1:])  # without the session
     if command.passed:
-        public = inspect.signature(_loaded(command.of)).parameters
+        public = {}
+        for source in command.of.split():
+            public |= inspect.signature(_loaded(source)).parameters
         taken |= {name: public[name] for name in command.passed.split()}
         assert set(command.passed.split()) <= {*work.parameters} or "options" in work.parameters
     taken.pop("options", None)

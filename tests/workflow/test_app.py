@@ -60,7 +60,7 @@ def client_of(app: App, **options: Any) -> TestClient:
 
 @pytest.fixture
 def app(tmp_path: Path) -> Iterator[App]:
-    opened = App.of(tmp_path / "session")
+    opened = App(tmp_path / "session")
     yield opened
     opened.close()
 
@@ -663,7 +663,7 @@ def test_a_killed_server_leaves_no_process_of_views(tmp_path: Path) -> None:
 
 def test_an_upload_that_a_kill_has_cut_is_removed(tmp_path: Path) -> None:
     (tmp_path / ".ecm-incoming-1").write_bytes(b"1")
-    App.of(tmp_path).close()
+    App(tmp_path).close()
     assert not list(tmp_path.glob(".ecm-incoming-*"))
 
 
@@ -677,7 +677,7 @@ def test_the_address_is_given_when_it_answers_and_an_error_lets_the_folder_go(
 
     with pytest.raises(InputError, match="enough") as kept:
         serve(tmp_path / "session", ready=ready)
-    App.of(tmp_path / "session").close()
+    App(tmp_path / "session").close()
     assert kept.value
 
 
@@ -703,7 +703,7 @@ from pathlib import Path
 from ecm.workflow.app.steps import PLAN, write_demo
 from ecm.workflow.app.serve import begin, serve
 from ecm.workflow.app.server import App
-app = App.of(Path(sys.argv[1]))
+app = App(Path(sys.argv[1]))
 app.session.add_table(Path(sys.argv[2]), "stage.csv")
 app.jobs.start("check", {})
 if sys.argv[3] == "fit":
@@ -743,7 +743,7 @@ def files_of(folder: Path) -> dict[str, bytes]:
 
 def test_a_killed_server_leaves_an_interrupted_step_and_no_process(tmp_path: Path) -> None:
     killed(tmp_path, "check")
-    opened = App.of(tmp_path / "session")
+    opened = App(tmp_path / "session")
     with client_of(opened) as client:
         state = client.get("/api/state").json()
         assert [item["status"] for item in state["steps"]] == ["done", "interrupted"]
@@ -756,7 +756,7 @@ def test_a_kill_in_the_middle_of_a_fit_loses_nothing(tmp_path: Path) -> None:
     assert "check-2.json" in before
     assert "model-3.json" not in before
     assert files_of(tmp_path / "session") == before
-    opened = App.of(tmp_path / "session")
+    opened = App(tmp_path / "session")
     with client_of(opened) as client:
         state = client.get("/api/state").json()
         assert [item["status"] for item in state["steps"]] == ["done", "done", "interrupted"]
@@ -775,9 +775,9 @@ def _alive(pid: int) -> bool:
 
 def test_a_second_server_in_the_same_folder_is_refused(app: App) -> None:
     with pytest.raises(InputError, match="another `ecm app` has this session open"):
-        App.of(app.session.folder)
+        App(app.session.folder)
     app.close()
-    App.of(app.session.folder).close()
+    App(app.session.folder).close()
 
 
 def test_a_record_that_a_kill_has_cut_is_left_out(tmp_path: Path) -> None:

@@ -31,9 +31,11 @@ COMMANDS = {
     ),
     "design": Command(
         line="The poses worth measuring, as a plan.",
-        work="jobs.design", of="workflow.design.design", passed="how_many",
+        work="jobs.design", of="workflow.design.design designs.settings.DesignSettings",
+        passed="criterion how_many share metres_per_radian replicates ridge starts iterations "
+        "time_limit_s",
         common="tables report seed",
-        hide="share metres_per_radian replicates ridge search starts iterations time_limit "
+        hide="share metres_per_radian replicates ridge search starts iterations time_limit_s "
         "meta skip_bad_rows quiet",
     ),
     "campaign": Command(

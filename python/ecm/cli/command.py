@@ -59,9 +59,9 @@ class Command:
     work: str
     """Its function, below `ecm.cli`."""
     of: str = ""
-    """The public function that it calls, below `ecm`."""
+    """The public function that it calls, below `ecm`, and the class of its settings."""
     passed: str = ""
-    """Parameters of that function that are options as they are."""
+    """Parameters of these that are options as they are."""
     common: str = ""
     """Options of `Session`: tables (--meta, --skip-bad-rows), report, and seed and threads where
     they change anything. All commands take the last two; else the help hides them."""
@@ -84,13 +84,11 @@ def parsed(command: Command) -> Callable[..., None]:
     """Return the function of all options of a command, as typer wants it."""
     text, own, words = _stated(f"cli.{command.work}")
     _, of_all, _ = _stated("cli.session.Session")
-    if command.of:
-        _, public, _ = _stated(command.of)
-        for name in command.passed.split():
-            option = replace(
-                public[name], text=public[name].text.partition(". ")[0].rstrip(".") + "."
-            )
-            own[name] = replace(option, is_argument=False, **words.get(name, {}))
+    public = {name: at for of in command.of.split() for name, at in _stated(of)[1].items()}
+    for name in command.passed.split():
+        text_there = public[name].text.partition(". ")[0].rstrip(".") + "."
+        stated: dict[str, Any] = {"word": "", "text": text_there, "is_argument": False}
+        own[name] = replace(public[name], **(stated | words.get(name, {})))
     absent = {"self"} | (set() if "report" in command.common else {"report"})
     absent |= set() if "tables" in command.common else {"meta", "skip_bad_rows"}
     hidden = {*command.hide.split(), *({"seed", "threads"} - set(command.common.split()))}
@@ -165,19 +163,21 @@ def _stated(function: str) -> tuple[str, dict[str, _Option], dict[str, dict[str,
         names, _, word = head.partition(" : ")
         found_words = {"word": word, "text": " ".join(meaning.split())}
         words |= dict.fromkeys(names.split(", "), found_words)
-    of = next(node.args for node in ast.walk(found) if isinstance(node, ast.FunctionDef))
-    defaults = [*[None] * (len(of.args) - len(of.defaults)), *of.defaults, *of.kw_defaults]
-    options = {
-        argument.arg: _Option(
-            argument.arg,
-            argument.annotation,
-            default,
-            argument in of.args,
-            **words.get(argument.arg, {}),
-        )
-        for argument, default in zip((*of.args, *of.kwonlyargs), defaults, strict=True)
-    }
-    return text, options, words
+    of = next((node.args for node in ast.walk(found) if isinstance(node, ast.FunctionDef)), None)
+    stated: list[tuple[str, Any, Any, bool]]
+    if of is None:  # a class of settings, with what `setting` is given
+        stated = [
+            (node.target.id, node.annotation, getattr(node.value, "args", [node.value])[0], False)
+            for node in found.body
+            if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)
+        ]
+    else:
+        defaults = [*[None] * (len(of.args) - len(of.defaults)), *of.defaults, *of.kw_defaults]
+        stated = [
+            (argument.arg, argument.annotation, default, argument in of.args)
+            for argument, default in zip((*of.args, *of.kwonlyargs), defaults, strict=True)
+        ]
+    return text, {item[0]: _Option(*item, **words.get(item[0], {})) for item in stated}, words
 
 
 class _Types(dict[str, Any]):

@@ -62,7 +62,6 @@ def design(
     *,
     n: Count,
     out: Path,
-    criterion: str = "d",
     model: str | None = None,
     preset: Literal["paper", "diagnosable"] | None = None,
     effects: str | None = None,
@@ -72,14 +71,7 @@ def design(
     base: str | None = None,
     rig: Path | None = None,
     search: Literal["best", "paper"] = "best",
-    time_limit: float = 0.0,
-    share: float = 0.5,
-    metres_per_radian: float | None = None,
-    replicates: bool = False,
-    ridge: float = 0.0,
-    starts: Count = 10,
-    iterations: Natural = 0,
-    how_many: bool,
+    **options: Any,
 ) -> None:
     """Choose the poses worth measuring (all options: docs/designs.md).
 
@@ -109,6 +101,8 @@ def design(
         Rig file: its noise and times.
     how_many
         Also the expected error for each n up to N.
+    time_limit_s : --time-limit S
+        Seconds of the search; with a limit another run may give another design.
     """
     session.check_output(out)
     told_apart = _effects(effects)
@@ -122,23 +116,15 @@ def design(
         base=None if base is None else open_model(base, session, table),
         rig=instruments,
         effects=told_apart,
-        how_many=how_many,
         console=session,
-        criterion=criterion,
         model=model,
         method="paper" if search == "paper" else "search",
-        time_limit_s=time_limit,
-        share=share,
-        metres_per_radian=metres_per_radian,
-        replicates=replicates,
-        ridge=ridge,
-        starts=starts,
-        iterations=iterations,
         include=[] if include is None else row_list("--include", include, len(table)),
         exclude=_excluded(exclude, table),
         measured=_measured(augment, table, session),
         seed=session.seed,
         threads=session.threads,
+        **options,
     )
     planned.plan.write(out)
     session.write_json(planned.to_dict())

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from ecm.errors import EcmError, InputError, Remedy, remedy_of
+from ecm.io import events
 from ecm.io.cache import write_atomically
 from ecm.io.toml import read_toml, write_toml
 from ecm.workflow.app.journal import DATA, History, Journal, Step, writing
@@ -98,15 +99,20 @@ class Session:
         (folder / "views").mkdir(exist_ok=True)
         self.journal = Journal(folder / "steps.jsonl")
 
+    def now(self) -> tuple[History, Files]:
+        """Return the history, and the files that count."""
+        history = self.journal.read()
+        return history, self.files(history)
+
     def files(self, history: History) -> Files:
         """Return the files that count now."""
         changed = history.last(*DATA)
         data = [] if changed is None else list(changed.inputs["data_after"])
         dropped = history.last("upload")
         logs = [] if dropped is None else dropped.inputs.get("dropped_after", dropped.outputs[:1])
-        model = history.last("fit", "refit", data=data)
-        of_model = {"data": data, "model": None if model is None else model_of(model)}
-        found = history.last("diagnose", **of_model)
+        fitted = history.last("fit", "refit", data=data)
+        model = None if fitted is None else model_of(fitted)
+        found = history.last("diagnose", data=data, model=model)
         checked = history.last("check", data=data)
         answered = history.last("diagnose", data=data)
         written = [] if found is None else found.outputs
@@ -114,7 +120,7 @@ class Session:
         sealed = next((d for d in data if self._beside(d, TRUTH).is_file()), None)
         return Files(
             data=data,
-            model=None if model is None else model_of(model),
+            model=model,
             answer=None if answered is None else answered.outputs[0],
             next_plan=plan if plan and (self.folder / plan).is_file() else None,
             dropped=logs,
@@ -148,8 +154,9 @@ class Session:
         except OSError:
             return b""
 
-    def check_step(self, history: History, files: Files) -> Step | None:
-        return history.last("check", data=files.data)
+    def told(self, number: int, name: str) -> dict[str, Any]:
+        """Return the last event with this key that the command of a step told."""
+        return events.last(self.log(number, "events"), name) or {}
 
     def pending(self, history: History, check: Step) -> list[str]:
         document = self.result(check) or {}
@@ -158,22 +165,13 @@ class Session:
 
     def result(self, step: Step | None) -> Any:
         """Return the JSON document of a step, with its number."""
-        if step is None:
-            return None
-        document = self._report(step)
-        return None if document is None else {**document, "step": step.number}
-
-    def refusal(self, step: Step) -> tuple[str, dict[str, Any] | None] | None:
-        """Return why a command refused, and its way out; None where it died without a word."""
-        error = (self._report(step) or {}).get("error")
-        return None if error is None else (error["message"], error["remedy"])
-
-    def _report(self, step: Step) -> Any:
-        name = next((n for n in step.outputs if _is_report(n)), None)
+        names = [] if step is None else step.outputs
+        report = next((n for n in names if n.endswith(".json") and not n.startswith("model-")), "")
         try:
-            return json.loads((self.folder / str(name)).read_bytes())
+            document = json.loads((self.folder / report).read_bytes())
         except (OSError, ValueError):
             return None
+        return {**document, "step": None if step is None else step.number}
 
     def opened(self, history: History, files: Files) -> Step | None:
         """Return the last step that opened the truth of these tables; undo does not close it."""
@@ -208,11 +206,10 @@ class Session:
         InputError
             Where the step is not possible now, or the request is wrong.
         """
-        history = self.journal.read()
-        files = self.files(history)
+        history, files = self.now()
         number = self._next_number(history)
         if verb in ("fit", "refit", "compare", "diagnose"):
-            self._require_checked(history)
+            self._require_checked(history, files)
         command = command_of(verb, request, files, number)
         if verb == "example" and request["name"] == "neck":
             with writing(self.folder / PLAN):
@@ -233,7 +230,7 @@ class Session:
         remedy = remedy_of(error)
         if remedy is None:
             return None
-        files = self.files(self.journal.read())
+        _, files = self.now()
         names = {"DATA": shlex.join(files.data), "MODEL": files.model or "MODEL"}
         return way_out(remedy.filled({**names, "OUT": "model.json"}).to_dict(), files)
 
@@ -264,7 +261,7 @@ class Session:
         move
             The file is of this session: it is moved.
         """
-        history = self.journal.read()
+        history, files = self.now()
         suffix = suffix_of(name)
         number = self._next_number(history)
         target = self.folder / f"upload-{number}{suffix}"
@@ -275,7 +272,6 @@ class Session:
             with writing(target, name):
                 shutil.copyfile(source, target)
                 outputs += copy_beside(source, target)
-        files = self.files(history)
         data = files.data if suffix in LOGS else [*(files.data if more else []), target.name]
         dropped = [*(files.dropped if more else []), target.name]
         after = {"data_after": data, "dropped_after": dropped}
@@ -291,8 +287,7 @@ class Session:
         InputError
             Where there is neither, or the description is no TOML.
         """
-        history = self.journal.read()
-        files = self.files(history)
+        history, files = self.now()
         last = (files.dropped or files.data)[-1:] if not files.data else files.data[-1:]
         if not last:
             raise InputError(f"{name}: drop the table first, then its description")
@@ -318,7 +313,7 @@ class Session:
         """Return the import of the next log that was dropped with that of a step."""
         if step.verb != "import":
             return None
-        logs = self.files(self.journal.read()).dropped
+        logs = self.now()[1].dropped
         at = logs.index(step.argv[1]) + 1
         return (
             None if at == len(logs) else ("import", {**step.request, "log": logs[at], "more": True})
@@ -326,8 +321,8 @@ class Session:
 
     def accept(self, warning: str) -> None:
         """Record that the person takes responsibility for a warning of the check."""
-        history = self.journal.read()
-        step = self.check_step(history, self.files(history))
+        history, files = self.now()
+        step = history.last("check", data=files.data)
         if step is None or warning not in self.pending(history, step):
             raise InputError("no such warning in the check of these tables")
         self.journal.append(event="accept", number=step.number, warning=warning)
@@ -381,8 +376,8 @@ class Session:
             number += 1
         return number
 
-    def _require_checked(self, history: History) -> None:
-        check = self.check_step(history, self.files(history))
+    def _require_checked(self, history: History, files: Files) -> None:
+        check = history.last("check", data=files.data)
         if check is None:
             raise InputError(
                 "the tables are not checked: nothing goes on until the check passes",
@@ -398,10 +393,6 @@ class Session:
 
 def model_of(step: Step) -> str:
     return step.outputs[0]
-
-
-def _is_report(name: str) -> bool:
-    return name.endswith(".json") and not name.startswith("model-")
 
 
 def _kept(verb: str, request: dict[str, Any], files: Files) -> list[str]:

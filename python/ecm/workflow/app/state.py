@@ -97,9 +97,8 @@ class Readings:
 
 def state_of(session: Session) -> dict[str, Any]:
     """Return all that the page shows; it depends on the files of the folder only."""
-    history = session.journal.read()
-    files = session.files(history)
-    check = session.check_step(history, files)
+    history, files = session.now()
+    check = history.last("check", data=files.data)
     model = history.last("fit", "refit", data=files.data)
     of_model = {"data": files.data, "model": files.model}
     compared = history.last("compare", **of_model) if files.model else None
