@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import threading
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -79,7 +80,7 @@ class Step:
     inputs: dict[str, Any]
     outputs: list[str]
     """Files of the session folder that the step writes."""
-    begun_s: float
+    begun_s: float = field(default_factory=lambda: round(time.time(), 3))
     status: str = "running"
     message: str = ""
     remedy: dict[str, Any] | None = None

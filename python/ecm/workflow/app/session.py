@@ -12,7 +12,6 @@ from __future__ import annotations
 import json
 import shlex
 import shutil
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -216,10 +215,10 @@ class Session:
                 write_demo(self.folder)
         inputs: dict[str, Any] = {"data": files.data, "model": files.model}
         if verb in DATA:
-            inputs["data_after"] = [*_kept(verb, request, files), command.outputs[0]]
-        now_s = round(time.time(), 3)
+            adds = verb == "campaign" or (verb == "import" and request.get("more"))
+            inputs["data_after"] = [*(files.data if adds else []), command.outputs[0]]
         return self.journal.begin(
-            Step(number, verb, request, command.argv, inputs, command.outputs, now_s)
+            Step(number, verb, request, command.argv, inputs, command.outputs)
         )
 
     def way_out(self, error: EcmError) -> dict[str, Any] | None:
@@ -288,7 +287,7 @@ class Session:
             Where there is neither, or the description is no TOML.
         """
         history, files = self.now()
-        last = (files.dropped or files.data)[-1:] if not files.data else files.data[-1:]
+        last = (files.data or files.dropped)[-1:]
         if not last:
             raise InputError(f"{name}: drop the table first, then its description")
         number = self._next_number(history)
@@ -314,10 +313,8 @@ class Session:
         if step.verb != "import":
             return None
         logs = self.now()[1].dropped
-        at = logs.index(step.argv[1]) + 1
-        return (
-            None if at == len(logs) else ("import", {**step.request, "log": logs[at], "more": True})
-        )
+        rest = logs[logs.index(step.argv[1]) + 1 :]
+        return ("import", {**step.request, "log": rest[0], "more": True}) if rest else None
 
     def accept(self, warning: str) -> None:
         """Record that the person takes responsibility for a warning of the check."""
@@ -356,9 +353,7 @@ class Session:
     ) -> Step:
         """Record an upload; `after`: the tables that count then, and the files to import."""
         inputs = {"data": files.data, **after}
-        now_s = round(time.time(), 3)
-        step = Step(number, "upload", {"name": name}, [], inputs, outputs, now_s)
-        self.journal.begin(step)
+        step = self.journal.begin(Step(number, "upload", {"name": name}, [], inputs, outputs))
         self.end(number, "done", "", 0.0)
         return step
 
@@ -393,8 +388,3 @@ class Session:
 
 def model_of(step: Step) -> str:
     return step.outputs[0]
-
-
-def _kept(verb: str, request: dict[str, Any], files: Files) -> list[str]:
-    """Return the tables to which a step adds one; none where it replaces them."""
-    return files.data if verb == "campaign" or (verb == "import" and request.get("more")) else []
