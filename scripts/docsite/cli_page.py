@@ -21,8 +21,8 @@ they change nothing.
 def page() -> str:
     """Return the page of all commands."""
     parts = [_HEAD]
-    for name, line in COMMANDS.items():
-        parts += _command(f"ecm {name}", load_command(name), line, 2)
+    for name, command in COMMANDS.items():
+        parts += _command(f"ecm {name}", load_command(name), command.line, 2)
     return "\n".join(parts) + "\n"
 
 

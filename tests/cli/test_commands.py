@@ -27,6 +27,7 @@ from ecm.cli.app import COMMANDS as REGISTRY
 from ecm.cli.app import load_command
 from ecm.cli.console import Console
 from ecm.cli.main import reported
+from ecm.cli.session import Session
 from ecm.comparison import compare
 from ecm.designs import CRITERIA
 from ecm.effects import LinearEffect, Parameter, unregister
@@ -63,7 +64,7 @@ def test_help_of_all_loads_no_command() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = done.stdout.splitlines()[-1]
     assert "ecm.cli.app" in loaded
-    assert "ecm.cli.options" not in loaded
+    assert "ecm.cli.session" not in loaded
     assert "numpy" not in loaded
 
 
@@ -93,21 +94,37 @@ def test_the_help_of_design_names_all_criteria(ecm_command: Command) -> None:
     assert f"{', '.join(CRITERIA)}." in ecm_command("design", "--help").out
 
 
-def _work_of(name: str) -> tuple[Callable[..., None], type]:
-    """Return the function that does the work of a command, and the class of its options."""
-    parser = load_command(name)
-    run = getattr(parser, "commands", {"fit": parser})["fit"].callback
-    found = inspect.getclosurevars(inspect.unwrap(run)).nonlocals
-    if not callable(found["work"]):
-        found["work"] = getattr(import_module(f"ecm.cli.{found['module']}"), found["function"])
-    return found["work"], found["options"]
+def _loaded(path: str) -> Any:
+    """A function below `ecm`."""
+    module, _, name = path.rpartition(".")
+    return getattr(import_module(f"ecm.{module}"), name)
 
 
-def test_every_command_has_its_work() -> None:
-    for name in COMMANDS:
-        work, options = _work_of(name)
-        own = {"options": options.__name__, "session": "Session", "return": "None"}
-        assert work.__annotations__ == own
+@pytest.mark.parametrize("name", REGISTRY)
+def test_the_parser_states_what_the_functions_take(name: str) -> None:
+    """It is read from their sources; loaded, they have the same names and defaults."""
+    command, parser = REGISTRY[name], load_command(name)
+    params = getattr(parser, "commands", {"fit": parser})["fit"].params
+    read = {p.name: p.default for p in params if p.name != "help"}
+    work = inspect.signature(_loaded(f"cli.{command.work}"))
+    taken = dict(list(work.parameters.items())[1:])  # without the session
+    if command.passed:
+        public = {}
+        for source in command.of.split():
+            public |= inspect.signature(_loaded(source)).parameters
+        taken |= {name: public[name] for name in command.passed.split()}
+        assert set(command.passed.split()) <= {*work.parameters} or "options" in work.parameters
+    taken.pop("options", None)
+    taken |= inspect.signature(Session).parameters
+    assert set(read) <= set(taken)
+    left_out = set() if "report" in command.common else {"report"}
+    left_out |= set() if "tables" in command.common else {"meta", "skip_bad_rows"}
+    assert set(taken) - set(read) <= left_out
+    for option, default in read.items():
+        expected = taken[option].default
+        if expected is inspect.Parameter.empty or expected == ():
+            expected = [] if expected == () else None
+        assert default == expected, option
 
 
 @pytest.mark.parametrize("name", ["", *COMMANDS])
@@ -644,7 +661,7 @@ def test_a_long_work_tells_its_step_and_the_time_left(
 @pytest.mark.parametrize("name", sorted({*REGISTRY} - {"app", "effects", "new", "reveal"}))
 def test_every_command_that_computes_says_how_far_it_is(name: str) -> None:
     """All but those that compute nothing, and the page, which shows the progress of its steps."""
-    source = inspect.getsource(inspect.getmodule(_work_of(name)[0]))
+    source = inspect.getsource(inspect.getmodule(_loaded(f"cli.{REGISTRY[name].work}")))
     assert re.search(r"session\.working\(|session\.progress\(|console=session", source)
 
 
@@ -673,29 +690,5 @@ def test_compare_and_refit_tell_their_steps() -> None:
         assert done[-1] < steps[-1][1] == steps[0][1]
 
 
-def test_progress_off_a_terminal_is_plain_lines(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    now = [0.0]
-    monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    show = Console().progress("FEM poses")
-    assert show is not None
-    for done in range(0, 101, 25):
-        now[0] = 0.4 * done
-        show(done, 100, "solving")
-    show(100, 100, "solved")  # told once
-    for done in (0, 5, 10):
-        now[0] += 12.0
-        show(done, 10, "measuring")
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err.splitlines() == [
-        "FEM poses, solving: 25 of 100, 30 s left",
-        "FEM poses, solving: 50 of 100, 20 s left",
-        "FEM poses, solving: 75 of 100, 10 s left",
-        "FEM poses, solving: 100 of 100",
-        "FEM poses, measuring: 0 of 10",
-        "FEM poses, measuring: 5 of 10, 12 s left",
-        "FEM poses, measuring: 10 of 10",
-    ]
+def test_nobody_follows_the_progress_of_a_quiet_command() -> None:
     assert Console(quiet=True).progress("FEM poses") is None

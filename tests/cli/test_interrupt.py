@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from ecm.cli.session import Outputs
+from ecm.cli.session import Session
 from ecm.errors import ComputationError
 from ecm.io.cache import write_atomically
 from ecm.io.description import Meta
@@ -156,11 +156,11 @@ def test_a_file_is_finished_before_the_interruption() -> None:
 def test_an_interruption_tells_which_files_are_complete(tmp_path: Path) -> None:
     first, second = tmp_path / "a.json", tmp_path / "b.json"
     second.write_text("older")
-    outputs = Outputs()
-    outputs.check(first, second, None)
-    assert outputs.sentence() == "nothing was written. Run the same command again."
+    session = Session()
+    session.check_output(first, second, None)
+    assert session.left_behind() == "nothing was written. Run the same command again."
     first.write_text("new")
-    assert outputs.sentence() == f"complete: {first}. Run the same command again for the rest."
+    assert session.left_behind() == f"complete: {first}. Run the same command again for the rest."
 
 
 # --- pairs of files ------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import itertools
 import re
 import time
@@ -26,7 +27,7 @@ from ecm.models import fit_model, parse_model, prediction
 from ecm.models.fit_summary import fit_summary
 from ecm.models.model import Model
 from ecm.models.selection import cross_validate, learning_curve
-from support.neck import Done
+from support.neck import ROOT, Done
 
 Command = Callable[..., Done]
 Told = list[tuple[float, float, str]]
@@ -138,22 +139,28 @@ def test_the_rows_of_a_text_are_told_as_they_are_read(tmp_path: Path) -> None:
 def test_what_is_left_falls_while_one_part_lasts(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    steps = console._Steps()
-    assert steps.line("fitting", "1 s so far", 1.0) == "fitting: 1 s so far"
+    steps = console._Progress("fitting")
+    assert steps.line(1.0) == "fitting: 1 s so far"
     steps.tell(0, 1000, "")
-    assert steps.line("fitting", "9 s so far", 9.0) == "fitting, 9 s so far: 0 %"
+    assert steps.line(9.0) == "fitting, 9 s so far: 0 %"
     now[0] = 10.0
     steps.tell(250, 1000, "pass 1", "")
     shown = {
-        10.0: "25 %, about 30 s left",
-        25.0: "62 %, about 15 s left",
-        39.0: "88 %, about 6 s left",  # not over at once
-        110.0: "88 %, about 20 s left",
+        10.0: "10 s so far: 25 %, about 30 s left",
+        25.0: "25 s so far: 62 %, about 15 s left",
+        39.0: "39 s so far: 88 %, about 6 s left",  # not over at once
+        110.0: "2 min so far: 88 %, about 20 s left",
     }
     for at, words in shown.items():
-        assert steps.line("fitting", "so far", at) == f"fitting, pass 1, so far: {words}"
+        assert steps.line(at) == f"fitting, pass 1, {words}"
     steps.tell(500, 1000, "pass 2")
-    assert steps.line("fitting", "so far", 10.0).endswith("pass 2, so far: 50 %, about 10 s left")
+    assert steps.line(10.0) == "fitting, pass 2, 10 s so far: 50 %, about 10 s left"
+    steps.tell(0, 10, "measuring")  # a count of its own
+    now[0] = 34.0
+    steps.tell(5, 10, "measuring")
+    assert steps.line(34.0) == "fitting, measuring, 34 s so far: 5 of 10, about 24 s left"
+    steps.tell(10, 10, "measuring")
+    assert steps.line(34.0) == "fitting, measuring, 34 s so far: 10 of 10"
 
 
 def test_predict_says_the_time_left(
@@ -186,26 +193,31 @@ def test_nobody_waits_for_a_quiet_command() -> None:
         tell(1, 2, "")
 
 
+def said_by(path: Path, what: str) -> dict[str, Any]:
+    """The last event of a file when it is about this."""
+    for _ in range(2000):
+        found = events.last(path.read_bytes() if path.exists() else b"", "what") or {}
+        if found.get("what") == what:
+            return found
+        time.sleep(0.005)
+    raise AssertionError(f"{what}: {found}")
+
+
 def test_another_program_reads_steps_and_errors_as_lines_of_json(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     path = tmp_path / "events"
     monkeypatch.setenv(events.VARIABLE, str(path))
     monkeypatch.setattr(events, "EVERY_S", 0.0)
-    show = Console().progress("FEM poses")
+    session = Console()
+    show = session.progress("FEM poses")
     assert show is not None
     show(3, 240, "solving")
-    assert events.last(path.read_bytes(), "what") == {
-        "what": "FEM poses, solving", "done": 3, "total": 240, "left_s": None,
-    }  # fmt: skip
-    with Console().working("fitting") as tell:
+    told = {"what": "FEM poses, solving", "done": 3, "total": 240, "left_s": None}
+    assert said_by(path, "FEM poses, solving") == told
+    with session.working("fitting") as tell:
         tell(1, 4, "noise")
-        for _ in range(2000):
-            found = events.last(path.read_bytes(), "what") or {}
-            if found["what"] == "fitting, noise":
-                break
-            time.sleep(0.005)
-    assert found["total"] == 4
+        assert said_by(path, "fitting, noise")["total"] == 4
     assert run(["check", str(tmp_path / "none.csv")]) != 0
     said = capsys.readouterr().err.strip().splitlines()[-1]
     told = events.last(path.read_bytes(), "error")
@@ -220,4 +232,50 @@ def test_another_program_reads_steps_and_errors_as_lines_of_json(
     assert events.last(path.read_bytes(), "error") == told
     # A folder that is not there costs nothing but the events.
     monkeypatch.setenv(events.VARIABLE, str(tmp_path / "none" / "events"))
-    show(240, 240)
+    with session.working("fitting") as tell:
+        tell(240, 240)
+        time.sleep(0.01)
+
+
+SAID = re.compile(
+    r"str\((error|caught|problem)\)|\.message\b|\.stderr\b|\.stdout\b|\.sentences?\(\)|\.log\("
+)
+"""Expressions of what a command, an error or a result says to people."""
+READS = {"startswith", "endswith", "split", "splitlines", "partition", "rpartition",
+         "removeprefix", "removesuffix", "find", "index", "count"}  # fmt: skip
+
+
+def reads_prose(source: str) -> list[str]:
+    """Places of a source where a program looks into words for people."""
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        read: list[ast.expr] = []
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            if isinstance(node.func.value, ast.Name) and node.func.value.id == "re":
+                read = node.args[1:]
+            elif node.func.attr in READS:
+                read = [node.func.value]
+        elif isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.In | ast.NotIn | ast.Eq):
+            read = [node.left, *node.comparators]
+        found += [text for text in map(ast.unparse, read) if SAID.search(text)]
+    return found
+
+
+def test_no_program_reads_the_words_that_are_for_people() -> None:
+    """Progress and ends of commands come as lines of JSON, refusals as fields."""
+    for old in (
+        'done = re.search(r"(\\d+) of (\\d+)", session.log(3, "err").decode())',
+        "if str(error).startswith(where): pass",
+        'refused = "not saved" in step.message',
+        "last = process.stderr.splitlines()[-1]",
+    ):
+        assert len(reads_prose(old)) == 1, old
+    assert reads_prose('message = str(error)\nlog = session.log(3, "err").decode()') == []
+    package = ROOT / "python" / "ecm"
+    found = {
+        path.relative_to(package).as_posix(): places
+        for path in sorted(package.rglob("*.py"))
+        if (places := reads_prose(path.read_text(encoding="utf-8")))
+    }
+    # It shows the first line of what a library for files of others says.
+    assert found == {"io/extras.py": ["str(error).strip()"]}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
@@ -14,13 +13,13 @@ import pytest
 
 import ecm
 from ecm.cli import app
-from ecm.cli.command import Data, command
+from ecm.cli.command import Command
 from ecm.cli.main import reported
 from ecm.cli.session import Session, run_command
 from ecm.effects import get_effect
 from support.neck import LENGTH_M, Done, csv_text, neck_columns
 
-Command = Callable[..., Done]
+Ecm = Callable[..., Done]
 
 
 @pytest.fixture
@@ -40,7 +39,7 @@ def same_tables(path: Path, table: ecm.Table) -> None:
         np.testing.assert_array_equal(written.columns[name], values)
 
 
-def test_fit_predict_refit_and_export(data: Path, tmp_path: Path, ecm_command: Command) -> None:
+def test_fit_predict_refit_and_export(data: Path, tmp_path: Path, ecm_command: Ecm) -> None:
     def run(*arguments: object) -> None:
         done = ecm_command(*arguments)
         assert done.code == 0, done.err
@@ -74,7 +73,7 @@ def test_fit_predict_refit_and_export(data: Path, tmp_path: Path, ecm_command: C
         assert (tmp_path / "python" / name).read_text(encoding="utf-8") == text
 
 
-def test_check_and_design(data: Path, tmp_path: Path, ecm_command: Command) -> None:
+def test_check_and_design(data: Path, tmp_path: Path, ecm_command: Ecm) -> None:
     table = ecm.read_table(data)
     assert ecm_command("check", data, "--json", tmp_path / "check.json").code == 0
     assert json.loads((tmp_path / "check.json").read_text()) == ecm.check(table).to_dict()
@@ -108,49 +107,73 @@ def test_the_aliases_are_the_functions_themselves() -> None:
     assert ecm.campaign is ecm.run_campaign
 
 
-@pytest.mark.parametrize("files", [1, 2])
-def test_a_new_command_is_its_options_its_work_and_a_line_of_the_registry(
-    files: int, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
+ROWS = '''
+def rows(session, data: list[Path], *, most: Natural = 0, words: Sequence[str] = (), **options):
+    """Count the rows of a table.
+
+    Parameters
+    ----------
+    most : N
+        Rows to count at most.
+    words : --word WORD
+        Words to print.
+    freeze : NAME
+        What is kept.
+    """
+    count = len(session.read(data))
+    session.write_json({"rows": min(most or count, count)} | options)
+    session.print(f"{count} rows {words}")
+'''
+
+
+def test_a_new_command_is_a_function_and_a_line_of_the_registry(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Ecm
 ) -> None:
-    """Its work stands beside its options, or in a file of its own."""
-
-    @dataclass(frozen=True, kw_only=True)
-    class Options:
-        """Count the rows of a table."""
-
-        data: Data
-
-    def rows(options: Options, session: Session) -> None:
-        count = len(session.read(options.data))
-        session.write_json({"rows": count})
-        session.print(f"{count} rows")
-
-    work = rows if files == 1 else "rows.rows"
-    made = command(work, Options, tables=True)
-    monkeypatch.setattr("ecm.cli.options.tables.rows", made, raising=False)
-    if files == 2:
-        file = ModuleType("ecm.cli.rows")
-        vars(file)["rows"] = rows
-        monkeypatch.setitem(sys.modules, "ecm.cli.rows", file)
-    monkeypatch.setitem(app.COMMANDS, "rows", "How many rows a table has.")
+    """Its options are the signature and the docstring, and those of the public function."""
+    package = Path(ecm.__file__).parent
+    (tmp_path / "cli").mkdir()
+    (tmp_path / "cli" / "rows.py").write_text(f"from __future__ import annotations\n{ROWS}")
+    for name in ("cli/session.py", "models/refit.py"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text((package / name).read_text(encoding="utf-8"))
+    monkeypatch.setattr("ecm.cli.command._PACKAGE", tmp_path)
+    file = ModuleType("ecm.cli.rows")
+    exec(f"from __future__ import annotations\n{ROWS}", vars(file))
+    monkeypatch.setitem(sys.modules, "ecm.cli.rows", file)
+    made = Command(
+        line="How many rows a table has.", work="rows.rows", common="tables",
+        of="models.refit.refit", passed="freeze remove",
+    )  # fmt: skip
+    monkeypatch.setitem(app.COMMANDS, "rows", made)
     assert "rows      How many rows a table has." in ecm_command("--help").out
     page = ecm_command("rows", "--help").out
-    assert "Count the rows of a table." in page
-    assert "--skip-bad-rows" in page
+    assert "Usage: ecm rows [OPTIONS] {DATA...}\n\n  Count the rows of a table.\n" in page
+    for line in (
+        "DATA...  Tables; several become runs of one.  [required]",
+        "--most N         Rows to count at most.  [default: 0; x>=0]",
+        "--word WORD      Words to print.",
+        "--freeze NAME    What is kept.",
+        "--remove <str>   Ids of effects that it has and shall not have.",
+        "--skip-bad-rows  Leave bad rows out; record them.",
+    ):
+        assert f"  {line}\n" in page, page
     assert "--seed" not in page
-    done = ecm_command("rows", data, data, "--json", tmp_path / "n.json", "--seed", "1")
-    assert (done.code, done.out) == (0, "160 rows\n")
-    assert json.loads((tmp_path / "n.json").read_text()) == {"rows": 160}
+    asked = ("rows", data, data, "--json", tmp_path / "n.json", "--seed", "1", "--word", "of two")
+    done = ecm_command(*asked, "--freeze", "base", "--most", "100")
+    assert (done.code, done.out) == (0, "160 rows ['of two']\n")
+    document = {"rows": 100, "freeze": ["base"], "remove": []}
+    assert json.loads((tmp_path / "n.json").read_text()) == document
+    assert ecm_command("rows", data, "--most", "-1").code == 2
 
 
 def test_a_message_of_an_interruption_does_not_outlive_its_command(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    def interrupted(_options: object, _session: Session) -> None:
+    def interrupted(_session: Session) -> None:
         raise KeyboardInterrupt
 
     def work() -> int:
-        run_command(interrupted, None, {})
+        run_command(interrupted, {}, {})
         return 0
 
     Session().on_interrupt("readings so far are kept.")

@@ -128,17 +128,6 @@ def test_pictures_are_of_the_arm_alone(tmp_path: Path) -> None:
         campaign_of(plan(some_poses(7)), RigSettings(), folder=tmp_path)
 
 
-@pytest.mark.parametrize("option", ["--film", "--phases"])
-def test_the_campaign_says_where_its_pictures_are_drawn_now(
-    option: str, tmp_path: Path, ecm_command: Callable[..., Done]
-) -> None:
-    out = tmp_path / "data.csv"
-    done = ecm_command("campaign", "p.csv", "--rig", "r.toml", "--out", out, option, "x")
-    assert done.code == 2
-    assert "python benches/arm_pictures.py p.csv --rig r.toml --film film.gif" in done.err
-    assert not out.exists()
-
-
 def test_a_missing_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(MissingExtra, match=r"ecm-stiffness\[robot\]"):

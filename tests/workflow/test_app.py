@@ -33,6 +33,7 @@ from ecm.workflow.app.journal import Journal
 from ecm.workflow.app.serve import begin, serve
 from ecm.workflow.app.server import App, application
 from ecm.workflow.app.session import Session
+from ecm.workflow.app.state import state_of
 from ecm.workflow.app.steps import PLAN, Files, command_of, request_of, write_demo
 from support.neck import ROOT
 
@@ -59,7 +60,7 @@ def client_of(app: App, **options: Any) -> TestClient:
 
 @pytest.fixture
 def app(tmp_path: Path) -> Iterator[App]:
-    opened = App.of(tmp_path / "session")
+    opened = App(tmp_path / "session")
     yield opened
     opened.close()
 
@@ -117,7 +118,7 @@ def test_the_loop_by_its_routes_and_the_script_that_repeats_it(app: App, tmp_pat
     _same_bytes_by(script, app.session, tmp_path)
     moved = tmp_path / "moved"
     shutil.copytree(app.session.folder, moved)
-    assert {**Session(moved).state(), "folder": ""} | {"running": None} == {**state, "folder": ""}
+    assert {**state_of(Session(moved)), "folder": ""} | {"running": None} == {**state, "folder": ""}
 
 
 def _same_bytes_by(script: str, session: Session, tmp_path: Path) -> None:
@@ -141,7 +142,7 @@ def _same_bytes_by(script: str, session: Session, tmp_path: Path) -> None:
 
 def test_undo_takes_the_data_back_and_a_new_step_ends_redo(app: App, tmp_path: Path) -> None:
     def names() -> list[str]:
-        return [item["name"] for item in app.session.state()["data"]]
+        return [item["name"] for item in state_of(app.session)["data"]]
 
     for name in ("a.csv", "b.csv"):
         app.session.add_table(table(tmp_path / name), name)
@@ -181,7 +182,7 @@ def test_a_log_begins_a_session_and_waits_for_its_import(app: App, tmp_path: Pat
     with pytest.raises(InputError, match="expected a table or a log"):
         begin(app, [log, tmp_path / "picture.png"])
     begin(app, [log], model="linear")
-    assert app.session.state()["dropped"] == ["log.txt"]
+    assert state_of(app.session)["dropped"] == ["log.txt"]
     assert app.jobs.progress() is None
 
 
@@ -662,7 +663,7 @@ def test_a_killed_server_leaves_no_process_of_views(tmp_path: Path) -> None:
 
 def test_an_upload_that_a_kill_has_cut_is_removed(tmp_path: Path) -> None:
     (tmp_path / ".ecm-incoming-1").write_bytes(b"1")
-    App.of(tmp_path).close()
+    App(tmp_path).close()
     assert not list(tmp_path.glob(".ecm-incoming-*"))
 
 
@@ -676,7 +677,7 @@ def test_the_address_is_given_when_it_answers_and_an_error_lets_the_folder_go(
 
     with pytest.raises(InputError, match="enough") as kept:
         serve(tmp_path / "session", ready=ready)
-    App.of(tmp_path / "session").close()
+    App(tmp_path / "session").close()
     assert kept.value
 
 
@@ -702,7 +703,7 @@ from pathlib import Path
 from ecm.workflow.app.steps import PLAN, write_demo
 from ecm.workflow.app.serve import begin, serve
 from ecm.workflow.app.server import App
-app = App.of(Path(sys.argv[1]))
+app = App(Path(sys.argv[1]))
 app.session.add_table(Path(sys.argv[2]), "stage.csv")
 app.jobs.start("check", {})
 if sys.argv[3] == "fit":
@@ -742,7 +743,7 @@ def files_of(folder: Path) -> dict[str, bytes]:
 
 def test_a_killed_server_leaves_an_interrupted_step_and_no_process(tmp_path: Path) -> None:
     killed(tmp_path, "check")
-    opened = App.of(tmp_path / "session")
+    opened = App(tmp_path / "session")
     with client_of(opened) as client:
         state = client.get("/api/state").json()
         assert [item["status"] for item in state["steps"]] == ["done", "interrupted"]
@@ -755,7 +756,7 @@ def test_a_kill_in_the_middle_of_a_fit_loses_nothing(tmp_path: Path) -> None:
     assert "check-2.json" in before
     assert "model-3.json" not in before
     assert files_of(tmp_path / "session") == before
-    opened = App.of(tmp_path / "session")
+    opened = App(tmp_path / "session")
     with client_of(opened) as client:
         state = client.get("/api/state").json()
         assert [item["status"] for item in state["steps"]] == ["done", "done", "interrupted"]
@@ -774,9 +775,9 @@ def _alive(pid: int) -> bool:
 
 def test_a_second_server_in_the_same_folder_is_refused(app: App) -> None:
     with pytest.raises(InputError, match="another `ecm app` has this session open"):
-        App.of(app.session.folder)
+        App(app.session.folder)
     app.close()
-    App.of(app.session.folder).close()
+    App(app.session.folder).close()
 
 
 def test_a_record_that_a_kill_has_cut_is_left_out(tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ def unexplained_table(path: Path) -> Path:
 @contextmanager
 def served(*tables: Path, folder: Path) -> Iterator[str]:
     """A session served by this process, which has imported all already; yields its address."""
-    with closing(App.of(folder)) as app, socket.create_server(("127.0.0.1", 0)) as listening:
+    with closing(App(folder)) as app, socket.create_server(("127.0.0.1", 0)) as listening:
         app.views._pool = ThreadPoolExecutor(1)  # type: ignore[assignment]
         begin(app, tables)
         port = listening.getsockname()[1]

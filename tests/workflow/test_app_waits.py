@@ -44,7 +44,7 @@ class Worker:
 def app(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[App]:
     """A session with a fit that has ended, and a comparison that goes on until it is told."""
     (tmp_path / "a.csv").write_text(f"x_m,fx_N\n{TABLE}", encoding="utf-8")
-    opened = App.of(tmp_path / "session")
+    opened = App(tmp_path / "session")
     begin(opened, [tmp_path / "a.csv"])
     opened.jobs.wait()
     workers: list[Worker] = []

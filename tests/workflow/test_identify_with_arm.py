@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,14 +12,13 @@ import numpy as np
 import pytest
 
 from ecm.designs import Design
-from ecm.errors import InputError
 from ecm.fem.simulate import simulate
-from ecm.io.table import Table
+from ecm.io.table import Table, as_table
 from ecm.report.page import write_page
 from ecm.rig import HiddenTable, RigSettings
 from ecm.workflow.config import Config, read_config, with_rig
 from ecm.workflow.identify import DESIGNS, measure_designs
-from ecm.workflow.job import Job, Silent, _identity, require_free
+from ecm.workflow.job import Job, Silent
 from ecm.workflow.report_identify import arm_section
 from support.arm_rig import FAST, settings
 from support.neck import ROOT, Done, csv_text, neck_columns
@@ -131,16 +129,21 @@ def test_a_campaign_without_its_record_is_measured_again(measured: Step3) -> Non
 
 
 def test_processes_may_change_while_a_campaign_is_interrupted(
-    tmp_path: Path,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in ("measured-d.journal.csv", "measured-d.begun.json"):
-        folder = tmp_path / ("stages" if name.endswith("json") else "")
-        folder.mkdir(exist_ok=True)
-        digest = _identity(settings(processes=2), 0)
-        (folder / name).write_text(json.dumps({"rig": digest}))
-    require_free(tmp_path, tmp_path / "stages", ("measured-d",), settings(processes=1), 0)
-    with pytest.raises(InputError, match="another rig"):
-        require_free(tmp_path, tmp_path / "stages", ("measured-d",), settings(dwell_s=0.2), 0)
+    kept = []
+
+    def interrupted(_plan: Table, _rig: RigSettings, out: Path, **_more: Any) -> None:
+        kept.append(out)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("ecm.workflow.job.run_campaign", interrupted)
+    plan = as_table({"x_m": [0.1]})
+    rigs = settings(processes=2), settings(processes=1), settings(dwell_s=0.2)
+    for rig in rigs:
+        with pytest.raises(KeyboardInterrupt):
+            Job(Config(), tmp_path, seed=1).measure(plan, "measured-d", rig)
+    assert kept[0] == kept[1] != kept[2]
 
 
 def test_the_same_folder_serves_another_rig_and_the_first_again(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The command `ecm`: for each command a file of options, and one that calls the package."""
+"""The command `ecm`: each command is a function, its options are its signature and docstring."""
 
 from __future__ import annotations
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import Annotated, Any
 
 import typer
@@ -10,47 +9,83 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from ecm._native import __version__
-from ecm.cli.application import new_application
+from ecm.cli.command import Command, new_application, parsed
 
 COMMANDS = {
-    "identify": "Simulate, select, measure, identify: mesh to report.",
-    "simulate": "Wrenches to poses by FEM.",
-    "fit": "A model of measured or simulated pairs.",
-    "predict": "A model's wrench and stiffness at given poses.",
-    "design": "The poses worth measuring, as a plan.",
-    "campaign": "A simulated rig measures a plan.",
-    "import": "A log of any kind as a table.",
-    "check": "Columns, units, what will be testable.",
-    "compare": "Noise floor, excess error, where.",
-    "diagnose": "Which effect is missing.",
-    "refit": "Add or remove an effect and fit again.",
-    "reveal": "Open a sealed truth and score an answer.",
-    "effects": "The physical effects that can be named.",
-    "material": "A material from tests.",
-    "export": "A model as C or Rust for a controller.",
-    "app": "The whole loop in a browser.",
-    "new": "A config, rig or data file to begin from.",
-}
-"""Every command with its line of `ecm --help`."""
-
-_OF_BODIES_AND_RIGS = {
-    "identify", "simulate", "design", "campaign", "reveal", "material", "app", "new"
+    "identify": Command(
+        line="Simulate, select, measure, identify: mesh to report.",
+        work="jobs.identify", common="report seed threads",
+    ),
+    "simulate": Command(
+        line="Wrenches to poses by FEM.",
+        work="fem.simulate", of="fem.simulate.simulate", passed="scheduler", common="seed threads",
+    ),
+    "fit": Command(
+        line="A model of measured or simulated pairs.",
+        work="fit.fit", of="models.fit.fit_model", passed="zero_at_home stable weights",
+        common="tables seed",
+    ),
+    "predict": Command(
+        line="A model's wrench and stiffness at given poses.",
+        work="models.predict", of="models.prediction.predict", passed="leverage", common="tables",
+    ),
+    "design": Command(
+        line="The poses worth measuring, as a plan.",
+        work="jobs.design", of="workflow.design.design designs.settings.DesignSettings",
+        passed="criterion how_many share metres_per_radian replicates ridge starts iterations "
+        "time_limit_s",
+        common="tables report seed",
+        hide="share metres_per_radian replicates ridge search starts iterations time_limit_s "
+        "meta skip_bad_rows quiet",
+    ),
+    "campaign": Command(
+        line="A simulated rig measures a plan.",
+        work="jobs.campaign", of="rig.run.run_campaign", passed="overwrite",
+        common="seed threads",
+    ),
+    "import": Command(
+        line="A log of any kind as a table.",
+        work="tables.import_log", of="logs.importing.import_log",
+        passed="rotation axis group leave_out", common="report",
+    ),
+    "check": Command(
+        line="Columns, units, what will be testable.", work="tables.check", common="tables",
+    ),
+    "compare": Command(
+        line="Noise floor, excess error, where.",
+        work="models.compare", common="tables report seed",
+    ),
+    "diagnose": Command(
+        line="Which effect is missing.", work="diagnose.diagnose", common="tables report seed",
+    ),
+    "refit": Command(
+        line="Add or remove an effect and fit again.",
+        work="fit.refit", of="models.refit.refit", passed="add remove freeze", common="tables",
+    ),
+    "reveal": Command(line="Open a sealed truth and score an answer.", work="jobs.reveal"),
+    "effects": Command(line="The physical effects that can be named.", work="effects.effects"),
+    "material": Command(
+        line="A material from tests.",
+        work="fem.fit", of="fem.material_fit.fit_material", passed="model use poisson_ratio",
+    ),
+    "export": Command(
+        line="A model as C or Rust for a controller.",
+        work="models.export", of="models.export.files.export", passed="name precision force",
+        common="tables", hide="meta skip_bad_rows",
+    ),
+    "app": Command(
+        line="The whole loop in a browser.",
+        work="jobs.serve", of="workflow.app.serve.serve", passed="model port demo",
+    ),
+    "new": Command(line="A config, rig or data file to begin from.", work="tables.new"),
 }  # fmt: skip
-"""Commands with their options in `options/rig.py`; the others have them in `options/tables.py`."""
+"""Every command, with its line of `ecm --help`."""
 
 MOVED = {
     "head": "is an example of the repository now: in a copy of "
     "https://github.com/ecm-stiffness/ecm type `python examples/head --out DIR` (docs/head.md)",
 }
 """Commands of earlier versions, and where their work is done now."""
-
-_FUNCTIONS = {"import": "import_log", "app": "serve"}
-"""The function of a command whose name is taken."""
-
-
-def function_of(name: str) -> str:
-    """Return the name of a command's function, here and in `ecm`."""
-    return _FUNCTIONS.get(name, name)
 
 
 class _Commands(TyperGroup):
@@ -77,7 +112,7 @@ class _Commands(TyperGroup):
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+            formatter.write_dl([(name, command.line) for name, command in COMMANDS.items()])
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         if args and args[0] in MOVED:
@@ -90,14 +125,13 @@ class _Commands(TyperGroup):
 
 
 def load_command(name: str) -> Any:
-    """Return the parser of one command, or of a group of commands (a typer application)."""
-    file = "rig" if name in _OF_BODIES_AND_RIGS else "tables"
-    function = getattr(import_module(f"ecm.cli.options.{file}"), function_of(name))
-    if not isinstance(function, typer.Typer):
-        single = new_application()
-        single.command(name)(function)
-        function = single
-    return get_command(function)
+    """Return the parser of one command; of `material` a group with its one command."""
+    command, made = COMMANDS[name], new_application()
+    grouped = name == "material"
+    made.command("fit" if grouped else name, short_help=command.line)(parsed(command))
+    if grouped:
+        made.callback(no_args_is_help=True, help="Materials from tests.")(lambda: None)
+    return get_command(made)
 
 
 _HELP = "Stiffness of continuum mechanisms: from a mesh to a model and its effects."

@@ -1,167 +1,196 @@
-"""The parser of a command: its options and the common ones; loads no engine.
+"""A command is a function of `ecm.cli`: its options are its signature and its docstring.
 
-The options of a command are a dataclass in `options`, whose fields are typer options and whose
-docstring is the help. The work is a function of them and of a session. It stands below them where
-it needs only the names of `ecm`, which are loaded when they are used:
+    def rows(session: Session, data: list[Path], *, most: Count = 10, **options: Any) -> None:
+        '''Count the rows of tables.
 
-    @dataclass(frozen=True, kw_only=True)
-    class Options:
-        '''Count the rows of tables.'''
+        Parameters
+        ----------
+        most : N
+            Rows to count at most.
+        '''
+        session.print(f"{min(most, len(session.read(data)))} rows")
 
-        data: Data
+What stands before `*` is an argument, the rest are options. The first paragraphs of the docstring
+are the help. After the colon stands the word for the value, and before it the name of the option
+where it is another one: `topics : --topic NAME`. `COMMANDS` of `ecm.cli.app` names the function.
 
-    def rows(options: Options, session: Session) -> None:
-        session.print(f"{len(session.read(options.data))} rows")
-
-    rows = command(rows, Options, tables=True)
-
-Longer work is a function of another file of `ecm.cli`, which is loaded when the options are parsed:
-`check = command("tables.check", CheckArguments, tables=True)`.
+What a public function states is not stated again: `passed` of the registry names the options that
+go there as they are. Type, default and help come from there, and the command gets them by name or
+among `options`. The options that all commands have are those of `Session`. All of it is read from
+the source, so that help loads no engine.
 """
 
 from __future__ import annotations
 
+import ast
+import builtins
 import inspect
-from collections.abc import Callable, Sequence
-from copy import copy
-from dataclasses import MISSING, fields
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, get_args, get_type_hints
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 import typer
 
-Data = Annotated[
-    list[Path],
-    typer.Argument(metavar="DATA...", help="Tables; several become runs of one."),
-]
-Out = Annotated[Path, typer.Option("--out", metavar="FILE", help="The file to write.")]
-ModelFile = Annotated[
-    str,
-    typer.Argument(metavar="MODEL", help="Model file, or TOML with [mechanism] or [expression]."),
-]
+Natural = Annotated[int, 0]
+Count = Annotated[int, 1]
+"""Whole numbers and the smallest of them."""
 
-_COMMON: dict[str, tuple[Any, Any]] = {
-    "meta": (
-        Annotated[
-            Path | None,
-            typer.Option("--meta", metavar="FILE", help="Description, if not NAME.toml."),
-        ],
-        None,
-    ),
-    "skip_bad_rows": (
-        Annotated[bool, typer.Option("--skip-bad-rows", help="Leave bad rows out; record them.")],
-        False,
-    ),
-    "json": (
-        Annotated[
-            Path | None, typer.Option("--json", metavar="FILE", help="Write the result as JSON.")
-        ],
-        None,
-    ),
-    "report": (
-        Annotated[
-            Path | None, typer.Option("--report", metavar="FILE", help="Write an HTML report.")
-        ],
-        None,
-    ),
-    "seed": (
-        Annotated[
-            int,
-            typer.Option("--seed", metavar="N", min=0, help="Seed of the random generator."),
-        ],
-        0,
-    ),
-    "threads": (
-        Annotated[
-            int,
-            typer.Option(
-                "--threads", metavar="N", min=0, help="Threads; 0: all cores.", show_default=False
-            ),
-        ],
-        0,
-    ),
-    "quiet": (Annotated[bool, typer.Option("--quiet", help="Print only errors.")], False),
+_SHARED = {
+    "data": ("DATA...", "Tables; several become runs of one."),
+    "model": ("MODEL", "Model file, or TOML with [mechanism] or [expression]."),
+    "out": ("FILE", "The file to write."),
 }
-"""The common options with their defaults, in the order of the help."""
+"""Words of the help for the files of many commands."""
+
+_PACKAGE = Path(__file__).parents[1]
+typed: tuple[str, ...] = ()
+"""The words after `ecm` of the command at work, for a remedy that repeats it."""
 
 
-def command(
-    work: str | Callable[..., None],
-    options: type,
-    *,
-    tables: bool = False,
-    report: bool = False,
-    seed: bool = False,
-    threads: bool = False,
-    hide: Sequence[str] = (),
-) -> Callable[..., None]:
-    """Return a command as typer wants it: a function of all options.
+@dataclass(frozen=True, kw_only=True)
+class Command:
+    """A command of the registry."""
 
-    Parameters
-    ----------
-    work
-        The function that does the work; or `FILE.NAME`, the function NAME of the file `FILE.py`,
-        which is loaded when the command is called.
-    options
-        Dataclass of the command's own arguments and options.
-    tables
-        The command reads measurement tables: --meta and --skip-bad-rows.
-    report
-        The command has a page: --report.
-    seed, threads
-        Whether they change anything. Every command accepts them; else the help hides them.
-    hide
-        Common options that the help hides, so that it fits on one screen.
-    """
-    absent = {"report"} if not report else set()
-    absent |= {"meta", "skip_bad_rows"} if not tables else set()
-    common = {name: option for name, option in _COMMON.items() if name not in absent}
-    hidden = {*hide, *(() if seed else ("seed",)), *(() if threads else ("threads",))}
-    module, _, function = work.partition(".") if isinstance(work, str) else ("", "", work.__name__)
+    line: str
+    """What it does, for `ecm --help`."""
+    work: str
+    """Its function, below `ecm.cli`."""
+    of: str = ""
+    """The public function that it calls, below `ecm`, and the class of its settings."""
+    passed: str = ""
+    """Parameters of these that are options as they are."""
+    common: str = ""
+    """Options of `Session`: tables (--meta, --skip-bad-rows), report, and seed and threads where
+    they change anything. All commands take the last two; else the help hides them."""
+    hide: str = ""
+    """More options that the help leaves out, so that it is one screen."""
+
+
+def new_application(**options: Any) -> typer.Typer:
+    """Return a typer application with plain help and errors."""
+    return typer.Typer(
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        add_completion=False,
+        context_settings={"help_option_names": ["--help", "-h"], "max_content_width": 80},
+        **options,
+    )
+
+
+def parsed(command: Command) -> Callable[..., None]:
+    """Return the function of all options of a command, as typer wants it."""
+    text, own, words = _stated(f"cli.{command.work}")
+    _, of_all, _ = _stated("cli.session.Session")
+    public = {name: at for of in command.of.split() for name, at in _stated(of)[1].items()}
+    for name in command.passed.split():
+        text_there = public[name].text.partition(". ")[0].rstrip(".") + "."
+        stated: dict[str, Any] = {"word": "", "text": text_there, "is_argument": False}
+        own[name] = replace(public[name], **(stated | words.get(name, {})))
+    absent = {"self"} | (set() if "report" in command.common else {"report"})
+    absent |= set() if "tables" in command.common else {"meta", "skip_bad_rows"}
+    hidden = {*command.hide.split(), *({"seed", "threads"} - set(command.common.split()))}
+    del own["session"]
+    shared = [option for name, option in of_all.items() if name not in absent]
 
     def run(**values: Any) -> None:
-        from ecm.cli.session import run_command  # noqa: PLC0415 - help loads no engine
+        common = {option.name: values.pop(option.name) for option in shared}
+        _function("session.run_command")(_function(command.work), values, common)
 
-        shared = {name: values.pop(name) for name in common}
-        if isinstance(work, str):
-            found = getattr(import_module(f"ecm.cli.{module}"), function)
-        else:
-            found = work
-        run_command(found, options(**values), shared)
-
-    run.__name__, run.__doc__ = function, options.__doc__
+    run.__name__, run.__doc__ = command.work, text
     run.__annotations__ = {}  # the signature holds them, evaluated
     run.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
-        _own_parameters(options)
-        + [
-            _parameter(name, _hidden(annotation) if name in hidden else annotation, default)
-            for name, (annotation, default) in common.items()
-        ]
+        [option.of_typer(hidden=option.name in hidden) for option in (*own.values(), *shared)]
     )
     return run
 
 
-def _own_parameters(options: type) -> list[inspect.Parameter]:
-    hints = get_type_hints(options, include_extras=True)
-    return [
-        _parameter(
-            item.name,
-            hints[item.name],
-            inspect.Parameter.empty if item.default is MISSING else item.default,
+def _function(name: str) -> Any:
+    """A function below `ecm.cli`; its file is loaded now."""
+    module, _, name = name.rpartition(".")
+    return getattr(import_module(f"ecm.cli.{module}"), name)
+
+
+@dataclass(frozen=True)
+class _Option:
+    """A parameter as the source of its function states it."""
+
+    name: str
+    annotation: ast.expr | None
+    default: ast.expr | None
+    is_argument: bool
+    word: str = ""
+    text: str = ""
+
+    def of_typer(self, *, hidden: bool) -> inspect.Parameter:
+        """As typer wants it."""
+        word, text = (self.word, self.text) if self.text else _SHARED.get(self.name, ("", ""))
+        default, kind, limits = _value(self.default), _value(self.annotation), []
+        if get_origin(kind) is Annotated:
+            kind, *limits = get_args(kind)
+        if get_origin(kind) is list and default == ():
+            default = []
+        names = [name for name in word.split() if name.startswith("--")]
+        metavar = word.removeprefix(" ".join(names)).strip() or None
+        made = (typer.Argument if self.is_argument else typer.Option)(
+            *(names if names or self.is_argument else [f"--{self.name.replace('_', '-')}"]),
+            metavar=metavar,
+            help=text,
+            hidden=hidden,
+            show_default=default not in ([], "") and self.name != "threads",
+            **dict(zip(("min", "max"), limits, strict=False)),
         )
-        for item in fields(options)
-    ]
+        return inspect.Parameter(
+            self.name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=default,
+            annotation=Annotated[kind, made],
+        )
 
 
-def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
-    return inspect.Parameter(
-        name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation
-    )
+def _stated(function: str) -> tuple[str, dict[str, _Option], dict[str, dict[str, Any]]]:
+    """The first paragraphs, the parameters and their words of a function that is not loaded."""
+    module, _, name = function.rpartition(".")
+    path = _PACKAGE.joinpath(*module.split(".")).with_suffix(".py")
+    body = ast.parse(path.read_bytes()).body
+    found: Any = next(node for node in body if getattr(node, "name", None) == name)
+    text, _, section = (ast.get_docstring(found) or "").partition("\n\nParameters\n----------\n")
+    words: dict[str, dict[str, Any]] = {}
+    for item in re.split(r"\n(?=\S)", section.partition("\n\n")[0]):
+        head, _, meaning = item.partition("\n")
+        names, _, word = head.partition(" : ")
+        found_words = {"word": word, "text": " ".join(meaning.split())}
+        words |= dict.fromkeys(names.split(", "), found_words)
+    of = next((node.args for node in ast.walk(found) if isinstance(node, ast.FunctionDef)), None)
+    stated: list[tuple[str, Any, Any, bool]]
+    if of is None:  # a class of settings, with what `setting` is given
+        stated = [
+            (node.target.id, node.annotation, getattr(node.value, "args", [node.value])[0], False)
+            for node in found.body
+            if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)
+        ]
+    else:
+        defaults = [*[None] * (len(of.args) - len(of.defaults)), *of.defaults, *of.kw_defaults]
+        stated = [
+            (argument.arg, argument.annotation, default, argument in of.args)
+            for argument, default in zip((*of.args, *of.kwonlyargs), defaults, strict=True)
+        ]
+    return text, {item[0]: _Option(*item, **words.get(item[0], {})) for item in stated}, words
 
 
-def _hidden(annotation: Any) -> Any:
-    kind, option = get_args(annotation)
-    option = copy(option)
-    option.hidden = True
-    return Annotated[kind, option]
+class _Types(dict[str, Any]):
+    """The types of options by name; any other type is given as a word."""
+
+    def __missing__(self, name: str) -> type:
+        return str
+
+
+_TYPES = _Types(vars(builtins) | {"Natural": Natural, "Count": Count})
+_TYPES |= {"Annotated": Annotated, "Literal": Literal, "Path": Path, "Sequence": list}
+
+
+def _value(node: ast.expr | None) -> Any:
+    """The value of an annotation or of a default; of none what says so in a signature."""
+    return inspect.Parameter.empty if node is None else eval(ast.unparse(node), {}, _TYPES)

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from ecm.cli.models import open_model, prepare_physics
-from ecm.cli.options.tables import DiagnoseArguments
 from ecm.cli.session import Session, check_plan, columns
 from ecm.comparison import compare
 from ecm.designs import can_be_run, follow_up_plan
@@ -19,7 +18,7 @@ from ecm.diagnosis.check import NotTestable, lines_by_reason
 from ecm.diagnosis.procedure import STAGES, watched
 from ecm.diagnosis.sections import noise_words, write_diagnosis
 from ecm.diagnosis.summary import Summary
-from ecm.effects import load_installed, with_shape
+from ecm.effects import with_shape
 from ecm.effects.experiments import session_of
 from ecm.errors import InputError, Remedy
 from ecm.io.table import Table
@@ -138,53 +137,66 @@ _MORE = (
 )
 
 
-def diagnose(options: DiagnoseArguments, session: Session) -> None:
-    """Run `ecm diagnose`."""
-    session.check_output(options.next_plan)
-    table = session.read(options.data, need="fit")
-    load_installed()
-    model = open_model(options.model, session, table)
-    if model.base.kind != "physics":
+def diagnose(
+    session: Session,
+    model: str,
+    data: list[Path],
+    *,
+    next_plan: Path | None = None,
+    details: bool = False,
+) -> None:
+    """Rank the effects that the model may lack, and say which one is missing.
+
+    Parameters
+    ----------
+    next_plan : --next PLAN
+        Write the next experiment for campaign.
+    details
+        Print all that the three lines rest on.
+    """
+    session.check_output(next_plan)
+    table = session.read(data, need="fit")
+    opened = open_model(model, session, table)
+    if opened.base.kind != "physics":
         prepare_physics(table, session)
-    table = table.with_length(model.known_length_m)
-    if options.next_plan is not None:
-        check_plan(options.next_plan, table)
+    table = table.with_length(opened.known_length_m)
+    if next_plan is not None:
+        check_plan(next_plan, table)
     with session.working(f"diagnosing {len(table)} rows") as tell:
         stages = watched(STAGES, tell)
-        result = diagnose_model(model, table, seed=session.seed, stages=stages)
+        result = diagnose_model(opened, table, seed=session.seed, stages=stages)
         document = result.to_dict()
     document["warnings"] = [*document["warnings"], *table.warnings]
-    _fill_remedies(document, options, session)
+    _fill_remedies(document, model, session.files_of(model=model, data=data))
     summary = Summary.of(document)
     document["summary"] = asdict(summary)
     session.write_json(document)
     if session.report is not None:
         with session.working("writing the report"):
-            _write_report(session.report, document, model, table, result)
+            _write_report(session.report, document, opened, table, result)
     session.print(str(summary))
-    if options.details:
+    if details:
         session.print()
         for paragraph in paragraphs(document):
             session.print(paragraph)
     else:
         session.print(_MORE)
-    if options.next_plan is not None:
-        _write_next(options.next_plan, table, document, session)
+    if next_plan is not None:
+        _write_next(next_plan, table, document, session)
     for warning in result.warnings:
         session.warn(warning)
 
 
-def _fill_remedies(document: dict[str, Any], options: DiagnoseArguments, session: Session) -> None:
+def _fill_remedies(document: dict[str, Any], model: str, files: dict[str, str]) -> None:
     """Write the files of this command into the commands that the report advises."""
-    out = Path(options.model).with_suffix("")
+    out = Path(model).with_suffix("")
     for part in (document.get("addition", {}), document["model"]):
         if part.get("remedy") is not None:
             remedy = Remedy(**part["remedy"])
             added = "--add" in (remedy.command or "") and "effects" in part
             ids = [id.rpartition(":")[2] for id in part["effects"]] if added else ["again"]
             name = "-".join([str(out), *ids]) + ".json"
-            files = session.files_of(options) | {"OUT": shlex.quote(name)}
-            part["remedy"] = remedy.filled(files).to_dict()
+            part["remedy"] = remedy.filled(files | {"OUT": shlex.quote(name)}).to_dict()
 
 
 def _write_report(

@@ -6,7 +6,6 @@ import math
 import textwrap
 from typing import Any
 
-from ecm.cli.options.tables import EffectsArguments
 from ecm.cli.session import Session, columns
 from ecm.effects import Effect, all_effects, effects_for, get_effect, load_installed
 from ecm.effects.experiments import get_experiment
@@ -24,12 +23,18 @@ _KINDS = {
 }
 
 
-def effects(options: EffectsArguments, session: Session) -> None:
-    """Run `ecm effects`."""
+def effects(session: Session, id: str | None = None) -> None:
+    """List the physical effects that diagnose can name, or show one in full.
+
+    Parameters
+    ----------
+    id : [ID]
+        One effect in full.
+    """
     load_installed()
-    listed = list(all_effects()) if options.id is None else [get_effect(options.id)]
+    listed = list(all_effects()) if id is None else [get_effect(id)]
     session.write_json({"schema": 1, "effects": [_document(effect) for effect in listed]})
-    if options.id is None:
+    if id is None:
         rows = [(effect.id, _first_sentence(effect.physics)) for effect in listed]
         session.print(columns(rows, header=False))
         known = {effect.id for effect in listed}

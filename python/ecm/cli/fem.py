@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
 
-from ecm.cli.options.rig import MaterialArguments, SimulateArguments
 from ecm.cli.session import Session, check_not_read, check_output_directory, columns
 from ecm.errors import InputError
 from ecm.fem.material_fit import fit_material, read_test
@@ -19,33 +21,52 @@ _VTU = 10
 """Poses that --vtu draws."""
 
 
-def simulate(options: SimulateArguments, session: Session) -> None:
-    """Run `ecm simulate`."""
-    out = options.out
-    check_not_read(out, options.config)
+def simulate(
+    session: Session,
+    config: Path,
+    *,
+    out: Path,
+    full_box: bool = False,
+    vtu: Path | None = None,
+    **options: Any,
+) -> None:
+    """Simulate wrenches of the box by FEM and keep the poses of the admissible workspace.
+
+    Parameters
+    ----------
+    config : CONFIG
+        TOML file; see `ecm new config`.
+    full_box
+        Keep every stable pose of the wrench box.
+    scheduler : ADDRESS
+        Dask scheduler for the cases.
+    vtu : DIR
+        Folder for ParaView files of the first poses.
+    """
+    check_not_read(out, config)
     session.check_output(out)
-    if options.vtu is not None:
-        check_output_directory(options.vtu)
-    config = read_config(options.config)
+    if vtu is not None:
+        check_output_directory(vtu)
+    job = read_config(config)
     parts = out.with_suffix(".parts")
     session.on_interrupt(f"finished cases are kept in {parts}. The same command goes on there.")
-    workspace = config.workspace
+    workspace = job.workspace
     pairs = simulate_pairs(
-        config.mechanism,
-        config.simulate.n,
-        replace(workspace, full_box=options.full_box or workspace.full_box),
+        job.mechanism,
+        job.simulate.n,
+        replace(workspace, full_box=full_box or workspace.full_box),
         seed=session.seed,
         threads=session.threads,
         directory=parts,
-        scheduler=options.scheduler,
         progress=session.progress("FEM poses"),
+        **options,
     )
     pairs.table(str(out)).write(out)
     session.on_interrupt(f"complete: {out}. Run the same command again for the rest.")
-    if options.vtu is not None:
+    if vtu is not None:
         shown = pairs.wrenches[:_VTU]
-        write_vtu(config.mechanism, shown, options.vtu)
-        session.print(f"{options.vtu}: {len(shown)} deformed bodies with displacement and stress")
+        write_vtu(job.mechanism, shown, vtu)
+        session.print(f"{vtu}: {len(shown)} deformed bodies with displacement and stress")
     shutil.rmtree(parts, ignore_errors=True)
     newton = {"kept": float(pairs.iterations.mean()), "all": pairs.newton_per_case}
     session.write_json(
@@ -64,26 +85,56 @@ def simulate(options: SimulateArguments, session: Session) -> None:
     session.print(f"{out}: {len(pairs)} wrench-pose pairs")
 
 
-def fit(options: MaterialArguments, session: Session) -> None:
-    """Run `ecm material fit`."""
-    session.check_output(options.out)
-    use = options.use
+def fit(
+    session: Session,
+    *,
+    uniaxial: Sequence[Path] = (),
+    equibiaxial: Sequence[Path] = (),
+    pure_shear: Sequence[Path] = (),
+    terms: Annotated[int, 1, 4] = 2,
+    unit: str = "",
+    order: str = "",
+    out: Path | None = None,
+    use: tuple[float, float],
+    **options: Any,
+) -> None:
+    """Fit a material to uniaxial, equibiaxial and pure-shear tests, with errors.
+
+    Parameters
+    ----------
+    uniaxial : FILE
+        Stretch and nominal stress.
+    equibiaxial, pure_shear : FILE
+        The same.
+    model : NAME
+        A material model by name (docs/fem.md), or auto.
+    terms : N
+        Terms of ogden.
+    unit : UNIT
+        Pa, kPa, MPa; where no header names it.
+    order : WORD
+        stretch-stress or stress-stretch.
+    use : LEAST MOST
+        Stretches that the mechanism reaches.
+    poisson_ratio : NU
+        These tests cannot show it.
+    out : FILE
+        TOML with [mechanism.material].
+    """
+    session.check_output(out)
     if not 0.0 < use[0] <= 1.0 <= use[1]:
         raise InputError(f"--use {use[0]} {use[1]}: expected stretches around 1")
     tests = [
-        read_test(path, mode, unit=options.unit, order=options.order)
-        for mode in ("uniaxial", "equibiaxial", "pure_shear")
-        for path in getattr(options, mode) or ()
+        read_test(path, mode, unit=unit, order=order)
+        for mode, paths in (
+            ("uniaxial", uniaxial),
+            ("equibiaxial", equibiaxial),
+            ("pure_shear", pure_shear),
+        )
+        for path in paths
     ]
     with session.working("fitting the material") as tell:
-        fitted = fit_material(
-            tests,
-            options.model,
-            terms=options.terms,
-            use=use,
-            poisson_ratio=options.poisson_ratio,
-            progress=tell,
-        )
+        fitted = fit_material(tests, terms=terms, use=use, progress=tell, **options)
     for warning in fitted.warnings:
         session.warn(warning)
     modulus = fitted.material.young_modulus_Pa
@@ -94,10 +145,10 @@ def fit(options: MaterialArguments, session: Session) -> None:
     for mode, rms in fitted.rms.items():
         session.print(f"{mode}: off by {100.0 * rms:.1f} % rms")
     table = fitted.material.to_dict()
-    if options.out is not None:
+    if out is not None:
         text = "[mechanism.material]\n" + write_toml(table)
-        write_atomically(options.out, text)
-        session.print(f"{options.out}: copy [mechanism.material] into the TOML of the mechanism")
+        write_atomically(out, text)
+        session.print(f"{out}: copy [mechanism.material] into the TOML of the mechanism")
     session.write_json(
         {
             "schema": 1,

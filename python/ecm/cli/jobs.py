@@ -5,26 +5,21 @@ from __future__ import annotations
 import os
 import time
 import webbrowser
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+from ecm.cli.command import Count, Natural
 from ecm.cli.models import open_model
-from ecm.cli.options.rig import (
-    AppArguments,
-    CampaignArguments,
-    DesignArguments,
-    IdentifyArguments,
-    Search,
-)
 from ecm.cli.session import Session, check_output_directory, check_plan
 from ecm.designs import Size
 from ecm.designs.regressors import list_or_region, row_list
 from ecm.effects import Effect, get_effect, load_installed
-from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.cache import write_atomically
 from ecm.io.table import Table
 from ecm.rig import CampaignOptions, campaign_minutes, run_campaign, run_campaigns
+from ecm.rig import reveal as reveal_truth
 from ecm.rig.arm.summary import summary_lines
 from ecm.rig.elastic import Progress
 from ecm.rig.readings import keep_data, robot_path
@@ -35,41 +30,102 @@ from ecm.workflow.design import write_design
 from ecm.workflow.identify import identify as identify_mechanism
 
 
-def identify(options: IdentifyArguments, session: Session) -> None:
-    """Run `ecm identify`."""
-    out = options.out
+def identify(session: Session, config: Path, *, out: Path, rig: Path | None = None) -> None:
+    """Simulate, select, measure, identify; then find the effect that was hidden.
+
+    Parameters
+    ----------
+    config : CONFIG
+        TOML file; see `ecm new config`.
+    out : DIR
+        Folder of the results.
+    rig : RIG.toml
+        Measure on this rig, not CONFIG's.
+    """
     check_output_directory(out)
     session.on_interrupt(f"finished stages are kept in {out}. The same command goes on there.")
-    config = read_config(options.config)
-    if options.rig is not None:
-        config = with_rig(config, options.rig)
+    job = read_config(config)
+    if rig is not None:
+        job = with_rig(job, rig)
     summary = identify_mechanism(
-        config, out, seed=session.seed, threads=session.threads, console=session
+        job, out, seed=session.seed, threads=session.threads, console=session
     )
     session.write_json(summary)
     if session.report is not None:
         write_atomically(session.report, (out / "report.html").read_bytes())
 
 
-def design(options: DesignArguments, session: Session) -> None:
-    """Run `ecm design`."""
-    session.check_output(options.out)
-    effects = _effects(options.effects)
-    rig = None if options.rig is None else read_rig(options.rig)
-    table = session.read([options.candidates], need="predict")
-    check_plan(options.out, table)
+def design(
+    session: Session,
+    candidates: Path,
+    *,
+    n: Count,
+    out: Path,
+    model: str | None = None,
+    preset: Literal["paper", "diagnosable"] | None = None,
+    effects: str | None = None,
+    include: str | None = None,
+    exclude: Sequence[str] = (),
+    augment: Path | None = None,
+    base: str | None = None,
+    rig: Path | None = None,
+    search: Literal["best", "paper"] = "best",
+    **options: Any,
+) -> None:
+    """Choose the poses worth measuring (all options: docs/designs.md).
+
+    Parameters
+    ----------
+    candidates : CANDIDATES
+        Table of poses.
+    n : N
+        Poses to choose.
+    criterion : NAME
+        d, i, a, g, di, maximin.
+    model : NAME
+        cubic, poly:D, energyD, physics.
+    preset : NAME
+        paper or diagnosable; else rows alone.
+    effects : IDS
+        Effects to tell apart: ID,ID.
+    include : ROWS
+        Rows to take, e.g. 1,5-9.
+    exclude : ROWS|REGION
+        E.g. 7 or x_m<0.09&y_m>0.
+    augment : FILE
+        Poses already measured.
+    base : MODEL
+        Nominal model: rows count by their noise.
+    rig : RIG
+        Rig file: its noise and times.
+    how_many
+        Also the expected error for each n up to N.
+    time_limit_s : --time-limit S
+        Seconds of the search; with a limit another run may give another design.
+    """
+    session.check_output(out)
+    told_apart = _effects(effects)
+    instruments = None if rig is None else read_rig(rig)
+    table = session.read([candidates], need="predict")
+    check_plan(out, table)
     planned = design_plan(
         table,
-        options.n,
-        preset=None if options.preset is None else options.preset.value,
-        base=None if options.base is None else open_model(options.base, session, table),
-        rig=rig,
-        effects=effects,
-        how_many=options.how_many,
+        n,
+        preset=preset,
+        base=None if base is None else open_model(base, session, table),
+        rig=instruments,
+        effects=told_apart,
         console=session,
-        **_search(options, session, table),
+        model=model,
+        method="paper" if search == "paper" else "search",
+        include=[] if include is None else row_list("--include", include, len(table)),
+        exclude=_excluded(exclude, table),
+        measured=_measured(augment, table, session),
+        seed=session.seed,
+        threads=session.threads,
+        **options,
     )
-    planned.plan.write(options.out)
+    planned.plan.write(out)
     session.write_json(planned.to_dict())
     if session.report is not None:
         write_design(session.report, planned)
@@ -78,23 +134,7 @@ def design(options: DesignArguments, session: Session) -> None:
     for sentence in planned.sentences():
         session.print(sentence)
     time = "" if planned.minutes is None else f", about {planned.minutes:.0f} minutes on the rig"
-    session.print(f"{options.out}: {len(planned.plan)} rows{time}")
-
-
-def _search(options: DesignArguments, session: Session, table: Table) -> dict[str, Any]:
-    """The options of the search for the rows."""
-    names = ("model", "share", "metres_per_radian", "replicates", "ridge", "starts", "iterations")
-    include = options.include
-    return {name: getattr(options, name) for name in names} | {
-        "criterion": options.criterion,
-        "method": "paper" if options.search is Search.paper else "search",
-        "time_limit_s": options.time_limit,
-        "include": [] if include is None else row_list("--include", include, len(table)),
-        "exclude": _excluded(options.exclude, table),
-        "measured": _measured(options.augment, table, session),
-        "seed": session.seed,
-        "threads": session.threads,
-    }
+    session.print(f"{out}: {len(planned.plan)} rows{time}")
 
 
 def _effects(text: str | None) -> tuple[Effect, ...]:
@@ -104,12 +144,12 @@ def _effects(text: str | None) -> tuple[Effect, ...]:
     return tuple(get_effect(id.strip()) for id in dict.fromkeys(text.split(",")))
 
 
-def _excluded(texts: list[str] | None, table: Table) -> list[int]:
+def _excluded(texts: Sequence[str], table: Table) -> list[int]:
     """Rows of lists and regions, and those that are no poses: home checks, unloaded readings."""
     rows = set()
     if table.has("kind"):
         rows = {i for i, kind in enumerate(table.text("kind")) if kind not in ("", "pose")}
-    for text in texts or []:
+    for text in texts:
         rows |= set(list_or_region("--exclude", text, table).tolist())
     return sorted(rows)
 
@@ -128,33 +168,53 @@ def _print_sizes(sizes: tuple[Size, ...], session: Session) -> None:
         session.print(f"{size.n:6d} {size.wrench_error:11.3f} {size.stiffness_error:6.3f}{mark}")
 
 
-def campaign(options: CampaignArguments, session: Session) -> None:
-    """Run `ecm campaign`."""
-    many = bool(options.rigs) or options.scheduler is not None
-    if options.film is not None or options.phases is not None:
-        raise InputError(
-            "--film, --phases: the pictures of the arm are drawn in a copy of "
-            "https://github.com/ecm-stiffness/ecm now: python benches/arm_pictures.py "
-            f"{options.plan} --rig {options.rig} --film film.gif --phases phases.png"
-        )
-    session.check_output(options.out)
+def campaign(
+    session: Session,
+    plan: Path,
+    *,
+    rig: Path,
+    out: Path,
+    hide: str | None = None,
+    rigs: Natural = 0,
+    scheduler: str | None = None,
+    overwrite: bool,
+) -> None:
+    """Drive the simulated rig through a plan and write what it measures.
+
+    Parameters
+    ----------
+    plan : PLAN
+        Plan, as `ecm design` writes it.
+    rig : RIG.toml
+        Rig file; see `ecm new rig`.
+    hide : EFFECT=S
+        Effect to hide, of strength S; or random, none, FIRST.csv (the same as there).
+    rigs : N
+        Measure on N rigs, each of its own seed.
+    scheduler : ADDRESS
+        Dask scheduler for the rigs.
+    overwrite
+        Replace a table that is there already.
+    """
+    many = bool(rigs) or scheduler is not None
+    session.check_output(out)
     if not many:
-        keep_data(options.out, overwrite=options.overwrite)  # before the plan is read
-    rig = read_rig(options.rig)
-    plan = session.read([options.plan], need="predict")
-    session.print(f"{len(plan)} visits, about {campaign_minutes(plan, rig):.0f} minutes")
+        keep_data(out, overwrite=overwrite)  # before the plan is read
+    settings = read_rig(rig)
+    visits = session.read([plan], need="predict")
+    session.print(f"{len(visits)} visits, about {campaign_minutes(visits, settings):.0f} minutes")
     common: dict[str, Any] = {
-        "hide": options.hide,
-        "overwrite": options.overwrite,
+        "hide": hide,
+        "overwrite": overwrite,
         "progress": paced(session.progress("campaign")),
     }
     if many:
         paths = run_campaigns(
-            plan,
-            rig,
-            options.out,
-            seeds=range(session.seed, session.seed + max(1, options.rigs)),
-            options=CampaignOptions(threads=session.threads, scheduler=options.scheduler),
+            visits,
+            settings,
+            out,
+            seeds=range(session.seed, session.seed + max(1, rigs)),
+            options=CampaignOptions(threads=session.threads, scheduler=scheduler),
             **common,
         )
         document = {"schema": 1, "seed": session.seed, "data": [str(path) for path in paths]}
@@ -163,23 +223,21 @@ def campaign(options: CampaignArguments, session: Session) -> None:
         return
     session.on_interrupt("finished readings are kept. The same command goes on there.")
     data = run_campaign(
-        plan,
-        rig,
-        options.out,
+        visits,
+        settings,
+        out,
         seed=session.seed,
         options=CampaignOptions(threads=session.threads),
         **common,
     )
     rest = "Run the same command with --overwrite for the rest."
-    session.on_interrupt(f"complete: {options.out}. {rest}")
+    session.on_interrupt(f"complete: {out}. {rest}")
     for warning in data.warnings:
         session.warn(warning)
-    session.write_json(
-        {"schema": 1, "seed": session.seed, "rows": len(data), "data": str(options.out)}
-    )
-    session.print(f"{options.out}: {len(data)} rows")
-    if rig.rig.mode == "robot":
-        for line in summary_lines(robot_path(options.out)):
+    session.write_json({"schema": 1, "seed": session.seed, "rows": len(data), "data": str(out)})
+    session.print(f"{out}: {len(data)} rows")
+    if settings.rig.mode == "robot":
+        for line in summary_lines(robot_path(out)):
             session.print(line)
 
 
@@ -201,21 +259,52 @@ def paced(progress: Progress) -> Progress:
     return slower
 
 
-def serve(options: AppArguments, session: Session) -> None:
-    """Run `ecm app`."""
-    check_output_directory(options.folder)
-    session.on_interrupt(f"ecm app --session {options.folder} goes on with the session.")
+def reveal(session: Session, data: Path, *, answer: Path | None = None) -> None:
+    """Open the sealed NAME.truth.json and score an answer.
+
+    Parameters
+    ----------
+    data : DATA
+        Table of a simulated campaign.
+    answer : FILE
+        JSON of diagnose, to be scored.
+    """
+    revealed = reveal_truth(data, answer)
+    session.write_json(revealed.to_dict())
+    session.print(revealed.text())
+
+
+def serve(
+    session: Session,
+    data: Sequence[Path] = (),
+    *,
+    folder: Path = Path("ecm-session"),
+    browser: bool = True,
+    **options: Any,
+) -> None:
+    """Go round the loop in a browser: data, model, where it fails, what is missing, add, next.
+
+    Parameters
+    ----------
+    data : TABLE
+        Tables of a new session.
+    model : NAME
+        Model to fit at once.
+    port : P
+        Port; 0: a free one.
+    folder : --session DIR
+        Folder of the session.
+    demo
+        Begin with the neck and a hidden effect.
+    browser : --open/--no-open
+        Open the page in the browser.
+    """
+    check_output_directory(folder)
+    session.on_interrupt(f"ecm app --session {folder} goes on with the session.")
 
     def ready(address: str) -> None:
-        session.print(f"{address}\nCtrl-C ends the server; the session stays in {options.folder}.")
-        if options.browser:
+        session.print(f"{address}\nCtrl-C ends the server; the session stays in {folder}.")
+        if browser:
             webbrowser.open(address)
 
-    serve_session(
-        options.folder,
-        options.data or (),
-        model=options.model,
-        port=options.port,
-        demo=options.demo,
-        ready=ready,
-    )
+    serve_session(folder, data, ready=ready, **options)

@@ -16,9 +16,9 @@ from contextlib import suppress
 from typer import Abort, Exit
 from typer.main import get_command
 
-from ecm.cli import application, interrupt
+from ecm.cli import command, interrupt
 from ecm.cli.app import app
-from ecm.errors import EcmError, exit_code, visible
+from ecm.errors import EcmError, Refusal, exit_code, remedy_of, visible
 from ecm.io import events
 from ecm.regression.blocks import one_blas_thread_later
 
@@ -54,36 +54,23 @@ def run(arguments: Sequence[str] | None = None) -> int:
     return reported(lambda: _invoke(arguments))
 
 
-def reported(work: Callable[[], int]) -> int:  # noqa: PLR0911 - a code per kind of error
+def reported(work: Callable[[], int]) -> int:
     """Return the exit code of work; an exception is printed as a message and has a code, too."""
-    debug = bool(os.environ.get("ECM_DEBUG"))
     try:
         code = work()
-        # The parser turns Ctrl-C into a code.
-        return _interrupted() if code == interrupt.INTERRUPTED else code
-    except (KeyboardInterrupt, EOFError):
-        return _interrupted()
-    except BrokenPipeError:
-        return _BROKEN_PIPE
-    except OSError as error:
-        if debug:
-            raise
-        return _system_error(error)
-    except MemoryError:
-        _print_error("not enough memory. Use fewer rows, a coarser mesh or fewer --threads.")
-        return 1
-    except Exception as error:
-        if debug:
-            raise
-        return _known_error(error)
     except BaseException as error:  # a panic of the Rust core is no Exception
-        if debug or isinstance(error, (SystemExit, GeneratorExit)):
+        unknown = not isinstance(error, (KeyboardInterrupt, EOFError, BrokenPipeError))
+        if isinstance(error, (SystemExit, GeneratorExit)):
             raise
-        return _unexpected_error(error)
+        if unknown and os.environ.get("ECM_DEBUG"):
+            raise
+        code = _code(error)
+    # The parser turns Ctrl-C into a code.
+    return _interrupted() if code == interrupt.INTERRUPTED else code
 
 
 def _invoke(arguments: Sequence[str] | None) -> int:
-    application.typed = tuple(sys.argv[1:] if arguments is None else arguments)
+    command.typed = tuple(sys.argv[1:] if arguments is None else arguments)
     with one_blas_thread_later():
         result = get_command(app).main(
             args=None if arguments is None else list(arguments),
@@ -93,12 +80,19 @@ def _invoke(arguments: Sequence[str] | None) -> int:
     return result if isinstance(result, int) else 0
 
 
-def _known_error(error: Exception) -> int:
-    """Print an error that says what to do: one of this package, or of the parser."""
+def _code(error: BaseException) -> int:  # noqa: PLR0911 - a code per kind of error
+    """Print an error with what to do, and return its exit code."""
+    if isinstance(error, (KeyboardInterrupt, EOFError, Abort)):
+        return interrupt.INTERRUPTED
+    if isinstance(error, BrokenPipeError):
+        return _BROKEN_PIPE
     if isinstance(error, Exit):
         return int(error.exit_code)
-    if isinstance(error, Abort):
-        return _interrupted()
+    if isinstance(error, OSError):
+        return _system_error(error)
+    if isinstance(error, MemoryError):
+        _print_error("not enough memory. Use fewer rows, a coarser mesh or fewer --threads.")
+        return 1
     show, code = getattr(error, "show", None), getattr(error, "exit_code", None)
     if callable(show) and isinstance(code, int):  # the parser: unknown option, missing argument
         show()
@@ -106,15 +100,13 @@ def _known_error(error: Exception) -> int:
         events.tell(error=str(words() if callable(words) else error))
         return code
     if isinstance(error, EcmError):
-        _print_error(str(error))
+        message = error.message if isinstance(error, Refusal) else str(error)
+        remedy = remedy_of(error)
+        events.tell(error=message, remedy=None if remedy is None else remedy.to_dict())
+        _print(f"error: {error}")
         return exit_code(error)
-    return _unexpected_error(error)
-
-
-def _unexpected_error(error: BaseException) -> int:
-    kind = type(error).__name__
     _print_error(
-        f"something unexpected happened ({kind}: {error}).\n"
+        f"something unexpected happened ({type(error).__name__}: {error}).\n"
         "This is a fault of ecm: please report it with the command line and, if you can, the "
         "files.\nWith ECM_DEBUG=1 in the environment the command shows where it happened."
     )

@@ -7,13 +7,12 @@ row for each measured pose is what any other program predicts.
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from ecm.cli.options.tables import CompareArguments, ExportArguments, PredictArguments
 from ecm.cli.session import Session, check_output_directory, columns
 from ecm.comparison import Comparison
 from ecm.comparison import compare as compare_model
@@ -23,7 +22,6 @@ from ecm.diagnosis.check import excitation_sentences, never_excited
 from ecm.effects import load_installed
 from ecm.errors import InputError, Refusal, Remedy
 from ecm.io.columns import POSE, WRENCH, unit_of
-from ecm.io.events import Progress
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
 from ecm.io.toml import read_toml
@@ -45,6 +43,7 @@ def is_toml(name: str) -> bool:
 
 def open_model(name: str, session: Session, table: Table | None = None) -> Model:
     """Open MODEL; the physics model is built as wide as the poses of the table reach."""
+    load_installed()
     if Path(name).suffix.lower() in _TABLES:
         if table is None or not table.wrench_columns:
             raise InputError(
@@ -66,9 +65,8 @@ def open_model(name: str, session: Session, table: Table | None = None) -> Model
 def build_physics(body: Mechanism, session: Session, table: Table | None) -> PhysicsMap:
     """Build the FEM of a body, with progress where it is not in the cache."""
     reach = 0.0 if table is None else reach_of(table)
-    return physics_map(
-        body, threads=session.threads, progress=_late_progress(session), reach_rad=reach
-    )
+    with session.working("FEM of the body, kept for the next time") as tell:
+        return physics_map(body, threads=session.threads, progress=tell, reach_rad=reach)
 
 
 def prepare_physics(table: Table, session: Session) -> None:
@@ -93,60 +91,67 @@ def read_own(name: str) -> Expression | Mechanism:
     return Mechanism.from_dict(document["mechanism"], where, base=path.parent)
 
 
-def _late_progress(session: Session) -> Progress:
-    """A progress bar that appears only when there is work to do."""
-    bars: list[Callable[..., None] | None] = []
+def predict(
+    session: Session,
+    model: str,
+    poses: Path,
+    *,
+    out: Path,
+    stiffness: bool = False,
+    stiffness_kind: Literal["partial", "generalised", "screw"] = "partial",
+    rotation: str = "",
+    **options: Any,
+) -> None:
+    """Predict the wrench of a model at each pose; other columns are kept.
 
-    def show(done: float, total: float, phase: str) -> None:
-        if not bars:
-            bars.append(session.progress("FEM of the body, kept for the next time"))
-        if bars[0] is not None:
-            bars[0](done, total, phase)
-
-    return show
-
-
-def predict(options: PredictArguments, session: Session) -> None:
-    """Run `ecm predict`."""
-    session.check_output(options.out)
-    load_installed()
-    if options.rotation:
-        check_rotation_word(options.rotation)
-    table = session.read([options.poses], need="predict")
+    Parameters
+    ----------
+    poses : POSES
+        Table with pose columns.
+    stiffness
+        Add the 36 columns k_fx_x ... of K.
+    stiffness_kind
+        Which of the three stiffnesses.
+    leverage
+        Add extrapolates (0, 1); of six columns leverage, too.
+    rotation : WORD
+        Add the rotation as wxyz, rows, ZYX, grood-suntay-right or other words (rad).
+    """
+    session.check_output(out)
+    if rotation:
+        check_rotation_word(rotation)
+    table = session.read([poses], need="predict")
     lacking = [name for name in POSE[3:] if not table.has(name)]
-    if options.rotation and lacking:
+    if rotation and lacking:
         raise InputError(
-            f"{table.source}: --rotation {options.rotation} needs all three angles; no column "
+            f"{table.source}: --rotation {rotation} needs all three angles; no column "
             f"{', '.join(lacking)}. Add it, zero where the mechanism does not turn"
         )
-    kind: Any = options.stiffness_kind.value if options.stiffness else None
-    model = open_model(options.model, session, table)
+    kind = stiffness_kind if stiffness else None
+    opened = open_model(model, session, table)
     with session.working(f"predicting {len(table)} rows") as tell:
-        predicted = predict_table(
-            model, table, stiffness=kind, leverage=options.leverage, progress=tell
-        )
+        predicted = predict_table(opened, table, stiffness=kind, progress=tell, **options)
     for warning in predicted.warnings[len(table.warnings) :]:
         session.warn(warning)
-    if options.rotation:
+    if rotation:
         vectors = np.column_stack([predicted.column(name) for name in POSE[3:]])
-        predicted = predicted.with_columns(rotation_columns(options.rotation, vectors))
-    with session.working(f"writing {options.out}") as tell:
-        predicted.write(options.out, progress=tell)
+        predicted = predicted.with_columns(rotation_columns(rotation, vectors))
+    with session.working(f"writing {out}") as tell:
+        predicted.write(out, progress=tell)
     new = [n for n, column in predicted.columns.items() if column is not table.columns.get(n)]
     session.write_json({"schema": 1, "rows": len(table), "columns": new})
-    session.print(f"{options.out}: {len(table)} rows, {len(new)} predicted columns")
+    session.print(f"{out}: {len(table)} rows, {len(new)} predicted columns")
 
 
 _WORST_POSES = 3
 
 
-def compare(options: CompareArguments, session: Session) -> None:
-    """Run `ecm compare`."""
-    load_installed()
-    table = session.read(options.data, need="fit")
-    model = open_model(options.model, session, table)
+def compare(session: Session, model: str, data: list[Path]) -> None:
+    """Compare a model with a table: RMSE, bias, noise floor and excess error per component."""
+    table = session.read(data, need="fit")
+    opened = open_model(model, session, table)
     with session.working(f"comparing with {len(table)} rows") as tell:
-        result = compare_model(model, table, seed=session.seed, progress=tell)
+        result = compare_model(opened, table, seed=session.seed, progress=tell)
         result.complete(tell)
         document = result.to_dict()
     warnings = [*result.warnings, *table.warnings]
@@ -168,7 +173,7 @@ def compare(options: CompareArguments, session: Session) -> None:
         session.print(levels if assumed else f"{levels} {result.references.sentence()}")
         if result.references.fem_needed:
             shown = Remedy(FEM_NEEDED, "ecm fit DATA --model physics --out physics.json && AGAIN")
-            session.print(str(shown.filled(session.files_of(options))))
+            session.print(str(shown.filled(session.files_of(model=model, data=data))))
     if result.rows_used is not None:
         session.print(result.rows_used.sentence())
     for warning in result.warnings:
@@ -212,54 +217,97 @@ def _lack_of_fit(result: Comparison, constant: Sequence[str]) -> str:
     return columns(rows)
 
 
-def export(options: ExportArguments, session: Session) -> None:
-    """Run `ecm export`."""
-    check_output_directory(options.out)
-    load_installed()
-    rows = session.read(options.data) if options.data else None
-    with session.working(f"exporting {options.model}"):
-        model = open_model(options.model, session)
+def export(
+    session: Session,
+    model: str,
+    *,
+    to: str,
+    out: Path,
+    mass: float | None = None,
+    inertia: float | None = None,
+    delay: float = 0.003,
+    dt: float = 0.001,
+    adapt: str | None = None,
+    data: Sequence[Path] = (),
+    **options: Any,
+) -> None:
+    """Write a model for a controller or a simulator (docs/export.md).
+
+    \b
+      c         C99: no heap, no libm, golden vectors, a 1 kHz control loop
+      rust      a no_std crate with the same
+      mujoco    a passive plugin, scenes that load it, the linear part alone
+      fmu       FMI 2.0 and 3.0 for co-simulation, with sources and binaries
+      opensim   ExpressionBasedBushingForce of all six deflections
+      simulink  C for a C Caller block, an S-function, a MEX file
+      drake     a LeafSystem in Python that pushes on a MultibodyPlant
+      pinocchio external forces of the joints, in Python
+      ros2      a node from PoseStamped to WrenchStamped
+
+    Parameters
+    ----------
+    to : TARGET
+        One of the above.
+    out : DIR
+        Folder to write into.
+    name : NAME
+        Begins each name.
+    precision : P
+        Or single (c, rust).
+    mass : KG
+        Platform and load, for a loop.
+    inertia : KGM2
+        Moment of inertia of the same, about any axis.
+    delay : S
+        Longest, from pose to wrench.
+    dt : S
+        Step of the loop.
+    adapt : LIST
+        Follow readings: modulus,payload,zero,shares.
+    data : TABLE
+        Judge at the poses of these rows.
+    force
+        Also where it changes the model beyond the noise.
+    """
+    check_output_directory(out)
+    rows = session.read(data) if data else None
+    with session.working(f"exporting {model}"):
+        opened = open_model(model, session)
         if rows is not None:
-            model = model.measured_at(rows)
+            opened = opened.measured_at(rows)
         try:
             exported = export_model(
-                model,
-                options.to.value,
-                options.out,
-                name=options.name,
-                precision=options.precision.value,
-                loop=LoopSettings(options.mass, options.inertia, options.delay, options.dt),
-                adapt=_adapt(options),
-                force=options.force,
+                opened,
+                to,
+                out,
+                loop=LoopSettings(mass, inertia, delay, dt),
+                adapt=None if adapt is None else AdaptSettings(tuple(adapt.split(","))),
+                **options,
             )
         except Refusal as error:
             if error.remedy is not None and rows is None:
-                error.remedy = error.remedy.filled(_training_table(model, options))
+                error.remedy = error.remedy.filled(_training_table(opened, model))
             raise
-    session.on_interrupt(f"complete: {options.out}. Run the same command again for the rest.")
+    session.on_interrupt(f"complete: {out}. Run the same command again for the rest.")
     session.write_json(
         {
             "schema": 1,
             "files": sorted(exported.files),
             "left_out": list(exported.left_out),
             "sentences": list(exported.notes),
-            "next_step": exported.next_step.replace("@OUT@", str(options.out)),
+            "next_step": exported.next_step.replace("@OUT@", str(out)),
             "control_loop": None if exported.loop is None else exported.loop.to_dict(),
         }
     )
     for line in exported.notes:
         session.print(line)
-    session.print(f"{options.out}: {len(exported.files)} files, {options.to.value}")
-    session.print(f"Next: {exported.next_step.replace('@OUT@', str(options.out))}")
+    session.print(f"{out}: {len(exported.files)} files, {to}")
+    session.print(f"Next: {exported.next_step.replace('@OUT@', str(out))}")
 
 
-def _adapt(options: ExportArguments) -> AdaptSettings | None:
-    return None if options.adapt is None else AdaptSettings(tuple(options.adapt.split(",")))
-
-
-def _training_table(model: Model, options: ExportArguments) -> dict[str, str]:
+def _training_table(model: Model, file: str) -> dict[str, str]:
     """DATA of a remedy: the table that the model was fitted to, where it lies beside it or here."""
     name = str(model.training.get("source", ""))
-    places = (Path(options.model).parent / name, Path(name)) if name else ()
+    places = (Path(file).parent / name, Path(name)) if name else ()
     found = next((place for place in places if place.is_file()), None)
     return {} if found is None else {"DATA": shlex.quote(str(found))}

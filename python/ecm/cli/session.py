@@ -10,7 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ecm.cli import application, interrupt
+from ecm.cli import command, interrupt
+from ecm.cli.command import Natural
 from ecm.cli.console import Console
 from ecm.cli.interrupt import NOTHING_WRITTEN
 from ecm.errors import ComputationError, EcmError, InputError, Refusal, Remedy, exit_code, remedy_of
@@ -47,36 +48,6 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-class Outputs:
-    """The files of a command: whether they can be written, and which of them are."""
-
-    def __init__(self) -> None:
-        self._before: dict[Path, tuple[int, int] | None] = {}
-
-    def check(self, *paths: Path | None) -> None:
-        """Raise InputError where a file could not be written; None is left out."""
-        for path in paths:
-            if path is None:
-                continue
-            if path.is_dir():
-                raise InputError(f"{path}: found a directory, expected the name of a file to write")
-            if is_device(path):
-                if not os.access(path, os.W_OK):
-                    raise InputError(f"{path}: no permission to write there")
-                continue
-            _check_writable(path, path.parent)
-            if path.suffix == ".csv":
-                check_description(path)
-            self._before[path] = _identity(path)
-
-    def sentence(self) -> str:
-        """Return what an interrupted command leaves behind, and how to go on."""
-        written = [str(p) for p, before in self._before.items() if _identity(p) != before]
-        if not written:
-            return NOTHING_WRITTEN
-        return f"complete: {', '.join(written)}. Run the same command again for the rest."
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
@@ -174,7 +145,25 @@ def brief(warnings: Sequence[str], paths: Sequence[Path]) -> list[str]:
 
 
 class Session(Console):
-    """A command at work: its common options, and what it prints, reads and writes."""
+    """A command at work: its common options, and what it prints, reads and writes.
+
+    Parameters
+    ----------
+    meta : FILE
+        Description, if not NAME.toml.
+    skip_bad_rows
+        Leave bad rows out; record them.
+    json : FILE
+        Write the result as JSON.
+    report : FILE
+        Write an HTML report.
+    seed : N
+        Seed of the random generator.
+    threads : N
+        Threads; 0: all cores.
+    quiet
+        Print only errors.
+    """
 
     def __init__(
         self,
@@ -183,15 +172,16 @@ class Session(Console):
         skip_bad_rows: bool = False,
         json: Path | None = None,
         report: Path | None = None,
-        seed: int = 0,
-        threads: int = 0,
+        seed: Natural = 0,
+        threads: Natural = 0,
         quiet: bool = False,
     ) -> None:
         super().__init__(quiet=quiet)
         self.meta, self.skip_bad_rows = meta, skip_bad_rows
         self.json, self.report = _stream(json), _stream(report)
         self.seed, self.threads = seed, threads
-        self._outputs = Outputs()
+        self._before: dict[Path, tuple[int, int] | None] = {}
+        """The files that are to be written, as they were."""
 
     def print(self, text: str = "") -> None:
         """Print a line of the result; on stderr where stdout gets --json or --report."""
@@ -202,15 +192,31 @@ class Session(Console):
             super().print(text)
 
     def __enter__(self) -> Session:
-        interrupt.describe(self._outputs.sentence)
+        interrupt.describe(self.left_behind)
         return self
 
     def check_output(self, *paths: Path | None) -> None:
-        """Raise InputError where a file could not be written; None is left out.
+        """Raise InputError where a file could not be written; None is left out."""
+        for path in paths:
+            if path is None:
+                continue
+            if path.is_dir():
+                raise InputError(f"{path}: found a directory, expected the name of a file to write")
+            if is_device(path):
+                if not os.access(path, os.W_OK):
+                    raise InputError(f"{path}: no permission to write there")
+                continue
+            _check_writable(path, path.parent)
+            if path.suffix == ".csv":
+                check_description(path)
+            self._before[path] = _identity(path)
 
-        An interruption tells which of the files are written.
-        """
-        self._outputs.check(*paths)
+    def left_behind(self) -> str:
+        """Return which of these files an interrupted command has written, and how to go on."""
+        written = [str(p) for p, before in self._before.items() if _identity(p) != before]
+        if not written:
+            return NOTHING_WRITTEN
+        return f"complete: {', '.join(written)}. Run the same command again for the rest."
 
     def read(self, paths: Sequence[Path], need: Need | None = None) -> Table:
         """Read the measurement table of the command and print its warnings."""
@@ -230,14 +236,14 @@ class Session(Console):
             self.warn(warning)
         return table
 
-    def files_of(self, options: object) -> dict[str, str]:
+    def files_of(self, **options: object) -> dict[str, str]:
         """The command itself and its files by the names that a remedy has for them."""
-        files = {"AGAIN": shlex.join(["ecm", *application.typed])}
-        for option, name in (("data", "DATA"), ("model", "MODEL"), ("out", "OUT")):
-            given = getattr(options, option, None)
+        files = {"AGAIN": shlex.join(["ecm", *command.typed])}
+        for name in ("data", "model", "out"):
+            given = options.get(name)
             if given is not None:
                 parts = given if isinstance(given, list | tuple) else [given]
-                files[name] = " ".join(shlex.quote(str(part)) for part in parts)
+                files[name.upper()] = " ".join(shlex.quote(str(part)) for part in parts)
         if self.meta is not None and "DATA" in files:
             files["DATA"] += f" --meta {shlex.quote(str(self.meta))}"
         return files
@@ -249,18 +255,18 @@ class Session(Console):
 
 
 def run_command(
-    work: Callable[[Any, Session], None], options: object, common: Mapping[str, Any]
+    work: Callable[..., None], options: Mapping[str, Any], common: Mapping[str, Any]
 ) -> None:
-    """Do the work of a command: a function of its options and of a session of the common ones."""
+    """Do the work of a command: a function of a session of the common options, and of its own."""
     with Session(**common) as session:
         session.check_output(session.json, session.report)
         if session.report is not None:
             require_report()
         try:
-            work(options, session)
+            work(session, **options)
         except EcmError as error:
             if isinstance(error, Refusal) and error.remedy is not None:
-                error.remedy = error.remedy.filled(session.files_of(options))
+                error.remedy = error.remedy.filled(session.files_of(**options))
             # The refusal itself counts, not a disk that is full as well.
             with suppress(EcmError, OSError):
                 session.write_json(refusal(error))

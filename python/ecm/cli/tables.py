@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, Literal
 
-from ecm.cli.options.rig import NewArguments, What
-from ecm.cli.options.tables import CheckArguments, ImportArguments
 from ecm.cli.session import Session, columns
 from ecm.diagnosis.check import Check, lines_by_reason
 from ecm.diagnosis.check import check as check_table
@@ -21,27 +21,60 @@ from ecm.logs.importing import read_log
 from ecm.logs.page import write_import
 
 
-def import_log(options: ImportArguments, session: Session) -> None:
-    """Run `ecm import`."""
-    beside = None if options.out is None else options.out.with_suffix(".toml")
+def import_log(
+    session: Session,
+    log: Path,
+    *,
+    out: Path | None = None,
+    columns: Sequence[str] = (),
+    units: str = "",
+    topics: Sequence[str] = (),
+    ignore: Sequence[str] = (),
+    meta: Path | None = None,
+    **options: Any,
+) -> None:
+    """Make a table of a log: text, Parquet, MAT, HDF5, NPZ, ROS 2 bag or MCAP (docs/import.md).
+
+    Parameters
+    ----------
+    log : LOG
+        The log.
+    out : FILE
+        Table; else only shown.
+    columns : --map A=B[:UNIT]
+        Column A is B (-B: negated); repeat it.
+    rotation : WORD
+        wxyz, xyzw, rotvec, ZYX or xyz.
+    units : LIST
+        Where unstated: SI, or mm,deg,N,N mm.
+    axis : x|y|z
+        Axis of names without one.
+    topics : --topic NAME
+        A topic of a bag; repeat it.
+    ignore : COLUMN
+        Not used; repeat it.
+    group : NAME
+        Column that tells experiments apart.
+    meta : FILE
+        TOML with mechanism, frames, instrument.
+    leave_out
+        Leave unreadable rows and copies out; record them.
+    """
+    beside = None if out is None else out.with_suffix(".toml")
     if beside is not None and beside.exists() and not _is_ours(beside):
         raise InputError(
             f"{beside} is already there and is not overwritten. Choose another name with --out, or "
             "give it with --meta to copy what it says."
         )
-    session.check_output(options.out, beside)
-    topics = options.topics or []
+    session.check_output(out, beside)
     try:
-        with session.working(f"reading {options.log}") as tell:
+        with session.working(f"reading {log}") as tell:
             imported = import_any(
-                read_log(options.log, topics, tell).without(options.ignore or []),
-                columns=_pairs(options.columns or []),
-                rotation=options.rotation,
-                units=[word for word in options.units.split(",") if word.strip()],
-                axis=options.axis,
-                group=options.group,
-                meta=options.meta,
-                leave_out=options.leave_out,
+                read_log(log, topics, tell).without(ignore),
+                columns=_pairs(columns),
+                units=[word for word in units.split(",") if word.strip()],
+                meta=meta,
+                **options,
             )
     except BadRows as error:
         error.remedy = Remedy(error.remedy.words, "AGAIN --leave-out")
@@ -52,12 +85,12 @@ def import_log(options: ImportArguments, session: Session) -> None:
     session.write_json(imported.to_dict())
     if session.report is not None:
         write_import(session.report, imported)
-    if options.out is None:
+    if out is None:
         session.print("\nNothing was written; --out table.csv writes the table.")
     else:
-        with session.working(f"writing {options.out}") as tell:
-            imported.write(options.out, progress=tell)
-        session.print(f"\n{options.out} and {beside}: next ecm check {options.out}")
+        with session.working(f"writing {out}") as tell:
+            imported.write(out, progress=tell)
+        session.print(f"\n{out} and {beside}: next ecm check {out}")
 
 
 def _is_ours(path: Path) -> bool:
@@ -65,7 +98,7 @@ def _is_ours(path: Path) -> bool:
     return "\n[import]\n" in "\n" + path.read_text(encoding="utf-8", errors="replace")
 
 
-def _pairs(words: list[str]) -> dict[str, str]:
+def _pairs(words: Sequence[str]) -> dict[str, str]:
     pairs: dict[str, str] = {}
     for word in words:
         name, sign, column = word.partition("=")
@@ -77,22 +110,27 @@ def _pairs(words: list[str]) -> dict[str, str]:
     return pairs
 
 
-def check(options: CheckArguments, session: Session) -> None:
-    """Run `ecm check`."""
-    if options.leave_out:
-        _leave_out(options.data, session)
-    table = session.read(options.data)
+def check(session: Session, data: list[Path], *, leave_out: bool = False) -> None:
+    """Check columns and units; say what was never excited and which effects can be tested.
+
+    Parameters
+    ----------
+    leave_out
+        Record what is no measurement in NAME.toml.
+    """
+    if leave_out:
+        _leave_out(data, session)
+    table = session.read(data)
     load_installed()
     with session.working(f"checking {len(table)} rows") as tell:
         result = check_table(table, progress=tell)
     session.write_json(result.to_dict())
     _print(result, session)
-    wrong = result.misread
-    for warning in result.warnings[len(table.warnings) :]:
-        session.warn(warning, wrong=wrong is not None and warning == wrong.sentence())
-    if wrong is not None and wrong.mend:
+    for doubt in result.warnings[len(table.warnings) :]:
+        session.warn(doubt, wrong=True)
+    if result.misread is not None and result.misread.mend:
         session.note("To mend it, put under [columns] into the TOML beside the table:")
-        for entry in wrong.mend:
+        for entry in result.misread.mend:
             session.note(f"    {entry}")
 
 
@@ -136,17 +174,31 @@ def _print(result: Check, session: Session) -> None:
 _FILES = {"config": "config.toml", "rig": "rig.toml", "data": "data.csv"}
 
 
-def new(options: NewArguments, session: Session) -> None:
-    """Run `ecm new`."""
-    usual = _FILES[options.what.value]
-    path = options.out or Path(usual)
-    dof = int(options.dof.value)
-    is_data = options.what is What.data
-    files = {path: data_template(dof) if is_data else template(usual)}
-    if is_data:
+def new(
+    session: Session,
+    what: Literal["config", "rig", "data"],
+    *,
+    out: Path | None = None,
+    dof: Literal["1", "3", "6"] = "6",
+) -> None:
+    """Write a commented file to begin from: config.toml, rig.toml, or data.csv with data.toml.
+
+    Parameters
+    ----------
+    what : config|rig|data
+        Which file.
+    out : FILE
+        Instead of the usual name.
+    dof : 1|3|6
+        Columns of data: one angle, three, or all.
+    """
+    usual = _FILES[what]
+    path = out or Path(usual)
+    files = {path: data_template(int(dof)) if what == "data" else template(usual)}
+    if what == "data":
         if path.suffix == ".toml":
             raise InputError(f"{path}: expected the name of the table, e.g. {path.stem}.csv")
-        files[path.with_suffix(".toml")] = description_template(dof)
+        files[path.with_suffix(".toml")] = description_template(int(dof))
     session.check_output(*files)
     there = [target for target in files if target.exists()]
     # A kill between the two files of a pair leaves one as it was written: the other is added.
@@ -162,4 +214,4 @@ def new(options: NewArguments, session: Session) -> None:
     for target in files:
         session.print(f"wrote {target}")
     session.write_json({"schema": 1, "files": [str(target) for target in files]})
-    session.print(NEXT_STEP[options.what.value].format(path=path))
+    session.print(NEXT_STEP[what].format(path=path))

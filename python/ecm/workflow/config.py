@@ -105,27 +105,20 @@ class Config:
     def check_job(self) -> None:
         """Raise InputError where the tables do not fit each other for the main job."""
         pairs = self.simulate.n - self.simulate.n_test
+        where = f"{self.source}: " if self.source else ""
         if self.design.n > pairs:
             raise InputError(
-                f"{self._where}[design] n = {self.design.n}: expected at most the {pairs} training "
+                f"{where}[design] n = {self.design.n}: expected at most the {pairs} training "
                 "pairs of [simulate] (n - n_test)"
             )
         degree = max(self.select.degrees)
         needed = math.comb(degree + 6, 6)
-        if pairs < needed:
-            raise InputError(
-                f"{self._where}[simulate] n - n_test = {pairs}: expected at least {needed}, the "
-                f"coefficients of [select] degrees {degree}"
-            )
-        if self.design.n < needed:
-            raise InputError(
-                f"{self._where}[design] n = {self.design.n}: expected at least {needed}, the "
-                f"coefficients of [select] degrees {degree}"
-            )
-
-    @property
-    def _where(self) -> str:
-        return f"{self.source}: " if self.source else ""
+        for name, count in (("[simulate] n - n_test", pairs), ("[design] n", self.design.n)):
+            if count < needed:
+                raise InputError(
+                    f"{where}{name} = {count}: expected at least {needed}, the "
+                    f"coefficients of [select] degrees {degree}"
+                )
 
 
 def config_from_dict(
@@ -157,22 +150,21 @@ def config_from_dict(
                 '"file.msh") with young_modulus_Pa'
             )
 
-    def section(name: str) -> Any:
-        return document.get(name, {})
-
-    try:
-        return Config(
-            mechanism=mechanism,
-            workspace=read_settings(Workspace, section("workspace"), f"{where} [workspace]"),
-            simulate=read_settings(SimulateTable, section("simulate"), f"{where} [simulate]"),
-            select=read_settings(SelectTable, section("select"), f"{where} [select]"),
-            design=read_settings(DesignTable, section("design"), f"{where} [design]"),
-            rig=RigSettings.from_dict({k: document[k] for k in RIG_TABLES if k in document}, where),
-            source=where,
-        )
-    except InputError as error:
-        text = str(error)
-        raise InputError(text if text.startswith(where) else f"{where}: {text}") from None
+    tables: dict[str, Any] = {
+        "workspace": Workspace,
+        "simulate": SimulateTable,
+        "select": SelectTable,
+        "design": DesignTable,
+    }
+    return Config(
+        mechanism=mechanism,
+        **{
+            name: read_settings(table, document.get(name, {}), f"{where} [{name}]")
+            for name, table in tables.items()
+        },
+        rig=RigSettings.from_dict({k: document[k] for k in RIG_TABLES if k in document}, where),
+        source=where,
+    )
 
 
 def read_config(path: str | Path) -> Config:

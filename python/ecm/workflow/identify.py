@@ -42,7 +42,7 @@ from ecm.rig.arm.summary import read_summary
 from ecm.rig.readings import robot_path
 from ecm.workflow import paper as steps
 from ecm.workflow.config import Config, read_config
-from ecm.workflow.job import Console, Job, Silent, require_free
+from ecm.workflow.job import Console, Job, Silent
 from ecm.workflow.loop import run_loop
 from ecm.workflow.report_identify import identify_sections
 
@@ -132,14 +132,13 @@ def identify(
 
 def _check(job: Job) -> None:
     """Raise before any work where a later step could not be done."""
-    config, out, stages = job.config, job.out, job.out / "stages"
+    config = job.config
     config.check_job()
     if config.rig.rig.mode == "robot":
-        require_arm(stages / "anchors")
-    clean = tuple(f"measured-{name}" for name in DESIGNS)
-    require_free(out, stages, clean, _without_hidden(config.rig), job.seed)
-    require_free(out, stages, (_LOOP,), config.rig, job.seed)
-    out.mkdir(parents=True, exist_ok=True)
+        require_arm(job.stages / "anchors")
+    for name in (*(f"measured-{name}" for name in DESIGNS), _LOOP):
+        job.require_possible(name, config.rig)
+    job.out.mkdir(parents=True, exist_ok=True)
     try:
         require_report()
     except MissingExtra as error:
@@ -166,7 +165,7 @@ def simulate_pairs(job: Job) -> Simulated:
         config.workspace,
         seed=job.seed,
         threads=job.threads,
-        directory=job.out / "stages",
+        directory=job.stages,
         progress=job.console.progress("FEM pairs"),
     )
     counts = pairs.counts
@@ -289,8 +288,8 @@ def measure_designs(job: Job, candidates: Table, designs: dict[str, Design]) -> 
 def _arm(job: Job, rig: RigSettings) -> dict[str, Any]:
     """What the arm did in the campaigns of all designs, and Fig. 7."""
     plan = read_table(job.out / f"plan-{DESIGNS[0]}.csv", need="predict")
-    source, anchors = fem_source(plan, job.threads), job.out / "stages" / "anchors"
-    campaign = RobotCampaign(plan, rig, source, seed=job.seed, folder=anchors)
+    source = fem_source(plan, job.threads)
+    campaign = RobotCampaign(plan, rig, source, seed=job.seed, folder=job.stages / "anchors")
     arrays, phases, reason = first_pose_trace(campaign)
     job.figures |= {f"arm_{name}": values for name, values in arrays.items()}
     records = {name: read_summary(robot_path(job.out / f"measured-{name}.csv")) for name in DESIGNS}
@@ -396,10 +395,7 @@ def find_hidden_effect(job: Job, candidates: Table, physics: PhysicsMap) -> None
     plan = diagnosable_plan(candidates, design, seed=job.seed)
     plan.write(job.out / "plan-loop.csv")
     data = job.measure(plan, _LOOP, job.config.rig)
-    loop = run_loop(data, physics, path=job.out / f"{_LOOP}.csv", job=job)
-    loop.model.save(job.out / "model-loop.json")
-    job.summary["loop"] = loop.summary
-    job.figures |= loop.figures
+    run_loop(job, data, physics).save(job.out / "model-loop.json")
 
 
 def measure_times(job: Job, pairs: Simulated, rows: I) -> dict[str, Any]:

@@ -7,8 +7,6 @@ Here it runs on the simulated rig with an effect hidden by [hidden]; `ecm compar
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from ecm.comparison import compare
@@ -23,28 +21,22 @@ from ecm.rig import reveal
 from ecm.workflow.job import Job
 
 
-@dataclass(frozen=True)
-class Loop:
-    """Result of the loop: numbers for the summary, arrays for its figures, the model."""
-
-    summary: dict[str, Any]
-    figures: dict[str, F]
-    model: Model
-
-
-def run_loop(data: Table, physics: PhysicsMap, *, path: Path, job: Job) -> Loop:
+def run_loop(job: Job, data: Table, physics: PhysicsMap) -> Model:
     """Fit the physics base, find what it lacks, add it, refit; then open the sealed truth.
 
     Parameters
     ----------
+    job
+        Takes the numbers of the summary and the arrays of the figures.
     data
-        The measured table.
+        The measured table, as read from a file: its truth, where one was sealed, is beside it.
     physics
         Map of the body.
-    path
-        File of the data; its truth, where one was sealed, is beside it.
-    job
-        Seed, threads and console.
+
+    Returns
+    -------
+    Model
+        The model with what it lacked.
     """
     write, seed = job.console.print, job.seed
     model = fit_model(data, PhysicsModel(base=physics, threads=job.threads))
@@ -64,15 +56,15 @@ def run_loop(data: Table, physics: PhysicsMap, *, path: Path, job: Job) -> Loop:
     history = [record.to_dict() for record in better.history]
     for record in history:
         write(f"  {record['name']}: held-out error {record['held_out']:.3f} times the noise")
-    score = reveal(path, diagnosis).score if data.meta.file.truth_sha256 else None
+    score = reveal(data, diagnosis).score if data.meta.file.truth_sha256 else None
     if score is not None:
         result = "found" if score["correct"] else "not found"
         write(f"  hidden was {', '.join(score['truth'])}: {result}")
-    figures = {"loop_before": before.whitened, "loop_after": after.whitened}
+    job.figures |= {"loop_before": before.whitened, "loop_after": after.whitened}
     measured = data.measured()
     if measured.has("time_s"):
-        figures["loop_time_s"] = measured.column("time_s")
-    summary = {
+        job.figures["loop_time_s"] = measured.column("time_s")
+    job.summary["loop"] = {
         "rows": before.rows,
         "minutes": float(data.column("time_s").max()) / 60.0 if data.has("time_s") else None,
         "before": before.to_dict(),
@@ -81,7 +73,7 @@ def run_loop(data: Table, physics: PhysicsMap, *, path: Path, job: Job) -> Loop:
         "history": history,
         "score": score,
     }
-    return Loop(summary, figures, better)
+    return better
 
 
 _VERDICTS = {

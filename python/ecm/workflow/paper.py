@@ -109,29 +109,25 @@ def table_two(
     by_degree = []
     for degree in degrees:
         model = PolynomialModel.fit(*train, degree)
-        row = {
-            "degree": degree,
-            "terms": len(model.coefficients),
-            "rmse": rmse(model.predict(test[0]), test[1]).tolist(),
-            "kappa_raw": PolynomialModel.condition_number_raw(train[0], degree),
-            "kappa": model.condition_number,
-        }
-        if degree in TABLE_II_DEGREE:
-            row["paper_rmse"], row["paper_kappa"] = TABLE_II_DEGREE[degree]
+        row: dict[str, Any] = {"degree": degree, "terms": len(model.coefficients)}
+        row |= _errors(model, test, TABLE_II_DEGREE.get(degree))
+        row["kappa_raw"] = PolynomialModel.condition_number_raw(train[0], degree)
         by_degree.append(row)
     by_threshold = []
     for b in thresholds:
         model = PolynomialModel.fit(*train, degrees[-1], method="pcr", threshold=b)
-        row = {
-            "threshold": b,
-            "rank": model.rank,
-            "rmse": rmse(model.predict(test[0]), test[1]).tolist(),
-            "kappa": model.condition_number,
-        }
-        if b in TABLE_II_THRESHOLD:
-            row["paper_rmse"], row["paper_kappa"] = TABLE_II_THRESHOLD[b]
-        by_threshold.append(row)
+        ranked = {"threshold": b, "rank": model.rank}
+        by_threshold.append(ranked | _errors(model, test, TABLE_II_THRESHOLD.get(b)))
     return {"degrees": by_degree, "thresholds": by_threshold}
+
+
+def _errors(
+    model: PolynomialModel, test: Pairs, paper: tuple[Sequence[float], float] | None = None
+) -> dict[str, Any]:
+    """RMSE on test pairs and kappa(X), and those of the paper."""
+    errors = rmse(model.predict(test[0]), test[1]).tolist()
+    row: dict[str, Any] = {"rmse": errors, "kappa": model.condition_number}
+    return row if paper is None else row | {"paper_rmse": paper[0], "paper_kappa": paper[1]}
 
 
 def outside(errors: F, predicted: F, observed: F, limit: float) -> list[dict[str, Any]]:
@@ -191,16 +187,9 @@ def design_errors(
     errors = {}
     for name, indices in designs.items():
         model = PolynomialModel.fit(train[0][indices], train[1][indices], degree)
-        predicted = model.predict(test[0])
-        errors[name] = relative_error(predicted, test[1])
-        rows.append(
-            {
-                "design": name,
-                "rmse": rmse(predicted, test[1]).tolist(),
-                "kappa": model.condition_number,
-                "share_within_0.2": (np.abs(errors[name]) <= 0.2).mean(axis=0).tolist(),
-            }
-        )
+        errors[name] = relative_error(model.predict(test[0]), test[1])
+        share = (np.abs(errors[name]) <= 0.2).mean(axis=0).tolist()
+        rows.append({"design": name} | _errors(model, test) | {"share_within_0.2": share})
     return rows, errors
 
 
@@ -222,32 +211,23 @@ def table_three(
     rows, figures
         figures[name] holds `observed`, `predicted`, `e_rel` of the model trained on `name`.
     """
-    (first, second) = designs
+    measured = {name: table.measured() for name, table in designs.items()}
+    pairs = {name: (table.poses, table.wrenches) for name, table in measured.items()}
+    first, second = designs
     rows = []
     figures: dict[str, dict[str, F]] = {}
-    for train_name, test_name in ((first, second), (second, first)):
-        train, test = designs[train_name].measured(), designs[test_name].measured()
+    for on, other in ((first, second), (second, first)):
+        test = pairs[other]
         for b in thresholds:
-            model = PolynomialModel.fit(
-                train.poses, train.wrenches, degree, method="pcr", threshold=b
-            )
-            predicted = model.predict(test.poses)
-            row: dict[str, Any] = {
-                "trained_on": train_name,
-                "tested_on": test_name,
-                "threshold": b,
-                "rank": model.rank,
-                "rmse": rmse(predicted, test.wrenches).tolist(),
-                "kappa": model.condition_number,
-            }
-            if b in TABLE_III.get(train_name, {}):
-                row["paper_rmse"], row["paper_kappa"] = TABLE_III[train_name][b]
-            rows.append(row)
+            model = PolynomialModel.fit(*pairs[on], degree, method="pcr", threshold=b)
+            row = {"trained_on": on, "tested_on": other, "threshold": b, "rank": model.rank}
+            rows.append(row | _errors(model, test, TABLE_III.get(on, {}).get(b)))
             if b == thresholds[0]:
-                figures[train_name] = {
-                    "observed": test.wrenches,
+                predicted = model.predict(test[0])
+                figures[on] = {
+                    "observed": test[1],
                     "predicted": predicted,
-                    "e_rel": relative_error(predicted, test.wrenches),
+                    "e_rel": relative_error(predicted, test[1]),
                 }
     return rows, figures
 

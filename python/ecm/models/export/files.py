@@ -166,7 +166,7 @@ TARGETS: dict[str, Target] = {
     "pinocchio": Target(pinocchio),
     "ros2": Target(ros2),
 }
-"""Every target; a new one is one more line here and one in the options of the command."""
+"""Every target; a new one is one more line here and one in the help of the command."""
 
 
 _WITH_CODE = ("polynomial", "energy", "physics")

@@ -171,7 +171,7 @@ class Jobs:
             "automatic": job.automatic,
             "waiting": self._waiting,
         }
-        told = events.last(self.session.log(job.number, "events"), "what") or {}
+        told = self.session.told(job.number, "what")
         return found | {name: value for name, value in told.items() if name in found}
 
     def _begin(
@@ -214,11 +214,6 @@ class Jobs:
                 start_new_session=True,  # Ctrl-C is for the server, which ends this process
             )
 
-    def _last_error(self, job: _Job) -> str:
-        """Return the error of a command that wrote no refusal."""
-        told = events.last(self.session.log(job.number, "events"), "error")
-        return "the command ended by itself" if told is None else str(told["error"])
-
     def _kill(self, reason: str) -> bool:
         with self._lock:
             job = self._job
@@ -234,14 +229,12 @@ class Jobs:
             job.process.stdin.close()
         status = job.ended_by or ("done" if code == 0 else "failed")
         message = INTERRUPTED if status == "interrupted" else ""
-        remedy = None
+        told: dict[str, Any] = {}
         if status == "failed":
-            message, remedy = self.session.refusal(job.step) or (
-                self._last_error(job),
-                None,
-            )
+            told = self.session.told(job.number, "error")
+            message = str(told.get("error", "the command ended by itself"))
         try:
-            self._end(job.number, status, message, time.time() - job.begun_s, remedy)
+            self._end(job.number, status, message, time.time() - job.begun_s, told.get("remedy"))
         finally:
             with self._lock:
                 following = False

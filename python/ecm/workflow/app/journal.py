@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import threading
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -54,44 +55,16 @@ def sentence(error: OSError, path: Path | None = None, name: str = "") -> str:
     )
 
 
-class AppendedFile:
-    """The lines of a file that is only appended; each is read from the disk once.
-
-    Parameters
-    ----------
-    path
-        Need not be there yet.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._read_to = 0
-
-    def read(self) -> tuple[bool, bytes, bytes]:
-        """Return whether the file begins anew, its new whole lines, and the line under way.
-
-        Raises
-        ------
-        OSError
-            Where it cannot be read.
-        """
-        with self.path.open("rb") as file:
-            anew = file.seek(0, os.SEEK_END) < self._read_to  # another file of this name
-            if anew:
-                self._read_to = 0
-            file.seek(self._read_to)
-            content = file.read()
-        whole = content.rfind(b"\n") + 1
-        self._read_to += whole
-        return anew, content[:whole], content[whole:]
-
-
 DATA = ("upload", "example", "import", "campaign")
 """Steps that change the data."""
 CHANGES = (*DATA, "fit", "refit")
 """Steps that change the data or the model. Undo takes the last of them back, with all after it."""
 _FIRST = b'{"event": "begin"'
 """How each journal begins."""
+
+
+_BEGUN = ("number", "verb", "request", "argv", "inputs", "outputs", "begun_s")
+"""What of a step is known when it begins."""
 
 
 @dataclass
@@ -107,7 +80,7 @@ class Step:
     inputs: dict[str, Any]
     outputs: list[str]
     """Files of the session folder that the step writes."""
-    begun_s: float
+    begun_s: float = field(default_factory=lambda: round(time.time(), 3))
     status: str = "running"
     message: str = ""
     remedy: dict[str, Any] | None = None
@@ -140,8 +113,7 @@ class History:
         self.records += 1
         event = record["event"]
         if event == "begin":
-            names = ("number", "verb", "request", "argv", "inputs", "outputs", "begun_s")
-            step = Step(**{name: record[name] for name in names})
+            step = Step(**{name: record[name] for name in _BEGUN})
             self.steps[step.number] = step
         elif event == "end":
             step = self.steps[record["number"]]
@@ -171,7 +143,7 @@ class History:
 
 
 class Journal:
-    """The file `steps.jsonl` of a session folder.
+    """The file `steps.jsonl` of a session folder, which one server writes.
 
     Raises
     ------
@@ -182,20 +154,19 @@ class Journal:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._lock = threading.Lock()
-        self._forget()
-        self._require_own()
+        self._records: list[dict[str, Any]] | None = None
+        """Those of the file; None: to be read."""
+        with suppress(FileNotFoundError), path.open("rb") as file:
+            if not _FIRST.startswith(file.read(len(_FIRST))):  # a kill may have cut the first one
+                raise InputError(
+                    f"{path} is there already, and is no journal of `ecm app`: name another "
+                    "folder with --session"
+                )
 
-    def _require_own(self) -> None:
-        try:
-            with self.path.open("rb") as file:
-                first = file.read(len(_FIRST))
-        except FileNotFoundError:
-            return
-        if not _FIRST.startswith(first):  # a kill may have cut the first record
-            raise InputError(
-                f"{self.path} is there already, and is no journal of `ecm app`: name another "
-                "folder with --session"
-            )
+    def begin(self, step: Step) -> Step:
+        """Write that a step begins."""
+        self.append(event="begin", **{name: getattr(step, name) for name in _BEGUN})
+        return step
 
     def append(self, **record: Any) -> None:
         """Write one record to the disk.
@@ -205,48 +176,28 @@ class Journal:
         DiskError
             Where it cannot be written; a part of it is left out by `read`.
         """
-        line = json.dumps(record, ensure_ascii=False) + "\n"
-        with self._lock, writing(self.path), self.path.open("ab+") as file:
-            # A kill in the middle of a record leaves a line without an end.
-            if file.tell() and not _ends_line(file):
-                line = "\n" + line
-            file.write(line.encode())
-            file.flush()
-            os.fsync(file.fileno())
+        line = json.dumps(record, ensure_ascii=False).encode() + b"\n"
+        with self._lock:
+            known, self._records = self._records, None  # where it fails, the file is read again
+            with writing(self.path), self.path.open("ab+") as file:
+                # A kill in the middle of a record leaves a line without an end.
+                file.seek(max(file.tell() - 1, 0))
+                file.write(line if file.read(1) in (b"", b"\n") else b"\n" + line)
+                file.flush()
+                os.fsync(file.fileno())
+            if known is not None:
+                self._records = [*known, json.loads(line)]
 
     def read(self) -> History:
         """Return the history; a line that a kill has cut is left out."""
+        with self._lock:
+            if self._records is None:
+                self._records = []
+                for line in self.path.read_bytes().split(b"\n") if self.path.exists() else ():
+                    with suppress(ValueError):
+                        self._records.append(json.loads(line))
+            records = self._records
         history = History()
-        for record in self._all():
+        for record in records:
             history.take(record)
         return history
-
-    def _all(self) -> list[dict[str, Any]]:
-        """Return the records; of the file, only what is new is read."""
-        with self._lock:
-            try:
-                anew, whole, under_way = self._file.read()
-            except FileNotFoundError:
-                self._forget()
-                return []
-            if anew:
-                self._records.clear()
-            self._records += _records(whole)
-            return self._records + _records(under_way)
-
-    def _forget(self) -> None:
-        self._file = AppendedFile(self.path)
-        self._records: list[dict[str, Any]] = []
-
-
-def _records(lines: bytes) -> list[dict[str, Any]]:
-    found = []
-    for line in lines.split(b"\n"):
-        with suppress(ValueError):  # a line that a kill has cut
-            found.append(json.loads(line))
-    return found
-
-
-def _ends_line(file: Any) -> bool:
-    file.seek(-1, os.SEEK_END)
-    return bool(file.read(1) == b"\n")

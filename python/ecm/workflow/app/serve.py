@@ -12,8 +12,8 @@ from typing import Any
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.extras import require
-from ecm.workflow.app.contents import suffix_of
 from ecm.workflow.app.server import App, application
+from ecm.workflow.app.session import suffix_of
 
 _HOST = "127.0.0.1"
 
@@ -66,7 +66,7 @@ def serve(
     uvicorn = require("uvicorn", "app", "The server of `ecm app`")
     listening = _listen(port)
     port = listening.getsockname()[1]
-    with listening, closing(App.of(Path(folder))) as app:
+    with listening, closing(App(Path(folder))) as app:
         begin(app, given, model=model, demo=demo)
         token = secrets.token_urlsafe(24)
         server = uvicorn.Server(
@@ -101,7 +101,7 @@ def begin(
         suffix_of(table.name)  # all of them before the first one is taken
     for i, table in enumerate(tables):
         app.session.add_table(table, table.name, more=i > 0)
-    if app.session.files(app.session.journal.read()).data:  # a log is to be imported first
+    if app.session.now()[1].data:  # a log is to be imported first
         app.jobs.start("check", {}, None if model is None else ("fit", {"model": model}))
 
 

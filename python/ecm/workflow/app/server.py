@@ -11,10 +11,9 @@ import re
 import sys
 import tempfile
 from collections.abc import AsyncIterator, Awaitable, Callable, MutableMapping
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 from urllib.parse import parse_qs
 
 from ecm.errors import EcmError, InputError, Refusal
@@ -23,7 +22,7 @@ from ecm.report.page import WEB
 from ecm.workflow.app.jobs import Busy, Jobs
 from ecm.workflow.app.journal import DiskError, sentence, writing
 from ecm.workflow.app.session import INCOMING, Session
-from ecm.workflow.app.state import Readings, measuring
+from ecm.workflow.app.state import Readings, measuring, state_of
 from ecm.workflow.app.views import NEED_MODEL, SHOWN, Views
 
 if sys.platform == "win32":
@@ -32,32 +31,27 @@ else:
     import fcntl
 
 
-class FolderLock:
-    """The lock of a folder, held until `release` or the end of the process.
+def locked(folder: Path) -> IO[bytes]:
+    """Return the lock of a folder, held until it is closed or the process ends.
 
     Raises
     ------
     InputError
         Where another process holds it.
     """
-
-    def __init__(self, folder: Path) -> None:
-        self._file = (folder / ".lock").open("a+b")
-        try:
-            if sys.platform == "win32":
-                msvcrt.locking(self._file.fileno(), msvcrt.LK_NBLCK, 1)
-            else:
-                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            self._file.close()
-            raise InputError(
-                f"{folder}: another `ecm app` has this session open. Use its page, end it, or name "
-                "another folder with --session."
-            ) from None
-
-    def release(self) -> None:
-        """Let another server have the folder."""
-        self._file.close()
+    file = (folder / ".lock").open("a+b")
+    try:
+        if sys.platform == "win32":
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+        else:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        file.close()
+        raise InputError(
+            f"{folder}: another `ecm app` has this session open. Use its page, end it, or name "
+            "another folder with --session."
+        ) from None
+    return file
 
 
 Scope = MutableMapping[str, Any]
@@ -113,37 +107,31 @@ class Guard:
             await send({"type": "websocket.close", "code": 1008})
             return
         headers = {k.decode("latin-1").lower(): v.decode("latin-1") for k, v in scope["headers"]}
+        # Whether another page asks: browsers say so, other programs do not.
+        origin, site = headers.get("origin"), headers.get("sec-fetch-site", "none")
+        foreign = origin not in (None, *self.origins) or site not in ("none", "same-origin")
+        asked = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
         if headers.get("host") not in self.hosts:
             await _answer(send, 421, "This server answers to 127.0.0.1 only.")
-        elif not self._of_this_page(headers):
+        elif foreign:
             await _answer(send, 403, "Another page may not ask this server.")
-        elif scope["path"] == "/" and self._has_token(scope):
-            await _answer(send, 303, "", ((b"location", b"/"), (b"set-cookie", self._cookie())))
-        elif not self._allowed(headers):
+        elif scope["path"] == "/" and self._is_token(asked):
+            cookie = f"{self.cookie}={self.token}; HttpOnly; SameSite=Strict; Path=/"
+            await _answer(send, 303, "", ((b"location", b"/"), (b"set-cookie", cookie.encode())))
+        elif not self._is_token(self._given(headers)):
             await _answer(
                 send, 403, "Open the whole address that `ecm app` printed, with its token."
             )
         else:
             await self.application(scope, receive, _with_headers(send))
 
-    def _of_this_page(self, headers: dict[str, str]) -> bool:
-        """Whether no other page asks: browsers say so, other programs do not."""
-        origin, site = headers.get("origin"), headers.get("sec-fetch-site", "none")
-        return (origin is None or origin in self.origins) and site in ("none", "same-origin")
-
-    def _has_token(self, scope: Scope) -> bool:
-        given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
-        return self._is_token(given)
-
-    def _allowed(self, headers: dict[str, str]) -> bool:
+    def _given(self, headers: dict[str, str]) -> str:
+        """The token of a request: that of a program, else of the page's cookie."""
         found = re.search(rf"(?:^|;\s*){self.cookie}=([^;]*)", headers.get("cookie", ""))
-        return self._is_token(headers.get("x-ecm-token", found.group(1) if found else ""))
+        return headers.get("x-ecm-token", found.group(1) if found else "")
 
     def _is_token(self, given: str) -> bool:
         return hmac.compare_digest(given.encode(), self.token.encode())
-
-    def _cookie(self) -> bytes:
-        return f"{self.cookie}={self.token}; HttpOnly; SameSite=Strict; Path=/".encode()
 
 
 def _with_headers(send: Send) -> Send:
@@ -186,42 +174,36 @@ _TYPES = {
 _PURPOSE = "The page of `ecm app`"
 
 
-@dataclass
 class App:
-    """A session at work: its folder, its worker and its views."""
+    """A session at work: its folder, its worker and its views.
 
-    session: Session
-    jobs: Jobs
-    views: Views
-    readings: Readings
-    lock: FolderLock
-    most_bytes: int = MOST_BYTES
+    Steps that a killed server left are marked as interrupted.
 
-    @staticmethod
-    def of(folder: Path) -> App:
-        """Open a session folder; steps that a killed server left are marked as interrupted.
+    Raises
+    ------
+    InputError
+        Where another server has the folder open.
+    """
 
-        Raises
-        ------
-        InputError
-            Where another server has the folder open.
-        """
-        session = Session(folder)
-        lock = FolderLock(folder)
-        session.recover()
-        return App(session, Jobs(session), Views(folder), Readings(folder), lock)
+    def __init__(self, folder: Path) -> None:
+        self.session = Session(folder)
+        self._lock = locked(folder)
+        self.session.recover()
+        self.jobs, self.views = Jobs(self.session), Views(folder)
+        self.readings = Readings(folder)
+        self.most_bytes = MOST_BYTES
 
     def close(self) -> None:
-        """End the processes."""
+        """End the processes, and let another server have the folder."""
         self.jobs.close()
         self.views.close()
-        self.lock.release()
+        self._lock.close()
 
     def state(self) -> dict[str, Any]:
         """Return the state of the folder, and how far the running step is."""
         self.jobs.settle()
         running = self.jobs.progress()
-        state = self.session.state()
+        state = state_of(self.session)
         going = {step["number"] for step in state["steps"] if step["status"] == "running"}
         # A step may end between the two: beside its result the page would be drawn twice, and
         # what a person does at the first drawing would be lost.
@@ -241,17 +223,18 @@ def application(app: App, *, port: int, token: str) -> Any:
     starlette = require("starlette.applications", "app", _PURPOSE)
     routing = require("starlette.routing", "app", _PURPOSE)
     routes = _Routes(app)
-    paths = [
-        routing.Route("/", routes.page, methods=["GET"]),
-        routing.Route("/page/{name}", routes.page, methods=["GET"]),
-        routing.Route("/api/state", routes.state, methods=["GET"]),
-        routing.Route("/api/view/{name}", routes.view, methods=["GET"]),
-        routing.Route("/api/live", routes.live, methods=["GET"]),
-        routing.Route("/api/log/{number:int}", routes.log, methods=["GET"]),
-        routing.Route("/api/upload", routes.upload, methods=["POST"]),
-        routing.Route("/api/{action}", routes.action, methods=["POST"]),
-        routing.Route("/files/{name:path}", routes.file, methods=["GET"]),
-    ]
+    asked = {
+        "/": routes.page,
+        "/page/{name}": routes.page,
+        "/api/state": routes.state,
+        "/api/view/{name}": routes.view,
+        "/api/live": routes.live,
+        "/api/log/{number:int}": routes.log,
+        "/files/{name:path}": routes.file,
+    }
+    done = {"/api/upload": routes.upload, "/api/{action}": routes.action}
+    paths = [routing.Route(path, route, methods=["GET"]) for path, route in asked.items()]
+    paths += [routing.Route(path, route, methods=["POST"]) for path, route in done.items()]
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Any) -> AsyncIterator[None]:
@@ -262,18 +245,9 @@ def application(app: App, *, port: int, token: str) -> Any:
     inner = starlette.Starlette(
         routes=paths,
         lifespan=lifespan,
-        exception_handlers={EcmError: routes.refused, OSError: _unwritten, gone: _left},
+        exception_handlers=dict.fromkeys((EcmError, OSError, gone), routes.refused),
     )
     return Guard(inner, port=port, token=token)
-
-
-async def _unwritten(_request: Any, error: Exception) -> Any:
-    return _json({"error": sentence(error) if isinstance(error, OSError) else str(error)}, 507)
-
-
-async def _left(_request: Any, _error: Exception) -> Any:
-    """The page was closed in the middle of an upload: nobody reads this."""
-    return _json({"error": "the file did not come to its end"}, 400)
 
 
 class _Routes:
@@ -295,8 +269,7 @@ class _Routes:
         name = request.path_params["name"]
         if name not in SHOWN:
             return _json({"error": f"no view; there are {', '.join(SHOWN)}"}, 404)
-        history = self.app.session.journal.read()
-        files = self.app.session.files(history)
+        _, files = self.app.session.now()
         data = files.dropped[:1] if name == "log" else files.data
         if not data or (name in NEED_MODEL and files.model is None):
             raise InputError("nothing to show yet: it needs a table, and most views a model")
@@ -340,8 +313,12 @@ class _Routes:
             headers["content-security-policy"] = REPORT_POLICY
         return _file(self.app.session.folder / name, headers)
 
-    async def refused(self, _request: Any, error: Any) -> Any:
+    async def refused(self, _request: Any, error: Exception) -> Any:
         """Say what was wrong with a request, and the way out as of a refused step."""
+        if isinstance(error, OSError):
+            return _json({"error": sentence(error)}, 507)
+        if not isinstance(error, EcmError):  # the page was closed in the middle of an upload
+            return _json({"error": "the file did not come to its end"}, 400)
         known: dict[type[Exception], int] = {Busy: 409, DiskError: 507}
         message = error.message if isinstance(error, Refusal) else str(error)
         remedy = self.app.session.way_out(error)
@@ -349,32 +326,30 @@ class _Routes:
 
     async def action(self, request: Any) -> Any:
         action, body = request.path_params["action"], await _body(request)
-        app = self.app
+        jobs, session = self.app.jobs, self.app.session
         if action == "step":
             verb, then = body.pop("verb", None), body.pop("then", None)
             if then is not None and not isinstance(then, dict):
                 raise InputError("then: expected the step that follows, as an object")
             after = None if then is None else (str(then.pop("verb", None)), then)
-            number = await asyncio.to_thread(app.jobs.start, str(verb), body, after)
-            return _json({"step": number})
+            return _json({"step": await asyncio.to_thread(jobs.start, str(verb), body, after)})
         if action == "again":
-            wanted, steps = body.get("step"), app.session.journal.read().steps
+            wanted, steps = body.get("step"), session.journal.read().steps
             step = steps.get(wanted) if isinstance(wanted, int) else None
             if step is None or not step.argv:
                 raise InputError("no such step with a command in this session")
-            number = await asyncio.to_thread(app.jobs.start, step.verb, step.request)
-            return _json({"step": number})
+            return _json({"step": await asyncio.to_thread(jobs.start, step.verb, step.request)})
         if action == "cancel":
-            return _json({"cancelled": await asyncio.to_thread(app.jobs.cancel)})
+            return _json({"cancelled": await asyncio.to_thread(jobs.cancel)})
         changes: dict[str, Callable[[], None]] = {
-            "undo": app.session.undo,
-            "redo": app.session.redo,
-            "accept": lambda: app.session.accept(str(body.get("warning", ""))),
+            "undo": session.undo,
+            "redo": session.redo,
+            "accept": lambda: session.accept(str(body.get("warning", ""))),
         }
         if action not in changes:
             return _json({"error": "no such action"}, 404)
-        await asyncio.to_thread(app.jobs.alone, changes[action])
-        return _json(await asyncio.to_thread(app.state))
+        await asyncio.to_thread(jobs.alone, changes[action])
+        return await self.state(request)
 
     async def upload(self, request: Any) -> Any:
         """Stream the body into the session folder; its name is a text in the address."""
@@ -409,7 +384,7 @@ class _Routes:
             step = session.add_description(path, name)
         else:
             step = session.add_table(path, name, more=more, move=True)
-        if step.outputs[0] in session.files(session.journal.read()).data:
+        if step.outputs[0] in session.now()[1].data:
             self.app.jobs.start("check", {})
         return step.number
 

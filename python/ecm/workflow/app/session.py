@@ -1,20 +1,71 @@
-"""Changes of a session: steps, tables brought in, undo and redo, and the script of it all."""
+"""A session folder: its files, the changes of it as steps, undo and redo, and the script of it all.
+
+steps.jsonl     the journal
+upload-N.csv    a table that was dropped; its own name is in the journal only
+model-N.json, fit-N.json, compare-N.html …   what step N wrote
+logs/           what the commands printed
+views/          what the page draws, computed from the files above; may be deleted
+"""
 
 from __future__ import annotations
 
+import json
 import shlex
 import shutil
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from ecm.errors import EcmError, InputError, Remedy, remedy_of
+from ecm.io import events
 from ecm.io.cache import write_atomically
-from ecm.workflow.app.contents import LOGS, Contents, copy_beside, sealed_description, suffix_of
-from ecm.workflow.app.journal import DATA, History, Step, writing
-from ecm.workflow.app.state import state_of, way_out
-from ecm.workflow.app.steps import DEMO_FILES, PLAN, Files, command_of, write_demo
+from ecm.io.toml import read_toml, write_toml
+from ecm.workflow.app.journal import DATA, History, Journal, Step, writing
+from ecm.workflow.app.steps import DEMO_FILES, PLAN, RIG, Files, command_of, way_out, write_demo
+
+TABLES = (".csv", ".parquet")
+LOGS = (".txt", ".tsv", ".dat", ".log", ".mat", ".h5", ".hdf5", ".npz", ".mcap", ".db3")
+"""Suffixes of files that `ecm import` makes a table of."""
+TRUTH = ".truth.json"
+BESIDE = (".toml", TRUTH, ".raw.parquet")
+"""What belongs to a table, by suffix."""
+
+
+def suffix_of(name: str) -> str:
+    """Return the suffix of a table or a log, in small letters.
+
+    Raises
+    ------
+    InputError
+        For any other file.
+    """
+    suffix = Path(name).suffix.lower()
+    if suffix not in TABLES + LOGS:
+        raise InputError(f"{name}: expected a table or a log: {' '.join(TABLES + LOGS)}")
+    return suffix
+
+
+def copy_beside(source: Path, target: Path, without: Sequence[str] = ()) -> list[str]:
+    """Copy what belongs to a table, and return the names."""
+    names = []
+    for extra in BESIDE:
+        if extra not in without and source.with_suffix(extra).is_file():
+            shutil.copyfile(source.with_suffix(extra), target.with_suffix(extra))
+            names.append(target.with_suffix(extra).name)
+    return names
+
+
+def sealed_description(source: Path, table: Path, name: str) -> str | None:
+    """Return a description with the seal of the table's own; None where there is no seal."""
+    if not table.with_suffix(TRUTH).is_file():
+        return None
+    own = read_toml(table.with_suffix(".toml"), "description of a table").get("file", {})
+    document = read_toml(source, f"description {name}")
+    file = document.setdefault("file", {})
+    if isinstance(file, dict):  # the check of the table refuses any other
+        file.setdefault("truth_sha256", own.get("truth_sha256", ""))
+    return write_toml(document)
+
 
 _SCRIPT = """#!/bin/sh
 # The steps of this session as commands. They write the same files, byte for byte:
@@ -27,31 +78,115 @@ mkdir "$to"
 """
 
 
-def script_of(contents: Contents) -> str:
-    """Return the commands of the steps that count, as a shell script."""
-    history = contents.journal.read()
-    steps = [history.steps[number] for number in history.active]
-    given = [name for step in steps if not step.argv for name in step.outputs]
-    given += [name for name in DEMO_FILES if (contents.folder / name).is_file()]
-    lines = [f'cp "$from"/{shlex.quote(name)} "$to"/' for name in dict.fromkeys(given)]
-    lines.append('cd "$to"')
-    lines += [shlex.join(["ecm", *step.argv]) for step in steps if step.argv]
-    return _SCRIPT + "\n".join(lines) + "\n"
-
-
 INCOMING = ".ecm-incoming-"
 """Begin of the name of a file that is on its way here."""
 INTERRUPTED = "the server was stopped in the middle of it"
 
 
-class Session(Contents):
-    """A session folder that is worked on.
+class Session:
+    """A session folder that is worked on; its journal explains the files.
 
     Parameters
     ----------
     folder
         Made where it is not there.
     """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "views").mkdir(exist_ok=True)
+        self.journal = Journal(folder / "steps.jsonl")
+
+    def now(self) -> tuple[History, Files]:
+        """Return the history, and the files that count."""
+        history = self.journal.read()
+        return history, self.files(history)
+
+    def files(self, history: History) -> Files:
+        """Return the files that count now."""
+        changed = history.last(*DATA)
+        data = [] if changed is None else list(changed.inputs["data_after"])
+        dropped = history.last("upload")
+        logs = [] if dropped is None else dropped.inputs.get("dropped_after", dropped.outputs[:1])
+        fitted = history.last("fit", "refit", data=data)
+        model = None if fitted is None else model_of(fitted)
+        found = history.last("diagnose", data=data, model=model)
+        checked = history.last("check", data=data)
+        answered = history.last("diagnose", data=data)
+        written = [] if found is None else found.outputs
+        plan = next((name for name in written if name.endswith(".csv")), None)
+        sealed = next((d for d in data if self._beside(d, TRUTH).is_file()), None)
+        return Files(
+            data=data,
+            model=model,
+            answer=None if answered is None else answered.outputs[0],
+            next_plan=plan if plan and (self.folder / plan).is_file() else None,
+            dropped=logs,
+            described=frozenset(d for d in logs if self._beside(d, ".toml").is_file()),
+            sealed=sealed,
+            simulated=sealed is not None and (self.folder / RIG).is_file(),
+            skip_bad_rows=checked is not None and bool(checked.request.get("skip_bad_rows")),
+        )
+
+    def downloads(self, history: History | None = None) -> list[str]:
+        """Return the names that may be asked for: outputs of finished steps, and the script.
+
+        Sealed truths are not among them; `reveal` opens one.
+        """
+        history = self.journal.read() if history is None else history
+        names = ["script.sh", "steps.jsonl"]
+        for step in history.steps.values():
+            for name in step.outputs if step.status == "done" else []:
+                path = self.folder / name
+                if path.is_dir():
+                    inside = sorted(p for p in path.rglob("*") if p.is_file())
+                    names += [p.relative_to(self.folder).as_posix() for p in inside]
+                elif path.is_file() and not name.endswith(TRUTH):
+                    names.append(name)
+        return names
+
+    def log(self, number: int, kind: str) -> bytes:
+        """Return what the command of a step printed, `out` or `err`, or told, `events`."""
+        try:
+            return (self.folder / "logs" / f"{number}.{kind}").read_bytes()
+        except OSError:
+            return b""
+
+    def told(self, number: int, name: str) -> dict[str, Any]:
+        """Return the last event with this key that the command of a step told."""
+        return events.last(self.log(number, "events"), name) or {}
+
+    def pending(self, history: History, check: Step) -> list[str]:
+        document = self.result(check) or {}
+        taken = {warning for number, warning in history.accepted if number == check.number}
+        return [text for text in document.get("warnings", []) if text not in taken]
+
+    def result(self, step: Step | None) -> Any:
+        """Return the JSON document of a step, with its number."""
+        names = [] if step is None else step.outputs
+        report = next((n for n in names if n.endswith(".json") and not n.startswith("model-")), "")
+        try:
+            document = json.loads((self.folder / report).read_bytes())
+        except (OSError, ValueError):
+            return None
+        return {**document, "step": None if step is None else step.number}
+
+    def opened(self, history: History, files: Files) -> Step | None:
+        """Return the last step that opened the truth of these tables; undo does not close it."""
+        sealed = {self._truth(name) for name in files.data} - {None}
+        for step in reversed(history.steps.values()):
+            opened = step.verb == "reveal" and step.status == "done"
+            if opened and self._truth(step.argv[1]) in sealed:
+                return step
+        return None
+
+    def _truth(self, table: str) -> bytes | None:
+        path = self._beside(table, TRUTH)
+        return path.read_bytes() if path.is_file() else None
+
+    def _beside(self, table: str, suffix: str) -> Path:
+        return (self.folder / table).with_suffix(suffix)
 
     def recover(self) -> list[int]:
         """Mark the steps that a killed server has left as interrupted; return their numbers."""
@@ -70,19 +205,21 @@ class Session(Contents):
         InputError
             Where the step is not possible now, or the request is wrong.
         """
-        history = self.journal.read()
-        files = self.files(history)
+        history, files = self.now()
         number = self._next_number(history)
         if verb in ("fit", "refit", "compare", "diagnose"):
-            self._require_checked(history)
+            self._require_checked(history, files)
         command = command_of(verb, request, files, number)
         if verb == "example" and request["name"] == "neck":
             with writing(self.folder / PLAN):
                 write_demo(self.folder)
         inputs: dict[str, Any] = {"data": files.data, "model": files.model}
         if verb in DATA:
-            inputs["data_after"] = [*_kept(verb, request, files), command.outputs[0]]
-        return self._begin(number, verb, request, command.argv, inputs, command.outputs)
+            adds = verb == "campaign" or (verb == "import" and request.get("more"))
+            inputs["data_after"] = [*(files.data if adds else []), command.outputs[0]]
+        return self.journal.begin(
+            Step(number, verb, request, command.argv, inputs, command.outputs)
+        )
 
     def way_out(self, error: EcmError) -> dict[str, Any] | None:
         """Return the way out of a request that was refused; None where it has none.
@@ -92,7 +229,7 @@ class Session(Contents):
         remedy = remedy_of(error)
         if remedy is None:
             return None
-        files = self.files(self.journal.read())
+        _, files = self.now()
         names = {"DATA": shlex.join(files.data), "MODEL": files.model or "MODEL"}
         return way_out(remedy.filled({**names, "OUT": "model.json"}).to_dict(), files)
 
@@ -123,7 +260,7 @@ class Session(Contents):
         move
             The file is of this session: it is moved.
         """
-        history = self.journal.read()
+        history, files = self.now()
         suffix = suffix_of(name)
         number = self._next_number(history)
         target = self.folder / f"upload-{number}{suffix}"
@@ -134,10 +271,10 @@ class Session(Contents):
             with writing(target, name):
                 shutil.copyfile(source, target)
                 outputs += copy_beside(source, target)
-        files = self.files(history)
         data = files.data if suffix in LOGS else [*(files.data if more else []), target.name]
         dropped = [*(files.dropped if more else []), target.name]
-        return self._add_upload(number, name, outputs, files.data, after=(data, dropped))
+        after = {"data_after": data, "dropped_after": dropped}
+        return self._add_upload(number, name, outputs, files, after)
 
     def add_description(self, source: Path, name: str) -> Step:
         """Put a description (TOML) beside the last table, or the last log, of the session.
@@ -149,9 +286,8 @@ class Session(Contents):
         InputError
             Where there is neither, or the description is no TOML.
         """
-        history = self.journal.read()
-        files = self.files(history)
-        last = (files.dropped or files.data)[-1:] if not files.data else files.data[-1:]
+        history, files = self.now()
+        last = (files.data or files.dropped)[-1:]
         if not last:
             raise InputError(f"{name}: drop the table first, then its description")
         number = self._next_number(history)
@@ -166,23 +302,24 @@ class Session(Contents):
                 write_atomically(target.with_suffix(".toml"), described)
         outputs = [target.name, target.with_suffix(".toml").name, *extras]
         renamed = {last[0]: target.name}
-        after = tuple([renamed.get(d, d) for d in of] for of in (files.data, files.dropped))
-        return self._add_upload(number, name, outputs, files.data, after=after)
+        after = {
+            "data_after": [renamed.get(name, name) for name in files.data],
+            "dropped_after": [renamed.get(name, name) for name in files.dropped],
+        }
+        return self._add_upload(number, name, outputs, files, after)
 
     def following(self, step: Step) -> tuple[str, dict[str, Any]] | None:
         """Return the import of the next log that was dropped with that of a step."""
         if step.verb != "import":
             return None
-        logs = self.files(self.journal.read()).dropped
-        at = logs.index(step.argv[1]) + 1
-        return (
-            None if at == len(logs) else ("import", {**step.request, "log": logs[at], "more": True})
-        )
+        logs = self.now()[1].dropped
+        rest = logs[logs.index(step.argv[1]) + 1 :]
+        return ("import", {**step.request, "log": rest[0], "more": True}) if rest else None
 
     def accept(self, warning: str) -> None:
         """Record that the person takes responsibility for a warning of the check."""
-        history = self.journal.read()
-        step = self.check_step(history, self.files(history))
+        history, files = self.now()
+        step = history.last("check", data=files.data)
         if step is None or warning not in self.pending(history, step):
             raise InputError("no such warning in the check of these tables")
         self.journal.append(event="accept", number=step.number, warning=warning)
@@ -199,51 +336,25 @@ class Session(Contents):
             raise InputError("nothing to redo")
         self.journal.append(event="redo")
 
-    def state(self) -> dict[str, Any]:
-        """Return all that the page shows; it depends on the files of the folder only."""
-        return state_of(self)
-
     def script(self) -> str:
         """Return the commands of the steps that count, as a shell script."""
-        return script_of(self)
+        history = self.journal.read()
+        steps = [history.steps[number] for number in history.active]
+        given = [name for step in steps if not step.argv for name in step.outputs]
+        given += [name for name in DEMO_FILES if (self.folder / name).is_file()]
+        lines = [f'cp "$from"/{shlex.quote(name)} "$to"/' for name in dict.fromkeys(given)]
+        lines.append('cd "$to"')
+        lines += [shlex.join(["ecm", *step.argv]) for step in steps if step.argv]
+        return _SCRIPT + "\n".join(lines) + "\n"
 
     # --- parts -------------------------------------------------------------
-    def _begin(
-        self,
-        number: int,
-        verb: str,
-        request: dict[str, Any],
-        argv: Sequence[str],
-        inputs: dict[str, Any],
-        outputs: Sequence[str],
-    ) -> Step:
-        step = Step(
-            number=number,
-            verb=verb,
-            request=request,
-            argv=list(argv),
-            inputs=inputs,
-            outputs=list(outputs),
-            begun_s=round(time.time(), 3),
-        )
-        record = {name: getattr(step, name) for name in ("number", "verb", "request", "argv")}
-        record |= {"inputs": inputs, "outputs": step.outputs, "begun_s": step.begun_s}
-        self.journal.append(event="begin", **record)
-        return step
-
     def _add_upload(
-        self,
-        number: int,
-        name: str,
-        outputs: Sequence[str],
-        before: Sequence[str],
-        *,
-        after: tuple[Sequence[str], ...],
+        self, number: int, name: str, outputs: list[str], files: Files, after: dict[str, list[str]]
     ) -> Step:
         """Record an upload; `after`: the tables that count then, and the files to import."""
-        inputs = {"data": before, "data_after": list(after[0]), "dropped_after": list(after[1])}
-        step = self._begin(number, "upload", {"name": name}, [], inputs, outputs)
-        self.end(step.number, "done", "", 0.0)
+        inputs = {"data": files.data, **after}
+        step = self.journal.begin(Step(number, "upload", {"name": name}, [], inputs, outputs))
+        self.end(number, "done", "", 0.0)
         return step
 
     def _next_number(self, history: History) -> int:
@@ -260,8 +371,8 @@ class Session(Contents):
             number += 1
         return number
 
-    def _require_checked(self, history: History) -> None:
-        check = self.check_step(history, self.files(history))
+    def _require_checked(self, history: History, files: Files) -> None:
+        check = history.last("check", data=files.data)
         if check is None:
             raise InputError(
                 "the tables are not checked: nothing goes on until the check passes",
@@ -275,6 +386,5 @@ class Session(Contents):
             )
 
 
-def _kept(verb: str, request: dict[str, Any], files: Files) -> list[str]:
-    """Return the tables to which a step adds one; none where it replaces them."""
-    return files.data if verb == "campaign" or (verb == "import" and request.get("more")) else []
+def model_of(step: Step) -> str:
+    return step.outputs[0]

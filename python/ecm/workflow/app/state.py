@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
+import os
 import shlex
 import threading
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ecm.io.columns import POSE
 from ecm.rig.readings import POSE_NAMES, journal_path
-from ecm.workflow.app.contents import Contents, model_of
-from ecm.workflow.app.journal import AppendedFile, History, Step
-from ecm.workflow.app.steps import Files, request_of
+from ecm.workflow.app.journal import History, Step
+from ecm.workflow.app.session import Session, model_of
+from ecm.workflow.app.steps import Files, way_out
 
 _FORCE = ("sensor_fx_N", "sensor_fy_N", "sensor_fz_N")
 
@@ -41,8 +41,7 @@ class Readings:
         self._begin("")
 
     def _begin(self, campaign: str) -> None:
-        self._campaign = campaign
-        self._file = AppendedFile(journal_path(self._folder / campaign))
+        self._campaign, self._read_to = campaign, 0
         self._header: list[str] = []
         self._rows: list[list[float]] = []
         """Pose and size of the force of each reading."""
@@ -75,11 +74,15 @@ class Readings:
 
     def _read(self) -> None:
         try:
-            anew, whole, _ = self._file.read()
+            with journal_path(self._folder / self._campaign).open("rb") as file:
+                if file.seek(0, os.SEEK_END) < self._read_to:  # another journal of this name
+                    self._begin(self._campaign)
+                file.seek(self._read_to)
+                content = file.read()
         except OSError:  # not begun, or at its end
             return
-        if anew:
-            self._header, self._rows = [], []
+        whole = content[: content.rfind(b"\n") + 1]
+        self._read_to += len(whole)
         for line in whole.decode("utf-8").splitlines():
             cells = line.split(",")
             if line.startswith("#"):
@@ -92,11 +95,10 @@ class Readings:
             self._rows.append([*pose, math.hypot(*(cell[name] for name in _FORCE))])
 
 
-def state_of(contents: Contents) -> dict[str, Any]:
+def state_of(session: Session) -> dict[str, Any]:
     """Return all that the page shows; it depends on the files of the folder only."""
-    history = contents.journal.read()
-    files = contents.files(history)
-    check = contents.check_step(history, files)
+    history, files = session.now()
+    check = history.last("check", data=files.data)
     model = history.last("fit", "refit", data=files.data)
     of_model = {"data": files.data, "model": files.model}
     compared = history.last("compare", **of_model) if files.model else None
@@ -105,27 +107,27 @@ def state_of(contents: Contents) -> dict[str, Any]:
     return {
         "schema": 1,
         "version": history.records,
-        "folder": contents.folder.resolve().name,
+        "folder": session.folder.resolve().name,
         "simulated": files.simulated,
         "sealed": files.sealed is not None,
         "next_plan": files.next_plan,
         "data": [{"file": name, "name": _own_name(history, name)} for name in files.data],
         "dropped": [_own_name(history, name) for name in files.dropped],
-        "imported": contents.result(_import_of(history, files)),
-        "check": contents.result(check),
-        "pending": [] if check is None else contents.pending(history, check),
+        "imported": session.result(_import_of(history, files)),
+        "check": session.result(check),
+        "pending": [] if check is None else session.pending(history, check),
         "model": files.model,
-        "fit": contents.result(model),
-        "compare": contents.result(compared),
-        "diagnosis": contents.result(found),
-        "export": contents.result(exported),
-        "truth": contents.result(contents.opened(history, files)),
-        "rungs": [_rung(contents, history, step) for step in _rungs(history, files)],
+        "fit": session.result(model),
+        "compare": session.result(compared),
+        "diagnosis": session.result(found),
+        "export": session.result(exported),
+        "truth": session.result(session.opened(history, files)),
+        "rungs": [_rung(session, history, step) for step in _rungs(history, files)],
         "undo": history.can_undo(),
         "redo": bool(history.undone),
         "refused": _refused(history, files),
         "steps": [_step(history, step, files) for step in history.steps.values()],
-        "files": contents.downloads(history),
+        "files": session.downloads(history),
     }
 
 
@@ -147,9 +149,9 @@ def _rungs(history: History, files: Files) -> list[Step]:
     return rungs
 
 
-def _rung(contents: Contents, history: History, step: Step) -> dict[str, Any]:
+def _rung(session: Session, history: History, step: Step) -> dict[str, Any]:
     compared = history.last("compare", data=step.inputs["data"], model=model_of(step))
-    document = contents.result(compared) or {}
+    document = session.result(compared) or {}
     request = step.request
     return {
         "step": step.number,
@@ -161,7 +163,7 @@ def _rung(contents: Contents, history: History, step: Step) -> dict[str, Any]:
         ),
         "train": document.get("whitened_rms"),
         "rmse": document.get("rmse"),
-        "report": contents.result(step),
+        "report": session.result(step),
     }  # fmt: skip
 
 
@@ -187,11 +189,6 @@ def _remedy(step: Step, files: Files) -> dict[str, Any] | None:
     forced = step.remedy.get("force") and not (found["request"] or {}).get("force")
     again = {"verb": step.verb, **step.request, "force": True} if forced else None
     return {**found, "again": again}
-
-
-def way_out(remedy: Mapping[str, Any], files: Files) -> dict[str, Any]:
-    """Return a remedy with the request of the step that does it, where one does."""
-    return {**remedy, "request": request_of(remedy["command"], files)}
 
 
 def _step(history: History, step: Step, files: Files) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import shlex
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -48,8 +49,6 @@ def write_demo(folder: Path) -> None:
 
 _HIDDEN = ("random=5", "8")
 """What the demo hides and its seed: five times the noise, so that it is seen in every picture."""
-_MODEL = re.compile(r"[A-Za-z][A-Za-z0-9:+_-]{0,60}")
-_WORDS = re.compile(r"[A-Za-z0-9 ,/^*.-]{0,80}")
 
 
 @dataclass(frozen=True)
@@ -79,11 +78,30 @@ class Command:
 
     argv: list[str]
     outputs: list[str]
-    optional: tuple[str, ...] = ()
-    """Outputs that the command may leave out."""
 
 
 Request = Mapping[str, Any]
+
+
+_ANY, _WORDS, _TARGET = r"(?s).*", r"[A-Za-z0-9 ,/^*.-]{0,80}", "c|rust|mujoco"
+_MODEL = r"[A-Za-z][A-Za-z0-9:+_-]{0,60}"
+_EXPECTED = {
+    _ANY: "a text",
+    _WORDS: "letters, digits, commas and spaces",
+    _TARGET: "c, rust or mujoco",
+    _MODEL: "the name of a model, as energy6 or cubic",
+}
+_OPTIONS: dict[str, dict[str, str | list[str] | None]] = {
+    "import": {
+        **{"map": [_ANY], "ignore": [_ANY], "group": _ANY},
+        **{"rotation": _WORDS, "units": _WORDS, "axis": _WORDS, "leave_out": None},
+    },
+    "fit": {"model": _MODEL, "curve": None, "force": None},
+    "refit": {"add": [_ANY], "remove": [_ANY], "freeze": [_ANY], "force": None},
+    "export": {"to": _TARGET, "force": None},
+    "check": {"skip_bad_rows": None},
+}
+"""What a request may say of the options of its command: one text of a form, several, or a flag."""
 
 
 def command_of(verb: str, request: Request, files: Files, number: int) -> Command:
@@ -97,6 +115,24 @@ def command_of(verb: str, request: Request, files: Files, number: int) -> Comman
     if verb not in _COMMANDS:
         raise InputError(f"no step {verb!r}; there are {', '.join(_COMMANDS)}")
     return _COMMANDS[verb](request, files, number)
+
+
+def _options(verb: str, request: Request) -> list[str]:
+    """The options of a command that a request names."""
+    argv = []
+    for name, form in _OPTIONS[verb].items():
+        option, given = f"--{name.replace('_', '-')}", request.get(name) or ""
+        if form is None:
+            argv += [option] if given else []
+            continue
+        pattern, several = (form[0], given or []) if isinstance(form, list) else (form, [given])
+        if not isinstance(several, list):
+            raise InputError(f"{name}: expected a list of names")
+        for text in several:
+            if not isinstance(text, str) or not re.fullmatch(pattern, text):
+                raise InputError(f"{name} {text!r}: expected {_EXPECTED[pattern]}")
+            argv += [option, text] if text else []
+    return argv
 
 
 def request_of(command: str, files: Files) -> dict[str, Any] | None:
@@ -117,29 +153,35 @@ def request_of(command: str, files: Files) -> dict[str, Any] | None:
     >>> request_of("ecm fit b.csv --model physics --out b.json", files) is None
     True
     """
-    with suppress(ValueError):  # a quote without its end
+    with suppress(ValueError, InputError):  # a quote without its end; what no step may say
         return _request(*shlex.split(command), files=files)
     return None
 
 
+def way_out(remedy: Mapping[str, Any], files: Files) -> dict[str, Any]:
+    """Return a remedy with the request of the step that does it, where one does."""
+    return {**remedy, "request": request_of(remedy["command"], files)}
+
+
 def _request(program: str = "", verb: str = "", *words: str, files: Files) -> dict[str, Any] | None:
     request: dict[str, Any] = {"verb": verb}
+    known = _OPTIONS.get(verb, {})
     given, rest = [], iter(words)
     for word in rest:
         name = word.removeprefix("--").replace("-", "_")
         if word in _OWN:
             next(rest, "")
-        elif word in _FLAGS:
+        elif not word.startswith("--") or name not in known:
+            given.append(word)
+        elif known[name] is None:
             request[name] = True
-        elif word in _VALUES:
-            request[name] = next(rest, "")
-        elif word in _LISTS:
+        elif isinstance(known[name], list):
             request.setdefault(name, []).append(next(rest, ""))
         else:
-            given.append(word)
+            request[name] = next(rest, "")
     if verb == "import" and given and given[0] in files.dropped[1:]:
         request["log"] = given[0]
-    known = {
+    expected = {
         "import": given[:1] if given and given[0] in files.dropped else None,
         "check": files.data,
         "fit": files.data,
@@ -148,21 +190,14 @@ def _request(program: str = "", verb: str = "", *words: str, files: Files) -> di
         "refit": [files.model, *files.data],
         "export": [files.model],
     }
-    if program != "ecm" or given != known.get(verb):
+    if program != "ecm" or given != expected.get(verb):
         return None
-    try:
-        command_of(verb, request, files, 0)
-    except InputError:
-        return None
+    command_of(verb, request, files, 0)
     return request
 
 
 _OWN = ("--out", "--json", "--report", "--next", "--meta")
 """Options whose files are chosen by the step itself."""
-_FLAGS = ("--force", "--leave-out", "--skip-bad-rows", "--curve")
-_VALUES = ("--model", "--to", "--rotation", "--units", "--axis", "--group")
-_LISTS = ("--map", "--ignore", "--add", "--remove", "--freeze")
-"""The options that a request may have, as `request_of` reads them."""
 
 
 def _check(request: Request, files: Files, n: int) -> Command:
@@ -177,35 +212,14 @@ def _import(request: Request, files: Files, n: int) -> Command:
     if log not in files.dropped:
         raise InputError(f"log {log!r}: expected one of {', '.join(files.dropped)}")
     out, report = f"data-{n}.csv", f"import-{n}.json"
-    argv = ["import", log, "--out", out, "--json", report]
-    if log in files.described:
-        argv += ["--meta", str(Path(log).with_suffix(".toml"))]
-    for option in ("map", "ignore"):
-        for name in _names(request, option):
-            argv += [f"--{option}", name]
-    for option in ("rotation", "units", "axis"):
-        value = request.get(option) or ""
-        if not isinstance(value, str) or not _WORDS.fullmatch(value):
-            raise InputError(f"{option} {value!r}: expected letters, digits, commas and spaces")
-        if value:
-            argv += [f"--{option}", value]
-    group = request.get("group") or ""
-    if not isinstance(group, str):
-        raise InputError("group: expected the name of a column")
-    if group:
-        argv += ["--group", group]
-    if request.get("leave_out"):
-        argv.append("--leave-out")
+    meta = ["--meta", str(Path(log).with_suffix(".toml"))] if log in files.described else []
+    argv = ["import", log, "--out", out, "--json", report, *meta, *_options("import", request)]
     return Command(argv, [out, f"data-{n}.toml", report])
 
 
 def _fit(request: Request, files: Files, n: int) -> Command:
-    name = request.get("model", "")
-    if not isinstance(name, str) or not _MODEL.fullmatch(name):
-        raise InputError(f"model {name!r}: expected the name of a model, as energy6 or cubic")
     model, report = f"model-{n}.json", f"fit-{n}.json"
-    argv = ["fit", *_data(files), "--model", name, "--out", model, "--json", report]
-    argv += [f"--{option}" for option in ("curve", "force") if request.get(option)]
+    argv = ["fit", *_data(files), *_options("fit", request), "--out", model, "--json", report]
     return Command(argv, [model, report])
 
 
@@ -219,21 +233,16 @@ def _diagnose(_request: Request, files: Files, n: int) -> Command:
     found, page, plan = f"found-{n}.json", f"found-{n}.html", f"next-{n}.csv"
     argv = ["diagnose", _model(files), *_data(files)]
     argv += ["--json", found, "--report", page, "--next", plan]
-    description = f"next-{n}.toml"
-    return Command(argv, [found, page, plan, description], (plan, description))
+    return Command(argv, [found, page, plan, f"next-{n}.toml"])
 
 
 def _refit(request: Request, files: Files, n: int) -> Command:
     model, report = f"model-{n}.json", f"refit-{n}.json"
-    argv = ["refit", _model(files), *_data(files)]
+    argv = ["refit", _model(files), *_data(files), *_options("refit", request)]
     load_installed()
-    for option in ("add", "remove", "freeze"):
-        for name in _names(request, option):
-            if not (option == "freeze" and name == "base"):
-                get_effect(name)  # the only names that reach a command line
-            argv += [f"--{option}", name]
-    if request.get("force"):
-        argv.append("--force")
+    for option, name in pairwise(argv):
+        if option in ("--add", "--remove", "--freeze") and (option, name) != ("--freeze", "base"):
+            get_effect(name)  # the only names that reach a command line
     return Command([*argv, "--out", model, "--json", report], [model, report])
 
 
@@ -264,14 +273,9 @@ def _on_the_rig(plan: str, hidden: str, seed: str, n: int) -> Command:
 
 
 def _export(request: Request, files: Files, n: int) -> Command:
-    language = request.get("to", "c")
-    if language not in ("c", "rust", "mujoco"):
-        raise InputError(f"language {language!r}: expected c, rust or mujoco")
     folder, report = f"export-{n}", f"export-{n}.json"
-    argv = ["export", _model(files), "--to", language, "--out", folder, "--json", report]
-    if request.get("force"):
-        argv.append("--force")
-    return Command(argv, [report, folder])
+    argv = ["export", _model(files), *_options("export", {"to": "c", **request})]
+    return Command([*argv, "--out", folder, "--json", report], [report, folder])
 
 
 def _reveal(_request: Request, files: Files, n: int) -> Command:
@@ -308,10 +312,3 @@ def _model(files: Files) -> str:
             "no model yet", remedy=Remedy("fit one", "ecm fit DATA --model choose --out OUT")
         )
     return files.model
-
-
-def _names(request: Request, option: str) -> list[str]:
-    names = request.get(option, [])
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise InputError(f"{option}: expected a list of names")
-    return names
