@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ecm.cli.options.rig import NewArguments, What
 from ecm.cli.options.tables import CheckArguments, ImportArguments
-from ecm.cli.session import Session, columns
+from ecm.cli.session import Session
 from ecm.diagnosis.check import Check, lines_by_reason, record_leave_out
 from ecm.diagnosis.check import check as check_table
 from ecm.effects import load_installed
@@ -18,6 +18,7 @@ from ecm.io.templates import NEXT_STEP, data_template, description_template, tem
 from ecm.logs import import_log as import_any
 from ecm.logs.importing import read_log
 from ecm.logs.page import write_import
+from ecm.report.blocks import columns
 
 
 def import_log(options: ImportArguments, session: Session) -> None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import textwrap
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +12,7 @@ from ecm.comparison.reference_models import ReferenceModels, fit_reference_model
 from ecm.comparison.residual_figures import residual_figure
 from ecm.comparison.residual_maps import WORST, ResidualMaps, residual_maps_of
 from ecm.comparison.residuals import residuals, residuals_by_block
+from ecm.comparison.sections import comparison_report
 from ecm.comparison.structure import (
     StructureTest,
     neighbours_alike,
@@ -47,6 +47,7 @@ from ecm.regression.folds import (
 )
 from ecm.regression.noise import Noise
 from ecm.regression.rows import Rows
+from ecm.report.page import Report, Shown
 
 if TYPE_CHECKING:
     from ecm.io.table import MetaLike, Table, TableLike
@@ -105,12 +106,12 @@ class _Compared:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Shown):
     """Errors of a model beside the noise of the measurements: N measured poses, m components.
 
-    `print` shows one sentence and the components, `plot` the residuals, `to_pandas` the components,
-    `where` where the model fails, `pose_error` the same in mm and degrees, and `to_dict` is the
-    report.
+    `print` shows one sentence and the components, `report` the rest in words, tables and figures,
+    `plot` the residuals, `to_pandas` the components, `where` where the model fails, `pose_error`
+    the same in mm and degrees, and `to_dict` plain JSON.
 
     Examples
     --------
@@ -171,19 +172,21 @@ class Comparison:
 
     @cached_property
     def _where(self) -> ResidualMaps:
+        return self._maps(0)
+
+    def _maps(self, most: int) -> ResidualMaps:
         made = self.compared
         size = np.zeros(len(made.table))
         size[self.row] = (self.whitened**2).sum(axis=1)
         worst = np.argsort(-size, kind="stable")[:WORST]
-        shown = np.union1d(made.chosen, worst)
+        more = self.row[:: -(-len(self.row) // most)] if most else worst
+        shown = np.unique(np.concatenate([made.chosen, worst, more]))
         rows = Rows(made.table.thinned(shown), made.model.base)
         errors = residuals(rows, made.predicted[shown], self.noise, made.model.base.error)
-        scored = is_pose_row(rows.table)
-        at = np.ascontiguousarray(rows.poses[scored])
-        # The worst rows of a large table are shown, but would count too much.
-        counted = np.isin(shown, made.chosen) if len(shown) < len(made.table) else None
-        maps = residual_maps_of(rows, errors, scored, made.model.leverage(at), counted)
-        return replace(maps, noise_is_assumed=self.noise.is_assumed)
+        leverage = made.model.leverage(np.ascontiguousarray(rows.poses[is_pose_row(rows.table)]))
+        # The other rows of a large table are shown, but would count too much.
+        counted = np.isin(shown, made.chosen)
+        return residual_maps_of(rows, errors, counted, leverage, self.noise)
 
     def complete(self, progress: Progress | None = None) -> None:
         """Make the parts that are made when they are asked for.
@@ -203,21 +206,9 @@ class Comparison:
             steps.begin(name)
             make()
 
-    def __str__(self) -> str:
-        heads = ("", "rmse", "noise", "not noise", "90 % interval")
-        lines = [self.sentence(), "{:<10}{:>10}{:>10}{:>10}  {:<16}".format(*heads).rstrip()]
-        for c in self.components:
-            name, unit = c.name.rsplit("_", 1)[0], unit_of(c.name)
-            known = f"{c.floor:>10.3g}{c.excess:>10.3g}  {c.excess_low:.3g} to {c.excess_high:.3g}"
-            # Noise that nobody measured or declared is no floor.
-            noise = "{:>10}{:>10}  -".format("-", "-") if self.noise.is_assumed else known
-            lines.append(f"{name:<10}{c.rmse:>10.3g}{noise} {unit}")
-        lines += textwrap.wrap(self.pose_error.sentence(), 99)
-        outside = f", {self.outside_domain} outside the poses of the fit" * (
-            self.outside_domain > 0
-        )
-        lines.append(f"{self.rows} rows{outside}; noise {self.noise.source}; details: .where()")
-        return "\n".join(lines)
+    def report(self) -> Report:
+        """Return what terminal, notebook and page show: `print(result.report().text())`."""
+        return comparison_report(self, self.warnings)
 
     def sentence(self) -> str:
         """Return one plain sentence."""
@@ -288,9 +279,16 @@ class Comparison:
         ahead = base is not None and is_far_behind(self.whitened_rms, base[1])
         return base[1] if base is not None and ahead else None
 
-    def where(self) -> ResidualMaps:
-        """Return residual maps, signature shares, residual stiffness and the worst rows."""
-        return self._where
+    def where(self, most: int | None = None) -> ResidualMaps:
+        """Return residual maps, signature shares, residual stiffness and the worst rows.
+
+        Parameters
+        ----------
+        most
+            Rows up to which all are in the maps, of more every k-th; default: those on which noise
+            and references rest. Shares and stiffness rest on these in both cases.
+        """
+        return self._where if most is None else self._maps(most)
 
     def to_pandas(self) -> Any:
         """Return the components as a DataFrame; needs pandas.

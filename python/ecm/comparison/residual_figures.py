@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from ecm.comparison.residual_maps import ResidualMaps
 from ecm.io.arrays import F
 from ecm.report import figures as draw
-from ecm.report.page import Block, FigureBlock, Section, TableBlock, TextBlock, number
+from ecm.report.blocks import Block, FigureBlock, Section, TableBlock, TextBlock, number
 
 LINK = "measured rows"
 """Points of all figures with this mark and the same row are marked together."""
@@ -39,9 +39,23 @@ def residual_figure(
     variable = maps.strongest()[0] if variable is None else variable
     columns = maps.residual_map(variable, frame=frame, over_noise=over_noise, predicted=predicted)
     columns = {name: values[maps.drawn] for name, values in columns.items()}
-    curves = [] if predicted is None else _predicted(maps, columns, variable)
-    data = [*_panels(maps, columns, variable), *curves]
-    layout = draw.component_layout(maps.outputs, "" if curves else None)
+    rows = maps.row[maps.drawn].tolist()
+    data = draw.panel_traces(
+        [(columns[variable], columns[name]) for name in maps.outputs],
+        rows,
+        link=LINK,
+        marker={"size": 5, "symbol": "circle-open", "color": draw.COLOURS[0]},
+        hovertemplate="row %{customdata}: %{y:.3g} at %{x:.4g}<extra></extra>",
+    )
+    if predicted is not None:
+        data += draw.panel_traces(
+            [(columns[variable], columns[f"predicted {name}"]) for name in maps.outputs],
+            rows,
+            name="what the effect predicts",
+            marker={"size": 6, "symbol": "cross-thin-open", "color": draw.COLOURS[1]},
+            hovertemplate="row %{customdata}: predicted %{y:.3g}<extra></extra>",
+        )
+    layout = draw.component_layout(maps.outputs, None if predicted is None else "")
     layout["annotations"].append(_x_title(variable))
     last = len(layout["annotations"]) - 1
     names = list(maps.variables)
@@ -58,7 +72,7 @@ def residual_figure(
             for name in names
         ], names.index(variable))
     ]  # fmt: skip
-    if not curves:
+    if predicted is None:
         over = f"over {maps.noise_word}"
         kinds = [(key, unit) for key in maps.physical for unit in (over, "in its unit")]
         buttons = []
@@ -88,7 +102,7 @@ def residual_section(maps: ResidualMaps, variables: Sequence[str] = ()) -> Secti
     blocks.append(
         FigureBlock(
             "Residual, measured minus predicted, of each component. The menus choose the variable, "
-            f"the axes and the unit. {maps.drawn_sentence}{linked}",
+            f"the axes and the unit.{maps.drawn_sentence(len(maps.drawn))} {linked}",
             residual_figure(maps, first),
         )
     )
@@ -121,83 +135,30 @@ def residual_section(maps: ResidualMaps, variables: Sequence[str] = ()) -> Secti
             )
         )
     worst = maps.worst()
-    header = ["row", "residual / noise", "component", "residual"]
-    if maps.noise_is_assumed:
-        header[1] = "residual / assumed noise"
-    header += ["leverage"] if maps.leverage is not None else []
-    blocks.append(
-        TableBlock(
-            "The ten worst rows of the table.",
-            header,
-            [
-                [
-                    str(item["row"]),
-                    number(item["whitened"]),
-                    item["component"],
-                    number(item["residual"]),
-                    *([number(item["leverage"])] if "leverage" in item else []),
-                ]
-                for item in worst
-            ],
-            link=LINK,
-        )
-    )
+    over = f"residual / {'assumed ' * maps.noise_is_assumed}noise"
+    named = {"whitened": over}
+    header, rows = [named.get(key, key) for key in worst[0]], [[*item.values()] for item in worst]
+    blocks.append(TableBlock("The worst rows of the table.", header, rows, link=LINK))
     return Section("Where", blocks)
-
-
-def _panels(maps: ResidualMaps, columns: Mapping[str, F], variable: str) -> list[dict[str, Any]]:
-    return [
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "x": _plain(columns[variable]),
-            "y": _plain(columns[name]),
-            "name": "measured − predicted",
-            "showlegend": False,
-            "marker": {"size": 5, "symbol": "circle-open", "color": draw.COLOURS[0]},
-            "selected": {"marker": {"color": draw.COLOURS[1], "size": 12}},
-            "unselected": {"marker": {"opacity": 0.35}},
-            "meta": LINK,
-            "customdata": maps.row[maps.drawn].tolist(),
-            "hovertemplate": "row %{customdata}: %{y:.3g} at %{x:.4g}<extra></extra>",
-            **draw.panel_axes(j),
-        }
-        for j, name in enumerate(maps.outputs)
-    ]
-
-
-def _predicted(maps: ResidualMaps, columns: Mapping[str, F], variable: str) -> list[dict[str, Any]]:
-    return [
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "x": _plain(columns[variable]),
-            "y": _plain(columns[f"predicted {name}"]),
-            "name": "what the effect predicts",
-            "legendgroup": "predicted",
-            "showlegend": j == 0,
-            "marker": {"size": 6, "symbol": "cross-thin-open", "color": draw.COLOURS[1]},
-            "customdata": maps.row[maps.drawn].tolist(),
-            "hovertemplate": "row %{customdata}: predicted %{y:.3g}<extra></extra>",
-            **draw.panel_axes(j),
-        }
-        for j, name in enumerate(maps.outputs)
-    ]
 
 
 def workspace_figure(maps: ResidualMaps) -> dict[str, Any]:
     """Return views of the workspace, with markers as large as the residuals over the noise."""
-    columns = {name: values[maps.drawn] for name, values in maps.workspace_map().items()}
-    size = columns["over_noise"]
-    views = (("theta_y_rad", "theta_z_rad"), ("y_m", "z_m"), ("x_m", "theta_x_rad"))
-    return draw.linked_views(
-        [(a, _plain(columns[a]), b, _plain(columns[b])) for a, b in views
-         if a in columns and b in columns],
-        size=np.clip(4.0 + 3.0 * (size - 1.0), 3.0, 18.0),
-        rows=maps.row[maps.drawn].tolist(),
-        text=[f"{value:.2f} times {maps.noise_word}" for value in size],
+    known = {name: values[maps.drawn] for name, values in maps.workspace_map().items()}
+    size = known["over_noise"]
+    return draw.views(
+        known,
+        (("theta_y_rad", "theta_z_rad"), ("y_m", "z_m"), ("x_m", "theta_x_rad")),
+        maps.row[maps.drawn].tolist(),
         link=LINK,
-    )  # fmt: skip
+        text=[f"{value:.2f} times {maps.noise_word}" for value in size],
+        marker={
+            "size": np.clip(4.0 + 3.0 * (size - 1.0), 3.0, 18.0).tolist(),
+            "symbol": "circle-open",
+            "color": draw.COLOURS[0],
+        },
+        hovertemplate="row %{customdata}: %{text}<extra></extra>",
+    )
 
 
 def signature_figure(maps: ResidualMaps) -> dict[str, Any]:

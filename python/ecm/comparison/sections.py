@@ -1,110 +1,32 @@
-"""Sections, points and page of a comparison: errors, residuals, four references side by side."""
+"""The report of a comparison: errors, pose errors, reference models, residual maps."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ecm.comparison.comparison import Comparison
-from ecm.comparison.reference_models import FEM_NEEDED
+from ecm.comparison.reference_models import FEM_REMEDY, HELD_OUT, USELESS, ReferenceModels
 from ecm.comparison.residual_figures import LINK, residual_section
-from ecm.comparison.residuals import dependence_variables, residuals_by_block
-from ecm.io.arrays import F, I
-from ecm.regression.f_test import FTest
-from ecm.regression.folds import is_pose_row
-from ecm.regression.rows import Rows
+from ecm.errors import Remedy
 from ecm.report import figures as draw
-from ecm.report.mechanism import mechanism_blocks
-from ecm.report.page import (
+from ecm.report.blocks import (
     Block,
+    Cell,
+    CodeBlock,
     FigureBlock,
     Section,
     TableBlock,
     TextBlock,
     number,
-    warnings_table,
-    write_page,
 )
+from ecm.report.mechanism import mechanism_blocks
+from ecm.report.page import Report
 
-_WORST = 10
+if TYPE_CHECKING:
+    from ecm.comparison.comparison import Comparison
 
-
-@dataclass(frozen=True)
-class ResidualPoints:
-    """Residuals, measured minus predicted, of n measured poses in file order, m components."""
-
-    row: I
-    """(n,) rows of the table, from 1."""
-    variables: Mapping[str, F]
-    """(n,) by name with unit, those that vary."""
-    physical: F
-    """(n, m) in the units of the outputs."""
-    over_noise: F
-    """(n, m) over the standard deviation of that row's noise."""
-    size: F
-    """(n,) root mean square of the row's residual, whitened by its full covariance."""
-    total: int
-    """Measured poses of the table."""
-
-    @property
-    def sentence(self) -> str:
-        """How many rows these are, where not all."""
-        if len(self.row) == self.total:
-            return ""
-        return (
-            f"{len(self.row)} of {self.total} rows are drawn: evenly over their order, and the "
-            "worst ones."
-        )
-
-
-def residual_points(result: Comparison, most: int = 20_000) -> ResidualPoints:
-    """Return the residuals of all measured poses, of more than `most` some and the worst ones.
-
-    Parameters
-    ----------
-    result
-        A comparison. `where` rests on chosen rows of a large table; this does not.
-    most
-        Rows above which every k-th is taken.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import ecm
-    >>> x = np.linspace(-1e-3, 1e-3, 20)
-    >>> table = ecm.as_table({"x_m": x, "fx_N": 1e4 * x + 1e10 * x**3})
-    >>> result = ecm.compare(ecm.fit_model(table, "linear"), table)
-    >>> points = residual_points(result, most=10)
-    >>> points.total, len(points.row) < 20, points.size.argmax() in (0, len(points.row) - 1)
-    (20, True, True)
-    """
-    made = result.compared
-    rows = Rows(made.table, made.model.base)
-    physical, whitened, variance = residuals_by_block(
-        rows, made.predicted, result.noise, made.model.base.error
-    )
-    scored = np.flatnonzero(is_pose_row(made.table))
-    size = np.sqrt((whitened**2).mean(axis=1))
-    at = scored
-    if len(scored) > most:
-        worst = scored[np.argsort(-size[scored], kind="stable")[:_WORST]]
-        at = np.union1d(scored[:: -(-len(scored) // most)], worst)
-    variables = {name: values[at] for name, values in dependence_variables(rows).items()}
-    return ResidualPoints(
-        row=made.table.row_numbers[at] + 1,
-        variables={n: v for n, v in variables.items() if n == "row" or np.ptp(v) > 0.0},
-        physical=physical[at],
-        over_noise=physical[at] / np.sqrt(variance[at]),
-        size=size[at],
-        total=len(scored),
-    )
-
-
-_DRAWN = 900
-_RESIDUALS = "Residuals in the unit of each column."
 _MEANING = {
     "physics base": "FEM of the body with E and ν free: what it leaves, no elasticity explains",
     "symmetric energy": "any elasticity or geometry that keeps the symmetry",
@@ -113,176 +35,163 @@ _MEANING = {
 }
 
 
-def compare_section(result: Comparison, warnings: Sequence[str]) -> Section:
-    """Return one sentence, the error of each component against its noise, and warnings."""
-    errors = _over_spread(result) if result.noise.is_assumed else _over_noise(result)
-    blocks: list[Block] = [TextBlock(result.sentence(), strong=True), *workspace_blocks(result)]
-    blocks += [
-        *errors,
-        *([] if result.rows_used is None else [TextBlock(result.rows_used.sentence())]),
-        *warnings_table(warnings),
+def comparison_report(
+    result: Comparison, warnings: Sequence[str] = (), fem: Remedy = FEM_REMEDY
+) -> Report:
+    """Return errors of each component, reference models, and residuals in units of the noise.
+
+    Parameters
+    ----------
+    result
+        The comparison.
+    warnings
+        About the data.
+    fem
+        How the FEM of a body is made that did not run yet.
+    """
+    sections = [
+        Section("Compare", [*_errors(result), *_pose_error(result), *_rows(result)]),
+        Section(
+            "References", reference_blocks(result.references, fem, assumed=result.noise.is_assumed)
+        ),
+        residual_section(result.where()),
     ]
-    return Section("Compare", blocks)
+    return Report(f"{result.model} against measurements", f"{result.rows} rows", sections, warnings)
 
 
-def _over_noise(result: Comparison) -> list[Block]:
-    """Return the error of each component, its noise floor and what is above it."""
-    names = [item.name for item in result.components]
-    rows = [
-        [
-            item.name,
-            *(number(value) for value in (item.rmse, item.bias, item.floor, item.excess)),
-            f"{number(item.excess_low, 2)} to {number(item.excess_high, 2)}",
-            *_lack_of_fit(result, item.lack_of_fit),
+def _rows(result: Comparison) -> list[Block]:
+    outside = f", {result.outside_domain} outside the poses of the fit" * bool(
+        result.outside_domain
+    )
+    used = [] if result.rows_used is None else [TextBlock(result.rows_used.sentence())]
+    return [TextBlock(f"{result.rows} rows{outside}; noise {result.noise.source}."), *used]
+
+
+def _errors(result: Comparison) -> list[Block]:
+    """One sentence, the mechanism, errors beside the noise; where it is not known, the spread."""
+    made, every = result.compared, result.components
+    measured = made.table.matrix(made.model.outputs)[result.row]
+    varies = np.ptp(measured, axis=0) > 0.0
+    at = np.flatnonzero(varies) if varies.any() else np.arange(len(every))
+    items = [every[j] for j in at]
+    names = [one.name for one in items]
+    header, rmse = ["component", "RMSE", "bias"], np.array([one.rmse for one in items])
+    if result.noise.is_assumed:
+        spread = measured[:, at].std(axis=0)
+        share = 100.0 * rmse / np.where(spread > 0.0, spread, np.inf)
+        header.append("RMSE, % of the spread")
+        more: list[list[Cell]] = [[value] for value in share.tolist()]
+        bars: dict[str, Sequence[float]] = {"RMSE": share.tolist()}
+        unit, over, scale = "% of the spread", "its spread", np.maximum(rmse, 1e-300)
+    else:
+        header += ["noise floor", "excess", "90 % interval"]
+        scale = np.array([one.floor for one in items])
+        more = [
+            [one.floor, one.excess, f"{number(one.excess_low)} to {number(one.excess_high)}"]
+            for one in items
         ]
-        for item in result.components
-    ]
-    header = ["component", "RMSE", "bias", "noise floor", "excess", "90 % interval"]
-    floor = np.array([item.floor for item in result.components])
-    shares: dict[str, Sequence[float]] = {
-        "noise floor": [1.0] * len(names),
-        "RMSE": [item.rmse / f for item, f in zip(result.components, floor, strict=True)],
-        "excess": [item.excess / f for item, f in zip(result.components, floor, strict=True)],
-    }
+        excess = np.array([one.excess for one in items])
+        sizes = {"noise floor": scale, "RMSE": rmse, "excess": excess}
+        bars = {name: (values / scale).tolist() for name, values in sizes.items()}
+        unit, over = "over the noise floor", "its noise floor"
+    rows = [[one.name, one.rmse, one.bias, *own] for one, own in zip(items, more, strict=True)]
+    each = "its error" if result.noise.is_assumed else over
+    values = {"rows": result.physical[:, at] / scale}
+    histograms = draw.histograms(values, names, limit=8.0, x_title="times", y_title="rows")
     return [
-        TableBlock(_RESIDUALS, [*header, *_lack_of_fit_header(result)], rows),
-        FigureBlock(
-            "Error of each component over its noise floor.",
-            draw.bars(shares, names, y_title="over the noise floor"),
-        ),
-        FigureBlock(
-            "Residuals over their noise; noise alone would have a standard deviation of 1.",
-            draw.histograms(
-                {"rows": result.whitened}, names, limit=8.0, x_title="over noise", y_title="rows"
-            ),
-        ),
+        TextBlock(result.sentence(), strong=True),
+        *workspace_blocks(result),
+        TableBlock("Residuals in the unit of each column.", header, rows),
+        *_lack_of_fit(result, names),
+        FigureBlock(f"Error of each component over {over}.", draw.bars(bars, names, y_title=unit)),
+        FigureBlock(f"Residuals of each component over {each}.", histograms),
     ]
 
 
-def _over_spread(result: Comparison) -> list[Block]:
-    """Return the error of each component beside its spread: nobody knows the noise."""
-    made = result.compared
-    names = [item.name for item in result.components]
-    measured = made.table.matrix(names)[made.chosen]
-    error = np.array([item.rmse for item in result.components])
-    spread = measured.std(axis=0)
-    share = 100.0 * error / np.where(spread > 0.0, spread, np.inf)
-    rows = [
-        [
-            item.name,
-            *(number(value) for value in (item.rmse, item.bias, percent)),
-            *_lack_of_fit(result, item.lack_of_fit),
-        ]
-        for item, percent in zip(result.components, share.tolist(), strict=True)
+def _lack_of_fit(result: Comparison, names: Sequence[str]) -> list[Block]:
+    """F of the model's error between repeated poses over the scatter of the repeats."""
+    if result.lack_of_fit is None:
+        return []
+    alone = {one.name: one.lack_of_fit for one in result.components if one.name in names}
+    rows: list[list[Cell]] = [
+        [name, f"{test.F:.6g}", f"{test.dof:.4g}", f"{test.dof_error:.4g}", test.p]
+        for name, test in ({"all": result.lack_of_fit} | alone).items()
+        if test is not None
     ]
-    header = ["component", "RMSE", "bias", "RMSE, % of the spread", *_lack_of_fit_header(result)]
-    residual = (measured - made.predicted[made.chosen]) / np.maximum(error, 1e-300)
-    return [
-        TableBlock(_RESIDUALS, header, rows),
-        FigureBlock(
-            "Error of each component over the spread of its readings.",
-            draw.bars({"RMSE": share.tolist()}, names, y_title="% of the spread"),
-        ),
-        FigureBlock(
-            "Residuals over the error of their component.",
-            draw.histograms(
-                {"rows": residual}, names, limit=8.0, x_title="over the RMSE", y_title="rows"
-            ),
-        ),
-    ]
+    caption = "Error at repeated poses over the scatter of the repeats."
+    return [TableBlock(caption, ("lack of fit", "F", "dof", "of error", "p"), rows)]
 
 
-def _lack_of_fit_header(result: Comparison) -> list[str]:
-    return [] if result.lack_of_fit is None else ["lack of fit F", "p"]
-
-
-def pose_error_section(result: Comparison) -> Section:
-    """Return the error as millimetres and degrees of the pose, and the worst rows."""
+def _pose_error(result: Comparison) -> list[Block]:
+    """The error as millimetres and degrees of the pose, and the worst rows."""
     found = result.pose_error
     blocks: list[Block] = [TextBlock(found.sentence(), strong=True)]
-    if len(found.row):
-        known = {"position_mm": "position [mm]", "rotation_deg": "rotation [°]"}
-        rows = found.worst()
-        names = [name for name in known if name in rows[0]]
-        blocks += [
-            TextBlock(
-                "How far the pose is from the one at which the model has the measured wrench, "
-                "dp = K⁻¹ dh: so far, to first order, the mechanism would settle from a pose that "
-                "is commanded by this model."
-            ),
-            TableBlock(
-                "The rows with the largest pose error.",
-                ["row", *(known[name] for name in names)],
-                [[str(item["row"]), *(number(item[name]) for name in names)] for item in rows],
-                link=LINK,
-            ),
-        ]
-    return Section("As pose error", blocks)
+    if rows := found.worst():
+        heads = {"row": "row", "position_mm": "position [mm]", "rotation_deg": "rotation [°]"}
+        caption = (
+            "The rows with the largest pose error, dp = K⁻¹ dh: to first order the mechanism would "
+            "settle so far from a pose that is commanded by this model."
+        )
+        header, cells = [heads[name] for name in rows[0]], [[*item.values()] for item in rows]
+        blocks.append(TableBlock(caption, header, cells, link=LINK))
+    return blocks
 
 
 def workspace_blocks(result: Comparison) -> list[Block]:
     """Return the mechanism in its measured poses, coloured by residual."""
-    points = residual_points(result, _DRAWN)
-    over = result.where().noise_word
+    maps = result.where()
     return [
         *mechanism_blocks(
             result.compared.table,
             "The mechanism bent into measured poses, coloured by the residual of the row over "
-            f"{over}. {points.sentence}".rstrip(),
-            rows=points.row - 1,
-            values=points.size,
+            f"{maps.noise_word}.{maps.drawn_sentence(len(maps.drawn))}",
+            rows=maps.row[maps.drawn] - 1,
+            values=maps.size[maps.drawn],
             title="residual",
-            unit=f"times {over}",
+            unit=f"times {maps.noise_word}",
             link=LINK,
         )
     ]
 
 
-def _lack_of_fit(result: Comparison, test: FTest | None) -> list[str]:
-    if result.lack_of_fit is None:
-        return []
-    return ["–", "–"] if test is None else [number(test.F), number(test.p, 2)]
+def reference_blocks(
+    known: ReferenceModels | None, fem: Remedy = FEM_REMEDY, *, assumed: bool = False
+) -> list[Block]:
+    """Return the errors of the reference models, and the family that they point to.
 
-
-def references_section(result: Comparison) -> Section:
-    """Return the errors of the reference models, and the family that they point to."""
-    known = result.references
+    Parameters
+    ----------
+    known
+        The reference models; None where the columns do not allow them.
+    fem
+        How the FEM of a body is made that did not run yet.
+    assumed
+        Whether the noise is only assumed.
+    """
     if known is None:
         text = "No references: they need all six pose and wrench columns and the length."
-        return Section("References", [TextBlock(text)])
-    assumed = result.noise.is_assumed
+        return [TextBlock(text)]
     levels = known.levels()
     if assumed:
         levels.pop("noise floor")
+    lost = [name for name, value in levels.items() if value >= USELESS]
+    shown = {name: value for name, value in levels.items() if name not in lost}
     over = "an assumed noise: only the ratios count" if assumed else "the noise"
     quotient = f"error / {'assumed ' * assumed}noise"
-    rows = [[name, number(value), _MEANING[name]] for name, value in levels.items()]
-    left_out = [TextBlock(f"{FEM_NEEDED[0].upper()}{FEM_NEEDED[1:]}.")] if known.fem_needed else []
-    return Section(
-        "References",
-        [
-            *([] if assumed else [TextBlock(known.sentence(), strong=True)]),
-            *left_out,
-            TableBlock(
-                f"Error on held-out rows over {over}. What each reference leaves.",
-                ("reference", quotient, "what it can fit"),
-                rows,
-            ),
-            FigureBlock(
-                "The same side by side. A fall from one to the next is the family of what is "
-                "missing: symmetric, asymmetric, or no function of the pose.",
-                draw.bars({"held-out rows": list(levels.values())}, list(levels), y_title=quotient),
-            ),
-        ],
-    )
-
-
-def write_comparison(path: Path, result: Comparison, warnings: Sequence[str] = ()) -> None:
-    """Write error of each component, reference models, and residuals in units of the noise."""
-    sections = [
-        compare_section(result, warnings),
-        pose_error_section(result),
-        references_section(result),
-        residual_section(result.where()),
+    blocks: list[Block] = [] if assumed else [TextBlock(known.sentence(), strong=True)]
+    if known.fem_needed:
+        blocks.append(CodeBlock(str(Remedy(fem.words)), fem.command))
+    if lost:
+        names = f"The {' and the '.join(lost)} do{'es' * (len(lost) == 1)}"
+        blocks.append(TextBlock(f"{names} not extrapolate to the held-out rows."))
+    rows = [[name, shown.get(name), _MEANING[name]] for name in levels]
+    caption = f"Error over {over}, {HELD_OUT[known.by]} held out. What each reference leaves."
+    return [
+        *blocks,
+        TableBlock(caption, ("reference", quotient, "what it can fit"), rows),
+        FigureBlock(
+            "The same side by side. A fall from one to the next is the family of what is "
+            "missing: symmetric, asymmetric, or no function of the pose.",
+            draw.bars({"held-out rows": list(shown.values())}, list(shown), y_title=quotient),
+        ),
     ]
-    write_page(path, f"{result.model} against measurements", f"{result.rows} rows", sections)

@@ -17,6 +17,7 @@ from ecm.diagnosis.given_model import GivenModel
 from ecm.diagnosis.identifiability import DetectionLimit
 from ecm.diagnosis.next_experiment import Proposal
 from ecm.diagnosis.search import Refinement
+from ecm.diagnosis.sections import diagnosis_report
 from ecm.diagnosis.stated_numbers import NoiseFinding
 from ecm.diagnosis.summary import Summary, fields_json, to_json
 from ecm.diagnosis.unexplained import Unknown
@@ -27,6 +28,7 @@ from ecm.models.joint_fit import FittedEffect
 from ecm.models.refit import refit, refuse_addition
 from ecm.regression.folds import RowsUsed
 from ecm.regression.noise import Noise
+from ecm.report.page import Report, Shown
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
@@ -143,10 +145,8 @@ class ComponentErrors:
 
     before: dict[str, float]
     """Errors of the model as given, not refitted."""
-    base: dict[str, float] = field(metadata={"json": ""})
-    """Errors of the base that names are against, fitted to these rows."""
     after: dict[str, float]
-    """Errors of that base with the accepted effects."""
+    """Errors of the base that names are against with the accepted effects."""
     floor: dict[str, float]
     """Errors by noise alone; empty where nothing is known of the noise."""
     ceiling: dict[str, float]
@@ -185,11 +185,12 @@ class OutsideCause:
 
 
 @dataclass(frozen=True)
-class Diagnosis:
+class Diagnosis(Shown):
     """What is missing, what this rests on, and what cannot be told.
 
-    `print` shows three lines, `plot` draws the ranking, `to_pandas` gives it as a table, and
-    `to_dict` is the report. Rows are counted from 0 here and from 1 in the report.
+    `print` shows three lines, `report` the rest in words and tables, `plot` draws the ranking,
+    `to_pandas` gives it as a table, and `to_dict` is plain JSON. Rows are counted from 0 here and
+    from 1 in the report.
 
     Examples
     --------
@@ -245,6 +246,10 @@ class Diagnosis:
 
     def __str__(self) -> str:
         return str(self.summary())
+
+    def report(self) -> Report:
+        """Return what terminal, notebook and page show: `print(result.report().text())`."""
+        return diagnosis_report(self.to_dict())
 
     def summary(self) -> Summary:
         """Return what is missing, how to add it, and what to do next: a line each."""

@@ -11,9 +11,10 @@ from ecm.io.arrays import evenly
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.logs.importing import ImportedLog
+from ecm.report.blocks import Block, FigureBlock, Section, TableBlock, TextBlock
 from ecm.report.figures import lines
 from ecm.report.mechanism import mechanism_blocks
-from ecm.report.page import Block, FigureBlock, Section, TableBlock, TextBlock, write_page
+from ecm.report.page import Report
 
 _CURVE = 2000
 """Points of a curve over time."""
@@ -27,7 +28,7 @@ def write_import(path: Path, imported: ImportedLog) -> None:
         Section("Columns", _columns(imported, table)),
         Section("Over the rows", _curves(table)),
     ]
-    write_page(path, f"Import of {imported.source}", f"{len(table)} rows", sections)
+    Report(f"Import of {imported.source}", f"{len(table)} rows", sections).write(path)
 
 
 def _mechanism(table: Table) -> list[Block]:

@@ -1,4 +1,4 @@
-"""The page: sections in one HTML file without external requests, and the files all pages share.
+"""The report of a result: text, a notebook's HTML, and a page without external requests.
 
 All text is escaped by the template; figures are plotly's, drawn by its script that the page
 carries once. Script and figures are compressed, and unpacked by the browser.
@@ -9,16 +9,17 @@ from __future__ import annotations
 import base64
 import gzip
 import json
-import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
+from ecm.errors import MissingExtra
 from ecm.io.cache import write_atomically
 from ecm.io.extras import require
+from ecm.report.blocks import FigureBlock, MechanismBlock, Section, TableBlock, text_of
 
 WEB = Path(__file__).parent / "web"
 _MODULES = ("dom", "colours", "canvas", "selection", "depth", "bend", "space", "scene")
@@ -46,245 +47,113 @@ def script_of_space() -> str:
     return "\n".join(parts) + "\n"
 
 
-_WORD = re.compile(r"(?!\bto\b)[A-Za-z]{2}")
-"""Two letters in a row: numbers have one at most (1e-3), and intervals have the word `to`."""
-
-
 @dataclass(frozen=True)
-class TextBlock:
-    """A paragraph.
+class Report:
+    """What a result shows, made once for terminal, notebook and page.
 
     Parameters
     ----------
-    text
-        Plain text; the page escapes it.
-    strong
-        Whether it is the main sentence of its section.
-
-    Examples
-    --------
-    >>> TextBlock("The model is within the noise.", strong=True).strong
-    True
-    """
-
-    text: str
-    strong: bool = False
-
-
-@dataclass(frozen=True)
-class CodeBlock:
-    """Text in a fixed-width font, with its own line breaks.
-
-    Parameters
-    ----------
-    caption
-        What the text is.
-    text
-        The lines.
-
-    Examples
-    --------
-    >>> print(CodeBlock("Next command", "ecm compare model.json data.csv").text)
-    ecm compare model.json data.csv
-    """
-
-    caption: str
-    text: str
-
-
-@dataclass(frozen=True)
-class TableBlock:
-    """A table; columns of numbers are aligned right, columns with words left.
-
-    Parameters
-    ----------
-    caption
-        What the table shows.
-    header
-        Name of each column.
-    rows
-        Cells as text, one per column.
-    link
-        If not empty: a click on a row marks its point in all figures whose traces have this
-        `meta`; the first cell is the row number.
-
-    Examples
-    --------
-    >>> TableBlock("Errors.", ("output", "rms"), [["fx_N", "0.12"]]).words
-    [True, False]
-    """
-
-    caption: str
-    header: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    link: str = ""
-
-    @property
-    def words(self) -> list[bool]:
-        """Whether each column has words; the first one counts as words."""
-        return [
-            j == 0 or any(_WORD.search(row[j]) is not None for row in self.rows)
-            for j in range(len(self.header))
-        ]
-
-
-@dataclass(frozen=True)
-class FigureBlock:
-    """A figure.
-
-    Parameters
-    ----------
-    caption
-        What the figure shows.
-    figure
-        Figure in plotly's dict form, with `data` and `layout`.
-
-    Examples
-    --------
-    >>> from ecm.report import figures
-    >>> figure = figures.bars({"rms": [0.1, 0.2]}, ["fx", "fy"], y_title="N")
-    >>> FigureBlock("Errors by component.", figure).figure["data"][0]["y"]
-    [0.1, 0.2]
-    """
-
-    caption: str
-    figure: dict[str, Any]
-
-
-@dataclass(frozen=True)
-class MechanismBlock:
-    """The mechanism in space, bent into measured poses; `ecm.report.mechanism` makes it.
-
-    Parameters
-    ----------
-    caption
-        What the picture shows.
-    view
-        Outline, frames, rows and values as plain values.
-
-    Examples
-    --------
-    >>> MechanismBlock("Measured poses.", {"row": [1]}).view["row"]
-    [1]
-    """
-
-    caption: str
-    view: dict[str, Any]
-
-
-Block: TypeAlias = TextBlock | CodeBlock | TableBlock | FigureBlock | MechanismBlock
-
-
-@dataclass(frozen=True)
-class Section:
-    """A part of the report with a title.
-
-    Parameters
-    ----------
-    title
-        Heading, also in the table of contents.
-    blocks
-        Text, code, tables and figures in their order.
-
-    Examples
-    --------
-    >>> Section("2 Compare", [TextBlock("Residuals are within the noise.")]).anchor
-    '2-compare'
-    """
-
-    title: str
-    blocks: Sequence[Block] = field(default_factory=tuple)
-
-    @property
-    def anchor(self) -> str:
-        """Name of the section in links."""
-        return "".join(c if c.isalnum() else "-" for c in self.title.lower())
-
-
-def warnings_table(warnings: Sequence[str]) -> list[Block]:
-    """Return a table of warnings about the data; no block if there are none."""
-    if not warnings:
-        return []
-    return [TableBlock("Warnings about the data.", ("",), [[text] for text in warnings])]
-
-
-def number(value: float, digits: int = 3) -> str:
-    """Format a number for a table with significant digits, and an exponent only if needed."""
-    if math.isnan(value):
-        return "–"
-    if value == 0.0:
-        return "0"
-    size = abs(value)
-    if size >= 1e5 or size < 1e-4:
-        return f"{value:.{digits - 1}e}"
-    decimals = max(0, digits - 1 - len(str(int(size))) + 1) if size >= 1 else digits
-    return f"{value:.{decimals}f}" if size >= 1 else f"{value:.{digits}g}"
-
-
-def write_page(path: Path, title: str, lead: str, sections: Sequence[Section]) -> None:
-    """Write a report as one HTML file that loads nothing from outside.
-
-    Parameters
-    ----------
-    path
-        HTML file.
     title, lead
         Heading of the page, and the sentence below it.
     sections
-        Parts of the report.
-
-    Raises
-    ------
-    MissingExtra
-        If the extra `report` is not installed.
+        Parts of the report, the most important first.
+    warnings
+        About the data; the page shows them after the first section, a command on stderr.
 
     Examples
     --------
-    >>> from tempfile import TemporaryDirectory
+    >>> from ecm.report import TextBlock
     >>> section = Section("Result", [TextBlock("None of the effects is significant.")])
+    >>> report = Report("Diagnosis", "The neck, 40 poses.", [section])
+    >>> print(report.text())
+    Result
+    ======
+    None of the effects is significant.
+    >>> from tempfile import TemporaryDirectory
     >>> with TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "report.html"
-    ...     write_page(path, "Diagnosis", "The neck, 40 poses.", [section])
-    ...     "None of the effects is significant." in path.read_text(encoding="utf-8")
+    ...     report.write(Path(folder) / "report.html")
+    ...     "None of the effects" in (Path(folder) / "report.html").read_text(encoding="utf-8")
     True
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(path, render_page(title, lead, sections).encode("utf-8"))
+
+    title: str
+    lead: str
+    sections: Sequence[Section]
+    warnings: Sequence[str] = ()
+
+    def text(self, width: int | None = None) -> str:
+        """Return every section as plain text, in lines of at most so many characters."""
+        parts = [(s.title, text_of(s.blocks, width)) for s in self.sections]
+        return "\n\n".join(f"{title}\n{'=' * len(title)}\n{text}" for title, text in parts if text)
+
+    def write(self, path: Path) -> None:
+        """Write one HTML file that loads nothing from outside; MissingExtra without `report`."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, self.page().encode("utf-8"))
+
+    def page(self) -> str:
+        """Return the HTML text of the page."""
+        plotly = require_report()[1]
+        sections = list(self.sections)
+        if self.warnings:
+            table = TableBlock(
+                "Warnings about the data.", ("",), [[text] for text in self.warnings]
+            )
+            sections[0] = Section(sections[0].title, [*sections[0].blocks, table])
+        blocks = [block for section in sections for block in section.blocks]
+        figures = [block.figure for block in blocks if isinstance(block, FigureBlock)]
+        views = [block.view for block in blocks if isinstance(block, MechanismBlock)]
+        return _rendered(
+            "page",
+            title=self.title,
+            lead=self.lead,
+            sections=sections,
+            look=look(),
+            figures=_packed(json.dumps(figures, allow_nan=False)),
+            views=_packed(json.dumps(views, allow_nan=False)),
+            space=_packed(script_of_space()),
+            plotly=_packed_script(plotly.get_plotlyjs),
+        )
 
 
-def render_page(title: str, lead: str, sections: Sequence[Section]) -> str:
-    """Return the HTML text of a report."""
-    jinja2, plotly = require_report()
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    figures: list[dict[str, Any]] = []
-    views: list[dict[str, Any]] = []
-    prepared = []
-    for section in sections:
-        blocks = []
-        for block in section.blocks:
-            entry: dict[str, Any] = {"kind": type(block).__name__, "block": block}
-            if isinstance(block, FigureBlock):
-                entry["index"] = len(figures)
-                layout = block.figure.get("layout", {})
-                entry["height"] = layout.get("height", 420)
-                entry["wide"] = "xaxis2" in layout
-                figures.append(block.figure)
-            if isinstance(block, MechanismBlock):
-                entry["index"] = len(views)
-                views.append(block.view)
-            blocks.append(entry)
-        prepared.append({"title": section.title, "anchor": section.anchor, "blocks": blocks})
-    page: str = environment.from_string(_TEMPLATE).render(
-        title=title,
-        lead=lead,
-        sections=prepared,
-        look=look(),
-        figures=_packed(json.dumps(figures, allow_nan=False)),
-        views=_packed(json.dumps(views, allow_nan=False)),
-        space=_packed(script_of_space()),
-        plotly=_packed_script(plotly.get_plotlyjs),
+class Shown:
+    """A result that prints, and that a notebook shows, as the first section of its report."""
+
+    def report(self) -> Report:
+        """Return what terminal, notebook and page show."""
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        return text_of(self.report().sections[0].blocks)
+
+    def _repr_html_(self) -> str | None:
+        """Show text and tables in a notebook; None without the extra `report`."""
+        drawn = FigureBlock | MechanismBlock
+        blocks = [b for b in self.report().sections[0].blocks if not isinstance(b, drawn)]
+        try:
+            return _rendered("blocks", section=Section("", blocks))
+        except MissingExtra:
+            return None
+
+
+def _rendered(template: str, **values: Any) -> str:
+    """Fill a template; figures and mechanisms are counted over the whole page."""
+    jinja2 = require("jinja2", "report", "The HTML report")
+    environment = jinja2.Environment(
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        loader=jinja2.DictLoader({"page": _TEMPLATE, "blocks": _BLOCKS}),
     )
-    return page
+    counts: dict[str, int] = {}
+
+    def place(kind: str) -> int:
+        counts[kind] = counts.get(kind, -1) + 1
+        return counts[kind]
+
+    text: str = environment.get_template(template).render(
+        kind=lambda block: type(block).__name__, place=place, **values
+    )
+    return text
 
 
 def _packed(text: str) -> str:
@@ -302,6 +171,37 @@ def require_report() -> tuple[Any, Any]:
     purpose = "The HTML report"
     return require("jinja2", "report", purpose), require("plotly.offline", "report", purpose)
 
+
+_BLOCKS = """{% for block in section.blocks %}
+{% if kind(block) == "TextBlock" %}
+<p{% if block.strong %} class="lead"{% endif %}>{{ block.text }}</p>
+{% elif kind(block) == "CodeBlock" %}
+<figure class="table"><figcaption>{{ block.caption }}</figcaption>
+<pre>{{ block.text }}</pre></figure>
+{% elif kind(block) == "TableBlock" %}
+<figure class="table"><figcaption>{{ block.caption }}</figcaption>
+<div class="scroll"><table>
+{% set words = block.words %}
+{% if block.header | join %}
+<thead><tr>{% for h in block.header %}<th scope="col"
+ {%- if words[loop.index0] %} class="words"{% endif %}>{{ h }}</th>{% endfor %}</tr></thead>
+{% endif %}
+<tbody>{% for row in block.cells %}
+<tr{% if block.link %} data-link="{{ block.link }}" data-row="{{ row[0] }}" tabindex="0"
+ {% endif %}>{% for cell in row %}<td{% if words[loop.index0] %} class="words"{% endif %}>
+ {{- cell }}</td>{% endfor %}</tr>{% endfor %}
+</tbody></table></div>
+{% elif kind(block) == "MechanismBlock" %}
+<figure><div id="mechanism-{{ place("mechanism") }}"></div>
+<figcaption>{{ block.caption }}</figcaption></figure>
+{% else %}
+<figure><div class="scroll"><div id="figure-{{ place("figure") }}"
+ {%- if "xaxis2" in block.figure.layout %} class="panels"{% endif %}
+ style="height:{{ block.figure.layout.height | default(420) }}px"></div></div>
+<figcaption>{{ block.caption }}</figcaption></figure>
+{% endif %}
+{% endfor %}
+"""
 
 _TEMPLATE = """<!DOCTYPE html>
 <html lang="en">
@@ -344,37 +244,10 @@ figure.table { margin: 22px 0; }
 <nav>{% for s in sections %}<a href="#{{ s.anchor }}">{{ s.title }}</a>{% endfor %}</nav>
 </header>
 <main>
-{% for s in sections %}
-<section id="{{ s.anchor }}">
-<h2>{{ s.title }}</h2>
-{% for e in s.blocks %}
-{% if e.kind == "TextBlock" %}
-<p{% if e.block.strong %} class="lead"{% endif %}>{{ e.block.text }}</p>
-{% elif e.kind == "CodeBlock" %}
-<figure class="table"><figcaption>{{ e.block.caption }}</figcaption>
-<pre>{{ e.block.text }}</pre></figure>
-{% elif e.kind == "TableBlock" %}
-<figure class="table"><figcaption>{{ e.block.caption }}</figcaption>
-<div class="scroll"><table>
-{% set words = e.block.words %}
-{% if e.block.header | join %}
-<thead><tr>{% for h in e.block.header %}<th scope="col"
- {%- if words[loop.index0] %} class="words"{% endif %}>{{ h }}</th>{% endfor %}</tr></thead>
-{% endif %}
-<tbody>{% for row in e.block.rows %}
-<tr{% if e.block.link %} data-link="{{ e.block.link }}" data-row="{{ row[0] }}" tabindex="0"
- {% endif %}>{% for cell in row %}<td{% if words[loop.index0] %} class="words"{% endif %}>
- {{- cell }}</td>{% endfor %}</tr>{% endfor %}
-</tbody></table></div>
-{% elif e.kind == "MechanismBlock" %}
-<figure><div id="mechanism-{{ e.index }}"></div>
-<figcaption>{{ e.block.caption }}</figcaption></figure>
-{% else %}
-<figure><div class="scroll"><div id="figure-{{ e.index }}"
- {%- if e.wide %} class="panels"{% endif %} style="height:{{ e.height }}px"></div></div>
-<figcaption>{{ e.block.caption }}</figcaption></figure>
-{% endif %}
-{% endfor %}
+{% for section in sections %}
+<section id="{{ section.anchor }}">
+<h2>{{ section.title }}</h2>
+{% include "blocks" %}
 </section>
 {% endfor %}
 </main>

@@ -19,6 +19,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.cache import Stage, file_sha256, hash_of, write_json
 from ecm.io.table import Table, read_table
+from ecm.report.blocks import Section, text_of
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from ecm.rig.arm.run import robot_path
 from ecm.rig.readings import journal_path
@@ -63,6 +64,10 @@ class Job:
     """Arrays for the figures of the report."""
     stages_s: dict[str, float] = field(default_factory=dict)
     """Seconds of each step."""
+
+    def show(self, section: Section) -> None:
+        """Print what a section of the report says."""
+        self.console.print(text_of(section.blocks) + "\n")
 
     def stage(self, name: str, *inputs: Any) -> Stage:
         """Return the stage of a step; its key holds seed, version and inputs."""
