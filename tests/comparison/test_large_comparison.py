@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from ecm.comparison import compare
-from ecm.comparison.comparison import Comparison
 from ecm.comparison.residuals import residuals, residuals_by_block
+from ecm.comparison.result import Comparison
 from ecm.diagnosis import diagnose
 from ecm.diagnosis.sections import diagnosis_report
 from ecm.io.table import Table

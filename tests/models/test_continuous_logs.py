@@ -16,7 +16,7 @@ import ecm
 from ecm.cli import console
 from ecm.cli.console import Console
 from ecm.comparison.reference_models import ReferenceModels
-from ecm.comparison.sections import reference_blocks
+from ecm.comparison.result import reference_blocks
 from ecm.diagnosis.procedure import STAGES, watched
 from ecm.io.columns import POSE, WRENCH
 from ecm.models import fit_summary as summary

@@ -16,7 +16,7 @@ from plotly.subplots import make_subplots
 from ecm.comparison import compare
 from ecm.report import FigureBlock, Report, Section, TableBlock, TextBlock
 from ecm.report import figures as draw
-from ecm.report.blocks import CodeBlock, number, text_of
+from ecm.report.blocks import Block, CodeBlock, number, text_of
 from ecm.report.page import Shown
 from support.campaigns import campaign, model
 from support.chromium import open_chromium
@@ -49,8 +49,13 @@ def sections() -> list[Section]:
                     "scatter",
                     draw.actual_predicted(values, values + 0.01, draw.COMPONENT_LABELS),
                 ),
-                FigureBlock("one", draw.histogram(values[:, 0], x_title="x", y_title="n")),
-                FigureBlock("times", draw.times([0.1, 0.2], [1e-5, 2e-5])),
+                FigureBlock("one", draw.histogram({"n": values[:, 0]}, x_title="x", y_title="n")),
+                FigureBlock(
+                    "times",
+                    draw.histogram(
+                        {"a": [0.1, 0.2], "b": [1e-5, 2e-5]}, x_title="x", y_title="n", log=True
+                    ),
+                ),
                 FigureBlock(
                     "lines",
                     draw.lines({"a": ([1, 2], [3, 4])}, x_title="x", y_title="y", log_y=True),
@@ -180,7 +185,7 @@ def test_a_result_shows_the_same_words_in_terminal_notebook_and_page(tmp_path: P
     assert "figure-0" not in notebook
     result.report().write(tmp_path / "page.html")
     page = html.unescape((tmp_path / "page.html").read_text(encoding="utf-8"))
-    shown = [b for b in result.report().sections[0].blocks if isinstance(b, TableBlock)]
+    shown = [block for block in result.blocks() if isinstance(block, TableBlock)]
     said = [result.sentence(), *(cell for table in shown for cell in table.cells[0])]
     for text in (str(result), notebook, page):
         assert all(word in text for word in said)
@@ -190,11 +195,9 @@ def test_a_result_shows_the_same_words_in_terminal_notebook_and_page(tmp_path: P
 class Hostile(Shown):
     """A result whose words are markup."""
 
-    def report(self) -> Report:
+    def blocks(self) -> list[Block]:
         """Return it."""
-        return Report(
-            "", "", [Section("", [TextBlock(HOSTILE), TableBlock("", ("",), [[HOSTILE]])])]
-        )
+        return [TextBlock(HOSTILE), TableBlock("", ("",), [[HOSTILE]])]
 
 
 PLAY = """<script>

@@ -17,7 +17,7 @@ from ecm.cli.options.tables import CompareArguments, ExportArguments, PredictArg
 from ecm.cli.session import Session, check_output_directory
 from ecm.comparison import compare as compare_model
 from ecm.comparison.reference_models import FEM_REMEDY
-from ecm.comparison.sections import comparison_report
+from ecm.comparison.result import comparison_report
 from ecm.diagnosis.check import excitation_sentences, never_excited
 from ecm.effects import load_installed
 from ecm.errors import InputError, Refusal, Remedy

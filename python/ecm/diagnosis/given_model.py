@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from ecm.comparison.comparison import Comparison, compare
+from ecm.comparison.comparison import compare
+from ecm.comparison.result import Comparison
 from ecm.comparison.structure import NEAR_NOISE, StructureTest, nothing_follows, structure_test
 from ecm.diagnosis.decision import Decision
 from ecm.diagnosis.readings import WrongStatement, best_of

@@ -28,6 +28,8 @@ from ecm.models.joint_fit import FittedEffect
 from ecm.models.refit import refit, refuse_addition
 from ecm.regression.folds import RowsUsed
 from ecm.regression.noise import Noise
+from ecm.report import figures as draw
+from ecm.report.blocks import Block
 from ecm.report.page import Report, Shown
 
 if TYPE_CHECKING:
@@ -247,6 +249,10 @@ class Diagnosis(Shown):
     def __str__(self) -> str:
         return str(self.summary())
 
+    def blocks(self) -> list[Block]:
+        """Return the three lines as a table."""
+        return [*self.report().sections[0].blocks]
+
     def report(self) -> Report:
         """Return what terminal, notebook and page show: `print(result.report().text())`."""
         return diagnosis_report(self.to_dict())
@@ -333,14 +339,11 @@ class Diagnosis(Shown):
         MissingExtra
             If plotly is not installed.
         """
-        plotly = require("plotly.graph_objects", "report", "The figure of the ranking")
         shown = self.ranking[:most][::-1]
-        figure = plotly.Figure(
-            plotly.Bar(
-                x=[one.delta_bic for one in shown], y=[one.id for one in shown], orientation="h"
-            )
-        )
-        return figure.update_layout(title=self._headline(), xaxis_title="fall of BIC")
+        falls, names = [one.delta_bic for one in shown], [one.id for one in shown]
+        layout = draw.plain_layout("fall of BIC", "", title={"text": self._headline()})
+        bars = {"type": "bar", "orientation": "h", "x": falls, "y": names}
+        return draw.plotly_figure({"data": [bars], "layout": layout})
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON report (docs/schemas/diagnose.json)."""

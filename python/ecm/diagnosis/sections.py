@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from ecm.comparison.comparison import Comparison
 from ecm.comparison.residual_figures import residual_figure, residual_section
-from ecm.comparison.sections import workspace_blocks
+from ecm.comparison.result import Comparison, workspace_blocks
 from ecm.diagnosis.summary import LINES
 from ecm.effects import with_shape
 from ecm.errors import Remedy
@@ -236,7 +235,7 @@ def ranking_table(document: Mapping[str, Any]) -> TableBlock:
     return TableBlock(
         "The effects in order of what each would explain alone; the last column is the fall of the "
         "error over the noise that is expected.",
-        ("effect", "p", "ΔBIC", "size", "± sd", "unit", "expected fall"),
+        ("effect", "p", "ΔBIC", "size", "± sd", "unit", "fall"),
         [[row[key] for key in keys] for row in document["ranking"][:_SHOWN]],
     )
 

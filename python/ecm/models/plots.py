@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 from ecm.io.arrays import F
-from ecm.io.extras import require
 from ecm.models.history import FitRecord
 from ecm.report import figures
 
@@ -18,14 +17,11 @@ def history_figure(history: Sequence[FitRecord]) -> Any:
         "held-out rows": [record.held_out for record in history],
     }
     names = [record.name for record in history]
-    return _drawn(figures.bars(errors, names, y_title="error / noise"))
+    return figures.plotly_figure(figures.bars(errors, names, y_title="error / noise"))
 
 
 def learning_curve_figure(sizes: Sequence[int], bands: dict[str, F]) -> Any:
     """Held-out error over the number of poses; `bands` by name, each (s,)."""
     series = {name: (list(sizes), band.tolist()) for name, band in bands.items()}
-    return _drawn(figures.lines(series, x_title="poses", y_title="error / noise", log_y=True))
-
-
-def _drawn(figure: dict[str, Any]) -> Any:
-    return require("plotly.graph_objects", "report", "A figure").Figure(figure)
+    figure = figures.lines(series, x_title="poses", y_title="error / noise", log_y=True)
+    return figures.plotly_figure(figure)

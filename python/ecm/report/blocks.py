@@ -244,7 +244,8 @@ def text_of(blocks: Iterable[Block], width: int | None = None) -> str:
             rows = columns([block.header, *cells] if named else cells, header=named, width=width)
             if len(cells) < len(block.rows):
                 rows += f"\n... and {len(block.rows) - len(cells)} more"
-            parts += ["\n", wrapped(block.caption), "\n" * bool(block.caption), rows, "\n\n"]
+            caption = f"\n{wrapped(block.caption)}\n" if block.caption else ""
+            parts += [caption, rows, "\n\n" if block.caption else "\n"]
     return re.sub(r"\n{3,}", "\n\n", "".join(parts)).strip("\n")
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ecm.io.arrays import F, I, evenly
+from ecm.io.extras import require
 
 INK = "#1c2430"
 # Wong's palette, distinct for colour-blind readers; order by darkness for print.
@@ -20,6 +21,11 @@ MOST_DRAWN = 1000
 """Rows that a figure draws; more make a page large and hide each other."""
 _LARGEST = 10
 COMPONENT_LABELS = ("fx [N]", "fy [N]", "fz [N]", "τx [N m]", "τy [N m]", "τz [N m]")
+
+
+def plotly_figure(figure: dict[str, Any]) -> Any:
+    """Return a figure of this module as plotly's; MissingExtra where that is not installed."""
+    return require("plotly.graph_objects", "report", "A figure").Figure(figure)
 
 
 def plain(text: str) -> str:
@@ -180,11 +186,9 @@ def panel_traces(
     ]
 
 
-def _bar(x: Any, y: Any, k: int | None = None, **settings: Any) -> dict[str, Any]:
-    """Bars in colour and pattern `k`; None: the first colour without a pattern."""
-    marker: dict[str, Any] = {"color": COLOURS[(k or 0) % 5]}
-    if k is not None:
-        marker["pattern"] = {"shape": PATTERNS[k % 5]}
+def _bar(x: Any, y: Any, k: int, **settings: Any) -> dict[str, Any]:
+    """Bars in colour and pattern `k`."""
+    marker = {"color": COLOURS[k % 5], "pattern": {"shape": PATTERNS[k % 5]}}
     return {"type": "bar", "x": _list(x), "y": _list(y), "marker": marker, **settings}
 
 
@@ -243,26 +247,21 @@ def actual_predicted(observed: F, predicted: F, labels: Sequence[str]) -> dict[s
     return {"data": [*exact, *measured], "layout": layout}
 
 
-def histogram(values: F, *, x_title: str, y_title: str, bins: int = 40) -> dict[str, Any]:
-    """Draw one histogram over the range of its values."""
-    counts, edges = np.histogram(values, bins=bins)
-    layout = plain_layout(x_title, y_title, bargap=0.05, height=320)
-    return {"data": [_bar(0.5 * (edges[1:] + edges[:-1]), counts)], "layout": layout}
-
-
-def times(fem_s: Sequence[float], model_s: Sequence[float]) -> dict[str, Any]:
-    """Draw the distribution of evaluation times of FEM and model, logarithmic (Fig. 11)."""
+def histogram(
+    series: Mapping[str, Any], *, x_title: str, y_title: str, log: bool = False, bins: int = 40
+) -> dict[str, Any]:
+    """Draw one histogram of each of the values over their range."""
     data = []
-    for k, (name, values) in enumerate((("FEM", fem_s), ("model", model_s))):
-        counts, edges = np.histogram(np.log10(np.asarray(values)), bins=20)
-        widths = (10.0 ** edges[1:] - 10.0 ** edges[:-1]).tolist()
-        centres = 10.0 ** (0.5 * (edges[1:] + edges[:-1]))
-        data.append(_bar(centres, counts, k, width=widths, name=name))
-    layout = _layout(
-        xaxis=_axis("time of one evaluation [s]", type="log", exponentformat="power"),
-        yaxis=_axis("pairs"),
-        height=320,
-    )
+    for k, (name, given) in enumerate(series.items()):
+        values = np.asarray(given, dtype=np.float64)
+        counts, edges = np.histogram(np.log10(values) if log else values, bins=bins)
+        centres, ends = 0.5 * (edges[1:] + edges[:-1]), edges
+        if log:
+            centres, ends = 10.0**centres, 10.0**edges
+        data.append(_bar(centres, counts, k, width=np.diff(ends).tolist(), name=name))
+    layout = plain_layout(x_title, y_title, height=320, showlegend=len(series) > 1)
+    if log:
+        layout["xaxis"] |= {"type": "log", "exponentformat": "power"}
     return {"data": data, "layout": layout}
 
 

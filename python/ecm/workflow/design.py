@@ -26,7 +26,6 @@ from ecm.effects import Effect, all_effects
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments, check_type
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.extras import require
 from ecm.io.table import Table
 from ecm.models import Model
 from ecm.report import figures as draw
@@ -157,15 +156,19 @@ class PlannedDesign(Shown):
     sizes: tuple[Size, ...] = ()
     """Expected error against the number of poses, where it was asked for."""
 
-    def report(self) -> Report:
-        """Return the chosen poses among the candidates, effects, and n against expected error."""
+    def blocks(self) -> list[Block]:
+        """Return how good the design is, and the effects that it can show."""
         blocks: list[Block] = [TextBlock(self.design.sentence(), strong=True)]
         if not self.reproducible:
             blocks.append(TextBlock("With a time limit another run may give another design."))
         if self.effects:
             caption = "The size that the plan sees with chance 0.9, before anything is measured."
             blocks.append(TableBlock(caption, ("",), [[one.sentence()] for one in self.effects]))
-        sections = [Section("Poses to measure", blocks)]
+        return blocks
+
+    def report(self) -> Report:
+        """Return the chosen poses among the candidates, effects, and n against expected error."""
+        sections = [Section("Poses to measure", self.blocks())]
         if self.sizes:
             sections.append(Section("How many", _sizes(self.sizes)))
         sections.append(Section("The design", _poses(self)))
@@ -188,9 +191,10 @@ class PlannedDesign(Shown):
         MissingExtra
             If plotly is not installed.
         """
-        plotly = require("plotly.graph_objects", "report", "The figure of a design")
         first, second = (*self.candidates.pose_columns, *self.candidates.pose_columns)[:2]
-        return plotly.Figure(pose_figure(self.candidates, self.design, x or first, y or second))
+        return draw.plotly_figure(
+            pose_figure(self.candidates, self.design, x or first, y or second)
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON document of `ecm design`."""

@@ -77,14 +77,6 @@ def run_loop(data: Table, physics: PhysicsMap, *, path: Path, job: Job) -> Loop:
     return Loop(summary, figures, better)
 
 
-_VERDICTS = {
-    "none": "Nothing is missing that these data could show.",
-    "named": "The missing effect is {names}.",
-    "ambiguous": "Missing is {names}: these data cannot tell which.",
-    "unknown": "Something is missing that no effect of the catalogue explains.",
-}
-
-
 def loop_section(step: Mapping[str, Any], figures: Mapping[str, F]) -> Section:
     """Compare, diagnose, refit; and what had been hidden."""
     diagnosis, history = step["diagnosis"], step["history"]
@@ -124,15 +116,11 @@ def loop_section(step: Mapping[str, Any], figures: Mapping[str, F]) -> Section:
 
 
 def _sentence(step: Mapping[str, Any]) -> str:
-    """Verdict, what it means for the error, and what had been hidden."""
-    diagnosis, history = step["diagnosis"], step["history"]
-    names = ", ".join(" or ".join(members) for members in diagnosis["answer"])
-    text = _VERDICTS[diagnosis["verdict"]].format(names=names)
+    """What is missing, what it brings, and what had been hidden."""
+    text, history = f"Missing: {step['diagnosis']['summary']['missing']}.", step["history"]
     if len(history) > 1:
         first, last = number(history[0]["held_out"]), number(history[-1]["held_out"])
-        text += (
-            f" With it the error on held-out poses falls from {first} to {last} times the noise."
-        )
+        text += f" After the refit the error on held-out poses falls from {first} to {last}."
     if step.get("score") is not None:
         text += f" Hidden in the rig was {', '.join(step['score']['truth']) or 'nothing'}."
     return text

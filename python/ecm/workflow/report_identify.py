@@ -395,7 +395,9 @@ def stiffness_section(step: Mapping[str, Any], figures: Figures) -> Section:
         FigureBlock(
             "Fig. 12: share of the symmetric part, ‖K_sym‖₂/‖K‖₂, at every measured pose; "
             f"smallest {smallest:.4f} (the paper: above {SYMMETRIC_SHARE}).",
-            draw.histogram(figures["symmetric_share"], x_title="‖K_sym‖₂ / ‖K‖₂", y_title="poses"),
+            draw.histogram(
+                {"poses": figures["symmetric_share"]}, x_title="‖K_sym‖₂ / ‖K‖₂", y_title="poses"
+            ),
         ),
     ]
     return Section("3 Stiffness", blocks)
@@ -411,6 +413,12 @@ def speed_section(evaluation: Mapping[str, Any]) -> Section:
         f"stiffness {1e6 * both_s:.1f} µs. The model is {evaluation['ratio_of_medians']:.0f} times "
         f"faster than the FEM by the medians (the paper: at least {FEM_RATIO:.0f} times)."
     )
-    figure = draw.times(evaluation["fem_s"], evaluation["model_s"])
+    figure = draw.histogram(
+        {"FEM": evaluation["fem_s"], "model": evaluation["model_s"]},
+        x_title="time of one evaluation [s]",
+        y_title="pairs",
+        log=True,
+        bins=20,
+    )
     caption = f"Fig. 11: times of {len(evaluation['fem_s'])} pairs."
     return Section("3 Evaluation time", [TextBlock(text), FigureBlock(caption, figure)])
