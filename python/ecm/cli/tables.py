@@ -17,7 +17,7 @@ from ecm.io.interrupts import uninterrupted
 from ecm.io.templates import NEXT_STEP, data_template, description_template, template
 from ecm.logs import import_log as import_any
 from ecm.logs.importing import read_log
-from ecm.logs.page import write_import
+from ecm.logs.page import import_report
 from ecm.report.blocks import columns
 
 
@@ -51,7 +51,7 @@ def import_log(options: ImportArguments, session: Session) -> None:
         session.warn(warning)
     session.write_json(imported.to_dict())
     if session.report is not None:
-        write_import(session.report, imported)
+        session.write_report(import_report(imported))
     if options.out is None:
         session.print("\nNothing was written; --out table.csv writes the table.")
     else:

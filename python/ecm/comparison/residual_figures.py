@@ -95,50 +95,41 @@ def residual_section(maps: ResidualMaps, variables: Sequence[str] = ()) -> Secti
     variables
         Variables to draw the residual against; default: those that it follows most.
     """
-    blocks: list[Block] = [TextBlock(maps.sentence(), strong=True)]
-    linked = "Click a point, or a row of the table, to mark that row everywhere; again to clear."
     given = [name for name in variables if name in maps.variables]
     first, *second = (given or maps.strongest())[:_DRAWN]
-    blocks.append(
-        FigureBlock(
+    turned = {"theta_y_rad", "theta_z_rad"} <= set(maps.variables)
+    figures = (
+        (
             "Residual, measured minus predicted, of each component. The menus choose the variable, "
-            f"the axes and the unit.{maps.drawn_sentence(len(maps.drawn))} {linked}",
+            f"the axes and the unit.{maps.drawn_sentence} Click a point, or a row of the table, to "
+            "mark that row everywhere; again to clear.",
             residual_figure(maps, first),
-        )
+        ),
+        *(("The same against another variable.", residual_figure(maps, name)) for name in second),
+        (
+            "Where in the workspace: the larger the marker, the larger the row's residual over "
+            f"{maps.noise_word}.",
+            workspace_figure(maps) if turned else None,
+        ),
+        (
+            "Share of the residual, beyond chance, that each signature explains alone; shares "
+            "overlap.",
+            signature_figure(maps) if maps.shares else None,
+        ),
+        (
+            "Stiffness ΔK at rest that the model lacks, ± its standard deviation, in N and N m per "
+            "m and rad; bold and coloured where it is more than three of them.",
+            stiffness_figure(maps),
+        ),
     )
-    blocks += [
-        FigureBlock("The same against another variable.", residual_figure(maps, name))
-        for name in second
-    ]
-    if "theta_z_rad" in maps.variables and "theta_y_rad" in maps.variables:
-        blocks.append(
-            FigureBlock(
-                "Where in the workspace: the larger the marker, the larger the row's residual "
-                f"over {maps.noise_word}.",
-                workspace_figure(maps),
-            )
-        )
-    if maps.shares:
-        blocks.append(
-            FigureBlock(
-                "Share of the residual, beyond chance, that each signature explains alone; shares "
-                "overlap.",
-                signature_figure(maps),
-            )
-        )
-    if (lacking := stiffness_figure(maps)) is not None:
-        blocks.append(
-            FigureBlock(
-                "Stiffness ΔK at rest that the model lacks, ± its standard deviation, in N and "
-                "N m per m and rad; bold and coloured where it is more than three of them.",
-                lacking,
-            )
-        )
     worst = maps.worst()
-    over = f"residual / {'assumed ' * maps.noise_is_assumed}noise"
-    named = {"whitened": over}
+    named = {"whitened": f"residual / {'assumed ' * maps.noise_is_assumed}noise"}
     header, rows = [named.get(key, key) for key in worst[0]], [[*item.values()] for item in worst]
-    blocks.append(TableBlock("The worst rows of the table.", header, rows, link=LINK))
+    blocks: list[Block] = [
+        TextBlock(maps.sentence(), strong=True),
+        *(FigureBlock(caption, figure) for caption, figure in figures if figure is not None),
+        TableBlock("The worst rows of the table.", header, rows, link=LINK),
+    ]
     return Section("Where", blocks)
 
 
@@ -172,15 +163,14 @@ def stiffness_figure(maps: ResidualMaps) -> dict[str, Any] | None:
     known = maps.stiffness_map()
     if known is None:
         return None
-    rows, names = ["fx", "fy", "fz", "τx", "τy", "τz"], ["x", "y", "z", "θx", "θy", "θz"]
     ratio = known["value"] / known["sd"]
     seen = np.abs(ratio) > 3.0
-    text = [[""] * 6 for _ in rows]
+    text = [[""] * 6 for _ in range(6)]
     for i, j in np.ndindex(6, 6):
         cell = f"{number(known['value'][i, j], 2)} ± {number(known['sd'][i, j], 2)}"
         text[i][j] = f"<b>{cell}</b>" if seen[i, j] else cell
     shown = np.where(seen, np.clip(ratio, -20.0, 20.0), 0.0)
-    return draw.text_map(shown, text, names, rows, limit=20.0)
+    return draw.text_map(shown, text, limit=20.0)
 
 
 def _menu(x: float, buttons: list[dict[str, Any]], active: int) -> dict[str, Any]:

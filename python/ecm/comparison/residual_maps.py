@@ -97,10 +97,11 @@ class ResidualMaps:
             rows.append(item)
         return rows
 
-    def drawn_sentence(self, shown: int) -> str:
-        """How many rows of the table are shown, where not all."""
+    @property
+    def drawn_sentence(self) -> str:
+        """How many rows of the table the figures draw, where not all."""
         how = "spread over runs, time and poses, with the worst ones"
-        return some_rows(shown, self.total, how)
+        return some_rows(len(self.drawn), self.total, how)
 
     def sentence(self) -> str:
         """Return in words what the residual follows most."""

@@ -154,9 +154,19 @@ class Comparison(Shown):
 
     @cached_property
     def structure(self) -> StructureTest:
-        """Whether the residual holds more than chance; tested when it is asked for."""
+        """Whether the residual holds more than chance; tested when it is asked for.
+
+        Coefficients that were fitted to these rows count.
+        """
         made = self.compared
-        return _structure(made.model, made.table, made.predicted, made.chosen, self.noise)
+        rows = Rows(made.table.thinned(made.chosen), made.model.base)
+        errors = residuals(rows, made.predicted[made.chosen], self.noise, made.model.base.error)
+        own = None
+        refitted = not made.model.base_frozen and made.model.base.kind not in LEARNED
+        if refitted and fitted_here(made.model, made.table):
+            own = errors.whitener @ base_columns(rows, made.model.base)
+        scored = is_pose_row(rows.table)
+        return structure_test(rows, errors.whitened, errors.whitener, scored, fitted=own)
 
     @cached_property
     def references(self) -> ReferenceModels | None:
@@ -222,43 +232,36 @@ class Comparison(Shown):
     def sentence(self) -> str:
         """Return one plain sentence."""
         worst = max(self.components, key=lambda c: c.excess / max(c.floor, 1e-300))
-        unit = unit_of(worst.name)
+        unit, name = unit_of(worst.name), worst.name.rsplit("_", 1)[0]
         follows = "follows the pose, the order or another column"
         if self.noise.is_assumed:
             part = f" A part of it {follows}." if self.missing else ""
             spread = float(self.compared.table.column(worst.name)[self.compared.chosen].std())
             share = 100.0 * worst.rmse / max(spread, 1e-300)
             return (
-                f"{self.model} errs {worst.rmse:.3g} {unit} in {worst.name.rsplit('_', 1)[0]}, "
-                f"{share:.3g} % of its spread; "
-                "without repeats or [instrument] figures nothing says how much of it is noise."
-                + part
+                f"{self.model} errs {worst.rmse:.3g} {unit} in {name}, {share:.3g} % of its "
+                "spread; without repeats or [instrument] figures nothing says how much of it is "
+                f"noise.{part}"
             )
         where = {"repeats": "from repeats", "declared": "as declared"}
-        floor = f"the noise floor {where[self.noise.source]}"
+        times = f"{self.whitened_rms:.2f} times the noise floor {where[self.noise.source]}"
         if self.excess_low <= 0.0 and not self.missing:
-            return (
-                f"{self.model} is as good as the measurements can show: its error is "
-                f"{self.whitened_rms:.2f} times {floor}."
-            )
+            good = f"{self.model} is as good as the measurements can show"
+            return f"{good}: its error is {times}."
+        errs, behind = f"{self.model} errs {times}", self._error_of_base_ahead
         if not self.missing:
-            why = nothing_follows(self.whitened_rms, self.neighbours_alike)
-            return f"{self.model} errs {self.whitened_rms:.2f} times {floor}, {why}."
-        behind = self._error_of_base_ahead
+            return f"{errs}, {nothing_follows(self.whitened_rms, self.neighbours_alike)}."
         if behind is not None:
             return (
-                f"{self.model} errs {self.whitened_rms:.2f} times {floor}, a base fitted to these "
-                f"rows {behind:.2f} times on held-out ones: something is missing in the model."
+                f"{errs}, a base fitted to these rows {behind:.2f} times on held-out ones: "
+                "something is missing in the model."
             )
         if self.excess_low <= 0.0:
             return (
-                f"{self.model} errs {self.whitened_rms:.2f} times {floor}, yet a part of it "
-                f"{follows}: something is missing, and that noise is likely too large."
+                f"{errs}, yet a part of it {follows}: something is missing, and that noise is "
+                "likely too large."
             )
-        return (
-            f"{self.model} errs {self.whitened_rms:.2f} times {floor}: "
-            f"{worst.excess:.3g} {unit} in {worst.name.rsplit('_', 1)[0]} is not noise."
-        )
+        return f"{errs}: {worst.excess:.3g} {unit} in {name} is not noise."
 
     @property
     def missing(self) -> bool:
@@ -391,11 +394,14 @@ def comparison_report(
 
 
 def _rows(result: Comparison) -> list[Block]:
-    outside = f", {result.outside_domain} outside the poses of the fit" * bool(
-        result.outside_domain
-    )
-    used = [] if result.rows_used is None else [TextBlock(result.rows_used.sentence())]
-    return [TextBlock(f"{result.rows} rows{outside}."), *used]
+    """How many rows lie beyond those of the fit, and which ones of a large table are used."""
+    blocks: list[Block] = []
+    if result.outside_domain:
+        beyond = f"{result.outside_domain} of {result.rows} rows lie outside the poses of the fit."
+        blocks.append(TextBlock(beyond))
+    if result.rows_used is not None:
+        blocks.append(TextBlock(result.rows_used.sentence()))
+    return blocks
 
 
 def _errors(result: Comparison) -> tuple[TableBlock, list[FigureBlock]]:
@@ -471,7 +477,7 @@ def workspace_blocks(result: Comparison) -> list[Block]:
         *mechanism_blocks(
             result.compared.table,
             "The mechanism bent into measured poses, coloured by the residual of the row over "
-            f"{maps.noise_word}.{maps.drawn_sentence(len(maps.drawn))}",
+            f"{maps.noise_word}.{maps.drawn_sentence}",
             rows=maps.row[maps.drawn] - 1,
             values=maps.size[maps.drawn],
             title="residual",
@@ -522,18 +528,6 @@ def reference_blocks(
             draw.bars({"held-out rows": list(shown.values())}, list(shown), y_title=quotient),
         ),
     ]
-
-
-def _structure(model: Model, table: Table, predicted: F, chosen: I, noise: Noise) -> StructureTest:
-    """Return the test of the residual; coefficients that were fitted to these rows count."""
-    rows = Rows(table.thinned(chosen), model.base)
-    errors = residuals(rows, predicted[chosen], noise, model.base.error)
-    own = None
-    refitted = not model.base_frozen and model.base.kind not in LEARNED
-    if refitted and fitted_here(model, table):
-        own = errors.whitener @ base_columns(rows, model.base)
-    scored = is_pose_row(rows.table)
-    return structure_test(rows, errors.whitened, errors.whitener, scored, fitted=own)
 
 
 def fitted_here(model: Model, table: Table) -> int:

@@ -303,13 +303,11 @@ def bars(
 
 def stiffness_map(stiffness: F, title: str) -> dict[str, Any]:
     """Draw a matrix (6, 6) as numbers, coloured by sign and relative size."""
-    names = ["x", "y", "z", "θx", "θy", "θz"]
-    rows = ["fx", "fy", "fz", "τx", "τy", "τz"]
     diagonal = np.sqrt(np.abs(np.diag(stiffness)))
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.nan_to_num(stiffness / np.outer(diagonal, diagonal))
     text = [[f"{value:.4g}" for value in row] for row in stiffness]
-    figure = text_map(relative, text, names, rows, limit=1.6)
+    figure = text_map(relative, text, limit=1.6)
     figure["layout"]["title"] = {"text": title, "font": {"size": 14}}
     return figure
 
@@ -368,20 +366,13 @@ def component_layout(
     return layout
 
 
-def text_map(
-    values: F,
-    text: Sequence[Sequence[str]],
-    columns: Sequence[str],
-    rows: Sequence[str],
-    *,
-    limit: float,
-) -> dict[str, Any]:
-    """Draw a matrix of text, coloured by the sign and size of values up to the limit."""
+def text_map(values: F, text: Sequence[Sequence[str]], *, limit: float) -> dict[str, Any]:
+    """Draw a stiffness (6, 6) as text, coloured by the sign and size of values up to the limit."""
     heatmap = {
         "type": "heatmap",
         "z": values.tolist(),
-        "x": list(columns),
-        "y": list(rows),
+        "x": ["x", "y", "z", "θx", "θy", "θz"],
+        "y": ["fx", "fy", "fz", "τx", "τy", "τz"],
         "text": [list(row) for row in text],
         "texttemplate": "%{text}",
         "colorscale": [[0, "#4393c3"], [0.5, "#ffffff"], [1, "#e58368"]],

@@ -22,6 +22,8 @@ from ecm.io.extras import require
 from ecm.report.blocks import Block, FigureBlock, MechanismBlock, Section, TableBlock, text_of
 
 WEB = Path(__file__).parent / "web"
+_LINE = 99
+"""Characters of a line that `print` shows, but the first."""
 _TEMPLATES = Path(__file__).parent / "template"
 _MODULES = ("dom", "colours", "canvas", "selection", "depth", "bend", "space", "scene")
 """Each imports only from those before it."""
@@ -126,7 +128,8 @@ class Shown:
         raise NotImplementedError
 
     def __str__(self) -> str:
-        return text_of(self.blocks())
+        first, *others = self.blocks()
+        return "\n".join(filter(None, (text_of([first]), text_of(others, _LINE))))
 
     def _repr_html_(self) -> str | None:
         """Show text and tables in a notebook; None without the extra `report`."""

@@ -72,7 +72,6 @@ def poses(given: Given) -> dict[str, Any]:
         "row": (rows + 1).tolist(),
         "columns": {name: _short(table.column(name)[rows]) for name in columns},
         **view_of(table.meta),
-        "body": table.meta.elastic_body() is not None,
         "said": some_rows(len(rows), len(table), HOW).strip(),
     }
 
@@ -86,15 +85,11 @@ def residuals(given: Given) -> dict[str, Any]:
     kinds: dict[str, dict[str, Any]] = {}
     if known:  # the residual over its own size would look like one over a noise
         kinds["noise"] = {
-            "label": "over its noise",
-            "unit": "times the noise",
             "columns": outputs,
             "values": _columns(maps.over_noise["base"]),
             "floor": [1.0] * len(outputs),
         }
     kinds["wrench"] = {
-        "label": "as wrench",
-        "unit": "",
         "columns": outputs,
         "units": [unit_of(name) for name in outputs],
         "values": _columns(maps.physical["base"]),
@@ -173,22 +168,19 @@ def _pose_error(found: Any, row: I, *, known: bool) -> dict[str, Any] | None:
         ("position", "mm", found.position_mm, found.noise_mm),
         ("rotation", "deg", found.rotation_deg, found.noise_deg),
     ]
-    sized = [item for item in sizes if item[2] is not None]
+    sized = [item for item in sizes if item[2] is not None and len(found.row)]
     if not sized:
         return None
-    place = {number: i for i, number in enumerate(found.row.tolist())}
-    at = [place.get(number) for number in row.tolist()]
+    # Rows at which the model holds no pose have none.
+    there = np.isin(row, found.row)
+    at = np.searchsorted(found.row, row[there])
+    columns = np.full((len(row), len(sized)), np.nan)
+    columns[there] = np.stack([values[at] for _, _, values, _ in sized], axis=1)
     return {
-        "label": "as pose error",
-        "unit": "",
         "columns": [name for name, _, _, _ in sized],
         "units": [unit for _, unit, _, _ in sized],
-        "values": [
-            [None if i is None else float(f"{values[i]:.6g}") for i in at]
-            for _, _, values, _ in sized
-        ],
+        "values": _columns(columns),
         "floor": [floor for _, _, _, floor in sized] if known else None,
-        "said": found.sentence(),
     }
 
 
