@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from typing import Any
 
     from ecm._native import __version__
-    from ecm.comparison.comparison import Comparison, compare
+    from ecm.comparison.comparison import compare
+    from ecm.comparison.result import Comparison
     from ecm.designs.optimal import Design, optimal_design
     from ecm.designs.plans import diagnosable_plan, paper_plan
     from ecm.designs.regressors import DesignSettings
@@ -59,7 +60,8 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "_native": ("__version__",),
-    "comparison.comparison": ("Comparison", "compare"),
+    "comparison.comparison": ("compare",),
+    "comparison.result": ("Comparison",),
     "designs.optimal": ("Design", "optimal_design"),
     "designs.plans": ("diagnosable_plan", "paper_plan"),
     "designs.regressors": ("DesignSettings",),

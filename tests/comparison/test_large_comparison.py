@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from ecm.comparison import compare
-from ecm.comparison.comparison import Comparison
 from ecm.comparison.residuals import residuals, residuals_by_block
-from ecm.comparison.sections import compare_section
+from ecm.comparison.result import Comparison
 from ecm.diagnosis import diagnose
-from ecm.diagnosis.sections import write_diagnosis
+from ecm.diagnosis.sections import diagnosis_report
 from ecm.io.table import Table
 from ecm.regression.noise import Noise
 from ecm.regression.rows import Rows
@@ -66,7 +65,8 @@ def test_a_large_comparison_says_so_in_every_form() -> None:
     assert result.rows_used is not None
     sentence = result.rows_used.sentence()
     assert sentence.startswith(f"400 of {len(long_table())} rows were used")
-    assert TextBlock(sentence) in compare_section(result, ()).blocks
+    assert TextBlock(sentence) in result.report().sections[0].blocks
+    assert sentence in str(result).replace("\n", " ")
 
 
 def test_blocks_of_rows_give_the_residuals_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -85,7 +85,7 @@ def test_the_page_of_three_thousand_rows_is_at_most_three_megabytes(tmp_path: Pa
     maps = result.where()
     predicted = np.random.default_rng(0).standard_normal((len(maps.row), 6))
     page = tmp_path / "found.html"
-    write_diagnosis(page, diagnose(model(), campaign()).to_dict(), result, predicted)
+    diagnosis_report(diagnose(model(), campaign()).to_dict(), result, predicted).write(page)
     assert page.stat().st_size < 3e6
     drawn = [t for f in figures_of(page) for t in f["data"] if t.get("meta") == "measured rows"]
     assert drawn

@@ -7,10 +7,9 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from ecm.cli.diagnose import paragraphs
 from ecm.designs import Design, diagnosable_plan
 from ecm.diagnosis import DiagnosisSettings, diagnose, find_missing
-from ecm.diagnosis.sections import verdict_section
+from ecm.diagnosis.sections import verdict_blocks
 from ecm.io.columns import POSE
 from ecm.io.description import Meta
 from ecm.io.table import Table
@@ -57,8 +56,8 @@ def test_the_result_says_which_rows_were_used() -> None:
     assert "repeats" in used["chosen"]
     assert "times the noise of a row" in used["enough"]
     assert used["sentence"].startswith(f"200 of {total} rows were used")
-    assert used["sentence"] in list(paragraphs(document))
-    tables = [b for b in verdict_section(document).blocks if isinstance(b, TableBlock)]
+    assert used["sentence"] in result.report().text()
+    tables = [b for b in verdict_blocks(document) if isinstance(b, TableBlock)]
     assert any(["rows", used["sentence"]] in list(one.rows) for one in tables)
     assert all(0 <= row < len(table) for row in result.outliers)
 

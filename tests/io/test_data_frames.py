@@ -119,7 +119,7 @@ def test_a_comparison_prints_about_ten_lines_and_draws_itself() -> None:
     assert lines[0] == result.sentence()
     assert 8 <= len(lines) <= 11
     assert all(len(line) < 100 for line in lines[1:])
-    assert any(line.startswith("tau_z") and line.endswith("N m") for line in lines)
+    assert any(line.startswith("tau_z_Nm ") for line in lines)
     figures = pytest.importorskip("plotly.graph_objects")
     assert isinstance(result.plot(), figures.Figure)
     assert isinstance(

@@ -16,12 +16,14 @@ import ecm
 from ecm.cli import console
 from ecm.cli.console import Console
 from ecm.comparison.reference_models import ReferenceModels
+from ecm.comparison.result import reference_blocks
 from ecm.diagnosis.procedure import STAGES, watched
 from ecm.io.columns import POSE, WRENCH
 from ecm.models import fit_summary as summary
 from ecm.models.fit_summary import fit_summary
 from ecm.models.learned import GaussianProcessModel
 from ecm.regression.correlation import correlation_time
+from ecm.report.blocks import text_of
 from support.neck import LENGTH_M, STIFFNESS, Done, csv_text, neck_columns
 
 F = np.ndarray[Any, np.dtype[np.float64]]
@@ -83,11 +85,11 @@ def test_an_error_as_large_as_the_spread_is_said_in_plain_digits() -> None:
 
 
 def test_references_say_how_rows_were_held_out() -> None:
-    words = ReferenceModels(1.02, 5e8, 1.1, by="time").levels_in_words()
-    assert words == (
-        "Error over noise, blocks of time held out: physics base 1.02, ceiling 1.10, noise floor "
-        "1.00. The symmetric energy does not extrapolate to the held-out rows."
-    )
+    words = text_of(reference_blocks(ReferenceModels(1.02, 5e8, 1.1, by="time")))
+    assert "Error over the noise, blocks of time held out." in words
+    assert "The symmetric energy does not extrapolate to the held-out rows." in words
+    for name, value in (("physics base", "1.02"), ("symmetric energy", "–"), ("ceiling", "1.10")):
+        assert re.search(rf"^{name} +{value} ", words, re.MULTILINE)
 
 
 def test_the_fit_of_a_log_says_what_its_samples_are_worth(

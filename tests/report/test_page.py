@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import html
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,10 +14,10 @@ import pytest
 from plotly.subplots import make_subplots
 
 from ecm.comparison import compare
-from ecm.comparison.sections import write_comparison
-from ecm.report import FigureBlock, Section, TableBlock, TextBlock, write_page
+from ecm.report import FigureBlock, Report, Section, TableBlock, TextBlock
 from ecm.report import figures as draw
-from ecm.report.page import number
+from ecm.report.blocks import Block, CodeBlock, number, text_of
+from ecm.report.page import Shown
 from support.campaigns import campaign, model
 from support.chromium import open_chromium
 from support.report_pages import figures_of, open_page
@@ -47,8 +49,13 @@ def sections() -> list[Section]:
                     "scatter",
                     draw.actual_predicted(values, values + 0.01, draw.COMPONENT_LABELS),
                 ),
-                FigureBlock("one", draw.histogram(values[:, 0], x_title="x", y_title="n")),
-                FigureBlock("times", draw.times([0.1, 0.2], [1e-5, 2e-5])),
+                FigureBlock("one", draw.histogram({"n": values[:, 0]}, x_title="x", y_title="n")),
+                FigureBlock(
+                    "times",
+                    draw.histogram(
+                        {"a": [0.1, 0.2], "b": [1e-5, 2e-5]}, x_title="x", y_title="n", log=True
+                    ),
+                ),
                 FigureBlock(
                     "lines",
                     draw.lines({"a": ([1, 2], [3, 4])}, x_title="x", y_title="y", log_y=True),
@@ -64,7 +71,7 @@ def sections() -> list[Section]:
 @pytest.mark.browser
 def test_every_figure_is_drawn_and_hostile_text_stays_text(tmp_path: Path) -> None:
     path = tmp_path / "report.html"
-    write_page(path, HOSTILE, HOSTILE, sections())
+    Report(HOSTILE, HOSTILE, sections()).write(path)
     seen = open_page(path)
     assert seen.attribute("error") is None
     assert seen.attribute("blocked") is None
@@ -76,7 +83,7 @@ def test_every_figure_is_drawn_and_hostile_text_stays_text(tmp_path: Path) -> No
 @pytest.mark.browser
 def test_the_mechanism_stands_before_the_first_table_and_shares_the_marks(tmp_path: Path) -> None:
     path = tmp_path / "compare.html"
-    write_comparison(path, compare(model(), campaign("payload", 1.0, 0)))
+    compare(model(), campaign("payload", 1.0, 0)).report().write(path)
     text = path.read_text(encoding="utf-8")
     assert text.index('id="mechanism-0"') < text.index("<table>")
     with open_chromium() as page:
@@ -97,7 +104,7 @@ def test_the_mechanism_stands_before_the_first_table_and_shares_the_marks(tmp_pa
 
 
 def test_a_dark_page_has_dark_figures_and_a_phone_can_scroll_over_them(tmp_path: Path) -> None:
-    write_page(tmp_path / "page.html", "t", "l", sections()[1:])
+    Report("t", "l", sections()[1:]).write(tmp_path / "page.html")
     layout = "document.getElementById('figure-{}').layout.{}"
     with open_chromium() as page:
         page.size(360, 800, dark=True)
@@ -114,7 +121,7 @@ def test_a_dark_page_has_dark_figures_and_a_phone_can_scroll_over_them(tmp_path:
 
 def test_the_page_asks_for_nothing_from_outside_and_is_small(tmp_path: Path) -> None:
     path = tmp_path / "report.html"
-    write_page(path, "title", "lead", sections())
+    Report("title", "lead", sections()).write(path)
     text = path.read_text(encoding="utf-8")
     for own in (text, json.dumps(figures_of(path))):
         assert "http:" not in own
@@ -144,6 +151,53 @@ def test_columns_of_words_stand_left_and_numbers_right() -> None:
     assert TableBlock("", ("effect", "size", "unit", "range"), rows).words == [
         True, False, True, False,
     ]  # fmt: skip
+
+
+def test_a_terminal_shows_the_blocks_in_lines_of_its_width() -> None:
+    """Words of wide columns go on below; figures, and most rows of a linked table, are left out."""
+    words = "what the base leaves on the rows that no fold of the fit has seen before this one"
+    blocks = [
+        TextBlock("One sentence that is longer than forty characters is broken.", strong=True),
+        TableBlock(
+            "Errors.", ("name", "rms", "what"), [["fx_N", 0.12345, words], ["fy_N", None, ""]]
+        ),
+        FigureBlock("Not shown.", draw.bars({"a": [1.0]}, ["p"], y_title="y")),
+        TableBlock("Rows.", ("row", "size"), [[i, 0.5] for i in range(9)], link="rows"),
+        CodeBlock("A command.", "ecm compare model.json measured.csv --report page.html"),
+    ]
+    text = text_of(blocks, 40)
+    code = blocks[-1].text
+    assert all(len(line) <= 40 for line in text.splitlines() if line != code)
+    assert code in text
+    assert re.search(r"^fx_N +0\.123  what the base leaves on the$", text, re.MULTILINE)
+    assert re.search(r"^fy_N +–$", text, re.MULTILINE)
+    assert "Not shown." not in text
+    assert text.count("0.5\n") == 3
+    assert "... and 6 more" in text
+    whole = text_of(blocks)
+    assert f"0.123  {words}\n" in whole
+
+
+def test_a_result_shows_the_same_words_in_terminal_notebook_and_page(tmp_path: Path) -> None:
+    result = compare(model(), campaign("payload", 1.0, 0))
+    notebook = html.unescape(result._repr_html_() or "")
+    assert "<table>" in notebook
+    assert "figure-0" not in notebook
+    result.report().write(tmp_path / "page.html")
+    page = html.unescape((tmp_path / "page.html").read_text(encoding="utf-8"))
+    shown = [block for block in result.blocks() if isinstance(block, TableBlock)]
+    said = [result.sentence(), *(cell for table in shown for cell in table.cells[0])]
+    for text in (str(result).replace("\n", " "), notebook, page):
+        assert all(word in text for word in said)
+    assert HOSTILE not in (Hostile()._repr_html_() or "")
+
+
+class Hostile(Shown):
+    """A result whose words are markup."""
+
+    def blocks(self) -> list[Block]:
+        """Return it."""
+        return [TextBlock(HOSTILE), TableBlock("", ("",), [[HOSTILE]])]
 
 
 PLAY = """<script>
@@ -178,7 +232,7 @@ say("afterpoint", marks().trim() + rows());
 def test_a_row_or_point_marked_in_one_place_is_marked_in_all(tmp_path: Path) -> None:
     """A figure without the click, or a mark by place in the trace and not by row, would show."""
     path = tmp_path / "compare.html"
-    write_comparison(path, compare(model(), campaign("payload", 1.0, 0)))
+    compare(model(), campaign("payload", 1.0, 0)).report().write(path)
     page = path.read_text(encoding="utf-8")
     path.write_text(page.replace("</body>", PLAY), encoding="utf-8")
     seen = open_page(path, done="afterpoint")

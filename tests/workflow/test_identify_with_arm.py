@@ -14,7 +14,7 @@ import pytest
 from ecm.designs import Design
 from ecm.fem.simulate import simulate
 from ecm.io.table import Table, as_table
-from ecm.report.page import write_page
+from ecm.report import Report
 from ecm.rig import HiddenTable, RigSettings
 from ecm.workflow.config import Config, read_config, with_rig
 from ecm.workflow.identify import DESIGNS, measure_designs
@@ -160,7 +160,8 @@ def test_the_same_folder_serves_another_rig_and_the_first_again(tmp_path: Path) 
 def test_the_report_shows_the_arm(measured: Step3, tmp_path: Path) -> None:
     job, step = measured.job, measured.summary
     step["arm"]["records"]["d"]["reasons"] = [[3, 2, "joint 4 would be at 118.2 degrees"]]
-    write_page(tmp_path / "arm.html", "Arm", "", [arm_section(step["arm"], job.figures, NAMES)])
+    section = arm_section(step["arm"], job.figures, NAMES)
+    Report("Arm", "", [section]).write(tmp_path / "arm.html")
     seen = open_page(tmp_path / "arm.html")
     assert seen.attribute("error") is None
     assert seen.attribute("figures") == "1"

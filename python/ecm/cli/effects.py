@@ -6,9 +6,10 @@ import math
 import textwrap
 from typing import Any
 
-from ecm.cli.session import Session, columns
+from ecm.cli.session import Session
 from ecm.effects import Effect, all_effects, effects_for, get_effect, load_installed
 from ecm.effects.experiments import get_experiment
+from ecm.report.blocks import columns
 
 _FEW = ("theta_z_rad", "tau_z_Nm")
 """Columns of the smallest table: effects have forms along them."""

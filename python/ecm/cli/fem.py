@@ -8,13 +8,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from ecm.cli.session import Session, check_not_read, check_output_directory, columns
+from ecm.cli.session import Session, check_not_read, check_output_directory
 from ecm.errors import InputError
 from ecm.fem.material_fit import fit_material, read_test
 from ecm.fem.simulate import simulate as simulate_pairs
 from ecm.fem.simulate import write_vtu
 from ecm.io.cache import write_atomically
 from ecm.io.toml import write_toml
+from ecm.report.blocks import columns
 from ecm.workflow.config import read_config
 
 _VTU = 10

@@ -12,12 +12,12 @@ from typing import Any, Literal
 from ecm.cli.command import Count, Natural
 from ecm.cli.models import open_model
 from ecm.cli.session import Session, check_output_directory, check_plan
-from ecm.designs import Size
 from ecm.designs.regressors import list_or_region, row_list
 from ecm.effects import Effect, get_effect, load_installed
 from ecm.io.arrays import F
 from ecm.io.cache import write_atomically
 from ecm.io.table import Table
+from ecm.report.blocks import text_of
 from ecm.rig import CampaignOptions, campaign_minutes, run_campaign, run_campaigns
 from ecm.rig import reveal as reveal_truth
 from ecm.rig.arm.summary import summary_lines
@@ -26,7 +26,6 @@ from ecm.rig.readings import keep_data, robot_path
 from ecm.workflow.app.serve import serve as serve_session
 from ecm.workflow.config import read_config, read_rig, with_rig
 from ecm.workflow.design import design as design_plan
-from ecm.workflow.design import write_design
 from ecm.workflow.identify import identify as identify_mechanism
 
 
@@ -127,12 +126,9 @@ def design(
     )
     planned.plan.write(out)
     session.write_json(planned.to_dict())
-    if session.report is not None:
-        write_design(session.report, planned)
-    if planned.sizes:
-        _print_sizes(planned.sizes, session)
-    for sentence in planned.sentences():
-        session.print(sentence)
+    report = planned.report()
+    session.write_report(report)
+    session.print("\n\n".join(text_of(part.blocks) for part in report.sections[:-1]))
     time = "" if planned.minutes is None else f", about {planned.minutes:.0f} minutes on the rig"
     session.print(f"{out}: {len(planned.plan)} rows{time}")
 
@@ -158,14 +154,6 @@ def _measured(path: Path | None, table: Table, session: Session) -> F | None:
     if path is None:
         return None
     return session.read([path], need="predict").measured().matrix(table.pose_columns)
-
-
-def _print_sizes(sizes: tuple[Size, ...], session: Session) -> None:
-    """Print n against expected error, with its knee."""
-    session.print("     n   error of h   of K (in units of one reading's noise)")
-    for size in sizes:
-        mark = "  <- knee" if size.knee else ""
-        session.print(f"{size.n:6d} {size.wrench_error:11.3f} {size.stiffness_error:6.3f}{mark}")
 
 
 def campaign(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import shlex
+import shutil
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -18,36 +20,7 @@ from ecm.errors import ComputationError, EcmError, InputError, Refusal, Remedy, 
 from ecm.io.cache import is_device, write_json
 from ecm.io.csv import BadRows
 from ecm.io.table import Need, Table, check_description, read_table
-from ecm.report.page import require_report
-
-
-def columns(rows: Sequence[Sequence[str]], *, header: bool = True) -> str:
-    """Return rows as aligned columns: columns of numbers but the first flush right."""
-    count = max(len(row) for row in rows)
-    filled = [[*row, *[""] * (count - len(row))] for row in rows]
-    widths = [max(len(row[i]) for row in filled) for i in range(count)]
-    numeric = [
-        i > 0 and all(_is_number(row[i]) for row in filled[1 if header else 0 :])
-        for i in range(count)
-    ]
-    lines = [
-        "  ".join(
-            cell.rjust(width) if right else cell.ljust(width)
-            for cell, width, right in zip(row, widths, numeric, strict=True)
-        ).rstrip()
-        for row in filled
-    ]
-    if header:
-        lines.insert(1, "  ".join("-" * width for width in widths))
-    return "\n".join(lines)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text or "0")
-    except ValueError:
-        return False
-    return True
+from ecm.report.page import Report, require_report
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
@@ -190,6 +163,17 @@ class Session(Console):
             self.note(text)
         else:
             super().print(text)
+
+    def write_report(self, report: Report) -> None:
+        """Write the page of --report, where it is asked for."""
+        if self.report is not None:
+            with self.working("writing the report"):
+                report.write(self.report)
+
+    def show(self, report: Report) -> None:
+        """Print a report in lines of the terminal's width; into a file each line is whole."""
+        width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+        self.print(report.text(width))
 
     def __enter__(self) -> Session:
         interrupt.describe(self.left_behind)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from ecm.cli.session import Session, columns
+from ecm.cli.session import Session
 from ecm.diagnosis.check import Check, lines_by_reason
 from ecm.diagnosis.check import check as check_table
 from ecm.effects import load_installed
@@ -18,7 +18,8 @@ from ecm.io.sanity import record_leave_out
 from ecm.io.templates import NEXT_STEP, data_template, description_template, template
 from ecm.logs import import_log as import_any
 from ecm.logs.importing import read_log
-from ecm.logs.page import write_import
+from ecm.logs.page import import_report
+from ecm.report.blocks import columns
 
 
 def import_log(
@@ -84,7 +85,7 @@ def import_log(
         session.warn(warning)
     session.write_json(imported.to_dict())
     if session.report is not None:
-        write_import(session.report, imported)
+        session.write_report(import_report(imported))
     if out is None:
         session.print("\nNothing was written; --out table.csv writes the table.")
     else:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ecm.errors import ModelError
+from ecm.errors import ModelError, Remedy
 from ecm.io.columns import POSE, WRENCH
 from ecm.models.errors import ceiling_rms, held_out
 from ecm.models.fit import symmetric_energy
@@ -31,15 +31,16 @@ _FAMILIES = {
     "asymmetric": "something asymmetric or not conservative",
     "other": "history, time or noise",
 }
-_HELD_OUT = {
+HELD_OUT = {
     "pose": "clusters of poses",
     "time": "blocks of time",
     "run": "each run in turn",
 }
-FEM_NEEDED = (
-    "the physics base is left out: the FEM of this body did not run yet (up to ten minutes, once)"
+FEM_REMEDY = Remedy(
+    "the physics base is left out: the FEM of this body did not run yet (up to ten minutes, once)",
+    "ecm fit DATA --model physics --out physics.json && AGAIN",
 )
-_USELESS = 1e4
+USELESS = 1e4
 """Held-out errors beyond so many times the noise are no errors of a prediction."""
 _NOTHING = 0.03
 """Excess in squares below which nothing is said about a family."""
@@ -57,20 +58,6 @@ class ReferenceModels:
     """What the held-out parts are: clusters of the `pose`, blocks of `time`, or each `run`."""
     fem_needed: bool = False
     """Whether the physics is left out because the FEM of the table's body did not run yet."""
-
-    def levels_in_words(self, *, noise_is_assumed: bool = False) -> str:
-        """Return the known errors and how rows were held out; no number for no prediction."""
-        levels = self.levels()
-        if noise_is_assumed:
-            levels.pop("noise floor", None)
-        shown = ", ".join(f"{n} {value:.2f}" for n, value in levels.items() if value < _USELESS)
-        over = "an assumed noise (only their ratios count)" if noise_is_assumed else "noise"
-        text = f"Error over {over}, {_HELD_OUT[self.by]} held out: {shown}."
-        lost = [name for name, value in levels.items() if value >= _USELESS]
-        if lost:
-            text += f" The {' and the '.join(lost)} do{'es' * (len(lost) == 1)} not extrapolate to "
-            text += "the held-out rows."
-        return text
 
     def levels(self) -> dict[str, float]:
         """Return the known errors by name."""

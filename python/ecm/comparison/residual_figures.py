@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from ecm.comparison.residual_maps import ResidualMaps
 from ecm.io.arrays import F
 from ecm.report import figures as draw
-from ecm.report.page import Block, FigureBlock, Section, TableBlock, TextBlock, number
+from ecm.report.blocks import Block, FigureBlock, Section, TableBlock, TextBlock, number
 
 LINK = "measured rows"
 """Points of all figures with this mark and the same row are marked together."""
@@ -39,9 +39,23 @@ def residual_figure(
     variable = maps.strongest()[0] if variable is None else variable
     columns = maps.residual_map(variable, frame=frame, over_noise=over_noise, predicted=predicted)
     columns = {name: values[maps.drawn] for name, values in columns.items()}
-    curves = [] if predicted is None else _predicted(maps, columns, variable)
-    data = [*_panels(maps, columns, variable), *curves]
-    layout = draw.component_layout(maps.outputs, "" if curves else None)
+    rows = maps.row[maps.drawn].tolist()
+    data = draw.panel_traces(
+        [(columns[variable], columns[name]) for name in maps.outputs],
+        rows,
+        link=LINK,
+        marker={"size": 5, "symbol": "circle-open", "color": draw.COLOURS[0]},
+        hovertemplate="row %{customdata}: %{y:.3g} at %{x:.4g}<extra></extra>",
+    )
+    if predicted is not None:
+        data += draw.panel_traces(
+            [(columns[variable], columns[f"predicted {name}"]) for name in maps.outputs],
+            rows,
+            name="what the effect predicts",
+            marker={"size": 6, "symbol": "cross-thin-open", "color": draw.COLOURS[1]},
+            hovertemplate="row %{customdata}: predicted %{y:.3g}<extra></extra>",
+        )
+    layout = draw.component_layout(maps.outputs, None if predicted is None else "")
     layout["annotations"].append(_x_title(variable))
     last = len(layout["annotations"]) - 1
     names = list(maps.variables)
@@ -58,7 +72,7 @@ def residual_figure(
             for name in names
         ], names.index(variable))
     ]  # fmt: skip
-    if not curves:
+    if predicted is None:
         over = f"over {maps.noise_word}"
         kinds = [(key, unit) for key in maps.physical for unit in (over, "in its unit")]
         buttons = []
@@ -81,123 +95,61 @@ def residual_section(maps: ResidualMaps, variables: Sequence[str] = ()) -> Secti
     variables
         Variables to draw the residual against; default: those that it follows most.
     """
-    blocks: list[Block] = [TextBlock(maps.sentence(), strong=True)]
-    linked = "Click a point, or a row of the table, to mark that row everywhere; again to clear."
     given = [name for name in variables if name in maps.variables]
     first, *second = (given or maps.strongest())[:_DRAWN]
-    blocks.append(
-        FigureBlock(
+    turned = {"theta_y_rad", "theta_z_rad"} <= set(maps.variables)
+    figures = (
+        (
             "Residual, measured minus predicted, of each component. The menus choose the variable, "
-            f"the axes and the unit. {maps.drawn_sentence}{linked}",
+            f"the axes and the unit.{maps.drawn_sentence} Click a point, or a row of the table, to "
+            "mark that row everywhere; again to clear.",
             residual_figure(maps, first),
-        )
+        ),
+        *(("The same against another variable.", residual_figure(maps, name)) for name in second),
+        (
+            "Where in the workspace: the larger the marker, the larger the row's residual over "
+            f"{maps.noise_word}.",
+            workspace_figure(maps) if turned else None,
+        ),
+        (
+            "Share of the residual, beyond chance, that each signature explains alone; shares "
+            "overlap.",
+            signature_figure(maps) if maps.shares else None,
+        ),
+        (
+            "Stiffness ΔK at rest that the model lacks, ± its standard deviation, in N and N m per "
+            "m and rad; bold and coloured where it is more than three of them.",
+            stiffness_figure(maps),
+        ),
     )
-    blocks += [
-        FigureBlock("The same against another variable.", residual_figure(maps, name))
-        for name in second
-    ]
-    if "theta_z_rad" in maps.variables and "theta_y_rad" in maps.variables:
-        blocks.append(
-            FigureBlock(
-                "Where in the workspace: the larger the marker, the larger the row's residual "
-                f"over {maps.noise_word}.",
-                workspace_figure(maps),
-            )
-        )
-    if maps.shares:
-        blocks.append(
-            FigureBlock(
-                "Share of the residual, beyond chance, that each signature explains alone; shares "
-                "overlap.",
-                signature_figure(maps),
-            )
-        )
-    if (lacking := stiffness_figure(maps)) is not None:
-        blocks.append(
-            FigureBlock(
-                "Stiffness ΔK at rest that the model lacks, ± its standard deviation, in N and "
-                "N m per m and rad; bold and coloured where it is more than three of them.",
-                lacking,
-            )
-        )
     worst = maps.worst()
-    header = ["row", "residual / noise", "component", "residual"]
-    if maps.noise_is_assumed:
-        header[1] = "residual / assumed noise"
-    header += ["leverage"] if maps.leverage is not None else []
-    blocks.append(
-        TableBlock(
-            "The ten worst rows of the table.",
-            header,
-            [
-                [
-                    str(item["row"]),
-                    number(item["whitened"]),
-                    item["component"],
-                    number(item["residual"]),
-                    *([number(item["leverage"])] if "leverage" in item else []),
-                ]
-                for item in worst
-            ],
-            link=LINK,
-        )
-    )
+    named = {"whitened": f"residual / {'assumed ' * maps.noise_is_assumed}noise"}
+    header, rows = [named.get(key, key) for key in worst[0]], [[*item.values()] for item in worst]
+    blocks: list[Block] = [
+        TextBlock(maps.sentence(), strong=True),
+        *(FigureBlock(caption, figure) for caption, figure in figures if figure is not None),
+        TableBlock("The worst rows of the table.", header, rows, link=LINK),
+    ]
     return Section("Where", blocks)
-
-
-def _panels(maps: ResidualMaps, columns: Mapping[str, F], variable: str) -> list[dict[str, Any]]:
-    return [
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "x": _plain(columns[variable]),
-            "y": _plain(columns[name]),
-            "name": "measured − predicted",
-            "showlegend": False,
-            "marker": {"size": 5, "symbol": "circle-open", "color": draw.COLOURS[0]},
-            "selected": {"marker": {"color": draw.COLOURS[1], "size": 12}},
-            "unselected": {"marker": {"opacity": 0.35}},
-            "meta": LINK,
-            "customdata": maps.row[maps.drawn].tolist(),
-            "hovertemplate": "row %{customdata}: %{y:.3g} at %{x:.4g}<extra></extra>",
-            **draw.panel_axes(j),
-        }
-        for j, name in enumerate(maps.outputs)
-    ]
-
-
-def _predicted(maps: ResidualMaps, columns: Mapping[str, F], variable: str) -> list[dict[str, Any]]:
-    return [
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "x": _plain(columns[variable]),
-            "y": _plain(columns[f"predicted {name}"]),
-            "name": "what the effect predicts",
-            "legendgroup": "predicted",
-            "showlegend": j == 0,
-            "marker": {"size": 6, "symbol": "cross-thin-open", "color": draw.COLOURS[1]},
-            "customdata": maps.row[maps.drawn].tolist(),
-            "hovertemplate": "row %{customdata}: predicted %{y:.3g}<extra></extra>",
-            **draw.panel_axes(j),
-        }
-        for j, name in enumerate(maps.outputs)
-    ]
 
 
 def workspace_figure(maps: ResidualMaps) -> dict[str, Any]:
     """Return views of the workspace, with markers as large as the residuals over the noise."""
-    columns = {name: values[maps.drawn] for name, values in maps.workspace_map().items()}
-    size = columns["over_noise"]
-    views = (("theta_y_rad", "theta_z_rad"), ("y_m", "z_m"), ("x_m", "theta_x_rad"))
-    return draw.linked_views(
-        [(a, _plain(columns[a]), b, _plain(columns[b])) for a, b in views
-         if a in columns and b in columns],
-        size=np.clip(4.0 + 3.0 * (size - 1.0), 3.0, 18.0),
-        rows=maps.row[maps.drawn].tolist(),
-        text=[f"{value:.2f} times {maps.noise_word}" for value in size],
+    known = {name: values[maps.drawn] for name, values in maps.workspace_map().items()}
+    size = known["over_noise"]
+    return draw.views(
+        known,
+        (("theta_y_rad", "theta_z_rad"), ("y_m", "z_m"), ("x_m", "theta_x_rad")),
+        maps.row[maps.drawn].tolist(),
         link=LINK,
-    )  # fmt: skip
+        text=[f"{value:.2f} times {maps.noise_word}" for value in size],
+        marker={
+            "size": np.clip(4.0 + 3.0 * (size - 1.0), 3.0, 18.0).tolist(),
+            "symbol": "circle-open",
+            "color": draw.COLOURS[0],
+        },
+        hovertemplate="row %{customdata}: %{text}<extra></extra>",
+    )
 
 
 def signature_figure(maps: ResidualMaps) -> dict[str, Any]:
@@ -211,15 +163,14 @@ def stiffness_figure(maps: ResidualMaps) -> dict[str, Any] | None:
     known = maps.stiffness_map()
     if known is None:
         return None
-    rows, names = ["fx", "fy", "fz", "τx", "τy", "τz"], ["x", "y", "z", "θx", "θy", "θz"]
     ratio = known["value"] / known["sd"]
     seen = np.abs(ratio) > 3.0
-    text = [[""] * 6 for _ in rows]
+    text = [[""] * 6 for _ in range(6)]
     for i, j in np.ndindex(6, 6):
         cell = f"{number(known['value'][i, j], 2)} ± {number(known['sd'][i, j], 2)}"
         text[i][j] = f"<b>{cell}</b>" if seen[i, j] else cell
     shown = np.where(seen, np.clip(ratio, -20.0, 20.0), 0.0)
-    return draw.text_map(shown, text, names, rows, limit=20.0)
+    return draw.text_map(shown, text, limit=20.0)
 
 
 def _menu(x: float, buttons: list[dict[str, Any]], active: int) -> dict[str, Any]:

@@ -14,8 +14,9 @@ from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import POSE
 from ecm.regression.folds import is_pose_row, spread_rows
+from ecm.regression.noise import Noise
 from ecm.regression.rows import Rows, is_whole
-from ecm.report.figures import MOST_DRAWN
+from ecm.report.figures import MOST_DRAWN, some_rows
 
 WORST = 10
 """Worst rows of a table that reports list."""
@@ -66,7 +67,7 @@ class ResidualMaps:
     """(d,) places of the rows that figures draw: all of a small table, else some and the worst."""
     total: int
     """Measured poses of the table."""
-    noise_is_assumed: bool = False
+    noise_is_assumed: bool
     """Whether nobody measured or declared the noise: then no more than ratios count."""
 
     @property
@@ -98,13 +99,9 @@ class ResidualMaps:
 
     @property
     def drawn_sentence(self) -> str:
-        """How many rows the figures draw, where not all; ends with a space."""
-        if len(self.drawn) == self.total:
-            return ""
-        return (
-            f"{len(self.drawn)} of {self.total} rows are drawn, spread over runs, time and poses, "
-            "with the worst ones. "
-        )
+        """How many rows of the table the figures draw, where not all."""
+        how = "spread over runs, time and poses, with the worst ones"
+        return some_rows(len(self.drawn), self.total, how)
 
     def sentence(self) -> str:
         """Return in words what the residual follows most."""
@@ -202,18 +199,23 @@ class ResidualMaps:
 
 
 def residual_maps_of(
-    rows: Rows, errors: Residuals, scored: B, leverage: F | None, counted: B | None = None
+    rows: Rows, errors: Residuals, counted: B, leverage: F | None, noise: Noise
 ) -> ResidualMaps:
-    """Return the maps of the scored rows.
+    """Return the maps of the rows that measure a pose.
 
     Parameters
     ----------
     counted
-        (N,) rows on which shares and stiffness rest; default: all.
+        (N,) rows on which shares and stiffness rest.
+    leverage
+        (n,) of the model at the poses that are measured; None where it is not known.
+    noise
+        Noise of the rows.
     """
-    counted = np.ones(len(scored), dtype=np.bool_) if counted is None else counted
+    scored = is_pose_row(rows.table)
     own = counted[scored]
-    weights = None if counted.all() else counted.astype(np.float64)
+    part = Rows(rows.table.subsample(np.flatnonzero(counted)), rows.base)
+    left, whitener = errors.whitened[counted], errors.whitener[counted]
     outputs = rows.base.outputs
     variables = {name: values[scored] for name, values in dependence_variables(rows).items()}
     # A single row can still be drawn against its number.
@@ -228,10 +230,9 @@ def residual_maps_of(
         physical["top"] = np.einsum("nij,nj->ni", turn, physical["base"])
         covariance = turn @ errors.covariance[scored] @ np.swapaxes(turn, 1, 2)
         spread["top"] = np.sqrt(np.einsum("nii->ni", covariance))
-        shares = signature_shares(rows, errors.whitened, errors.whitener, weights)
-        stiffness, sd = residual_stiffness(rows, errors, scored & counted)
+        shares = signature_shares(part, left, whitener)
+        stiffness, sd = residual_stiffness(part, left, whitener)
     size = np.asarray(np.sqrt((errors.whitened[scored] ** 2).mean(axis=1)))
-    table = rows.table.full
     worst = np.argsort(-size, kind="stable")[:WORST]
     return ResidualMaps(
         outputs=outputs,
@@ -251,16 +252,18 @@ def residual_maps_of(
         leverage=leverage,
         top_from_base=turn,
         drawn=np.union1d(spread_rows(rows.table.select(scored), MOST_DRAWN), worst),
-        total=int(is_pose_row(table).sum()),
+        total=int(is_pose_row(rows.table.full).sum()),
+        noise_is_assumed=noise.is_assumed,
     )
 
 
-def residual_stiffness(rows: Rows, errors: Residuals, scored: B) -> tuple[F, F] | tuple[None, None]:
+def residual_stiffness(rows: Rows, whitened: F, whitener: F) -> tuple[F, F] | tuple[None, None]:
     """Return the slope (6, 6) and its standard deviations, in N and N m per m and rad.
 
     Fitted beside a constant and, with enough rows, squares and products. None where the poses are
     too few, or do not span all six coordinates.
     """
+    scored = is_pose_row(rows.table)
     deflection = (rows.poses - rows.middle_pose)[scored]
     n = len(deflection)
     scale = np.maximum(np.abs(deflection).max(axis=0), 1e-12)
@@ -273,11 +276,10 @@ def residual_stiffness(rows: Rows, errors: Residuals, scored: B) -> tuple[F, F] 
     basis = np.concatenate(columns, axis=1)
     if n < 2 * basis.shape[1] or np.linalg.matrix_rank(basis) < basis.shape[1]:
         return None, None
-    whitener = errors.whitener[scored]
     q = basis.shape[1]
-    design = np.einsum("nij,nq->niqj", whitener, basis).reshape(6 * n, 6 * q)
+    design = np.einsum("nij,nq->niqj", whitener[scored], basis).reshape(6 * n, 6 * q)
     covariance = np.linalg.inv(design.T @ design)
-    y = errors.whitened[scored].ravel()
+    y = whitened[scored].ravel()
     solution = covariance @ (design.T @ y)
     # What the slope does not explain is not noise alone: scale the errors by it.
     left = float(((y - design @ solution) ** 2).sum()) / (6 * n - 6 * q)

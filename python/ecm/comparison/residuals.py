@@ -214,8 +214,7 @@ def dependence_variables(rows: Rows) -> dict[str, F]:
         variables["force_N"] = np.asarray(np.linalg.norm(rows.wrench[:, :3], axis=1))
         variables["torque_Nm"] = np.asarray(np.linalg.norm(rows.wrench[:, 3:], axis=1))
     variables["row"] = (table.row_numbers + 1).astype(np.float64)
-    named = ("time_s", "temperature_degC", "sensor_temperature_degC", "dwell_s", "repeat")
-    for name in (*named, *table.covariates):
+    for name in (*KNOWN, "repeat", *table.covariates):
         if table.has(name):
             values = table.column(name)
             if np.isfinite(values).all():

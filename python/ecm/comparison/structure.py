@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ecm.comparison.residuals import feature_columns, features
+from ecm.comparison.residuals import KNOWN, feature_columns, features
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import JOINT_SIGNS, JOINTS, VELOCITY
 from ecm.io.table import Table
@@ -208,9 +208,6 @@ def other_columns(rows: Rows) -> F:
     return np.stack(varying, axis=1) if varying else np.zeros((len(rows), 0))
 
 
-_COVARIATES = ("time_s", "temperature_degC", "sensor_temperature_degC", "dwell_s", "approach")
-
-
 def signature_shares(
     rows: Rows, whitened: F, whitener: F, weights: F | None = None, scale: float = 1.0
 ) -> dict[str, float]:
@@ -249,7 +246,7 @@ def signature_shares(
         "even": _spread(even),
     }
     values, names = features(rows, 90)
-    for covariate in _COVARIATES:
+    for covariate in (*KNOWN, "approach"):
         own = [j for j, name in enumerate(names) if covariate in name.split("*")]
         if own:
             named[covariate] = _spread(values[:, own])

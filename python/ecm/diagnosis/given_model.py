@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from ecm.comparison.comparison import Comparison, compare
+from ecm.comparison.comparison import compare
+from ecm.comparison.result import Comparison
 from ecm.comparison.structure import NEAR_NOISE, StructureTest, nothing_follows, structure_test
 from ecm.diagnosis.decision import Decision
 from ecm.diagnosis.readings import WrongStatement, best_of
@@ -154,7 +155,7 @@ _MOST_ROWS = 1000
 """Rows that a refit of the same kind uses."""
 _FAR = 2.0
 """A reading may leave so many times the error of a base fitted to the rows."""
-_AS_AT_HOME = 1.5
+_OF_ITS_OWN = 1.5
 """A reading may leave so many times the error of the model on the rows that it was fitted to."""
 _SCALED = 0.25
 """One factor explains a misfit where it leaves at most this share of its squares."""
@@ -336,34 +337,45 @@ def judge_given_model(
         needed = fit is not None and _bic_fall(again, fit) > settings.least_bic
     missing = missing or needed
     refitted = _errors(again, noise) if again is not None else base_errors if same else None
-    if same:
-        still = decision.gate.rejected
-    else:
-        still = needed or again is None or (missing and _structure(again, noise).found)
     behind = refitted is not None and _far_behind(refitted, base_errors, settings)
-    still = still or behind
+    if same:
+        fits_again = not (decision.gate.rejected or behind)
+    else:
+        fits_again = again is not None and not (needed or behind)
+        fits_again = fits_again and not (missing and _holds_structure(again, noise))
     # Of the same form as the base, what the base lacks the model lacks as well.
     same_form = alike and model.base.name == problem.base.name
-    lacks_the_same = same_form and decision.verdict != "none"
-    answer = _answer(missing, refitted is not None and not still, behind, decision)
-    far_off = (as_given.over_noise or 0.0) > settings.most_left_error
+    none, unknown = decision.verdict == "none", decision.unknown
+    # What the base does not lack either is no effect, and what it lacks too is the smaller part.
+    too_plain = missing and not fits_again and (behind or none)
     reason: Literal["", "rows", "weak"] = ""
-    if answer == "form":
-        reason = _reason(model, problem, spoiled=far, same_form=same_form)
-        answer = "numbers" if reason == "rows" else "effect" if reason else "form"
-    if decision.unknown is not None and decision.unknown.slow_noise is not None:
-        answer = "fits"
-    elif lacks_the_same:
-        answer = "effect"
-    elif not missing and far_off:
-        answer = "noise" if decision.verdict == "none" else "effect"
-    elif answer == "fits" and (as_given.over_noise or 0.0) > NEAR_NOISE and result.excess_low > 0.0:
-        answer = "noise"
-    misread = decision.unknown is not None and decision.unknown.misread
+    if too_plain:
+        richer = len(problem.base.coefficients) > len(model.base.coefficients)
+        spoiled = far and len(problem.unlike_rows) > 0 and not richer
+        reason = "rows" if spoiled else "weak" if same_form else ""
+    over_noise = as_given.over_noise or 0.0
+    far_off = over_noise > settings.most_left_error
+    beyond = over_noise > NEAR_NOISE and result.excess_low > 0.0
+    rules: tuple[tuple[bool, Answer], ...] = (
+        (unknown is not None and unknown.slow_noise is not None, "fits"),
+        (same_form and not none, "effect"),
+        (not missing and far_off, "noise" if none else "effect"),
+        (not missing, "noise" if beyond else "fits"),
+        (fits_again or reason == "rows", "numbers"),
+        (too_plain and not reason, "form"),
+        (True, "effect"),
+    )
+    answer = next(word for holds, word in rules if holds)
+    misread = unknown is not None and unknown.misread
     doubted = missing or answer == "effect" or (answer == "noise" and far_off)
     statement = None
     if doubted and not (misread and same):  # the base has the numbers of the body then
-        statement = _statement(model, prepared.table, noise, base_errors, settings)
+        # A reading must fit as well as the model on its own rows, or as the base does here.
+        own = _OF_ITS_OWN * float(model.training.get("over_noise", 0.0))
+        most = max(settings.most_left_error, _FAR * (base_errors.over_noise or 0.0), own)
+        statement = reading_of_given_model(
+            model, prepared.table, noise, most, settings.mended_share
+        )
     if doubted and (misread or statement is not None):
         answer = "table"
     return GivenModel(
@@ -460,38 +472,13 @@ def _bic_fall(without: JointFit, with_effects: JointFit) -> float:
     return float(size * fall - more * math.log(size))
 
 
-def _structure(fit: JointFit, noise: Noise) -> StructureTest:
+def _holds_structure(fit: JointFit | None, noise: Noise) -> bool:
+    """Whether the residual of a fit holds more than chance."""
+    if fit is None:
+        return False
     whitener = whiteners(noise.covariance(fit.rows, fit.base.error))
     scored = is_pose_row(fit.rows.table)
-    return structure_test(fit.rows, fit.whitened, whitener, scored, fitted=fit.design)
-
-
-def _answer(missing: bool, fits_again: bool, behind: bool, decision: Decision) -> Answer:
-    if not missing:
-        return "fits"
-    if fits_again:
-        return "numbers"
-    # What the base does not lack either is no effect, and what it lacks too is the smaller part.
-    return "form" if behind or decision.verdict == "none" else "effect"
-
-
-def _statement(
-    model: Model, table: Table, noise: Noise, base: Errors, settings: DiagnosisSettings
-) -> WrongStatement | None:
-    """Return the reading with which the model fits as well as at home, or as the base does."""
-    at_home = _AS_AT_HOME * float(model.training.get("over_noise", 0.0))
-    most = max(settings.most_left_error, _FAR * (base.over_noise or 0.0), at_home)
-    return reading_of_given_model(model, table, noise, most, settings.mended_share)
-
-
-def _reason(
-    model: Model, problem: Problem, *, spoiled: bool, same_form: bool
-) -> Literal["", "rows", "weak"]:
-    """Why a base that is no richer than the model fits where the model does not."""
-    richer = len(problem.base.coefficients) > len(model.base.coefficients)
-    if spoiled and problem.unlike_rows and not richer:
-        return "rows"
-    return "weak" if same_form else ""
+    return structure_test(fit.rows, fit.whitened, whitener, scored, fitted=fit.design).found
 
 
 def _far_behind(given: Errors, base: Errors, settings: DiagnosisSettings) -> bool:

@@ -12,18 +12,16 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy import optimize, special
+from scipy import special
 
 from ecm.designs.nominal import NominalModel
-from ecm.diagnosis.confusion import confusable_pairs
+from ecm.diagnosis.confusion import confusable_pairs, squares_left_after
 from ecm.diagnosis.problem import Problem, assemble
 from ecm.effects import Effect, Rows
 from ecm.errors import InputError
-from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.regression.noise import Noise
-from ecm.regression.normal_equations import solve
 from ecm.rig.plan import OFFSET, UNLOADED, requests
 from ecm.rig.settings import RigSettings
 from ecm.rig.timeline import Climate, timeline_of
@@ -148,24 +146,17 @@ def identifiability(
         rivals.setdefault(second, []).append(first)
     results = []
     for effect in effects:
+        missing = problem.untestable.get(effect.id)
         if effect.id in limits:
-            limit = limits[effect.id]
-            results.append(
-                Identifiability(
-                    effect.id,
-                    limit.parameter,
-                    limit.size,
-                    limit.unit,
-                    tuple(rivals.get(effect.id, ())),
-                )
-            )
-        else:
-            missing = problem.untestable.get(effect.id)
-            reason = "the base absorbs it" if missing is None else missing.reason
-            record = "[mechanism]" if missing is None else missing.record
-            if missing is None and effect.kind == "noise":
-                reason, record = "it changes the scatter, not the mean", "repeats"
-            results.append(Identifiability(effect.id, reason=reason, record=record))
+            known, alike = vars(limits[effect.id]), tuple(rivals.get(effect.id, ()))
+            results.append(Identifiability(effect.id, **known, rivals=alike))
+            continue
+        reason, record = "the base absorbs it", "[mechanism]"
+        if missing is not None:
+            reason, record = missing.reason, missing.record
+        elif effect.kind == "noise":
+            reason, record = "it changes the scatter, not the mean", "repeats"
+        results.append(Identifiability(effect.id, reason=reason, record=record))
     return sorted(results, key=lambda item: (bool(item.reason), bool(item.rivals)))
 
 
@@ -188,7 +179,7 @@ def detection_limits(problem: Problem) -> dict[str, DetectionLimit]:
         needed = _noncentrality(problem, candidate.parameters)
         sizes = []
         for column, parameter in zip(candidate.columns, candidate.effect.parameters, strict=True):
-            information = _information(matrix, problem, column)
+            information = squares_left_after(matrix, [column], np.ones(1), problem.base_index)
             if information > 0.0:
                 size = float(np.sqrt(needed / information) / problem.norms[column])
                 sizes.append((size / parameter.scale, size, parameter))
@@ -203,24 +194,9 @@ def least_strength_seen(problem: Problem) -> float:
     return float(np.sqrt(_noncentrality(problem, 1) / problem.size))
 
 
-def _information(matrix: F, problem: Problem, column: int) -> float:
-    """Return the squared length of one column after projecting the base out, over the scale."""
-    base = np.asarray(problem.base_index, dtype=np.int64)
-    own = float(matrix[column, column])
-    if len(base) == 0:
-        return own
-    cross = matrix[base, column]
-    return own - float(cross @ solve(matrix[np.ix_(base, base)], cross))
-
-
 def _noncentrality(problem: Problem, k: int) -> float:
     """Return the noncentrality at which delta chi² of k parameters passes the test and BIC."""
     settings = problem.settings
     by_test = float(special.chdtri(k, settings.level / max(1, len(problem.ids))))
     by_bic = settings.least_bic + k * float(np.log(problem.size))
-    needed = max(by_test, by_bic)
-
-    def lacking(value: float) -> float:
-        return 1.0 - float(special.chndtr(needed, k, value)) - settings.power
-
-    return float(optimize.brentq(lacking, 1e-3, 4.0 * needed + 100.0))
+    return float(special.chndtrinc(max(by_test, by_bic), k, 1.0 - settings.power))

@@ -258,27 +258,6 @@ def _exceeds(expected: float, limit: float, explained: float, settings: Diagnosi
     return float(special.ndtr((expected - limit) / sd))
 
 
-def combined_power(*parts: Sequence[Discrimination]) -> list[Discrimination]:
-    """Return the chance that one of several measurements refutes, by class and pair."""
-    combined = []
-    for powers in zip(*parts, strict=True):
-        pairs = dict.fromkeys(pair for one in powers for pair in one)
-        combined.append(
-            {p: 1.0 - float(np.prod([1.0 - one.get(p, 0.0) for one in powers])) for p in pairs}
-        )
-    return combined
-
-
-def chance_of_right_name(classes: Sequence[Discrimination]) -> float:
-    """Return the chance of the right single name in every class, members equally likely."""
-    chance = 1.0
-    for power in classes:
-        truths = dict.fromkeys(truth for truth, _ in power)
-        each = [np.prod([p for (a, _), p in power.items() if a == truth]) for truth in truths]
-        chance *= float(np.mean(each)) if each else 1.0
-    return chance
-
-
 @dataclass(frozen=True)
 class Proposal:
     """One experiment or session, and what it is worth."""
@@ -317,22 +296,14 @@ def next_experiments(
     classes
         Ids that cannot be told from each of them.
     """
-    groups = [
-        _group(problem, chosen, item, members)
-        for item, members in zip(chosen, classes, strict=True)
-        if len(members) > 1
-    ]
+    groups, most = [], problem.settings.most_compared
+    for item, members in zip(chosen, classes, strict=True):
+        if len(members) > 1:
+            # The next rivals that look alike would take a member's place.
+            rivals = [*members, *confusion_class(problem, chosen, item, most=most)]
+            others = [other for other in chosen if other is not item]
+            groups.append(ConfusionClass.of(problem, others, list(dict.fromkeys(rivals))[:most]))
     return _Choice(problem.settings, groups, _offered(problem, groups)).proposals()
-
-
-def _group(
-    problem: Problem, chosen: Sequence[Candidate], item: Candidate, members: Sequence[str]
-) -> ConfusionClass:
-    """Return a class with the next rivals that look alike, which would take a member's place."""
-    most = problem.settings.most_compared
-    others = [other for other in chosen if other is not item]
-    next_rivals = confusion_class(problem, chosen, item, most=most)
-    return ConfusionClass.of(problem, others, list(dict.fromkeys([*members, *next_rivals]))[:most])
 
 
 def _offered(
@@ -389,11 +360,24 @@ class _Choice:
         return [group.now for group in self.groups]
 
     def _power(self, parts: Sequence[Experiment]) -> list[Discrimination]:
-        return combined_power(self._now, *(self.offered[one] for one in parts))
+        """Return by class the chance that the data or one of the experiments refutes each rival."""
+        combined = []
+        for powers in zip(self._now, *(self.offered[one] for one in parts), strict=True):
+            missed: Discrimination = {}
+            for one in powers:
+                for pair, power in one.items():
+                    missed[pair] = missed.get(pair, 1.0) * (1.0 - power)
+            combined.append({pair: 1.0 - value for pair, value in missed.items()})
+        return combined
 
     def _chance(self, parts: Sequence[Experiment]) -> float:
-        """Return the chance of the right names after some experiments."""
-        return chance_of_right_name(self._power(parts) if parts else self._now)
+        """Return the chance of the right single name in every class, members equally likely."""
+        chance = 1.0
+        for power in self._power(parts):
+            truths = dict.fromkeys(truth for truth, _ in power)
+            each = [np.prod([p for (a, _), p in power.items() if a == t]) for t in truths]
+            chance *= float(np.mean(each)) if each else 1.0
+        return chance
 
     def _named(self, experiment: Experiment) -> set[str]:
         """Return the pairs of members for which the catalogue names this experiment."""

@@ -76,7 +76,7 @@ def report(
         Noise of the rows, where the user gave it.
     """
     with beside(lambda: judge_given_model(model, decision, noise=noise)) as judged:
-        made = _report(decision, model, seed, judged)
+        made = _report(decision, seed, judged)
     statement = made.model.statement
     if statement is None or made.answer:
         return made
@@ -84,7 +84,7 @@ def report(
     return replace(made, verdict="unknown", unknown=misread_table(statement), family=None)
 
 
-def _report(decision: Decision, model: Model, seed: int, judged: Future[GivenModel]) -> Diagnosis:
+def _report(decision: Decision, seed: int, judged: Future[GivenModel]) -> Diagnosis:
     """Return the report; it waits at its end for the answer about the model that was given."""
     problem, prepared = decision.problem, decision.prepared
     accepted = decision.accepted.effects
@@ -116,7 +116,6 @@ def _report(decision: Decision, model: Model, seed: int, judged: Future[GivenMod
         detection_limits=detection_limits(problem),
         unknown=decision.unknown,
         family=decision.family,
-        rmse=_component_errors(model, decision, final, ceiling),
         held_out=_held_out(problem, accepted, ceiling),
         signature=signature_shares(
             problem.rows, problem.response, problem.whitener, problem.weights, problem.scale
@@ -137,6 +136,7 @@ def _report(decision: Decision, model: Model, seed: int, judged: Future[GivenMod
             *decision.warnings,
         ),
         model=judged.result(),
+        rmse=_component_errors(judged.result().as_given.rmse, problem, final, ceiling),
     )
 
 
@@ -247,23 +247,18 @@ def _base_summary(problem: Problem) -> BaseSummary:
 
 
 def _component_errors(
-    model: Model, decision: Decision, final: JointFit, ceiling: Ceiling | None
+    before: dict[str, float], problem: Problem, final: JointFit, ceiling: Ceiling | None
 ) -> ComponentErrors:
-    """Return the errors of the model as given, the base without and with effects, the floor."""
-    problem, table = decision.problem, decision.prepared.table
-    scored, names = problem.scored, problem.base.outputs
-    measured = np.stack([table.column(name) for name in model.outputs], axis=1)
-    before = np.sqrt(((measured - model.predict(table))[scored] ** 2).mean(axis=0))
-    alone, after = problem.rms(problem.fit.residual), problem.rms(final.residual)
+    """Return the errors of the model as given, the base with effects, the floor."""
+    names, after = problem.base.outputs, problem.rms(final.residual)
     floor: dict[str, float] = {}
     if not problem.noise.is_assumed:
         covariance = problem.noise.covariance(problem.rows, problem.base.error)
-        sd = np.sqrt(np.einsum("nii->ni", covariance)[scored].mean(axis=0))
+        sd = np.sqrt(np.einsum("nii->ni", covariance)[problem.scored].mean(axis=0))
         floor = dict(zip(names, sd.tolist(), strict=True))
     reached = {} if ceiling is None else dict(zip(names, ceiling.components.tolist(), strict=True))
     return ComponentErrors(
-        before=dict(zip(model.outputs, before.tolist(), strict=True)),
-        base=dict(zip(names, alone.tolist(), strict=True)),
+        before=before,
         after=dict(zip(names, after.tolist(), strict=True)),
         floor=floor,
         ceiling=reached,

@@ -18,6 +18,7 @@ from ecm.diagnosis.given_model import GivenModel
 from ecm.diagnosis.identifiability import DetectionLimit
 from ecm.diagnosis.next_experiment import Proposal
 from ecm.diagnosis.search import Refinement
+from ecm.diagnosis.sections import diagnosis_report
 from ecm.diagnosis.stated_numbers import NoiseFinding
 from ecm.diagnosis.summary import Summary, fields_json, to_json
 from ecm.diagnosis.unexplained import Unknown
@@ -28,6 +29,9 @@ from ecm.models.joint_fit import FittedEffect
 from ecm.models.refit import refit, refuse_addition
 from ecm.regression.folds import RowsUsed
 from ecm.regression.noise import Noise
+from ecm.report import figures as draw
+from ecm.report.blocks import Block
+from ecm.report.page import Report, Shown
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
@@ -144,10 +148,8 @@ class ComponentErrors:
 
     before: dict[str, float]
     """Errors of the model as given, not refitted."""
-    base: dict[str, float] = field(metadata={"json": ""})
-    """Errors of the base that names are against, fitted to these rows."""
     after: dict[str, float]
-    """Errors of that base with the accepted effects."""
+    """Errors of the base that names are against with the accepted effects."""
     floor: dict[str, float]
     """Errors by noise alone; empty where nothing is known of the noise."""
     ceiling: dict[str, float]
@@ -186,11 +188,12 @@ class OutsideCause:
 
 
 @dataclass(frozen=True)
-class Diagnosis:
+class Diagnosis(Shown):
     """What is missing, what this rests on, and what cannot be told.
 
-    `print` shows three lines, `plot` draws the ranking, `to_pandas` gives it as a table, and
-    `to_dict` is the report. Rows are counted from 0 here and from 1 in the report.
+    `print` shows three lines, `report` the rest in words and tables, `plot` draws the ranking,
+    `to_pandas` gives it as a table, and `to_dict` is plain JSON. Rows are counted from 0 here and
+    from 1 in the report.
 
     Examples
     --------
@@ -250,6 +253,14 @@ class Diagnosis:
 
     def __str__(self) -> str:
         return str(self.summary())
+
+    def blocks(self) -> list[Block]:
+        """Return the three lines as a table."""
+        return [*self.report().sections[0].blocks]
+
+    def report(self) -> Report:
+        """Return what terminal, notebook and page show: `print(result.report().text())`."""
+        return diagnosis_report(self.to_dict())
 
     def summary(self) -> Summary:
         """Return what is missing, how to add it, and what to do next: a line each."""
@@ -337,14 +348,11 @@ class Diagnosis:
         MissingExtra
             If plotly is not installed.
         """
-        plotly = require("plotly.graph_objects", "report", "The figure of the ranking")
         shown = self.ranking[:most][::-1]
-        figure = plotly.Figure(
-            plotly.Bar(
-                x=[one.delta_bic for one in shown], y=[one.id for one in shown], orientation="h"
-            )
-        )
-        return figure.update_layout(title=self._headline(), xaxis_title="fall of BIC")
+        falls, names = [one.delta_bic for one in shown], [one.id for one in shown]
+        layout = draw.plain_layout("fall of BIC", "", title={"text": self._headline()})
+        bars = {"type": "bar", "orientation": "h", "x": falls, "y": names}
+        return draw.plotly_figure({"data": [bars], "layout": layout})
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON report (docs/schemas/diagnose.json)."""

@@ -1,79 +1,140 @@
-"""Sections of a diagnosis: verdict and what it rests on, what is unknown, what cannot be seen."""
+"""The report of a diagnosis: verdict and what it rests on, what is unknown, what cannot be seen."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-from ecm.comparison.comparison import Comparison
 from ecm.comparison.residual_figures import residual_figure, residual_section
-from ecm.comparison.sections import workspace_blocks
+from ecm.comparison.result import Comparison, workspace_blocks
 from ecm.diagnosis.summary import LINES
+from ecm.effects import with_shape
+from ecm.errors import Remedy
 from ecm.io.arrays import F
-from ecm.report.page import (
-    Block,
-    CodeBlock,
-    FigureBlock,
-    Section,
-    TableBlock,
-    TextBlock,
-    number,
-    warnings_table,
-    write_page,
-)
+from ecm.report.blocks import Block, CodeBlock, FigureBlock, Section, TableBlock, TextBlock, number
+from ecm.report.page import Report
 
 _SHOWN = 12
 _STEPS = ("before", "base", "after", "floor", "ceiling")
 
 
-def verdict_section(document: Mapping[str, Any]) -> Section:
-    """The three lines, base, noise and gate, errors, sizes of what is named, what looks alike."""
-    blocks: list[Block] = [
-        TableBlock("", ("", ""), [[words, document["summary"][key]] for key, words in LINES]),
-        TextBlock(document["sentence"]),
-        _rests_on(document),
+def diagnosis_report(
+    document: Mapping[str, Any],
+    compared: Comparison | None = None,
+    predicted: F | None = None,
+) -> Report:
+    """Return three lines, verdict, unknown structure, residual maps, ranking, limits, what is next.
+
+    Parameters
+    ----------
+    document
+        The diagnosis as plain values (`Diagnosis.to_dict`).
+    compared
+        Comparison of the model before with the same rows, for the residual maps.
+    predicted
+        (N, m) what the effects of the answer add to the wrench of its rows.
+    """
+    lines = [[words, document["summary"][key]] for key, words in LINES]
+    sections = [
+        Section("In three lines", [TableBlock("", ("", ""), lines)]),
+        Section("Verdict", verdict_blocks(document)),
     ]
-    blocks += _errors(document)
-    rows = [
-        [item["id"], name, number(p["value"]), number(p["sd"], 2), p["unit"]]
-        for item in document["effects"]
-        for name, p in item["parameters"].items()
+    if document["unknown"] is not None:
+        sections.append(Section("Unknown", _unknown(document["unknown"])))
+    if compared is not None:
+        sections.append(_residuals(document, compared, predicted))
+    sections += [
+        Section(title, [table])
+        for title, table in (
+            ("Next experiment", _next(document)),
+            ("Ranking", ranking_table(document)),
+            ("Not testable", not_testable_table(document)),
+            ("Would have been seen from", _limits(document)),
+        )
+        if table.rows
     ]
-    if rows:
-        header = ("effect", "parameter", "value", "± sd", "unit")
-        blocks.append(TableBlock("What the accepted effects measure.", header, rows))
+    lead = f"verdict: {document['verdict']}"
+    return Report("Which effect is missing", lead, sections, document["warnings"])
+
+
+def verdict_blocks(document: Mapping[str, Any]) -> list[Block]:
+    """Base, noise and gate, errors, sizes of what is named, what looks alike, how to add it."""
+    effects = document["effects"]
     alike: dict[str, list[str]] = {}
     for first, second in document["confusable"]:
         alike.setdefault(first, []).append(second)
-    if alike:
-        rows = [[first, ", ".join(others)] for first, others in alike.items()]
-        caption = "What these data cannot tell a"
-        blocks.append(TableBlock(caption, ("effect", "looks like"), rows))
-    if document["look_alikes"]:
-        rows = [[one["id"], one["what"], one["apart"]] for one in document["look_alikes"]]
-        caption = "What is not in the catalogue and would get the same name."
-        outside = ("effect", "or", "what tells it apart")
-        blocks.append(TableBlock(caption, outside, rows))
-    blocks += warnings_table(document["warnings"])
-    return Section("Verdict", blocks)
+    tables = [
+        _rests_on(document),
+        *_errors(document),
+        TableBlock(
+            "What the accepted effects measure.",
+            ("effect", "parameter", "value", "± sd", "unit"),
+            [
+                [item["id"], name, number(p["value"], 4), p["sd"], p["unit"]]
+                for item in effects
+                for name, p in item["parameters"].items()
+            ],
+        ),
+        TableBlock(
+            "What is not in the catalogue and would get the same name.",
+            ("effect", "or", "what tells it apart"),
+            [[one["id"], one["what"], one["apart"]] for one in document["look_alikes"]],
+        ),
+        TableBlock(
+            "What these data cannot tell apart.",
+            ("effect", "looks like"),
+            [[first, ", ".join(others)] for first, others in alike.items()],
+        ),
+    ]
+    return [
+        TextBlock(document["sentence"]),
+        *(
+            TextBlock(f"{one['id']}: {with_shape(one['id'], one.get('shape', {})).physics}")
+            for one in effects
+        ),
+        *(table for table in tables if table.rows),
+        *_addition(document.get("addition")),
+    ]
+
+
+def _addition(addition: Mapping[str, Any] | None) -> list[Block]:
+    """What adding the effects to the given model brings, and the command."""
+    if addition is None:
+        return []
+    names, held_out = " and ".join(addition["effects"]), addition["held_out"]
+    text = f"Add it: {names}"
+    if addition["refused"]:
+        text += f" cannot be added to this model: {addition['refused']}"
+    elif held_out["after"] is not None:
+        text += f"; this model's held-out error {held_out['before']:.2f} -> "
+        text += f"{held_out['after']:.2f} times the noise"
+    if addition["remedy"] is None:
+        return [TextBlock(f"{text.rstrip('.')}.")]
+    remedy = Remedy(**addition["remedy"])
+    words = f" {Remedy(remedy.words)}" if addition["refused"] else ""
+    return [CodeBlock(f"{text.rstrip('.')}.{words}", remedy.command)]
 
 
 def _rests_on(document: Mapping[str, Any]) -> TableBlock:
     """Base, noise and gate of the verdict."""
-    base, gate = document["base"], document["gate"]
-    rows = [
-        ["base", base["kind"]],
-        *(
-            []
-            if document["noise"].get("is_residual") or base["error_over_noise"] == 0.0
-            else [["the base's own error over the noise", f"{base['error_over_noise']:.2f}"]]
-        ),
-        *_mesh_row(base),
-        ["source of the noise", noise_words(document["noise"])],
+    base, gate, noise = document["base"], document["gate"], document["noise"]
+    rows = [["base", base["kind"]]]
+    # Only a body's FEM has one; how far another form is off is what the tests say.
+    if not noise["is_assumed"] and base["error_over_noise"] != 0.0:
+        rows.append(["the base's own error over the noise", f"{base['error_over_noise']:.2f}"])
+    if "mesh_error" in base:
+        share = max(abs(value) for value in base["mesh_error"].values())
+        left = f"{base['mesh_error_over_noise']:.2f} times the noise beside E and nu"
+        left = f"up to {share:.1%} of the wrench, {left}, a direction in which the base may err"
+        rows.append(["standard mesh against the fine one", left])
+    source = "not known (the base's own residual weighs the components)"
+    rows += [
+        ["source of the noise", source if noise.get("is_residual") else noise["source"]],
         ["lack of fit", f"F = {number(gate['F'])}, p = {number(gate['p'], 2)}"],
     ]
+    if (pattern := (document["unknown"] or {}).get("pattern")) is not None:
+        rows.append([pattern["words"], f"p = {number(pattern['p'], 2)}"])
     if "rows_used" in document:
         rows.append(["rows", document["rows_used"]["sentence"]])
     if document["verdict"] == "none":
@@ -82,32 +143,12 @@ def _rests_on(document: Mapping[str, Any]) -> TableBlock:
     return TableBlock("What the verdict rests on.", ("", ""), rows)
 
 
-def _mesh_row(base: Mapping[str, Any]) -> list[list[str]]:
-    """What the size of the elements makes, where two meshes were compared."""
-    if "mesh_error" not in base:
-        return []
-    share = max(abs(value) for value in base["mesh_error"].values())
-    left = f"{base['mesh_error_over_noise']:.2f} times the noise beside E and nu"
-    left += ", a direction in which the base may err"
-    return [["standard mesh against the fine one", f"up to {share:.1%} of the wrench, {left}"]]
-
-
-def noise_words(noise: Mapping[str, Any]) -> str:
-    """Where the noise comes from; a spread of the residual is not called noise."""
-    if noise.get("is_residual"):
-        return "not known (the base's own residual weighs the components)"
-    return str(noise["source"])
-
-
-def _errors(document: Mapping[str, Any]) -> list[Block]:
+def _errors(document: Mapping[str, Any]) -> list[TableBlock]:
     """Error of each component, and of held-out rows over the noise, at each step."""
     errors = {**document["rmse"], "base": document["model"]["base_errors"]["rmse"]}
     held_out = document["held_out"]
     steps = [step for step in _STEPS if errors[step]]
-    rows = [
-        [name, *(number(errors[step].get(name, float("nan"))) for step in steps)]
-        for name in errors["before"]
-    ]
+    rows = [[name, *(errors[step].get(name) for step in steps)] for name in errors["before"]]
     caption = (
         "Root mean square error in the unit of each column. Before: the model as given, not "
         "refitted. Base: what names are against, fitted to these rows. After: the base with the "
@@ -128,16 +169,13 @@ def _errors(document: Mapping[str, Any]) -> list[Block]:
         TableBlock(
             f"Held-out error over {unit}. Before: the base alone.",
             ("", *over_noise),
-            [["held-out rows", *(number(value) for value in over_noise.values())]],
+            [["held-out rows", *over_noise.values()]],
         ),
     ]
 
 
-def unknown_section(document: Mapping[str, Any]) -> Section | None:
+def _unknown(unknown: Mapping[str, Any]) -> list[Block]:
     """Variables that matter, words, the nearest effect and a draft of a new one."""
-    unknown = document["unknown"]
-    if unknown is None:
-        return None
     blocks: list[Block] = [TextBlock(f"What stays: {unknown['words']}.")]
     if unknown["variables"]:
         blocks.append(TextBlock(f"It follows: {', '.join(unknown['variables'])}."))
@@ -146,101 +184,55 @@ def unknown_section(document: Mapping[str, Any]) -> Section | None:
             TextBlock(f"The nearest effect is {nearest['id']}: {nearest['share']:.0%} of it.")
         )
     if unknown["skeleton"]:
-        blocks.append(
-            CodeBlock("A first draft of an effect of your own, in Python.", unknown["skeleton"])
-        )
-    return Section("Unknown", blocks)
+        caption = "A first draft of an effect of your own, in Python."
+        blocks.append(CodeBlock(caption, unknown["skeleton"]))
+    return blocks
 
 
-def limits_section(document: Mapping[str, Any]) -> Section | None:
+def _limits(document: Mapping[str, Any]) -> TableBlock:
     """From which size each testable effect would have been named."""
-    limits = document["detection_limits"]
-    if not limits:
-        return None
-    rows = [
-        [id, item["parameter"], number(item["size"]), item["unit"]] for id, item in limits.items()
-    ]
-    caption = "The smallest size that these data would have named with chance 0.9."
-    header = ("effect", "parameter", "size", "unit")
-    return Section("Would have been seen from", [TableBlock(caption, header, rows)])
-
-
-def untestable_section(document: Mapping[str, Any]) -> Section | None:
-    """Effects that these data cannot test, and what to record so that they can."""
-    if not document["not_testable"]:
-        return None
-    rows = [[item["id"], item["reason"], item["record"]] for item in document["not_testable"]]
-    header = ("effect", "why not", "what to record")
-    block = TableBlock("Effects that these data cannot test.", header, rows)
-    return Section("Not testable", [block])
-
-
-def next_section(document: Mapping[str, Any]) -> Section | None:
-    """Experiments that would tell more, with their minutes."""
-    if not document["next_experiment"]:
-        return None
-    rows = [_proposal(item) for item in document["next_experiment"]]
-    header = ("action", "minutes", "tells apart", "chance of the right name")
-    return Section("Next experiment", [TableBlock("What would tell more.", header, rows)])
-
-
-def _proposal(item: Mapping[str, Any]) -> list[str]:
-    known = item.get("p_correct") is not None
-    chance = f"{item['p_correct_before']:.2f} to {item['p_correct']:.2f}" if known else "not known"
-    return [item["action"], str(item["minutes"]), "; ".join(item.get("separates", ())), chance]
-
-
-def ranking_table(diagnosis: Mapping[str, Any]) -> TableBlock:
-    """The first rows of the ranking."""
     return TableBlock(
-        "The effects in order of what each would explain alone.",
-        ("effect", "p", "ΔBIC", "size", "± sd", "unit", "expected fall of error / noise"),
+        "The smallest size that these data would have named with chance 0.9.",
+        ("effect", "size", "unit", "parameter"),
         [
-            [
-                row["id"],
-                number(row["p"], 2),
-                number(row["delta_bic"], 3),
-                number(row["size"], 3),
-                number(row["sd"], 2),
-                row["unit"],
-                number(row["expected_fall"], 2),
-            ]
-            for row in diagnosis["ranking"][:_SHOWN]
+            [id, one["size"], one["unit"], one["parameter"]]
+            for id, one in document["detection_limits"].items()
         ],
     )
 
 
-def write_diagnosis(
-    path: Path,
-    document: Mapping[str, Any],
-    compared: Comparison | None = None,
-    predicted: F | None = None,
-) -> None:
-    """Write verdict, unknown structure, residual maps, ranking, limits and next experiment.
+def not_testable_table(document: Mapping[str, Any]) -> TableBlock:
+    """Effects that these data cannot test, by what to record so that they can."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for item in document["not_testable"]:
+        groups.setdefault((item["reason"], item["record"]), []).append(item["id"])
+    return TableBlock(
+        "Effects that these data cannot test, and what to record so that they can.",
+        ("why not", "what to record", "effects"),
+        [[*why, ", ".join(ids)] for why, ids in groups.items()],
+    )
 
-    Parameters
-    ----------
-    path
-        File of the page.
-    document
-        The diagnosis as plain values (`Diagnosis.to_dict`).
-    compared
-        Comparison of the model before with the same rows, for the residual maps.
-    predicted
-        (N, m) what the effects of the answer add to the wrench of its rows.
-    """
-    sections = [verdict_section(document), unknown_section(document)]
-    if compared is not None:
-        sections.append(_residuals(document, compared, predicted))
-    if document["ranking"]:
-        sections.append(Section("Ranking", [ranking_table(dict(document))]))
-    sections += [
-        limits_section(document),
-        untestable_section(document),
-        next_section(document),
-    ]
-    shown = [section for section in sections if section is not None]
-    write_page(path, "Which effect is missing", f"verdict: {document['verdict']}", shown)
+
+def _next(document: Mapping[str, Any]) -> TableBlock:
+    """Experiments that would tell more, with their minutes."""
+    rows = []
+    for item in document["next_experiment"]:
+        before, after = item.get("p_correct_before"), item.get("p_correct")
+        chance = "not known" if after is None else f"{before:.2f} to {after:.2f}"
+        rows.append([item["action"], item["minutes"], chance, "; ".join(item.get("separates", ()))])
+    header = ("action", "minutes", "chance of the right name", "tells apart")
+    return TableBlock("What would tell more.", header, rows)
+
+
+def ranking_table(document: Mapping[str, Any]) -> TableBlock:
+    """The first rows of the ranking."""
+    keys = ("id", "p", "delta_bic", "size", "sd", "unit", "expected_fall")
+    return TableBlock(
+        "The effects in order of what each would explain alone; the last column is the fall of the "
+        "error over the noise that is expected.",
+        ("effect", "p", "ΔBIC", "size", "± sd", "unit", "fall"),
+        [[row[key] for key in keys] for row in document["ranking"][:_SHOWN]],
+    )
 
 
 def _residuals(document: Mapping[str, Any], compared: Comparison, predicted: F | None) -> Section:

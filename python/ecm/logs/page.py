@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -11,23 +10,24 @@ from ecm.io.arrays import evenly
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.logs.importing import ImportedLog
+from ecm.report.blocks import Block, Cell, FigureBlock, Section, TableBlock, TextBlock
 from ecm.report.figures import lines
 from ecm.report.mechanism import mechanism_blocks
-from ecm.report.page import Block, FigureBlock, Section, TableBlock, TextBlock, write_page
+from ecm.report.page import Report
 
 _CURVE = 2000
 """Points of a curve over time."""
 
 
-def write_import(path: Path, imported: ImportedLog) -> None:
-    """Write the page of an imported log."""
+def import_report(imported: ImportedLog) -> Report:
+    """Return the mechanism in the poses of a log, where its columns come from, and their curves."""
     table = imported.table
     sections = [
         Section("Mechanism", _mechanism(table)),
         Section("Columns", _columns(imported, table)),
         Section("Over the rows", _curves(table)),
     ]
-    write_page(path, f"Import of {imported.source}", f"{len(table)} rows", sections)
+    return Report(f"Import of {imported.source}", f"{len(table)} rows", sections)
 
 
 def _mechanism(table: Table) -> list[Block]:
@@ -54,21 +54,14 @@ def _mechanism(table: Table) -> list[Block]:
 
 
 def _columns(imported: ImportedLog, table: Table) -> list[Block]:
-    rows = [
-        [
-            name,
-            str(imported.meta.origin.get(name, "")),
-            f"{table.column(name).min():.4g}",
-            f"{table.column(name).max():.4g}",
-        ]
-        for name in imported.columns
+    origin, header = imported.meta.origin, ("column", "from", "smallest", "largest")
+    columns = {name: table.column(name) for name in imported.columns}
+    rows: list[list[Cell]] = [
+        [name, str(origin.get(name, "")), float(values.min()), float(values.max())]
+        for name, values in columns.items()
     ]
-    blocks: list[Block] = [
-        TableBlock(
-            "What each column was read from.", ("column", "from", "smallest", "largest"), rows
-        )
-    ]
-    return blocks + [TextBlock(note) for note in (*imported.notes, *table.warnings)]
+    said = [TextBlock(note) for note in (*imported.notes, *table.warnings)]
+    return [TableBlock("What each column was read from.", header, rows), *said]
 
 
 def _curves(table: Table) -> list[Block]:

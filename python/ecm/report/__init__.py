@@ -1,21 +1,21 @@
-"""Self-contained HTML reports: one file per report, a section returns its data and its figures."""
+"""Reports: what a result shows in terminal, notebook and page, from one list of blocks."""
 
-from ecm.report.page import (
+from ecm.report.blocks import (
     Block,
     CodeBlock,
     FigureBlock,
     Section,
     TableBlock,
     TextBlock,
-    write_page,
 )
+from ecm.report.page import Report
 
 __all__ = [
     "Block",
     "CodeBlock",
     "FigureBlock",
+    "Report",
     "Section",
     "TableBlock",
     "TextBlock",
-    "write_page",
 ]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ecm.io.arrays import F, I, evenly
+from ecm.io.extras import require
 
 INK = "#1c2430"
 # Wong's palette, distinct for colour-blind readers; order by darkness for print.
@@ -20,6 +21,11 @@ MOST_DRAWN = 1000
 """Rows that a figure draws; more make a page large and hide each other."""
 _LARGEST = 10
 COMPONENT_LABELS = ("fx [N]", "fy [N]", "fz [N]", "τx [N m]", "τy [N m]", "τz [N m]")
+
+
+def plotly_figure(figure: dict[str, Any]) -> Any:
+    """Return a figure of this module as plotly's; MissingExtra where that is not installed."""
+    return require("plotly.graph_objects", "report", "A figure").Figure(figure)
 
 
 def plain(text: str) -> str:
@@ -36,12 +42,21 @@ def drawn_rows(values: F) -> I:
     return np.union1d(evenly(len(values), MOST_DRAWN), np.argsort(-size, kind="stable")[:_LARGEST])
 
 
+def some_rows(shown: int, total: int, how: str) -> str:
+    """Return a sentence for the caption where some rows are left out, after a space; else nothing.
+
+    Examples
+    --------
+    >>> some_rows(10, 20, "the largest")
+    ' 10 of 20 rows are drawn: the largest.'
+    """
+    return "" if shown == total else f" {shown} of {total} rows are drawn: {how}."
+
+
 def drawn_sentence(values: F) -> str:
-    """Return a sentence for the caption where `drawn_rows` leaves some out, else nothing."""
-    drawn = len(drawn_rows(values))
-    if drawn == len(values):
-        return ""
-    return f" {drawn} of {len(values)} rows are drawn: evenly over their order, and the largest."
+    """Return `some_rows` of those that `drawn_rows` leaves."""
+    how = "evenly over their order, and the largest"
+    return some_rows(len(drawn_rows(values)), len(values), how)
 
 
 def _layout(**settings: Any) -> dict[str, Any]:
@@ -54,6 +69,11 @@ def _layout(**settings: Any) -> dict[str, Any]:
         "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
         **settings,
     }
+
+
+def plain_layout(x_title: str, y_title: str, **settings: Any) -> dict[str, Any]:
+    """Return the layout of a single panel."""
+    return _layout(xaxis=_axis(x_title), yaxis=_axis(y_title), **settings)
 
 
 def _axis(title: str = "", **settings: Any) -> dict[str, Any]:
@@ -123,15 +143,52 @@ def panel_axes(panel: int) -> dict[str, str]:
     return {"xaxis": f"x{suffix}", "yaxis": f"y{suffix}"}
 
 
-def _scatter(x: Any, y: Any, mode: str = "markers", **settings: Any) -> dict[str, Any]:
-    return {"type": "scatter", "mode": mode, "x": _list(x), "y": _list(y), **settings}
+def scatter(x: Any, y: Any, mode: str = "markers", **settings: Any) -> dict[str, Any]:
+    """Return a trace of points or lines, its numbers with five digits."""
+    x, y = ([float(f"{value:.5g}") for value in values] for values in (x, y))
+    return {"type": "scatter", "mode": mode, "x": x, "y": y, **settings}
 
 
-def _bar(x: Any, y: Any, k: int | None = None, **settings: Any) -> dict[str, Any]:
-    """Bars in colour and pattern `k`; None: the first colour without a pattern."""
-    marker: dict[str, Any] = {"color": COLOURS[(k or 0) % 5]}
-    if k is not None:
-        marker["pattern"] = {"shape": PATTERNS[k % 5]}
+def panel_traces(
+    points: Iterable[tuple[Any, Any]],
+    rows: Sequence[int],
+    *,
+    name: str = "",
+    link: str = "",
+    **settings: Any,
+) -> list[dict[str, Any]]:
+    """Return a trace of (x, y) in each panel, which share their rows and their entry of the legend.
+
+    Parameters
+    ----------
+    points
+        x and y of each panel, (n,) each.
+    rows
+        (n,) numbers of the rows.
+    name
+        Entry in the legend; empty: none.
+    link
+        A click on a point marks its row in all figures and tables of this link.
+    """
+    if link:
+        selected = {"marker": {"color": COLOURS[1], "size": 14}}
+        settings |= {
+            "meta": link,
+            "selected": selected,
+            "unselected": {"marker": {"opacity": 0.35}},
+        }
+    if name:
+        settings |= {"name": name, "legendgroup": name}
+    shared = settings | {"customdata": list(rows)}
+    return [
+        scatter(x, y, showlegend=bool(name) and j == 0, **shared, **panel_axes(j))
+        for j, (x, y) in enumerate(points)
+    ]
+
+
+def _bar(x: Any, y: Any, k: int, **settings: Any) -> dict[str, Any]:
+    """Bars in colour and pattern `k`."""
+    marker = {"color": COLOURS[k % 5], "pattern": {"shape": PATTERNS[k % 5]}}
     return {"type": "bar", "x": _list(x), "y": _list(y), "marker": marker, **settings}
 
 
@@ -179,49 +236,32 @@ def actual_predicted(observed: F, predicted: F, labels: Sequence[str]) -> dict[s
     """Draw predicted over measured values, (N, len(labels)) each; the dashed line is exact."""
     n = len(labels)
     rows = drawn_rows(predicted - observed)
-    observed, predicted = observed[rows], predicted[rows]
-    titles = _edge_titles(n, "measured", "predicted")
-    layout = _panels(n, *titles, labels, height=560, showlegend=False)
-    data: list[dict[str, Any]] = []
-    for i in range(n):
-        values = np.concatenate([observed[:, i], predicted[:, i]])
-        ends = [float(values.min()), float(values.max())]
-        line = {"color": INK, "dash": "dash", "width": 1}
-        template = "row %{customdata}<br>measured %{x:.3g}<br>predicted %{y:.3g}<extra></extra>"
-        data += [
-            _scatter(ends, ends, "lines", line=line, hoverinfo="skip", **panel_axes(i)),
-            _scatter(
-                observed[:, i],
-                predicted[:, i],
-                marker={"size": 4, "color": COLOURS[0]},
-                customdata=rows.tolist(),
-                hovertemplate=template,
-                **panel_axes(i),
-            ),
-        ]
-    return {"data": data, "layout": layout}
+    points = list(zip(observed[rows].T, predicted[rows].T, strict=True))
+    ends = [np.array([np.min(pair), np.max(pair)]) for pair in points]
+    layout = _panels(n, *_edge_titles(n, "measured", "predicted"), labels, height=560)
+    line = {"color": INK, "dash": "dash", "width": 1}
+    template = "row %{customdata}<br>measured %{x:.3g}<br>predicted %{y:.3g}<extra></extra>"
+    marker = {"size": 4, "color": COLOURS[0]}
+    exact = panel_traces([(e, e) for e in ends], [], mode="lines", line=line, hoverinfo="skip")
+    measured = panel_traces(points, rows.tolist(), marker=marker, hovertemplate=template)
+    return {"data": [*exact, *measured], "layout": layout}
 
 
-def histogram(values: F, *, x_title: str, y_title: str, bins: int = 40) -> dict[str, Any]:
-    """Draw one histogram over the range of its values."""
-    counts, edges = np.histogram(values, bins=bins)
-    layout = _layout(xaxis=_axis(x_title), yaxis=_axis(y_title), bargap=0.05, height=320)
-    return {"data": [_bar(0.5 * (edges[1:] + edges[:-1]), counts)], "layout": layout}
-
-
-def times(fem_s: Sequence[float], model_s: Sequence[float]) -> dict[str, Any]:
-    """Draw the distribution of evaluation times of FEM and model, logarithmic (Fig. 11)."""
+def histogram(
+    series: Mapping[str, Any], *, x_title: str, y_title: str, log: bool = False, bins: int = 40
+) -> dict[str, Any]:
+    """Draw one histogram of each of the values over their range."""
     data = []
-    for k, (name, values) in enumerate((("FEM", fem_s), ("model", model_s))):
-        counts, edges = np.histogram(np.log10(np.asarray(values)), bins=20)
-        widths = (10.0 ** edges[1:] - 10.0 ** edges[:-1]).tolist()
-        centres = 10.0 ** (0.5 * (edges[1:] + edges[:-1]))
-        data.append(_bar(centres, counts, k, width=widths, name=name))
-    layout = _layout(
-        xaxis=_axis("time of one evaluation [s]", type="log", exponentformat="power"),
-        yaxis=_axis("pairs"),
-        height=320,
-    )
+    for k, (name, given) in enumerate(series.items()):
+        values = np.asarray(given, dtype=np.float64)
+        counts, edges = np.histogram(np.log10(values) if log else values, bins=bins)
+        centres, ends = 0.5 * (edges[1:] + edges[:-1]), edges
+        if log:
+            centres, ends = 10.0**centres, 10.0**edges
+        data.append(_bar(centres, counts, k, width=np.diff(ends).tolist(), name=name))
+    layout = plain_layout(x_title, y_title, height=320, showlegend=len(series) > 1)
+    if log:
+        layout["xaxis"] |= {"type": "log", "exponentformat": "power"}
     return {"data": data, "layout": layout}
 
 
@@ -235,7 +275,7 @@ def lines(
 ) -> dict[str, Any]:
     """Draw curves with markers from (x, y) by name."""
     data = [
-        _scatter(
+        scatter(
             x,
             y,
             "lines+markers",
@@ -263,13 +303,11 @@ def bars(
 
 def stiffness_map(stiffness: F, title: str) -> dict[str, Any]:
     """Draw a matrix (6, 6) as numbers, coloured by sign and relative size."""
-    names = ["x", "y", "z", "θx", "θy", "θz"]
-    rows = ["fx", "fy", "fz", "τx", "τy", "τz"]
     diagonal = np.sqrt(np.abs(np.diag(stiffness)))
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.nan_to_num(stiffness / np.outer(diagonal, diagonal))
     text = [[f"{value:.4g}" for value in row] for row in stiffness]
-    figure = text_map(relative, text, names, rows, limit=1.6)
+    figure = text_map(relative, text, limit=1.6)
     figure["layout"]["title"] = {"text": title, "font": {"size": 14}}
     return figure
 
@@ -277,15 +315,21 @@ def stiffness_map(stiffness: F, title: str) -> dict[str, Any]:
 def pose_cloud(poses: F) -> dict[str, Any]:
     """Draw poses (N, 6) in three views: positions in mm and rotation vectors in rad."""
     names = ("x [mm]", "y [mm]", "z [mm]", "θx [rad]", "θy [rad]", "θz [rad]")
-    values = np.round(poses[drawn_rows(poses)] * ([1e3] * 3 + [1.0] * 3), 5)
-    views = ((0, 1), (1, 2), (4, 5))
-    titles = [names[a] for a, _ in views], [names[b] for _, b in views]
+    rows = drawn_rows(poses)
+    columns = dict(zip(names, (poses[rows] * ([1e3] * 3 + [1.0] * 3)).T, strict=True))
     marker = {"size": 3, "color": COLOURS[0], "opacity": 0.6}
-    data = [
-        _scatter(values[:, a], values[:, b], marker=marker, **panel_axes(i))
-        for i, (a, b) in enumerate(views)
-    ]
-    return {"data": data, "layout": _panels(3, *titles, height=340, showlegend=False)}
+    pairs = [(names[a], names[b]) for a, b in ((0, 1), (1, 2), (4, 5))]
+    return views(columns, pairs, rows.tolist(), marker=marker)
+
+
+def views(
+    columns: Mapping[str, F], pairs: Iterable[tuple[str, str]], rows: Sequence[int], **settings: Any
+) -> dict[str, Any]:
+    """Draw columns (n,) against each other, a pair a panel; those that lack one are left out."""
+    shown = [(a, b) for a, b in pairs if a in columns and b in columns]
+    data = panel_traces([(columns[a], columns[b]) for a, b in shown], rows, **settings)
+    layout = _panels(len(shown), [a for a, _ in shown], [b for _, b in shown], height=350)
+    return {"data": data, "layout": layout}
 
 
 def residuals_over(x: F, series: Mapping[str, F], *, x_title: str) -> dict[str, Any]:
@@ -294,33 +338,26 @@ def residuals_over(x: F, series: Mapping[str, F], *, x_title: str) -> dict[str, 
     rows = drawn_rows(next(iter(series.values())))
     layout = _panels(6, *_edge_titles(6, x_title, "residual / noise"), labels, height=540)
     layout["legend"] |= {"y": 1.06}
-    data = [
-        _scatter(
-            np.round(x[rows], 4),
-            np.round(values[rows, i], 4),
+    data: list[dict[str, Any]] = []
+    for k, (name, values) in enumerate(series.items()):
+        symbol = ("circle-open", "cross-thin-open")[k % 2]
+        data += panel_traces(
+            [(x[rows], column) for column in values[rows].T],
+            rows.tolist(),
             name=name,
-            legendgroup=name,
-            showlegend=i == 0,
-            marker={
-                "size": 5 if k == 0 else 4,
-                "symbol": ("circle-open", "cross-thin-open")[k % 2],
-                "color": COLOURS[(1, 0)[k % 2]],
-            },
-            customdata=rows.tolist(),
+            marker={"size": 5 - k % 2, "symbol": symbol, "color": COLOURS[(1, 0)[k % 2]]},
             hovertemplate="row %{customdata}: %{y:.2f}<extra>" + name + "</extra>",
-            **panel_axes(i),
         )
-        for i in range(6)
-        for k, (name, values) in enumerate(series.items())
-    ]
     return {"data": data, "layout": layout}
 
 
-def component_layout(outputs: Sequence[str], legend: str | None) -> dict[str, Any]:
+def component_layout(
+    outputs: Sequence[str], legend: str | None, *, x_title: str = ""
+) -> dict[str, Any]:
     """Return the layout of one panel per component; `panel_axes` gives the axes of a trace."""
     n = len(outputs)
     layout = _panels(
-        n, [""] * n, [""] * n, outputs,
+        n, *_edge_titles(n, x_title, ""), outputs,
         height=210 * -(-n // 3) + 180,
         showlegend=legend is not None,
         margin={"l": 64, "r": 16, "t": 96, "b": 76},
@@ -329,48 +366,13 @@ def component_layout(outputs: Sequence[str], legend: str | None) -> dict[str, An
     return layout
 
 
-def linked_views(
-    views: Sequence[tuple[str, Sequence[float], str, Sequence[float]]],
-    *,
-    size: F,
-    rows: Sequence[int],
-    text: Sequence[str],
-    link: str,
-) -> dict[str, Any]:
-    """Draw scatter plots (x title, x, y title, y) of the same rows; a click marks a row in all."""
-    data = [
-        _scatter(
-            x,
-            y,
-            text=list(text),
-            marker={"size": size.tolist(), "symbol": "circle-open", "color": COLOURS[0]},
-            selected={"marker": {"color": COLOURS[1], "size": 20}},
-            unselected={"marker": {"opacity": 0.35}},
-            meta=link,
-            customdata=list(rows),
-            hovertemplate="row %{customdata}: %{text}<extra></extra>",
-            **panel_axes(i),
-        )
-        for i, (_, x, _, y) in enumerate(views)
-    ]
-    titles = [view[0] for view in views], [view[2] for view in views]
-    return {"data": data, "layout": _panels(len(views), *titles, height=360, showlegend=False)}
-
-
-def text_map(
-    values: F,
-    text: Sequence[Sequence[str]],
-    columns: Sequence[str],
-    rows: Sequence[str],
-    *,
-    limit: float,
-) -> dict[str, Any]:
-    """Draw a matrix of text, coloured by the sign and size of values up to the limit."""
+def text_map(values: F, text: Sequence[Sequence[str]], *, limit: float) -> dict[str, Any]:
+    """Draw a stiffness (6, 6) as text, coloured by the sign and size of values up to the limit."""
     heatmap = {
         "type": "heatmap",
         "z": values.tolist(),
-        "x": list(columns),
-        "y": list(rows),
+        "x": ["x", "y", "z", "θx", "θy", "θz"],
+        "y": ["fx", "fy", "fz", "τx", "τy", "τz"],
         "text": [list(row) for row in text],
         "texttemplate": "%{text}",
         "colorscale": [[0, "#4393c3"], [0.5, "#ffffff"], [1, "#e58368"]],

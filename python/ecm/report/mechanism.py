@@ -6,50 +6,47 @@ from typing import Any
 
 import numpy as np
 
-from ecm.io.arrays import F, I, evenly
+from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
-from ecm.report.page import MechanismBlock
+from ecm.report.blocks import MechanismBlock
+from ecm.report.figures import drawn_rows, drawn_sentence
 
 _PLACES = 9
-_MOST = 1000
-"""Rows that a page draws."""
 
 
-def mechanism_view(body: Mechanism | None, length_m: float | None) -> dict[str, Any]:
+def view_of(meta: Meta, body: Mechanism | None = None) -> dict[str, Any]:
     """Return outline and frames of a mechanism.
 
     Parameters
     ----------
+    meta
+        What is known of the table.
     body
-        The elastic body, where it is described.
-    length_m
-        Distance of the two frames at rest.
+        The elastic body, where the description has none.
 
     Returns
     -------
     dict
-        `length_m`; `outline_m`: radius at places evenly from the base to the top, None where no
-        body is described; `frames`: name, origin in m and axes as rows.
+        `length_m`: distance of the two frames at rest; `outline_m`: radius at places evenly from
+        the base to the top, None where no body is described; `frames`: name, origin in m and axes
+        as rows.
 
     Examples
     --------
-    >>> body = Mechanism()
-    >>> view = mechanism_view(body, body.length_m)
+    >>> view = view_of(Meta(), Mechanism())
     >>> view["length_m"], [round(radius, 3) for radius in view["outline_m"]][:3]
     (0.1034, [0.033, 0.033, 0.033])
     """
-    frames = [{"name": "base", "origin_m": [0.0, 0.0, 0.0], "axes": np.eye(3).tolist()}]
-    if length_m is not None:
-        frames.append({"name": "top", "origin_m": [length_m, 0.0, 0.0], "axes": np.eye(3).tolist()})
+    body = meta.body() or body
+    length_m = meta.length_m or (None if body is None else body.length_m)
+    places = [("base", 0.0)] + ([] if length_m is None else [("top", length_m)])
+    frames = [
+        {"name": name, "origin_m": [x, 0.0, 0.0], "axes": np.eye(3).tolist()} for name, x in places
+    ]
     return {"length_m": length_m, "outline_m": _outline(body, length_m), "frames": frames}
-
-
-def view_of(meta: Meta) -> dict[str, Any]:
-    """Return `mechanism_view` of what a description says."""
-    return mechanism_view(meta.body(), meta.length_m)
 
 
 def mechanism_blocks(
@@ -72,7 +69,7 @@ def mechanism_blocks(
     caption
         What the picture shows.
     rows
-        (n,) rows that are drawn, from 0; of more than 1,000 some evenly and the largest.
+        (n,) rows that are drawn, from 0; of many those of `drawn_rows`.
     values
         (n,) that colour them.
     title, unit
@@ -84,19 +81,13 @@ def mechanism_blocks(
     """
     if not table.has(*POSE[:3]):
         return []
-    if len(rows) > _MOST:
-        chosen = np.union1d(evenly(len(rows), _MOST), np.argsort(-values, kind="stable")[:10])
-        caption += (
-            f" {len(chosen)} of {len(rows)} rows are drawn: evenly over their order, and the "
-        )
-        caption += "largest."
-        rows, values = rows[chosen], values[chosen]
-    body = table.meta.body() or body
-    length = table.meta.length_m or (None if body is None else body.length_m)
-    view = mechanism_view(body, length)
+    chosen = drawn_rows(values[:, None])
+    caption += drawn_sentence(values[:, None])
+    rows, values = rows[chosen], values[chosen]
     columns = {
         name: _short(table.column(name)[rows]) for name in (*POSE, *WRENCH[:3]) if table.has(name)
     }
+    view = view_of(table.meta, body)
     view |= {"row": (rows + 1).tolist(), "columns": columns, "values": _short(values)}
     view |= {"title": title, "unit": unit, "name": caption, "link": link}
     return [MechanismBlock(caption, view)]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -27,11 +26,11 @@ from ecm.effects import Effect, all_effects
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments, check_type
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.extras import require
 from ecm.io.table import Table
 from ecm.models import Model
 from ecm.report import figures as draw
-from ecm.report.page import Block, FigureBlock, Section, TableBlock, TextBlock, number, write_page
+from ecm.report.blocks import Block, Cell, FigureBlock, Section, TableBlock, TextBlock, number
+from ecm.report.page import Report, Shown
 from ecm.rig import RigSettings, campaign_minutes
 from ecm.workflow.job import Console, Silent
 
@@ -43,23 +42,15 @@ def pose_figure(candidates: Table, design: Design, x: str, y: str) -> dict[str, 
         ("chosen", design.indices, draw.COLOURS[0], 7, "diamond"),
     )
     data = [
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "name": name,
-            "x": candidates.column(x)[rows].tolist(),
-            "y": candidates.column(y)[rows].tolist(),
-            "marker": {"color": colour, "size": size, "symbol": symbol},
-        }
+        draw.scatter(
+            candidates.column(x)[rows],
+            candidates.column(y)[rows],
+            name=name,
+            marker={"color": colour, "size": size, "symbol": symbol},
+        )
         for name, rows, colour, size, symbol in series
     ]
-    layout = {
-        "xaxis": {"title": {"text": x}},
-        "yaxis": {"title": {"text": y}},
-        "plot_bgcolor": "white",
-        "height": 420,
-    }
-    return {"data": data, "layout": layout}
+    return {"data": data, "layout": draw.plain_layout(x, y)}
 
 
 def size_figure(sizes: Sequence[Size], knee: Size) -> dict[str, Any]:
@@ -75,44 +66,28 @@ def size_figure(sizes: Sequence[Size], knee: Size) -> dict[str, Any]:
         log_x=True,
         log_y=True,
     )
+    marker = {"symbol": "circle-open", "size": 18, "color": "#b3261e"}
+    errors = [knee.wrench_error, knee.stiffness_error]
     figure["data"].append(
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "name": f"knee, n = {knee.n}",
-            "x": [float(knee.n)] * 2,
-            "y": [knee.wrench_error, knee.stiffness_error],
-            "marker": {"symbol": "circle-open", "size": 18, "color": "#b3261e"},
-        }
+        draw.scatter([float(knee.n)] * 2, errors, name=f"knee, n = {knee.n}", marker=marker)
     )
     return figure
-
-
-def write_design(path: Path, planned: PlannedDesign) -> None:
-    """Write the chosen poses among the candidates, effects, and n against expected error."""
-    sections = [Section("The poses", _poses(planned))]
-    if planned.effects:
-        sections.append(Section("Effects", _effects(planned.effects)))
-    if planned.sizes:
-        sections.append(Section("How many", _sizes(planned.sizes)))
-    write_page(path, "Poses to measure", planned.design.sentence(), sections)
 
 
 def _poses(planned: PlannedDesign) -> list[Block]:
     """The design in numbers, and among all candidates, two coordinates a figure."""
     candidates, design = planned.candidates, planned.design
-    rows = [
-        ["poses", str(len(design.indices))],
-        ["candidates", str(len(candidates))],
+    rows: list[list[Cell]] = [
+        ["poses", len(design.indices)],
+        ["candidates", len(candidates)],
         [design.criterion, number(design.value, 6)],
         ["certified bound", number(design.bound, 6)],
         ["share of what is possible", f"{100.0 * design.efficiency:.2f} %"],
     ]
     if planned.minutes is not None:
-        rows.append(["minutes on the rig", f"{planned.minutes:.0f}"])
+        rows.append(["minutes on the rig", round(planned.minutes)])
     names = candidates.pose_columns
     return [
-        TextBlock(design.sentence(), strong=True),
         TableBlock("The design; no other of its size can pass the bound.", ("", ""), rows),
         *(
             FigureBlock(
@@ -124,26 +99,13 @@ def _poses(planned: PlannedDesign) -> list[Block]:
     ]
 
 
-def _effects(effects: Sequence[Identifiability]) -> list[Block]:
-    listed = [[item.id, number(item.size), item.unit] for item in effects if not item.reason]
-    caption = "The size that the plan sees with chance 0.9, before anything is measured."
-    return [
-        TableBlock(caption, ("effect", "from", "unit"), listed),
-        *(TextBlock(item.sentence()) for item in effects if not item.named),
-    ]
-
-
 def _sizes(sizes: Sequence[Size]) -> list[Block]:
     knee = next(size for size in sizes if size.knee)
     rows = [
-        [
-            f"{size.n}{' (knee)' if size.knee else ''}",
-            number(size.wrench_error),
-            number(size.stiffness_error),
-            f"{100.0 * size.efficiency:.1f} %",
-        ]
+        [size.n, size.wrench_error, size.stiffness_error, f"{100.0 * size.efficiency:.1f} %",
+         "<- knee" if size.knee else ""]
         for size in sizes
-    ]
+    ]  # fmt: skip
     return [
         TextBlock(f"Beyond {knee.n} poses each further one improves the model less.", strong=True),
         FigureBlock(
@@ -151,7 +113,7 @@ def _sizes(sizes: Sequence[Size]) -> list[Block]:
         ),
         TableBlock(
             "In units of one reading's noise; the error of the model itself does not fall.",
-            ("n", "h", "K", "share of what is possible"),
+            ("n", "h", "K", "of what is possible", ""),
             rows,
         ),
     ]
@@ -162,7 +124,7 @@ _PLANS = {"paper": paper_plan, "diagnosable": diagnosable_plan, None: plain_plan
 
 
 @dataclass(frozen=True)
-class PlannedDesign:
+class PlannedDesign(Shown):
     """A design as a plan, with what is known about it before anything is measured.
 
     Examples
@@ -194,15 +156,23 @@ class PlannedDesign:
     sizes: tuple[Size, ...] = ()
     """Expected error against the number of poses, where it was asked for."""
 
-    def sentences(self) -> list[str]:
-        """Return the result in words."""
-        lines = [self.design.sentence()]
+    def blocks(self) -> list[Block]:
+        """Return how good the design is, and the effects that it can show."""
+        blocks: list[Block] = [TextBlock(self.design.sentence(), strong=True)]
         if not self.reproducible:
-            lines.append("with a time limit another run may give another design")
-        return lines + ["  " + item.sentence() for item in self.effects]
+            blocks.append(TextBlock("With a time limit another run may give another design."))
+        if self.effects:
+            caption = "The size that the plan sees with chance 0.9, before anything is measured."
+            blocks.append(TableBlock(caption, ("",), [[one.sentence()] for one in self.effects]))
+        return blocks
 
-    def __str__(self) -> str:
-        return "\n".join(self.sentences())
+    def report(self) -> Report:
+        """Return the chosen poses among the candidates, effects, and n against expected error."""
+        sections = [Section("Poses to measure", self.blocks())]
+        if self.sizes:
+            sections.append(Section("How many", _sizes(self.sizes)))
+        sections.append(Section("The design", _poses(self)))
+        return Report("Poses to measure", self.design.sentence(), sections)
 
     def to_pandas(self) -> Any:
         """Return the plan as a pandas DataFrame, in visiting order."""
@@ -221,9 +191,10 @@ class PlannedDesign:
         MissingExtra
             If plotly is not installed.
         """
-        plotly = require("plotly.graph_objects", "report", "The figure of a design")
         first, second = (*self.candidates.pose_columns, *self.candidates.pose_columns)[:2]
-        return plotly.Figure(pose_figure(self.candidates, self.design, x or first, y or second))
+        return draw.plotly_figure(
+            pose_figure(self.candidates, self.design, x or first, y or second)
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON document of `ecm design`."""

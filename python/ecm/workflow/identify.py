@@ -16,7 +16,6 @@ import numpy as np
 
 from ecm import _native
 from ecm.comparison import Comparison, compare
-from ecm.comparison.sections import residual_points
 from ecm.designs import Design, DesignSettings, diagnosable_plan, optimal_design, paper_plan
 from ecm.errors import MissingExtra
 from ecm.fem.simulate import Simulated, simulate
@@ -35,7 +34,7 @@ from ecm.models import (
 )
 from ecm.models.physics.map import reach_of
 from ecm.regression.blocks import one_blas_thread
-from ecm.report.page import require_report, write_page
+from ecm.report.page import Report, require_report
 from ecm.rig import HiddenTable, RigSettings, fem_source
 from ecm.rig.arm.campaign import RobotCampaign, first_pose_trace, require_arm
 from ecm.rig.arm.summary import read_summary
@@ -44,7 +43,16 @@ from ecm.workflow import paper as steps
 from ecm.workflow.config import Config, read_config
 from ecm.workflow.job import Console, Job, Silent
 from ecm.workflow.loop import run_loop
-from ecm.workflow.report_identify import identify_sections
+from ecm.workflow.report_identify import (
+    design_section,
+    identify_sections,
+    measurement_section,
+    result_section,
+    selection_section,
+    simulation_section,
+    speed_section,
+    stiffness_section,
+)
 
 DESIGNS = ("d", "maximin")
 _RIGS = {"quasi_static": "the simulated rig", "robot": "the simulated rig with its arm"}
@@ -171,13 +179,6 @@ def simulate_pairs(job: Job) -> Simulated:
     counts = pairs.counts
     rest = config.mechanism.fem().rest_stiffness()
     equation_11 = steps.against_equation_11(rest)
-    job.console.print(
-        f"  {counts['drawn']} wrenches drawn, {counts['screened']} passed the rod's screen, "
-        f"{counts['solved']} solved, {counts['kept']} kept "
-        f"({counts['unstable']} unstable, {counts['failed']} without a solution)\n"
-        "  K at rest against the paper's equation (11): "
-        + ", ".join(f"{100.0 * row['difference']:+.1f} %" for row in equation_11)
-    )
     job.summary["simulate"] = {
         "counts": counts,
         "iterations_mean": float(pairs.iterations.mean()),
@@ -187,6 +188,7 @@ def simulate_pairs(job: Job) -> Simulated:
         "equation_11": equation_11,
     }
     job.figures["simulated_poses"] = pairs.poses
+    job.show(simulation_section(job.summary["simulate"], job.figures))
     pairs.table().write(job.out / "simulated.csv")
     return pairs
 
@@ -198,8 +200,6 @@ def select(job: Job, train: tuple[F, F], test: tuple[F, F]) -> dict[str, Design]
     """Step 2: compare models on the test pairs, and choose the poses worth measuring."""
     settings = job.config.select
     table_two = steps.table_two(train, test, settings.degrees, settings.thresholds)
-    for row in table_two["degrees"]:
-        job.console.print(f"  degree {row['degree']}: {_errors(row)}")
     b01 = _native.PolynomialModel.fit(*train, settings.degrees[-1], method="pcr", threshold=0.1)
     predicted = b01.predict(test[0])
     job.figures["e_rel_b01"] = steps.relative_error(predicted, test[1])
@@ -216,7 +216,6 @@ def select(job: Job, train: tuple[F, F], test: tuple[F, F]) -> dict[str, Design]
         designs[name] = _design(
             job, train[0], f"design-{name}", criterion=name, iterations=_ITERATIONS[name]
         )
-        job.console.print(f"  {name}: {designs[name].sentence()}")
     paper = {  # the paper's own algorithms: Fedorov's exchange and simple exchange
         f"{name} by the paper's exchange": _design(
             job, train[0], f"paper-design-{name}", criterion=name, method="paper"
@@ -240,6 +239,8 @@ def select(job: Job, train: tuple[F, F], test: tuple[F, F]) -> dict[str, Design]
         },
         "figure_5": figure_5,
     }
+    job.show(selection_section(job.summary["select"], job.figures))
+    job.show(design_section(job.summary["select"], job.figures))
     return designs
 
 
@@ -258,11 +259,6 @@ def _design(job: Job, poses: F, name: str, **search: Any) -> Design:
     return Design(**job.stage(name, model, settings.n, settings.starts, poses).run(compute))
 
 
-def _errors(row: Mapping[str, Any]) -> str:
-    fx, fy, fz = row["rmse"][:3]
-    return f"RMSE fx {fx:.3g}, fy {fy:.3g}, fz {fz:.3g} N; kappa {row['kappa']:.4g}"
-
-
 # --- 3 measure and identify --------------------------------------------------
 
 
@@ -278,7 +274,6 @@ def measure_designs(job: Job, candidates: Table, designs: dict[str, Design]) -> 
         minutes = float(tables[name].column("time_s").max()) / 60.0
         skipped = len(design.indices) - count
         rows[name] = {"rows": count, "skipped": skipped, "minutes": minutes}
-        job.console.print(f"  {name}: {count} poses in {minutes:.0f} robot minutes")
     job.summary["identify"] = {"campaigns": rows}
     if rig.rig.mode == "robot":
         job.summary["identify"]["arm"] = _arm(job, rig)
@@ -311,10 +306,6 @@ def identify_models(job: Job, tables: dict[str, Table], physics: PhysicsMap) -> 
     settings, step = job.config.select, job.summary["identify"]
     degree = settings.degrees[-1]
     rows, figures = steps.table_three(tables, settings.thresholds, degree=degree)
-    for row in rows:
-        job.console.print(
-            f"  trained on {row['trained_on']}, b = {row['threshold']:g}: {_errors(row)}"
-        )
     for name, arrays in figures.items():
         job.figures[f"e_rel_measured_{name}"] = arrays["e_rel"]
         job.figures[f"observed_{name}"] = arrays["observed"]
@@ -327,10 +318,10 @@ def identify_models(job: Job, tables: dict[str, Table], physics: PhysicsMap) -> 
     rest = np.array([[job.config.mechanism.length_m, 0.0, 0.0, 0.0, 0.0, 0.0]])
     stiffness = cubic.stiffness(rest)[0]
     models, floor, best, result = _model_table(job, tables, cubic, physics)
-    model, points = result.compared.model, residual_points(result)
+    model, maps = result.compared.model, result.where()
     model.save(job.out / "model.json")
-    job.figures["workspace_poses"] = result.compared.table.poses[points.row - 1]
-    job.figures["workspace_residual"] = points.size
+    job.figures["workspace_poses"] = result.compared.table.poses[maps.row - 1]
+    job.figures["workspace_residual"] = maps.size
     step |= {
         "table_three": rows,
         "symmetric_share": {
@@ -343,10 +334,9 @@ def identify_models(job: Job, tables: dict[str, Table], physics: PhysicsMap) -> 
         "floor": floor,
         "best": best,
     }
-    errors = ", ".join(f"{row['model']} {row['whitened_rms']:.2f}" for row in models)
-    job.console.print(
-        f"  error over noise on the other design: {errors}; model.json is {model.name}"
-    )
+    job.show(measurement_section(step, job.figures))
+    job.show(stiffness_section(step, job.figures))
+    job.show(result_section(step, {}, ()))
 
 
 def _model_table(
@@ -404,12 +394,7 @@ def measure_times(job: Job, pairs: Simulated, rows: I) -> dict[str, Any]:
     times = job.stage("times-of-calls", rows).run(
         lambda: steps.evaluation_times(model, job.config.mechanism, *_rows(pairs, rows))
     )
-    job.console.print(
-        f"  one evaluation: FEM {1e3 * float(np.median(times['fem_s'])):.0f} ms, model "
-        f"{1e6 * float(np.median(times['model_s'])):.1f} us from Python, "
-        f"{1e6 * float(np.median(times['model_with_stiffness_s'])):.1f} us with the stiffness; "
-        f"{times['ratio_of_medians']:.0f} times faster"
-    )
+    job.show(speed_section(times))
     return times
 
 
@@ -425,7 +410,7 @@ def _write_report(job: Job, times: dict[str, Any]) -> None:
     )
     try:
         sections = identify_sections(job.summary, job.figures, times, body)
-        write_page(path, "Stiffness identification", lead, sections)
+        Report("Stiffness identification", lead, sections).write(path)
     except MissingExtra as error:
         job.console.print(f"{numbers}: the numbers; no report.html: {error}")
         return

@@ -19,6 +19,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.cache import Stage, hash_of, write_atomically
 from ecm.io.table import Table, read_table
+from ecm.report.blocks import Section, text_of
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from ecm.rig.readings import BESIDE, clear_beside, robot_path
 from ecm.rig.run import require_possible
@@ -64,6 +65,10 @@ class Job:
     def stages(self) -> Path:
         """Folder of what is kept between runs."""
         return self.out / "stages"
+
+    def show(self, section: Section) -> None:
+        """Print what a section of the report says."""
+        self.console.print(text_of(section.blocks) + "\n")
 
     def stage(self, name: str, *inputs: Any) -> Stage:
         """Return the stage of a step; its key holds seed, version and inputs."""

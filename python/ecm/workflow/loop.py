@@ -11,12 +11,12 @@ from typing import Any
 
 from ecm.comparison import compare
 from ecm.diagnosis import diagnose
-from ecm.diagnosis.sections import ranking_table
+from ecm.diagnosis.sections import not_testable_table, ranking_table
 from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.models import Model, PhysicsMap, PhysicsModel, fit_model
 from ecm.report import figures as draw
-from ecm.report.page import Block, FigureBlock, Section, TableBlock, TextBlock, number
+from ecm.report.blocks import Block, FigureBlock, Section, TableBlock, TextBlock, number
 from ecm.rig import reveal
 from ecm.workflow.job import Job
 
@@ -38,14 +38,11 @@ def run_loop(job: Job, data: Table, physics: PhysicsMap) -> Model:
     Model
         The model with what it lacked.
     """
-    write, seed = job.console.print, job.seed
+    seed = job.seed
     model = fit_model(data, PhysicsModel(base=physics, threads=job.threads))
     before = compare(model, data, seed=seed)
-    write(f"  {before.sentence()}")
     diagnosis = diagnose(model, data, seed=seed).to_dict()
     answer = diagnosis["answer"]
-    names = ", ".join(" or ".join(members) for members in answer)
-    write(f"  verdict: {diagnosis['verdict']} {names}")
     # All members of a class predict alike; the first is the likeliest.
     ids = [members[0] for members in answer]
     ids += [effect["id"] for effect in diagnosis["effects"] if effect["id"] not in ids]
@@ -54,12 +51,7 @@ def run_loop(job: Job, data: Table, physics: PhysicsMap) -> Model:
         better = better.add(effect).fit(data)
     after = compare(better, data, noise=before.noise, seed=seed)
     history = [record.to_dict() for record in better.history]
-    for record in history:
-        write(f"  {record['name']}: held-out error {record['held_out']:.3f} times the noise")
     score = reveal(data, diagnosis).score if data.meta.file.truth_sha256 else None
-    if score is not None:
-        result = "found" if score["correct"] else "not found"
-        write(f"  hidden was {', '.join(score['truth'])}: {result}")
     job.figures |= {"loop_before": before.whitened, "loop_after": after.whitened}
     measured = data.measured()
     if measured.has("time_s"):
@@ -73,16 +65,8 @@ def run_loop(job: Job, data: Table, physics: PhysicsMap) -> Model:
         "history": history,
         "score": score,
     }
+    job.show(loop_section(job.summary["loop"], job.figures))
     return better
-
-
-_VERDICTS = {
-    "none": "Nothing is missing that these data could show.",
-    "named": "The missing effect is {names}.",
-    "ambiguous": "Missing is {names}: these data cannot tell which.",
-    "family": "Something is missing whose driver is known: its form is in no catalogue.",
-    "unknown": "Something is missing that no effect of the catalogue explains.",
-}
 
 
 def loop_section(step: Mapping[str, Any], figures: Mapping[str, F]) -> Section:
@@ -119,26 +103,16 @@ def loop_section(step: Mapping[str, Any], figures: Mapping[str, F]) -> Section:
             )
         )
     if diagnosis["not_testable"]:
-        blocks.append(
-            TableBlock(
-                "What these data cannot show, and what to record so that they can.",
-                ("effect", "why", "record"),
-                [[row["id"], row["reason"], row["record"]] for row in diagnosis["not_testable"]],
-            )
-        )
+        blocks.append(not_testable_table(diagnosis))
     return Section("4 Find the missing effect", blocks)
 
 
 def _sentence(step: Mapping[str, Any]) -> str:
-    """Verdict, what it means for the error, and what had been hidden."""
-    diagnosis, history = step["diagnosis"], step["history"]
-    names = ", ".join(" or ".join(members) for members in diagnosis["answer"])
-    text = _VERDICTS[diagnosis["verdict"]].format(names=names)
+    """What is missing, what it brings, and what had been hidden."""
+    text, history = f"Missing: {step['diagnosis']['summary']['missing']}.", step["history"]
     if len(history) > 1:
         first, last = number(history[0]["held_out"]), number(history[-1]["held_out"])
-        text += (
-            f" With it the error on held-out poses falls from {first} to {last} times the noise."
-        )
+        text += f" After the refit the error on held-out poses falls from {first} to {last}."
     if step.get("score") is not None:
         text += f" Hidden in the rig was {', '.join(step['score']['truth']) or 'nothing'}."
     return text
@@ -148,40 +122,26 @@ def _components(before: Mapping[str, Any], after: Mapping[str, Any]) -> TableBlo
     """RMSE, floor and excess of each component, before and after."""
 
     def excess(row: Mapping[str, Any]) -> str:
-        low, high = number(row["excess_low"], 2), number(row["excess_high"], 2)
+        low, high = number(row["excess_low"]), number(row["excess_high"])
         return f"{number(row['excess'])} ({low} to {high})"
 
-    rows = [
-        [
-            old["name"],
-            *(number(value) for value in (old["rmse"], new["rmse"], old["floor"])),
-            excess(old),
-            excess(new),
-            number(old["bias"], 2),
-        ]
-        for old, new in zip(before["components"], after["components"], strict=True)
-    ]
+    both = zip(before["components"], after["components"], strict=True)
     return TableBlock(
         "Error of the physics base before and after the refit; the floor is what noise alone "
         "gives, pose noise carried through K; excess with its 90 % interval.",
         ("component", "RMSE", "after", "noise floor", "excess", "after", "bias"),
-        rows,
+        [
+            [a["name"], a["rmse"], b["rmse"], a["floor"], excess(a), excess(b), a["bias"]]
+            for a, b in both
+        ],
     )
 
 
 def _history_table(history: Sequence[Mapping[str, Any]]) -> TableBlock:
-    rows = [
-        [
-            record["name"],
-            number(record["train"], 4),
-            number(record["held_out"], 4),
-            "–" if record["ceiling"] is None else number(record["ceiling"], 4),
-        ]
-        for record in history
-    ]
+    keys = ("name", "train", "held_out", "ceiling")
     return TableBlock(
         "Error over noise. The ceiling adds a free cubic of the pose: no effect of the pose can "
         "do better.",
         ("model", "fitted rows", "held-out rows", "ceiling"),
-        rows,
+        [[record[key] for key in keys] for record in history],
     )

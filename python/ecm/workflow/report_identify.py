@@ -12,8 +12,8 @@ from ecm.io.columns import POSE
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import as_table
 from ecm.report import figures as draw
+from ecm.report.blocks import Block, Cell, FigureBlock, Section, TableBlock, TextBlock, number
 from ecm.report.mechanism import mechanism_blocks
-from ecm.report.page import Block, FigureBlock, Section, TableBlock, TextBlock, number
 from ecm.rig.arm.summary import COLOURS, PANELS, thousandths
 from ecm.workflow.loop import loop_section
 from ecm.workflow.paper import FEM_RATIO, KAPPA_RAW, SYMMETRIC_SHARE
@@ -76,50 +76,39 @@ def _phases(records: Mapping[str, Any], names: Mapping[str, str]) -> TableBlock:
 
 def _figure(figures: Mapping[str, F], phases_s: Sequence[Sequence[Any]]) -> dict[str, Any]:
     """The way to the goal and back in six panels, the phases as coloured bands."""
-    time_s = np.round(figures["arm_time_s"], 3).tolist()
-    way, goal = 1e3 * figures["arm_way"], 1e3 * figures["arm_goal"]
-    layout = draw.component_layout(PANELS, "phase")
+    time_s, way, goal = figures["arm_time_s"], figures["arm_way"].T, figures["arm_goal"]
+    ends = time_s[[0, -1]]
+    layout = draw.component_layout(PANELS, "phase", x_title="time [s]")
     layout["legend"] |= {"x": 0.0, "xanchor": "left"}
-    legend = {"type": "scatter", "mode": "markers", "x": [None], "y": [None]}
-    data: list[dict[str, Any]] = [
-        legend
-        | {"name": name, "marker": {"symbol": "square", "size": 12, "color": COLOURS[name]}}
-        | draw.panel_axes(0)
-        for name in dict.fromkeys(name for name, _, _ in phases_s)
-    ]
-    layout["shapes"] = []
-    for j in range(6):
-        axes = draw.panel_axes(j)
-        band = {
+    layout["shapes"] = [
+        {
             "type": "rect",
             "xref": axes["xaxis"],
+            "x0": begin,
+            "x1": end,
             "yref": f"{axes['yaxis']} domain",
             "y0": 0,
             "y1": 1,
             "line": {"width": 0},
             "layer": "below",
+            "fillcolor": COLOURS[name],
         }
-        layout["shapes"] += [
-            band | {"x0": begin, "x1": end, "fillcolor": COLOURS[name]}
-            for name, begin, end in phases_s
-        ]
-        curve = {"type": "scatter", "mode": "lines", "showlegend": False, **axes}
+        for axes in map(draw.panel_axes, range(6))
+        for name, begin, end in phases_s
+    ]
+    legend = {"type": "scatter", "mode": "markers", "x": [None], "y": [None]}
+    data: list[dict[str, Any]] = [
+        {**legend, "name": name, "marker": {"symbol": "square", "size": 12, "color": COLOURS[name]}}
+        for name in dict.fromkeys(name for name, _, _ in phases_s)
+    ]
+    line = {"color": draw.COLOURS[0], "width": 2}
+    dashed = {"color": draw.COLOURS[1], "width": 1, "dash": "dash"}
+    for j in range(6):
+        axes, aim = draw.panel_axes(j), 1e3 * goal[[j, j]]
         data += [
-            curve
-            | {
-                "x": time_s,
-                "y": np.round(way[:, j], 4).tolist(),
-                "line": {"color": draw.COLOURS[0], "width": 2},
-            },
-            curve
-            | {
-                "x": [time_s[0], time_s[-1]],
-                "y": [float(goal[j])] * 2,
-                "line": {"color": draw.COLOURS[1], "width": 1, "dash": "dash"},
-            },
+            draw.scatter(time_s, 1e3 * way[j], "lines", showlegend=False, line=line, **axes),
+            draw.scatter(ends, aim, "lines", showlegend=False, line=dashed, **axes),
         ]
-        if j > 2:
-            layout[axes["xaxis"].replace("x", "xaxis", 1)]["title"]["text"] = "time [s]"
     return {"data": data, "layout": layout}
 
 
@@ -139,13 +128,13 @@ def identify_sections(
     """Return every section of the page: the result, then the steps in the order of the work."""
     identified = summary["identify"]
     sections = [
-        _result(identified, times.get("stages_s", {}), _workspace(figures, body)),
-        _simulation(summary["simulate"], figures),
-        _selection(summary["select"], figures),
-        _designs(summary["select"], figures),
-        _measurement(identified, figures),
-        _stiffness(identified, figures),
-        _speed(times["evaluation"]),
+        result_section(identified, times.get("stages_s", {}), _workspace(figures, body)),
+        simulation_section(summary["simulate"], figures),
+        selection_section(summary["select"], figures),
+        design_section(summary["select"], figures),
+        measurement_section(identified, figures),
+        stiffness_section(identified, figures),
+        speed_section(times["evaluation"]),
     ]
     if "arm" in identified:
         sections.insert(4, arm_section(identified["arm"], figures, _NAMES))
@@ -154,16 +143,11 @@ def identify_sections(
     return sections
 
 
-def _numbers(row: Mapping[str, Any]) -> list[str]:
-    """The error of the six components."""
-    return [number(value) for value in row["rmse"]]
-
-
-def _beside_paper(rows: Sequence[Mapping[str, Any]], label: str) -> list[list[str]]:
+def _beside_paper(rows: Sequence[Mapping[str, Any]], label: str) -> list[list[Cell]]:
     """Table rows: the results here, and below each the paper's where it has one."""
-    cells: list[list[str]] = []
+    cells: list[list[Cell]] = []
     for row in rows:
-        cells.append([f"{row[label]:g}", *_numbers(row), number(row["kappa"], 4)])
+        cells.append([f"{row[label]:g}", *row["rmse"], number(row["kappa"], 4)])
         if "paper_rmse" in row:
             cells.append(
                 ["↳ the paper", *(f"{v:g}" for v in row["paper_rmse"]), f"{row['paper_kappa']:g}"]
@@ -207,22 +191,17 @@ def _workspace(figures: Figures, body: Mechanism) -> list[Block]:
     ]
 
 
-def _result(
+def result_section(
     step: Mapping[str, Any], stages_s: Mapping[str, float], workspace: Sequence[Block]
 ) -> Section:
+    """Return the identified model, and the errors of all on the poses of the other design."""
     models = step["models"]
     best = models[step["best"]]
-    rows = [
-        [
-            row["model"],
-            str(row["coefficients"]),
-            str(row["poses"]),
-            *_numbers(row),
-            number(row["whitened_rms"]),
-        ]
-        for row in models
+    keys = ("model", "coefficients", "poses")
+    rows: list[list[Cell]] = [
+        [*(row[key] for key in keys), *row["rmse"], row["whitened_rms"]] for row in models
     ]
-    rows.append(["noise floor", "", "", *(number(v) for v in step["floor"]), "1"])
+    rows.append(["noise floor", "", "", *step["floor"], 1])
     blocks: list[Block] = [
         TextBlock(
             f"The identified model is {best['model']}: {best['coefficients']} coefficients from "
@@ -246,7 +225,8 @@ def _result(
     return Section("Result", blocks)
 
 
-def _simulation(step: Mapping[str, Any], figures: Figures) -> Section:
+def simulation_section(step: Mapping[str, Any], figures: Figures) -> Section:
+    """Return the pairs that were simulated, and K at rest beside the paper's."""
     counts = step["counts"]
     blocks: list[Block] = [
         TextBlock(
@@ -269,7 +249,8 @@ def _simulation(step: Mapping[str, Any], figures: Figures) -> Section:
     return Section("1 Simulate", blocks)
 
 
-def _selection(step: Mapping[str, Any], figures: Figures) -> Section:
+def selection_section(step: Mapping[str, Any], figures: Figures) -> Section:
+    """Return the errors of models on the test pairs."""
     table = step["table_two"]
     outside = ", ".join(
         f"{label.split(' [')[0]} {100.0 * row['share']:.1f} % (|h| up to "
@@ -277,8 +258,7 @@ def _selection(step: Mapping[str, Any], figures: Figures) -> Section:
         for label, row in zip(draw.COMPONENT_LABELS, step["outside"], strict=True)
     )
     energy = [
-        [row["model"], str(row["coefficients"]), str(row["poses"]), *_numbers(row)]
-        for row in step["energy"]
+        [row["model"], row["coefficients"], row["poses"], *row["rmse"]] for row in step["energy"]
     ]
     raw = number(table["degrees"][-1]["kappa_raw"], 2)
     blocks: list[Block] = [
@@ -328,11 +308,12 @@ def _learning_curves(step: Mapping[str, Any]) -> dict[str, Any]:
     )
 
 
-def _designs(step: Mapping[str, Any], figures: Figures) -> Section:
+def design_section(step: Mapping[str, Any], figures: Figures) -> Section:
+    """Return the designs with their certificates, and the errors that they leave."""
     certificates = [
         [
             _NAMES.get(name, name),
-            str(row["n"]),
+            row["n"],
             f"{row['value']:.5f}",
             f"{row['bound']:.5f}",
             f"{100.0 * row['efficiency']:.2f} %",
@@ -340,7 +321,7 @@ def _designs(step: Mapping[str, Any], figures: Figures) -> Section:
         for name, row in step["designs"].items()
     ]
     errors = [
-        [_NAMES.get(row["design"], row["design"]), *_numbers(row), number(row["kappa"], 4)]
+        [_NAMES.get(row["design"], row["design"]), *row["rmse"], number(row["kappa"], 4)]
         for row in step["figure_5"]
     ]
     blocks: list[Block] = [
@@ -364,7 +345,8 @@ def _designs(step: Mapping[str, Any], figures: Figures) -> Section:
     return Section("2 Select poses", blocks)
 
 
-def _measurement(step: Mapping[str, Any], figures: Figures) -> Section:
+def measurement_section(step: Mapping[str, Any], figures: Figures) -> Section:
+    """Return the errors of models that are fitted to measured poses."""
     campaigns = " ".join(
         f"{_NAMES[name]}: {row['rows']} poses in {row['minutes']:.0f} robot minutes"
         f" ({row['skipped']} skipped)."
@@ -398,7 +380,8 @@ def _measurement(step: Mapping[str, Any], figures: Figures) -> Section:
     return Section("3 Measure and identify", [*blocks, fig_8, fig_9, fig_10])
 
 
-def _stiffness(step: Mapping[str, Any], figures: Figures) -> Section:
+def stiffness_section(step: Mapping[str, Any], figures: Figures) -> Section:
+    """Return the stiffness at rest, and how symmetric it is."""
     smallest = step["symmetric_share"]["smallest"]
     blocks: list[Block] = [
         FigureBlock(
@@ -412,19 +395,30 @@ def _stiffness(step: Mapping[str, Any], figures: Figures) -> Section:
         FigureBlock(
             "Fig. 12: share of the symmetric part, ‖K_sym‖₂/‖K‖₂, at every measured pose; "
             f"smallest {smallest:.4f} (the paper: above {SYMMETRIC_SHARE}).",
-            draw.histogram(figures["symmetric_share"], x_title="‖K_sym‖₂ / ‖K‖₂", y_title="poses"),
+            draw.histogram(
+                {"poses": figures["symmetric_share"]}, x_title="‖K_sym‖₂ / ‖K‖₂", y_title="poses"
+            ),
         ),
     ]
     return Section("3 Stiffness", blocks)
 
 
-def _speed(evaluation: Mapping[str, Any]) -> Section:
-    caption = (
-        f"Fig. 11: {len(evaluation['fem_s'])} pairs, one pose a call from Python; of the model the "
-        f"mean of many calls, {1e6 * float(np.median(evaluation['model_s'])):.1f} µs, with the "
-        f"stiffness {1e6 * float(np.median(evaluation['model_with_stiffness_s'])):.1f} µs. The "
-        f"model is {evaluation['ratio_of_medians']:.0f} times faster than the FEM by the "
-        f"medians (the paper: at least {FEM_RATIO:.0f} times)."
+def speed_section(evaluation: Mapping[str, Any]) -> Section:
+    """Return the time of one evaluation by FEM and by the model."""
+    model_s, both_s = (
+        float(np.median(evaluation[key])) for key in ("model_s", "model_with_stiffness_s")
     )
-    figure = draw.times(evaluation["fem_s"], evaluation["model_s"])
-    return Section("3 Evaluation time", [FigureBlock(caption, figure)])
+    text = (
+        f"One pose a call from Python, the mean of many calls: {1e6 * model_s:.1f} µs, with the "
+        f"stiffness {1e6 * both_s:.1f} µs. The model is {evaluation['ratio_of_medians']:.0f} times "
+        f"faster than the FEM by the medians (the paper: at least {FEM_RATIO:.0f} times)."
+    )
+    figure = draw.histogram(
+        {"FEM": evaluation["fem_s"], "model": evaluation["model_s"]},
+        x_title="time of one evaluation [s]",
+        y_title="pairs",
+        log=True,
+        bins=20,
+    )
+    caption = f"Fig. 11: times of {len(evaluation['fem_s'])} pairs."
+    return Section("3 Evaluation time", [TextBlock(text), FigureBlock(caption, figure)])

@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 
 from ecm.comparison.comparison import compare
-from ecm.comparison.sections import residual_points
 from ecm.diagnosis.preparation import preview_effects
 from ecm.effects import get_effect, load_installed
 from ecm.errors import InputError
@@ -32,11 +31,13 @@ from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.table import Need, Table, read_table
 from ecm.logs.importing import list_columns
 from ecm.models import Model, load_model
+from ecm.report.figures import some_rows
 from ecm.report.mechanism import view_of
 from ecm.workflow.app.journal import writing
 
 MOST_ROWS = 20_000
 """Rows that a view holds; of more, every k-th, and the view says so."""
+HOW = "evenly over their order"
 
 
 @dataclass(frozen=True)
@@ -71,50 +72,42 @@ def poses(given: Given) -> dict[str, Any]:
         "row": (rows + 1).tolist(),
         "columns": {name: _short(table.column(name)[rows]) for name in columns},
         **view_of(table.meta),
-        "body": table.meta.elastic_body() is not None,
-        "said": _said(len(rows), len(table)),
+        "said": some_rows(len(rows), len(table), HOW).strip(),
     }
 
 
 def residuals(given: Given) -> dict[str, Any]:
     """Return the residual of each measured pose in its unit, over the noise, and as a pose."""
     result = compare(given.model(), given.table("fit"))
-    maps, points = result.where(), residual_points(result, MOST_ROWS)
+    maps = result.where(MOST_ROWS)
     known = not result.noise.is_residual
-    kinds: dict[str, dict[str, Any]] = {
-        "noise": {
-            "label": "over its noise",
-            "unit": "times the noise",
-            "columns": list(maps.outputs),
-            "values": _columns(points.over_noise),
-            "floor": [1.0] * len(maps.outputs),
-        },
-        "wrench": {
-            "label": "as wrench",
-            "unit": "",
-            "columns": list(maps.outputs),
-            "units": [unit_of(name) for name in maps.outputs],
-            "values": _columns(points.physical),
-            "floor": [component.floor for component in result.components] if known else None,
-        },
+    outputs, floors = list(maps.outputs), [component.floor for component in result.components]
+    kinds: dict[str, dict[str, Any]] = {}
+    if known:  # the residual over its own size would look like one over a noise
+        kinds["noise"] = {
+            "columns": outputs,
+            "values": _columns(maps.over_noise["base"]),
+            "floor": [1.0] * len(outputs),
+        }
+    kinds["wrench"] = {
+        "columns": outputs,
+        "units": [unit_of(name) for name in outputs],
+        "values": _columns(maps.physical["base"]),
+        "floor": floors if known else None,
     }
-    if not known:  # the residual over its own size would look like one over a noise
-        del kinds["noise"]
-    pose = _pose_error(result.pose_error, points.row, known=known)
+    pose = _pose_error(result.pose_error, maps.row, known=known)
     if pose is not None:
         kinds["pose"] = pose
     return {
-        "row": points.row.tolist(),
-        "size": _short(points.size),
-        "variables": {name: _short(values) for name, values in points.variables.items()},
+        "row": maps.row.tolist(),
+        "size": _short(maps.size),
+        "variables": {name: _short(values) for name, values in maps.variables.items()},
         "follows": [list(item) for item in maps.follows[:10]],
-        "strongest": [
-            name for name in maps.strongest(len(maps.variables)) if name in points.variables
-        ],
+        "strongest": maps.strongest(len(maps.variables)),
         "kinds": kinds,
         "sentence": maps.sentence(),
         "worst": maps.worst(),
-        "said": points.sentence,
+        "said": some_rows(len(maps.row), maps.total, HOW).strip(),
     }
 
 
@@ -175,31 +168,24 @@ def _pose_error(found: Any, row: I, *, known: bool) -> dict[str, Any] | None:
         ("position", "mm", found.position_mm, found.noise_mm),
         ("rotation", "deg", found.rotation_deg, found.noise_deg),
     ]
-    sized = [item for item in sizes if item[2] is not None]
+    sized = [item for item in sizes if item[2] is not None and len(found.row)]
     if not sized:
         return None
-    place = {number: i for i, number in enumerate(found.row.tolist())}
-    at = [place.get(number) for number in row.tolist()]
+    # Rows at which the model holds no pose have none.
+    there = np.isin(row, found.row)
+    at = np.searchsorted(found.row, row[there])
+    columns = np.full((len(row), len(sized)), np.nan)
+    columns[there] = np.stack([values[at] for _, _, values, _ in sized], axis=1)
     return {
-        "label": "as pose error",
-        "unit": "",
         "columns": [name for name, _, _, _ in sized],
         "units": [unit for _, unit, _, _ in sized],
-        "values": [
-            [None if i is None else float(f"{values[i]:.6g}") for i in at]
-            for _, _, values, _ in sized
-        ],
+        "values": _columns(columns),
         "floor": [floor for _, _, _, floor in sized] if known else None,
-        "said": found.sentence(),
     }
 
 
 def _thinned(rows: int) -> I:
     return np.arange(0, rows, -(-rows // MOST_ROWS) or 1, dtype=np.int64)
-
-
-def _said(shown: int, total: int) -> str:
-    return "" if shown == total else f"{shown} of {total} rows are drawn."
 
 
 def _short(values: F) -> list[float | None]:
@@ -243,13 +229,13 @@ class Views:
         if not path.is_file():
             tables = [self.folder / table for table in data]
             of_model = None if model is None else self.folder / model
-            given = (tables, of_model, skip_bad_rows)
+            given = Given(tables, of_model, skip_bad_rows)
             broken: ProcessPoolExecutor | None = None
             for again in (True, False):
                 pool = self._process(broken)
                 try:
                     with writing(path, f"the view {name}"):
-                        pool.submit(_compute, name, path, *given).result()
+                        pool.submit(compute_view, name, path, given).result()
                     break
                 except BrokenProcessPool:  # killed, or out of memory
                     broken = pool
@@ -290,12 +276,3 @@ def _end_with(life: Connection) -> None:
         os._exit(_INTERRUPTED)
 
     threading.Thread(target=watch, daemon=True).start()
-
-
-def _compute(
-    name: str, path: Path, tables: Sequence[Path], model: Path | None, skip_bad_rows: bool
-) -> None:
-    """Compute a view and write it; called in the other process."""
-    from ecm.workflow.app.views import Given, compute_view  # noqa: PLC0415 - the server needs no numerics
-
-    compute_view(name, path, Given(tables, model, skip_bad_rows))
