@@ -233,7 +233,7 @@ class Model(EvaluatedModel):
             "held-out rows": [record.held_out for record in self.history],
         }
         names = [record.name for record in self.history]
-        return drawn(figures.bars(errors, names, y_title="error / noise"))
+        return figures.plotly_figure(figures.bars(errors, names, y_title="error / noise"))
 
     def to_pandas(self) -> Any:
         """Return a DataFrame with a row for each fitted parameter of the effects."""
