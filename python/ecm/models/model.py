@@ -510,8 +510,3 @@ def load_model(path: str | Path) -> Model:
         raise InputError(
             f"{path}: the model file lacks or misstates {error}; fit the model again"
         ) from None
-
-
-def drawn(figure: dict[str, Any]) -> Any:
-    """A plotly figure; MissingExtra without the extra `report`."""
-    return require("plotly.graph_objects", "report", "A figure").Figure(figure)

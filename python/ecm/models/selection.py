@@ -25,7 +25,6 @@ from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.energy import EnergyModel
 from ecm.models.fit import fit_model, fit_rows
 from ecm.models.maps import PolynomialMap, StiffnessMap
-from ecm.models.model import drawn
 from ecm.models.partial import measured_part
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.registry import parse_model
@@ -399,7 +398,8 @@ class LearningCurve:
         bands = {"median": self.error, "lower quartile": self.lower, "upper quartile": self.upper}
         series = {name: (list(self.sizes), band.tolist()) for name, band in bands.items()}
         titles = "poses", "error / noise"
-        return drawn(figures.lines(series, x_title=titles[0], y_title=titles[1], log_y=True))
+        figure = figures.lines(series, x_title=titles[0], y_title=titles[1], log_y=True)
+        return figures.plotly_figure(figure)
 
     def to_pandas(self) -> Any:
         """Return a DataFrame with a row for each number of poses; needs the extra `data`."""
