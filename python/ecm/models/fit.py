@@ -145,6 +145,7 @@ def fit_rows(
     --------
     >>> from ecm.models import parse_model
     >>> x = np.linspace(-0.01, 0.01, 9)
+    >>> from ecm.io.table import as_table
     >>> fit_rows(as_table({"x_m": x, "fx_N": 2000.0 * x}), parse_model("linear")).name
     'poly:1'
     """
