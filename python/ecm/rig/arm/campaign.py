@@ -90,6 +90,7 @@ class RobotCampaign(Campaign):
         self.planned: Timeline = self.timeline
         self.goals = self.visits.reached
         self._anchors = self.visits.anchor
+        self._out_of_reach = self.skipped
         poses, wrenches = fem_pairs(source, self.plant.elastic.anchors, folder, progress)
         self.mechanism = fit_surrogate(poses, wrenches, length)
         model = controller_document(settings.arm.controller_model, poses, wrenches, length)
@@ -219,6 +220,7 @@ class RobotCampaign(Campaign):
             for k, stop in enumerate(sortie.stops)
         }
         visits, reached, joints = list[Visit](), list[F](), list[F]()
+        self.stops, self._visited, self.skipped = [], [], self._out_of_reach
         self.timeline = Timeline(runs=self.planned.runs)
         way, shift_s = rest[None], 0.0
         for i, planned in enumerate(self.planned.visits):
