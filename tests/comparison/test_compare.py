@@ -22,7 +22,7 @@ from ecm.io.table import Table
 from ecm.models import Model, fit_model
 from ecm.models.joint_fit import joint_fit
 from ecm.models.noise_estimate import estimate_noise, nuisance_columns
-from ecm.regression.folds import folds, is_pose_row, repeat_cells, row_groups, without_zero_readings
+from ecm.regression.folds import folds, repeat_cells, row_groups, without_zero_readings
 from ecm.regression.noise import reml_noise
 from ecm.regression.normal_equations import NormalEquations
 from support.campaigns import campaign, model, physics
@@ -107,7 +107,7 @@ def test_a_few_wild_rows_do_not_widen_the_noise() -> None:
     """1 % are off by thirty times their noise: contrasts that hold them are left out."""
     table = campaign(seed=2)
     random = np.random.default_rng(0)
-    rows = random.choice(np.flatnonzero(is_pose_row(table)), 3, replace=False)
+    rows = random.choice(np.flatnonzero(table.of_poses), 3, replace=False)
     wrenches = table.wrenches.copy()
     wrenches[rows] += random.choice([-30.0, 30.0], (3, 6)) * np.repeat([0.3, 0.01], 3)
     wild = table.with_columns(dict(zip(WRENCH, wrenches.T, strict=True)))
@@ -116,7 +116,7 @@ def test_a_few_wild_rows_do_not_widen_the_noise() -> None:
     rows, predicted = Rows(wild, physics()), physics().predict(wild.poses)
     robust = estimate_noise(rows, predicted)
     assert np.all(np.abs(robust.parameters() / truth.parameters() - 1.0) < 0.25)
-    cells = np.where(is_pose_row(wild), repeat_cells(wild), -1)
+    cells = np.where(wild.of_poses, repeat_cells(wild), -1)
     nuisance = nuisance_columns(rows)
     wide = reml_noise(rows, wrenches - predicted, cells, nuisance, truth, outlier=np.inf)
     assert wide is not None
@@ -136,7 +136,7 @@ def test_pose_noise_acts_through_the_stiffness() -> None:
     table = campaign(seed=2)
     rows = Rows(table, physics())
     covariance = Noise(1e-5, 0.0, 1e-9, 1e-9).covariance(rows)
-    i = int(np.flatnonzero(is_pose_row(table))[3])
+    i = int(np.flatnonzero(table.of_poses)[3])
     random = np.random.default_rng(0)
     near = np.tile(rows.poses[i], (4000, 1))
     near[:, :3] += 1e-5 * random.standard_normal((4000, 3))
@@ -162,7 +162,7 @@ def test_a_right_model_has_no_excess_and_a_wrong_one_has() -> None:
     assert fx.name == "fx_N"
     assert fx.rmse**2 == pytest.approx(fx.floor**2 + fx.excess**2, rel=1e-6)
     assert fx.bias == pytest.approx(
-        float((table.wrenches - physics().predict(table.poses))[is_pose_row(table), 0].mean())
+        float((table.wrenches - physics().predict(table.poses))[table.of_poses, 0].mean())
     )
     document = wrong.to_dict()
     assert set(document["rmse"]) == set(WRENCH)
@@ -206,7 +206,7 @@ def test_what_was_fitted_to_the_table_counts_once_in_its_lack_of_fit() -> None:
         return found.lack_of_fit.dof
 
     whole = dof(model(), table)
-    assert whole == 6 * len(np.unique(table.column("pose_id")[is_pose_row(table)]))
+    assert whole == 6 * len(np.unique(table.column("pose_id")[table.of_poses]))
     assert dof(better, table) == whole - base - payload
     assert dof(better.freeze("payload").fit(table), table) == whole - base
     assert dof(better, campaign("payload", 1.0, 5)) == whole
@@ -335,9 +335,9 @@ def test_repeats_stay_together_in_every_fold() -> None:
         assert len(np.unique(parts)) == 5
         for group in np.unique(groups):
             assert len(np.unique(parts[groups == group])) == 1
-    ids = table.column("pose_id")[is_pose_row(table)]
-    assert len(np.unique(groups[is_pose_row(table)])) == len(np.unique(ids))
-    assert len(np.unique(repeat_cells(table)[is_pose_row(table)])) == len(np.unique(ids))
+    ids = table.column("pose_id")[table.of_poses]
+    assert len(np.unique(groups[table.of_poses])) == len(np.unique(ids))
+    assert len(np.unique(repeat_cells(table)[table.of_poses])) == len(np.unique(ids))
 
 
 def test_unloaded_rows_that_gave_the_zero_are_left_out() -> None:

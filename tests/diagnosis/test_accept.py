@@ -21,7 +21,7 @@ from ecm.io.columns import WRENCH
 from ecm.io.description import FileMeta
 from ecm.io.table import Table
 from ecm.models.fit import choose_base
-from ecm.regression.folds import folds, held_out_by, is_pose_row, row_groups
+from ecm.regression.folds import folds, held_out_by, row_groups
 from ecm.regression.noise import declared_noise, whiteners
 from support.campaigns import campaign, model, physics
 
@@ -58,7 +58,7 @@ def effect_of(id: str, values: list[float], strength: float, table: Table) -> F:
     rows = Rows(table, physics())
     change = get_effect(id).correction(rows, np.array(values))
     whitener = whiteners(declared_noise(table).covariance(rows))
-    white = np.einsum("nij,nj->ni", whitener, change)[is_pose_row(table)]
+    white = np.einsum("nij,nj->ni", whitener, change)[table.of_poses]
     return np.asarray(change * strength / np.sqrt((white**2).mean()))
 
 
@@ -162,7 +162,7 @@ def test_an_effect_of_one_cluster_of_poses_only_does_not_generalise() -> None:
 def test_a_bundle_of_rows_that_imitates_a_payload_is_not_named() -> None:
     """2 % of the rows hang on a weight: they count less."""
     table = campaign("", 1.0, 4)
-    rows = np.flatnonzero(is_pose_row(table))
+    rows = np.flatnonzero(table.of_poses)
     rows = np.random.default_rng(1).choice(rows, round(0.02 * len(table)), replace=False)
     hung = np.zeros((len(table), 1))
     hung[rows] = 1.0

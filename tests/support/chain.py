@@ -24,7 +24,6 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table, read_table
 from ecm.models import Model, load_model
 from ecm.models.partial import measured_part
-from ecm.regression.folds import is_pose_row
 from ecm.workflow.app.steps import Files, command_of
 from support.neck import ROOT, SHARED_DATA, Done, csv_text
 
@@ -350,7 +349,7 @@ class Walk:
         """
         found = self._measured(load_model(model), self.rows)
         error = self.rows.matrix(found.outputs) - found.predict(self.rows, skip_untestable=True)
-        scored = error[test & is_pose_row(self.rows)]
+        scored = error[test & self.rows.of_poses]
         rows = self.rows.select(np.flatnonzero(test)).measured()
         return float((np.sqrt((scored**2).mean(axis=0)) / self._noise(found, rows)).max())
 

@@ -22,7 +22,6 @@ from ecm.regression.f_test import FTest, lack_of_fit
 from ecm.regression.folds import (
     HOW,
     RowsUsed,
-    is_pose_row,
     repeat_cells,
     row_groups,
     spread_rows,
@@ -114,7 +113,7 @@ def compare(
     if noise is None:
         some = Rows(table.subsample(chosen), model.base)
         noise = estimate_noise(some, predicted[chosen], fallback=model.noise)
-    scored = is_pose_row(table)
+    scored = table.of_poses
     physical, whitened, variance = (
         values[scored] for values in residuals_by_block(rows, predicted, noise, model.base.error)
     )

@@ -13,7 +13,7 @@ from ecm.comparison.structure import signature_shares
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import POSE
-from ecm.regression.folds import is_pose_row, spread_rows
+from ecm.regression.folds import spread_rows
 from ecm.regression.noise import Noise
 from ecm.regression.rows import Rows, is_whole
 from ecm.report.figures import MOST_DRAWN, some_rows
@@ -212,7 +212,7 @@ def residual_maps_of(
     noise
         Noise of the rows.
     """
-    scored = is_pose_row(rows.table)
+    scored = rows.table.of_poses
     own = counted[scored]
     part = Rows(rows.table.subsample(np.flatnonzero(counted)), rows.base)
     left, whitener = errors.whitened[counted], errors.whitener[counted]
@@ -252,7 +252,7 @@ def residual_maps_of(
         leverage=leverage,
         top_from_base=turn,
         drawn=np.union1d(spread_rows(rows.table.select(scored), MOST_DRAWN), worst),
-        total=int(is_pose_row(rows.table.full).sum()),
+        total=int(rows.table.full.of_poses.sum()),
         noise_is_assumed=noise.is_assumed,
     )
 
@@ -263,7 +263,7 @@ def residual_stiffness(rows: Rows, whitened: F, whitener: F) -> tuple[F, F] | tu
     Fitted beside a constant and, with enough rows, squares and products. None where the poses are
     too few, or do not span all six coordinates.
     """
-    scored = is_pose_row(rows.table)
+    scored = rows.table.of_poses
     deflection = (rows.poses - rows.middle_pose)[scored]
     n = len(deflection)
     scale = np.maximum(np.abs(deflection).max(axis=0), 1e-12)

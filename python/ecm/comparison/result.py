@@ -38,7 +38,6 @@ from ecm.models.refit import FAR_BEYOND_NOISE, base_and_error, is_far_behind
 from ecm.regression.f_test import FTest
 from ecm.regression.folds import (
     RowsUsed,
-    is_pose_row,
     without_zero_readings,
 )
 from ecm.regression.noise import Noise
@@ -165,7 +164,7 @@ class Comparison(Shown):
         refitted = not made.model.base_frozen and made.model.base.kind not in LEARNED
         if refitted and fitted_here(made.model, made.table):
             own = errors.whitener @ base_columns(rows, made.model.base)
-        scored = is_pose_row(rows.table)
+        scored = rows.table.of_poses
         return structure_test(rows, errors.whitened, errors.whitener, scored, fitted=own)
 
     @cached_property
@@ -197,7 +196,7 @@ class Comparison(Shown):
         shown = np.unique(np.concatenate([made.chosen, worst, more]))
         rows = Rows(made.table.subsample(shown), made.model.base)
         errors = residuals(rows, made.predicted[shown], self.noise, made.model.base.error)
-        leverage = made.model.leverage(np.ascontiguousarray(rows.poses[is_pose_row(rows.table)]))
+        leverage = made.model.leverage(np.ascontiguousarray(rows.poses[rows.table.of_poses]))
         # The other rows of a large table are shown, but would count too much.
         counted = np.isin(shown, made.chosen)
         return residual_maps_of(rows, errors, counted, leverage, self.noise)

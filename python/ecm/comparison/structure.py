@@ -22,7 +22,7 @@ from ecm.regression.approach import order_of_visits
 from ecm.regression.blocks import in_threads
 from ecm.regression.correlation import speeds
 from ecm.regression.f_test import Beside, explained_by_span, lack_of_fit
-from ecm.regression.folds import is_continuous, repeat_cells
+from ecm.regression.folds import repeat_cells
 from ecm.regression.rows import Rows, is_whole
 
 LEVEL = 0.01
@@ -123,7 +123,7 @@ def _motion(rows: Rows) -> F:
     A damper follows the velocity, a loop its sign, and the width of a loop the pose.
     """
     columns: list[F] = []
-    found = speeds(rows.table) if is_continuous(rows.table) else {}
+    found = speeds(rows.table) if rows.table.continuous else {}
     few = len(rows.base.inputs) <= 2
     for j, name in enumerate(rows.base.inputs):
         velocity = found.get(f"v_{name}")

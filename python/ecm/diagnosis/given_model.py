@@ -35,7 +35,7 @@ from ecm.models.learned import LEARNED
 from ecm.models.maps import StiffnessMap
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import is_far_behind
-from ecm.regression.folds import is_pose_row, spread_rows
+from ecm.regression.folds import spread_rows
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.rows import Rows
 
@@ -71,7 +71,7 @@ def reading_of_given_model(
     known = set(model.inputs) <= set(POSE) and set(model.outputs) <= set(WRENCH)
     if noise.is_residual or not known:
         return None
-    rows = np.flatnonzero(is_pose_row(table))
+    rows = np.flatnonzero(table.of_poses)
     rows = rows[evenly(len(rows), _ROWS)]
     part = table.select(rows)
     whitener = whiteners(noise.covariance(Rows(part, model.base), model.base.error))
@@ -440,7 +440,7 @@ def _fit_or_none(
 
 def _errors(fit: JointFit, noise: Noise) -> Errors:
     """Return the errors of a fit, each coefficient counted as a degree of freedom."""
-    scored = is_pose_row(fit.rows.table)
+    scored = fit.rows.table.of_poses
     whitened, residual = fit.whitened[scored], fit.residual[scored]
     dof = max(1, whitened.size - fit.design.shape[2])
     rms = np.sqrt((residual**2).mean(axis=0))
@@ -464,7 +464,7 @@ def _sized(over_noise: float | None, rmse: dict[str, float], noise: Noise, table
 
 def _bic_fall(without: JointFit, with_effects: JointFit) -> float:
     """Return the fall of BIC by the effects of the second fit, whatever the size of the noise."""
-    scored = is_pose_row(without.rows.table)
+    scored = without.rows.table.of_poses
     before, after = (float((f.whitened[scored] ** 2).sum()) for f in (without, with_effects))
     size = without.whitened[scored].size
     more = with_effects.design.shape[2] - without.design.shape[2]
@@ -477,7 +477,7 @@ def _holds_structure(fit: JointFit | None, noise: Noise) -> bool:
     if fit is None:
         return False
     whitener = whiteners(noise.covariance(fit.rows, fit.base.error))
-    scored = is_pose_row(fit.rows.table)
+    scored = fit.rows.table.of_poses
     return structure_test(fit.rows, fit.whitened, whitener, scored, fitted=fit.design).found
 
 

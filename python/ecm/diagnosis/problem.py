@@ -23,7 +23,7 @@ from ecm.io.arrays import B, F, I
 from ecm.models.joint_fit import JointFit, base_columns, error_columns, joint_fit
 from ecm.models.noise_estimate import declared_or_fitted, estimate_noise
 from ecm.regression.f_test import omnibus_test
-from ecm.regression.folds import is_pose_row, row_groups
+from ecm.regression.folds import row_groups
 from ecm.regression.noise import Noise, is_exact, some_rows, weighed_by_rest, whiteners
 from ecm.regression.normal_equations import (
     NormalEquations,
@@ -359,7 +359,7 @@ def assemble(
         fit=fit,
         weights=weights,
         groups=groups,
-        scored=is_pose_row(table),
+        scored=table.of_poses,
         whitener=whitener,
         response=response,
         design=design,

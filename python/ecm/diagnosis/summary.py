@@ -15,7 +15,6 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models.joint_fit import FittedEffect, JointFit
 from ecm.models.refit import FAR_BEYOND_NOISE
-from ecm.regression.folds import is_continuous
 
 
 def to_json(value: Any) -> Any:
@@ -113,7 +112,7 @@ def path_taken(table: Table, named: Iterable[str]) -> list[str]:
     named
         Ids of the answer.
     """
-    full = table.has(*POSE, *WRENCH) and not is_continuous(table)
+    full = table.has(*POSE, *WRENCH) and not table.continuous
     ids = [id for id in _BY_PATH if id in set(named)]
     if not ids or not full or table.has("approach"):
         return []

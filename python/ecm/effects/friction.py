@@ -38,7 +38,6 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.table import Table
 from ecm.regression.approach import approach_sides, order_of_visits
-from ecm.regression.folds import is_continuous
 from ecm.regression.rows import Rows
 
 _PATHS = (0.02, 0.05, 0.12)
@@ -112,9 +111,9 @@ class Hysteresis(LinearEffect):
         """Needs poses approached from both sides, with a memory also time; or a continuous test."""
         if self.of is not None:
             return needs_both_ways(table)
-        by_time = is_continuous(table) or self.yield_m > 0.0
+        by_time = table.continuous or self.yield_m > 0.0
         lacking = needs_full(table) or (needs_time(table) if by_time else None)
-        if lacking is not None or is_continuous(table):
+        if lacking is not None or table.continuous:
             return lacking
         if not table.has("approach") and not table.has("time_s"):
             return Missing("no column approach", "approach, or time_s", absent=True)
@@ -138,7 +137,7 @@ class Hysteresis(LinearEffect):
         if needs_time(table) is not None:
             return (Hysteresis("local"), Hysteresis("rest"))
         slipping = [Hysteresis(k, path) for k in ("middle", "each") for path in _paths(table)]
-        if is_continuous(table):
+        if table.continuous:
             return (slipping[1], slipping[0], slipping[2])
         return (Hysteresis("local"), slipping[1], Hysteresis("rest"), slipping[0], *slipping[2:])
 

@@ -28,7 +28,6 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, VELOCITY
 from ecm.io.table import Table
 from ecm.regression.correlation import rates
-from ecm.regression.folds import is_continuous
 from ecm.regression.rows import Rows
 
 _EXPONENTS = (1.0, 0.3)
@@ -55,14 +54,14 @@ def needs_velocity(table: Table) -> Missing | None:
         if float(np.abs(table.matrix(VELOCITY)).max(initial=0.0)) < 1e-9:
             return Missing("nothing moved", "v_ columns of two approach speeds")
         return None
-    if is_continuous(table):
+    if table.continuous:
         return None
     return Missing("no velocity", "v_ columns, or the raw stream", absent=True)
 
 
 def needs_stream(table: Table) -> Missing | None:
     """Missing where rows are not samples of a continuous test."""
-    if is_continuous(table):
+    if table.continuous:
         return None
     return Missing("no raw stream", "NAME.raw.parquet, diagnosed as a continuous test", absent=True)
 

@@ -26,7 +26,6 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.table import Table
 from ecm.regression.approach import order_of_visits
-from ecm.regression.folds import is_continuous
 from ecm.regression.rows import Rows
 
 _TAUS = 12
@@ -113,7 +112,7 @@ class StressRelaxation(LinearEffect):
 
     def _by_time(self, table: Table) -> bool:
         """Whether the rows follow each other closely enough for the hereditary form."""
-        return is_continuous(table) or bool(self.samples and _needs_dwells(table))
+        return table.continuous or bool(self.samples and _needs_dwells(table))
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Time constants that the dwell times or the samples can distinguish.

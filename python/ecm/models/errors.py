@@ -20,7 +20,7 @@ from ecm.models.evaluation import EvaluatedModel
 from ecm.models.joint_fit import JointFit
 from ecm.models.maps import StiffnessMap
 from ecm.regression.f_test import FTest
-from ecm.regression.folds import folds, held_out_by, is_pose_row, row_groups, spread_rows
+from ecm.regression.folds import folds, held_out_by, row_groups, spread_rows
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.normal_equations import NormalEquations, ridge_path
 from ecm.regression.rows import Rows
@@ -74,7 +74,7 @@ def errors_and_noise(model: EvaluatedModel, table: Table) -> tuple[F, F]:
     Only rounding where no noise is known. Effects whose columns the table lacks are left out.
     """
     some = table.subsample(spread_rows(table, _MOST_ROWS_OF_A_MODEL))
-    scored = is_pose_row(some)
+    scored = some.of_poses
     readings = some.matrix(model.outputs)
     left = readings - model.predict(some, skip_untestable=True)
     errors = np.sqrt((left[scored] ** 2).mean(axis=0))
@@ -97,7 +97,7 @@ def held_out(fit: JointFit) -> float | None:
     parts = folds(table, fit.rows.poses, groups, held_out_by(table, "time"))
     if len(np.unique(parts)) < 2:
         return None
-    design, whitened, scored = fit.design, fit.whitened, is_pose_row(table)
+    design, whitened, scored = fit.design, fit.whitened, table.of_poses
     held = fit.held_columns
     if len(held):
         design = np.delete(design, held, axis=2)
@@ -157,7 +157,7 @@ class FitRecord:
     def of(name: str, fit: JointFit, noise: Noise, training_hash: str) -> FitRecord:
         """The errors of a fit to rows of this hash."""
         table, m = fit.rows.table, fit.whitened.shape[1]
-        squares = (fit.whitened**2).sum(axis=1)[is_pose_row(table)]
+        squares = (fit.whitened**2).sum(axis=1)[table.of_poses]
         train, beyond = float(np.sqrt(squares.mean() / m)), held_out(fit)
         ceiling = ceiling_rms(fit, table, noise)
         return FitRecord(
@@ -215,7 +215,7 @@ def ceiling_rms(fit: JointFit, table: Table, noise: Noise) -> Ceiling | None:
     some of the six coordinates.
     """
     rows = fit.rows
-    scored = is_pose_row(table)
+    scored = table.of_poses
     poses, whitened = rows.poses[scored], fit.whitened[scored]
     low, high = poses.min(axis=0), poses.max(axis=0)
     moving = high > low

@@ -17,7 +17,6 @@ from ecm.io.columns import same_unit
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
 from ecm.regression.f_test import independent_factor, orthonormal
-from ecm.regression.folds import is_pose_row
 from ecm.regression.noise import Noise, shared_zero_error, whiteners
 from ecm.regression.rows import Rows
 
@@ -364,7 +363,7 @@ def _with_priors(
 
 def _acting(fit: JointFit) -> dict[str, F]:
     """(n, m) correction of each effect at the pose rows of a fit, by its id."""
-    scored = is_pose_row(fit.rows.table)
+    scored = fit.rows.table.of_poses
     return {
         item.id: correction_of(item.effect, fit.rows, item.values)[scored] for item in fit.effects
     }
@@ -372,7 +371,7 @@ def _acting(fit: JointFit) -> dict[str, F]:
 
 def effect_sizes(fit: JointFit, noise: Noise) -> dict[str, float]:
     """Root mean square of each effect on the fitted rows over the noise, of its worst component."""
-    variance = noise.variances(fit.rows, fit.base.error)[is_pose_row(fit.rows.table)]
+    variance = noise.variances(fit.rows, fit.base.error)[fit.rows.table.of_poses]
     return {
         id: float(np.sqrt((acts**2 / variance).mean(axis=0).max()))
         for id, acts in _acting(fit).items()
@@ -384,7 +383,7 @@ def effect_shares(fit: JointFit) -> dict[str, float]:
 
     The larger of the shares of the outputs with one unit, force or moment.
     """
-    same, scored = same_unit(fit.base.outputs), is_pose_row(fit.rows.table)
+    same, scored = same_unit(fit.base.outputs), fit.rows.table.of_poses
     wrench = same @ (fit.rows.table.matrix(fit.base.outputs)[scored] ** 2).sum(axis=0)
     return {
         id: float(np.sqrt(same @ (acts**2).sum(axis=0) / np.maximum(wrench, 1e-300)).max())

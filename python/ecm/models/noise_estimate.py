@@ -11,7 +11,7 @@ from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
 from ecm.regression.f_test import within_cells
-from ecm.regression.folds import is_pose_row, repeat_cells
+from ecm.regression.folds import repeat_cells
 from ecm.regression.noise import Noise, declared_noise, noise_source, reml_noise
 from ecm.regression.rows import Rows, is_whole
 
@@ -35,7 +35,7 @@ def estimate_noise(rows: Rows, predicted: F, *, fallback: Noise | None = None) -
         prior = fallback
     if not repeated:
         return prior
-    cells = np.where(is_pose_row(table), repeat_cells(table), -1)
+    cells = np.where(table.of_poses, repeat_cells(table), -1)
     measured = table.wrenches
     estimated = reml_noise(rows, measured - predicted, cells, nuisance_columns(rows), prior)
     return prior if estimated is None else estimated

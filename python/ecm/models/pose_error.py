@@ -17,7 +17,6 @@ from ecm.io.arrays import B, F, I, evenly
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models.evaluation import EvaluatedModel
-from ecm.regression.folds import is_pose_row
 from ecm.regression.noise import Noise
 from ecm.regression.rows import Rows
 
@@ -172,7 +171,7 @@ def pose_error(
             f"errors of shape {errors.shape}: expected {(len(table), len(model.outputs))}, a row "
             f"for each of the table and a column for each of {', '.join(model.outputs)}"
         )
-    measured = np.flatnonzero(is_pose_row(table))
+    measured = np.flatnonzero(table.of_poses)
     numbers = table.numbers_in_file[measured]
     axes = _axes(model, table.select(measured))
     if not axes:
@@ -209,7 +208,7 @@ def report_rows(table: Table) -> I:
     >>> len(report_rows(ecm.as_table({"x_m": x, "fx_N": 2000.0 * x})))
     200
     """
-    rows = np.flatnonzero(is_pose_row(table))
+    rows = np.flatnonzero(table.of_poses)
     return rows[evenly(len(rows), _ROWS_OF_A_FIT)]
 
 

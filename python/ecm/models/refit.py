@@ -32,7 +32,6 @@ from ecm.models.registry import parse_model
 from ecm.models.specification import CHOOSE
 from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import (
-    is_pose_row,
     spread_rows,
     without_zero_readings,
 )
@@ -340,7 +339,7 @@ def _worse_held_out(fitted: Model) -> list[str]:
 def _worse_than_mean(
     fitted: Model, table: Table, errors: F, sd: F, held_out: Mapping[str, float]
 ) -> list[str]:
-    spread = table.matrix(fitted.outputs)[is_pose_row(table)].std(axis=0)
+    spread = table.matrix(fitted.outputs)[table.of_poses].std(axis=0)
     reasons = []
     for name, error, own, noise in zip(fitted.outputs, errors, spread, sd, strict=True):
         unit = unit_of(name)

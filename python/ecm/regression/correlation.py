@@ -20,7 +20,6 @@ from ecm.io.table import Table
 from ecm.regression.approach import order_of_visits
 from ecm.regression.blocks import in_threads
 from ecm.regression.f_test import orthonormal
-from ecm.regression.folds import is_continuous
 
 
 def speeds(table: Table) -> dict[str, F]:
@@ -54,7 +53,7 @@ def speeds(table: Table) -> dict[str, F]:
         return _moving(recorded)
     if not table.has("time_s") or not table.pose_columns:
         return {}
-    continuous = is_continuous(table)
+    continuous = table.continuous
     rate = rates if continuous else _rate_of_way
     found = _moving({f"v_{name}": rate(table, table.column(name)) for name in table.pose_columns})
     return found if continuous else {n: v for n, v in found.items() if n == "speed"}
@@ -150,7 +149,7 @@ def correlation_time(table: Table) -> CorrelationTime | None:
     >>> 1.0 < found.time_s < 3.0
     True
     """
-    if not is_continuous(table):
+    if not table.continuous:
         return None
     names = (*table.pose_columns, *table.wrench_columns)
     times, steps, weights = [], [], []
@@ -188,7 +187,7 @@ def correlation_of_rest(table: Table, rest: F) -> CorrelationTime | None:
     >>> correlation_of_rest(table, np.cos(time / 0.05)[:, None]).independent < 50
     True
     """
-    if not is_continuous(table):
+    if not table.continuous:
         return None
     times, steps = [], []
     for rows, step, stride in _runs(table):

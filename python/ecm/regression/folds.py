@@ -59,7 +59,7 @@ def row_groups(table: Table) -> I:
     """
     n = len(table)
     own = np.arange(n, dtype=np.int64)
-    if is_continuous(table):
+    if table.continuous:
         return _stretches(table)
     names = [name for name in table.meta.group if table.has(name)]
     if not names and table.has("pose_id"):
@@ -70,20 +70,15 @@ def row_groups(table: Table) -> I:
     _, codes = np.unique(keys, axis=0, return_inverse=True)
     groups = np.asarray(codes, dtype=np.int64).ravel()
     if table.has("kind"):
-        checks = ~is_pose_row(table)
+        checks = ~table.of_poses
         groups = np.where(checks, groups.max() + 1 + own, groups)
     _, packed = np.unique(groups, return_inverse=True)
     return np.asarray(packed, dtype=np.int64).ravel()
 
 
-def is_continuous(table: Table) -> bool:
-    """Whether the rows are samples of a continuous test."""
-    return table.continuous
-
-
 def held_out_by(table: Table, kind: str) -> Literal["time", "pose", "run"]:
     """Folds for an effect of this kind: by time for `pose`, else by pose; or run by run."""
-    if is_continuous(table):
+    if table.continuous:
         several = table.has("run") and len(np.unique(table.column("run"))) > 1
         return "run" if several else "time"
     return "time" if kind == "pose" else "pose"
@@ -101,7 +96,7 @@ def split_words(table: Table, parts: int) -> str:
     """
     groups = int(row_groups(table).max()) + 1
     what = "rows"
-    if is_continuous(table):
+    if table.continuous:
         what = f"stretches of time, {_STRETCHES} a run"
     elif table.meta.group:
         what = f"groups by {', '.join(table.meta.group)}"
@@ -119,11 +114,6 @@ def _stretches(table: Table) -> I:
         stretches[rows] = first + np.arange(len(rows)) * pieces // len(rows)
         first += pieces
     return stretches
-
-
-def is_pose_row(table: Table) -> B:
-    """(N,) rows that measure a pose: neither home checks nor unloaded readings."""
-    return table.of_poses
 
 
 def without_zero_readings(table: Table) -> Table:
@@ -145,12 +135,12 @@ def distinct_rows(table: Table) -> I:
     Unloaded rows are never left out, because a zeroed sensor may read the same twice, nor samples
     of a continuous test, which repeat at rest.
     """
-    if is_continuous(table):
+    if table.continuous:
         return np.arange(len(table), dtype=np.int64)
     names = (*table.pose_columns, *table.wrench_columns)
     values = np.stack([table.column(name) for name in names], axis=1)
     _, first = np.unique(values, axis=0, return_index=True)
-    keep = ~is_pose_row(table)
+    keep = ~table.of_poses
     keep[first] = True
     return np.flatnonzero(keep)
 
@@ -219,7 +209,7 @@ def repeat_cells(table: Table) -> I:
         keys.append(table.column("run"))
     _, codes = np.unique(np.stack(keys, axis=1), axis=0, return_inverse=True)
     cells = np.asarray(codes, dtype=np.int64).ravel()
-    return np.where(is_pose_row(table), cells, cells.max() + 1 + own)
+    return np.where(table.of_poses, cells, cells.max() + 1 + own)
 
 
 def repeat_contrasts(table: Table) -> int:
@@ -321,7 +311,7 @@ def spread_rows(table: Table, most: int) -> I:
     rng = np.random.default_rng(0)
     poses = _scaled_poses(table)
     order = _in_order(table)
-    measured = is_pose_row(table)
+    measured = table.of_poses
     checks = order[~measured[order]]
     checks = checks[evenly(len(checks), int(_CHECKS * most))]
     room = most - len(checks)
@@ -373,7 +363,7 @@ class _Farthest:
 def _repeats(table: Table, order: I, most: int, far: _Farthest, rng: np.random.Generator) -> I:
     """Choose repeated poses, and of each as many visits as there is room for, at least two."""
     nothing = np.zeros(0, dtype=np.int64)
-    if is_continuous(table) or len(order) == 0:
+    if table.continuous or len(order) == 0:
         return nothing
     _, cell, count = np.unique(repeat_cells(table)[order], return_inverse=True, return_counts=True)
     repeated = np.flatnonzero(count[cell] > 1)
