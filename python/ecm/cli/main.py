@@ -20,7 +20,7 @@ from ecm.cli import application, interrupt
 from ecm.cli.app import app
 from ecm.errors import EcmError, exit_code, visible
 from ecm.io import events
-from ecm.regression.blocks import one_blas_thread_later
+from ecm.regression.blas import one_blas_thread_later
 
 _BROKEN_PIPE = -1
 

@@ -34,7 +34,7 @@ from ecm.models import (
     physics_map,
 )
 from ecm.models.physics.map import reach_of
-from ecm.regression.blocks import one_blas_thread
+from ecm.regression.blas import one_blas_thread
 from ecm.report.page import require_report, write_page
 from ecm.rig import HiddenTable, RigSettings
 from ecm.rig.arm.first_pose import PictureSource, first_pose_trace
