@@ -13,7 +13,7 @@ from ecm.cli import run
 from ecm.io.cache import hash_of
 from ecm.io.mechanism import Mechanism
 from ecm.models import PhysicsMap, physics_map
-from ecm.regression.blocks import one_blas_thread
+from ecm.regression.blas import one_blas_thread
 from support.jobs import identify_with_kept_fem, write_smaller
 from support.neck import ROOT, SHARED_DATA, Done, csv_text, neck_columns
 from support.products import cache_of_this_code, made_once

@@ -121,7 +121,7 @@ def test_blas_has_one_thread_inside_a_command(before: str, tmp_path: Path) -> No
 
 def test_blas_has_one_thread_inside_a_function_and_its_own_after() -> None:
     done = in_a_process(
-        "from ecm.regression.blocks import one_blas_thread",
+        "from ecm.regression.blas import one_blas_thread",
         "@one_blas_thread()\ndef inside():\n    " + THREADS,
         "inside()",
         THREADS,

@@ -20,7 +20,7 @@ from ecm.cli import command, interrupt
 from ecm.cli.app import app
 from ecm.errors import EcmError, Refusal, exit_code, remedy_of, visible
 from ecm.io import events
-from ecm.regression.blocks import one_blas_thread_later
+from ecm.regression.blas import one_blas_thread_later
 
 _BROKEN_PIPE = -1
 

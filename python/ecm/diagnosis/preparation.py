@@ -18,7 +18,7 @@ from ecm.io.conventions import WrongConvention, wrong_convention
 from ecm.io.table import Table
 from ecm.models.fit import choose_base
 from ecm.models.model import Model
-from ecm.regression.blocks import one_blas_thread
+from ecm.regression.blas import one_blas_thread
 from ecm.regression.folds import distinct_rows, rows_without_zero_readings, spread_rows, zero_times
 from ecm.regression.normal_equations import projected_out
 

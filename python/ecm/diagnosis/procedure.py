@@ -53,7 +53,7 @@ from ecm.io.table import takes_table
 from ecm.models.fit import choose_base, symmetric_energy
 from ecm.models.given import as_model
 from ecm.models.physics.map import PhysicsMap
-from ecm.regression.blocks import one_blas_thread
+from ecm.regression.blas import one_blas_thread
 from ecm.regression.correlation import CorrelationTime, correlation_of_rest
 from ecm.regression.noise import Noise
 from ecm.regression.rows import naming_wild_readings

@@ -1,25 +1,17 @@
-"""Threads: tables of many rows in blocks, and one BLAS thread for small matrices.
+"""Tables of many rows: worked on in blocks, so that memory and time grow with the rows alone.
 
 The blocks do not depend on the number of threads, and neither do the bits of a result.
-
-Threads of BLAS wait actively in small work: on a busy machine a diagnosis takes ten times as long,
-and the last bits of a sum depend on their number. The Rust core has threads of its own.
 """
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
-from functools import cache
-from importlib import import_module
+from contextlib import contextmanager
 from threading import Thread
 from typing import TypeVar
 
 import numpy as np
-from threadpoolctl import ThreadpoolController
 
 from ecm._native import merged_triangle
 from ecm.io.arrays import F, I
@@ -135,50 +127,3 @@ def few_rows(table: Table) -> Table:
     if len(table) < MANY_ROWS:
         return table
     return table.select(np.arange(0, len(table), len(table) // _FEW_ROWS))
-
-
-_VARIABLES = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
-_MODULES = ("numpy", "scipy.linalg")
-"""Modules that load a BLAS of their own when they are first imported."""
-
-
-@cache
-def _controller(loaded: tuple[str, ...]) -> ThreadpoolController:
-    # The controller finds loaded libraries only, which takes milliseconds.
-    return ThreadpoolController()
-
-
-def _limited() -> ExitStack:
-    loaded = tuple(name for name in _MODULES if name in sys.modules)
-    stack = ExitStack()
-    stack.enter_context(_controller(loaded).limit(limits=1, user_api="blas"))
-    return stack
-
-
-@contextmanager
-def one_blas_thread() -> Iterator[None]:
-    """Sequential BLAS inside the block (also as a decorator)."""
-    for name in _MODULES:  # a library that is loaded later would not be limited
-        import_module(name)
-    with _limited():
-        yield
-
-
-@contextmanager
-def one_blas_thread_later() -> Iterator[None]:
-    """Sequential BLAS for a command, which may load a BLAS inside the block.
-
-    Such a library, and a process that is started inside, read their number of threads from the
-    environment; libraries that are loaded already are limited.
-    """
-    before = {name: os.environ.get(name) for name in _VARIABLES}
-    os.environ.update(dict.fromkeys(_VARIABLES, "1"))
-    try:
-        with _limited():
-            yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
