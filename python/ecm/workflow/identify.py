@@ -33,7 +33,7 @@ from ecm.models import (
     physics_map,
 )
 from ecm.models.physics.map import reach_of
-from ecm.regression.blocks import one_blas_thread
+from ecm.regression.blas import one_blas_thread
 from ecm.report.page import Report, require_report
 from ecm.rig import HiddenTable, RigSettings, fem_source
 from ecm.rig.arm.campaign import RobotCampaign, first_pose_trace, require_arm
