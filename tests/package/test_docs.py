@@ -41,7 +41,7 @@ PAGE = re.compile(r"(?<![\w*{}./-])[\w./-]*\w\.md\b")
 
 WRITTEN = ("demo/", "out/", "examples/control.rs")
 """What commands write: folders of results, and a file of the exported crate."""
-GONE = {"ecm.workflow.head"}
+GONE = {"ecm.workflow.head", "ecm campaign --film", "ecm campaign --phases"}
 """Names of earlier versions that CHANGELOG.md tells of."""
 ELSEWHERE = {
     "model/kuka_lwr4_gaz.urdf",
@@ -169,7 +169,7 @@ def test_commands_and_options_that_a_page_writes_exist(page: Path) -> None:
         else:
             given = set(OPTION.findall(rest)) - options_of(load_command(name))
             unknown += [f"ecm {name} {option}" for option in sorted(given)]
-    assert unknown == []
+    assert set(unknown) - (GONE if page.name == "CHANGELOG.md" else set()) == set()
 
 
 @lru_cache(maxsize=1)

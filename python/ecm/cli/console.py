@@ -150,8 +150,11 @@ class _Progress(threading.Thread):
         while not self._ended.wait(min(events.EVERY_S, max(0.0, due - now))):
             now = time.monotonic()
             events.tell_progress(*self.at(now))
-            if now >= due:
-                due, shown = now + every_s, alone
+            if now < due:
+                continue
+            due = now + every_s
+            if not self._total or self._done < self._total:  # what follows the end tells nothing
+                shown = alone
                 sys.stderr.write(f"{begin}{visible(self.line(now))}{end}")
                 sys.stderr.flush()
         if shown:

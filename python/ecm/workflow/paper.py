@@ -109,10 +109,10 @@ def table_two(
     by_degree = []
     for degree in degrees:
         model = PolynomialModel.fit(*train, degree)
-        row: dict[str, Any] = {"degree": degree, "terms": len(model.coefficients)}
-        row |= _errors(model, test, TABLE_II_DEGREE.get(degree))
+        errors = _errors(model, test, TABLE_II_DEGREE.get(degree))
+        row = {"degree": degree, "terms": len(model.coefficients), "rmse": errors.pop("rmse")}
         row["kappa_raw"] = PolynomialModel.condition_number_raw(train[0], degree)
-        by_degree.append(row)
+        by_degree.append(row | errors)
     by_threshold = []
     for b in thresholds:
         model = PolynomialModel.fit(*train, degrees[-1], method="pcr", threshold=b)
