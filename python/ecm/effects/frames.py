@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -150,7 +150,11 @@ class LedOcclusion(LinearEffect):
             "hidden",
             *(f"hidden_{w}{k + 1}" for k in range(self.waves) for w in ("cos", "sin")),
         ]
-        self.parameters = tuple(parameter for name in names for parameter in twist(name))
+        # Waves that few rows tell apart run to any bound together: they have none.
+        parameters = (parameter for name in names for parameter in twist(name))
+        if self.waves:
+            parameters = (replace(p, lower=-np.inf, upper=np.inf) for p in parameters)
+        self.parameters = tuple(parameters)
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """The same twist on all sides, and up to three waves around the line of sight."""
