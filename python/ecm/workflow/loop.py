@@ -112,7 +112,7 @@ def _sentence(step: Mapping[str, Any]) -> str:
     text, history = f"Missing: {step['diagnosis']['summary']['missing']}.", step["history"]
     if len(history) > 1:
         first, last = number(history[0]["held_out"]), number(history[-1]["held_out"])
-        text += f" After the refit the error on held-out poses falls from {first} to {last}."
+        text += f" By the refit the held-out error falls from {first} to {last} times the noise."
     if step.get("score") is not None:
         text += f" Hidden in the rig was {', '.join(step['score']['truth']) or 'nothing'}."
     return text
