@@ -71,7 +71,7 @@ class _Worker:
             result: SortieResult = pickle.load(self._out)
         except (OSError, EOFError, pickle.UnpicklingError):
             raise ComputationError(
-                "a process that simulates the arm ended before its answer; all finished sorties "
+                "a process that simulates the arm ended before its answer; all finished parts "
                 "are kept. Run the same command again, with [rig] processes = 1 if it happens again"
             ) from None
         return result
