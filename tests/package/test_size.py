@@ -9,10 +9,10 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (40_080, 249),
-    "benches": (5_990, 51),
+    "python/ecm": (37_590, 223),
+    "benches": (6_000, 51),
     "examples": (1_360, 12),
-    "tests": (27_130, 205),
+    "tests": (27_350, 209),
     "crates": (31_100, 193),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit."""
