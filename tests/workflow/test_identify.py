@@ -17,6 +17,7 @@ import pytest
 
 from ecm.errors import InputError
 from ecm.fem.simulate import simulate
+from ecm.io.cache import file_sha256
 from ecm.io.table import Table
 from ecm.rig import RigSettings
 from ecm.workflow.config import Config, DesignTable, SelectTable
@@ -161,6 +162,17 @@ def test_a_table_that_the_job_did_not_measure_is_never_measured_over(
     assert {file: file.read_bytes() for file in tmp_path.glob("measured-d*")} == before
     path.rename(tmp_path / "mine.csv")
     assert len(job(tmp_path).measure(plan, "measured-d", OTHER).measured()) == 3
+
+
+def test_a_table_in_the_folder_of_an_earlier_version_is_the_jobs_own(
+    plan: Table, tmp_path: Path
+) -> None:
+    path = tmp_path / "measured-d.csv"
+    path.write_bytes(b"a,b\n1,2\n")
+    (tmp_path / "stages").mkdir()
+    record = {"result": {"data": path.name, "sum": file_sha256(path)}}
+    (tmp_path / "stages" / "measured-d-0123.json").write_text(json.dumps(record))
+    assert len(job(tmp_path).measure(plan, "measured-d", RigSettings()).measured()) == 3
 
 
 def test_half_a_campaign_waits_for_its_own_rig(plan: Table, tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from typing import Any, Protocol
 from ecm._native import __version__
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.io.cache import Stage, hash_of, write_atomically
+from ecm.io.cache import Stage, file_sha256, hash_of, write_atomically
 from ecm.io.table import Table, read_table
 from ecm.report.blocks import Section, text_of
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
@@ -111,13 +111,20 @@ class Job:
         """Raise InputError where a campaign could not run, or would replace another table."""
         path = self.out / f"{name}.csv"
         require_possible(rig, path, overwrite=True)
-        if path.exists():
-            content = path.read_bytes()
-            if not any(f.read_bytes() == content for f in self.stages.glob(f"{name}-*.csv")):
-                raise InputError(
-                    f"{path}: this table is not the one that the job measured there, and "
-                    "measurements are not overwritten. Move it away, or choose another --out"
-                )
+        if path.exists() and not self._measured(path):
+            raise InputError(
+                f"{path}: this table is not the one that the job measured there, and "
+                "measurements are not overwritten. Move it away, or choose another --out"
+            )
+
+    def _measured(self, path: Path) -> bool:
+        """Whether a table is of this folder's campaigns, by its bytes."""
+        content = path.read_bytes()
+        if any(f.read_bytes() == content for f in self.stages.glob(f"{path.stem}-*.csv")):
+            return True
+        # Earlier versions kept the sum of the table alone.
+        total = file_sha256(path)
+        return any(total in f.read_text() for f in self.stages.glob(f"{path.stem}-*.json"))
 
     def _copied(self, kept: Path, name: str) -> Table:
         """Return the table of a campaign, copied with what belongs to it beside the results."""
