@@ -16,6 +16,7 @@ from ecm.cli import command, interrupt
 from ecm.cli.command import Natural
 from ecm.cli.console import Console
 from ecm.cli.interrupt import NOTHING_WRITTEN
+from ecm.cli.way_in import refuse_models, way_in
 from ecm.errors import ComputationError, EcmError, InputError, Refusal, Remedy, exit_code, remedy_of
 from ecm.io.cache import is_device, write_json
 from ecm.io.csv import BadRows
@@ -204,6 +205,7 @@ class Session(Console):
 
     def read(self, paths: Sequence[Path], need: Need | None = None) -> Table:
         """Read the measurement table of the command and print its warnings."""
+        refuse_models(paths)
         try:
             with self.working("reading") as tell:
                 table = read_table(
@@ -215,6 +217,9 @@ class Session(Console):
                 )
         except BadRows as error:
             error.remedy = Remedy(error.remedy.words, "AGAIN --skip-bad-rows")
+            raise
+        except InputError as error:
+            error.remedy = error.remedy or way_in(paths)
             raise
         for warning in brief(table.warnings, paths):
             self.warn(warning)

@@ -33,7 +33,7 @@ class Quantity(NamedTuple):
 QUANTITIES = {
     "position": Quantity(
         "length",
-        "pos position p disp displ displacement deflection translation trans location loc "
+        "pos position p u d disp displ displacement deflection translation trans location loc "
         "coordinate extension stroke elongation weg verschiebung",
         standard=POSE[:3],
     ),
@@ -260,6 +260,8 @@ def _guesses(tokens: list[str]) -> tuple[Guess, ...]:
         found = ["time", "position"] if labview else ["position"]
     elif stem == "t" and part:
         found = ["position", "torque"]
+    elif stem in ("u", "d") and part not in _AXES:
+        found = []  # a voltage, a number of a sample
     return tuple(Guess(q, "" if q == "time" else part) for q in found)
 
 
