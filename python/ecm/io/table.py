@@ -558,9 +558,10 @@ def require_columns(table: Table, need: Need | None) -> None:
         if not present:
             hints = sorted({hint for name in table.covariates if (hint := close_name(name))})
             hint = f" Did you mean {', '.join(hints)}?" if hints else ""
+            why = "no model can be fitted" if need == "fit" else "nothing can be predicted"
             raise InputError(
-                f"{table.source}: no {word} column was found (columns: {shown}), expected at least "
-                f"one of {', '.join(names)}.{hint} Rename the columns, or map them in [columns] of "
+                f"{table.source}: no {word} column was found (columns: {shown}), so {why}; expected "
+                f"at least one of {', '.join(names)}.{hint} Rename the columns, or map them in [columns] of "
                 "a description (--meta FILE.toml)."
             )
     if len(table.measured()) == 0:
