@@ -560,9 +560,9 @@ def require_columns(table: Table, need: Need | None) -> None:
             hint = f" Did you mean {', '.join(hints)}?" if hints else ""
             why = "no model can be fitted" if need == "fit" else "nothing can be predicted"
             raise InputError(
-                f"{table.source}: no {word} column was found (columns: {shown}), so {why}; expected "
-                f"at least one of {', '.join(names)}.{hint} Rename the columns, or map them in [columns] of "
-                "a description (--meta FILE.toml)."
+                f"{table.source}: no {word} column was found (columns: {shown}), so {why}; "
+                f"expected at least one of {', '.join(names)}.{hint} Rename the columns, or map "
+                "them in [columns] of a description (--meta FILE.toml)."
             )
     if len(table.measured()) == 0:
         raise InputError(f"{table.source}: no row of kind 'pose' was found, expected at least one")
