@@ -33,7 +33,9 @@ def found(joint: Table) -> Diagnosis:
 
 
 def test_an_unused_input_explains_part_of_the_residual(found: Diagnosis, joint: Table) -> None:
-    assert found.verdict == "unknown"
+    assert found.verdict == "family"
+    assert found.family is not None
+    assert found.family.driver == FORCE
     assert found.unknown is not None
     assert FORCE in found.unknown.variables
     force = joint.column(FORCE)

@@ -261,7 +261,7 @@ def test_columns_that_no_name_tells_are_chosen_on_the_page(page: Page, tmp_path:
     assert page.problems() == []
 
 
-def test_an_unknown_cause_comes_with_the_draft_of_an_effect_that_runs(
+def test_a_known_driver_comes_with_the_draft_of_an_effect_that_runs(
     page: Page, tmp_path: Path
 ) -> None:
     data = unexplained_table(tmp_path / "stage.csv")
@@ -274,18 +274,19 @@ def test_an_unknown_cause_comes_with_the_draft_of_an_effect_that_runs(
         page.js("location.hash = 'missing'")
         page.click("#diagnose")
         page.until("!!document.querySelector('#unknown pre')")
-        assert page.js("document.querySelector('#verdict').dataset.verdict") == "unknown"
-        assert "an unknown cause" in page.js("document.querySelector('nav').textContent")
+        assert page.js("document.querySelector('#verdict').dataset.verdict") == "family"
+        assert "a known driver" in page.js("document.querySelector('nav').textContent")
         said = page.js("document.querySelector('#unknown').innerText")
         follows = next(line for line in said.splitlines() if line.startswith("It follows: "))
         assert HOSTILE in follows
+        assert f"It follows {HOSTILE}, in a form of its own" in said
         draft = page.js("document.querySelector('#unknown pre').textContent")
         assert draft == _state(page)["diagnosis"]["unknown"]["skeleton"]
         assert page.js("document.querySelector('#unknown a').download") == "my_effect.py"
         assert page.unnamed() == []
         page.js("location.hash = 'next'")
         page.until("document.documentElement.dataset.stage === 'next'")
-        assert "No experiment of the catalogue would name an unknown cause" in page.text()
+        assert f"To see the form of what follows {HOSTILE}: vary {HOSTILE} alone" in page.text()
     exec(compile(draft, "my_effect.py", "exec"), {})
     try:
         assert get_effect("my_effect").id == "my_effect"

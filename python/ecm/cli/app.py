@@ -31,7 +31,7 @@ COMMANDS = {
     ),
     "design": Command(
         line="The poses worth measuring, as a plan.",
-        work="jobs.design", of="workflow.design.design designs.settings.DesignSettings",
+        work="jobs.design", of="workflow.design.design designs.regressors.DesignSettings",
         passed="criterion how_many share metres_per_radian replicates ridge starts iterations "
         "time_limit_s",
         common="tables report seed",

@@ -63,6 +63,8 @@ class Family:
     """A known driver of what is missing; its form is not known."""
 
     driver: str
+    column: str
+    """The driver's column; empty where it follows from the order of the rows."""
     probability: float
     draft: str
     """Python text of an effect of that driver."""
@@ -86,6 +88,7 @@ def find_family(problem: Problem) -> Family | None:
     experiment = get_experiment(best.experiment)
     return Family(
         driver=best.name,
+        column=best.column if problem.table.has(best.column) else "",
         probability=probability,
         draft=draft_of(problem, best.column, best.history),
         like=best.like,

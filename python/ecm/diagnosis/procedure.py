@@ -250,7 +250,9 @@ def _with_family(decision: Decision) -> Decision:
     family = find_family(decision.problem)
     if family is None:
         return decision
-    unknown = replace(decision.unknown, template=family.draft)
+    first = [family.column] if family.column else []
+    variables = tuple(dict.fromkeys([*first, *decision.unknown.variables]))
+    unknown = replace(decision.unknown, template=family.draft, variables=variables)
     return replace(decision, verdict="family", unknown=unknown, family=family)
 
 
