@@ -285,7 +285,8 @@ class Diagnosis(Shown):
             bound = f"s < {self.upper_bound:.2f}" if bounded else "too few rows to bound s"
             return f"Nothing is missing that these data could show ({bound})."
         if self.family is not None:
-            return f"Something is missing that follows {self.family}."
+            words = f": {self.unknown.words}" if self.unknown and self.unknown.words else ""
+            return f"Something is missing that follows {self.family}{words}."
         if self.verdict == "unknown":
             nearest = self.unknown.nearest if self.unknown else None
             near = f"; nearest is {nearest.id} ({nearest.share:.0%})" if nearest else ""

@@ -161,7 +161,8 @@ def _missing(document: Mapping[str, Any]) -> str:
     family = document.get("family")
     if family is not None:
         like = f" ({', '.join(family['like'])}: none fits)" if family["like"] else ""
-        return f"a cause that follows {family['driver']}{like}; {_likely(document)}"
+        words = f": {document['unknown']['words']}" if document["unknown"]["words"] else ""
+        return f"a cause that follows {family['driver']}{like}{words}; {_likely(document)}"
     unknown = document["unknown"]
     if unknown is not None:
         if unknown["misread"]:
