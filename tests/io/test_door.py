@@ -17,6 +17,8 @@ from support.neck import ROOT
 PACKAGE = ROOT / "python" / "ecm"
 READER = PACKAGE / "io" / "table.py"
 PUBLIC = {name for name in dir(ecm) if not name.startswith("_")}
+# What a public class has of its bases is public, too.
+PUBLIC |= {base.__name__ for name in PUBLIC for base in getattr(getattr(ecm, name), "__mro__", ())}
 
 
 def functions(tree: ast.AST, holder: str = "") -> Iterator[tuple[str, ast.FunctionDef]]:
