@@ -92,7 +92,7 @@ def _after(
     if can_be_run(action) or (absent and not seen):
         found = again(case, data, without=absent)
         # What a reading shows does not explain what the joint data leave.
-        if not seen or found["verdict"] == "unknown":
+        if not seen or found["verdict"] in ("unknown", "family"):
             return found
         answer = found["answer"]
     if not seen:

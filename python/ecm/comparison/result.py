@@ -430,7 +430,11 @@ def _errors(result: Comparison) -> tuple[TableBlock, list[FigureBlock]]:
         sizes = {"noise floor": scale, "RMSE": rmse, "excess": excess}
         bars = {name: (values / scale).tolist() for name, values in sizes.items()}
         unit, over = "over the noise floor", "its noise floor"
-    rows = [[one.name, one.rmse, one.bias, *own] for one, own in zip(items, more, strict=True)]
+    # A bias of rounding alone is none.
+    bias = [one.bias if abs(one.bias) > 1e-9 * one.rmse else 0.0 for one in items]
+    rows = [
+        [one.name, one.rmse, off, *own] for one, off, own in zip(items, bias, more, strict=True)
+    ]
     each = "its error" if result.noise.is_assumed else over
     values = {"rows": result.physical[:, at] / scale}
     histograms = draw.histograms(values, names, limit=8.0, x_title=f"over {each}", y_title="rows")
