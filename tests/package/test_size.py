@@ -9,10 +9,10 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (37_590, 223),
+    "python/ecm": (37_680, 224),
     "benches": (6_000, 51),
     "examples": (1_360, 12),
-    "tests": (27_350, 209),
+    "tests": (27_440, 211),
     "crates": (31_100, 193),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit."""
