@@ -563,8 +563,10 @@ def raising(error: BaseException) -> Callable[[], int]:
     return work
 
 
+# A shell that puts the tests in the background has SIGINT ignored in all that they begin.
 INTERRUPTED = """
-import importlib, time
+import importlib, signal, time
+signal.signal(signal.SIGINT, signal.default_int_handler)
 from ecm.cli import main
 def endless(*args, progress=None, **more):
     print("begun", flush=True)
