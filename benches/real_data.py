@@ -30,6 +30,7 @@ def tables(folder: Path) -> Iterator[tuple[str, Table]]:
         v = np.genfromtxt(path, delimiter=",", skip_header=head)
         columns = {f"theta_{a}_rad": np.deg2rad(v[:, 6 + k]) for k, a in enumerate("xy")}
         columns |= {f"tau_{a}_Nm": _GRAM_FORCE_CM * v[:, 9 + k] for k, a in enumerate("xy")}
+        columns["hung_gf"] = v[:, 5]  # the weight, of which the model knows nothing
         yield f"finger joint, {day}", Table(columns, source=day)
     v = np.genfromtxt(folder / "nist_load_cell" / "load_cell.csv", delimiter=",", skip_header=1)
     cell = {"x_m": 0.0254 * v[:, 1], "fx_N": 4.4482216 * v[:, 0]}

@@ -65,6 +65,21 @@ def test_of_noise_no_driver_is_sure(seed: int) -> None:
     assert max(probability for _, probability in found) < 0.9
 
 
+def test_along_one_loading_curve_the_order_of_the_rows_is_no_driver() -> None:
+    random = np.random.default_rng(6)
+    x = np.linspace(0.0, 0.02, 60)
+    force = 400.0 * x + 0.4 * np.sin(600.0 * x) + 0.02 * random.standard_normal(60)
+    for columns in ({"x_m": x, "fx_N": force}, {"time_s": 9.0 * np.arange(60.0)}):
+        table = ecm.as_table({"x_m": x, "fx_N": force, **columns})
+        base = ecm.fit_model(table, "linear").base
+        names = {driver.name for driver, _ in posterior(assemble(base, table, effects_of(table)))}
+        assert not names & {"the order of the rows", "time"}
+    mixed = random.permutation(60)
+    table = ecm.as_table({"x_m": x[mixed], "fx_N": force[mixed]})
+    found = posterior(assemble(base, table, effects_of(table)))
+    assert "the order of the rows" in {driver.name for driver, _ in found}
+
+
 def test_more_evidence_is_more_sure_and_more_members_less() -> None:
     constant, squares, members = WEIGHTS["named"]
     assert squares > 0.0 > members

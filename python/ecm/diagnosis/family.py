@@ -36,6 +36,8 @@ _SIZES = np.geomspace(0.1, 30.0, 13)
 _KNOWN, _UNKNOWN = 30.0, 1.0
 """Degrees of freedom of what is known of the noise: of repeats or figures, and of none."""
 _MOST_ROWS, _MOST_COLUMNS = 600, 36
+_IN_ORDER = 0.9
+"""Rank correlation from which a driver is no other than the pose."""
 _SURE = 0.9
 """Probability from which a family is said, as that of a name."""
 
@@ -133,8 +135,9 @@ def _evidence(columns: F, y: F, freedom: int, known: float) -> float:
     return float(np.logaddexp.reduce(log) - np.log(len(_SIZES)))
 
 
+_SLOW = ("ageing", "fts_drift"), "repeat_first_poses", 6
 _COLUMNS = {
-    "time_s": ("time", ("ageing", "fts_drift"), "repeat_first_poses", 6),
+    "time_s": ("time", *_SLOW),
     "temperature_degC": (
         "the temperature of the body", ("temperature_modulus",), "warm_and_cold", 4
     ),
@@ -151,9 +154,11 @@ def _drivers(problem: Problem) -> Iterator[Driver]:
     named = candidate_covariates(table, problem.base.inputs, problem.base.outputs)
     own = [name for name in named if name not in KNOWN]
     of_user = {n: (n, (f"unused_column:{n}",), f"vary {n} alone", 4) for n in own}
-    for column, (words, like, experiment, count) in (_COLUMNS | of_user).items():
+    # Without a time the order of the rows stands for it.
+    order = {} if table.has("time_s") else {"row": ("the order of the rows", *_SLOW)}
+    for column, (words, like, experiment, count) in (_COLUMNS | order | of_user).items():
         values = _values(table, column)
-        if np.ptp(values) > 0.0:
+        if np.ptp(values) > 0.0 and not _follows(values, problem.rows.poses):
             functions = _cosines(values, count)
             columns = np.concatenate(
                 [_free(problem, functions), _scaled(problem, functions)], axis=2
@@ -167,7 +172,18 @@ def _drivers(problem: Problem) -> Iterator[Driver]:
         yield from _of_history(problem, _before(problem.rows))
 
 
+def _follows(values: F, poses: F) -> bool:
+    """Whether a variable is in the order of a pose column, as along one loading curve.
+
+    Then it cannot be told from the pose.
+    """
+    ranks = [np.argsort(np.argsort(own, kind="stable")) for own in (values, *poses.T)]
+    return bool(np.abs(np.corrcoef(ranks)[0, 1:]).max() > _IN_ORDER)
+
+
 def _values(table: Table, column: str) -> F:
+    if column == "row":
+        return table.row_numbers.astype(np.float64)
     return np.nan_to_num(table.column(column)) if table.has(column) else np.zeros(len(table))
 
 
