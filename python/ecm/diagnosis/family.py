@@ -13,7 +13,7 @@ the drivers with each other, with a process of pose and load, which is no family
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -23,7 +23,7 @@ from ecm.comparison.residuals import KNOWN, candidate_covariates
 from ecm.diagnosis.unexplained import draft_of
 from ecm.effects.experiments import get_experiment
 from ecm.io.arrays import F, evenly, rest_of
-from ecm.io.columns import POSE
+from ecm.io.columns import POSE, TEXT
 from ecm.regression.approach import largest_so_far, order_of_visits
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def find_family(problem: Problem) -> Family | None:
         return None
     experiment = get_experiment(best.experiment)
     return Family(
-        driver=best.name,
+        driver=" or ".join([best.name, *_in_its_order(problem, best, found)]),
         column=best.column if problem.table.has(best.column) else "",
         probability=probability,
         draft=draft_of(problem, best.column, best.history),
@@ -97,6 +97,24 @@ def find_family(problem: Problem) -> Family | None:
         experiment=experiment.action,
         minutes=experiment.minutes,
     )
+
+
+def _in_its_order(
+    problem: Problem, best: Driver, found: Sequence[tuple[Driver, float]]
+) -> list[str]:
+    """Return the drivers whose columns are in the order of that of the best one."""
+
+    def column(driver: Driver) -> F | None:
+        known = problem.table.has(driver.column) and driver.column not in TEXT
+        return _values(problem.table, driver.column) if known else None
+
+    own = column(best)
+    others = [(one.name, column(one)) for one, _ in found if one is not best]
+    return [
+        name
+        for name, values in others
+        if own is not None and values is not None and _follows(own, values[:, None])
+    ]
 
 
 def posterior(problem: Problem) -> list[tuple[Driver, float]]:
@@ -117,8 +135,13 @@ def posterior(problem: Problem) -> list[tuple[Driver, float]]:
 
     drivers = list(_drivers(problem))
     nothing = -0.5 * (known + y.size - base.shape[1]) * np.log(known + y @ y)
-    logs = [*(evidence(driver.columns) for driver in drivers), evidence(_of_state(problem))]
-    shares = np.exp(np.array([*logs, nothing]) - max(*logs, nothing))
+    gains = np.array(
+        [*(evidence(driver.columns) for driver in drivers), evidence(_of_state(problem))]
+    )
+    gains = np.append(gains - nothing, 0.0)
+    # A process is no more exact than the form of an effect: what that may lose tells nothing.
+    unit = max(1.0, problem.settings.form_share * float(gains.max()))
+    shares = np.exp((gains - gains.max()) / unit)
     return list(zip(drivers, (shares / shares.sum()).tolist(), strict=False))
 
 
@@ -178,7 +201,8 @@ def _follows(values: F, poses: F) -> bool:
     Then it cannot be told from the pose.
     """
     ranks = [np.argsort(np.argsort(own, kind="stable")) for own in (values, *poses.T)]
-    return bool(np.abs(np.corrcoef(ranks)[0, 1:]).max() > _IN_ORDER)
+    correlations = np.atleast_2d(np.corrcoef(ranks))
+    return bool(np.abs(correlations[0, 1:]).max() > _IN_ORDER)
 
 
 def _values(table: Table, column: str) -> F:
