@@ -9,7 +9,7 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (37_680, 224),
+    "python/ecm": (37_700, 224),
     "benches": (6_000, 51),
     "examples": (1_360, 12),
     "tests": (27_440, 211),
