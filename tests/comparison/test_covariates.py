@@ -29,7 +29,7 @@ def test_the_rule_is_the_median_rank_correlation_of_the_groups(noise: float) -> 
         time, load = (columns[name][part == group] for name in ("time_s", "fx_N"))
         if len(time) >= 4 and np.ptp(time) > 0.0 and np.ptp(load) > 0.0:
             expected.append(abs(spearmanr(time, load).statistic))
-    follows = residuals._follows(columns["time_s"], columns["fx_N"], part)
+    follows = residuals.in_one_order(columns["time_s"], columns["fx_N"], part)
     assert follows == (np.median(expected) > 0.9)
 
 

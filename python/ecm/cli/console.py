@@ -164,7 +164,8 @@ class _Progress(threading.Thread):
     def stop(self) -> None:
         """End it, and wipe its line."""
         self._ended.set()
-        self.join()
+        if self.is_alive():  # an interruption can come before it is: it ends by itself then
+            self.join()
 
 
 def _duration(seconds: float) -> str:

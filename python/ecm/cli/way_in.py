@@ -11,7 +11,6 @@ from typing import Any
 from ecm.cli import command
 from ecm.errors import EcmError, InputError, Remedy
 from ecm.io.table import Table
-from ecm.logs import import_log
 
 _UNITS = (["SI"], ["mm", "deg", "N", "N m"])
 _TRIED: tuple[dict[str, Any], ...] = (
@@ -26,8 +25,8 @@ _TRIED: tuple[dict[str, Any], ...] = (
 def refuse_models(paths: Sequence[Path]) -> None:
     """Raise InputError where a model is given in place of a table, with the right order."""
     for path in filter(_is_model, paths):
-        verb, *words = command.typed
-        others = [word for word in words if word != str(path)]
+        verb, *others = command.typed
+        others.pop([Path(word) for word in others].index(path))
         first = [] if verb == "fit" else [str(path)]
         remedy = Remedy(
             "give only tables" if verb == "fit" else "give the model first",
@@ -46,10 +45,16 @@ def way_in(paths: Sequence[Path]) -> Remedy | None:
     """
     if len(paths) != 1:
         return None
+    from ecm.logs.importing import import_log, read_log  # noqa: PLC0415 - a sixth of the start
+
     (path,) = paths
+    try:
+        log = read_log(path, ())
+    except (EcmError, OSError, ValueError):
+        return None
     for options in _TRIED:
         try:
-            table = import_log(path, **options).table
+            table = import_log(log, **options).table
         except (EcmError, OSError, ValueError):
             continue
         if table.pose_columns and table.wrench_columns:

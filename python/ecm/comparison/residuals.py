@@ -52,18 +52,27 @@ def confounded_with_order(
     named = {name: table.column(name) for name in candidate_covariates(table, inputs, outputs)}
     named.pop("time_s", None)
     named["load"] = np.sqrt(((loads / scale) ** 2).sum(axis=1))
-    return tuple(name for name, values in named.items() if _follows(when, values, parts))
+    return tuple(name for name, values in named.items() if in_one_order(when, values, parts))
 
 
-def _follows(when: F, values: F, parts: I) -> bool:
-    """Whether ranks agree in the median group of those with ranks."""
+def in_one_order(one: F, other: F, parts: I | None = None, *, least: float = _ORDERED) -> bool:
+    """Whether the ranks of two variables (N,) agree in the median group of those with ranks.
+
+    Parameters
+    ----------
+    parts
+        (N,) group of each row; default: all are one.
+    least
+        Rank correlation from which they do.
+    """
+    parts = np.zeros(len(one), dtype=np.int64) if parts is None else parts
     number = np.bincount(parts)
-    a, b = (_ranks(column, parts) for column in (when, values))
+    a, b = (_ranks(column, parts) for column in (one, other))
     a, b = (ranks - (np.bincount(parts, ranks) / np.maximum(number, 1))[parts] for ranks in (a, b))
     of_both, of_a, of_b = (np.bincount(parts, product) for product in (a * b, a * a, b * b))
     ranked = (number >= _LEAST_IN_GROUP) & (of_a > 0.0) & (of_b > 0.0)
     correlations = np.abs(of_both[ranked]) / np.sqrt(of_a[ranked] * of_b[ranked])
-    return len(correlations) > 0 and float(np.median(correlations)) > _ORDERED
+    return len(correlations) > 0 and float(np.median(correlations)) > least
 
 
 def _ranks(values: F, parts: I) -> F:

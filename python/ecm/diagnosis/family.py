@@ -8,7 +8,7 @@ inverse gamma prior, the evidence of a size s is
     log p(y | s) = -sum_j log(1 + s^2 d_j^2) / 2 - (v + n) / 2 log(v + y'y - sum_j g_j (u_j'y)^2),
 
 g_j = s^2 d_j^2 / (1 + s^2 d_j^2), U D V' = C. Sizes are summed over a grid. The posterior compares
-the drivers with each other, with a process of pose and load, which is no family, and with nothing.
+the drivers with each other, with a process of the pose, which is no family, and with nothing.
 """
 
 from __future__ import annotations
@@ -19,12 +19,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ecm.comparison.residuals import KNOWN, candidate_covariates
+from ecm.comparison.residuals import KNOWN, candidate_covariates, in_one_order
 from ecm.diagnosis.unexplained import draft_of
 from ecm.effects.experiments import get_experiment
-from ecm.io.arrays import F, evenly, rest_of
+from ecm.io.arrays import F, evenly
 from ecm.io.columns import POSE, TEXT
-from ecm.regression.approach import largest_so_far, order_of_visits
+from ecm.regression.approach import before_each, largest_so_far, row_before
+from ecm.regression.f_test import orthonormal
 
 if TYPE_CHECKING:
     from ecm.diagnosis.problem import Problem
@@ -36,7 +37,7 @@ _SIZES = np.geomspace(0.1, 30.0, 13)
 _KNOWN, _UNKNOWN = 30.0, 1.0
 """Degrees of freedom of what is known of the noise: of repeats or figures, and of none."""
 _MOST_ROWS, _MOST_COLUMNS = 600, 36
-_IN_ORDER = 0.9
+_NO_OTHER = 0.95
 """Rank correlation from which a driver is no other than the pose."""
 _SURE = 0.9
 """Probability from which a family is said, as that of a name."""
@@ -73,8 +74,9 @@ class Family:
     like: tuple[str, ...]
     """Effects of the catalogue that follow the same driver, none of which fits."""
     experiment: str
-    """What to do next, in words, and its minutes at the rig."""
+    """What to do next, in words."""
     minutes: int
+    """Its time at the rig."""
 
     def __str__(self) -> str:
         like = f", as {' and '.join(self.like)} would" if self.like else ""
@@ -113,12 +115,12 @@ def _in_its_order(
     return [
         name
         for name, values in others
-        if own is not None and values is not None and _follows(own, values[:, None])
+        if own is not None and values is not None and in_one_order(own, values)
     ]
 
 
 def posterior(problem: Problem) -> list[tuple[Driver, float]]:
-    """Return the probability of each driver beside the others, pose and load, and nothing."""
+    """Return the probability of each driver beside the others, the pose, and nothing."""
     rows = evenly(len(problem.table), _MOST_ROWS)
     root = np.sqrt(problem.weights[rows])[:, None, None]
 
@@ -126,23 +128,30 @@ def posterior(problem: Problem) -> list[tuple[Driver, float]]:
         size = len(rows) * columns.shape[1]
         return np.ascontiguousarray((columns[rows] * root).reshape(size, -1))
 
-    base = flat(problem.base_block)
-    y = rest_of(base, flat(problem.response[:, :, None])[:, 0]) / np.sqrt(problem.scale)
+    base = orthonormal(flat(problem.base_block))
+
+    def beside_base(columns: F) -> F:
+        own = flat(columns)
+        return np.asarray(own - base @ (base.T @ own))
+
+    y = beside_base(problem.response[:, :, None])[:, 0] / np.sqrt(problem.scale)
     known = _UNKNOWN if problem.noise.is_assumed else _KNOWN
+    freedom = y.size - problem.base_block.shape[2]
 
     def evidence(columns: F) -> float:
-        return _evidence(rest_of(base, flat(columns)), y, y.size - base.shape[1], known)
+        return _evidence(beside_base(columns), y, freedom, known)
 
     drivers = list(_drivers(problem))
-    nothing = -0.5 * (known + y.size - base.shape[1]) * np.log(known + y @ y)
+    nothing = -0.5 * (known + freedom) * np.log(known + y @ y)
     gains = np.array(
-        [*(evidence(driver.columns) for driver in drivers), evidence(_of_state(problem))]
+        [*(evidence(driver.columns) for driver in drivers), evidence(_of_pose(problem))]
     )
     gains = np.append(gains - nothing, 0.0)
     # A process is no more exact than the form of an effect: what that may lose tells nothing.
     unit = max(1.0, problem.settings.form_share * float(gains.max()))
     shares = np.exp((gains - gains.max()) / unit)
-    return list(zip(drivers, (shares / shares.sum()).tolist(), strict=False))
+    chances = (shares / shares.sum()).tolist()
+    return list(zip(drivers, chances[: len(drivers)], strict=True))
 
 
 def _evidence(columns: F, y: F, freedom: int, known: float) -> float:
@@ -181,7 +190,9 @@ def _drivers(problem: Problem) -> Iterator[Driver]:
     order = {} if table.has("time_s") else {"row": ("the order of the rows", *_SLOW)}
     for column, (words, like, experiment, count) in (_COLUMNS | order | of_user).items():
         values = _values(table, column)
-        if np.ptp(values) > 0.0 and not _follows(values, problem.rows.poses):
+        # Along one loading curve a variable cannot be told from the pose.
+        of_pose = any(in_one_order(values, own, least=_NO_OTHER) for own in problem.rows.poses.T)
+        if np.ptp(values) > 0.0 and not of_pose:
             functions = _cosines(values, count)
             columns = np.concatenate(
                 [_free(problem, functions), _scaled(problem, functions)], axis=2
@@ -193,16 +204,6 @@ def _drivers(problem: Problem) -> Iterator[Driver]:
         yield Driver("the time at rest", ("stress_relaxation",), "three_dwells", columns, "dwell_s")
     if table.has("time_s") or table.has("approach"):
         yield from _of_history(problem, _before(problem.rows))
-
-
-def _follows(values: F, poses: F) -> bool:
-    """Whether a variable is in the order of a pose column, as along one loading curve.
-
-    Then it cannot be told from the pose.
-    """
-    ranks = [np.argsort(np.argsort(own, kind="stable")) for own in (values, *poses.T)]
-    correlations = np.atleast_2d(np.corrcoef(ranks))
-    return bool(np.abs(correlations[0, 1:]).max() > _IN_ORDER)
 
 
 def _values(table: Table, column: str) -> F:
@@ -249,15 +250,11 @@ def _before(rows: Rows) -> F:
     if tuple(rows.base.inputs) == tuple(POSE) and rows.has_length:
         return rows.came_from
     whole = rows.whole
-    before = np.full_like(whole.poses, np.nan)
-    if whole.table.has("time_s"):
-        for order in order_of_visits(whole.table):
-            before[order[1:]] = whole.poses[order[:-1]]
-    return rows.of_whole(before)
+    return rows.of_whole(before_each(whole.poses, row_before(whole.table)))
 
 
-def _of_state(problem: Problem) -> F:
-    """(N, m, q) a process of the pose, and of load and its size in each axis of the sensor."""
+def _of_pose(problem: Problem) -> F:
+    """(N, m, q) a smooth process of the pose in each component."""
     rows = problem.rows
     at = rows.poses - rows.middle_pose
     at = at / (np.sqrt((at**2).mean(axis=0)) + 1e-12)

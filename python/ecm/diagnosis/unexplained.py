@@ -14,9 +14,10 @@ from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.readings import WrongStatement
 from ecm.diagnosis.search import rank
 from ecm.diagnosis.whiteness import Pattern
-from ecm.io.arrays import F, rest_of
+from ecm.io.arrays import F
 from ecm.io.columns import unit_of
 from ecm.regression.correlation import SlowNoise
+from ecm.regression.f_test import orthonormal
 
 _WHOLE = "the wrench"
 """In place of a component: a factor on all of them."""
@@ -181,15 +182,16 @@ def draft_of(problem: Problem, column: str, history: Mapping[str, tuple[str, F]]
     forms = [form for form in forms if column in form[0]]
     forms += [((name,), own) for name, (_, own) in history.items()]
     root = np.sqrt(problem.weights)[:, None]
-    base = (problem.base_block * root[:, :, None]).reshape(problem.response.size, -1)
-    y = rest_of(base, (problem.response * root).ravel())
+    base = orthonormal((problem.base_block * root[:, :, None]).reshape(problem.response.size, -1))
+    y = (problem.response * root).ravel()
+    y = y - base @ (base.T @ y)
     best: tuple[float, tuple[tuple[str, ...], str]] = (-1.0, ((), outputs[0]))
     changes = np.stack([own for _, own in forms], axis=1)[:, None]
     load = np.einsum("nij,nj->ni", problem.whitener, rows.wrench)
     along = {name: problem.whitener[:, :, c] for c, name in enumerate(outputs)} | {_WHOLE: load}
     for output, direction in along.items():
         columns = ((direction * root)[:, :, None] * changes).reshape(y.size, -1)
-        left, size = rest_of(base, columns), (columns**2).sum(axis=0)
+        left, size = columns - base @ (base.T @ columns), (columns**2).sum(axis=0)
         gains = (left.T @ y) ** 2 / ((left**2).sum(axis=0) + 1e-9 * size + 1e-300)
         top = int(np.argmax(gains))
         best = max(best, (float(gains[top]), (forms[top][0], output)))

@@ -20,7 +20,7 @@ from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import delta_chi2
 from ecm.io.arrays import B, F
 from ecm.io.columns import JOINTS
-from ecm.regression.approach import order_of_visits
+from ecm.regression.approach import row_before
 from ecm.regression.correlation import speeds
 from ecm.regression.f_test import Beside
 
@@ -188,9 +188,7 @@ def _memory(problem: Problem) -> list[Pattern]:
     if table.sampled_from is not None or not table.has("time_s"):
         # Of a large table the reading before is not there; without a time it is not known.
         return []
-    before = np.full(len(table), -1)
-    for order in order_of_visits(table):
-        before[order[1:]] = order[:-1]
+    before = row_before(table)
     known = before >= 0
     if int(known.sum()) < _LEAST_ROWS:
         return []

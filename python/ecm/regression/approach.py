@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ecm.io.arrays import F, I
+from ecm.io.arrays import B, F, I
 from ecm.io.table import Table
 
 
@@ -17,9 +17,9 @@ def pose_before(table: Table, rest_pose: F) -> F:
     """
     if table.sampled_from is not None:
         return pose_before(table.sampled_from, rest_pose)[table.sampled_rows]
-    if not table.has("approach"):
-        return _row_before(table)
     poses = table.poses
+    if not table.has("approach"):
+        return before_each(poses, row_before(table, table.text("kind") != "unloaded"))
     before = np.full_like(poses, np.nan)
     approach = table.text("approach")
     named = _mean_poses(table)
@@ -34,16 +34,25 @@ def pose_before(table: Table, rest_pose: F) -> F:
     return before
 
 
-def _row_before(table: Table) -> F:
-    """(N, 6) pose of the row before in time; NaN for the first of a run, or without times."""
-    poses = table.poses
-    before = np.full_like(poses, np.nan)
+def row_before(table: Table, among: B | None = None) -> I:
+    """(N,) number of the row before in time; -1 for the first of a run, or without times.
+
+    Parameters
+    ----------
+    among
+        (N,) rows that count; the others have none before them, and are before none.
+    """
+    before = np.full(len(table), -1, dtype=np.int64)
     if table.has("time_s"):
-        held = table.text("kind") != "unloaded"
         for order in order_of_visits(table):
-            visited = order[held[order]]
-            before[visited[1:]] = poses[visited[:-1]]
+            visited = order if among is None else order[among[order]]
+            before[visited[1:]] = visited[:-1]
     return before
+
+
+def before_each(values: F, before: I) -> F:
+    """(N, n) values (N, n) of the row before each, by its number; NaN where that is -1."""
+    return np.where(before[:, None] >= 0, values[before], np.nan)
 
 
 def approach_sides(table: Table, length_m: float | None = None) -> F:
