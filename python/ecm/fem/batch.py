@@ -36,7 +36,8 @@ CaseProgress = Callable[[int, int], object] | None
 """Called with the number of solved cases and of all cases."""
 
 ARRAYS = (
-    "wrenches",
+    "loads",
+    "volumes_m3",
     "poses",
     "stiffness",
     "energy_J",
@@ -101,9 +102,9 @@ class LoadCases:
                 if part is not None:
                     self._add(part)
 
-    def solve(self, first: int, wrenches: F, report: CaseProgress) -> CaseResults:
-        """Solve cases `first`, `first` + 1, ... under wrenches (N, 6), N <= `batch_size(first)`."""
-        missing = [i for i in range(len(wrenches)) if first + i not in self._results]
+    def solve(self, first: int, loads: F, report: CaseProgress) -> CaseResults:
+        """Solve N cases from `first` on under loads (N, 6 + m), N <= `batch_size(first)`."""
+        missing = [i for i in range(len(loads)) if first + i not in self._results]
         if missing:
             warm_start = self._warm_start(_fitted_cases(first))
 
@@ -111,25 +112,25 @@ class LoadCases:
                 self._store([first + missing[row] for row in rows], part)
 
             if self._workers is not None:
-                self._workers.solve(wrenches[missing], warm_start, store, report)
+                self._workers.solve(loads[missing], warm_start, store, report)
             else:
                 self._body().solve_each(
-                    wrenches[missing],
+                    loads[missing],
                     warm_start=warm_start,
                     threads=self._threads,
                     progress=report,
                     finished=lambda rows, results: store(rows, case_results(results)),
                 )
-        rows = [self._results[first + i] for i in range(len(wrenches))]
+        rows = [self._results[first + i] for i in range(len(loads))]
         return {name: np.array([row[name] for row in rows]) for name in (*FLAGS, *ARRAYS)}
 
-    def predicted_rotations(self, first: int, wrenches: F) -> F | None:
+    def predicted_rotations(self, first: int, loads: F) -> F | None:
         """Return |theta| (N,) by the warm start of case `first`; None if it has too few cases."""
         count = _fitted_cases(first)
         warm_start = self._warm_start(count)
         if warm_start is None or count < _ACCURATE:
             return None
-        poses = self._body().predict_poses(np.ascontiguousarray(wrenches), warm_start)
+        poses = self._body().predict_poses(np.ascontiguousarray(loads), warm_start)
         rotation: F = np.linalg.norm(poses[:, 3:], axis=1)
         return rotation
 
@@ -152,9 +153,9 @@ class LoadCases:
             rows = [row for row in rows if np.isfinite(row["poses"]).all()]
             warm_start = None
             if rows:
-                wrenches = np.array([row["wrenches"] for row in rows])
+                loads = np.array([row["loads"] for row in rows])
                 fields = np.array([row["fields"] for row in rows])
-                warm_start = self._body().fit_warm_start(wrenches, fields)
+                warm_start = self._body().fit_warm_start(loads, fields)
             if warm_start is None:
                 warm_start = self._warm_start(count // 2 if count > _FIRST_BATCH else 0)
             self._warm_starts[count] = warm_start

@@ -155,9 +155,23 @@ _SHAPES: dict[str, tuple[Callable[..., Mesh], tuple[str, ...]]] = {
     "hourglass": (Mesh.hourglass, ("radius_m", "waist_radius_m")),
     "stacked_discs": (Mesh.stacked_discs, ("radius_m", "waist_radius_m", "disc_count")),
     "rod": (Mesh.cylinder, ("radius_m",)),
+    "chambered": (
+        Mesh.chambered,
+        (
+            "radius_m",
+            "chamber_count",
+            "chamber_inner_m",
+            "chamber_outer_m",
+            "chamber_angle_rad",
+            "channel_radius_m",
+            "end_wall_m",
+        ),
+    ),
 }
 """Builtin shapes: their mesh, and the dimensions that it needs besides the length."""
 _DIMENSIONS = {shape: dimensions for shape, (_, dimensions) in _SHAPES.items()}
+_MAY_BE_ZERO = ("chamber_angle_rad", "channel_radius_m", "end_wall_m")
+"""Dimensions that a shape may leave out."""
 _QUALITIES = ("standard", "fine")
 _LOWEST_MODULUS_PA = 100.0
 _LARGEST_RADIUS = 10.0
@@ -203,6 +217,12 @@ class Mechanism(Checked):
     inner_radius_m: float = setting(0.0, low=0.0, doc="inner radius of a tube")
     waist_radius_m: float = setting(0.0, low=0.0, doc="smallest, of an hourglass or stacked discs")
     disc_count: int = setting(0, low=0, doc="stacked discs, the half ones at both ends included")
+    chamber_count: int = setting(0, low=0, high=12, doc="chambers round the axis of `chambered`")
+    chamber_inner_m: float = setting(0.0, low=0.0, doc="smallest distance of a chamber from it")
+    chamber_outer_m: float = setting(0.0, low=0.0, doc="largest distance of a chamber from it")
+    chamber_angle_rad: float = setting(0.0, low=0.0, doc="angle of a chamber; 0: round ones")
+    channel_radius_m: float = setting(0.0, low=0.0, doc="channel along the axis; 0: none")
+    end_wall_m: float = setting(0.0, low=0.0, doc="wall at both ends; 0: base and platform close")
     young_modulus_Pa: float = setting(0.65e6, low=0.0, doc="E at small strain; 0: unknown")
     poisson_ratio: float = setting(0.49, low=0.0, high=0.5, doc="0.49 for rubber")
     material: Material | None = setting(
@@ -429,7 +449,7 @@ def _require_dimensions(table: Mapping[str, Any], place: str) -> None:
     shape = table["builtin"]
     sections = shape == "rod" and all(name in table for name in ROD_SECTIONS)
     for name in ("length_m", *(() if sections else _DIMENSIONS[shape])):
-        if name not in table:
+        if name not in table and name not in _MAY_BE_ZERO:
             raise InputError(f"{place}: builtin = '{shape}' needs the key '{name}'")
 
 

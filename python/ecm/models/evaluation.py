@@ -12,9 +12,10 @@ from ecm.effects import Missing, Rows
 from ecm.effects.protocol import correction_of
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.io.columns import POSE
+from ecm.io.columns import POSE, actuation_columns
 from ecm.io.description import Meta, Scene
 from ecm.io.table import Table, TableLike, takes_table
+from ecm.models.actuated import ActuatedMap
 from ecm.models.joint_fit import FittedEffect
 from ecm.models.maps import (
     StiffnessMap,
@@ -96,7 +97,13 @@ class EvaluatedModel:
         return np.array([[length, 0.0, 0.0, 0.0, 0.0, 0.0]])
 
     @takes_table(name="data", or_array=True)
-    def predict(self, data: TableLike | F, *, skip_untestable: bool = False) -> F:
+    def predict(
+        self,
+        data: TableLike | F,
+        actuation: F | None = None,
+        *,
+        skip_untestable: bool = False,
+    ) -> F:
         """(N, m) wrench, N and N m, at poses (N, n), or expected readings of a table.
 
         One pose (n,) gives one wrench (m,). A table's rows have time, temperature and approach, so
@@ -107,10 +114,14 @@ class EvaluatedModel:
         ----------
         data
             A table, a data frame or a dict of columns, or poses (N, n) or (n,) in m and rad.
+        actuation
+            (N, m) or (m,) inputs of the actuators beside the poses, for a model that has them, Pa.
         skip_untestable
             Leave out effects whose columns the table lacks (`left_out` names them) instead of
             refusing.
         """
+        if actuation is not None:
+            data = self.with_actuation(data, actuation)
         if isinstance(self.base, MeasuredMap) and self.effects:
             whole = replace(self, base=self.base.whole)
             found = whole.predict(data, skip_untestable=skip_untestable)
@@ -128,6 +139,62 @@ class EvaluatedModel:
                 )
         acting = [item for item in self.effects if item.id not in lacking]
         return self._with_corrections(rows.sensor_load, rows, acting)
+
+    def with_actuation(self, poses: F, actuation: F) -> F:
+        """(N, 6 + m) rows, or one (6 + m,), of poses and inputs of a model with actuators.
+
+        Either may be one row for all.
+
+        Raises
+        ------
+        InputError
+            For a model without actuators, and for shapes that do not fit it.
+        """
+        names = actuation_columns(self.inputs)
+        if not names:
+            raise InputError(f"{self.name} has no actuators: give poses alone")
+        at, a = (np.asarray(values, dtype=np.float64) for values in (poses, actuation))
+        if at.shape[-1:] != (6,) or a.shape[-1:] != (len(names),):
+            raise InputError(
+                f"poses of shape {at.shape} and actuation of shape {a.shape}: expected (N, 6) and "
+                f"(N, {len(names)}), of {', '.join(names)}"
+            )
+        rows = np.broadcast_shapes(at.shape[:-1], a.shape[:-1])
+        both = [np.broadcast_to(values, (*rows, values.shape[-1])) for values in (at, a)]
+        return np.concatenate(both, axis=-1)
+
+    @property
+    def actuated(self) -> ActuatedMap:
+        """The base as a map of pose and actuation: volumes, dh/da, free pose, inputs for a pose.
+
+        Raises
+        ------
+        InputError
+            For a model without actuators.
+        """
+        if not isinstance(self.base, ActuatedMap):
+            raise InputError(
+                f"{self.name} has no actuators: fit --model actuated4 to a table with pressure_1_Pa"
+            )
+        return self.base
+
+    def actuation_jacobian(self, poses: F, actuation: F) -> F:
+        """(N, 6, m), or (6, m) of one pose: G = dh/da at fixed pose, m^2 and m^3."""
+        rows = self.with_actuation(poses, actuation)
+        found = self.actuated.stiffness(np.atleast_2d(rows))[:, :, 6:]
+        return found if rows.ndim != 1 else np.asarray(found[0])
+
+    def free_pose(
+        self, actuation: F, wrench: F | None = None, *, start: F | None = None
+    ) -> tuple[F, F]:
+        """Pose (6,) that takes a wrench (6,) at inputs (m,), default none; and dp/da (6, m)."""
+        return self.actuated.free_pose(actuation, wrench, start=start)
+
+    def actuation_for(
+        self, pose: F, wrench: F | None = None, *, limits: Sequence[tuple[float, float]]
+    ) -> tuple[F, F]:
+        """Inputs (m,) within limits that hold a pose against a wrench, and what is left (6,)."""
+        return self.actuated.actuation_for(pose, wrench, limits=limits)
 
     def left_out(self, table: Table) -> dict[str, Missing]:
         """Effects of the model whose columns a table lacks, by id.
