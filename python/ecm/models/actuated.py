@@ -32,8 +32,8 @@ from ecm.io.columns import POSE, WRENCH, amount_columns
 from ecm.io.events import Progress
 from ecm.io.settings import setting
 from ecm.io.table import Table
-from ecm.models.layout import Layout, array, number, one_of, record
-from ecm.models.maps import MapDefaults
+from ecm.models.layout import Layout, array, items, number, one_of, record, text
+from ecm.models.maps import SixAxisMap
 from ecm.models.noise_estimate import declared_or_fitted
 from ecm.models.specification import FittedMap, ModelSpecification, Weights, length_of
 
@@ -219,8 +219,8 @@ def _basis(projector: F, low: Any) -> F:
 
 
 @dataclass(frozen=True)
-class ActuatedMap(MapDefaults):
-    """A polynomial energy of pose and actuation.
+class ActuatedMap(SixAxisMap):
+    """A polynomial energy of pose and actuation: rows (N, 6 + m), or poses (N, 6) without any.
 
     Parameters
     ----------
@@ -232,18 +232,17 @@ class ActuatedMap(MapDefaults):
         (k,) J, by orbit.
     pure_J
         (o,) coefficients of the polynomial of the inputs alone; zero where no volume was measured.
-    inputs
-        The six pose columns and the actuators' columns.
+    actuators
+        Their columns: behind the six of the pose.
     """
 
     terms: ActuatedTerms
     scale: F
     coefficients: F
     pure_J: F
-    inputs: tuple[str, ...]
+    actuators: tuple[str, ...]
 
     kind = "actuated"
-    outputs = WRENCH
 
     @property
     def name(self) -> str:
@@ -274,8 +273,11 @@ class ActuatedMap(MapDefaults):
         ]
 
     def _split(self, rows: F) -> tuple[F, F]:
-        """Poses (N, 6) and dimensionless inputs (N, m) of rows (N, 6 + m)."""
-        return np.ascontiguousarray(rows[:, :6]), rows[:, 6:] / self.scale[2]
+        """Poses (N, 6) and dimensionless inputs (N, m) of rows (N, 6 + m), or of poses alone."""
+        at = np.ascontiguousarray(rows[:, :6])
+        if rows.shape[1] == at.shape[1]:
+            return at, np.zeros((len(at), self.terms.actuators))
+        return at, rows[:, 6:] / self.scale[2]
 
     def predict(self, poses: F) -> F:
         """(N, 6 + m) poses and inputs to (N, 6) wrenches."""
@@ -283,23 +285,23 @@ class ActuatedMap(MapDefaults):
         return np.asarray(sum(_power(a, k)[:, None] * u.predict(at) for k, u in self._parts))
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
-        """(N, 6, 6 + m): K = dh/dp of any kind, then G = dh/da."""
+        """(N, 6, 6) K = dh/dp at the inputs."""
         at, a = self._split(poses)
-        wrench: list[F] = []
-        k: Any = 0.0
+        found = np.zeros((len(at), 6, 6))
         for product, energy in self._parts:
-            h, own = energy.wrench_and_stiffness(at, kind)  # type: ignore[arg-type]
-            wrench.append(h)
-            k = k + _power(a, product)[:, None, None] * own
-        slopes = [
-            sum(
-                _slope(a, product, (i,))[:, None] * h
-                for (product, *_), h in zip(self._parts, wrench, strict=True)
-            )
-            / self.scale[2]
-            for i in range(self.terms.actuators)
-        ]
-        return np.concatenate([k, np.stack(slopes, axis=2)], axis=2)
+            own = energy.stiffness(at, kind)  # type: ignore[arg-type]
+            found += _power(a, product)[:, None, None] * own
+        return found
+
+    def actuation_jacobian(self, poses: F) -> F:
+        """(N, 6, m) G = dh/da at fixed pose, m^2 and m^3."""
+        at, a = self._split(poses)
+        found = np.zeros((len(at), 6, self.terms.actuators))
+        for product, energy in self._parts:
+            wrench = energy.predict(at)
+            for i in range(self.terms.actuators):
+                found[:, :, i] += _slope(a, product, (i,))[:, None] * wrench / self.scale[2]
+        return found
 
     def columns(self, poses: F) -> F:
         """(N, 6, k) wrench of each coefficient."""
@@ -362,6 +364,7 @@ class ActuatedMap(MapDefaults):
         return self.head(
             length_m=self.terms.length_m,
             parameters={
+                "actuators": list(self.actuators),
                 "degree": self.terms.degree,
                 "order": self.terms.order,
                 "symmetry": self.terms.body,
@@ -374,10 +377,11 @@ class ActuatedMap(MapDefaults):
     @staticmethod
     def from_document(document: dict[str, Any]) -> ActuatedMap:
         """Return the map of an opened model file."""
-        inputs, own = tuple(document["inputs"]), document["parameters"]
+        own = document["parameters"]
+        actuators = tuple(own["actuators"])
         terms = ActuatedTerms(
             float(document["length_m"]),
-            len(inputs) - 6,
+            len(actuators),
             int(own["degree"]),
             int(own["order"]),
             own["symmetry"],
@@ -391,7 +395,7 @@ class ActuatedMap(MapDefaults):
                 f"coefficients has {len(coefficients)} numbers and pure_J {len(constants)}, "
                 f"expected {terms.count()} and {len(terms.pure())}"
             )
-        return ActuatedMap(terms, scale, coefficients, constants, inputs)
+        return ActuatedMap(terms, scale, coefficients, constants, actuators)
 
     def free_pose(
         self, inputs: F, wrench: F | None = None, *, start: F | None = None
@@ -423,15 +427,16 @@ class ActuatedMap(MapDefaults):
                     f"free_pose: no equilibrium was found beyond {100.0 * share:.0f} % of the "
                     "inputs and the wrench; give smaller ones, or a start that is closer"
                 )
-        both = self.stiffness(np.concatenate([pose, a])[None])[0]
-        return pose, np.asarray(-np.linalg.solve(both[:, :6], both[:, 6:]))
+        row = np.concatenate([pose, a])[None]
+        slope = np.linalg.solve(self.stiffness(row)[0], self.actuation_jacobian(row)[0])
+        return pose, np.asarray(-slope)
 
     def _newton(self, pose: F, a: F, goal: F) -> F | None:
         unit = np.repeat([1.0, self.terms.length_m], 3)
         for _ in range(30):
             row = np.concatenate([pose, a])[None]
             gap = goal - self.predict(row)[0]
-            step = np.linalg.solve(self.stiffness(row)[0, :, :6], gap)
+            step = np.linalg.solve(self.stiffness(row)[0], gap)
             largest = np.abs(step * np.repeat([1.0 / self.terms.length_m, 1.0], 3)).max()
             if not np.isfinite(largest):
                 return None
@@ -479,7 +484,7 @@ class ActuatedMap(MapDefaults):
             return np.asarray((self.predict(row(a))[0] - goal) * unit)
 
         def slope(a: F) -> F:
-            return np.asarray(self.stiffness(row(a))[0, :, 6:] * scale * unit[:, None])
+            return np.asarray(self.actuation_jacobian(row(a))[0] * scale * unit[:, None])
 
         found = least_squares(
             left,
@@ -595,7 +600,7 @@ class ActuatedModel(ModelSpecification):
         if scale[2] == 0.0:
             raise InputError(f"{table.source}: every pressure is 0; give rows under pressure")
         pure = len(terms.pure())
-        base = ActuatedMap(terms, scale, np.zeros(terms.count()), np.zeros(pure), inputs)
+        base = ActuatedMap(terms, scale, np.zeros(terms.count()), np.zeros(pure), actuation)
         volumes = amount_columns(table.columns)
         if len(volumes) not in (0, len(actuation)):
             raise InputError(
@@ -628,6 +633,7 @@ class ActuatedModel(ModelSpecification):
                 "length_m": number(positive=True),
                 "parameters": record(
                     {
+                        "actuators": items(text, least=1),
                         "degree": number(positive=True),
                         "order": number(positive=True),
                         "symmetry": one_of(*get_args(Body)),

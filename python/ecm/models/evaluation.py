@@ -12,7 +12,7 @@ from ecm.effects import Missing, Rows
 from ecm.effects.protocol import correction_of
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, actuation_columns
+from ecm.io.columns import POSE
 from ecm.io.description import Meta, Scene
 from ecm.io.table import Table, TableLike, takes_table
 from ecm.models.actuated import ActuatedMap
@@ -28,7 +28,7 @@ from ecm.models.maps import (
 )
 from ecm.models.partial import MeasuredMap
 from ecm.regression.noise import Noise
-from ecm.regression.rows import is_whole
+from ecm.regression.rows import actuators_of, inputs_of, is_whole
 
 
 @dataclass(frozen=True, repr=False)
@@ -127,7 +127,7 @@ class EvaluatedModel:
             found = whole.predict(data, skip_untestable=skip_untestable)
             return np.ascontiguousarray(found[..., self.base.places])
         if isinstance(data, np.ndarray):
-            found = self._at_poses(rows_of_poses(data, self.inputs))
+            found = self._at_poses(rows_of_poses(data, self.base))
             return found if data.ndim != 1 else np.asarray(found[0])
         rows = Rows(data, self.base)
         lacking = self.left_out(data)
@@ -150,9 +150,7 @@ class EvaluatedModel:
         InputError
             For a model without actuators, and for shapes that do not fit it.
         """
-        names = actuation_columns(self.inputs)
-        if not names:
-            raise InputError(f"{self.name} has no actuators: give poses alone")
+        names = self.actuated.actuators
         at, a = (np.asarray(values, dtype=np.float64) for values in (poses, actuation))
         if at.shape[-1:] != (6,) or a.shape[-1:] != (len(names),):
             raise InputError(
@@ -181,7 +179,7 @@ class EvaluatedModel:
     def actuation_jacobian(self, poses: F, actuation: F) -> F:
         """(N, 6, m), or (6, m) of one pose: G = dh/da at fixed pose, m^2 and m^3."""
         rows = self.with_actuation(poses, actuation)
-        found = self.actuated.stiffness(np.atleast_2d(rows))[:, :, 6:]
+        found = self.actuated.actuation_jacobian(np.atleast_2d(rows))
         return found if rows.ndim != 1 else np.asarray(found[0])
 
     def free_pose(
@@ -212,8 +210,8 @@ class EvaluatedModel:
         if self.covariance is None:
             return None
         if isinstance(data, Table):
-            data = Rows(data, self.base).poses
-        poses = rows_of_poses(data, self.inputs)
+            data = inputs_of(self.base, data)
+        poses = rows_of_poses(data, self.base)
         covariance, base = self.covariance, self.base
 
         def of_coefficients() -> F:
@@ -228,7 +226,7 @@ class EvaluatedModel:
         From the coefficients and the noise of one row, the latter widened where the training
         residuals are larger.
         """
-        poses = rows_of_poses(poses, self.inputs)
+        poses = rows_of_poses(poses, self.base)
         sd = self.predict_sd(poses)
         if sd is None:
             return None
@@ -238,7 +236,7 @@ class EvaluatedModel:
 
     def leverage(self, poses: F) -> F | None:
         """(N,) uncertainty of the prediction over the noise of one row, where known."""
-        poses = rows_of_poses(poses, self.inputs)
+        poses = rows_of_poses(poses, self.base)
         if self.covariance is None or self.noise.components is not None or self.inputs != POSE:
             return None
         return leverages(self.base, self.covariance, self.noise, poses)
@@ -247,7 +245,7 @@ class EvaluatedModel:
         """(N, m, n) standard deviation of K = dh/dp from the coefficients, where known."""
         if self.covariance is None:
             return None
-        poses = rows_of_poses(poses, self.inputs)
+        poses = rows_of_poses(poses, self.base)
         covariance = self.covariance
 
         def of_coefficients() -> F:
@@ -264,7 +262,7 @@ class EvaluatedModel:
 
         One pose (n,) gives one stiffness (m, n).
         """
-        rows = rows_of_poses(poses, self.inputs)
+        rows = rows_of_poses(poses, self.base)
         acting = self.acting_at_poses
         found = self._changed_stiffness(rows, kind) if acting else self.base.stiffness(rows, kind)
         return found if np.ndim(poses) != 1 else np.asarray(found[0])
@@ -281,7 +279,7 @@ class EvaluatedModel:
         >>> wrench.round(6), stiffness.round(6)
         (array([15.]), array([[3000.]]))
         """
-        rows = rows_of_poses(poses, self.inputs)
+        rows = rows_of_poses(poses, self.base)
         if self.acting_at_poses:
             wrench, stiffness = self._at_poses(rows), self._changed_stiffness(rows, kind)
         else:
@@ -318,15 +316,19 @@ class EvaluatedModel:
 
     def rows_at(self, poses: F) -> Rows:
         """Rows of poses (N, n) without a table, of the model's mechanism in the model's scene."""
-        columns = {name: poses[:, j] for j, name in enumerate(self.inputs)}
+        columns = dict(zip((*self.inputs, *actuators_of(self.base)), poses.T, strict=False))
         length = self.known_length_m
         known = {} if length is None else {"length_m": length}
         meta = Meta(mechanism=known, scene=self.scene)
         return Rows(Table(columns, meta, "poses"), self.base)
 
 
-def rows_of_poses(poses: F, inputs: Sequence[str]) -> F:
-    """(N, n) of poses (N, n), or (1, n) of one pose (n,)."""
+def rows_of_poses(poses: F, base: StiffnessMap) -> F:
+    """(N, n) of poses (N, n), or (1, n) of one pose (n,).
+
+    With the inputs of actuators behind them where the map has some.
+    """
+    inputs, actuators = base.inputs, actuators_of(base)
     try:
         rows = np.ascontiguousarray(poses, dtype=np.float64)
     except (TypeError, ValueError):
@@ -334,7 +336,8 @@ def rows_of_poses(poses: F, inputs: Sequence[str]) -> F:
     if np.ndim(poses) == 1 and rows.ndim == 1:
         rows = rows[None]
     n = len(inputs)
-    if rows.ndim != 2 or rows.shape[1] != n or isinstance(poses, str | bytes | Mapping):
+    fits = rows.ndim == 2 and rows.shape[1] in (n, n + len(actuators))
+    if not fits or isinstance(poses, str | bytes | Mapping):
         shape = getattr(poses, "shape", None)
         found = f"of shape {shape}" if isinstance(shape, tuple) else f"as a {type(poses).__name__}"
         raise InputError(
