@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -29,6 +29,9 @@ from ecm.models.maps import (
 from ecm.models.partial import MeasuredMap
 from ecm.regression.noise import Noise
 from ecm.regression.rows import actuators_of, inputs_of, is_whole
+
+
+ModelT = TypeVar("ModelT", bound="EvaluatedModel")
 
 
 @dataclass(frozen=True, repr=False)
@@ -176,6 +179,10 @@ class EvaluatedModel:
             )
         return self.base
 
+    def at_actuation(self: ModelT, actuation: F) -> ModelT:
+        """The model at constant inputs (m,), Pa: one of the pose alone, which can be exported."""
+        return replace(self, base=self.actuated.at(actuation), covariance=None)
+
     def actuation_jacobian(self, poses: F, actuation: F) -> F:
         """(N, 6, m), or (6, m) of one pose: G = dh/da at fixed pose, m^2 and m^3."""
         rows = self.with_actuation(poses, actuation)
@@ -316,7 +323,10 @@ class EvaluatedModel:
 
     def rows_at(self, poses: F) -> Rows:
         """Rows of poses (N, n) without a table, of the model's mechanism in the model's scene."""
-        columns = dict(zip((*self.inputs, *actuators_of(self.base)), poses.T, strict=False))
+        actuators = actuators_of(self.base)
+        # Poses alone are those without actuation.
+        columns = {name: np.zeros(len(poses)) for name in actuators}
+        columns |= dict(zip((*self.inputs, *actuators), poses.T, strict=False))
         length = self.known_length_m
         known = {} if length is None else {"length_m": length}
         meta = Meta(mechanism=known, scene=self.scene)

@@ -330,6 +330,13 @@ class Rows:
         return self.where_loaded(self.base.stiffness, self.poses, m, n)
 
     @cached_property
+    def actuation_jacobian(self) -> F:
+        """(N, m, a) G = dh/da of a base with actuators, at the measured poses and inputs."""
+        base: Any = self.base
+        actuators = len(actuators_of(base))
+        return self.where_loaded(base.actuation_jacobian, self.poses, len(base.outputs), actuators)
+
+    @cached_property
     def screw_stiffness(self) -> F:
         """(N, 6, 6) K_s = K diag(I, J^-1), in rotation increments of base axes."""
         inverse = inverse_left_jacobians(self.rotation_vectors)

@@ -66,7 +66,7 @@ impl Fem {
         (result, instability)
     }
 
-    /// Of each chamber: volume change, ∂h/∂P and ∂q/∂P, by the factor at the state.
+    /// Volume change, ∂h/∂P and ∂q/∂P of each chamber, by the factor at the state.
     fn actuators_at(&self, work: &Workspace, state: &State) -> Vec<Actuator> {
         let (n, mesh) = (self.pattern.unknowns, &self.body.mesh);
         let column = |c: usize| &work.chamber_columns[c * n..(c + 1) * n];
