@@ -66,6 +66,7 @@ class PressureOffset(_OfActuator):
     """The pressure is off by a constant."""
 
     id = "pressure_offset"
+    needs = "pressure_1_Pa"
     physics = "The pressure in a chamber is off by a constant: a regulator or a gauge with a zero."
     parameters = (Parameter("offset", "Pa", 100.0),)
     signature = "the wrench of a constant pressure in that chamber, also at no pressure"
@@ -81,6 +82,7 @@ class PressureGain(_OfActuator):
     """The pressure is off in proportion."""
 
     id = "pressure_gain"
+    needs = "pressure_1_Pa"
     physics = "The pressure in a chamber is off by a share of itself: a gauge with a wrong gain."
     parameters = (Parameter("share", "1", 0.01),)
     signature = "grows with the pressure of that chamber"
@@ -117,7 +119,7 @@ class PressureHysteresis(_OfActuator):
     parameters = (Parameter("pressure", "Pa", 100.0),)
     signature = "changes its sign with the direction of the last change of pressure"
     requires = (needs_full, _needs_actuators, needs_columns("time_s"))
-    needs = "time_s, and rows whose pressure comes from below and from above"
+    needs = "pressure_1_Pa and time_s, and rows whose pressure comes from below and from above"
     outside = LookAlike("a regulator with a dead band", "read the pressure in the chamber itself")
 
     def change(self, rows: Rows, inputs: F) -> F:
@@ -133,7 +135,7 @@ class ChamberLeak(_OfActuator):
     parameters = (Parameter("rate", "1/s", 1e-3),)
     signature = "grows with pressure and dwell"
     requires = (needs_full, _needs_actuators, needs_columns("dwell_s"))
-    needs = "dwell_s that varies"
+    needs = "pressure_1_Pa, and dwell_s that varies"
 
     def change(self, rows: Rows, inputs: F) -> F:
         """Minus the input times the dwell."""
@@ -152,7 +154,7 @@ class RegulatorLag(_OfActuator):
     parameters = (Parameter("share", "1", 0.05),)
     signature = "follows the last change of pressure and dies out with the time since then"
     requires = (needs_full, _needs_actuators, needs_columns("time_s"))
-    needs = "time_s, and rows at unlike times after a change of pressure"
+    needs = "pressure_1_Pa and time_s, and rows at unlike times after a change of pressure"
 
     def change(self, rows: Rows, inputs: F) -> F:
         """Minus the last change, times what is left of it."""

@@ -84,6 +84,17 @@ def all_effects() -> tuple[Effect, ...]:
     return (*_CATALOGUE, *_own.values())
 
 
+def effects_of_actuators() -> tuple[Effect, ...]:
+    """The effects that tables with actuators have beside the catalogue.
+
+    Examples
+    --------
+    >>> effects_of_actuators()[0].id
+    'pressure_offset'
+    """
+    return _ACTUATED
+
+
 def get_effect(id: str) -> Effect:
     """The effect with this id.
 

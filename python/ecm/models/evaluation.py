@@ -30,7 +30,6 @@ from ecm.models.partial import MeasuredMap
 from ecm.regression.noise import Noise
 from ecm.regression.rows import actuators_of, inputs_of, is_whole
 
-
 ModelT = TypeVar("ModelT", bound="EvaluatedModel")
 
 

@@ -493,9 +493,9 @@ def leverages(base: StiffnessMap, covariance: F, noise: Noise, poses: F) -> F:
 
     def of_block(block: slice) -> F:
         part = np.ascontiguousarray(poses[block])
-        columns = {name: np.zeros(len(part)) for name in actuators_of(base)}
-        columns |= dict(zip((*POSE, *columns), part.T, strict=False))
-        table = Table(columns, Meta(mechanism=known), "poses")
+        given = {name: np.zeros(len(part)) for name in actuators_of(base)}
+        given |= dict(zip((*POSE, *given), part.T, strict=False))
+        table = Table(given, Meta(mechanism=known), "poses")
         row_covariance = noise.covariance(Rows(table, base))
         if shares is not None:
             own = shares.at(part) / np.einsum("njj->nj", row_covariance)
