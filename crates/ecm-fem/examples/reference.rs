@@ -29,7 +29,7 @@ fn main() -> Result<(), FemError> {
         let fem = Fem::new(mesh, Box::new(NeoHookean::new(0.72e6, 0.49)?), None)?;
         let setup = start.elapsed().as_secs_f64();
         let start = Instant::now();
-        let (r, timing) = fem.solve(&Load::Wrench([-40.0, 30.0, 20.0, 1.0, -1.0, 1.0]))?;
+        let (r, timing) = fem.solve(Load::Wrench([-40.0, 30.0, 20.0, 1.0, -1.0, 1.0]))?;
         let total = start.elapsed().as_secs_f64();
         let (reference, p) = (
             [-8.96e-3, 30.11e-3, 25.73e-3, 0.1936, -0.3505, 0.4450],

@@ -50,7 +50,7 @@ fn main() -> Result<(), FemError> {
         let mut best = (f64::INFINITY, Default::default(), 0);
         for _ in 0..3 {
             let start = Instant::now();
-            let (r, timing) = fem.solve(&Load::Wrench([-40.0, 30.0, 20.0, 1.0, -1.0, 1.0]))?;
+            let (r, timing) = fem.solve(Load::Wrench([-40.0, 30.0, 20.0, 1.0, -1.0, 1.0]))?;
             let total = start.elapsed().as_secs_f64();
             if total < best.0 {
                 best = (total, timing, r.iterations);

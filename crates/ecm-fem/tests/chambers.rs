@@ -42,8 +42,17 @@ fn sectors(end_wall_m: f64, channel_radius_m: f64) -> Chambered {
     }
 }
 
+/// A third of the nodes of the standard mesh: enough for identities.
+const COARSE: Quality = Quality::Custom {
+    rings: 1,
+    layers: 4,
+    around: 6,
+    layer_grading_per_mille: 1000,
+    ring_grading_per_mille: 1000,
+};
+
 fn fem(body: &Chambered) -> Fem {
-    let mesh = Mesh::chambered(body, Quality::Standard).unwrap();
+    let mesh = Mesh::chambered(body, COARSE).unwrap();
     Fem::new(mesh, neo(0.49), None).unwrap()
 }
 
@@ -320,7 +329,7 @@ fn derivatives_are_those_of_neighbouring_states_and_reciprocal() {
 fn the_work_of_a_cycle_of_pressures_comes_back() {
     let fem = fem(&arm());
     // Round a square of two pressures, with the trapezium rule: ∮ q dP = 0.
-    let steps = 8;
+    let steps = 6;
     let corner = |s: f64| match s {
         s if s < 1.0 => [s, 0.0],
         s if s < 2.0 => [1.0, s - 1.0],
@@ -370,7 +379,7 @@ fn one_pressure_bends_the_arm_away_and_all_lengthen_it() {
     // Chamber 1 lies at +y: its side grows longer, the tip turns to -y about +z's opposite.
     assert!(one.pose[1] < -1e-4 && one.pose[5] < -2e-3, "{:?}", one.pose);
     assert!(
-        one.pose[2].abs() < 1e-2 * one.pose[1].abs(),
+        one.pose[2].abs() < 2e-2 * one.pose[1].abs(),
         "{:?}",
         one.pose
     );
@@ -385,12 +394,12 @@ fn one_pressure_bends_the_arm_away_and_all_lengthen_it() {
     let (s, c) = (2.0 * PI / 3.0).sin_cos();
     let turned = c * one.pose[1];
     assert!(
-        (next.pose[1] / turned - 1.0).abs() < 2e-2,
+        (next.pose[1] / turned - 1.0).abs() < 4e-2,
         "{:?}",
         next.pose
     );
     assert!(
-        (next.pose[2] / (s * one.pose[1]) - 1.0).abs() < 2e-2,
+        (next.pose[2] / (s * one.pose[1]) - 1.0).abs() < 4e-2,
         "{:?}",
         next.pose
     );
@@ -399,7 +408,7 @@ fn one_pressure_bends_the_arm_away_and_all_lengthen_it() {
 #[test]
 fn a_batch_gives_what_each_row_gives() {
     let fem = fem(&arm());
-    let rows: Vec<Case> = (0..24)
+    let rows: Vec<Case> = (0..18)
         .map(|i| {
             let s = |k: usize| ((i * (3 * k + 2)) % 7) as f64 / 7.0;
             let pressures = [8e3 * s(0), 8e3 * s(1), 8e3 * s(2)];

@@ -103,7 +103,7 @@ fn batches_have_the_same_bits_on_any_number_of_threads() {
     assert_eq!(one, run(3));
     for (result, load) in one.iter().zip(loads()) {
         assert_eq!(result.status, Status::Solved);
-        let alone = fem.solve(&load).unwrap().0;
+        let alone = fem.solve(load).unwrap().0;
         for k in 0..6 {
             assert!((result.pose[k] - alone.pose[k]).abs() < 1e-8);
         }

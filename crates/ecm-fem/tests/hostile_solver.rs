@@ -30,7 +30,7 @@ fn formulation() -> impl Strategy<Value = Formulation> {
 
 /// Bytes of a warm start of degree 1, its coefficients all `value`.
 fn warm_start(value: f32) -> WarmStart {
-    let mut bytes: Vec<u8> = [1u32, 7].iter().flat_map(|v| v.to_le_bytes()).collect();
+    let mut bytes: Vec<u8> = [1u32, 7, 6].iter().flat_map(|v| v.to_le_bytes()).collect();
     bytes.extend([1.0_f64; 6].iter().flat_map(|v| v.to_le_bytes()));
     let numbers = 7 * fem().field_length();
     bytes.extend((0..numbers).flat_map(|_| value.to_le_bytes()));

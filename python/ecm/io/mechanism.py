@@ -431,6 +431,9 @@ class Mechanism(Checked):
     def key(self) -> str:
         """Return a hash of solver version, shape and material; of a mesh file its content."""
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "mesh_file"}
+        if self.builtin != "chambered":  # so that what was solved of the others stays valid
+            for name in set(_DIMENSIONS["chambered"]) - {"radius_m"}:
+                del values[name]
         values["solver"] = SOLVER_VERSION
         if self.material is not None:
             values["material"] = self.material.to_dict()

@@ -259,7 +259,7 @@ fn linear_boundary_displacements_give_a_homogeneous_state() {
 fn newton_ends_quadratically_and_counts_the_pressures_as_negative_pivots() {
     let fem = coarse();
     let (result, _) = fem
-        .solve(&Load::Wrench([-20.0, 10.0, 10.0, 0.3, -0.3, 0.3]))
+        .solve(Load::Wrench([-20.0, 10.0, 10.0, 0.3, -0.3, 0.3]))
         .unwrap();
     assert!(result.iterations <= 7, "{}", result.iterations);
     assert!(result.residual < 1e-9);
