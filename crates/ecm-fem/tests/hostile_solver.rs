@@ -43,7 +43,7 @@ proptest! {
     #[test]
     fn loads_end_with_a_status_or_an_error(values in six(), held: bool, formulation in formulation()) {
         let load = if held { Load::Pose(values) } else { Load::Wrench(values) };
-        match of_formulation(formulation).solve_field(&load, Watch::default()) {
+        match of_formulation(formulation).solve_field(load, Watch::default()) {
             Ok((result, field)) => {
                 prop_assert!(values.iter().all(|v| v.is_finite()));
                 prop_assert!(result.has_state());
@@ -257,7 +257,7 @@ fn a_set_flag_ends_every_long_work() {
         ] {
             let all = body.solve_all(&[load; 3], watch).unwrap();
             assert!(all.iter().all(|r| r.status == Status::Cancelled));
-            let (one, _) = body.solve_field(&load, watch).unwrap();
+            let (one, _) = body.solve_field(load, watch).unwrap();
             assert_eq!(one.status, Status::Cancelled);
             let field = vec![0.0; body.field_length()];
             for error in [
@@ -279,7 +279,7 @@ fn a_set_flag_ends_every_long_work() {
 fn a_field_of_another_body_is_not_drawn() {
     let fem = fem();
     let load = Load::Wrench([0.0; 6]);
-    let (_, mut field) = fem.solve_field(&load, Watch::default()).unwrap();
+    let (_, mut field) = fem.solve_field(load, Watch::default()).unwrap();
     assert!(vtu(fem.body(), &field).is_ok());
     field.pressure.pop();
     assert!(matches!(

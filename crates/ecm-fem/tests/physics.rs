@@ -177,7 +177,7 @@ fn vtu_holds_every_node_and_element() {
     let fem = small(Box::new(neo()));
     let (result, field) = fem
         .solve_field(
-            &Load::Wrench([-10.0, 5.0, 0.0, 0.0, 0.0, 0.3]),
+            Load::Wrench([-10.0, 5.0, 0.0, 0.0, 0.0, 0.3]),
             Watch::default(),
         )
         .unwrap();
