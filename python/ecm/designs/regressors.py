@@ -59,39 +59,6 @@ AVERAGED = tuple(name for name, _, averaged in criteria() if averaged)
 class DesignSettings(Checked):
     """What a design is for and how it is searched.
 
-    Parameters
-    ----------
-    criterion
-        d: largest determinant; i: smallest average variance of h and of K times half the range;
-        a: smallest summed variance of the coefficients; g: smallest largest variance; di: D in
-        `share`, I in the rest; maximin: largest smallest distance, in coordinates normalised to
-        [-1, 1] or in metres with `metres_per_radian`.
-    model
-        `poly:D` or its aliases, `energyD` with its length, or `physics` with a nominal model.
-    length_m
-        Length of the mechanism in m, for energy models; by default that of the nominal model.
-    effects
-        Effects whose parameters the design determines too, as far as the poses can.
-    ridge
-        Information known beforehand on every coefficient but a polynomial's constant, in units of
-        the rows' information: the design for a ridge fit (Bayesian D, I, A).
-    share
-        Share of D in the criterion di.
-    metres_per_radian
-        Length in m that counts as much as a radian in distances; None: normalised coordinates.
-    columns
-        Names of the pose columns, for `metres_per_radian`.
-    replicates
-        Whether a pose may be chosen more than once.
-    method
-        search: the best that is found; paper: Fedorov's exchange for d, simple exchange for
-        maximin.
-    starts, iterations, time_limit_s
-        Random starts; iterations of the search (0: until nothing improves); its limit in s (0:
-        none; with a limit another run may give another design).
-    seed, threads
-        Seed of the random generator; threads (0: all).
-
     Raises
     ------
     InputError
@@ -103,23 +70,41 @@ class DesignSettings(Checked):
     'maximin'
     """
 
-    criterion: str = setting("d", choices=tuple(CRITERIA), doc="Criterion of the design.")
-    model: str = setting("cubic", doc="Model that the design is for.")
-    length_m: float | None = setting(None, above=0.0, doc="Length of the mechanism in m.")
-    effects: tuple[Effect, ...] = setting((), any_size=True, doc="Effects to be determined.")
-    ridge: float = setting(0.0, low=0.0, doc="Information known beforehand; 0: none.")
-    share: float = setting(0.5, low=0.0, high=1.0, doc="Share of D in the criterion di.")
-    metres_per_radian: float | None = setting(None, above=0.0, doc="Metres for a radian.")
-    columns: tuple[str, ...] = setting(POSE, any_size=True, doc="Names of the pose columns.")
-    replicates: bool = setting(False, doc="Whether a pose may be chosen more than once.")
-    method: Literal["search", "paper"] = setting(
-        "search", choices=("search", "paper"), doc="Search of the design."
-    )
-    starts: int = setting(10, low=1, doc="Random starts; the best one is kept.")
-    iterations: int = setting(0, low=0, doc="Iterations; 0: until nothing improves.")
-    time_limit_s: float = setting(0.0, low=0.0, doc="Time limit of the search in s; 0: none.")
-    seed: int = setting(0, doc="Seed of the random generator.")
-    threads: int = setting(0, low=0, doc="Threads; 0: all.")
+    criterion: str = setting("d", choices=tuple(CRITERIA))
+    """d: largest determinant; i: smallest average variance of h and of K times half the range; a:
+    smallest summed variance of the coefficients; g: smallest largest variance; di: D in `share`, I
+    in the rest; maximin: largest smallest distance, in coordinates normalised to [-1, 1] or in
+    metres with `metres_per_radian`."""
+    model: str = setting("cubic")
+    """`poly:D` or its aliases, `energyD` with its length, or `physics` with a nominal model."""
+    length_m: float | None = setting(None, above=0.0)
+    """Length of the mechanism in m, for energies; by default that of the nominal model."""
+    effects: tuple[Effect, ...] = setting((), any_size=True)
+    """Effects whose parameters the design determines too, as far as the poses can."""
+    ridge: float = setting(0.0, low=0.0)
+    """Information known beforehand on every coefficient but a polynomial's constant, in units of
+    the rows' information: the design for a ridge fit (Bayesian D, I, A)."""
+    share: float = setting(0.5, low=0.0, high=1.0)
+    """Share of D in the criterion di."""
+    metres_per_radian: float | None = setting(None, above=0.0)
+    """Length in m that counts as much as a radian in distances; none: normalised coordinates."""
+    columns: tuple[str, ...] = setting(POSE, any_size=True)
+    """Names of the pose columns, for `metres_per_radian`."""
+    replicates: bool = setting(False)
+    """Whether a pose may be chosen more than once."""
+    method: Literal["search", "paper"] = setting("search", choices=("search", "paper"))
+    """search: the best that is found; paper: Fedorov's exchange for d, simple exchange for
+    maximin."""
+    starts: int = setting(10, low=1)
+    """Random starts; the best one is kept."""
+    iterations: int = setting(0, low=0)
+    """Iterations of the search; 0: until nothing improves."""
+    time_limit_s: float = setting(0.0, low=0.0)
+    """Limit of the search in s; 0: none. With a limit another run may give another design."""
+    seed: int = setting(0)
+    """Seed of the random generator."""
+    threads: int = setting(0, low=0)
+    """Threads; 0: all."""
 
 
 COMPONENT_SD = np.array([0.9, 0.3, 0.3, 0.010, 0.012, 0.012])

@@ -43,18 +43,6 @@ _BLOCKS_WITHOUT_CASE = 50  # after so many blocks without a case the workspace i
 class Workspace(Checked):
     """Limits of admissible poses, and the box that wrenches are drawn from.
 
-    Parameters
-    ----------
-    rotation_limit_rad, stretch_limit
-        Largest rotation angle of an admissible pose, and largest principal stretch anywhere in the
-        body.
-    wrench_min, wrench_max
-        Corners of the box of random wrenches, N and N m; the default is Table I of the paper.
-    full_box
-        Accept every stable solution of the box instead.
-    screen_margin
-        A draw is solved by FEM if the rod predicts a rotation below this factor times the limit.
-
     Examples
     --------
     >>> Workspace(rotation_limit_rad=0.5).stretch_limit
@@ -63,17 +51,21 @@ class Workspace(Checked):
     Traceback (most recent call last):
     ...
     ecm.errors.InputError: rotation_limit_rad = 45.0: expected above 0 and at most 3.14159 \
-(rotation angle in rad, not degrees)
+(largest rotation angle of an admissible pose, in rad, not degrees)
     """
 
-    rotation_limit_rad: float = setting(
-        0.8, above=0.0, high=math.pi, doc="rotation angle in rad, not degrees"
-    )
-    stretch_limit: float = setting(2.5, above=0.0, doc="largest stretch of an admissible pose")
-    wrench_min: tuple[float, ...] = setting(TABLE_I_MIN, doc="fx fy fz in N, taux tauy tauz in N m")
-    wrench_max: tuple[float, ...] = setting(TABLE_I_MAX, doc="fx fy fz in N, taux tauy tauz in N m")
-    full_box: bool = setting(False, doc="keep every stable pose; no screen, no limits")
-    screen_margin: float = setting(1.2, above=0.0, doc="the rod screens at the limits times this")
+    rotation_limit_rad: float = setting(0.8, above=0.0, high=math.pi)
+    """Largest rotation angle of an admissible pose, in rad, not degrees."""
+    stretch_limit: float = setting(2.5, above=0.0)
+    """Largest principal stretch anywhere in the body of an admissible pose."""
+    wrench_min: tuple[float, ...] = setting(TABLE_I_MIN)
+    """Lower corner of the box of random wrenches: fx fy fz in N, taux tauy tauz in N m."""
+    wrench_max: tuple[float, ...] = setting(TABLE_I_MAX)
+    """Upper corner of the same; the default is Table I of the paper."""
+    full_box: bool = setting(False)
+    """Keep every stable pose of the box; no screen, no limits."""
+    screen_margin: float = setting(1.2, above=0.0)
+    """FEM solves a draw where the rod predicts a rotation below the limit times this."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
