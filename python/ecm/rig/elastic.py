@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -53,10 +53,10 @@ class FemSource:
         return Anchors(poses, results.wrenches, results.stiffness, tuple(results.status))
 
     def surrogate(self, anchors: Anchors) -> Smooth | None:
-        """A symmetric energy model of the anchors that moved."""
+        """A symmetric energy of the anchors that moved: it gives curvature, never the value."""
         if sum(s == "solved" for s in anchors.status) < ENOUGH_FOR_SURROGATE:
             return None
-        return EnergySurrogate(anchors, self.length_m)
+        return fitted_energy(*anchors.loaded, self.length_m)[0]
 
 
 def changed(mechanism: Mechanism, grade: str) -> Mechanism:
@@ -97,29 +97,14 @@ def modulus_grade(mechanism: Mechanism, grade: str) -> F | None:
     return factor
 
 
-class EnergySurrogate:
-    """A symmetric energy model fitted to the anchors: it gives curvature, never the value."""
-
-    def __init__(self, anchors: Anchors, length_m: float) -> None:
-        solved = np.asarray([s == "solved" for s in anchors.status])
-        # The rest pose has h = 0 and tells the fit nothing that the energy's form does not.
-        moving = solved & (np.linalg.norm(anchors.wrenches, axis=1) > 0.0)
-        degree = 6 if moving.sum() >= 60 else 4
-        self._model = EnergyModel.fit(
-            anchors.poses[moving],
-            anchors.wrenches[moving],
-            length_m=length_m,
-            degree=degree,
-            symmetry="revolution",
-        )
-
-    def predict(self, poses: F) -> F:
-        return self._model.predict(poses)
-
-    def stiffness(self, poses: F) -> F:
-        return self._model.stiffness(poses)
+def fitted_energy(poses: F, wrenches: F, length_m: float) -> tuple[EnergyModel, int]:
+    """A symmetric energy of these poses and wrenches (N, 6), and its degree."""
+    degree = 6 if len(poses) >= 60 else 4
+    model = EnergyModel.fit(poses, wrenches, length_m=length_m, degree=degree, symmetry=SYMMETRY)
+    return model, degree
 
 
+SYMMETRY: Literal["revolution"] = "revolution"
 ENOUGH_FOR_SURROGATE = 20
 """Below so many anchors the increment is the linear one of the anchor's own K."""
 
@@ -193,6 +178,13 @@ class Anchors:
     wrenches: F
     stiffness: F
     status: tuple[str, ...]
+
+    @property
+    def loaded(self) -> tuple[F, F]:
+        """Solved poses and wrenches (n, 6); the rest pose tells nothing that an energy does not."""
+        solved = np.asarray([s == "solved" for s in self.status])
+        rows = solved & (np.linalg.norm(self.wrenches, axis=1) > 0.0)
+        return self.poses[rows], self.wrenches[rows]
 
     def __post_init__(self) -> None:
         # In the order in which a file gives them back: sums of another one end in other bits.

@@ -333,14 +333,14 @@ class RigSettings(Checked):
         if isinstance(procedure, Mapping):
             own, arm = split_arm(procedure, where)
         check_keys(tables, TABLES, where)
+        others = {"instrument": Instruments, "plant": PlantTable, "hidden": HiddenTable}
         settings = RigSettings(
             rig=read_settings(Procedure, own, f"{where} [rig]"),
             arm=read_settings(ArmSettings, arm, f"{where} [rig]"),
-            instrument=read_settings(
-                Instruments, tables.get("instrument", {}), f"{where} [instrument]"
-            ),
-            plant=read_settings(PlantTable, tables.get("plant", {}), f"{where} [plant]"),
-            hidden=read_settings(HiddenTable, tables.get("hidden", {}), f"{where} [hidden]"),
+            **{
+                name: read_settings(kind, tables.get(name, {}), f"{where} [{name}]")
+                for name, kind in others.items()
+            },
         )
         if settings.hidden.effect:
             try:

@@ -23,7 +23,6 @@ import subprocess
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Literal
 
 import numpy as np
 
@@ -38,7 +37,16 @@ from ecm._native import (
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
-from ecm.rig.elastic import UNIFORM, Anchors, Elastic, Progress, Source, solve_cached
+from ecm.rig.elastic import (
+    SYMMETRY,
+    UNIFORM,
+    Anchors,
+    Elastic,
+    Progress,
+    Source,
+    fitted_energy,
+    solve_cached,
+)  # fmt: skip
 from ecm.rig.physics import Physics
 from ecm.rig.plan import Visit
 from ecm.rig.plant import Plant, visits_of
@@ -50,7 +58,6 @@ _SHARES = (0.35, 0.7)
 _FEW = 20
 """With fewer solved poses, poses near rest are solved too, or the model may be unstable there."""
 _NEAR_LENGTHS, _NEAR_RAD = 0.03, 0.15
-_SYMMETRY: Literal["revolution"] = "revolution"
 
 
 @dataclass(frozen=True)
@@ -69,7 +76,7 @@ class Surrogate:
         return EnergyModel.from_coefficients(
             length_m=self.length_m,
             degree=self.degree,
-            symmetry=_SYMMETRY,
+            symmetry=SYMMETRY,
             scale=self.scale,
             coefficients=self.coefficients,
         )
@@ -79,9 +86,7 @@ def fem_pairs(
     source: Source, anchors: Anchors, folder: Path | None, progress: Progress
 ) -> tuple[F, F]:
     """Return poses and wrenches (N, 6): the solved anchors, and more poses if they are few."""
-    solved = np.asarray([s == "solved" for s in anchors.status])
-    loaded = solved & (np.linalg.norm(anchors.wrenches, axis=1) > 0.0)
-    poses, wrenches = anchors.poses[loaded], anchors.wrenches[loaded]
+    poses, wrenches = anchors.loaded
     if len(poses) >= _ENOUGH:
         return poses, wrenches
     rest = anchors.poses[0]
@@ -96,13 +101,12 @@ def fem_pairs(
 
 def fit_surrogate(poses: F, wrenches: F, length_m: float) -> Surrogate:
     """Fit the surrogate to FEM pairs; InputError if there are too few of them."""
-    degree = 6 if len(poses) >= 60 else 4
     if len(poses) < 6:
         raise InputError(
             f"the plan has {len(poses)} solved poses, those between included; the simulated "
             "mechanism needs 6 or more. Add poses to the plan"
         )
-    model = EnergyModel.fit(poses, wrenches, length_m=length_m, degree=degree, symmetry=_SYMMETRY)
+    model, degree = fitted_energy(poses, wrenches, length_m)
     rms = np.sqrt(((model.predict(poses) - wrenches) ** 2).mean(axis=0))
     return Surrogate(length_m, degree, model.scale, model.coefficients, rms)
 

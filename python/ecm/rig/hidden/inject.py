@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,8 +29,10 @@ from ecm.rig.physics.true_effect import RigScale, TrueEffect
 from ecm.rig.plan import rest_pose
 from ecm.rig.plant import Plant, residual, row_covariance
 from ecm.rig.raw_stream import RawStream
-from ecm.rig.readings import CampaignState
 from ecm.rig.timeline import stream
+
+if TYPE_CHECKING:
+    from ecm.rig.campaign import Campaign
 
 _ROUNDS = 12
 _ENOUGH = 1e-6
@@ -163,7 +166,7 @@ def _rounded_down(value: float) -> str:
     return f"{float(digits):g}"
 
 
-def scale_of(campaign: CampaignState) -> RigScale:
+def scale_of(campaign: Campaign) -> RigScale:
     """What a draw and a largest size need to know of a rig and its plan."""
     plant, visits = campaign.plant, campaign.visits
     rows = visits.at_poses
@@ -187,7 +190,7 @@ def scale_of(campaign: CampaignState) -> RigScale:
     )
 
 
-def whitener_of(campaign: CampaignState) -> Whitener:
+def whitener_of(campaign: Campaign) -> Whitener:
     """Whitens rows of poses and takes out what the base absorbs."""
     plant, visits = campaign.plant, campaign.visits
     rows = visits.at_poses
@@ -222,7 +225,7 @@ class InjectedEffect:
         }
 
 
-def inject(hide: Hidden, campaign: CampaignState, raw: RawStream | None = None) -> InjectedEffect:
+def inject(hide: Hidden, campaign: Campaign, raw: RawStream | None = None) -> InjectedEffect:
     """The effect that is to be hidden, at the size that gives the requested strength.
 
     Put into the plant, a hidden warm-up of the sensor takes the place of the rig's own; every
