@@ -23,7 +23,7 @@ from ecm.rig import reveal as reveal_truth
 from ecm.rig.arm.summary import summary_lines
 from ecm.rig.elastic import Progress
 from ecm.rig.readings import keep_data, robot_path
-from ecm.workflow.app.serve import serve as serve_session
+from ecm.workflow.app.server import serve as serve_session
 from ecm.workflow.config import read_config, read_rig, with_rig
 from ecm.workflow.design import design as design_plan
 from ecm.workflow.identify import identify as identify_mechanism

@@ -206,7 +206,7 @@ class Mechanism(Checked):
     young_modulus_Pa: float = setting(0.65e6, low=0.0)
     """E at small strain; 0: unknown."""
     poisson_ratio: float = setting(0.49, low=0.0, high=0.5)
-    """Ratio of lateral contraction to stretch at small strain; 0.49 for rubber."""
+    """0.49 for rubber."""
     material: Material | None = setting(None)
     """Another law than neo-Hookean; E and nu are then its values at small strain."""
     density_kg_m3: float = setting(0.0, low=0.0)

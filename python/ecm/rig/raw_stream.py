@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,12 +33,9 @@ from ecm.rig.physics import Physics
 from ecm.rig.physics.true_effect import Clock
 from ecm.rig.plan import POSE, Visit, Visits
 from ecm.rig.plant import Plant, compensated, row_covariance, visits_of
-from ecm.rig.readings import POSE_NAMES, WRENCH_NAMES, Reading, described
+from ecm.rig.readings import POSE_NAMES, WRENCH_NAMES, CampaignState, Reading, described
 from ecm.rig.settings import Procedure
 from ecm.rig.timeline import Climate, stream, travel_s
-
-if TYPE_CHECKING:
-    from ecm.rig.campaign import Campaign
 
 NODES = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
 """Shares of a leg at which FEM is solved."""
@@ -154,7 +151,7 @@ class RawStream:
         left: F = wrench - plant.elastic.wrench(visits.anchor, seen)
         return left
 
-    def table(self, campaign: Campaign, readings: list[Reading]) -> Table:
+    def table(self, campaign: CampaignState, readings: list[Reading]) -> Table:
         """The samples with the noise of one row each."""
         # Copies: where nothing lies between, what the camera sees is the samples' own pose.
         seen, sensor = (array.copy() for array in self.truth(campaign.plant.physics))

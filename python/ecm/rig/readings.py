@@ -7,12 +7,12 @@ after them; when the last one is there the table is written and the journal goes
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,10 @@ from ecm.rig.plant import wrench_in_base
 from ecm.rig.timeline import stream
 
 if TYPE_CHECKING:
-    from ecm.rig.campaign import Campaign
+    from ecm.rig.plan import Skipped, Visits
+    from ecm.rig.plant import Plant
+    from ecm.rig.settings import RigSettings
+    from ecm.rig.timeline import Timeline
 
 _MARK = "# campaign "
 
@@ -185,6 +188,27 @@ HEADER = ",".join(_NAMES)
 """Header of the journal; `sensor_` columns are in sensor axes and hold the sensor's zero."""
 
 
+class CampaignState(Protocol):
+    """What a table, a raw stream and an injected effect need of their campaign."""
+
+    plan: Table
+    settings: RigSettings
+    seed: int
+    plant: Plant
+    visits: Visits
+    timeline: Timeline
+    skipped: list[Skipped]
+    base_columns: Callable[[F], F] | None
+
+    def image(
+        self,
+        pose: F,
+        time_s: float,
+        window_s: float,
+        random: tuple[np.random.Generator, np.random.Generator],
+    ) -> Window: ...
+
+
 @dataclass(frozen=True)
 class Reading:
     """Means and spreads of one window."""
@@ -241,7 +265,7 @@ class Reading:
         return Reading(pose, pose_sd, sensor, wrench_sd, float(numbers[24]), float(numbers[25]))
 
 
-def table_of(campaign: Campaign, readings: list[Reading], truth_sha256: str) -> Table:
+def table_of(campaign: CampaignState, readings: list[Reading], truth_sha256: str) -> Table:
     """The measurement table: wrenches compensated and in base axes, noise of the averaged row."""
     poses = np.stack([r.pose for r in readings])
     sensor = np.stack([r.sensor for r in readings])
@@ -274,7 +298,7 @@ def table_of(campaign: Campaign, readings: list[Reading], truth_sha256: str) -> 
     return Table(columns, described(campaign, truth_sha256), "campaign", skipped)
 
 
-def _stamps(campaign: Campaign, rows: list[int]) -> F:
+def _stamps(campaign: CampaignState, rows: list[int]) -> F:
     """Time stamps by the recorder's clock; they grow, as a recorder's do."""
     instrument = campaign.settings.instrument
     time = np.asarray([campaign.timeline.visits[i].time_s for i in rows])
@@ -288,7 +312,7 @@ def _stamps(campaign: Campaign, rows: list[int]) -> F:
     return stamps
 
 
-def described(campaign: Campaign, truth_sha256: str, window_s: float | None = None) -> Meta:
+def described(campaign: CampaignState, truth_sha256: str, window_s: float | None = None) -> Meta:
     """The description of a table whose rows are means over window_s, by default the rig's."""
     settings = campaign.settings
     instrument, plant = settings.instrument, settings.plant

@@ -20,8 +20,7 @@ from typing import Any
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.cache import cache_directory, write_atomically, write_json
-from ecm.io.extras import require_pyarrow, write_parquet
-from ecm.io.parallel import DaskClient
+from ecm.io.extras import DaskClient, require_pyarrow, write_parquet
 from ecm.io.table import Table, read_table
 from ecm.rig.arm.sorties import extra_s
 from ecm.rig.campaign import Campaign

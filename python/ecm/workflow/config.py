@@ -30,7 +30,7 @@ class SimulateTable(Checked):
     n: int = setting(1700, low=2)
     """Pairs to keep, test pairs included."""
     n_test: int = setting(300, low=1)
-    """Of these, pairs that are only for testing."""
+    """Pairs of these that are only for testing."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -16,7 +16,7 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import JOINT_SIGNS, JOINTS, WRENCH
-from ecm.io.parallel import own_cores
+from ecm.io.extras import own_cores
 from ecm.rig.arm.kuka import mujoco, scene
 from ecm.rig.arm.mechanism import (
     HiddenPhysics,

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,10 +28,8 @@ from ecm.rig.physics.true_effect import RigScale, TrueEffect
 from ecm.rig.plan import rest_pose
 from ecm.rig.plant import Plant, residual, row_covariance
 from ecm.rig.raw_stream import RawStream
+from ecm.rig.readings import CampaignState
 from ecm.rig.timeline import stream
-
-if TYPE_CHECKING:
-    from ecm.rig.campaign import Campaign
 
 _ROUNDS = 12
 _ENOUGH = 1e-6
@@ -166,7 +163,7 @@ def _rounded_down(value: float) -> str:
     return f"{float(digits):g}"
 
 
-def scale_of(campaign: Campaign) -> RigScale:
+def scale_of(campaign: CampaignState) -> RigScale:
     """What a draw and a largest size need to know of a rig and its plan."""
     plant, visits = campaign.plant, campaign.visits
     rows = visits.at_poses
@@ -190,7 +187,7 @@ def scale_of(campaign: Campaign) -> RigScale:
     )
 
 
-def whitener_of(campaign: Campaign) -> Whitener:
+def whitener_of(campaign: CampaignState) -> Whitener:
     """Whitens rows of poses and takes out what the base absorbs."""
     plant, visits = campaign.plant, campaign.visits
     rows = visits.at_poses
@@ -225,7 +222,7 @@ class InjectedEffect:
         }
 
 
-def inject(hide: Hidden, campaign: Campaign, raw: RawStream | None = None) -> InjectedEffect:
+def inject(hide: Hidden, campaign: CampaignState, raw: RawStream | None = None) -> InjectedEffect:
     """The effect that is to be hidden, at the size that gives the requested strength.
 
     Put into the plant, a hidden warm-up of the sensor takes the place of the rig's own; every
