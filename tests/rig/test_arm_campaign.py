@@ -91,48 +91,6 @@ def test_any_number_of_processes_gives_the_same_bytes(cache: Path, tmp_path: Pat
     assert files(tmp_path / "1") == files(tmp_path / "2")
 
 
-class Stopped(Exception):
-    pass
-
-
-@pytest.mark.parametrize("approach", ["initial", "previous"])
-def test_an_interrupted_campaign_goes_on_and_ends_with_the_same_bytes(
-    cache: Path, tmp_path: Path, approach: str
-) -> None:
-    poses = some_poses(8, seed=3)
-    common: dict[str, Any] = {
-        "rig": {"approach": approach, "offset_every": 5}, "hide": "hysteresis=2", "seed": 4,
-    }  # fmt: skip
-
-    def stop(done: int, total: int, word: str) -> None:
-        if word == "measuring" and done == 5:
-            raise Stopped
-
-    driven: list[int] = []
-
-    for name in ("a", "b"):
-        (tmp_path / name).mkdir()
-    run(cache, poses, tmp_path / "a" / "data.csv", **common)
-    out = tmp_path / "b" / "data.csv"
-    with pytest.raises(Stopped):
-        run(cache, poses, out, progress=stop, **common)
-    journal = tmp_path / "b" / "data.journal.csv"
-    kept = journal.read_bytes()
-    assert kept.count(b"\n") == 2 + 5
-    journal.write_bytes(kept[:-30])  # a kill in the middle of a line loses that line only
-    taken: list[int] = []
-    run(
-        cache, poses, out,
-        progress=lambda d, n, w: {"measuring": taken, "driving": driven}.get(w, []).append(d),
-        **common,
-    )  # fmt: skip
-    assert taken[0] == 5
-    assert not driven
-    whole = files(tmp_path / "a")
-    assert set(whole) == {"data.csv", "data.toml", "data.truth.json", "data.robot.json"}
-    assert files(tmp_path / "b") == whole
-
-
 def test_both_sides_of_a_pose_are_driven_as_the_plan_says(cache: Path) -> None:
     poses = some_poses(4, seed=6)
     poses = np.concatenate([poses, poses[:1]])

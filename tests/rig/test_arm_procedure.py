@@ -14,9 +14,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ecm.rig.arm.kuka import (
-    RANGE_RAD,
-    SPEED_RAD_S,
-    TORQUE_NM,
     flange_pose,
     joints_at_swivel,
     scene,
@@ -273,12 +270,6 @@ def test_friction_stops_the_impedance_phase_early_and_not_the_position_phase() -
     assert np.abs(rough.reached - GOAL).max() < 1e-4
     stuck = only(simulated_arm(joint_friction=0.5).sortie([stop]))
     assert "did not come to rest" in stuck.reason
-
-
-def test_limits_are_the_published_ones() -> None:
-    assert np.rad2deg(RANGE_RAD) == pytest.approx([170, 120, 170, 120, 170, 120, 170])
-    assert pytest.approx([176, 176, 100, 100, 100, 38, 38]) == TORQUE_NM
-    assert np.rad2deg(SPEED_RAD_S) == pytest.approx([110, 110, 128, 128, 204, 184, 184])
 
 
 def test_the_same_sortie_gives_the_same_numbers() -> None:

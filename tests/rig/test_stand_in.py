@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ecm.io.se3 import rotate, skew, transpose
+from ecm.io.se3 import rotate, transpose
 from ecm.rig.elastic import (
     UNIFORM,
     Elastic,
@@ -56,9 +56,3 @@ def test_the_increment_from_an_anchor_is_exact_to_second_order() -> None:
     assert np.abs(linear[:, 3:]).max() < 0.01
     full = Elastic(anchors, StandInMap()).wrench(index, near) - wrench(near)
     assert np.abs(full).max() < 1e-6
-
-
-def test_skew_is_the_cross_product() -> None:
-    random = np.random.default_rng(2)
-    a, b = random.standard_normal((2, 5, 3))
-    assert rotate(skew(a), b) == pytest.approx(np.cross(a, b))
