@@ -29,8 +29,7 @@ from ecm.io.columns import POSE
 from ecm.io.table import Table, read_table
 from ecm.rig import RigSettings, fem_source, run_campaign
 from ecm.rig.arm.campaign import RobotCampaign
-from ecm.rig.arm.sorties import Stop
-from ecm.rig.arm.summary import PHASES
+from ecm.rig.arm.trips import PHASES, Stop
 from ecm.rig.readings import robot_path
 from ecm.workflow.config import read_rig
 
@@ -107,8 +106,8 @@ def loop(plan: Table, rig: RigSettings) -> dict[str, float]:
     campaign = campaign_of(plan, rig)
     arm = campaign.setup.build()
     steps, start = 0, time.process_time()
-    for sortie in campaign.sorties[:10]:
-        arm.sortie(sortie.stops)
+    for trip in campaign.trips[:10]:
+        arm.trip(trip.stops)
         steps += arm.simulation.steps
     spent = time.process_time() - start
     arm.simulation.reset()
@@ -131,7 +130,7 @@ def springs(plan: Table, rig: RigSettings) -> list[dict[str, float]]:
     for j, size in enumerate((-0.002, 0.002, 0.002, 0.05, 0.05, 0.05)):
         goal = rest.copy()
         goal[j] += size
-        outcome = arm.sortie([Stop(0, goal, (), 0.1, 0.2)]).stops[0]
+        outcome = arm.trip([Stop(0, goal, (), 0.1, 0.2)]).stops[0]
         share = (outcome.after_impedance[j] - rest[j]) / size
         away = np.linalg.solve(np.diag(own) + stiffness, np.diag(own)[:, j] * size)[j] / size
         rows.append({"reached": share, "series": away})

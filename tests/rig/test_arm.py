@@ -12,7 +12,7 @@ from ecm.rig.arm import kuka as arm
 from ecm.rig.arm.kuka import flange_pose, inverse_kinematics, joints_at_swivel, scene, swivel_angle
 from ecm.rig.arm.mechanism import ControllerModel
 from ecm.rig.arm.simulation import Simulation, null_direction
-from ecm.rig.arm.sorties import Stop, cubic_profile, duration_s
+from ecm.rig.arm.trips import Stop, cubic_profile, duration_s
 from support.arm_rig import REST, library, mechanism, settings, simulated_arm
 from support.stand_in import L, some_poses, wrench
 
@@ -319,7 +319,7 @@ def test_impedance_alone_settles_where_both_springs_balance() -> None:
     control = simulated_arm()
     goal = REST + np.array([-0.006, 0.003, 0.0, 0.0, 0.0, 0.1])
 
-    outcome = control.sortie([Stop(0, goal, (), 0.1, 0.2)]).stops[0]
+    outcome = control.trip([Stop(0, goal, (), 0.1, 0.2)]).stops[0]
     assert outcome.reason == ""
     pose = outcome.after_impedance
     h = mechanism().model().predict(pose[None])[0]

@@ -20,7 +20,7 @@ from ecm.io.table import read_table
 from ecm.rig import Hidden, campaign_minutes, reveal
 from ecm.rig.arm.campaign import RobotCampaign
 from ecm.rig.arm.mechanism import NonElasticWrench
-from ecm.rig.arm.sorties import SortieResult
+from ecm.rig.arm.trips import TripResult
 from ecm.rig.hidden.inject import Whitener
 from ecm.rig.plant import row_covariance
 from support.arm_rig import REST, arm_setup, plan, run, settings
@@ -255,7 +255,7 @@ run(Path({cache!r}), some_poses(8, seed=5), Path({out!r}), rig={{"processes": 2}
 """
 
 
-def test_kill_9_loses_at_most_the_sorties_under_way(cache: Path, tmp_path: Path) -> None:
+def test_kill_9_loses_at_most_the_trips_under_way(cache: Path, tmp_path: Path) -> None:
     poses = some_poses(8, seed=5)
     run(cache, poses, tmp_path / "a" / "data.csv")
     out = tmp_path / "b" / "data.csv"
@@ -293,7 +293,7 @@ def test_a_worker_starts_no_process_of_its_own() -> None:
         pickle.dump(arm_setup(), worker.stdin)
         pickle.dump((), worker.stdin)
         worker.stdin.flush()
-        assert isinstance(pickle.load(worker.stdout), SortieResult)
+        assert isinstance(pickle.load(worker.stdout), TripResult)
         worker.stdin.close()
         assert worker.stderr.read() == b""
     assert worker.returncode == 0
@@ -321,13 +321,13 @@ def test_what_is_hidden_acts_while_the_arm_moves(cache: Path, effect: str) -> No
             hide=hide,
             folder=cache,
         )
-        ends[bool(hide)] = campaign.setup.build().sortie(campaign.sorties[0].stops).stops[0]
+        ends[bool(hide)] = campaign.setup.build().trip(campaign.trips[0].stops).stops[0]
         if hide:
             hidden = campaign.setup.hidden
             assert hidden is not None
             non_elastic = NonElasticWrench(hidden, campaign.mechanism)
             non_elastic.begin(REST, 0.0)
-            non_elastic.next_visit(campaign.sorties[0].stops[0].visit)
+            non_elastic.next_visit(campaign.trips[0].stops[0].visit)
             at_rest = non_elastic.at(REST, 0.0, 0.1, moving=False)
             size = np.linalg.norm(at_rest)
             assert (size > 0.1) == (effect == "payload")

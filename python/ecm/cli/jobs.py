@@ -20,7 +20,7 @@ from ecm.io.table import Table
 from ecm.report.blocks import text_of
 from ecm.rig import CampaignOptions, campaign_minutes, run_campaign, run_campaigns
 from ecm.rig import reveal as reveal_truth
-from ecm.rig.arm.summary import summary_lines
+from ecm.rig.arm.trips import summary_lines
 from ecm.rig.elastic import Progress
 from ecm.rig.readings import keep_data, robot_path
 from ecm.workflow.app.server import serve as serve_session

@@ -7,7 +7,7 @@ The plant of the rig (`ecm.rig.plant`) models friction, relaxation, softening, c
 weights and temperature. Its wrench at the present pose and history, minus that of the bare
 mechanism, is added to the elastic one. It is computed five times a second and interpolated
 linearly, since the plant evaluates a whole series of visits. The history in motion begins with each
-sortie; that of the readings begins with the campaign.
+trip; that of the readings begins with the campaign.
 
 The controller's model is a file that is exported as C and compiled here: other code than that of
 the simulated mechanism, so that what the controller knows and what is true stay apart.
@@ -129,7 +129,7 @@ class HiddenPhysics:
 
 
 class NonElasticWrench:
-    """The wrench beyond elasticity along one sortie."""
+    """The wrench beyond elasticity along one trip."""
 
     def __init__(self, hidden: HiddenPhysics, surrogate: Surrogate) -> None:
         self._hidden = hidden
@@ -141,7 +141,7 @@ class NonElasticWrench:
         self.next_visit(0)
 
     def begin(self, rest: F, depart_s: float) -> None:
-        """Begin a sortie at home."""
+        """Begin a trip at home."""
         self._way = [rest.copy()]
         self._depart_s = depart_s
         self._moved_s = self._rested_s = 0.0
@@ -153,7 +153,7 @@ class NonElasticWrench:
         self._moved_s = self._rested_s = 0.0
 
     def at(self, pose: F, time_s: float, span_s: float, *, moving: bool) -> F:
-        """Wrench (6,) at a pose and a time since the sortie began; `span_s` since the last call."""
+        """Wrench (6,) at a pose and a time since the trip began; `span_s` since the last call."""
         if moving:
             if self._rested_s:
                 self._moved_s = self._rested_s = 0.0
