@@ -111,7 +111,7 @@ def loop(plan: Table, rig: RigSettings) -> dict[str, float]:
         steps += arm.simulation.steps
     spent = time.process_time() - start
     arm.simulation.reset()
-    at_rest = campaign.plant.elastic.anchors.stiffness[0]
+    at_rest = campaign.plant.elastic.solved.stiffness[0]
     number = arm.simulation.stability_number(at_rest)
     print(f"{1e6 * spent / steps:.1f} us a step over {steps} steps; dt omega_max {number:.3f} of 2")
     return {"us_a_step": 1e6 * spent / steps, "stability_number": number}
@@ -123,7 +123,7 @@ def springs(plan: Table, rig: RigSettings) -> list[dict[str, float]]:
     arm = campaign.setup.build()
     rest = np.array([campaign.plant.length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
     own = np.repeat([rig.arm.impedance_N_m, rig.arm.impedance_Nm_rad], 3)
-    stiffness = campaign.plant.elastic.anchors.stiffness[0]
+    stiffness = campaign.plant.elastic.solved.stiffness[0]
     rows = []
     print("| axis | goal | reached % | springs in series % |")
     print("|---|---|---|---|")

@@ -74,9 +74,9 @@ def test_with_nothing_hidden_only_the_declared_noise_is_left(cache: Path) -> Non
     campaign = RobotCampaign(plan(some_poses(24)), settings(), StandIn(), folder=cache)
     table = campaign.run(threads=1).measured()
     rows = campaign.visits.at_poses
-    elastic = campaign.plant.elastic.wrench(campaign.visits.anchor[rows], table.poses)
+    elastic = campaign.plant.elastic.wrench(campaign.visits.nearest[rows], table.poses)
     true = campaign.plant.elastic.wrench(
-        campaign.visits.anchor[rows], campaign.visits.reached[rows]
+        campaign.visits.nearest[rows], campaign.visits.reached[rows]
     )
     covariance = row_covariance(campaign.plant, campaign.visits)
     strength = Whitener(covariance, true[:, :, None]).strength(table.wrenches - elastic)

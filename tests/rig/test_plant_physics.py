@@ -199,14 +199,14 @@ def test_relaxation_goes_on_along_a_way_of_several_pieces() -> None:
     exact = solve_ivp(rate, (0.0, 9.0), [0.0], t_eval=time, **options).y[0]
     h = np.zeros((5, 6))
     h[:, 2] = path
-    carried = chain.carried(h, time, np.zeros(5, dtype=bool))
-    assert carried[:, 2] == pytest.approx(size * exact, abs=1e-4)
+    held = chain.held(h, time, np.zeros(5, dtype=bool))
+    assert held[:, 2] == pytest.approx(size * exact, abs=1e-4)
     # A single ramp and its rest is what a reading at rest has.
     at = Conditions(L, travel_s=np.array([2.0]), dwell_s=np.array([3.0]))
     factor = chain.factor(at)[0]
-    assert carried[2, 2] == pytest.approx(factor - 1.0, rel=1e-12)
+    assert held[2, 2] == pytest.approx(factor - 1.0, rel=1e-12)
     restart = np.array([False, False, True, False, False])
-    assert chain.carried(h, time, restart)[2] == pytest.approx(np.zeros(6), abs=0.0)
+    assert chain.held(h, time, restart)[2] == pytest.approx(np.zeros(6), abs=0.0)
 
 
 def test_relaxing_stress_turns_with_the_middle_of_the_body() -> None:

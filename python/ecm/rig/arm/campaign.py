@@ -91,9 +91,9 @@ class RobotCampaign(Campaign):
         length = source.length_m
         self.planned: Timeline = self.timeline
         self.goals = self.visits.reached
-        self._anchors = self.visits.anchor
+        self._nearest = self.visits.nearest
         self._out_of_reach = self.skipped
-        poses, wrenches = fem_pairs(source, self.plant.elastic.anchors, folder, progress)
+        poses, wrenches = fem_pairs(source, self.plant.elastic.solved, folder, progress)
         self.mechanism = fit_surrogate(poses, wrenches, length)
         model = controller_document(settings.arm.controller_model, poses, wrenches, length)
         self.setup = ArmSetup(
@@ -270,7 +270,7 @@ class RobotCampaign(Campaign):
     def _place(self, visits: list[Visit], reached: F) -> None:
         """Take these visits as those of the campaign, at true poses (N, 6)."""
         self.timeline.visits = visits
-        self.visits = visits_of(tuple(visits), reached, self._anchors[self._visited], self._air)
+        self.visits = visits_of(tuple(visits), reached, self._nearest[self._visited], self._air)
         self._truth = self.plant.truth(self.visits)
 
     def _skip(self, stop: StopResult, reason: str) -> None:
@@ -283,9 +283,9 @@ class RobotCampaign(Campaign):
         if not self.injected:
             return None
         end_s, heating = 3.0 * self.planned.end_s + _EXTRA_S, self.planned.heating
-        bare = replace(self.plant, elastic=Elastic(self.plant.elastic.anchors))
+        bare = replace(self.plant, elastic=Elastic(self.plant.elastic.solved))
         air = Climate.build(self.settings, self.seed, end_s, heating)
-        return HiddenPhysics(bare, air, tuple(self.planned.visits), self._anchors)
+        return HiddenPhysics(bare, air, tuple(self.planned.visits), self._nearest)
 
 
 def _thinned(trace: F) -> F:

@@ -40,9 +40,9 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.rig.elastic import (
     SYMMETRY,
     UNIFORM,
-    Anchors,
     Elastic,
     Progress,
+    SolvedPoses,
     Source,
     fitted_energy,
     solve_cached,
@@ -83,13 +83,13 @@ class Surrogate:
 
 
 def fem_pairs(
-    source: Source, anchors: Anchors, folder: Path | None, progress: Progress
+    source: Source, solved: SolvedPoses, folder: Path | None, progress: Progress
 ) -> tuple[F, F]:
-    """Return poses and wrenches (N, 6): the solved anchors, and more poses if they are few."""
-    poses, wrenches = anchors.loaded
+    """Return poses and wrenches (N, 6): the solved poses, and more poses if they are few."""
+    poses, wrenches = solved.loaded
     if len(poses) >= _ENOUGH:
         return poses, wrenches
-    rest = anchors.poses[0]
+    rest = solved.poses[0]
     extra = [rest + share * (poses - rest) for share in _SHARES]
     if len(poses) < _FEW:
         steps = np.diag(np.repeat([_NEAR_LENGTHS * float(rest[0]), _NEAR_RAD], 3))
@@ -125,7 +125,7 @@ class HiddenPhysics:
     air: Climate
     visits: tuple[Visit, ...]
     """Visits of the planned timeline."""
-    anchor: I
+    nearest: I
 
 
 class NonElasticWrench:
@@ -133,7 +133,7 @@ class NonElasticWrench:
 
     def __init__(self, hidden: HiddenPhysics, surrogate: Surrogate) -> None:
         self._hidden = hidden
-        elastic = Elastic(hidden.plant.elastic.anchors, surrogate.model())
+        elastic = Elastic(hidden.plant.elastic.solved, surrogate.model())
         self._plant = replace(hidden.plant, elastic=elastic)
         self._bare = replace(self._plant, physics=Physics())
         self._way: list[F] = []
@@ -149,7 +149,7 @@ class NonElasticWrench:
     def next_visit(self, visit: int) -> None:
         """Begin the leg to a visit of the planned timeline."""
         self._visit = self._hidden.visits[visit]
-        self._anchor = self._hidden.anchor[visit : visit + 1]
+        self._nearest = self._hidden.nearest[visit : visit + 1]
         self._moved_s = self._rested_s = 0.0
 
     def at(self, pose: F, time_s: float, span_s: float, *, moving: bool) -> F:
@@ -167,7 +167,7 @@ class NonElasticWrench:
             dwell_s=self._rested_s, way=np.stack([*(self._way[i] for i in index), pose]),
             rested=True,
         )  # fmt: skip
-        visits = visits_of((visit,), pose[None].copy(), self._anchor, self._hidden.air)
+        visits = visits_of((visit,), pose[None].copy(), self._nearest, self._hidden.air)
         wrench: F = (self._plant.load(visits) - self._bare.load(visits))[0]
         return wrench
 
