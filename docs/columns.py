@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ecm.effects import all_effects, effects_for
+from ecm.effects.registry import effects_of_actuators
 from ecm.io.columns import JOINT_SIGNS, JOINTS, POSE, SPREAD, VELOCITY, WRENCH
 from ecm.io.templates import DEGREES_OF_FREEDOM, data_template
 
@@ -77,6 +78,10 @@ COLUMN_GUIDE = (
     ColumnGuide(JOINT_SIGNS, "", "sign of the last motion of each joint", "-1, 0, 1"),
     ColumnGuide(("leds_visible",), "", "markers that the camera saw", "whole numbers"),
     ColumnGuide(("tendon1_N",), "N", "force of tendon 1, 2, ..."),
+    ColumnGuide(
+        ("pressure_1_Pa",), "Pa", "gauge pressure in chamber 1, 2, ... (docs/actuation.md)"
+    ),
+    ColumnGuide(("volume_1_m3",), "m3", "change of the volume of chamber 1, 2, ... from rest"),
     ColumnGuide(("action",), "", "of a plan: what to do", "`measure`, `home`, `remount:90`, ..."),
 )
 """In the order of the page."""
@@ -116,7 +121,7 @@ def _needed_by(names: Sequence[str]) -> str:
     few = effects_for((POSE[5], WRENCH[5]))
     found = dict.fromkeys(
         effect.id
-        for effect in (*all_effects(), *few)
+        for effect in (*all_effects(), *few, *effects_of_actuators())
         if any(pattern.search(effect.needs) for pattern in sought)
     )
     return ", ".join(f"`{id}`" for id in found) or "none"

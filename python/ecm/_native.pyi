@@ -116,6 +116,25 @@ class Mesh:
     ) -> Mesh:
         """r(x) = waist + (radius - waist) cos^2(pi (discs - 1) x / L)."""
     @staticmethod
+    def chambered(
+        *,
+        length_m: float,
+        radius_m: float,
+        chamber_count: int,
+        chamber_inner_m: float,
+        chamber_outer_m: float,
+        chamber_angle_rad: float,
+        channel_radius_m: float = 0.0,
+        end_wall_m: float = 0.0,
+        quality: str = "standard",
+    ) -> Mesh:
+        """Cylinder with chambers round its axis, the first towards y; angle 0: round ones."""
+    def with_chamber(self, name: str, nodes: _I) -> Mesh:
+        """With a closed chamber whose wall holds all of these nodes (n,)."""
+    @property
+    def chambers(self) -> list[tuple[str, _I]]:
+        """Name and nodes of each chamber's wall."""
+    @staticmethod
     def from_arrays(nodes_m: _F, tetrahedra: _I, *, base_nodes: _I, top_nodes: _I) -> Mesh:
         """(N, 3) and (M, 10) arrays, node numbers of the two faces."""
     @staticmethod
@@ -142,11 +161,20 @@ class FemResults:
     there is none."""
     @property
     def status(self) -> list[str]:
-        """solved | unstable | not_converged | inverted | cancelled"""
+        """solved | unstable | not_converged | inverted | collapsed | cancelled"""
     @property
     def poses(self) -> _F: ...
     @property
     def wrenches(self) -> _F: ...
+    @property
+    def loads(self) -> _F:
+        """(N, 6 + m): wrench and pressures, as the solver takes them."""
+    @property
+    def volumes_m3(self) -> _F:
+        """(N, m): change of each chamber's volume from the undeformed body."""
+    @property
+    def actuation_jacobians(self) -> tuple[_F, _F]:
+        """G = dh/da, (N, 6, m), m^2 and m^3; C = dq/da, (N, m, m), m^3/Pa; at fixed pose."""
     @property
     def energy_J(self) -> _F: ...
     @property
@@ -213,12 +241,17 @@ class Fem:
         *,
         wrench: Sequence[float] | None = None,
         pose: Sequence[float] | None = None,
+        actuation: Sequence[float] = (),
     ) -> FemResults:
         """Solves one load and writes displacement, stretch, stress for ParaView."""
+    @property
+    def actuators(self) -> list[str]:
+        """Names of the chambers, in the order of their pressures."""
     def rest_stiffness(self) -> _F: ...
     def solve_wrenches(
         self, wrenches: _F, *, threads: int = 0, progress: _Progress = None
-    ) -> FemResults: ...
+    ) -> FemResults:
+        """Equilibria under wrenches (N, 6), or (N, 6 + m) with a gauge pressure per chamber, Pa."""
     def solve_each(
         self,
         wrenches: _F,
@@ -234,9 +267,8 @@ class Fem:
         """Poses (N, 6) that a warm start predicts; nothing is solved."""
     def fit_warm_start(self, wrenches: _F, fields: NDArray[np.float32]) -> WarmStart | None:
         """A warm start fitted to states and their wrenches; None when there are too few."""
-    def solve_poses(
-        self, poses: _F, *, threads: int = 0, progress: _Progress = None
-    ) -> FemResults: ...
+    def solve_poses(self, poses: _F, *, threads: int = 0, progress: _Progress = None) -> FemResults:
+        """Wrenches that hold poses (N, 6), or (N, 6 + m) with a gauge pressure per chamber, Pa."""
 
 def rod_poses(
     wrenches: _F,

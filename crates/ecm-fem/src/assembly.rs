@@ -10,8 +10,11 @@
 //! one size; unscaled, static pivoting stalls Newton at 1e-8.
 
 use crate::body::{Body, Field, Inverted};
+use crate::chamber::face_volume;
 use crate::element::matrix::Element;
 use crate::pattern::{ENTRIES, NONE, Pattern};
+use crate::platform::Platform;
+use crate::solve::Beside;
 
 /// Sums of one pass over the elements; reused without allocation.
 #[derive(Debug)]
@@ -28,6 +31,14 @@ pub struct Sums {
     pub platform: [[f64; 6]; 6],
     /// Share of the body's dead force that acts; 1 but on the way to a load.
     pub dead_share: f64,
+    /// Gauge pressure in each chamber, Pa.
+    pub actuation: Vec<f64>,
+    /// Volume of each chamber, m³.
+    pub chamber_m3: Vec<f64>,
+    /// Its derivative by displacement component, m², chamber after chamber.
+    pub chamber_gradient: Vec<Vec<f64>>,
+    /// Its derivative by (δr, δφ) of the caps on the platform.
+    pub cap_gradient: Vec<[f64; 6]>,
     /// Softening of condensed pressures in the tangent, 0 near a solution (see `condensed_pressure`).
     pub softening: f64,
     /// Stored energy, J.
@@ -40,6 +51,7 @@ impl Sums {
     /// Allocates for one pass.
     pub fn new(body: &Body, pattern: &Pattern) -> Self {
         let n = body.mesh.nodes_m().len();
+        let chambers = body.chambers.count();
         Self {
             tangent: vec![0.0; pattern.symbolic.entries()],
             force: vec![0.0; 3 * n],
@@ -47,14 +59,17 @@ impl Sums {
             coupling: vec![[0.0; 6]; pattern.unknowns],
             platform: [[0.0; 6]; 6],
             dead_share: 1.0,
+            actuation: vec![0.0; chambers],
+            chamber_m3: vec![0.0; chambers],
+            chamber_gradient: vec![vec![0.0; 3 * n]; chambers],
+            cap_gradient: vec![[0.0; 6]; chambers],
             softening: 0.0,
             energy_J: 0.0,
             smallest_jacobian: f64::INFINITY,
         }
     }
 
-    /// Forces and tangent at `field`; `arm(node)` is the vector from the platform's
-    /// origin to a platform node.
+    /// Forces and tangent at `field`, whose platform nodes are on `platform`.
     ///
     /// # Errors
     /// [`Inverted`] when det F ≤ 0 at a quadrature point.
@@ -63,15 +78,17 @@ impl Sums {
         body: &Body,
         pattern: &Pattern,
         field: &Field,
-        arm: impl Fn(usize) -> [f64; 3],
+        platform: &Platform,
     ) -> Result<(), Inverted> {
+        let arm = |node| platform.arm(&body.mesh, node);
+        self.add_caps(body, platform);
+        let mut wall = body.chambers.faces.iter().peekable();
         self.tangent.fill(0.0);
         for (force, dead) in self.force.iter_mut().zip(&body.dead_force_N) {
             *force = -self.dead_share * dead;
         }
         self.volume.fill(0.0);
         self.coupling.fill([0.0; 6]);
-        self.platform = [[0.0; 6]; 6];
         self.energy_J = 0.0;
         self.smallest_jacobian = f64::INFINITY;
         let mut element = Element::default();
@@ -79,6 +96,17 @@ impl Sums {
             element.evaluate(body, e, field, self.softening)?;
             self.energy_J += element.energy;
             self.smallest_jacobian = self.smallest_jacobian.min(element.smallest_jacobian);
+            while let Some(face) = wall.next_if(|face| face.element == e) {
+                let nodes = face.local.map(|k| tet[k]);
+                let volume = face_volume(&nodes.map(|node| body.place_m(field, node)));
+                self.chamber_m3[face.chamber] += volume.volume_m3;
+                for (node, gradient) in nodes.iter().zip(volume.gradient) {
+                    for k in 0..3 {
+                        self.chamber_gradient[face.chamber][3 * node + k] += gradient[k];
+                    }
+                }
+                element.add_pressure(&face.local, &volume, self.actuation[face.chamber]);
+            }
             for a in 0..10 {
                 for i in 0..3 {
                     self.force[3 * tet[a] + i] += element.force[i][a];
@@ -96,6 +124,34 @@ impl Sums {
             }
         }
         Ok(())
+    }
+
+    /// Sets what acts beside the load; says whether it acted already.
+    pub fn set_beside(&mut self, beside: &Beside) -> bool {
+        let chambers = self.actuation.len();
+        let same =
+            self.dead_share == beside.weight && self.actuation == beside.actuation[..chambers];
+        self.dead_share = beside.weight;
+        self.actuation
+            .copy_from_slice(&beside.actuation[..chambers]);
+        same
+    }
+
+    /// What the chambers' caps on the platform add; all else of the platform is set to nothing.
+    fn add_caps(&mut self, body: &Body, platform: &Platform) {
+        self.platform = [[0.0; 6]; 6];
+        for chamber in 0..body.chambers.count() {
+            let pressure = self.actuation[chamber];
+            let (gradient, tangent) = body.chambers.of_cap(chamber, platform);
+            self.chamber_m3[chamber] = body.chambers.of_caps_m3(chamber, platform);
+            self.chamber_gradient[chamber].fill(0.0);
+            self.cap_gradient[chamber] = gradient;
+            for i in 0..6 {
+                for j in 0..6 {
+                    self.platform[i][j] -= pressure * tangent[i][j];
+                }
+            }
+        }
     }
 
     /// Columns of the element matrix that belong to platform nodes, times

@@ -1,5 +1,7 @@
 //! The body to be deformed: mesh, material and quadrature points, and its state as a field.
 
+use crate::FemError;
+use crate::chamber::Chambers;
 use crate::element::{Rule, tet10};
 use crate::material::Material;
 use crate::mesh::Mesh;
@@ -51,6 +53,8 @@ pub struct Body {
     pub pressure_unit_Pa: f64,
     /// Dead force by displacement component, N.
     pub dead_force_N: Vec<f64>,
+    /// Closed chambers, one actuator each.
+    pub(crate) chambers: Chambers,
 }
 
 /// Displacements (3 per node, m) and scaled pressures: P2/P1 one per node, used at corners;
@@ -75,7 +79,8 @@ impl Body {
         modulus_scale: Vec<f64>,
         rule: Rule,
         formulation: Formulation,
-    ) -> Self {
+    ) -> Result<Self, FemError> {
+        let chambers = Chambers::new(&mesh)?;
         let mut points = Vec::with_capacity(mesh.tetrahedra().len() * rule.points().len());
         for tet in mesh.tetrahedra() {
             let x = tet.map(|i| mesh.nodes_m()[i]);
@@ -96,7 +101,7 @@ impl Body {
         let size = (mesh.volume_m3() / mesh.tetrahedra().len() as f64).cbrt();
         let pressure_unit_Pa = material.shear_modulus_Pa() / size;
         let dead_force_N = vec![0.0; 3 * mesh.nodes_m().len()];
-        Self {
+        Ok(Self {
             mesh,
             material,
             modulus_scale,
@@ -105,7 +110,14 @@ impl Body {
             points,
             pressure_unit_Pa,
             dead_force_N,
-        }
+            chambers,
+        })
+    }
+
+    /// Place of a node in a state.
+    pub(crate) fn place_m(&self, field: &Field, node: usize) -> [f64; 3] {
+        let x = self.mesh.nodes_m()[node];
+        [0, 1, 2].map(|k| x[k] + field.displacement[3 * node + k])
     }
 
     /// Condensed pressures per element; 0 where the pressure is an unknown.

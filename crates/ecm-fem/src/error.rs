@@ -62,6 +62,14 @@ pub enum FemError {
         /// The first common node.
         node: usize,
     },
+    /// A chamber that is none.
+    #[error("chamber `{name}`: {problem}")]
+    Chamber {
+        /// Its name.
+        name: String,
+        /// What was found and what was expected.
+        problem: String,
+    },
     /// An inverted or flat element.
     #[error(
         "{count} of {total} tetrahedra are inverted or flat, the first is {element} at \

@@ -44,6 +44,7 @@
 
 mod assembly;
 mod body;
+mod chamber;
 mod condensed_pressure;
 pub mod element;
 mod error;
@@ -67,14 +68,15 @@ pub mod tensor;
 pub use body::{Body, Field, Formulation};
 pub use error::FemError;
 pub use material::{Fibre, Gent, Material, MooneyRivlin, NeoHookean, Ogden, Response, Yeoh};
-pub use mesh::{Mesh, Profile, Quality};
+pub use mesh::{ChamberShape, Chambered, Mesh, Profile, Quality};
 pub use ordering_cost::{Ordering, OrderingCost};
 pub use pattern::Constraint;
-pub use result::{CREASE, CaseResult, Reason, Status};
+pub use result::{Actuator, CREASE, CaseResult, Reason, Status};
 pub use rod::Rod;
 pub use rod_inverse::WrenchAndCompliance;
 pub use solve::{
-    Fem, Finished, Load, Outcome, PrescribedResult, Settings, Timing, WarmStart, Watch,
+    Case, Fem, Finished, Load, MOST_ACTUATORS, Outcome, PrescribedResult, Settings, Timing,
+    WarmStart, Watch,
 };
 
 /// The examples of the README.

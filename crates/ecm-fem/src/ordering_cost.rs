@@ -1,6 +1,7 @@
 //! Cost of a fill-reducing order: nested dissection compared with approximate minimum degree.
 
 use crate::assembly::Sums;
+use crate::platform::Platform;
 use crate::{Fem, FemError};
 use faer::Par;
 use faer::Side;
@@ -43,12 +44,8 @@ impl Fem {
         let unknowns = pattern.unknowns;
         let fail = |reason: String| FemError::Factorisation { unknowns, reason };
         let mut sums = Sums::new(body, pattern);
-        let length_m = body.mesh.length_m();
-        let arm = |node: usize| {
-            let x = body.mesh.nodes_m()[node];
-            [x[0] - length_m, x[1], x[2]]
-        };
-        sums.assemble(body, pattern, &body.rest(), arm)
+        let platform = Platform::at_rest(body.mesh.length_m());
+        sums.assemble(body, pattern, &body.rest(), &platform)
             .map_err(|_| fail("an element is inverted at rest".into()))?;
         // Upper triangle by columns: without reordering faer reads only this triangle.
         let mut columns: Vec<Vec<(usize, f64)>> = vec![Vec::new(); unknowns];

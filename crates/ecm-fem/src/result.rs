@@ -15,6 +15,8 @@ pub enum Status {
     NotConverged,
     /// The load steps became too small because elements turn inside out.
     Inverted,
+    /// The wall of a chamber touches itself: beyond, it would pass through itself.
+    Collapsed,
     /// The caller set the cancel flag.
     Cancelled,
 }
@@ -27,6 +29,7 @@ impl Status {
             Self::Unstable => "unstable",
             Self::NotConverged => "not_converged",
             Self::Inverted => "inverted",
+            Self::Collapsed => "collapsed",
             Self::Cancelled => "cancelled",
         }
     }
@@ -105,6 +108,21 @@ pub struct CaseResult {
     pub load_steps: usize,
     /// Norm of the residual over the force unit μ V / L.
     pub residual: f64,
+    /// What each actuator does there.
+    pub actuators: Vec<Actuator>,
+}
+
+/// One actuator at a state: a chamber with its gauge pressure a and its volume change q.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Actuator {
+    /// a: gauge pressure, Pa.
+    pub input: f64,
+    /// q = −∂Π/∂a: change of the chamber's volume from the undeformed body, m³.
+    pub amount: f64,
+    /// G = ∂h/∂a at fixed pose: m² and m³.
+    pub on_wrench: [f64; 6],
+    /// C = ∂q/∂a of all actuators at fixed pose, m³/Pa.
+    pub on_amounts: Vec<f64>,
 }
 
 impl CaseResult {
@@ -131,6 +149,7 @@ impl CaseResult {
             factorisations: 0,
             load_steps: 0,
             residual: nan,
+            actuators: Vec::new(),
         }
     }
 

@@ -113,7 +113,11 @@ fn batches_have_the_same_bits_on_any_number_of_threads() {
 #[test]
 fn batches_of_poses_and_empty_batches() {
     let fem = fem();
-    assert!(fem.solve_all(&[], Watch::default()).unwrap().is_empty());
+    assert!(
+        fem.solve_all::<Load>(&[], Watch::default())
+            .unwrap()
+            .is_empty()
+    );
     let poses: Vec<Load> = fem
         .solve_all(&loads(), Watch::default())
         .unwrap()

@@ -5,14 +5,15 @@ use std::sync::Mutex;
 
 use ecm_fem::output::vtu;
 use ecm_fem::{
-    CaseResult, Formulation, Load, Outcome, Quality, Rod, Settings, Status, Watch, material,
+    Case, CaseResult, ChamberShape, Chambered, Formulation, Load, MOST_ACTUATORS, Outcome, Quality,
+    Rod, Settings, Status, Watch, material,
 };
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use rayon::prelude::*;
 
-use crate::arrays::{from_matrices, from_rows, rows};
+use crate::arrays::{from_matrices, from_rows, matrix, rows};
 use crate::errors::{FemError, fem_error};
 use crate::material::{NamedNumbers, parameters as named_numbers};
 use crate::py_task::{TaskState, run_task, run_task_polling};
@@ -23,6 +24,9 @@ type RodPoses<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<bool>>);
 
 /// Wrenches (N, 6) and d pose / d wrench (N, 6, 6).
 type RodWrenches<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>);
+
+/// G (N, 6, m) and C (N, m, m).
+type Jacobians<'py> = (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray3<f64>>);
 
 /// Ten-node tetrahedra with a clamped face `base` and a rigid face `top`.
 #[pyclass(frozen, module = "ecm._native")]
@@ -79,6 +83,66 @@ impl Mesh {
         ecm_fem::Mesh::stacked_discs(length_m, radius_m, waist_radius_m, disc_count, quality)
             .map(Self)
             .map_err(fem_error)
+    }
+
+    /// Cylinder with chambers round its axis, named chamber_1, chamber_2, ...; the first lies towards y.
+    #[staticmethod]
+    #[pyo3(signature = (
+        *, length_m, radius_m, chamber_count, chamber_inner_m, chamber_outer_m, chamber_angle_rad,
+        channel_radius_m = 0.0, end_wall_m = 0.0, quality = "standard"
+    ))]
+    #[allow(clippy::too_many_arguments)] // By name only.
+    fn chambered(
+        length_m: f64,
+        radius_m: f64,
+        chamber_count: usize,
+        chamber_inner_m: f64,
+        chamber_outer_m: f64,
+        chamber_angle_rad: f64,
+        channel_radius_m: f64,
+        end_wall_m: f64,
+        quality: &str,
+    ) -> PyResult<Self> {
+        let quality: Quality = quality.parse().map_err(fem_error)?;
+        let shape = if chamber_angle_rad > 0.0 {
+            ChamberShape::Sector {
+                inner_radius_m: chamber_inner_m,
+                outer_radius_m: chamber_outer_m,
+                angle_rad: chamber_angle_rad,
+            }
+        } else {
+            ChamberShape::Round {
+                radius_m: 0.5 * (chamber_outer_m - chamber_inner_m),
+                offset_m: 0.5 * (chamber_outer_m + chamber_inner_m),
+            }
+        };
+        let body = Chambered {
+            length_m,
+            radius_m,
+            channel_radius_m,
+            chambers: chamber_count,
+            shape,
+            end_wall_m,
+        };
+        ecm_fem::Mesh::chambered(&body, quality)
+            .map(Self)
+            .map_err(fem_error)
+    }
+
+    /// With a closed chamber whose wall holds all of these nodes.
+    fn with_chamber(&self, name: &str, nodes: PyReadonlyArray1<'_, i64>) -> PyResult<Self> {
+        let nodes = nodes.as_array().iter().map(|&n| n as usize).collect();
+        (self.0.clone().with_chamber(name, nodes))
+            .map(Self)
+            .map_err(fem_error)
+    }
+
+    /// Name and nodes of each chamber's wall.
+    #[getter]
+    fn chambers<'py>(&self, py: Python<'py>) -> Vec<(String, Bound<'py, PyArray1<i64>>)> {
+        (self.0.chambers().iter())
+            .map(|(name, nodes)| (name.clone(), integers(py, nodes)))
+            .collect()
     }
 
     /// From arrays: nodes (N, 3), tetrahedra (M, 10), node numbers of both faces.
@@ -187,11 +251,33 @@ impl FemResults {
     ) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_iter(py, self.0.iter().map(of))
     }
+
+    /// Number of actuators; 0 where no case has a state.
+    fn actuators(&self) -> usize {
+        let count = self.0.iter().map(|r| r.actuators.len());
+        count.max().unwrap_or(0)
+    }
+
+    /// (N, width) array of one row per case; NaN where a case has no state.
+    fn matrix<'py>(
+        &self,
+        py: Python<'py>,
+        width: usize,
+        row: impl Fn(&CaseResult) -> Vec<f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let mut flat = Vec::with_capacity(self.0.len() * width);
+        for result in &self.0 {
+            let mut values = row(result);
+            values.resize(width, f64::NAN);
+            flat.extend(values);
+        }
+        PyArray1::from_vec(py, flat).reshape([self.0.len(), width])
+    }
 }
 
 #[pymethods]
 impl FemResults {
-    /// solved | unstable | not_converged | inverted | cancelled
+    /// solved | unstable | not_converged | inverted | collapsed | cancelled
     #[getter]
     fn status(&self) -> Vec<&'static str> {
         self.0.iter().map(|r| r.status.word()).collect()
@@ -207,6 +293,44 @@ impl FemResults {
     #[getter]
     fn wrenches<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         from_rows(py, &self.0.iter().map(|r| r.wrench).collect::<Vec<_>>())
+    }
+
+    /// (N, 6 + m): wrench and pressures as the solver takes them.
+    #[getter]
+    fn loads<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let row = |r: &CaseResult| {
+            let pressures = r.actuators.iter().map(|a| a.input);
+            r.wrench.into_iter().chain(pressures).collect()
+        };
+        let width = 6 + self.actuators();
+        self.matrix(py, width, row)
+    }
+
+    /// Change of each chamber's volume from the undeformed body, (N, m).
+    #[getter]
+    #[pyo3(name = "volumes_m3")]
+    fn volumes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        self.matrix(py, self.actuators(), |r| {
+            r.actuators.iter().map(|a| a.amount).collect()
+        })
+    }
+
+    /// G = dh/da, (N, 6, m), and C = dq/da, (N, m, m), at fixed pose.
+    #[getter]
+    fn actuation_jacobians<'py>(&self, py: Python<'py>) -> PyResult<Jacobians<'py>> {
+        let (n, m) = (self.0.len(), self.actuators());
+        let on_wrench = self.matrix(py, 6 * m, |r| {
+            let entry = |i: usize| r.actuators.iter().map(move |a| a.on_wrench[i]);
+            (0..6).flat_map(entry).collect()
+        })?;
+        let on_amounts = self.matrix(py, m * m, |r| {
+            let entry = |i: usize| r.actuators.iter().map(move |a| a.on_amounts[i]);
+            (0..r.actuators.len()).flat_map(entry).collect()
+        })?;
+        Ok((
+            on_wrench.reshape([n, 6, m])?,
+            on_amounts.reshape([n, m, m])?,
+        ))
     }
 
     /// Stored energy.
@@ -335,13 +459,23 @@ fn formulation(element: &str) -> PyResult<Formulation> {
     }
 }
 
-/// Rows of an (N, 6) array as loads.
+/// Rows of an (N, 6 + m) array as loads with m pressures.
 fn loads(
     name: &str,
     array: &PyReadonlyArray2<'_, f64>,
     load: fn([f64; 6]) -> Load,
-) -> PyResult<Vec<Load>> {
-    Ok(rows::<6>(name, array)?.into_iter().map(load).collect())
+) -> PyResult<Vec<Case>> {
+    let (values, _, width) = matrix(array);
+    if !(6..=6 + MOST_ACTUATORS).contains(&width) {
+        rows::<6>(name, array)?;
+    }
+    (values.chunks_exact(width))
+        .map(|row| {
+            let (own, actuation) = row.split_at(6);
+            let own = std::array::from_fn(|k| own[k]);
+            Case::new(load(own), actuation).map_err(fem_error)
+        })
+        .collect()
 }
 
 /// The outcomes as results with their state vectors.
@@ -404,23 +538,31 @@ impl Fem {
     }
 
     /// Solves one wrench or pose and writes displacement, stretch and stress for ParaView.
-    #[pyo3(signature = (path, *, wrench = None, pose = None))]
+    #[pyo3(signature = (path, *, wrench = None, pose = None, actuation = Vec::new()))]
     fn write_vtu(
         &self,
         py: Python<'_>,
         path: &str,
         wrench: Option<[f64; 6]>,
         pose: Option<[f64; 6]>,
+        actuation: Vec<f64>,
     ) -> PyResult<FemResults> {
         let load = match (wrench, pose) {
             (Some(h), None) => Load::Wrench(h),
             (None, Some(p)) => Load::Pose(p),
             _ => return Err(FemError::new_err("write_vtu: give either wrench or pose")),
         };
-        let (result, field) = run_task(py, 1, None, |task| self.0.solve_field(&load, watch(task)))?
+        let case = Case::new(load, &actuation).map_err(fem_error)?;
+        let (result, field) = run_task(py, 1, None, |task| self.0.solve_field(case, watch(task)))?
             .map_err(fem_error)?;
         std::fs::write(path, vtu(self.0.body(), &field).map_err(fem_error)?)?;
         Ok(FemResults(vec![result], Vec::new()))
+    }
+
+    /// Names of the chambers, in the order of their pressures.
+    #[getter]
+    fn actuators(&self) -> Vec<String> {
+        self.0.actuators().to_vec()
     }
 
     /// K at rest.
@@ -534,7 +676,7 @@ impl Fem {
     fn solve(
         &self,
         py: Python<'_>,
-        loads: Vec<Load>,
+        loads: Vec<Case>,
         threads: usize,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<FemResults> {

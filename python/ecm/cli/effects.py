@@ -9,6 +9,7 @@ from typing import Any
 from ecm.cli.session import Session
 from ecm.effects import Effect, all_effects, effects_for, get_effect, load_installed
 from ecm.effects.experiments import get_experiment
+from ecm.effects.registry import effects_of_actuators
 from ecm.report.blocks import columns
 
 _FEW = ("theta_z_rad", "tau_z_Nm")
@@ -43,8 +44,13 @@ def effects(session: Session, id: str | None = None) -> None:
         also = [(effect.id, _first_sentence(effect.physics)) for effect in few]
         session.print("\nWith fewer than the twelve columns of pose and wrench also:")
         session.print(columns(also, header=False))
+        of_actuators = effects_of_actuators()
+        driven = [(effect.id, _first_sentence(effect.physics)) for effect in of_actuators]
+        session.print("\nWith columns of actuators (pressure_1_Pa, ...) also:")
+        session.print(columns(driven, header=False))
+        more = len(also) + len(driven)
         session.print(
-            f"\n{len(listed)} effects, and {len(also)} more; most of those that need time have a "
+            f"\n{len(listed)} effects, and {more} more; most of those that need time have a "
             "form along the columns that exist. `ecm effects ID` shows one in full."
         )
     else:

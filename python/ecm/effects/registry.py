@@ -44,6 +44,7 @@ _GROUPS = (
     "frames",
     "robot",
     "noise",
+    "actuation",
     "nonlinearity",
     "unused_column",
 )
@@ -61,6 +62,8 @@ _ALONG = {effect.id: effect for effect in _listed("FEW")}
 """Effects along the columns that exist, by id; some take the place of one of the catalogue."""
 _FEW_ONLY = tuple(_ALONG[id] for id in _ALONG if all(id != effect.id for effect in _CATALOGUE))
 """Effects of tables of few columns; of larger ones each own column alone (`effects_of`)."""
+_ACTUATED = _listed("ACTUATED")
+"""Effects of tables with actuators."""
 _UNUSED = unused_column.FEW[0]
 _own: dict[str, Effect] = {}
 
@@ -79,6 +82,17 @@ def all_effects() -> tuple[Effect, ...]:
     ['stress_relaxation', 'hysteresis', 'mullins_softening']
     """
     return (*_CATALOGUE, *_own.values())
+
+
+def effects_of_actuators() -> tuple[Effect, ...]:
+    """The effects that tables with actuators have beside the catalogue.
+
+    Examples
+    --------
+    >>> effects_of_actuators()[0].id
+    'pressure_offset'
+    """
+    return _ACTUATED
 
 
 def get_effect(id: str) -> Effect:
@@ -104,7 +118,7 @@ def get_effect(id: str) -> Effect:
     >>> get_effect("payload").parameters[0].unit
     'kg'
     """
-    known = {effect.id: effect for effect in (*all_effects(), *_FEW_ONLY)}
+    known = {effect.id: effect for effect in (*all_effects(), *_FEW_ONLY, *_ACTUATED)}
     if id in known:
         return known[id]
     stem, _, column = id.partition(":")
@@ -212,6 +226,8 @@ def effects_of(table: Table, given: Sequence[Effect] | None = None) -> tuple[Eff
     ['higher_degree', 'unused_column:slider_mm']
     """
     effects = effects_for((*table.pose_columns, *table.wrench_columns), given)
+    if given is None and table.actuation_columns:
+        effects = (*effects, *_ACTUATED)
     plain = [effect for effect in effects if effect is not _UNUSED]
     if given is not None and len(plain) == len(effects):
         return effects

@@ -50,7 +50,8 @@ CaseProgress = Callable[[int, int], object] | None
 """Called with the number of solved cases and of all cases."""
 
 ARRAYS = (
-    "wrenches",
+    "loads",
+    "volumes_m3",
     "poses",
     "stiffness",
     "energy_J",
@@ -115,9 +116,9 @@ class LoadCases:
                 if part is not None:
                     self._add(part)
 
-    def solve(self, first: int, wrenches: F, report: CaseProgress) -> CaseResults:
-        """Solve cases `first`, `first` + 1, ... under wrenches (N, 6), N <= `batch_size(first)`."""
-        missing = [i for i in range(len(wrenches)) if first + i not in self._results]
+    def solve(self, first: int, loads: F, report: CaseProgress) -> CaseResults:
+        """Solve N cases from `first` on under loads (N, 6 + m), N <= `batch_size(first)`."""
+        missing = [i for i in range(len(loads)) if first + i not in self._results]
         if missing:
             warm_start = self._warm_start(_fitted_cases(first))
 
@@ -125,25 +126,25 @@ class LoadCases:
                 self._store([first + missing[row] for row in rows], part)
 
             if self._workers is not None:
-                self._workers.solve(wrenches[missing], warm_start, store, report)
+                self._workers.solve(loads[missing], warm_start, store, report)
             else:
                 self._body().solve_each(
-                    wrenches[missing],
+                    loads[missing],
                     warm_start=warm_start,
                     threads=self._threads,
                     progress=report,
                     finished=lambda rows, results: store(rows, case_results(results)),
                 )
-        rows = [self._results[first + i] for i in range(len(wrenches))]
+        rows = [self._results[first + i] for i in range(len(loads))]
         return {name: np.array([row[name] for row in rows]) for name in (*FLAGS, *ARRAYS)}
 
-    def predicted_rotations(self, first: int, wrenches: F) -> F | None:
+    def predicted_rotations(self, first: int, loads: F) -> F | None:
         """Return |theta| (N,) by the warm start of case `first`; None if it has too few cases."""
         count = _fitted_cases(first)
         warm_start = self._warm_start(count)
         if warm_start is None or count < _ACCURATE:
             return None
-        poses = self._body().predict_poses(np.ascontiguousarray(wrenches), warm_start)
+        poses = self._body().predict_poses(np.ascontiguousarray(loads), warm_start)
         rotation: F = np.linalg.norm(poses[:, 3:], axis=1)
         return rotation
 
@@ -166,9 +167,9 @@ class LoadCases:
             rows = [row for row in rows if np.isfinite(row["poses"]).all()]
             warm_start = None
             if rows:
-                wrenches = np.array([row["wrenches"] for row in rows])
+                loads = np.array([row["loads"] for row in rows])
                 fields = np.array([row["fields"] for row in rows])
-                warm_start = self._body().fit_warm_start(wrenches, fields)
+                warm_start = self._body().fit_warm_start(loads, fields)
             if warm_start is None:
                 warm_start = self._warm_start(count // 2 if count > _FIRST_BATCH else 0)
             self._warm_starts[count] = warm_start
@@ -322,6 +323,10 @@ class Workspace(Checked):
     """Lower corner of the box of random wrenches: fx fy fz in N, taux tauy tauz in N m."""
     wrench_max: tuple[float, ...] = setting(TABLE_I_MAX)
     """Upper corner of the same; the default is Table I of the paper."""
+    pressure_min_Pa: tuple[float, ...] = setting((0.0,), any_size=True)
+    """Lower corner of the box of gauge pressures, Pa: of all chambers, or one for each."""
+    pressure_max_Pa: tuple[float, ...] = setting((0.0,), any_size=True)
+    """Upper corner of the same."""
     full_box: bool = setting(False)
     """Keep every stable pose of the box; no screen, no limits."""
     screen_margin: float = setting(1.2, above=0.0)
@@ -334,6 +339,24 @@ class Workspace(Checked):
         if not all(a < b for a, b in zip(self.wrench_min, self.wrench_max, strict=True)):
             raise InputError("wrench_min must be below wrench_max in each component")
 
+    def box(self, mechanism: Mechanism) -> tuple[F, F]:
+        """Corners (6 + m,) of the wrenches and of the pressures of a mechanism's m chambers."""
+        chambers = mechanism.chamber_count
+        corners = []
+        for name, wrench in (("min", self.wrench_min), ("max", self.wrench_max)):
+            given = getattr(self, f"pressure_{name}_Pa")
+            if len(given) not in (1, chambers) and chambers > 0:
+                raise InputError(
+                    f"pressure_{name}_Pa has {len(given)} numbers, the mechanism {chambers} "
+                    "chambers: give one number for all, or one for each"
+                )
+            each = given * chambers if len(given) == 1 else given[:chambers]
+            corners.append(np.array([*wrench, *each], dtype=np.float64))
+        low, high = corners
+        if (high < low).any():
+            raise InputError("pressure_min_Pa must not be above pressure_max_Pa")
+        return low, high
+
 
 class RandomWrenches:
     """Uniform wrenches of the box that pass the rod's screen, in a fixed order.
@@ -343,12 +366,13 @@ class RandomWrenches:
 
     def __init__(self, mechanism: Mechanism, workspace: Workspace, seed: int) -> None:
         self._rng = np.random.default_rng([seed, 1])
-        self._low = np.asarray(workspace.wrench_min)
-        self._high = np.asarray(workspace.wrench_max)
+        self._low, self._high = workspace.box(mechanism)
         self._limit = workspace.rotation_limit_rad * workspace.screen_margin
-        self._sections = None if workspace.full_box else mechanism.rod_sections()
+        # The rod knows no pressure.
+        screens = not workspace.full_box and mechanism.chamber_count == 0
+        self._sections = mechanism.rod_sections() if screens else None
         self._length_m = mechanism.length_m
-        self._pending = np.empty((0, 6))
+        self._pending = np.empty((0, len(self._low)))
         self._serials = np.empty(0, dtype=np.int64)
         self._next_serial = 0
         self._passed: list[I] = []
@@ -383,7 +407,7 @@ class RandomWrenches:
 
     def _draw(self) -> None:
         """Draw a block; those that pass the rod are pending."""
-        block = self._rng.uniform(self._low, self._high, (_DRAW_BLOCK, 6))
+        block = self._rng.uniform(self._low, self._high, (_DRAW_BLOCK, len(self._low)))
         serials = np.arange(self._next_serial, self._next_serial + _DRAW_BLOCK, dtype=np.int64)
         self._next_serial += _DRAW_BLOCK
         if self._sections is not None:
@@ -403,7 +427,7 @@ class RandomWrenches:
 Progress = Callable[[int, int, str], object] | None
 """Called with pairs kept, all pairs, and a word for what is done."""
 
-_CACHE_VERSION = 2  # of the stored cases; those of another version are not used
+_CACHE_VERSION = 3  # of the stored cases; those of another version are not used
 _PREDICTION_MARGIN = 1.05  # predicted rotations up to this factor times the limit are solved
 _SMALLEST_BATCH = 8  # FEM cases that are solved together
 _CASES_WITHOUT_PAIR = 1280  # after so many FEM cases without a pair the workspace is empty
@@ -423,8 +447,10 @@ class Simulated:
     ((1, 6), True)
     """
 
-    wrenches: F
-    """(N, 6), N and N m."""
+    loads: F
+    """(N, 6 + m), N and N m, and the gauge pressure of each of m chambers in Pa."""
+    volumes_m3: F
+    """(N, m), change of each chamber's volume from the undeformed body."""
     poses: F
     """(N, 6), m and rad."""
     stiffness: F
@@ -451,6 +477,16 @@ class Simulated:
     def __len__(self) -> int:
         return len(self.poses)
 
+    @property
+    def wrenches(self) -> F:
+        """(N, 6), N and N m."""
+        return self.loads[:, :6]
+
+    @property
+    def actuation(self) -> F:
+        """(N, m), gauge pressure of each chamber, Pa."""
+        return self.loads[:, 6:]
+
     def __repr__(self) -> str:
         counts = ", ".join(f"{name} {count}" for name, count in self.counts.items())
         return f"Simulated({len(self)} wrench-pose pairs: {counts})"
@@ -460,6 +496,10 @@ class Simulated:
         solved = np.array([word == "solved" for word in self.status], dtype=np.bool_)
         columns: dict[str, F] = dict(zip(POSE, self.poses[solved].T, strict=True))
         columns |= dict(zip(WRENCH, self.wrenches[solved].T, strict=True))
+        for number, (pressure, volume) in enumerate(
+            zip(self.actuation[solved].T, self.volumes_m3[solved].T, strict=True), 1
+        ):
+            columns |= {f"pressure_{number}_Pa": pressure, f"volume_{number}_m3": volume}
         for name in ("energy_J", "largest_stretch", "smallest_jacobian"):
             columns[name] = getattr(self, name)[solved]
         return Table(columns, Meta(mechanism=self.mechanism.to_dict()), source)
@@ -589,6 +629,7 @@ def solve_wrenches(
     mechanism: Mechanism,
     wrenches: ArrayLike,
     *,
+    pressures_Pa: ArrayLike | None = None,
     threads: int = 0,
     progress: Progress = None,
 ) -> Simulated:
@@ -601,6 +642,8 @@ def solve_wrenches(
     wrenches
         (N, 6) dead loads on the platform: force in N, moment in N m, in base axes at the top
         frame's origin.
+    pressures_Pa
+        (N, m) gauge pressures in the m chambers of the mechanism, Pa; default: none.
     threads
         0: all cores. The result does not depend on it.
     progress
@@ -631,6 +674,8 @@ def solve_wrenches(
     """
     _check_mechanism("solve_wrenches", mechanism)
     loads = _six_columns("solve_wrenches", wrenches)
+    if pressures_Pa is not None:
+        loads = np.hstack([loads, _pressures(pressures_Pa, len(loads), mechanism.chamber_count)])
 
     def report(done: int, total: int) -> None:
         if progress is not None:
@@ -640,9 +685,11 @@ def solve_wrenches(
     status = tuple(results.status)
     lost = np.array([word != "solved" for word in status], dtype=np.bool_)
     arrays = {name: np.array(getattr(results, name)) for name in ARRAYS}
-    arrays["wrenches"] = loads  # those of the solver differ by its residual
+    if mechanism.chamber_count and loads.shape[1] == 6:
+        loads = np.hstack([loads, np.zeros((len(loads), mechanism.chamber_count))])
+    arrays["loads"] = loads  # those of the solver differ by its residual
     for name, values in arrays.items():
-        if name not in ("wrenches", "iterations"):
+        if name not in ("loads", "iterations"):
             values[lost] = np.nan
     iterations = arrays["iterations"]
     unstable = status.count("unstable")
@@ -663,6 +710,16 @@ def _check_mechanism(name: str, mechanism: object) -> None:
             f"{name}: mechanism is a {type(mechanism).__name__}, expected an ecm.Mechanism, for "
             "instance ecm.Mechanism(length_m=0.1034, radius_m=0.033, young_modulus_Pa=0.65e6)"
         )
+
+
+def _pressures(values: ArrayLike, rows: int, chambers: int) -> F:
+    pressures = np.asarray(values, dtype=np.float64)
+    if pressures.shape != (rows, chambers) or not np.isfinite(pressures).all():
+        raise InputError(
+            f"solve_wrenches: pressures_Pa has shape {pressures.shape}, expected ({rows}, "
+            f"{chambers}) finite numbers: a row for each wrench, a column for each chamber"
+        )
+    return pressures
 
 
 def _check_number(name: str, n: object) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -206,6 +206,8 @@ STANDARD = (
     *VELOCITY,
     *SPREAD,
 )
+_ACTUATION = re.compile(r"(?P<kind>pressure)_(?P<number>[1-9][0-9]*)_Pa")
+_AMOUNT = re.compile(r"(?P<kind>volume)_(?P<number>[1-9][0-9]*)_m3")
 _TENDON = re.compile(r"tendon[1-9][0-9]*_N")
 _SHORT = tuple(name.rsplit("_", 1)[0] for name in (*WRENCH, *POSE))
 STIFFNESS = tuple(f"k_{force}_{coordinate}" for force in _SHORT[:6] for coordinate in _SHORT[6:])
@@ -227,7 +229,36 @@ _ALIASES = {
 
 def is_standard(name: str) -> bool:
     """Whether a column of this name has a meaning here (docs/columns.md)."""
-    return name in _STANDARD or name in _STIFFNESS or _TENDON.fullmatch(name) is not None
+    if name in _STANDARD or name in _STIFFNESS:
+        return True
+    return any(pattern.fullmatch(name) for pattern in (_TENDON, _ACTUATION, _AMOUNT))
+
+
+def actuation_columns(names: Iterable[str]) -> tuple[str, ...]:
+    """Return the actuator inputs among column names, by number.
+
+    Examples
+    --------
+    >>> actuation_columns(["pressure_2_Pa", "x_m", "pressure_1_Pa", "pressure_bar"])
+    ('pressure_1_Pa', 'pressure_2_Pa')
+    """
+    return _by_number(_ACTUATION, names)
+
+
+def amount_columns(names: Iterable[str]) -> tuple[str, ...]:
+    """Return the volume changes of chambers among column names, by number.
+
+    Examples
+    --------
+    >>> amount_columns(["volume_1_m3", "x_m"])
+    ('volume_1_m3',)
+    """
+    return _by_number(_AMOUNT, names)
+
+
+def _by_number(pattern: re.Pattern[str], names: Iterable[str]) -> tuple[str, ...]:
+    found = [match for name in names if (match := pattern.fullmatch(name))]
+    return tuple(match[0] for match in sorted(found, key=lambda match: int(match["number"])))
 
 
 def likely_name(name: str) -> str | None:

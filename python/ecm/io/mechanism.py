@@ -155,9 +155,23 @@ _SHAPES: dict[str, tuple[Callable[..., Mesh], tuple[str, ...]]] = {
     "hourglass": (Mesh.hourglass, ("radius_m", "waist_radius_m")),
     "stacked_discs": (Mesh.stacked_discs, ("radius_m", "waist_radius_m", "disc_count")),
     "rod": (Mesh.cylinder, ("radius_m",)),
+    "chambered": (
+        Mesh.chambered,
+        (
+            "radius_m",
+            "chamber_count",
+            "chamber_inner_m",
+            "chamber_outer_m",
+            "chamber_angle_rad",
+            "channel_radius_m",
+            "end_wall_m",
+        ),
+    ),
 }
 """Builtin shapes: their mesh, and the dimensions that it needs besides the length."""
 _DIMENSIONS = {shape: dimensions for shape, (_, dimensions) in _SHAPES.items()}
+_MAY_BE_ZERO = ("chamber_angle_rad", "channel_radius_m", "end_wall_m")
+"""Dimensions that a shape may leave out."""
 _QUALITIES = ("standard", "fine")
 _LOWEST_MODULUS_PA = 100.0
 _LARGEST_RADIUS = 10.0
@@ -203,6 +217,18 @@ class Mechanism(Checked):
     """Smallest radius, of an hourglass or stacked discs."""
     disc_count: int = setting(0, low=0)
     """Number of stacked discs, the half ones at both ends included."""
+    chamber_count: int = setting(0, low=0, high=12)
+    """Number of chambers round the axis of `chambered`."""
+    chamber_inner_m: float = setting(0.0, low=0.0)
+    """Smallest distance of a chamber from the axis."""
+    chamber_outer_m: float = setting(0.0, low=0.0)
+    """Largest distance of a chamber from the axis."""
+    chamber_angle_rad: float = setting(0.0, low=0.0)
+    """Angle of a chamber; 0: round ones."""
+    channel_radius_m: float = setting(0.0, low=0.0)
+    """Radius of a channel along the axis; 0: none."""
+    end_wall_m: float = setting(0.0, low=0.0)
+    """Wall at both ends; 0: base and platform close the chambers."""
     young_modulus_Pa: float = setting(0.65e6, low=0.0)
     """E at small strain; 0: unknown."""
     poisson_ratio: float = setting(0.49, low=0.0, high=0.5)
@@ -434,7 +460,7 @@ def _require_dimensions(table: Mapping[str, Any], place: str) -> None:
     shape = table["builtin"]
     sections = shape == "rod" and all(name in table for name in ROD_SECTIONS)
     for name in ("length_m", *(() if sections else _DIMENSIONS[shape])):
-        if name not in table:
+        if name not in table and name not in _MAY_BE_ZERO:
             raise InputError(f"{place}: builtin = '{shape}' needs the key '{name}'")
 
 

@@ -21,7 +21,7 @@ from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F, I
 from ecm.io.cache import write_atomically
-from ecm.io.columns import POSE, TEXT, WRENCH, close_name, is_standard
+from ecm.io.columns import POSE, TEXT, WRENCH, actuation_columns, close_name, is_standard
 from ecm.io.csv import RawTable, raw_table, read_csv, write_csv
 from ecm.io.description import Meta, as_meta, read_meta, without_rows
 from ecm.io.events import Progress, Steps
@@ -224,6 +224,11 @@ class Table:
     def wrench_columns(self) -> tuple[str, ...]:
         """Names of the wrench columns that exist."""
         return tuple(name for name in WRENCH if name in self.columns)
+
+    @property
+    def actuation_columns(self) -> tuple[str, ...]:
+        """Names of the actuator inputs that exist: pressure_1_Pa, pressure_2_Pa, ..."""
+        return actuation_columns(self.columns)
 
     @property
     def covariates(self) -> tuple[str, ...]:

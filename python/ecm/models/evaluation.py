@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.description import Meta, Scene
 from ecm.io.table import Table, TableLike, takes_table
+from ecm.models.actuated import ActuatedMap
 from ecm.models.joint_fit import FittedEffect
 from ecm.models.maps import (
     StiffnessMap,
@@ -27,7 +28,9 @@ from ecm.models.maps import (
 )
 from ecm.models.partial import MeasuredMap
 from ecm.regression.noise import Noise
-from ecm.regression.rows import is_whole
+from ecm.regression.rows import actuators_of, inputs_of, is_whole
+
+ModelT = TypeVar("ModelT", bound="EvaluatedModel")
 
 
 @dataclass(frozen=True, repr=False)
@@ -96,7 +99,13 @@ class EvaluatedModel:
         return np.array([[length, 0.0, 0.0, 0.0, 0.0, 0.0]])
 
     @takes_table(name="data", or_array=True)
-    def predict(self, data: TableLike | F, *, skip_untestable: bool = False) -> F:
+    def predict(
+        self,
+        data: TableLike | F,
+        actuation: F | None = None,
+        *,
+        skip_untestable: bool = False,
+    ) -> F:
         """(N, m) wrench, N and N m, at poses (N, n), or expected readings of a table.
 
         One pose (n,) gives one wrench (m,). A table's rows have time, temperature and approach, so
@@ -107,16 +116,20 @@ class EvaluatedModel:
         ----------
         data
             A table, a data frame or a dict of columns, or poses (N, n) or (n,) in m and rad.
+        actuation
+            (N, m) or (m,) inputs of the actuators beside the poses, for a model that has them, Pa.
         skip_untestable
             Leave out effects whose columns the table lacks (`left_out` names them) instead of
             refusing.
         """
+        if actuation is not None:
+            data = self.with_actuation(data, actuation)
         if isinstance(self.base, MeasuredMap) and self.effects:
             whole = replace(self, base=self.base.whole)
             found = whole.predict(data, skip_untestable=skip_untestable)
             return np.ascontiguousarray(found[..., self.base.places])
         if isinstance(data, np.ndarray):
-            found = self._at_poses(rows_of_poses(data, self.inputs))
+            found = self._at_poses(rows_of_poses(data, self.base))
             return found if data.ndim != 1 else np.asarray(found[0])
         rows = Rows(data, self.base)
         lacking = self.left_out(data)
@@ -128,6 +141,64 @@ class EvaluatedModel:
                 )
         acting = [item for item in self.effects if item.id not in lacking]
         return self._with_corrections(rows.sensor_load, rows, acting)
+
+    def with_actuation(self, poses: F, actuation: F) -> F:
+        """(N, 6 + m) rows, or one (6 + m,), of poses and inputs of a model with actuators.
+
+        Either may be one row for all.
+
+        Raises
+        ------
+        InputError
+            For a model without actuators, and for shapes that do not fit it.
+        """
+        names = self.actuated.actuators
+        at, a = (np.asarray(values, dtype=np.float64) for values in (poses, actuation))
+        if at.shape[-1:] != (6,) or a.shape[-1:] != (len(names),):
+            raise InputError(
+                f"poses of shape {at.shape} and actuation of shape {a.shape}: expected (N, 6) and "
+                f"(N, {len(names)}), of {', '.join(names)}"
+            )
+        rows = np.broadcast_shapes(at.shape[:-1], a.shape[:-1])
+        both = [np.broadcast_to(values, (*rows, values.shape[-1])) for values in (at, a)]
+        return np.concatenate(both, axis=-1)
+
+    @property
+    def actuated(self) -> ActuatedMap:
+        """The base as a map of pose and actuation: volumes, dh/da, free pose, inputs for a pose.
+
+        Raises
+        ------
+        InputError
+            For a model without actuators.
+        """
+        if not isinstance(self.base, ActuatedMap):
+            raise InputError(
+                f"{self.name} has no actuators: fit --model actuated4 to a table with pressure_1_Pa"
+            )
+        return self.base
+
+    def at_actuation(self: ModelT, actuation: F) -> ModelT:
+        """The model at constant inputs (m,), Pa: one of the pose alone, which can be exported."""
+        return replace(self, base=self.actuated.at(actuation), covariance=None)
+
+    def actuation_jacobian(self, poses: F, actuation: F) -> F:
+        """(N, 6, m), or (6, m) of one pose: G = dh/da at fixed pose, m^2 and m^3."""
+        rows = self.with_actuation(poses, actuation)
+        found = self.actuated.actuation_jacobian(np.atleast_2d(rows))
+        return found if rows.ndim != 1 else np.asarray(found[0])
+
+    def free_pose(
+        self, actuation: F, wrench: F | None = None, *, start: F | None = None
+    ) -> tuple[F, F]:
+        """Pose (6,) that takes a wrench (6,) at inputs (m,), default none; and dp/da (6, m)."""
+        return self.actuated.free_pose(actuation, wrench, start=start)
+
+    def actuation_for(
+        self, pose: F, wrench: F | None = None, *, limits: Sequence[tuple[float, float]]
+    ) -> tuple[F, F]:
+        """Inputs (m,) within limits that hold a pose against a wrench, and what is left (6,)."""
+        return self.actuated.actuation_for(pose, wrench, limits=limits)
 
     def left_out(self, table: Table) -> dict[str, Missing]:
         """Effects of the model whose columns a table lacks, by id.
@@ -145,8 +216,8 @@ class EvaluatedModel:
         if self.covariance is None:
             return None
         if isinstance(data, Table):
-            data = Rows(data, self.base).poses
-        poses = rows_of_poses(data, self.inputs)
+            data = inputs_of(self.base, data)
+        poses = rows_of_poses(data, self.base)
         covariance, base = self.covariance, self.base
 
         def of_coefficients() -> F:
@@ -161,7 +232,7 @@ class EvaluatedModel:
         From the coefficients and the noise of one row, the latter widened where the training
         residuals are larger.
         """
-        poses = rows_of_poses(poses, self.inputs)
+        poses = rows_of_poses(poses, self.base)
         sd = self.predict_sd(poses)
         if sd is None:
             return None
@@ -171,7 +242,7 @@ class EvaluatedModel:
 
     def leverage(self, poses: F) -> F | None:
         """(N,) uncertainty of the prediction over the noise of one row, where known."""
-        poses = rows_of_poses(poses, self.inputs)
+        poses = rows_of_poses(poses, self.base)
         if self.covariance is None or self.noise.components is not None or self.inputs != POSE:
             return None
         return leverages(self.base, self.covariance, self.noise, poses)
@@ -180,7 +251,7 @@ class EvaluatedModel:
         """(N, m, n) standard deviation of K = dh/dp from the coefficients, where known."""
         if self.covariance is None:
             return None
-        poses = rows_of_poses(poses, self.inputs)
+        poses = rows_of_poses(poses, self.base)
         covariance = self.covariance
 
         def of_coefficients() -> F:
@@ -197,7 +268,7 @@ class EvaluatedModel:
 
         One pose (n,) gives one stiffness (m, n).
         """
-        rows = rows_of_poses(poses, self.inputs)
+        rows = rows_of_poses(poses, self.base)
         acting = self.acting_at_poses
         found = self._changed_stiffness(rows, kind) if acting else self.base.stiffness(rows, kind)
         return found if np.ndim(poses) != 1 else np.asarray(found[0])
@@ -214,7 +285,7 @@ class EvaluatedModel:
         >>> wrench.round(6), stiffness.round(6)
         (array([15.]), array([[3000.]]))
         """
-        rows = rows_of_poses(poses, self.inputs)
+        rows = rows_of_poses(poses, self.base)
         if self.acting_at_poses:
             wrench, stiffness = self._at_poses(rows), self._changed_stiffness(rows, kind)
         else:
@@ -251,15 +322,22 @@ class EvaluatedModel:
 
     def rows_at(self, poses: F) -> Rows:
         """Rows of poses (N, n) without a table, of the model's mechanism in the model's scene."""
-        columns = {name: poses[:, j] for j, name in enumerate(self.inputs)}
+        actuators = actuators_of(self.base)
+        # Poses alone are those without actuation.
+        columns = {name: np.zeros(len(poses)) for name in actuators}
+        columns |= dict(zip((*self.inputs, *actuators), poses.T, strict=False))
         length = self.known_length_m
         known = {} if length is None else {"length_m": length}
         meta = Meta(mechanism=known, scene=self.scene)
         return Rows(Table(columns, meta, "poses"), self.base)
 
 
-def rows_of_poses(poses: F, inputs: Sequence[str]) -> F:
-    """(N, n) of poses (N, n), or (1, n) of one pose (n,)."""
+def rows_of_poses(poses: F, base: StiffnessMap) -> F:
+    """(N, n) of poses (N, n), or (1, n) of one pose (n,).
+
+    With the inputs of actuators behind them where the map has some.
+    """
+    inputs, actuators = base.inputs, actuators_of(base)
     try:
         rows = np.ascontiguousarray(poses, dtype=np.float64)
     except (TypeError, ValueError):
@@ -267,7 +345,8 @@ def rows_of_poses(poses: F, inputs: Sequence[str]) -> F:
     if np.ndim(poses) == 1 and rows.ndim == 1:
         rows = rows[None]
     n = len(inputs)
-    if rows.ndim != 2 or rows.shape[1] != n or isinstance(poses, str | bytes | Mapping):
+    fits = rows.ndim == 2 and rows.shape[1] in (n, n + len(actuators))
+    if not fits or isinstance(poses, str | bytes | Mapping):
         shape = getattr(poses, "shape", None)
         found = f"of shape {shape}" if isinstance(shape, tuple) else f"as a {type(poses).__name__}"
         raise InputError(

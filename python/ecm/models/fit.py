@@ -15,6 +15,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.conventions import wrong_convention
 from ecm.io.events import Progress
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
+from ecm.models.actuated import ActuatedModel
 from ecm.models.energy import EnergyModel
 from ecm.models.errors import error_over_noise
 from ecm.models.expression import FunctionModel
@@ -30,6 +31,7 @@ from ecm.models.pose_error import error_of_report
 from ecm.models.registry import parse_model
 from ecm.models.specification import CHOOSE, FittedMap, ModelSpecification, Weights
 from ecm.regression.folds import spread_rows
+from ecm.regression.rows import inputs_of
 
 if TYPE_CHECKING:
     from ecm.models.model import Model
@@ -339,7 +341,7 @@ def _score(base: StiffnessMap, measured: Table) -> float:
 
     A component that never varies has none, whatever the rounding of its mean makes of it.
     """
-    truth, poses = measured.matrix(base.outputs), measured.matrix(base.inputs)
+    truth, poses = measured.matrix(base.outputs), inputs_of(base, measured)
     n, k = truth.size, len(base.coefficients)
     spread = np.where(np.ptp(truth, axis=0) > 1e-12, truth.std(axis=0), np.inf)
     square = float((((truth - base.predict(poses)) / spread) ** 2).sum())
@@ -348,6 +350,8 @@ def _score(base: StiffnessMap, measured: Table) -> float:
 
 def choose_base(model: Model, table: Table) -> StiffnessMap:
     """Choose physics where there is a body, else a symmetric energy, else a polynomial.
+
+    Of a table with actuators an energy of pose and actuation.
 
     The first two need six pose columns, and take the wrench columns that there are.
 
@@ -364,6 +368,8 @@ def choose_base(model: Model, table: Table) -> StiffnessMap:
         return measured_part(free, table)
     body = table.meta.elastic_body()
     six = table.has(*POSE, *WRENCH) or is_partial(table)
+    if table.actuation_columns and table.has(*POSE, *WRENCH) and table.meta.length_m is not None:
+        return _by_degree(table, [ActuatedModel(degree) for degree in (3, 4, 5)])
     if six and body is not None:
         return measured_part(fit_model(table, "physics", force=True).base, table)
     if six and table.meta.length_m is not None:

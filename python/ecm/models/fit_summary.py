@@ -23,6 +23,7 @@ from ecm.models.selection import CrossValidation, Told, cross_validate
 from ecm.models.specification import ModelSpecification
 from ecm.regression.correlation import correlation_time
 from ecm.regression.folds import CHOSEN, split_words
+from ecm.regression.rows import inputs_of
 
 _FOLDS = 10
 _HALVINGS = 25
@@ -62,7 +63,7 @@ def fit_summary(
     measured = table.measured()
     whole = fitted
     fitted = replace(fitted, base=measured_part(fitted.base, measured))
-    predicted = fitted.predict(measured.matrix(fitted.inputs))
+    predicted = fitted.predict(inputs_of(fitted.base, measured))
     components: dict[str, dict[str, float | None]] = {}
     sentences: list[str] = []
     for j, column in enumerate(fitted.outputs):

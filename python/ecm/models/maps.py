@@ -28,7 +28,7 @@ from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.regression.blocks import in_blocks
 from ecm.regression.noise import Noise, whiteners
-from ecm.regression.rows import BaseMap, BodyChange, Rows, is_whole
+from ecm.regression.rows import BaseMap, BodyChange, Rows, actuators_of, is_whole
 
 StiffnessKind = Literal["partial", "generalised", "screw"]
 Symmetry = Literal["alike", "revolution", "general"]
@@ -415,8 +415,9 @@ def refuse_long_rotations(poses: F, inputs: tuple[str, ...]) -> None:
     --------
     >>> refuse_long_rotations(np.array([[0.1, 0.0, 0.0, 0.0, 3.1, 0.0]]), POSE)
     """
-    if inputs[-3:] == POSE[3:]:
-        check_rotations(poses[:, -3:])
+    places = [inputs.index(name) for name in POSE[3:] if name in inputs]
+    if len(places) == len(POSE[3:]):
+        check_rotations(np.ascontiguousarray(poses[:, places]))
 
 
 def central_differences(function: Callable[[F], F], poses: F, step: float) -> list[F]:
@@ -492,7 +493,9 @@ def leverages(base: StiffnessMap, covariance: F, noise: Noise, poses: F) -> F:
 
     def of_block(block: slice) -> F:
         part = np.ascontiguousarray(poses[block])
-        table = Table(dict(zip(POSE, part.T, strict=True)), Meta(mechanism=known), "poses")
+        given = {name: np.zeros(len(part)) for name in actuators_of(base)}
+        given |= dict(zip((*POSE, *given), part.T, strict=False))
+        table = Table(given, Meta(mechanism=known), "poses")
         row_covariance = noise.covariance(Rows(table, base))
         if shares is not None:
             own = shares.at(part) / np.einsum("njj->nj", row_covariance)

@@ -93,7 +93,7 @@ class Model(EvaluatedModel):
         There `inside` of the exported model is 0. A file that holds no measured poses has the range
         of each pose column.
         """
-        return ~are_inside(self, rows_of_poses(poses, self.inputs))
+        return ~are_inside(self, rows_of_poses(poses, self.base)[:, : len(self.inputs)])
 
     def controller(self) -> Controller:
         """Return the model in steps of any length: wrench and tangent with effects of time.

@@ -14,11 +14,12 @@ import numpy as np
 
 from ecm._native import convert_stiffness
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, STIFFNESS, WRENCH
+from ecm.io.columns import STIFFNESS
 from ecm.io.events import Progress
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
+from ecm.regression.rows import actuators_of, inputs_of
 
 
 @dataclass(frozen=True)
@@ -143,7 +144,7 @@ def predict(
     >>> predicted.warnings
     ('1 of 2 poses are outside what the model was trained on: there it extrapolates',)
     """
-    poses = table.matrix(model.inputs)
+    poses = inputs_of(model.base, table)
     # Effects follow the history of all rows.
     whole = model.predict(table) if model.effects else None
     parts = []
@@ -205,13 +206,19 @@ def _turned(model: Model, poses: F) -> tuple[PhysicsMap, F] | None:
 
 def _stiffness_columns(model: Model, poses: F, kind: StiffnessKind) -> dict[str, F]:
     matrix = model.stiffness(poses, kind)
-    short = {name: name.rsplit("_", 1)[0] for name in (*POSE, *WRENCH)}
+    actuators = actuators_of(model.base)
+    if actuators:
+        of_inputs = model.actuated.actuation_jacobian(poses)
+        matrix = np.concatenate([matrix, of_inputs], axis=2)
+    inputs = (*model.inputs, *actuators)
+    short = {name: name.rsplit("_", 1)[0] for name in (*inputs, *model.outputs)}
     columns = {
         f"k_{short[force]}_{short[coordinate]}": matrix[:, i, j]
         for i, force in enumerate(model.outputs)
-        for j, coordinate in enumerate(model.inputs)
+        for j, coordinate in enumerate(inputs)
     }
-    return {name: columns[name] for name in STIFFNESS if name in columns}
+    of_pose = {name: columns[name] for name in STIFFNESS if name in columns}
+    return of_pose | {f"g{name[1:]}": columns[name] for name in columns if "pressure" in name}
 
 
 def beyond_reach(model: Model, poses: F) -> list[str]:

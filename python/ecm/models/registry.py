@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from ecm.errors import InputError
+from ecm.models.actuated import ActuatedModel
 from ecm.models.energy import EnergyModel
 from ecm.models.expression import Expression
 from ecm.models.layout import (
@@ -28,6 +29,7 @@ from ecm.models.specification import ModelSpecification
 MODELS: tuple[type[ModelSpecification], ...] = (
     PolynomialModel,
     EnergyModel,
+    ActuatedModel,
     PhysicsModel,
     RodModel,
     ConstantCurvatureModel,
@@ -45,8 +47,8 @@ def parse_model(model: str | ModelSpecification, *, pcr: Threshold = None) -> Mo
     ----------
     model
         Short name: `poly:D`, `linear`, `quadratic`, `cubic`, `energyD`, `energyD-revolution`,
-        `energyD-general`, each energy also with `+GROUP`, `physics`, `rod`, `constant-curvature`,
-        `gp`, `mlp`. A specification is returned as it is.
+        `energyD-general`, each energy also with `+GROUP`, `actuatedD`, `physics`, `rod`,
+        `constant-curvature`, `gp`, `mlp`. A specification is returned as it is.
     pcr
         Threshold of principal component regression, for polynomials only.
 

@@ -22,6 +22,7 @@ from ecm.io.events import Progress
 from ecm.io.extras import require
 from ecm.io.settings import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
+from ecm.models.actuated import ActuatedModel
 from ecm.models.energy import EnergyModel
 from ecm.models.fit import fit_model, fit_rows
 from ecm.models.maps import PolynomialMap, StiffnessMap
@@ -32,6 +33,7 @@ from ecm.models.specification import ModelSpecification
 from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import row_groups
 from ecm.regression.noise import declared_noise, whiteners
+from ecm.regression.rows import inputs_of
 from ecm.report import figures
 
 Told = Callable[[float, float], object] | None
@@ -155,7 +157,7 @@ def cross_validate(
             base = fit_rows(train, specification, progress=waiting).base
         else:
             base = maps[part]
-        predicted = measured_part(base, test).predict(test.matrix(base.inputs))
+        predicted = measured_part(base, test).predict(inputs_of(base, test))
         residual[fold == part] = truth[fold == part] - predicted
         told(part + 1, count)
     rmse = np.sqrt((residual**2).mean(axis=0))
@@ -253,7 +255,9 @@ def default_candidates(table: Table) -> list[ModelSpecification]:
         return [PolynomialModel(degree) for degree in range(1, most + 1)]
     candidates: list[ModelSpecification] = [PolynomialModel(degree) for degree in (1, 2, 3)]
     candidates += [PolynomialModel(3, "press"), PolynomialModel(3, "0.01/sqrtN")]
-    if table.meta.length_m is not None:
+    if table.meta.length_m is not None and table.actuation_columns:
+        candidates += [ActuatedModel(degree) for degree in (3, 4, 5)]
+    elif table.meta.length_m is not None:
         candidates += [EnergyModel(degree) for degree in (4, 5, 6)]
     return candidates
 
@@ -535,9 +539,7 @@ def _square(
     """
     base = fit_rows(table.select(rows), model).base
     part = table.select(test)
-    residual = part.matrix(base.outputs) - base.predict(
-        np.ascontiguousarray(part.matrix(base.inputs))
-    )
+    residual = part.matrix(base.outputs) - base.predict(inputs_of(base, part))
     square = float((np.einsum("nij,nj->ni", whitener[test], residual) ** 2).mean())
     if isinstance(base, PolynomialMap) and base.model.rank > 0:
         return square, base.model.rank * len(base.outputs)

@@ -137,8 +137,8 @@ def length_of(table: Table, name: str) -> float:
 
 
 def pose_and_wrench_columns(table: Table) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names of the pose and wrench columns; InputError where there are none."""
-    inputs, outputs = table.pose_columns, table.wrench_columns
+    """Pose columns with those of actuators, and wrench columns; InputError where one is none."""
+    inputs, outputs = (*table.pose_columns, *table.actuation_columns), table.wrench_columns
     if not inputs or not outputs:
         lacking = "pose" if not inputs else "wrench"
         raise InputError(f"{table.source}: a fit needs at least one {lacking} column, found none")

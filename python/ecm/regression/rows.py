@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -192,6 +192,24 @@ class BaseMap(Protocol):
         """The map of a changed body; None where it knows one body only."""
 
 
+def actuators_of(base: Any) -> tuple[str, ...]:
+    """Columns of the actuators that a map takes behind the pose; none for most."""
+    return tuple(getattr(base, "actuators", ()))
+
+
+def inputs_of(base: Any, table: Table) -> F:
+    """(N, n + a) what a map takes of a table: pose columns, and those of its actuators.
+
+    Examples
+    --------
+    >>> from ecm import as_table, fit_model
+    >>> table = as_table({"x_m": [0.0, 0.1, 0.2], "fx_N": [0.0, 1.0, 2.0]})
+    >>> inputs_of(fit_model(table, "linear").base, table).shape
+    (3, 1)
+    """
+    return np.ascontiguousarray(table.matrix((*base.inputs, *actuators_of(base))))
+
+
 def is_whole(base: BaseMap) -> bool:
     """Whether a map takes all six pose columns to all six wrench columns."""
     return base.inputs == POSE and base.outputs == WRENCH
@@ -264,6 +282,8 @@ class Rows:
         """(N, *shape) of a function of poses (N, n), zero where unloaded."""
         values = np.zeros((len(self), *shape))
         loaded = ~self.unloaded
+        if actuators := actuators_of(self.base):
+            poses = np.hstack([poses, self.table.matrix(actuators)])
         if loaded.any():
             values[loaded] = function(np.ascontiguousarray(poses[loaded]))
         return values
@@ -308,6 +328,13 @@ class Rows:
         """(N, m, n) K = dh/dp of the base at the measured poses."""
         m, n = len(self.base.outputs), len(self.base.inputs)
         return self.where_loaded(self.base.stiffness, self.poses, m, n)
+
+    @cached_property
+    def actuation_jacobian(self) -> F:
+        """(N, m, a) G = dh/da of a base with actuators, at the measured poses and inputs."""
+        base: Any = self.base
+        actuators = len(actuators_of(base))
+        return self.where_loaded(base.actuation_jacobian, self.poses, len(base.outputs), actuators)
 
     @cached_property
     def screw_stiffness(self) -> F:

@@ -1,7 +1,8 @@
 //! Forces and matrix of one element, for each way to treat the pressure.
 
 use crate::body::{Body, Field, Formulation, Inverted, PAD, deformation, element_displacement};
-use crate::tensor::{Mat3, cofactor};
+use crate::chamber::FaceVolume;
+use crate::tensor::{Mat3, cofactor, skew};
 
 /// Forces and matrix of one element.
 #[derive(Debug, Default)]
@@ -162,6 +163,23 @@ impl Element {
             self.add_mean_dilatation(1.0 / (volume * unit * compliance));
         }
         Ok(())
+    }
+
+    /// Force and stiffness of a gauge pressure, Pa, on one face.
+    pub fn add_pressure(&mut self, local: &[usize; 6], of: &FaceVolume, pressure_Pa: f64) {
+        for (a, &la) in local.iter().enumerate() {
+            for i in 0..3 {
+                self.force[i][la] -= pressure_Pa * of.gradient[a][i];
+            }
+            for (b, &lb) in local.iter().enumerate().filter(|(_, lb)| **lb >= la) {
+                let turn = skew(of.turn[a][b]);
+                for i in 0..3 {
+                    for k in 0..3 {
+                        self.stiffness[la][i][k][lb] -= pressure_Pa * turn[i][k];
+                    }
+                }
+            }
+        }
     }
 
     /// K_ab += c b_a b_b with b = ∂∫J/∂u times the pressure unit, the sum of the rows of `mixed`.

@@ -291,6 +291,13 @@ fn build(words: &Words, mut file: File) -> Result<Mesh, FemError> {
         list.dedup();
         faces.push(list);
     }
+    let mut chambers: Vec<(String, Vec<usize>)> = (file.faces.into_iter())
+        .filter(|(name, _)| name.starts_with("chamber"))
+        .collect();
+    for (_, list) in &mut chambers {
+        list.sort_unstable();
+        list.dedup();
+    }
     let tets = if quadratic_file {
         // Gmsh numbers its last two mid-edge nodes 23, 13.
         file.tets
@@ -306,9 +313,14 @@ fn build(words: &Words, mut file: File) -> Result<Mesh, FemError> {
             let middle = quadratic::mid_nodes_of_faces(&tets, list);
             list.extend(middle);
         }
+        for (_, list) in &mut chambers {
+            let middle = quadratic::mid_nodes_of_faces(&tets, list);
+            list.extend(middle);
+        }
         tets
     };
     let top = faces.pop().unwrap_or_default();
     let base = faces.pop().unwrap_or_default();
-    Mesh::new(file.nodes, tets, base, top)
+    let mesh = Mesh::new(file.nodes, tets, base, top)?;
+    (chambers.into_iter()).try_fold(mesh, |mesh, (name, nodes)| mesh.with_chamber(&name, nodes))
 }

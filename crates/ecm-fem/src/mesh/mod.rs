@@ -1,5 +1,6 @@
 //! Meshes of ten-node tetrahedra with two named faces.
 
+mod chambered;
 mod check;
 mod gmsh;
 mod profile;
@@ -7,6 +8,7 @@ mod quadratic;
 mod revolve;
 pub(crate) mod surface;
 
+pub use chambered::{ChamberShape, Chambered};
 pub use profile::Profile;
 pub use revolve::Quality;
 
@@ -34,6 +36,8 @@ pub struct Mesh {
     top_nodes: Vec<usize>,
     length_m: f64,
     volume_m3: f64,
+    /// Name and sorted nodes of each chamber's wall.
+    chambers: Vec<(String, Vec<usize>)>,
 }
 
 impl Mesh {
@@ -57,6 +61,7 @@ impl Mesh {
             top_nodes,
             length_m: 0.0,
             volume_m3: 0.0,
+            chambers: Vec::new(),
         };
         if mesh.has_no_faces() {
             return Err(FemError::MissingFace {
@@ -127,6 +132,7 @@ impl Mesh {
             top_nodes,
             length_m,
             volume_m3: 0.0,
+            chambers: Vec::new(),
         };
         mesh.check()?;
         Ok(mesh)
@@ -242,6 +248,38 @@ impl Mesh {
     /// Nodes of the rigid face, sorted.
     pub fn top_nodes(&self) -> &[usize] {
         &self.top_nodes
+    }
+
+    /// With a closed chamber whose wall holds all of `nodes`; at the base and at the platform a rigid
+    /// cap closes it.
+    ///
+    /// # Errors
+    /// A node that does not exist; a name that is taken.
+    pub fn with_chamber(mut self, name: &str, mut nodes: Vec<usize>) -> Result<Self, FemError> {
+        let count = self.nodes_m.len();
+        if let Some((index, &node)) = nodes.iter().enumerate().find(|(_, n)| **n >= count) {
+            return Err(FemError::NoSuchNode {
+                what: "chamber entry",
+                index,
+                node,
+                nodes: count,
+            });
+        }
+        if self.chambers.iter().any(|(known, _)| known == name) {
+            return Err(FemError::Chamber {
+                name: name.into(),
+                problem: "two chambers have this name".into(),
+            });
+        }
+        nodes.sort_unstable();
+        nodes.dedup();
+        self.chambers.push((name.into(), nodes));
+        Ok(self)
+    }
+
+    /// Name and sorted nodes of each chamber's wall, in the order of the actuators.
+    pub fn chambers(&self) -> &[(String, Vec<usize>)] {
+        &self.chambers
     }
 
     /// Distance between the centres of the two faces.

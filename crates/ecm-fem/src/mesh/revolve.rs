@@ -77,7 +77,7 @@ fn counts(word: &str) -> bool {
 }
 
 impl Quality {
-    fn check(self) -> Result<(), FemError> {
+    pub(super) fn check(self) -> Result<(), FemError> {
         let Self::Custom {
             rings,
             layers,
@@ -129,7 +129,7 @@ fn crowd_to_one(n: usize, last_over_first: f64) -> Vec<f64> {
 }
 
 /// Points 0..=n on [0, 1], finer towards both ends.
-fn crowd_to_ends(n: usize, last_over_first: f64) -> Vec<f64> {
+pub(super) fn crowd_to_ends(n: usize, last_over_first: f64) -> Vec<f64> {
     // Steps fall geometrically with the distance from the middle step.
     let middle = (n as f64 - 1.0) / 2.0;
     let q = if n > 2 {
@@ -187,7 +187,10 @@ fn rings_of(radii: &[f64], counts: &[usize]) -> Section {
 
 /// Splits a prism (bottom 0 1 2, top 3 4 5 above them) into three tetrahedra, cutting
 /// every quadrilateral face from its vertex of lowest rank (Dompierre et al. 1999).
-fn split(prism: [usize; 6], rank: impl Fn(usize) -> (usize, usize, usize)) -> [[usize; 4]; 3] {
+pub(super) fn split(
+    prism: [usize; 6],
+    rank: impl Fn(usize) -> (usize, usize, usize),
+) -> [[usize; 4]; 3] {
     let lowest = (0..6).min_by_key(|&i| rank(prism[i])).unwrap_or(0);
     let (turn, upside_down) = (lowest % 3, lowest >= 3);
     let v = |i: usize| {

@@ -1,6 +1,7 @@
 //! Integrals over faces of elements.
 
 use super::FACES;
+use crate::tensor::{cross, norm};
 
 /// Area centre of all element faces whose six nodes are in `named` (sorted);
 /// `None` when there is no such face.
@@ -23,9 +24,22 @@ pub fn centre(nodes: &[[f64; 3]], tets: &[[usize; 10]], named: &[usize]) -> Opti
     (area > 0.0).then(|| moment.map(|m| m / area))
 }
 
-/// Visits the points of one curved six-node triangle with its shape functions and the area
-/// that belongs to the point (six-point rule, exact for degree 4; Dunavant 1985).
-pub fn integrate(x: &[[f64; 3]; 6], mut visit: impl FnMut(&[f64; 6], f64)) {
+/// A point of the six-point rule (exact for degree 4; Dunavant 1985) on a curved six-node triangle.
+pub struct SurfacePoint {
+    /// Shape functions.
+    pub shape: [f64; 6],
+    /// Their derivatives by the two coordinates of the triangle.
+    pub slope: [[f64; 2]; 6],
+    /// Place.
+    pub at: [f64; 3],
+    /// Its derivatives by the two coordinates.
+    pub along: [[f64; 3]; 2],
+    /// Weight in the coordinates of the triangle, whose area there is 1/2.
+    pub weight: f64,
+}
+
+/// Visits the points of one triangle.
+pub fn visit(x: &[[f64; 3]; 6], mut visit: impl FnMut(&SurfacePoint)) {
     let rule = [
         (0.445_948_490_915_965, 0.223_381_589_678_011),
         (0.091_576_213_509_771, 0.109_951_743_655_322),
@@ -33,7 +47,7 @@ pub fn integrate(x: &[[f64; 3]; 6], mut visit: impl FnMut(&[f64; 6], f64)) {
     for (a, weight) in rule {
         let b = 1.0 - 2.0 * a;
         for [l0, l1, l2] in [[a, a, b], [a, b, a], [b, a, a]] {
-            let n = [
+            let shape = [
                 l0 * (2.0 * l0 - 1.0),
                 l1 * (2.0 * l1 - 1.0),
                 l2 * (2.0 * l2 - 1.0),
@@ -42,31 +56,32 @@ pub fn integrate(x: &[[f64; 3]; 6], mut visit: impl FnMut(&[f64; 6], f64)) {
                 4.0 * l0 * l2,
             ];
             // d/dl1 and d/dl2 with l0 = 1 − l1 − l2.
-            let d1 = [
-                1.0 - 4.0 * l0,
-                4.0 * l1 - 1.0,
-                0.0,
-                4.0 * (l0 - l1),
-                4.0 * l2,
-                -4.0 * l2,
+            let slope = [
+                [1.0 - 4.0 * l0, 1.0 - 4.0 * l0],
+                [4.0 * l1 - 1.0, 0.0],
+                [0.0, 4.0 * l2 - 1.0],
+                [4.0 * (l0 - l1), -4.0 * l1],
+                [4.0 * l2, 4.0 * l1],
+                [-4.0 * l2, 4.0 * (l0 - l2)],
             ];
-            let d2 = [
-                1.0 - 4.0 * l0,
-                0.0,
-                4.0 * l2 - 1.0,
-                -4.0 * l1,
-                4.0 * l1,
-                4.0 * (l0 - l2),
-            ];
-            let at = |w: &[f64; 6], k: usize| (0..6).map(|i| w[i] * x[i][k]).sum::<f64>();
-            let (t1, t2) = ([0, 1, 2].map(|k| at(&d1, k)), [0, 1, 2].map(|k| at(&d2, k)));
-            let normal = [
-                t1[1] * t2[2] - t1[2] * t2[1],
-                t1[2] * t2[0] - t1[0] * t2[2],
-                t1[0] * t2[1] - t1[1] * t2[0],
-            ];
-            let da = 0.5 * weight * normal.iter().map(|c| c * c).sum::<f64>().sqrt();
-            visit(&n, da);
+            let sum = |w: &dyn Fn(usize) -> f64| {
+                [0, 1, 2].map(|k| (0..6).map(|i| w(i) * x[i][k]).sum::<f64>())
+            };
+            visit(&SurfacePoint {
+                at: sum(&|i| shape[i]),
+                along: [sum(&|i| slope[i][0]), sum(&|i| slope[i][1])],
+                shape,
+                slope,
+                weight: 0.5 * weight,
+            });
         }
     }
+}
+
+/// Visits the points of one triangle with its shape functions and the area that belongs to each.
+pub fn integrate(x: &[[f64; 3]; 6], mut with_area: impl FnMut(&[f64; 6], f64)) {
+    visit(x, |point| {
+        let normal = cross(point.along[0], point.along[1]);
+        with_area(&point.shape, point.weight * norm(normal));
+    });
 }

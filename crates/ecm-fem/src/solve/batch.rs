@@ -5,7 +5,7 @@
 //! cases only, so the results have the same bits for any number of threads.
 
 use super::newton::Workspace;
-use super::{Fem, Load, WarmStart, Watch};
+use super::{Case, Fem, Load, WarmStart, Watch};
 use crate::FemError;
 use crate::result::{CaseResult, Status};
 use crate::rod::Rod;
@@ -66,12 +66,16 @@ impl Fem {
     /// assert!(results[1].pose[0] > results[0].pose[0]);
     /// # Ok(()) }
     /// ```
-    pub fn solve_all(&self, loads: &[Load], watch: Watch) -> Result<Vec<CaseResult>, FemError> {
-        self.check_loads(loads)?;
+    pub fn solve_all<L: Copy + Into<Case>>(
+        &self,
+        loads: &[L],
+        watch: Watch,
+    ) -> Result<Vec<CaseResult>, FemError> {
+        let loads = &self.checked(loads)?;
         let points = self.points(loads, watch);
         let order = farthest_first(&points, watch);
         let mut outcomes: Vec<Option<Outcome>> = vec![None; loads.len()];
-        let mut warm_start = match loads.first() {
+        let mut warm_start = match loads.first().map(|case| case.load) {
             Some(Load::Pose(_)) => self.linear_start(watch),
             _ => None,
         };
@@ -84,16 +88,21 @@ impl Fem {
             }
             done += group.len();
             if done < order.len() && done <= MOST_FITTED && !watch.cancelled() {
-                let states: Vec<&Outcome> = (order[..done].iter())
-                    .filter_map(|&i| outcomes[i].as_ref())
-                    .filter(|o| o.is_state())
+                let states: Vec<(usize, &Outcome)> = (order[..done].iter())
+                    .filter_map(|&i| outcomes[i].as_ref().map(|outcome| (i, outcome)))
+                    .filter(|(_, outcome)| outcome.is_state())
                     .collect();
-                let equilibrium = |o: &&Outcome| match loads[0] {
-                    Load::Wrench(_) => Load::Wrench(o.result.wrench),
-                    Load::Pose(_) => Load::Pose(o.result.pose),
+                let equilibrium = |&(i, outcome): &(usize, &Outcome)| {
+                    let load = match loads[i].load {
+                        Load::Wrench(_) => Load::Wrench(outcome.result.wrench),
+                        Load::Pose(_) => Load::Pose(outcome.result.pose),
+                    };
+                    // Short of the whole load the actuation was as short.
+                    let actuation = outcome.result.actuators.iter().map(|a| a.input);
+                    Case::new(load, &actuation.collect::<Vec<_>>()).unwrap_or(loads[i])
                 };
-                let loads: Vec<Load> = states.iter().map(equilibrium).collect();
-                let fields: Vec<&[f32]> = states.iter().map(|o| o.field.as_slice()).collect();
+                let loads: Vec<Case> = states.iter().map(equilibrium).collect();
+                let fields: Vec<&[f32]> = states.iter().map(|s| s.1.field.as_slice()).collect();
                 warm_start = self.fitted(&loads, &fields, watch).or(warm_start);
             }
         }
@@ -105,14 +114,14 @@ impl Fem {
     ///
     /// # Errors
     /// As [`Fem::solve_all`]; a warm start of another body.
-    pub fn solve_from(
+    pub fn solve_from<L: Copy + Into<Case>>(
         &self,
-        loads: &[Load],
+        loads: &[L],
         warm_start: Option<&WarmStart>,
         watch: Watch,
         finished: Finished,
     ) -> Result<Vec<Outcome>, FemError> {
-        self.check_loads(loads)?;
+        let loads = &self.checked(loads)?;
         warm_start.map_or(Ok(()), |warm_start| self.check_warm_start(warm_start))?;
         let all: Vec<usize> = (0..loads.len()).collect();
         Ok(self.solve_group(loads, &all, warm_start, watch, finished))
@@ -123,13 +132,13 @@ impl Fem {
     ///
     /// # Errors
     /// As [`Fem::solve_all`]; not as many fields as loads; fields of another body; the cancel flag.
-    pub fn fit_warm_start(
+    pub fn fit_warm_start<L: Copy + Into<Case>>(
         &self,
-        loads: &[Load],
+        loads: &[L],
         fields: &[&[f32]],
         watch: Watch,
     ) -> Result<Option<WarmStart>, FemError> {
-        self.check_loads(loads)?;
+        let loads = &self.checked(loads)?;
         let size = |what, found, expected, why| FemError::Size {
             what,
             found,
@@ -152,9 +161,13 @@ impl Fem {
         not_cancelled(watch).map(|()| fitted)
     }
 
-    fn fitted(&self, loads: &[Load], fields: &[&[f32]], watch: Watch) -> Option<WarmStart> {
+    fn fitted(&self, loads: &[Case], fields: &[&[f32]], watch: Watch) -> Option<WarmStart> {
         let points = self.points(loads, watch);
-        let samples: Vec<_> = points.iter().zip(fields.iter().copied()).collect();
+        let samples: Vec<_> = points
+            .iter()
+            .map(Vec::as_slice)
+            .zip(fields.iter().copied())
+            .collect();
         if watch.cancelled() {
             return None;
         }
@@ -165,13 +178,13 @@ impl Fem {
     ///
     /// # Errors
     /// As [`Fem::solve_from`]; the cancel flag.
-    pub fn predict_poses(
+    pub fn predict_poses<L: Copy + Into<Case>>(
         &self,
-        loads: &[Load],
+        loads: &[L],
         warm_start: &WarmStart,
         watch: Watch,
     ) -> Result<Vec<[f64; 6]>, FemError> {
-        self.check_loads(loads)?;
+        let loads = &self.checked(loads)?;
         self.check_warm_start(warm_start)?;
         let points = self.points(loads, watch);
         not_cancelled(watch)?;
@@ -197,18 +210,22 @@ impl Fem {
         self.flatten(&self.rest()).len()
     }
 
-    fn check_loads(&self, loads: &[Load]) -> Result<(), FemError> {
-        let first = loads.first().map_or("", Load::kind);
-        let mixed = loads.iter().map(Load::kind).enumerate();
-        if let Some((row, found)) = mixed.into_iter().find(|(_, kind)| *kind != first) {
-            return Err(FemError::MixedLoads { row, found, first });
+    fn checked<L: Copy + Into<Case>>(&self, loads: &[L]) -> Result<Vec<Case>, FemError> {
+        let cases: Vec<Case> = loads.iter().map(|&load| load.into()).collect();
+        let first = cases.first().map_or("", |case| case.load.kind());
+        for (row, case) in cases.iter().enumerate() {
+            let found = case.load.kind();
+            if found != first {
+                return Err(FemError::MixedLoads { row, found, first });
+            }
+            self.check_case(row, case)?;
         }
-        (loads.iter().enumerate()).try_for_each(|(row, load)| self.check_load(row, load))
+        Ok(cases)
     }
 
     fn solve_group(
         &self,
-        loads: &[Load],
+        loads: &[Case],
         group: &[usize],
         warm_start: Option<&WarmStart>,
         watch: Watch,
@@ -235,7 +252,7 @@ impl Fem {
     fn solve_case(
         &self,
         work: &mut Workspace,
-        load: &Load,
+        load: &Case,
         warm_start: Option<&WarmStart>,
         watch: Watch,
     ) -> Outcome {
@@ -264,7 +281,7 @@ impl Fem {
         }
         let load = Load::Wrench([0.0; 6]);
         let result = self
-            .follow_from_rest(&mut Workspace::new(self), &load, watch)
+            .follow_from_rest(&mut Workspace::new(self), &load.into(), watch)
             .0;
         if result.status != Status::Cancelled {
             // Another thread may have been first, with the same result.
@@ -273,7 +290,7 @@ impl Fem {
         result
     }
 
-    fn points(&self, loads: &[Load], watch: Watch) -> Vec<[f64; 6]> {
+    fn points(&self, loads: &[Case], watch: Watch) -> Vec<Vec<f64>> {
         // The first point computes the stiffness at rest for all.
         let first = loads.iter().take(1).map(|load| self.point(load, watch));
         let rest = loads.get(1..).unwrap_or_default();
@@ -282,15 +299,17 @@ impl Fem {
         points
     }
 
-    /// Mid-frame coordinates (c / L, θ) of a load's pose; for a wrench, of the pose that
-    /// a Cosserat rod with this body's stiffness at rest takes. States are nearly linear in these
-    /// coordinates, but not in wrenches.
-    pub(super) fn point(&self, load: &Load, watch: Watch) -> [f64; 6] {
+    /// Mid-frame coordinates (c / L, θ) of a load's pose, and pressures over the shear modulus; for a
+    /// wrench, of the pose that a Cosserat rod with this body's stiffness at rest takes. States are
+    /// nearly linear in these coordinates, but not in wrenches.
+    pub(super) fn point(&self, case: &Case, watch: Watch) -> Vec<f64> {
+        let chambers = self.body.chambers.count();
+        let none = || vec![f64::NAN; 6 + chambers];
         if watch.cancelled() {
-            return [f64::NAN; 6];
+            return none();
         }
         let length = self.body.mesh.length_m();
-        let pose = match load {
+        let pose = match &case.load {
             Load::Wrench(h) => {
                 Rod::like(&self.result_at_rest(watch).stiffness, length)
                     .pose(h)
@@ -299,10 +318,14 @@ impl Fem {
             Load::Pose(p) => *p,
         };
         let Ok(pose) = Pose::from_array(&pose) else {
-            return [f64::NAN; 6]; // A wrench under which the rod has no equilibrium.
+            return none(); // A wrench under which the rod has no equilibrium.
         };
         let q = ecm_se3::mid_frame::coordinates(&pose, length);
-        std::array::from_fn(|k| if k < 3 { q[k] / length } else { q[k] })
+        let of_pose = (0..6).map(|k| if k < 3 { q[k] / length } else { q[k] });
+        let modulus = self.body.material.shear_modulus_Pa();
+        of_pose
+            .chain(case.actuation[..chambers].iter().map(|a| a / modulus))
+            .collect()
     }
 }
 
@@ -323,16 +346,16 @@ fn push(spare: &Mutex<Vec<Workspace>>, work: Workspace) {
     }
 }
 
-fn square_distance(a: &[f64; 6], b: &[f64; 6]) -> f64 {
-    (0..6).map(|k| (a[k] - b[k]).powi(2)).sum()
+fn square_distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum()
 }
 
 /// Order of the cases: the one nearest to rest (the origin), then always the one farthest from all
 /// before it, so that any first part of the order covers the whole range.
-fn farthest_first(points: &[[f64; 6]], watch: Watch) -> Vec<usize> {
+fn farthest_first(points: &[Vec<f64>], watch: Watch) -> Vec<usize> {
     let mut gap: Vec<f64> = points
         .iter()
-        .map(|p| square_distance(p, &[0.0; 6]))
+        .map(|p| p.iter().map(|x| x * x).sum())
         .collect();
     let mut order = Vec::with_capacity(points.len());
     let mut left: Vec<usize> = (0..points.len()).collect();

@@ -144,8 +144,8 @@ impl Fem {
         if self.pattern.unknowns == 0 {
             return Err(Failure::Diverged);
         }
-        let (load, weight) = path.at(*share);
-        work.sums.dead_share = weight;
+        let (load, beside) = path.at(*share);
+        work.sums.set_beside(&beside);
         if !work.ready {
             self.tangent(work, state, &load)?;
         }
@@ -181,8 +181,8 @@ impl Fem {
                 work.ready = false;
                 return Err(Failure::Cancelled);
             }
-            let (load, weight) = path.at(*share);
-            work.sums.dead_share = weight;
+            let (load, beside) = path.at(*share);
+            work.sums.set_beside(&beside);
             self.assemble(work, state)?;
             let target = match &load {
                 Load::Pose(p) => Some(Platform::from_pose(p)),
@@ -229,20 +229,29 @@ impl Fem {
         state: &State,
         path: &LoadPath,
     ) -> Result<Step, Failure> {
-        let weight = path.weight_rate();
-        let dead = &self.body.dead_force_N;
+        let rate = path.beside_rate();
+        let mut force = self.body.dead_force_N.clone();
+        force.iter_mut().for_each(|f| *f *= rate.weight);
+        let mut of_caps = [0.0; 6];
+        for (c, gradient) in work.sums.chamber_gradient.iter().enumerate() {
+            let pressure = rate.actuation[c];
+            for (f, g) in force.iter_mut().zip(gradient) {
+                *f += pressure * g;
+            }
+            (0..6).for_each(|k| of_caps[k] += pressure * work.sums.cap_gradient[c][k]);
+        }
         work.residual.fill(0.0);
         for (component, &unknown) in self.pattern.of_displacement.iter().enumerate() {
             if unknown != NONE {
-                work.residual[unknown as usize] = -weight * dead[component];
+                work.residual[unknown as usize] = -force[component];
             }
         }
-        let held = matches!(path.end, Load::Pose(_));
+        let held = matches!(path.end.load, Load::Pose(_));
         let mut gap = path.rate();
         if !held {
             let nodes = &self.pattern.platform_nodes;
-            let (of_weight, _) = state.platform.wrench(&self.body.mesh, nodes, dead);
-            (0..6).for_each(|k| gap[k] += weight * of_weight[k]);
+            let (of_force, _) = state.platform.wrench(&self.body.mesh, nodes, &force);
+            (0..6).for_each(|k| gap[k] += of_force[k] + of_caps[k]);
         }
         let platform = self.step(work, &gap, held).ok_or(Failure::Diverged)?;
         let unknowns = work.columns[6 * self.pattern.unknowns..].to_vec();

@@ -1,8 +1,9 @@
 //! Load cases that start from an initial guess of the state instead of the rest state.
 
+use super::load_path::Beside;
 use super::newton::{Failure, Workspace};
 use super::path::{Attempt, PathStart};
-use super::{Fem, Load, State, WarmStart, Watch};
+use super::{Case, Fem, Load, State, WarmStart, Watch};
 use crate::result::CaseResult;
 
 /// Largest share of the load between the last stable guess and the first one that is not.
@@ -18,7 +19,7 @@ impl Fem {
     pub(super) fn solve_from_warm_start(
         &self,
         work: &mut Workspace,
-        load: &Load,
+        load: &Case,
         guess: &WarmStart,
         watch: Watch,
     ) -> (CaseResult, State) {
@@ -55,14 +56,15 @@ impl Fem {
     fn last_stable(
         &self,
         work: &mut Workspace,
-        load: &Load,
+        load: &Case,
         guess: &WarmStart,
         watch: Watch,
     ) -> (Result<PathStart, Box<CaseResult>>, usize) {
         let path = self.path_to(load);
         let guess_at = |share: f64| {
             let partial = path.at(share);
-            (guess.state(&self.point(&partial.0, watch), self), partial)
+            let case = load.at(partial);
+            (guess.state(&self.point(&case, watch), self), partial)
         };
         let mut iterations = 0;
         // One factorisation at an initial guess separates stable from unstable loads ...
@@ -118,9 +120,9 @@ impl Fem {
         &self,
         work: &mut Workspace,
         state: &mut State,
-        (load, weight): (Load, f64),
+        (load, beside): (Load, Beside),
     ) -> bool {
-        work.sums.dead_share = weight;
+        work.sums.set_beside(&beside);
         self.tangent(work, state, &load).is_ok() && work.balance.inner_instabilities == 0
     }
 }

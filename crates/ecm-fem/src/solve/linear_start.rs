@@ -4,7 +4,8 @@
 //! triangular solves at rest replace the load steps of the first group of a batch.
 
 use super::newton::Workspace;
-use super::{Fem, Load, WarmStart, Watch};
+use super::{Case, Fem, Load, WarmStart, Watch};
+use crate::pattern::NONE;
 
 /// Pose steps of the difference, over L and in rad: small against any curvature, large
 /// against single precision.
@@ -13,18 +14,21 @@ const STEP: f64 = 1e-3;
 impl Fem {
     /// Linear in the mid-frame coordinates; `None` where there is no equilibrium at the rest pose.
     pub(super) fn linear_start(&self, watch: Watch) -> Option<WarmStart> {
-        let load = Load::Pose(self.rest().platform.pose());
+        let rest = Load::Pose(self.rest().platform.pose());
         let mut work = Workspace::new(self);
-        let mut state = self.path_start(&mut work, &load, 1.0, watch).ok()?.state;
+        let mut state = self
+            .path_start(&mut work, &rest.into(), 1.0, watch)
+            .ok()?
+            .state;
         work.ready = false;
         let most = (
             self.settings.iterations,
             super::newton::MOST_UNSTABLE_ITERATES,
         );
-        self.newton(&mut work, &mut state, &load, most, watch)
+        self.newton(&mut work, &mut state, &rest, most, watch)
             .ok()?;
         let length = self.body.mesh.length_m();
-        let mut samples = vec![(self.point(&load, watch), self.flatten(&state))];
+        let mut samples = vec![(self.point(&rest.into(), watch), self.flatten(&state))];
         for k in 0..6 {
             let mut gap = [0.0; 6];
             gap[k] = if k < 3 { STEP * length } else { STEP };
@@ -32,11 +36,28 @@ impl Fem {
             self.move_by(&mut work, &state, &step, 1.0);
             let pose = work.trial.platform.pose();
             samples.push((
-                self.point(&Load::Pose(pose), watch),
+                self.point(&Load::Pose(pose).into(), watch),
                 self.flatten(&work.trial),
             ));
         }
-        let samples: Vec<_> = samples.iter().map(|(p, f)| (p, f.as_slice())).collect();
+        for chamber in 0..self.body.chambers.count() {
+            let pressure = STEP * self.body.material.shear_modulus_Pa();
+            let gradient = &work.sums.chamber_gradient[chamber];
+            work.residual.fill(0.0);
+            for (g, &unknown) in gradient.iter().zip(&self.pattern.of_displacement) {
+                if unknown != NONE {
+                    work.residual[unknown as usize] = -pressure * g;
+                }
+            }
+            self.step(&mut work, &[0.0; 6], true)?;
+            self.move_by(&mut work, &state, &[0.0; 6], 1.0);
+            let mut case = Case::from(rest);
+            case.actuation[chamber] = pressure;
+            samples.push((self.point(&case, watch), self.flatten(&work.trial)));
+        }
+        let samples: Vec<_> = (samples.iter())
+            .map(|(p, f)| (p.as_slice(), f.as_slice()))
+            .collect();
         WarmStart::of_degree(&samples, 1)
     }
 }

@@ -20,6 +20,7 @@ mod tests;
 mod warm_start;
 
 pub use batch::{Finished, Outcome};
+pub(crate) use load_path::Beside;
 pub use newton::Timing;
 pub use prescribed::PrescribedResult;
 pub use settings::Settings;
@@ -62,6 +63,73 @@ impl Load {
     }
 }
 
+/// Most actuators of a body.
+pub const MOST_ACTUATORS: usize = 16;
+
+/// Input of each actuator, zeros behind the last: gauge pressure of a chamber, Pa.
+pub(crate) type Actuation = [f64; MOST_ACTUATORS];
+
+/// A load on the platform with the actuation beside it; a [`Load`] alone has none.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Case {
+    /// The load on the platform.
+    pub load: Load,
+    actuation: Actuation,
+    actuators: usize,
+}
+
+impl From<Load> for Case {
+    fn from(load: Load) -> Self {
+        Self {
+            load,
+            actuation: [0.0; MOST_ACTUATORS],
+            actuators: 0,
+        }
+    }
+}
+
+impl From<&Load> for Case {
+    fn from(load: &Load) -> Self {
+        Self::from(*load)
+    }
+}
+
+impl Case {
+    /// A load with a gauge pressure in each chamber of the body, Pa.
+    ///
+    /// # Errors
+    /// More pressures than [`MOST_ACTUATORS`].
+    pub fn new(load: Load, actuation: &[f64]) -> Result<Self, FemError> {
+        let mut case = Self::from(load);
+        case.actuators = actuation.len();
+        match case.actuation.get_mut(..actuation.len()) {
+            Some(own) => own.copy_from_slice(actuation),
+            None => return Err(wrong_actuation(actuation.len(), MOST_ACTUATORS)),
+        }
+        Ok(case)
+    }
+}
+
+impl Case {
+    /// The same actuators at a part of the way.
+    fn at(&self, (load, beside): (Load, Beside)) -> Self {
+        Self {
+            load,
+            actuation: beside.actuation,
+            actuators: self.actuators,
+        }
+    }
+}
+
+fn wrong_actuation(found: usize, expected: usize) -> FemError {
+    FemError::Size {
+        what: "actuation",
+        found,
+        expected,
+        why: "one gauge pressure per chamber",
+    }
+}
+
 /// Cancel flag and progress counter of long work.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Watch<'a> {
@@ -95,6 +163,10 @@ pub struct Fem {
     /// Result without load, computed when first needed.
     at_rest: OnceLock<CaseResult>,
     own_weight: OwnWeight,
+    /// Volume of each chamber of the undeformed body, m³.
+    chamber_m3: Vec<f64>,
+    /// Pressure in each chamber of a body without platform, Pa.
+    pressures_Pa: Vec<f64>,
 }
 
 impl Fem {
@@ -181,8 +253,13 @@ impl Fem {
             modulus_scale,
             settings.rule,
             settings.formulation,
-        );
+        )?;
+        let rest = Platform::at_rest(body.mesh.length_m());
+        let at = |node: usize| body.mesh.nodes_m()[node];
+        let chamber_m3 = body.chambers.volumes_m3(&body.mesh, at, &rest);
         Ok(Self {
+            pressures_Pa: vec![0.0; chamber_m3.len()],
+            chamber_m3,
             body,
             pattern,
             settings,
@@ -227,7 +304,7 @@ impl Fem {
     /// # Errors
     /// A wrench that is not finite.
     pub fn solve_wrench(&self, wrench: &[f64; 6]) -> Result<CaseResult, FemError> {
-        self.solve(&Load::Wrench(*wrench)).map(|r| r.0)
+        self.solve(Load::Wrench(*wrench)).map(|r| r.0)
     }
 
     /// Wrench that holds a pose, from rest.
@@ -235,28 +312,44 @@ impl Fem {
     /// # Errors
     /// A pose that is not finite.
     pub fn solve_pose(&self, pose: &[f64; 6]) -> Result<CaseResult, FemError> {
-        self.solve(&Load::Pose(*pose)).map(|r| r.0)
+        self.solve(Load::Pose(*pose)).map(|r| r.0)
     }
 
     /// One load case from rest, and the time spent in its parts.
     ///
     /// # Errors
     /// A load that is not finite.
-    pub fn solve(&self, load: &Load) -> Result<(CaseResult, Timing), FemError> {
-        self.check_load(0, load)?;
+    pub fn solve(&self, load: impl Into<Case>) -> Result<(CaseResult, Timing), FemError> {
+        let case = load.into();
+        self.check_case(0, &case)?;
         let mut work = Workspace::new(self);
-        let result = self.follow_from_rest(&mut work, load, Watch::default()).0;
+        let result = self.follow_from_rest(&mut work, &case, Watch::default()).0;
         Ok((result, work.timing))
+    }
+
+    /// Volume of each chamber of the undeformed body, m³.
+    pub fn chamber_volumes_m3(&self) -> &[f64] {
+        &self.chamber_m3
+    }
+
+    /// Names of the actuators: the chambers, in the order of their pressures.
+    pub fn actuators(&self) -> &[String] {
+        &self.body.chambers.names
     }
 
     /// One load case from rest with its displacements and pressures.
     ///
     /// # Errors
     /// A load that is not finite.
-    pub fn solve_field(&self, load: &Load, watch: Watch) -> Result<(CaseResult, Field), FemError> {
-        self.check_load(0, load)?;
+    pub fn solve_field(
+        &self,
+        load: impl Into<Case>,
+        watch: Watch,
+    ) -> Result<(CaseResult, Field), FemError> {
+        let case = load.into();
+        self.check_case(0, &case)?;
         let mut work = Workspace::new(self);
-        let (result, state) = self.follow_from_rest(&mut work, load, watch);
+        let (result, state) = self.follow_from_rest(&mut work, &case, watch);
         Ok((result, state.field))
     }
 
@@ -292,7 +385,16 @@ impl Fem {
         }
     }
 
-    fn check_load(&self, index: usize, load: &Load) -> Result<(), FemError> {
+    fn check_case(&self, index: usize, case: &Case) -> Result<(), FemError> {
+        let (found, expected) = (case.actuators, self.body.chambers.count());
+        if found != 0 && found != expected {
+            return Err(wrong_actuation(found, expected));
+        }
+        if let Some(&value) = case.actuation.iter().find(|a| !a.is_finite()) {
+            let what = "a pressure of row";
+            return Err(FemError::NotFinite { what, index, value });
+        }
+        let load = &case.load;
         if let Some(&value) = load.values().iter().find(|v| !v.is_finite()) {
             let what = match load {
                 Load::Wrench(_) => "a component of wrench",

@@ -29,6 +29,8 @@ pub(super) struct Workspace {
     pub factor: Factor,
     /// L⁻¹ K_f6, column by column, then one column for the step.
     pub columns: Vec<f64>,
+    /// L⁻¹ ∂V/∂u of each chamber, column by column.
+    pub chamber_columns: Vec<f64>,
     pub pivots: Vec<f64>,
     pub residual: Vec<f64>,
     pub trial: State,
@@ -53,6 +55,7 @@ pub(super) struct Balance {
 pub(super) enum Failure {
     Diverged,
     Inverted,
+    Collapsed,
     Cancelled,
 }
 
@@ -72,6 +75,7 @@ impl Workspace {
             sums: Sums::new(&fem.body, &fem.pattern),
             factor: Factor::new(&fem.pattern.symbolic),
             columns: vec![0.0; 7 * n],
+            chamber_columns: vec![0.0; n * fem.body.chambers.count()],
             pivots: vec![0.0; n],
             residual: vec![0.0; n],
             trial: fem.rest(),
@@ -198,10 +202,9 @@ impl Fem {
     pub(super) fn assemble(&self, work: &mut Workspace, state: &State) -> Result<(), Failure> {
         let start = Instant::now();
         work.ready = false;
-        let arm = |node| state.platform.arm(&self.body.mesh, node);
         let outcome = work
             .sums
-            .assemble(&self.body, &self.pattern, &state.field, arm);
+            .assemble(&self.body, &self.pattern, &state.field, &state.platform);
         work.timing.assembly_s += start.elapsed().as_secs_f64();
         outcome.map_err(|_| Failure::Inverted)
     }
@@ -231,10 +234,13 @@ impl Fem {
             }
         }
         let mesh = &self.body.mesh;
-        let (wrench, geometric) =
+        let (mut wrench, geometric) =
             state
                 .platform
                 .wrench(mesh, &self.pattern.platform_nodes, &work.sums.force);
+        for (pressure, gradient) in work.sums.actuation.iter().zip(&work.sums.cap_gradient) {
+            (0..6).for_each(|k| wrench[k] -= pressure * gradient[k]);
+        }
         work.balance.wrench = wrench;
         work.balance.geometric = geometric;
         let length = mesh.length_m();
@@ -279,6 +285,19 @@ impl Fem {
         let columns = MatMut::from_column_major_slice_mut(&mut work.columns[..6 * n], n, 6);
         work.factor.forward(symbolic, columns);
         work.factor.pivots(symbolic, &mut work.pivots);
+        if n > 0 {
+            let columns = work.chamber_columns.chunks_exact_mut(n);
+            for (column, gradient) in columns.zip(&work.sums.chamber_gradient) {
+                column.fill(0.0);
+                for (g, &unknown) in gradient.iter().zip(&self.pattern.of_displacement) {
+                    if unknown != NONE {
+                        column[unknown as usize] = *g;
+                    }
+                }
+                let column = MatMut::from_column_major_slice_mut(column, n, 1);
+                work.factor.forward(symbolic, column);
+            }
+        }
         work.timing.factor_s += (middle - start).as_secs_f64();
         work.timing.solve_s += middle.elapsed().as_secs_f64();
         work.timing.factorisations += 1;

@@ -6,7 +6,7 @@
 use super::load_path::LoadPath;
 use super::newton::Workspace;
 use super::path::PathStart;
-use super::{Fem, Load, State, Watch};
+use super::{Case, Fem, Load, State, Watch};
 use crate::result::{CaseResult, Status};
 use std::sync::OnceLock;
 
@@ -23,7 +23,7 @@ impl Fem {
     pub(super) fn path_start(
         &self,
         work: &mut Workspace,
-        load: &Load,
+        case: &Case,
         step: f64,
         watch: Watch,
     ) -> Result<PathStart, Box<CaseResult>> {
@@ -36,14 +36,14 @@ impl Fem {
         if self.body.dead_force_N.iter().all(|&f| f == 0.0) {
             return Ok(begin);
         }
-        let known = match load {
+        let known = match case.load {
             Load::Wrench(_) => &self.own_weight.free,
             Load::Pose(_) => &self.own_weight.held,
         };
         let loaded = match known.get() {
             Some(loaded) => loaded,
             None => {
-                let start = self.load_at_rest(load);
+                let start = self.at_rest_of(case);
                 let path = LoadPath {
                     start,
                     end: start,
@@ -75,18 +75,19 @@ impl Fem {
         }))
     }
 
-    pub(super) fn load_at_rest(&self, load: &Load) -> Load {
-        match load {
+    /// No wrench or the pose at rest, and no actuation.
+    fn at_rest_of(&self, case: &Case) -> Case {
+        Case::from(match case.load {
             Load::Wrench(_) => Load::Wrench([0.0; 6]),
             Load::Pose(_) => Load::Pose(self.rest().platform.pose()),
-        }
+        })
     }
 
-    /// The proportional path to `load` under the whole weight.
-    pub(super) fn path_to(&self, load: &Load) -> LoadPath {
+    /// The proportional path to a case under the whole weight.
+    pub(super) fn path_to(&self, case: &Case) -> LoadPath {
         LoadPath {
-            start: self.load_at_rest(load),
-            end: *load,
+            start: self.at_rest_of(case),
+            end: *case,
             weight: [1.0, 1.0],
         }
     }
@@ -95,12 +96,12 @@ impl Fem {
     pub(super) fn follow_from_rest(
         &self,
         work: &mut Workspace,
-        load: &Load,
+        case: &Case,
         watch: Watch,
     ) -> (CaseResult, State) {
         let before = work.timing.factorisations;
-        let (mut result, state) = match self.path_start(work, load, 1.0, watch) {
-            Ok(begin) => self.follow(work, begin, &self.path_to(load), watch),
+        let (mut result, state) = match self.path_start(work, case, 1.0, watch) {
+            Ok(begin) => self.follow(work, begin, &self.path_to(case), watch),
             Err(result) => (*result, self.rest()),
         };
         result.factorisations = work.timing.factorisations - before;

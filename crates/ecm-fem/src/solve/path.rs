@@ -5,7 +5,7 @@
 //! of the state instead (see [`super::branch`]).
 
 use super::branch::End;
-use super::load_path::{LoadPath, Reached};
+use super::load_path::{Beside, LoadPath, Reached};
 use super::newton::{Failure, MOST_UNSTABLE_ITERATES, Workspace};
 use super::{Fem, Load, State, Watch};
 use crate::result::{CREASE, CaseResult, Reason, Status};
@@ -33,6 +33,7 @@ impl Failure {
         match self {
             Self::Diverged => Status::NotConverged,
             Self::Inverted => Status::Inverted,
+            Self::Collapsed => Status::Collapsed,
             Self::Cancelled => Status::Cancelled,
         }
     }
@@ -73,7 +74,8 @@ impl Fem {
             let Some((failure, next)) = failed else {
                 break Status::Solved;
             };
-            let follow = failure != Failure::Cancelled && bridges < MOST_BRIDGES;
+            let ends = matches!(failure, Failure::Cancelled | Failure::Collapsed);
+            let follow = !ends && bridges < MOST_BRIDGES;
             let (end, n) = if follow {
                 self.follow_branch(work, &mut last, path, next, &mut loss, watch)
             } else {
@@ -161,25 +163,33 @@ impl Fem {
         }
     }
 
-    /// Newton from `state` at a load and share of the dead force, with the result where it converges.
+    /// Newton from `state` at a load and what acts beside it, with the result where it converges.
     pub(super) fn attempt(
         &self,
         work: &mut Workspace,
         state: &mut State,
-        (load, weight): (Load, f64),
+        (load, beside): (Load, Beside),
         most: (usize, usize),
         watch: Watch,
     ) -> (Attempt, usize) {
         // The forces in `work` belong to the share before.
-        work.ready &= work.sums.dead_share == weight;
-        work.sums.dead_share = weight;
+        work.ready &= work.sums.set_beside(&beside);
         match self.newton(work, state, &load, most, watch) {
+            Ok(n) if self.is_collapsed(state) => (Attempt::Failed(Failure::Collapsed), n),
             Ok(n) => match self.report(work, state, &load) {
                 (result, None) => (Attempt::Stable(Box::new(result)), n),
                 (_, Some(_)) => (Attempt::Unstable, n),
             },
             Err((failure, n)) => (Attempt::Failed(failure), n),
         }
+    }
+
+    /// Whether a chamber's wall passes through itself.
+    fn is_collapsed(&self, state: &State) -> bool {
+        let at = |node| self.body.place_m(&state.field, node);
+        self.body
+            .chambers
+            .collapsed(&self.body.mesh, at, &state.platform)
     }
 
     /// The result of the last stable state; where no step succeeded, of the start.

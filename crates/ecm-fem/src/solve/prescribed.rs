@@ -2,7 +2,7 @@
 
 use super::newton::{MOST_UNSTABLE_ITERATES, Workspace};
 use super::own_weight::OwnWeight;
-use super::{Fem, Load, Settings, Watch};
+use super::{Case, Fem, Load, Settings, Watch};
 use crate::FemError;
 use crate::body::Field;
 use crate::material::Material;
@@ -65,8 +65,19 @@ impl Fem {
         Ok(self)
     }
 
-    /// Equilibrium with the given displacements (m; used where prescribed). Dead forces and
-    /// displacements grow together from zero in adaptive steps.
+    /// With a gauge pressure in each chamber, Pa.
+    ///
+    /// # Errors
+    /// Another number of pressures than of chambers, or one that is not finite.
+    pub fn with_pressures(mut self, pressures_Pa: &[f64]) -> Result<Self, FemError> {
+        let case = Case::new(Load::Wrench([0.0; 6]), pressures_Pa)?;
+        self.check_case(0, &case)?;
+        self.pressures_Pa = pressures_Pa.to_vec();
+        Ok(self)
+    }
+
+    /// Equilibrium with the given displacements (m; used where prescribed). Dead forces,
+    /// pressures and displacements grow together from zero in adaptive steps.
     ///
     /// # Errors
     /// A list of the wrong length, or an entry that is not finite.
@@ -85,6 +96,9 @@ impl Fem {
         let status = loop {
             let next = f64::min(1.0, reached + step);
             work.sums.dead_share = next;
+            for (now, full) in work.sums.actuation.iter_mut().zip(&self.pressures_Pa) {
+                *now = next * full;
+            }
             work.ready = false;
             for (component, &unknown) in self.pattern.of_displacement.iter().enumerate() {
                 if unknown == NONE {

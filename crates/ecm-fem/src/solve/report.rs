@@ -3,7 +3,7 @@
 use super::newton::Workspace;
 use super::stability::{Instability, Spectrum};
 use super::{Fem, Load, State};
-use crate::result::{CaseResult, Status};
+use crate::result::{Actuator, CaseResult, Status};
 use crate::tensor::{product, symmetric_eigenvalues, transpose};
 use ecm_se3::stiffness::{StiffnessKind, convert};
 use ecm_se3::{Pose, Wrench};
@@ -61,8 +61,39 @@ impl Fem {
             factorisations: 0,
             load_steps: 0,
             residual: work.balance.residual,
+            actuators: self.actuators_at(work, state),
         };
         (result, instability)
+    }
+
+    /// Volume change, ∂h/∂P and ∂q/∂P of each chamber, by the factor at the state.
+    fn actuators_at(&self, work: &Workspace, state: &State) -> Vec<Actuator> {
+        let (n, mesh) = (self.pattern.unknowns, &self.body.mesh);
+        let column = |c: usize| &work.chamber_columns[c * n..(c + 1) * n];
+        let along =
+            |a: &[f64], b: &[f64]| -> f64 { (0..n).map(|i| a[i] * b[i] / work.pivots[i]).sum() };
+        (0..self.body.chambers.count())
+            .map(|c| {
+                let nodes = &self.pattern.platform_nodes;
+                let of_nodes = (state.platform)
+                    .wrench(mesh, nodes, &work.sums.chamber_gradient[c])
+                    .0;
+                // h = ∂U/∂p − P ∂V/∂p, and the body gives way: K_6f K_ff⁻¹ ∂V/∂u.
+                let on_wrench = std::array::from_fn(|k| {
+                    along(&work.columns[k * n..(k + 1) * n], column(c))
+                        - of_nodes[k]
+                        - work.sums.cap_gradient[c][k]
+                });
+                Actuator {
+                    input: work.sums.actuation[c],
+                    amount: work.sums.chamber_m3[c] - self.chamber_m3[c],
+                    on_wrench,
+                    on_amounts: (0..self.body.chambers.count())
+                        .map(|other| along(column(c), column(other)))
+                        .collect(),
+                }
+            })
+            .collect()
     }
 
     fn strain(&self, state: &State) -> Strain {

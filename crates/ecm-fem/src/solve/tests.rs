@@ -51,10 +51,8 @@ fn deformed(fem: &Fem) -> super::State {
 
 fn sums_at(fem: &Fem, state: &super::State) -> Sums {
     let mut sums = Sums::new(&fem.body, &fem.pattern);
-    sums.assemble(&fem.body, &fem.pattern, &state.field, |n| {
-        state.platform.arm(&fem.body.mesh, n)
-    })
-    .unwrap();
+    sums.assemble(&fem.body, &fem.pattern, &state.field, &state.platform)
+        .unwrap();
     sums
 }
 

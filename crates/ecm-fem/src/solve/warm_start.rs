@@ -4,12 +4,17 @@
 //! the load's mid-frame coordinates (see [`Fem::point`]; scaled to [−1, 1]), fitted by least
 //! squares to all solved cases; the degree grows with their number.
 
-use super::{Fem, State};
+use super::{Fem, MOST_ACTUATORS, State};
 use nalgebra::DMatrix;
 
-/// Degree, and the number of solved cases that it needs: twice the number of terms, which is 7,
-/// 28, 84, 210 and 462.
-const CASES_FOR_DEGREE: [(usize, usize); 5] = [(5, 924), (4, 420), (3, 168), (2, 56), (1, 14)];
+/// Highest degree; a degree needs twice as many solved cases as it has terms, of six variables 14,
+/// 56, 168, 420 and 924.
+const MOST_DEGREE: usize = 5;
+
+/// Number of monomials of `variables` up to `degree`.
+fn number_of_terms(variables: usize, degree: usize) -> usize {
+    (1..=degree).fold(1, |terms, k| terms * (variables + k) / k)
+}
 
 /// Ridge parameter of the normalised normal equations: terms that are collinear over the cases
 /// share their coefficient instead of cancelling each other.
@@ -19,17 +24,18 @@ const RIDGE: f64 = 1e-10;
 #[derive(Debug, Clone, PartialEq)]
 pub struct WarmStart {
     degree: usize,
-    scale: [f64; 6],
+    /// Largest size of each coordinate.
+    scale: Vec<f64>,
     /// Component after component, one coefficient per term.
     coefficients: Vec<f32>,
     terms: usize,
 }
 
 /// One solved state: mid-frame coordinates of its load, and its state vector.
-pub(super) type Sample<'a> = (&'a [f64; 6], &'a [f32]);
+pub(super) type Sample<'a> = (&'a [f64], &'a [f32]);
 
-/// All monomials of six variables up to `degree`, lowest first.
-fn monomials(x: &[f64; 6], degree: usize, out: &mut Vec<f64>) {
+/// All monomials up to `degree`, lowest first.
+fn monomials(x: &[f64], degree: usize, out: &mut Vec<f64>) {
     out.clear();
     out.push(1.0);
     // Each monomial of one degree times the variables from its last one on.
@@ -46,26 +52,31 @@ fn monomials(x: &[f64; 6], degree: usize, out: &mut Vec<f64>) {
     }
 }
 
+fn scaled(point: &[f64], scale: &[f64]) -> Vec<f64> {
+    point.iter().zip(scale).map(|(x, s)| x / s).collect()
+}
+
 impl WarmStart {
     /// Fits the solved states; `None` when there are too few.
     pub(super) fn fit(samples: &[Sample]) -> Option<Self> {
-        let (degree, _) = *CASES_FOR_DEGREE.iter().find(|(_, n)| samples.len() >= *n)?;
+        let variables = samples.first()?.0.len();
+        let enough = |degree: &usize| samples.len() >= 2 * number_of_terms(variables, *degree);
+        let degree = (1..=MOST_DEGREE).rev().find(enough)?;
         Self::of_degree(samples, degree)
     }
 
     /// Fits polynomials of one degree to any number of states; `None` when the fit is singular.
     pub(super) fn of_degree(samples: &[Sample], degree: usize) -> Option<Self> {
-        let mut scale = [f64::MIN_POSITIVE; 6];
+        let mut scale = vec![f64::MIN_POSITIVE; samples.first()?.0.len()];
         for (point, _) in samples {
-            for k in 0..6 {
-                scale[k] = scale[k].max(point[k].abs());
+            for (s, x) in scale.iter_mut().zip(*point) {
+                *s = s.max(x.abs());
             }
         }
         let mut row = Vec::new();
         let mut features = Vec::new();
         for (point, _) in samples {
-            let x = std::array::from_fn(|k| point[k] / scale[k]);
-            monomials(&x, degree, &mut row);
+            monomials(&scaled(point, &scale), degree, &mut row);
             features.extend_from_slice(&row);
         }
         let (terms, cases) = (row.len(), samples.len());
@@ -89,7 +100,7 @@ impl WarmStart {
 
     /// Bytes to send to another process that has the same body.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let head = [self.degree, self.terms].map(|n| n as u32);
+        let head = [self.degree, self.terms, self.scale.len()].map(|n| n as u32);
         let mut bytes: Vec<u8> = head.iter().flat_map(|n| n.to_le_bytes()).collect();
         bytes.extend(self.scale.iter().flat_map(|v| v.to_le_bytes()));
         bytes.extend(self.coefficients.iter().flat_map(|v| v.to_le_bytes()));
@@ -98,23 +109,23 @@ impl WarmStart {
 
     /// Inverse of [`WarmStart::to_bytes`]; `None` for other bytes.
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
-        let (head, rest) = bytes.split_at_checked(8)?;
-        let (scale, rest) = rest.split_at_checked(48)?;
+        let (head, rest) = bytes.split_at_checked(12)?;
         let number = |b: &[u8]| Some(u32::from_le_bytes(b.try_into().ok()?) as usize);
-        let (degree, terms) = (number(&head[..4])?, number(&head[4..])?);
+        let (degree, terms) = (number(&head[..4])?, number(&head[4..8])?);
+        let variables = number(&head[8..])?;
+        // More of either than is ever fitted would ask for all memory.
+        if degree > MOST_DEGREE || !(6..=6 + MOST_ACTUATORS).contains(&variables) {
+            return None;
+        }
+        let (scale, rest) = rest.split_at_checked(8 * variables)?;
         let doubles = (scale.chunks_exact(8)).map(|b| b.try_into().map(f64::from_le_bytes));
         let floats = (rest.chunks_exact(4)).map(|b| b.try_into().map(f32::from_le_bytes));
         let scale: Vec<f64> = doubles.collect::<Result<_, _>>().ok()?;
         let coefficients: Vec<f32> = floats.collect::<Result<_, _>>().ok()?;
-        // A larger degree than any that is fitted would ask for all memory.
-        if degree > CASES_FOR_DEGREE[0].0 {
-            return None;
-        }
-        let mut row = Vec::new();
-        monomials(&[0.0; 6], degree, &mut row);
-        (row.len() == terms && rest.len() % (4 * terms) == 0).then_some(Self {
+        let fits = number_of_terms(variables, degree) == terms && rest.len() % (4 * terms) == 0;
+        fits.then_some(Self {
             degree,
-            scale: scale.try_into().ok()?,
+            scale,
             coefficients,
             terms,
         })
@@ -126,22 +137,21 @@ impl WarmStart {
     }
 
     /// Initial guess of the state for a load at `point`.
-    pub(super) fn state(&self, point: &[f64; 6], fem: &Fem) -> State {
+    pub(super) fn state(&self, point: &[f64], fem: &Fem) -> State {
         let terms = self.terms_at(point);
         fem.unflatten(self.values(&terms))
     }
 
     /// Initial guess of the pose alone.
-    pub(super) fn pose(&self, point: &[f64; 6]) -> [f64; 6] {
+    pub(super) fn pose(&self, point: &[f64]) -> [f64; 6] {
         let terms = self.terms_at(point);
         let mut values = self.values(&terms);
         std::array::from_fn(|_| values.next().unwrap_or_default())
     }
 
-    fn terms_at(&self, point: &[f64; 6]) -> Vec<f64> {
+    fn terms_at(&self, point: &[f64]) -> Vec<f64> {
         let mut terms = Vec::new();
-        let x = std::array::from_fn(|k| point[k] / self.scale[k]);
-        monomials(&x, self.degree, &mut terms);
+        monomials(&scaled(point, &self.scale), self.degree, &mut terms);
         terms
     }
 
@@ -162,6 +172,7 @@ mod tests {
             let mut terms = Vec::new();
             monomials(&x, degree, &mut terms);
             assert_eq!(terms.len(), count);
+            assert_eq!(number_of_terms(6, degree), count);
             // Primes: equal products are equal monomials.
             terms.sort_by(f64::total_cmp);
             terms.dedup();

@@ -30,7 +30,7 @@ from ecm.models.export.source import Exported, Precision, Source, Target, withou
 from ecm.models.measured_poses import folded, has_measured_poses, measured_poses
 from ecm.models.model import Model
 from ecm.models.time_effects import time_effects
-from ecm.regression.rows import is_whole
+from ecm.regression.rows import actuators_of, is_whole
 
 
 def c(source: Source) -> Exported:
@@ -259,6 +259,11 @@ def export_files(
     if re.fullmatch(r"[a-z][a-z0-9_]{0,39}", name) is None:
         raise InputError(
             f"name {name!r}: expected a lower-case letter, then at most 39 of a-z, 0-9 and _"
+        )
+    if actuators_of(model.base):
+        raise InputError(
+            f"{model.name}: an export has no inputs for actuators yet: give the model at constant "
+            "ones, model.at_actuation([1e4, 0.0, 0.0])"
         )
     chosen = TARGETS[target]
     if name in chosen.taken:

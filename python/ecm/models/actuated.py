@@ -1,0 +1,681 @@
+"""Energies of pose and actuation: one potential gives wrench, stiffness, volumes and their changes.
+
+    Pi(p, a) = sum over the products a^k of the actuators' inputs of  a^k U_k(q(p))  +  f(a),
+
+q the mid-frame coordinates, U_k a polynomial of degree D - (order of k) in them, f a polynomial of
+the inputs alone, which only the volumes tell. Then
+
+    h = dPi/dp,  q_i = -dPi/da_i (volume change of chamber i),  K = dh/dp,  G = dh/da,  C = dq/da.
+
+n equal chambers round the axis: turning the body by 2 pi / n, mirroring it at the plane of the axis
+and chamber 1, and turning it end for end move the chambers among each other and leave Pi as it is.
+Each orbit of products has one polynomial, the sum over those elements that keep its first product;
+the others follow from it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from typing import Any, Literal, get_args
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ecm import _native
+from ecm._native import mid_frame
+from ecm.errors import ComputationError, InputError
+from ecm.io.arrays import F, I
+from ecm.io.columns import POSE, WRENCH, amount_columns
+from ecm.io.events import Progress
+from ecm.io.settings import setting
+from ecm.io.table import Table
+from ecm.models.layout import Layout, array, items, number, one_of, record, text
+from ecm.models.maps import EnergyMap, EnergyTerms, SixAxisMap
+from ecm.models.noise_estimate import declared_or_fitted
+from ecm.models.specification import FittedMap, ModelSpecification, Weights, length_of
+
+Body = Literal["alike", "revolution", "general"]
+"""alike: equal chambers round the axis, both ends alike; revolution: the ends may differ; general:
+no symmetry."""
+_LEAST_DEGREE, _MOST_DEGREE, _ORDER, _MOST_ORDER = 3, 6, 3, 4
+_PURE_ORDER = 5
+"""Order of f: a chamber swells more than in proportion."""
+_SINGULAR = 1e-10
+"""Least singular value over the largest: below it a direction of the coefficients is unknown."""
+
+
+@dataclass(frozen=True)
+class _Orbit:
+    """Products that the symmetry moves into each other, and their polynomials.
+
+    `expansions[i] @ c` are the coefficients of the monomials in the polynomial of `products[i]`.
+    """
+
+    products: tuple[tuple[int, ...], ...]
+    expansions: tuple[F, ...]
+
+
+@dataclass(frozen=True)
+class ActuatedTerms:
+    """The terms of an energy of pose and actuation.
+
+    Examples
+    --------
+    >>> terms = ActuatedTerms(0.1, 3, degree=4, order=1)
+    >>> [(orbit.products, orbit.expansions[0].shape[1]) for orbit in terms.orbits()]
+    [(((0, 0, 0),), 28), (((1, 0, 0), (0, 1, 0), (0, 0, 1)), 26)]
+    """
+
+    length_m: float
+    actuators: int
+    degree: int
+    order: int
+    body: Body = "alike"
+
+    def orbits(self) -> tuple[_Orbit, ...]:
+        """Orbits of the products, the constant one first."""
+        return _orbits(self.actuators, self.degree, self.order, self.body)
+
+    def pure(self) -> tuple[tuple[tuple[int, ...], ...], ...]:
+        """Orbits of the products in the polynomial of the inputs alone."""
+        return tuple(_product_orbits(self.actuators, _PURE_ORDER, self.body)[1:])
+
+    def count(self) -> int:
+        """Number of coefficients."""
+        return sum(orbit.expansions[0].shape[1] for orbit in self.orbits())
+
+    def split(self, coefficients: F) -> Iterator[tuple[tuple[int, ...], F, F]]:
+        """Each product with its expansion and the coefficients of its orbit."""
+        begin = 0
+        for orbit in self.orbits():
+            end = begin + orbit.expansions[0].shape[1]
+            for product, expansion in zip(orbit.products, orbit.expansions, strict=True):
+                yield product, expansion, coefficients[begin:end]
+            begin = end
+
+
+def exponents(degree: int) -> I:
+    """(k, 6) exponents of all monomials of q up to a degree, without the constant one."""
+    zeros = np.zeros(number_of_monomials(degree))
+    model = _native.EnergyModel.from_coefficients(
+        length_m=1.0, degree=degree, symmetry="general", scale=np.ones(2), coefficients=zeros
+    )
+    return np.asarray(model.terms)
+
+
+def number_of_monomials(degree: int) -> int:
+    """Monomials of six variables up to a degree, without the constant one.
+
+    Examples
+    --------
+    >>> number_of_monomials(1), number_of_monomials(4)
+    (6, 209)
+    """
+    total = 1
+    for k in range(1, degree + 1):
+        total = total * (6 + k) // k
+    return total - 1
+
+
+def _monomials(q: F, powers: I) -> F:
+    """(N, k) values of the monomials at q (N, 6)."""
+    return np.asarray(np.prod(q[:, None, :] ** powers[None], axis=2))
+
+
+def _elements(actuators: int, body: Body) -> list[tuple[F, tuple[int, ...]]]:
+    """Matrices (6, 6) on q, and the chamber that comes in the place of each, of the group."""
+    identity = tuple(range(actuators))
+    if body == "general":
+        return [(np.eye(6), identity)]
+    mirrored = tuple((-k) % actuators for k in identity)
+    mirror = np.diag([1.0, 1.0, -1.0, -1.0, -1.0, 1.0])
+    ends = np.diag([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
+    found: list[tuple[Any, tuple[int, ...]]] = []
+    for turn in range(actuators):
+        angle = 2.0 * np.pi * turn / actuators
+        turned = np.eye(3)
+        turned[1:, 1:] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+        matrix = np.kron(np.eye(2), turned)
+        places = tuple((k + turn) % actuators for k in identity)
+        for flips in itertools.product(
+            (False, True), (False, True) if body == "alike" else (False,)
+        ):
+            own, moved = matrix, places
+            for flip, change in zip(flips, (mirror, ends), strict=False):
+                if flip:
+                    own, moved = np.asarray(own @ change), tuple(moved[k] for k in mirrored)
+            found.append((own, moved))
+    return found
+
+
+def _product_orbits(actuators: int, order: int, body: Body) -> list[tuple[tuple[int, ...], ...]]:
+    """Products up to an order that the group moves into each other, by order."""
+    places = {moved for _, moved in _elements(actuators, body)}
+    orbits: list[tuple[tuple[int, ...], ...]] = []
+    for size in range(order + 1):
+        chosen = itertools.combinations_with_replacement(range(actuators), size)
+        left = {tuple(own.count(k) for k in range(actuators)) for own in chosen}
+        while left:
+            members = {_moved(max(left), place) for place in places}
+            orbits.append(tuple(sorted(members, reverse=True)))
+            left -= members
+    return orbits
+
+
+@cache
+def _orbits(actuators: int, degree: int, order: int, body: Body) -> tuple[_Orbit, ...]:
+    group = _elements(actuators, body)
+    powers = exponents(degree)
+    actions = [_action(matrix, powers) for matrix, _ in group]
+    orbits: list[_Orbit] = []
+    for members in _product_orbits(actuators, order, body):
+        moved = [_moved(members[0], places) for _, places in group]
+        keeping = [own for own, other in zip(actions, moved, strict=True) if other == members[0]]
+        low = powers.sum(axis=1) <= max(degree - sum(members[0]), 1)
+        basis = _basis(np.mean(keeping, axis=0), low)
+        expansions = tuple(actions[moved.index(other)] @ basis for other in members)
+        orbits.append(_Orbit(members, expansions))
+    return tuple(orbits)
+
+
+def _moved(product: tuple[int, ...], places: tuple[int, ...]) -> tuple[int, ...]:
+    """The product after chamber k has come to places[k]."""
+    moved = [0] * len(product)
+    for k, power in enumerate(product):
+        moved[places[k]] = power
+    return tuple(moved)
+
+
+def _action(matrix: F, powers: I) -> F:
+    """(k, k) matrix on the coefficients of U that gives those of U(matrix^-1 q)."""
+    degrees = powers.sum(axis=1)
+    action = np.zeros((len(powers), len(powers)))
+    random = np.random.default_rng(0)
+    for degree in np.unique(degrees):
+        own = np.flatnonzero(degrees == degree)
+        q = random.uniform(-1.0, 1.0, (2 * len(own) + 10, 6))
+        there = _monomials(q @ matrix, powers[own])  # the transpose is the inverse
+        block = np.linalg.lstsq(_monomials(q, powers[own]), there, rcond=None)[0]
+        action[np.ix_(own, own)] = np.where(np.abs(block) > 1e-9, block, 0.0)
+    return action
+
+
+def _basis(projector: F, low: Any) -> F:
+    """(k, r) independent columns of a projector among the monomials `low`, the first ones first."""
+    chosen: list[F] = []
+    orthonormal: list[F] = []
+    for column in projector[:, low].T:
+        size = np.linalg.norm(column)
+        left = column.copy()
+        for known in orthonormal:
+            left -= known * (known @ left)
+        if size > 1e-9 and np.linalg.norm(left) > 1e-6 * size:
+            orthonormal.append(left / np.linalg.norm(left))
+            chosen.append(column / np.abs(column).max())
+    return np.asarray(np.array(chosen).T.reshape(len(projector), len(chosen)), dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class ActuatedMap(SixAxisMap):
+    """A polynomial energy of pose and actuation: rows (N, 6 + m), or poses (N, 6) without any.
+
+    Parameters
+    ----------
+    terms
+        Length (m), actuators, degree, order and symmetry.
+    scale
+        (3,) of length (m), angle (rad) and input (Pa) that make the variables dimensionless.
+    coefficients
+        (k,) J, by orbit.
+    pure_J
+        (o,) coefficients of the polynomial of the inputs alone; zero where no volume was measured.
+    actuators
+        Their columns: behind the six of the pose.
+    """
+
+    terms: ActuatedTerms
+    scale: F
+    coefficients: F
+    pure_J: F
+    actuators: tuple[str, ...]
+
+    kind = "actuated"
+
+    @property
+    def name(self) -> str:
+        """`actuatedD`, with `-revolution` or `-general`, and `:ORDER` where it is not 3."""
+        return _name(self.terms.degree, self.terms.order, self.terms.body)
+
+    @property
+    def length_m(self) -> float | None:
+        """Length of the mechanism, m."""
+        return self.terms.length_m
+
+    @cached_property
+    def _parts(self) -> list[tuple[tuple[int, ...], _native.EnergyModel]]:
+        """Each product with its polynomial of q as an energy."""
+        make = _native.EnergyModel.from_coefficients
+        return [
+            (
+                product,
+                make(
+                    length_m=self.terms.length_m,
+                    degree=self.terms.degree,
+                    symmetry="general",
+                    scale=np.ascontiguousarray(self.scale[:2]),
+                    coefficients=np.ascontiguousarray(expansion @ own),
+                ),
+            )
+            for product, expansion, own in self.terms.split(self.coefficients)
+        ]
+
+    def _split(self, rows: F) -> tuple[F, F]:
+        """Poses (N, 6) and dimensionless inputs (N, m) of rows (N, 6 + m), or of poses alone."""
+        at = np.ascontiguousarray(rows[:, :6])
+        if rows.shape[1] == at.shape[1]:
+            return at, np.zeros((len(at), self.terms.actuators))
+        return at, rows[:, 6:] / self.scale[2]
+
+    def predict(self, poses: F) -> F:
+        """(N, 6 + m) poses and inputs to (N, 6) wrenches."""
+        at, a = self._split(poses)
+        return np.asarray(sum(_power(a, k)[:, None] * u.predict(at) for k, u in self._parts))
+
+    def stiffness(self, poses: F, kind: str = "partial") -> F:
+        """(N, 6, 6) K = dh/dp at the inputs."""
+        at, a = self._split(poses)
+        found = np.zeros((len(at), 6, 6))
+        for product, energy in self._parts:
+            own = energy.stiffness(at, kind)  # type: ignore[arg-type]
+            found += _power(a, product)[:, None, None] * own
+        return found
+
+    def actuation_jacobian(self, poses: F) -> F:
+        """(N, 6, m) G = dh/da at fixed pose, m^2 and m^3."""
+        at, a = self._split(poses)
+        found = np.zeros((len(at), 6, self.terms.actuators))
+        for product, energy in self._parts:
+            wrench = energy.predict(at)
+            for i in range(self.terms.actuators):
+                found[:, :, i] += _slope(a, product, (i,))[:, None] * wrench / self.scale[2]
+        return found
+
+    def columns(self, poses: F) -> F:
+        """(N, 6, k) wrench of each coefficient."""
+        at, a = self._split(poses)
+        regressor = _regressor(self.terms, at, self.scale)
+        return self._combined(
+            lambda product, expansion: _power(a, product)[:, None, None] * (regressor @ expansion)
+        )
+
+    def _combined(self, of: Any) -> F:
+        """Arrays (..., k) of the products, summed within each orbit."""
+        parts = [
+            sum(of(*member) for member in zip(orbit.products, orbit.expansions, strict=True))
+            for orbit in self.terms.orbits()
+        ]
+        return np.asarray(np.concatenate(parts, axis=-1), dtype=np.float64)
+
+    def volume_columns(self, poses: F) -> tuple[F, F]:
+        """(N, m, k) and (N, m, o) volume change of each coefficient, and of each of `pure_J`."""
+        at, a = self._split(poses)
+        q = mid_frame(at, self.terms.length_m) / np.repeat(self.scale[:2], 3)
+        monomials = _monomials(q, exponents(self.terms.degree))
+
+        def slopes(product: tuple[int, ...]) -> F:
+            by_input = [_slope(a, product, (i,)) for i in range(self.terms.actuators)]
+            return np.asarray(-np.stack(by_input, axis=1) / self.scale[2], dtype=np.float64)
+
+        columns = self._combined(
+            lambda product, expansion: (
+                slopes(product)[:, :, None] * (monomials @ expansion)[:, None, :]
+            )
+        )
+        pure = [sum(slopes(product) for product in orbit) for orbit in self.terms.pure()]
+        return columns, np.stack(pure, axis=2)
+
+    def volumes_m3(self, poses: F) -> F:
+        """(N, m) volume change of each chamber at poses and inputs (N, 6 + m)."""
+        columns, pure = self.volume_columns(poses)
+        return np.asarray(columns @ self.coefficients + pure @ self.pure_J)
+
+    def volume_jacobian(self, poses: F) -> F:
+        """(N, m, m), C = dq/da at fixed pose, m^3/Pa."""
+        at, a = self._split(poses)
+        m = self.terms.actuators
+        parts = [(product, energy.energy_J(at)) for product, energy in self._parts]
+        for orbit, value in zip(self.terms.pure(), self.pure_J, strict=True):
+            parts += [(product, np.full(len(at), value)) for product in orbit]
+        found = np.zeros((len(at), m, m))
+        for product, value in parts:
+            for i, j in itertools.product(range(m), repeat=2):
+                found[:, i, j] -= _slope(a, product, (i, j)) * value / self.scale[2] ** 2
+        return found
+
+    def with_coefficients(self, coefficients: F) -> ActuatedMap:
+        """The same terms with other coefficients (k,)."""
+        return replace(self, coefficients=np.asarray(coefficients, dtype=np.float64))
+
+    def document(self) -> dict[str, Any]:
+        """Terms, scales and coefficients for a model file."""
+        return self.head(
+            length_m=self.terms.length_m,
+            parameters={
+                "actuators": list(self.actuators),
+                "degree": self.terms.degree,
+                "order": self.terms.order,
+                "symmetry": self.terms.body,
+                "scale": self.scale.tolist(),
+                "coefficients_J": self.coefficients.tolist(),
+                "pure_J": self.pure_J.tolist(),
+            },
+        )
+
+    @staticmethod
+    def from_document(document: dict[str, Any]) -> ActuatedMap:
+        """Return the map of an opened model file."""
+        own = document["parameters"]
+        actuators = tuple(own["actuators"])
+        terms = ActuatedTerms(
+            float(document["length_m"]),
+            len(actuators),
+            int(own["degree"]),
+            int(own["order"]),
+            own["symmetry"],
+        )
+        scale, coefficients, constants = (
+            np.asarray(own[name], dtype=np.float64)
+            for name in ("scale", "coefficients_J", "pure_J")
+        )
+        if len(coefficients) != terms.count() or len(constants) != len(terms.pure()):
+            raise InputError(
+                f"coefficients has {len(coefficients)} numbers and pure_J {len(constants)}, "
+                f"expected {terms.count()} and {len(terms.pure())}"
+            )
+        return ActuatedMap(terms, scale, coefficients, constants, actuators)
+
+    def at(self, inputs: F) -> EnergyMap:
+        """The energy of the pose alone at constant inputs (m,), for exports and controllers."""
+        a = np.asarray(inputs, dtype=np.float64)[None] / self.scale[2]
+        parts = self.terms.split(self.coefficients)
+        coefficients = sum(
+            _power(a, product)[0] * (expansion @ own) for product, expansion, own in parts
+        )
+        terms = EnergyTerms(self.terms.length_m, self.terms.degree, "general")
+        return terms.map(np.ascontiguousarray(self.scale[:2]), np.asarray(coefficients))
+
+    def free_pose(
+        self, inputs: F, wrench: F | None = None, *, start: F | None = None
+    ) -> tuple[F, F]:
+        """Pose (6,) that takes a wrench (6,) at these inputs (m,), and its change dp/da (6, m).
+
+        Newton's method from `start` (6,), default the undeformed pose; the inputs grow in steps
+        where it fails.
+
+        Raises
+        ------
+        ComputationError
+            No pose was found: the wrench or the inputs are beyond what the model has seen.
+        """
+        goal = np.zeros(6) if wrench is None else np.asarray(wrench, dtype=np.float64)
+        a = np.asarray(inputs, dtype=np.float64)
+        rest = np.array([self.terms.length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
+        pose = rest if start is None else np.asarray(start, dtype=np.float64)
+        share, step = 0.0, 1.0
+        while share < 1.0:
+            aim = min(1.0, share + step)
+            found = self._newton(pose, aim * a, aim * goal)
+            if found is not None:
+                pose, share = found, aim
+                continue
+            step *= 0.5
+            if step < 1.0 / 64.0:
+                raise ComputationError(
+                    f"free_pose: no equilibrium was found beyond {100.0 * share:.0f} % of the "
+                    "inputs and the wrench; give smaller ones, or a start that is closer"
+                )
+        row = np.concatenate([pose, a])[None]
+        slope = np.linalg.solve(self.stiffness(row)[0], self.actuation_jacobian(row)[0])
+        return pose, np.asarray(-slope)
+
+    def _newton(self, pose: F, a: F, goal: F) -> F | None:
+        unit = np.repeat([1.0, self.terms.length_m], 3)
+        for _ in range(30):
+            row = np.concatenate([pose, a])[None]
+            gap = goal - self.predict(row)[0]
+            step = np.linalg.solve(self.stiffness(row)[0], gap)
+            largest = np.abs(step * np.repeat([1.0 / self.terms.length_m, 1.0], 3)).max()
+            if not np.isfinite(largest):
+                return None
+            pose = pose + step * min(1.0, 0.3 / max(largest, 1e-300))
+            if np.linalg.norm(pose[3:]) > np.pi:
+                return None
+            if largest < 1e-12 and np.abs(gap / unit).max() < 1e-6:
+                return np.asarray(pose)
+        return None
+
+    def actuation_for(
+        self, pose: F, wrench: F | None = None, *, limits: Sequence[tuple[float, float]]
+    ) -> tuple[F, F]:
+        """Inputs (m,) within limits that hold a pose (6,) against a wrench, and what is left (6,).
+
+        Parameters
+        ----------
+        pose
+            (6,), m and rad.
+        wrench
+            (6,) on the platform; default none.
+        limits
+            Least and largest input of each actuator.
+
+        Returns
+        -------
+        tuple
+            The inputs, and the wrench that is still needed at the pose beside them, N and N m.
+            Forces and moments over the length count alike.
+        """
+        goal = np.zeros(6) if wrench is None else np.asarray(wrench, dtype=np.float64)
+        bounds = np.asarray(limits, dtype=np.float64)
+        if bounds.shape != (self.terms.actuators, 2) or (bounds[:, 0] >= bounds[:, 1]).any():
+            raise InputError(
+                f"actuation_for: limits has shape {bounds.shape}, expected least and largest input "
+                f"of each of the {self.terms.actuators} actuators"
+            )
+        unit = np.repeat([1.0, 1.0 / self.terms.length_m], 3)
+        scale = self.scale[2]
+
+        def row(a: F) -> F:
+            return np.concatenate([np.asarray(pose, dtype=np.float64), a * scale])[None]
+
+        def left(a: F) -> F:
+            return np.asarray((self.predict(row(a))[0] - goal) * unit)
+
+        def slope(a: F) -> F:
+            return np.asarray(self.actuation_jacobian(row(a))[0] * scale * unit[:, None])
+
+        found = least_squares(
+            left,
+            bounds.mean(axis=1) / scale,
+            jac=slope,
+            bounds=tuple(bounds.T / scale),
+            x_scale="jac",
+        )
+        return found.x * scale, self.predict(row(found.x))[0] - goal
+
+
+def _power(a: F, product: tuple[int, ...]) -> F:
+    """(N,) values of a product of inputs (N, m)."""
+    return np.asarray(np.prod(a ** np.array(product), axis=1))
+
+
+def _slope(a: F, product: tuple[int, ...], by: tuple[int, ...]) -> F:
+    """(N,) derivative of a product of inputs (N, m) by some of them, one after the other."""
+    factor, powers = 1.0, list(product)
+    for i in by:
+        factor *= powers[i]
+        powers[i] -= 1
+    if factor == 0.0:
+        return np.zeros(len(a))
+    return factor * _power(a, tuple(powers))
+
+
+def _regressor(terms: ActuatedTerms, poses: F, scale: F) -> F:
+    """(N, 6, k) wrench of each monomial of q."""
+    return _native.EnergyModel.regressor(
+        poses,
+        length_m=terms.length_m,
+        degree=terms.degree,
+        symmetry="general",
+        scale=np.ascontiguousarray(scale[:2]),
+    )
+
+
+def _name(degree: int, order: int, body: Body) -> str:
+    suffix = "" if body == "alike" else f"-{body}"
+    return f"actuated{degree}{suffix}" + ("" if order == _ORDER else f":{order}")
+
+
+@dataclass(frozen=True)
+class ActuatedModel(ModelSpecification):
+    """A polynomial energy of pose and actuation; short name `actuatedD`.
+
+    Columns pressure_1_Pa, pressure_2_Pa, ... are inputs beside the pose. Where the volumes of the
+    chambers were measured (volume_1_m3, ...), they are more data on the same coefficients.
+
+    Parameters
+    ----------
+    degree
+        Degree of the energy without actuation; each input takes one away.
+    symmetry
+        `alike`: equal chambers round the axis and both ends alike. `revolution`: the ends may
+        differ. `general`: no symmetry.
+    order
+        Largest power of the inputs.
+
+    Examples
+    --------
+    >>> ActuatedModel(degree=4, symmetry="general").name
+    'actuated4-general'
+    """
+
+    degree: int = setting(4, low=_LEAST_DEGREE, high=_MOST_DEGREE, doc="degree of the energy")
+    symmetry: Body = setting("alike", choices=get_args(Body))
+    order: int = setting(_ORDER, low=1, high=_MOST_ORDER, doc="largest power of the inputs")
+
+    kind = "actuated"
+    usage = (
+        f"actuatedD with D from {_LEAST_DEGREE} to {_MOST_DEGREE}, alone or with -revolution or "
+        f"-general, then with :ORDER from 1 to {_MOST_ORDER}"
+    )
+
+    @property
+    def name(self) -> str:
+        """`actuatedD`, with `-revolution` or `-general`, and `:ORDER` where it is not 3."""
+        return _name(self.degree, self.order, self.symmetry)
+
+    @classmethod
+    def from_name(cls, name: str) -> ActuatedModel | None:
+        """`actuatedD`, `actuatedD-revolution`, `actuatedD-general`, each with `:ORDER`."""
+        stem, colon, order = name.partition(":")
+        stem, dash, suffix = stem.partition("-")
+        digits = stem.removeprefix("actuated")
+        wrong = (dash and not suffix) or (colon and not order.isdecimal())
+        if digits == stem or not digits.isdecimal() or wrong:
+            return None
+        symmetry: Any = suffix or "alike"
+        return cls(int(digits), symmetry, int(order) if order else _ORDER)
+
+    def fit_map(
+        self, table: Table, weights: Weights, progress: Progress | None = None
+    ) -> FittedMap:
+        """Least squares that weighs each component, and each volume, by its own spread."""
+        actuation = table.actuation_columns
+        if not actuation:
+            raise InputError(
+                f"{table.source}: {self.name} needs the actuators' columns, pressure_1_Pa, "
+                "pressure_2_Pa, ...; without them take another model (ecm fit --model choose)"
+            )
+        inputs = (*POSE, *actuation)
+        rows, wrenches = table.matrix(inputs), table.matrix(WRENCH)
+        terms = ActuatedTerms(
+            length_of(table, self.name), len(actuation), self.degree, self.order, self.symmetry
+        )
+        scale = np.append(
+            _native.EnergyModel.scale_of(np.ascontiguousarray(rows[:, :6]), terms.length_m),
+            np.abs(rows[:, 6:]).max(),
+        )
+        if scale[2] == 0.0:
+            raise InputError(f"{table.source}: every pressure is 0; give rows under pressure")
+        pure = len(terms.pure())
+        base = ActuatedMap(terms, scale, np.zeros(terms.count()), np.zeros(pure), actuation)
+        volumes = amount_columns(table.columns)
+        if len(volumes) not in (0, len(actuation)):
+            raise InputError(
+                f"{table.source}: {len(volumes)} volume columns beside {len(actuation)} pressures: "
+                "give the volume of each chamber, or of none"
+            )
+        design, target = _weighted(base.columns(rows), wrenches)
+        if volumes:
+            of_volumes = np.concatenate(base.volume_columns(rows), axis=2)
+            design = np.hstack([design, np.zeros((len(design), pure))])
+            more, measured = _weighted(of_volumes, table.matrix(volumes))
+            design, target = np.vstack([design, more]), np.append(target, measured)
+        if len(target) < design.shape[1]:
+            raise InputError(
+                f"{table.source}: {self.name} has {design.shape[1]} coefficients, {len(table)} "
+                f"rows give {len(target)} equations: give more rows, or take a lower degree"
+            )
+        solution, covariance = _solved(design, target)
+        k = terms.count()
+        fitted = replace(base, coefficients=solution[:k])
+        if volumes:
+            fitted = replace(fitted, pure_J=solution[k:])
+        return FittedMap(fitted, declared_or_fitted(fitted, table), covariance[:k, :k])
+
+    @staticmethod
+    def layout(n: int, m: int) -> Layout:
+        """Layout of the family's own keys in a model file."""
+        return record(
+            {
+                "length_m": number(positive=True),
+                "parameters": record(
+                    {
+                        "actuators": items(text, least=1),
+                        "degree": number(positive=True),
+                        "order": number(positive=True),
+                        "symmetry": one_of(*get_args(Body)),
+                        "scale": array(3, positive=True),
+                        "coefficients_J": array(None),
+                        "pure_J": array(None),
+                    }
+                ),
+            },
+            others=True,
+        )
+
+    map_from_document = staticmethod(ActuatedMap.from_document)
+
+
+def _weighted(columns: F, measured: F) -> tuple[F, F]:
+    """(N m, k) columns and (N m,) values of each component over its spread."""
+    spread = measured.std(axis=0)
+    spread = np.where(spread > 0.0, spread, max(float(spread.max()), 1e-300))
+    n, m, k = columns.shape
+    return (columns / spread[:, None]).reshape(n * m, k), (measured / spread).ravel()
+
+
+def _solved(design: F, target: F) -> tuple[F, F]:
+    """Least squares by scaled columns; directions that the rows do not tell stay at zero."""
+    size = np.linalg.norm(design, axis=0)
+    size[size == 0.0] = 1.0
+    u, s, vt = np.linalg.svd(design / size, full_matrices=False)
+    known = s > _SINGULAR * s[0]
+    inverse = vt[known].T / s[known]
+    solution = inverse @ (u[:, known].T @ target) / size
+    left = target - design @ solution
+    freedom = max(len(target) - int(known.sum()), 1)
+    covariance = float(left @ left) / freedom * (inverse @ inverse.T) / np.outer(size, size)
+    return solution, covariance

@@ -1,0 +1,244 @@
+"""Energies of pose and actuation, on FEM of an arm with three chambers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ecm
+from ecm.effects import get_effect
+from ecm.errors import ComputationError, InputError
+from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import Table
+from ecm.models import Model
+from ecm.models.actuated import ActuatedModel, ActuatedTerms
+from ecm.models.selection import choose_model
+from ecm.regression.rows import inputs_of
+from ecm.workflow.config import read_config
+from support.neck import ROOT
+
+PRESSURES = ("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa")
+VOLUMES = ("volume_1_m3", "volume_2_m3", "volume_3_m3")
+ARM = {"mechanism": {"length_m": 0.1}}
+
+
+@pytest.fixture(scope="module")
+def table() -> Table:
+    """100 rows by FEM; the first 60 are fitted."""
+    return ecm.read_table(ROOT / "examples" / "soft_arm.csv", meta=ARM)
+
+
+@pytest.fixture(scope="module")
+def train(table: Table) -> Table:
+    return table.select(np.arange(60))
+
+
+@pytest.fixture(scope="module")
+def fresh(table: Table) -> Table:
+    return table.select(np.arange(60, 100))
+
+
+@pytest.fixture(scope="module")
+def model(train: Table) -> Model:
+    return ecm.fit_model(train, "actuated4")
+
+
+def share_of_spread(model: Model, fresh: Table) -> F:
+    """(6,) error on fresh rows over their spread."""
+    left = model.predict(fresh) - fresh.wrenches
+    return np.asarray(left.std(axis=0) / fresh.wrenches.std(axis=0))
+
+
+def test_sixty_rows_are_fitted_ten_times_better_than_by_a_polynomial(
+    model: Model, train: Table, fresh: Table
+) -> None:
+    ours = share_of_spread(model, fresh).max()
+    assert ours < 0.01
+    for name in ("linear", "quadratic"):
+        polynomial = ecm.fit_model(train, name)
+        assert polynomial.inputs == (*POSE, *PRESSURES)
+        assert share_of_spread(polynomial, fresh).max() > 10.0 * ours
+
+
+def test_volumes_are_more_data_on_the_same_coefficients(
+    model: Model, train: Table, fresh: Table
+) -> None:
+    measured = fresh.matrix(VOLUMES)
+    left = model.actuated.volumes_m3(inputs_of(model.base, fresh)) - measured
+    assert (left.std(axis=0) < 0.01 * measured.std(axis=0)).all()
+    # Where the sensor is poor they show: an error of 5 % of the spread, and twenty rows.
+    few, spread = train.select(np.arange(20)), train.wrenches.std(axis=0)
+    noise = 0.05 * spread * np.random.default_rng(0).standard_normal((20, 6))
+    noisy = few.with_columns(dict(zip(WRENCH, (few.wrenches + noise).T, strict=True)))
+    with_volumes, without = (
+        share_of_spread(ecm.fit_model(rows, "actuated3"), fresh).mean()
+        for rows in (noisy, noisy.drop(*VOLUMES))
+    )
+    assert with_volumes < 0.8 * without
+
+
+def test_k_g_and_c_are_derivatives_and_reciprocal(model: Model, fresh: Table) -> None:
+    rows = inputs_of(model.base, fresh)[:5]
+    base = model.actuated
+    for j in range(9):
+        step = np.zeros(9)
+        step[j] = 1e-6 if j < 6 else 1.0
+        up, down = base.predict(rows + step), base.predict(rows - step)
+        slope = (up - down) / (2.0 * step[j])
+        given = base.stiffness(rows)[:, :, j] if j < 6 else None
+        given = base.actuation_jacobian(rows)[:, :, j - 6] if given is None else given
+        np.testing.assert_allclose(slope, given, rtol=1e-4, atol=1e-4 * np.abs(given).max())
+        volumes = (base.volumes_m3(rows + step) - base.volumes_m3(rows - step)) / (2.0 * step[j])
+        if j < 3:
+            # dq/dr = -G' for the position; for the rotation J(theta) stands between.
+            of_force = -base.actuation_jacobian(rows)[:, j]
+            np.testing.assert_allclose(volumes, of_force, rtol=1e-4, atol=1e-9)
+        if j >= 6:
+            of_input = base.volume_jacobian(rows)[:, :, j - 6]
+            np.testing.assert_allclose(volumes, of_input, rtol=1e-4, atol=1e-15)
+
+
+def test_stiffness_and_g_are_those_of_the_body(model: Model) -> None:
+    """FEM solved beside poses and pressures of the fit."""
+    body = read_config(ROOT / "examples" / "soft_arm.toml").mechanism
+    wrench, pressures = np.array([[1.0, 0.5, -0.3, 0.01, 0.02, 0.01]]), np.array([[8e3, 2e3, 1e4]])
+    here = body.fem().solve_wrenches(np.hstack([wrench, pressures]))
+    g, c = here.actuation_jacobians
+    rows = np.hstack([here.poses, pressures])
+    assert np.abs(model.stiffness(rows) - here.stiffness).max() < 0.01 * here.stiffness.max()
+    found = model.actuation_jacobian(here.poses, pressures)
+    assert np.abs(found - g).max() < 0.04 * np.abs(g).max()
+    assert np.abs(model.actuated.volume_jacobian(rows) - c).max() < 0.05 * c.max()
+
+
+def test_turning_mirroring_and_end_for_end_leave_the_energy(model: Model, fresh: Table) -> None:
+    rows = inputs_of(model.base, fresh)
+    angle = 2.0 * np.pi / 3.0
+    turn = np.array(
+        [
+            [1.0, 0.0, 0.0],
+            [0.0, np.cos(angle), -np.sin(angle)],
+            [0.0, np.sin(angle), np.cos(angle)],
+        ]
+    )
+    turned = np.hstack(
+        [rows[:, :3] @ turn.T, rows[:, 3:6] @ turn.T, np.roll(rows[:, 6:], 1, axis=1)]
+    )
+    wrench = model.predict(rows[:, :6], rows[:, 6:])
+    expected = np.hstack([wrench[:, :3] @ turn.T, wrench[:, 3:] @ turn.T])
+    np.testing.assert_allclose(model.predict(turned), expected, atol=1e-9)
+    mirror = np.array([1.0, 1.0, -1.0, -1.0, -1.0, 1.0])
+    mirrored = np.hstack([rows[:, :6] * mirror, rows[:, [6, 8, 7]]])
+    np.testing.assert_allclose(model.predict(mirrored), wrench * mirror, atol=1e-9)
+    free = ecm.fit_model(fresh, ActuatedModel(degree=3, symmetry="general", order=1))
+    assert len(free.base.coefficients) > 3 * ActuatedTerms(0.1, 3, 3, 1).count()
+
+
+def test_the_free_pose_takes_the_wrench_and_moves_with_the_inputs(
+    model: Model, fresh: Table
+) -> None:
+    row = inputs_of(model.base, fresh)[0]
+    a, wrench = row[6:], fresh.wrenches[0]
+    pose, slope = model.free_pose(a, wrench)
+    np.testing.assert_allclose(model.predict(pose, a), wrench, atol=1e-6)
+    assert np.abs(pose - row[:6]).max() < 1e-3
+    step = np.array([0.0, 20.0, 0.0])
+    up, down = (model.free_pose(a + sign * step, wrench)[0] for sign in (1.0, -1.0))
+    np.testing.assert_allclose((up - down) / 40.0, slope[:, 1], rtol=1e-3, atol=1e-10)
+    with pytest.raises(ComputationError, match="no equilibrium was found beyond"):
+        model.free_pose(1e3 * a)
+
+
+def test_inputs_for_a_pose_stay_within_their_limits(model: Model, fresh: Table) -> None:
+    row = inputs_of(model.base, fresh)[3]
+    a, left = model.actuation_for(row[:6], fresh.wrenches[3], limits=[(0.0, 2e4)] * 3)
+    np.testing.assert_allclose(a, row[6:], atol=500.0)
+    assert np.abs(left[:3]).max() < 0.02
+    narrow, more = model.actuation_for(row[:6], fresh.wrenches[3], limits=[(0.0, 2e3)] * 3)
+    assert (narrow <= 2e3).all()
+    assert np.abs(more).max() > np.abs(left).max()
+    with pytest.raises(InputError, match=r"limits has shape \(2, 2\)"):
+        model.actuation_for(row[:6], limits=[(0.0, 1.0)] * 2)
+
+
+def test_a_file_gives_the_same_model_back(model: Model, fresh: Table, tmp_path: Path) -> None:
+    model.save(tmp_path / "arm.json")
+    again = ecm.load_model(tmp_path / "arm.json")
+    np.testing.assert_array_equal(again.predict(fresh), model.predict(fresh))
+    assert again.actuated.actuators == PRESSURES
+    assert again.name == "actuated4"
+
+
+def test_choose_takes_the_actuated_energy(train: Table) -> None:
+    chosen = choose_model(train, ["linear", "actuated3", "actuated4"], folds=5)
+    assert chosen.best.name == "actuated4"
+
+
+def test_what_does_not_fit_is_said(train: Table, model: Model, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="needs the actuators' columns, pressure_1_Pa"):
+        ecm.fit_model(train.drop(*PRESSURES), "actuated4")
+    with pytest.raises(InputError, match="2 volume columns beside 3 pressures"):
+        ecm.fit_model(train.drop("volume_1_m3"), "actuated4")
+    with pytest.raises(InputError, match="coefficients, 10 rows give"):
+        ecm.fit_model(train.select(np.arange(10)).drop(*VOLUMES), "actuated5")
+    with pytest.raises(InputError, match="actuatedD with D from 3 to 6"):
+        ecm.fit_model(train, "actuated")
+    with pytest.raises(InputError, match="has no actuators"):
+        ecm.fit_model(train, "energy4").free_pose(np.zeros(3))
+    with pytest.raises(InputError, match=r"expected \(N, 6\) and \(N, 3\)"):
+        model.predict(np.zeros((2, 6)), np.zeros((2, 2)))
+    with pytest.raises(InputError, match="no inputs for actuators yet"):
+        ecm.export(model, "c", tmp_path)
+
+
+def test_at_constant_inputs_it_is_an_energy_of_the_pose(model: Model, fresh: Table) -> None:
+    a = np.array([8e3, 0.0, 3e3])
+    held = model.at_actuation(a)
+    poses = fresh.matrix(POSE)
+    np.testing.assert_allclose(held.predict(poses), model.predict(poses, a), atol=1e-9)
+    np.testing.assert_allclose(
+        held.stiffness(poses), model.stiffness(model.with_actuation(poses, a)), atol=1e-6
+    )
+    np.testing.assert_allclose(model.predict(poses), model.predict(poses, np.zeros(3)))
+
+
+def recorded_wrong(table: Table, model: Model, true: F) -> Table:
+    """The table as if these pressures (N, 3) had acted in place of the recorded ones."""
+    at = table.matrix(POSE)
+    noise = np.random.default_rng(1).standard_normal((len(table), 6))
+    wrenches = model.predict(at, true) + noise * np.repeat([0.004, 1.2e-4], 3)
+    columns = {name: table[name] for name in (*POSE, *PRESSURES)}
+    columns |= dict(zip(WRENCH, wrenches.T, strict=True))
+    noise_figures = {"force_sd_N": 0.004, "torque_sd_Nm": 1.2e-4}
+    return ecm.as_table(columns, meta={**ARM, "instrument": noise_figures})
+
+
+@pytest.mark.parametrize(
+    ("name", "actuator", "size"),
+    [("pressure_offset", "pressure_2_Pa", 600.0), ("pressure_gain", "pressure_3_Pa", 0.05)],
+)
+def test_a_wrong_pressure_is_named(
+    name: str, actuator: str, size: float, table: Table, model: Model
+) -> None:
+    """The plant is an energy of another degree and order, with the pressures that acted."""
+    plant = ecm.fit_model(table, "actuated5:4")
+    recorded = table.matrix(PRESSURES)
+    true = recorded.copy()
+    column = PRESSURES.index(actuator)
+    true[:, column] += size if name == "pressure_offset" else size * recorded[:, column]
+    found = ecm.diagnose(model, recorded_wrong(table, plant, true))
+    assert [item.id for item in found.effects] == [name]
+    assert found.effects[0].effect.shape["actuator"] == actuator
+    assert found.effects[0].values[0] == pytest.approx(size, rel=0.1)
+    nothing = ecm.diagnose(model, recorded_wrong(table, plant, recorded))
+    assert nothing.verdict == "none"
+
+
+def test_effects_of_actuators_are_listed_where_there_are_some(table: Table) -> None:
+    names = {item.id for item in ecm.effects.effects_of(table)}
+    assert {"pressure_offset", "regulator_lag", "chamber_leak"} <= names
+    assert "pressure_gain" not in {i.id for i in ecm.effects.effects_of(table.drop(*PRESSURES))}
+    assert get_effect("pressure_cross_talk").parameters[0].unit == "1"
