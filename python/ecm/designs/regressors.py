@@ -308,18 +308,19 @@ class DesignSettings(Checked):
 
     criterion: str = setting("d", choices=tuple(CRITERIA))
     """d: largest determinant; i: smallest average variance of h and of K times half the range; a:
-    smallest summed variance of the coefficients; g: smallest largest variance; di: D in `share`, I
+    smallest sum of the variances of coefficients; g: smallest largest variance; di: D in `share`, I
     in the rest; maximin: largest smallest distance, in coordinates normalised to [-1, 1] or in
     metres with `metres_per_radian`."""
     model: str = setting("cubic")
-    """`poly:D` or its aliases, `energyD` with its length, or `physics` with a nominal model."""
+    """`poly:D`, `linear`, `quadratic`, `cubic`, `energyD` with its length, or `physics` with a
+    nominal model."""
     length_m: float | None = setting(None, above=0.0)
     """Length of the mechanism in m, for energies; by default that of the nominal model."""
     effects: tuple[Effect, ...] = setting((), any_size=True)
     """Effects whose parameters the design determines too, as far as the poses can."""
     ridge: float = setting(0.0, low=0.0)
-    """Information known beforehand on every coefficient but a polynomial's constant, in units of
-    the rows' information: the design for a ridge fit (Bayesian D, I, A)."""
+    """Information that is known before on all coefficients but a polynomial's constant, in units of
+    the rows' information: the design for a fit with this `ridge`."""
     share: float = setting(0.5, low=0.0, high=1.0)
     """Share of D in the criterion di."""
     metres_per_radian: float | None = setting(None, above=0.0)
@@ -329,8 +330,7 @@ class DesignSettings(Checked):
     replicates: bool = setting(False)
     """Whether a pose may be chosen more than once."""
     method: Literal["search", "paper"] = setting("search", choices=("search", "paper"))
-    """search: the best that is found; paper: Fedorov's exchange for d, simple exchange for
-    maximin."""
+    """search: the best that is found; paper: the exchange of the paper for d, or for maximin."""
     starts: int = setting(10, low=1)
     """Random starts; the best one is kept."""
     iterations: int = setting(0, low=0)

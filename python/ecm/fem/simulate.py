@@ -318,15 +318,15 @@ class Workspace(Checked):
     rotation_limit_rad: float = setting(0.8, above=0.0, high=math.pi)
     """Largest rotation angle of an admissible pose, in rad, not degrees."""
     stretch_limit: float = setting(2.5, above=0.0)
-    """Largest principal stretch anywhere in the body of an admissible pose."""
+    """Largest principal stretch in the body of an admissible pose."""
     wrench_min: tuple[float, ...] = setting(TABLE_I_MIN)
-    """Lower corner of the box of random wrenches: fx fy fz in N, taux tauy tauz in N m."""
+    """Lower limits of the box of random wrenches: fx fy fz in N, taux tauy tauz in N m."""
     wrench_max: tuple[float, ...] = setting(TABLE_I_MAX)
-    """Upper corner of the same; the default is Table I of the paper."""
+    """Upper limits of the same; the default is Table I of the paper."""
     pressure_min_Pa: tuple[float, ...] = setting((0.0,), any_size=True)
-    """Lower corner of the box of gauge pressures, Pa: of all chambers, or one for each."""
+    """Lower limits of the box of gauge pressures, Pa: of all chambers, or one for each."""
     pressure_max_Pa: tuple[float, ...] = setting((0.0,), any_size=True)
-    """Upper corner of the same."""
+    """Upper limits of the same."""
     full_box: bool = setting(False)
     """Keep every stable pose of the box; no screen, no limits."""
     screen_margin: float = setting(1.2, above=0.0)
