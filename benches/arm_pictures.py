@@ -31,8 +31,7 @@ from ecm.rig import RigSettings, Source, fem_source
 from ecm.rig.arm.campaign import RobotCampaign, first_reached, full_trace, require_arm
 from ecm.rig.arm.kuka import mujoco
 from ecm.rig.arm.simulation import Simulation
-from ecm.rig.arm.sorties import SortieResult, Stop
-from ecm.rig.arm.summary import COLOURS, PANELS
+from ecm.rig.arm.trips import COLOURS, PANELS, Stop, TripResult
 from ecm.rig.arm.worker import ArmSetup
 from ecm.rig.elastic import Progress
 from ecm.rig.plan import rest_pose
@@ -65,7 +64,7 @@ class Film:
         self.images: list[NDArray[np.uint8]] = []
 
     def begin(self, title: str = "") -> None:
-        """Begin a sortie, whose clock starts again."""
+        """Begin a trip, whose clock starts again."""
         self._last_s = -1.0
         self._title = title
 
@@ -148,7 +147,7 @@ def centre_line(top_m: F, top_axes: F, length_m: float) -> F:
 def write_film(
     setup: ArmSetup, stops: Sequence[Stop], path: Path, radius_m: float, progress: Progress = None
 ) -> int:
-    """Film each stop as a sortie of its own; return the number of frames.
+    """Film each stop as a trip of its own; return the number of frames.
 
     ComputationError if this machine cannot draw without a screen.
     """
@@ -157,7 +156,7 @@ def write_film(
         arm = setup.build(film.frame)
         for i, stop in enumerate(stops):
             film.begin(f"pose {i + 1} of {len(stops)}")
-            arm.sortie([stop])
+            arm.trip([stop])
             if progress is not None:
                 progress(i + 1, len(stops), "filming")
         film.write(path)
@@ -208,17 +207,17 @@ def gl_context(width: int, height: int) -> Any:
     )
 
 
-def draw_phases(sortie: SortieResult, stop: Stop, length_m: float, path: Path) -> None:
-    """Draw Fig. 7 of a sortie with one stop: each component of the pose, with the phases."""
+def draw_phases(trip: TripResult, stop: Stop, length_m: float, path: Path) -> None:
+    """Draw Fig. 7 of a trip with one stop: each component of the pose, with the phases."""
     figure = require("matplotlib.figure", "report", "--phases").Figure(
         figsize=(9.0, 6.0), layout="constrained"
     )
-    result = sortie.stops[0]
-    time_s, trace = full_trace(sortie)
+    result = trip.stops[0]
+    time_s, trace = full_trace(trip)
     rest = rest_pose(length_m)
     axes: Any = figure.subplots(2, 3, sharex=True)
     for j, axis in enumerate(axes.ravel()):
-        for name, begin, end in (*result.phases, *sortie.home.phases):
+        for name, begin, end in (*result.phases, *trip.home.phases):
             axis.axvspan(begin, end, color=COLOURS[name], lw=0, label=name if j == 0 else None)
         axis.plot(time_s, 1e3 * (trace[:, j] - rest[j]), color="#204a87", lw=1.5)
         axis.axhline(1e3 * (stop.goal[j] - rest[j]), color="#a40000", lw=1.0, ls="--")
@@ -269,9 +268,9 @@ def write_pictures(
     """
     lines = []
     if phases is not None:
-        sortie, stop = first_reached(campaign)
-        draw_phases(sortie, stop, campaign.plant.length_m, phases)
-        reason = sortie.stops[0].reason
+        trip, stop = first_reached(campaign)
+        draw_phases(trip, stop, campaign.plant.length_m, phases)
+        reason = trip.stops[0].reason
         lines.append(
             f"{phases}: the phases of the first pose that the arm reaches"
             if not reason
@@ -279,7 +278,7 @@ def write_pictures(
         )
     if film is not None:
         radius = float((campaign.plan.meta.mechanism or {}).get("radius_m", _RADIUS_M))
-        stops = [sortie.stops[0] for sortie in campaign.sorties[:_FILMED]]
+        stops = [trip.stops[0] for trip in campaign.trips[:_FILMED]]
         frames = write_film(campaign.setup, stops, film, radius, progress)
         lines.append(f"{film}: {len(stops)} poses, {frames} frames")
     return lines

@@ -37,7 +37,7 @@ from blind_parts.sets import ALL_SETS, ARM, Set, balanced, each_of, sets_of
 from blind_parts.workers import run_all
 from ecm import _native
 from ecm.io.cache import write_atomically
-from ecm.io.parallel import own_cores
+from ecm.io.extras import own_cores
 
 _SEEDS_EVERY = 15
 """The same data are analysed with twenty seeds in one of so many rounds of a tier."""

@@ -24,7 +24,7 @@ from ecm.io.se3 import rotation
 from ecm.io.table import Table
 from ecm.rig import Campaign, RigSettings
 from ecm.rig.calibration import sensor_frame, target_frame
-from ecm.rig.elastic import Anchors, Progress, Smooth
+from ecm.rig.elastic import Progress, Smooth, SolvedPoses
 from ecm.rig.instruments import Camera, ForceTorqueSensor
 from ecm.rig.plan import rest_pose
 from ecm.rig.plant import wrench_in_base
@@ -114,7 +114,7 @@ def zero_left(law: str, every: int, seed: int) -> tuple[float, float, float]:
     warm = np.asarray([r.sensor_temperature_degC for r in readings])
     quiet = wrench_in_base(plant, visits, sensor, truth.pose_seen, warm)
     rows = visits.at_poses
-    left = quiet[rows] - plant.elastic.wrench(visits.anchor[rows], truth.pose_seen[rows])
+    left = quiet[rows] - plant.elastic.wrench(visits.nearest[rows], truth.pose_seen[rows])
     force, torque = np.sqrt(np.mean(left[:, :3] ** 2)), np.sqrt(np.mean(left[:, 3:] ** 2))
     return float(force), float(torque), campaign.minutes
 
@@ -132,13 +132,13 @@ class Springs:
         """Named for the cache."""
         return "springs"
 
-    def solve(self, poses: F, grade: str, progress: Progress) -> Anchors:
+    def solve(self, poses: F, grade: str, progress: Progress) -> SolvedPoses:
         """h = K (p - p0)."""
         stiffness = np.tile(_STIFFNESS, (len(poses), 1, 1))
         wrenches = (poses - rest_pose(LENGTH_M)) @ _STIFFNESS
-        return Anchors(poses, wrenches, stiffness, ("solved",) * len(poses))
+        return SolvedPoses(poses, wrenches, stiffness, ("solved",) * len(poses))
 
-    def surrogate(self, anchors: Anchors) -> Smooth | None:
+    def surrogate(self, solved: SolvedPoses) -> Smooth | None:
         """None: springs have no curvature."""
         return None
 

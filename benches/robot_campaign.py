@@ -29,8 +29,7 @@ from ecm.io.columns import POSE
 from ecm.io.table import Table, read_table
 from ecm.rig import RigSettings, fem_source, run_campaign
 from ecm.rig.arm.campaign import RobotCampaign
-from ecm.rig.arm.sorties import Stop
-from ecm.rig.arm.summary import PHASES
+from ecm.rig.arm.trips import PHASES, Stop
 from ecm.rig.readings import robot_path
 from ecm.workflow.config import read_rig
 
@@ -107,12 +106,12 @@ def loop(plan: Table, rig: RigSettings) -> dict[str, float]:
     campaign = campaign_of(plan, rig)
     arm = campaign.setup.build()
     steps, start = 0, time.process_time()
-    for sortie in campaign.sorties[:10]:
-        arm.sortie(sortie.stops)
+    for trip in campaign.trips[:10]:
+        arm.trip(trip.stops)
         steps += arm.simulation.steps
     spent = time.process_time() - start
     arm.simulation.reset()
-    at_rest = campaign.plant.elastic.anchors.stiffness[0]
+    at_rest = campaign.plant.elastic.solved.stiffness[0]
     number = arm.simulation.stability_number(at_rest)
     print(f"{1e6 * spent / steps:.1f} us a step over {steps} steps; dt omega_max {number:.3f} of 2")
     return {"us_a_step": 1e6 * spent / steps, "stability_number": number}
@@ -124,14 +123,14 @@ def springs(plan: Table, rig: RigSettings) -> list[dict[str, float]]:
     arm = campaign.setup.build()
     rest = np.array([campaign.plant.length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
     own = np.repeat([rig.arm.impedance_N_m, rig.arm.impedance_Nm_rad], 3)
-    stiffness = campaign.plant.elastic.anchors.stiffness[0]
+    stiffness = campaign.plant.elastic.solved.stiffness[0]
     rows = []
     print("| axis | goal | reached % | springs in series % |")
     print("|---|---|---|---|")
     for j, size in enumerate((-0.002, 0.002, 0.002, 0.05, 0.05, 0.05)):
         goal = rest.copy()
         goal[j] += size
-        outcome = arm.sortie([Stop(0, goal, (), 0.1, 0.2)]).stops[0]
+        outcome = arm.trip([Stop(0, goal, (), 0.1, 0.2)]).stops[0]
         share = (outcome.after_impedance[j] - rest[j]) / size
         away = np.linalg.solve(np.diag(own) + stiffness, np.diag(own)[:, j] * size)[j] / size
         rows.append({"reached": share, "series": away})

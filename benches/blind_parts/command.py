@@ -14,7 +14,7 @@ import numpy as np
 from blind import code_hash
 from blind_parts.workers import run_all
 from ecm.io.cache import write_atomically
-from ecm.io.parallel import own_cores
+from ecm.io.extras import own_cores
 
 
 def parser_of(description: str, sets: int) -> argparse.ArgumentParser:

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 import ecm
 from ecm.io.cache import write_json
-from ecm.io.parallel import own_cores
+from ecm.io.extras import own_cores
 
 # What runs the blind benchmarks runs these rows as well.
 sys.path.append(str(Path(__file__).parents[2] / "benches"))

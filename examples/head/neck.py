@@ -17,7 +17,7 @@ import numpy as np
 import ecm
 from ecm._native import EnergyModel  # ecm.EnergyModel ends at degree 6
 from ecm.models import EnergyMap, Model
-from ecm.rig import Anchors, Hidden
+from ecm.rig import Hidden, SolvedPoses
 from ecm.rig.physics.material import Hysteresis, Relaxation, Temperature
 from ecm.rig.physics.true_effect import Conditions
 from robot import F, rotation
@@ -63,13 +63,13 @@ class TrueNeck:
         """Names the energy, for the rig's cache (see `ecm.rig.Source`)."""
         return f"true-neck-{sha256(self.elastic.coefficients.tobytes()).hexdigest()}"
 
-    def solve(self, poses: F, grade: str, progress: object = None) -> Anchors:
+    def solve(self, poses: F, grade: str, progress: object = None) -> SolvedPoses:
         """Wrenches and stiffness at poses (N, 6), as the rig asks a solver for them."""
         wrenches, stiffness = self.elastic.wrench_and_stiffness(poses)
-        return Anchors(poses, wrenches, stiffness, ("solved",) * len(poses))
+        return SolvedPoses(poses, wrenches, stiffness, ("solved",) * len(poses))
 
-    def surrogate(self, anchors: Anchors) -> EnergyMap:
-        """The energy itself, between the anchors."""
+    def surrogate(self, solved: SolvedPoses) -> EnergyMap:
+        """The energy itself, between the solved poses."""
         return self.elastic
 
     def hidden(self) -> tuple[Hidden, ...]:

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from ecm.rig.run import run_campaign
     from ecm.rig.run import run_campaign as campaign
     from ecm.rig.settings import RigSettings
-    from ecm.workflow.app.serve import serve
+    from ecm.workflow.app.server import serve
     from ecm.workflow.design import PlannedDesign, design
     from ecm.workflow.identify import identify
 
@@ -92,7 +92,7 @@ _NAMES = {
     "rig.hidden.truth": ("reveal",),
     "rig.run": ("campaign", "run_campaign"),
     "rig.settings": ("RigSettings",),
-    "workflow.app.serve": ("serve",),
+    "workflow.app.server": ("serve",),
     "workflow.design": ("PlannedDesign", "design"),
     "workflow.identify": ("identify",),
 }

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import ast
 import inspect
 import re
-import textwrap
 from collections.abc import Iterator
 from dataclasses import MISSING, Field, fields, is_dataclass
 from importlib import import_module
-from itertools import pairwise
 from typing import Any, get_origin
+
+from ecm.io.settings import meanings
 
 ROOMS = (
     "ecm",
@@ -60,25 +59,11 @@ def _fields(cls: type) -> Iterator[str]:
     """What each field of a dataclass means, unless the docstring says it."""
     if not is_dataclass(cls) or "Parameters" in _TITLE.findall(inspect.getdoc(cls) or ""):
         return
-    meaning = _meanings(cls)
+    meaning = meanings(cls)
     found = [item for item in fields(cls) if item.init and meaning.get(item.name)]
     rows = [_row(f"`{item.name}`", meaning[item.name], _default(item)) for item in found]
     if rows:
         yield "\n".join(["| field | meaning | default |", "|---|---|---|", *rows, ""])
-
-
-def _meanings(cls: type) -> dict[str, str]:
-    """The text below each field in the source, else that of its `setting`."""
-    found = {
-        item.name: item.metadata["limits"].doc for item in fields(cls) if "limits" in item.metadata
-    }
-    for kind in reversed([kind for kind in cls.__mro__ if is_dataclass(kind)]):
-        body = ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0].body  # type: ignore[attr-defined]
-        for item, below in pairwise(body):
-            match item, below:
-                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(ast.Constant(str(text))):
-                    found[name] = " ".join(text.split())
-    return found
 
 
 def _default(item: Field[Any]) -> str:

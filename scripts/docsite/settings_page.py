@@ -11,7 +11,7 @@ from ecm.fem.simulate import Workspace
 from ecm.io.description import ColumnSource, FileMeta, Instrument, Run, Scene
 from ecm.io.frames import Frames
 from ecm.io.mechanism import Mechanism
-from ecm.io.settings import Limits
+from ecm.io.settings import Limits, meanings
 from ecm.rig.settings import ArmSettings, HiddenTable, Instruments, PlantTable, Procedure
 from ecm.workflow.config import DesignTable, SelectTable, SimulateTable
 
@@ -68,13 +68,13 @@ def _file(title: str, tables: Sequence[tuple[str, str, type]]) -> list[str]:
             f"### [{name}] {'' if cls is not ArmSettings else 'with the arm'}".rstrip() + "\n"
         ]
         parts += [f"{words}\n", "| key | meaning | allowed | default |", "|---|---|---|---|"]
-        parts += [_row(item) for item in fields(cls) if item.init] + [""]
+        parts += [_row(item, meanings(cls)[item.name]) for item in fields(cls) if item.init] + [""]
     return parts
 
 
-def _row(item: Any) -> str:
+def _row(item: Any, meaning: str) -> str:
     limits: Limits = item.metadata.get("limits", Limits())
-    cells = (f"`{item.name}`", limits.doc, _allowed(limits), _default(item))
+    cells = (f"`{item.name}`", meaning, _allowed(limits), _default(item))
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 

@@ -31,11 +31,11 @@ from blind_parts.data import Data, Sources, data_of, shared_model, shared_plan
 from blind_parts.once import Work
 from blind_parts.plans import rod_samples
 from blind_parts.print_table import table_text
-from blind_parts.rod import Rod, Section, turn, turn_back
+from blind_parts.rod import Rod, Section
 from blind_parts.rod_tables import EFFECTS, planned_visits, rod_table
 from blind_parts.score import all_right, clean_wrong, honest, one_named, one_right, tier_lines
 from blind_parts.second import BY_HAND, _joined, _readings, second_answer
-from blind_parts.sets import ALL_SETS, ARM, STRENGTHS, TIER_SETS, Set, balanced, hideable, sets_of
+from blind_parts.sets import ALL_SETS, STRENGTHS, Set, balanced, hideable, sets_of
 from blind_parts.strange import STRANGE
 from blind_parts.strength import Strength
 from blind_parts.workers import run_all
@@ -321,14 +321,6 @@ def test_two_rods_written_apart_agree() -> None:
     assert found == pytest.approx(wrenches, rel=1e-3, abs=2e-3)
 
 
-def test_rotation_vectors_come_back() -> None:
-    vectors = np.random.default_rng(0).uniform(-1.5, 1.5, (50, 3))
-    assert turn_back(turn(vectors)) == pytest.approx(vectors, abs=1e-12)
-    assert turn(vectors) @ np.swapaxes(turn(vectors), 1, 2) == pytest.approx(
-        np.tile(np.eye(3), (50, 1, 1)), abs=1e-12
-    )
-
-
 def test_the_strength_is_that_of_the_definition(folder: Path) -> None:
     """s^2 is what the whitened effect adds to the residual's mean square beyond the base."""
     case = Set(1, 950, "rod", hidden=(("fts_offset", 2.0),))
@@ -386,19 +378,6 @@ def test_thirty_effects_can_be_hidden_and_named() -> None:
     assert len(STRANGE) >= 5
 
 
-def test_sets_are_those_of_the_table() -> None:
-    assert TIER_SETS == {0: 200, 1: 750, 2: 300, 3: 250, 4: 100, 5: 100}
-    assert [one.variant for one in sets_of(0)].count("base_error") == 50
-    assert [one.variant for one in sets_of(0)].count("noise") == 50
-    ones = sets_of(1)
-    strengths = [one.hidden[0][1] for one in ones]
-    assert {s: strengths.count(s) for s in STRENGTHS} == dict.fromkeys(STRENGTHS, 150)
-    assert len({one.hidden[0][0] for one in ones}) >= 30
-    assert len({one.name for one in ones}) == 750
-    assert sets_of(1, 20) == ones[:20]
-    assert {one.hidden[0][1] for one in ones[:10]} == set(STRENGTHS)
-
-
 def test_a_run_that_stops_early_is_a_sample_of_all() -> None:
     everything = balanced([one for tier in ALL_SETS for one in sets_of(tier)])
     assert len(everything) == sum(ALL_SETS.values())
@@ -412,15 +391,6 @@ def test_a_run_that_stops_early_is_a_sample_of_all() -> None:
     # A round holds each strength from both sources: --every K takes whole rounds.
     first = [one for one in sets_of(1) if one.round == 0]
     assert len({(one.source, one.hidden[0][1]) for one in first}) == len(first) == 10
-
-
-def test_the_full_robot_has_twenty_sets() -> None:
-    arm = sets_of(ARM)
-    assert len(arm) == 20
-    assert {one.source for one in arm} == {"arm"}
-    assert sum(not one.hidden for one in arm) == 5
-    assert {one.hidden[0][1] for one in arm if one.hidden} == set(STRENGTHS)
-    assert len({one.hidden[0][0] for one in arm if one.hidden}) == 15
 
 
 def _write(task: tuple[str, str]) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ecm.comparison import Noise, compare, declared_noise, lack_of_fit, omnibus_test
+from ecm.comparison import Noise, compare, declared_noise, omnibus_test
 from ecm.diagnosis import diagnose
 from ecm.effects import Rows
 from ecm.errors import InputError
@@ -20,7 +20,6 @@ from ecm.io.columns import WRENCH
 from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models import Model, fit_model
-from ecm.models.joint_fit import joint_fit
 from ecm.models.noise_estimate import estimate_noise, nuisance_columns
 from ecm.regression.folds import folds, repeat_cells, row_groups, without_zero_readings
 from ecm.regression.noise import reml_noise
@@ -32,20 +31,6 @@ from support.neck import Done, csv_text
 def load_cell(shared_data: Path) -> tuple[np.ndarray, np.ndarray]:
     data = np.loadtxt(shared_data / "nist_load_cell" / "load_cell.csv", delimiter=",", skiprows=1)
     return data[:, 0], data[:, 1]
-
-
-def test_lack_of_fit_of_the_nist_load_cell(shared_data: Path) -> None:
-    """NIST/SEMATECH e-Handbook 4.6.1: F = 214.747 with 18 and 20 degrees of freedom."""
-    load, deflection = load_cell(shared_data)
-    design = np.stack([np.ones_like(load), load], axis=1)
-    residual = deflection - design @ np.linalg.lstsq(design, deflection, rcond=None)[0]
-    assert np.sqrt((residual**2).sum() / 38) == pytest.approx(0.0021712726, rel=1e-7)
-    _, cells = np.unique(load, return_inverse=True)
-    found = lack_of_fit(residual[:, None], cells, 2)
-    assert found is not None
-    assert pytest.approx(214.747, abs=5e-4) == found.F
-    assert (found.dof, found.dof_error) == (18, 20)
-    assert found.p < 1e-12
 
 
 def test_the_loop_on_the_nist_load_cell(shared_data: Path) -> None:
@@ -349,16 +334,6 @@ def test_unloaded_rows_that_gave_the_zero_are_left_out() -> None:
     assert len(without_zero_readings(read)) == len(table)
 
 
-def test_omnibus_is_level_under_nothing_and_sees_structure() -> None:
-    random = np.random.default_rng(0)
-    design = random.standard_normal((200, 3, 20))
-    fitted = random.standard_normal((200, 3, 2))
-    p = [omnibus_test(random.standard_normal((200, 3)), design, fitted).p for _ in range(200)]
-    assert 0.02 < np.mean(np.array(p) < 0.1) < 0.2
-    structured = random.standard_normal((200, 3)) + 0.5 * design[:, :, 0]
-    assert omnibus_test(structured, design, fitted).p < 1e-6
-
-
 def test_omnibus_of_many_rows_and_columns_is_that_of_least_squares() -> None:
     """The rows are worked on in blocks; two columns depend on others."""
     random = np.random.default_rng(2)
@@ -397,21 +372,6 @@ def test_held_out_squares_are_those_of_a_refit_without_the_fold() -> None:
         for group in np.flatnonzero(fold_of_group == fold):
             expected[group] = left[groups == group].sum()
     np.testing.assert_allclose(found, expected, rtol=1e-6)
-
-
-def test_joint_fit_of_the_factor_is_generalised_least_squares() -> None:
-    table = campaign(seed=3)
-    noise = declared_noise(table)
-    found = joint_fit(physics(), (), table, noise)
-    rows = Rows(table, physics())
-    inverse = np.linalg.inv(noise.covariance(rows, physics().error))
-    h = rows.wrench
-    top = np.einsum("ni,nij,nj->", h, inverse, table.wrenches)
-    bottom = np.einsum("ni,nij,nj->", h, inverse, h)
-    assert found.converged
-    assert found.base.coefficients[0] == pytest.approx(top / bottom, rel=1e-9)
-    assert np.sqrt(found.covariance[0, 0]) == pytest.approx(bottom**-0.5, rel=1e-9)
-    assert Model(base=found.base).base.coefficients[0] == pytest.approx(1.0, abs=0.01)
 
 
 def test_a_table_without_the_mechanisms_length_is_compared_and_diagnosed() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ecm.designs import can_be_run, follow_up_plan
-from ecm.designs.nominal import NominalModel
+from ecm.designs.regressors import NominalModel
 from ecm.diagnosis.identifiability import predicted_table
 from ecm.effects import Rows, all_effects, get_effect
 from ecm.effects.experiments import EXPERIMENTS

@@ -171,17 +171,12 @@ def test_the_jacobian_is_the_derivative_and_zero_is_nothing(item, everything) ->
 
 
 @pytest.mark.parametrize("item", all_effects(), ids=lambda e: e.id)
-def test_every_variant_names_each_of_its_parameters_once(item, everything) -> None:  # type: ignore[no-untyped-def]
+def test_variants_and_their_parameters_stand_once(item, everything) -> None:  # type: ignore[no-untyped-def]
     """A report keeps values by name: one that stands twice would be lost."""
-    for variant in item.variants(rows_for(item.id, everything).table):
-        names = [p.name for p in variant.parameters]
-        assert len(set(names)) == len(names), variant.shape
-
-
-@pytest.mark.parametrize("item", all_effects(), ids=lambda e: e.id)
-def test_no_variant_stands_twice(item, everything) -> None:  # type: ignore[no-untyped-def]
-    shapes = [str(v.shape) for v in item.variants(rows_for(item.id, everything).table)]
-    assert len(set(shapes)) == len(shapes)
+    variants = item.variants(rows_for(item.id, everything).table)
+    once = [[str(v.shape) for v in variants], *([p.name for p in v.parameters] for v in variants)]
+    for names in once:
+        assert len(set(names)) == len(names), names
 
 
 @pytest.mark.parametrize("item", all_effects(), ids=lambda e: e.id)

@@ -16,8 +16,8 @@ from distributed import LocalCluster
 from ecm._native import Mesh
 from ecm.errors import InputError
 from ecm.fem.simulate import simulate
+from ecm.io.extras import DaskClient
 from ecm.io.mechanism import Mechanism
-from ecm.io.parallel import DaskClient
 from support.jobs import copy_cases
 
 pytest.importorskip("distributed", reason="needs the extra `cluster` (Dask distributed)")

@@ -14,11 +14,10 @@ import pytest
 
 import ecm
 from ecm.errors import InputError
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import POSE, WRENCH, unit_of_factor
 from ecm.io.conventions import falling_loads, wrong_convention
 from ecm.io.table import Table, as_table, read_table
 from ecm.io.templates import data_template, description_template
-from ecm.io.units import unit_of_factor
 from support.neck import ROOT, Done
 
 NECK = ROOT / "examples" / "neck_measured.csv"

@@ -21,7 +21,7 @@ from ecm import import_log
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.frames import Frames
-from ecm.logs.rotations import rotation_columns, to_rotation_vectors
+from ecm.logs.sources import rotation_columns, to_rotation_vectors
 from support.neck import Done
 
 F = np.ndarray[Any, np.dtype[np.float64]]

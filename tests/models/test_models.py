@@ -285,15 +285,6 @@ def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
         _native.seal_model(json.dumps(unknown))
 
 
-def test_sd_of_a_prediction_covers_the_truth() -> None:
-    fitted = fit_model(campaign(seed=3), "energy4")
-    poses = workspace_poses(200, 12)
-    sd = fitted.predict_sd(poses)
-    assert sd is not None
-    ratio = (fitted.predict(poses) - wrench(poses)) / sd
-    assert 0.5 < np.sqrt((ratio**2).mean()) < 1.6
-
-
 def test_bare_poses_get_physics_and_tables_get_instruments_too() -> None:
     table = campaign("fts_drift", 1.0, 1)
     fitted = model().add("fts_drift", "anisotropy").fit(table)

@@ -8,6 +8,7 @@ both: choose a plain word, define the term, or add a word that any reader knows 
 from __future__ import annotations
 
 import ast
+import itertools
 import re
 from collections.abc import Iterable, Mapping
 from functools import cache
@@ -40,13 +41,20 @@ PRIVATE = {
 
 @cache
 def messages(source: str) -> tuple[tuple[int, str], ...]:
-    """Line and text of each sentence in a file's strings; docstrings are none, values are NUL."""
+    """Line and text of each sentence in a file's strings; values are NUL.
+
+    Docstrings are none, but for those of settings, which refusals and help print.
+    """
     tree = ast.parse(source)
     parts: set[int] = set()
     found: list[tuple[int, str]] = []
     for node in ast.walk(tree):
         if isinstance(node, ast.Expr | ast.JoinedStr):
             parts |= {id(own) for own in ast.iter_child_nodes(node)}
+    for node in ast.walk(tree):
+        for field, below in itertools.pairwise(node.body if isinstance(node, ast.ClassDef) else ()):
+            if isinstance(below, ast.Expr) and "setting(" in ast.unparse(field).partition("=")[2]:
+                parts.discard(id(below.value))
     for node in ast.walk(tree):
         text = ""
         if isinstance(node, ast.JoinedStr):

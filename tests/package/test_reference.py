@@ -35,7 +35,7 @@ def test_every_key_is_there_with_its_meaning_and_range() -> None:
     keys = {key.strip("`") for key, *_ in found}
     for cls in (Mechanism, Procedure):
         assert set(cls.__dataclass_fields__) <= keys
-    assert ["`poisson_ratio`", "0.49 for rubber", "from 0 to 0.5", "`0.49`"] in found
+    assert ["`poisson_ratio`", "0.49 for rubber.", "from 0 to 0.5", "`0.49`"] in found
 
 
 def test_every_error_is_there_with_its_exit_code() -> None:
@@ -58,10 +58,10 @@ def test_a_field_has_its_meaning_unless_the_docstring_says_it() -> None:
     assert found["`least_bic`"] == ["Fall of BIC that a name needs.", "`6.0`"]
     page = python_page.page("ecm")
     described = page.split("\n## Mechanism\n")[1].split("\n## ")[0]
-    assert "| `poisson_ratio` | 0.49 for rubber | `0.49` |" in described
+    assert "| `poisson_ratio` | 0.49 for rubber. | `0.49` |" in described
     compared = page.split("\n## Comparison\n")[1].split("\n## ")[0]
     assert "| `row` | (N,) rows in the table, from 0. |" in compared
-    assert "| `criterion` |" not in page.split("\n## DesignSettings\n")[1].split("\n## ")[0]
+    assert "| `indices` |" not in page.split("\n## Design\n")[1].split("\n## ")[0]
 
 
 def test_what_a_class_has_of_a_base_that_no_page_names_is_shown() -> None:

@@ -12,7 +12,7 @@ from ecm.rig.arm import kuka as arm
 from ecm.rig.arm.kuka import flange_pose, inverse_kinematics, joints_at_swivel, scene, swivel_angle
 from ecm.rig.arm.mechanism import ControllerModel
 from ecm.rig.arm.simulation import Simulation, null_direction
-from ecm.rig.arm.sorties import Stop, cubic_profile, duration_s
+from ecm.rig.arm.trips import Stop, cubic_profile, duration_s
 from support.arm_rig import REST, library, mechanism, settings, simulated_arm
 from support.stand_in import L, some_poses, wrench
 
@@ -107,29 +107,61 @@ def test_the_cubic_law_rests_at_both_ends_and_peaks_at_the_given_speed() -> None
 # --- dynamics -------------------------------------------------------------------
 
 
+# The published figures, link by link; docs/robot.md names the publications.
+MASS_KG = (4.195, 4.300, 3.659, 2.385, 1.704, 0.400, 0.650)
+ROTOR_KG_M2 = (3.19, 3.05, 1.98, 2.05, 0.787, 0.391, 0.394)
+AXES = ((0, 0, 1), (0, -1, 0), (0, 0, 1), (0, 1, 0), (0, 0, 1), (0, -1, 0), (0, 0, 1))
+ORIGINS_M = (0.1105, 0.2, 0.2, 0.2, 0.2, 0.19, 0.0)
+"""Height of each body's frame above the one before."""
+CENTRES_M = (
+    (-0.0216, 0.0100, -0.0377),
+    (0.0003, -0.0041, 0.0824),
+    (0.0003, 0.1137, -0.0001),
+    (-0.0015, 0.0000, 0.1486),
+    (-0.0004, -0.0554, -0.0101),
+    (0.0021, 0.0586, -0.0448),
+    (-0.0005, 0.0015, 0.0716),
+)
+"""In the Denavit-Hartenberg frame at the end of each link; y is along links 1, 3 and 5."""
+QUARTERS = (1, 0, -1, 0, 1, 0, 0)
+"""Quarter turns about x from the axes of the body to those of that frame."""
+ENDS_M = (0.2, 0.0, 0.2, 0.0, 0.19, 0.0, 0.0)
+"""Height of that frame above the body's own."""
+LENGTHS_M = (0.2, 0.2, 0.2, 0.2, 0.19, 0.06, arm.FLANGE_M)
+RADII_M = (0.06, 0.06, 0.06, 0.055, 0.05, 0.045, 0.035)
+TOOL = ((0.045, 0.020, 0.25), (0.050, 0.040, 0.80), (0.055, 0.010, 0.20))
+"""Radius, thickness in m and mass in kg of the cylinders under the flange."""
+
+
+def of_body(turn: int) -> F:
+    """(3, 3) from the axes of a Denavit-Hartenberg frame to those of its body."""
+    return np.array([[1.0, 0.0, 0.0], [0.0, 1.0 - abs(turn), -turn], [0.0, turn, 1 - abs(turn)]])
+
+
+def cylinder(mass: float, radius: float, length: float) -> F:
+    across = mass * (3.0 * radius**2 + length**2) / 12.0
+    return np.diag([across, across, 0.5 * mass * radius**2])
+
+
 def pinocchio_model(tensors: list[F] | None = None) -> object:
     """The same chain from the published figures alone, without the MJCF."""
     pin = pytest.importorskip("pinocchio", reason="pinocchio is missing: pip install pin")
     model = pin.Model()
-    axes = {"0 0 1": np.array([0, 0, 1.0]), "0 -1 0": np.array([0, -1.0, 0])}
-    axes["0 1 0"] = -axes["0 -1 0"]
     parent = 0
     for i in range(7):
-        place = pin.SE3(np.eye(3), np.array([0.0, 0.0, arm.ORIGINS_M[i]]))
-        joint = pin.JointModelRevoluteUnaligned(axes[arm.AXES[i]])
+        place = pin.SE3(np.eye(3), np.array([0.0, 0.0, ORIGINS_M[i]]))
+        joint = pin.JointModelRevoluteUnaligned(np.array(AXES[i], dtype=float))
         parent = model.addJoint(parent, joint, place, f"joint{i + 1}")
-        across, along = arm.link_inertia(i)
-        tensor = np.diag([across, across, along]) if tensors is None else tensors[i]
-        inertia = pin.Inertia(float(arm.MASS_KG[i]), arm.link_centre_m(i), tensor)
-        model.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
+        tensor = tensors[i] if tensors else cylinder(MASS_KG[i], RADII_M[i], LENGTHS_M[i])
+        centre = of_body(QUARTERS[i]) @ CENTRES_M[i] + [0.0, 0.0, ENDS_M[i]]
+        model.appendBodyToJoint(parent, pin.Inertia(MASS_KG[i], centre, tensor), pin.SE3.Identity())
     height = arm.FLANGE_M
-    for _, radius, thick, mass, _ in arm.TOOL:
-        across = mass * (3.0 * radius**2 + thick**2) / 12.0
-        inertia = pin.Inertia(mass, np.zeros(3), np.diag([across, across, 0.5 * mass * radius**2]))
+    for radius, thick, mass in TOOL:
+        inertia = pin.Inertia(mass, np.zeros(3), cylinder(mass, radius, thick))
         shift = pin.SE3(np.eye(3), np.array([0.0, 0.0, height + 0.5 * thick]))
         model.appendBodyToJoint(parent, inertia, shift)
         height += thick
-    model.armature = np.array(arm.ROTOR_KG_M2)
+    model.armature = np.array(ROTOR_KG_M2)
     # The foot stands with its z along the world's x, where gravity is -9.81.
     model.gravity.linear = np.array([0.0, 0.0, -9.81])
     return model
@@ -178,11 +210,9 @@ PUBLISHED_TENSORS = (
 def test_inertia_is_that_of_the_published_model_within_1_5_per_cent() -> None:
     pin = pytest.importorskip("pinocchio", reason="pinocchio is missing: pip install pin")
     tensors = []
-    for (xx, yy, zz, xy, xz, yz), turn in zip(PUBLISHED_TENSORS, arm.QUARTERS, strict=True):
+    for (xx, yy, zz, xy, xz, yz), turn in zip(PUBLISHED_TENSORS, QUARTERS, strict=True):
         own = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        axes = np.array(
-            [[1.0, 0.0, 0.0], [0.0, 1.0 - abs(turn), -turn], [0.0, turn, 1 - abs(turn)]]
-        )
+        axes = of_body(turn)
         tensors.append(axes @ own @ axes.T)
     ours, theirs = pinocchio_model(), pinocchio_model(tensors)
     worst = 0.0
@@ -289,7 +319,7 @@ def test_impedance_alone_settles_where_both_springs_balance() -> None:
     control = simulated_arm()
     goal = REST + np.array([-0.006, 0.003, 0.0, 0.0, 0.0, 0.1])
 
-    outcome = control.sortie([Stop(0, goal, (), 0.1, 0.2)]).stops[0]
+    outcome = control.trip([Stop(0, goal, (), 0.1, 0.2)]).stops[0]
     assert outcome.reason == ""
     pose = outcome.after_impedance
     h = mechanism().model().predict(pose[None])[0]

@@ -20,7 +20,7 @@ from ecm.io.table import read_table
 from ecm.rig import Hidden, campaign_minutes, reveal
 from ecm.rig.arm.campaign import RobotCampaign
 from ecm.rig.arm.mechanism import NonElasticWrench
-from ecm.rig.arm.sorties import SortieResult
+from ecm.rig.arm.trips import TripResult
 from ecm.rig.hidden.inject import Whitener
 from ecm.rig.plant import row_covariance
 from support.arm_rig import REST, arm_setup, plan, run, settings
@@ -74,9 +74,9 @@ def test_with_nothing_hidden_only_the_declared_noise_is_left(cache: Path) -> Non
     campaign = RobotCampaign(plan(some_poses(24)), settings(), StandIn(), folder=cache)
     table = campaign.run(threads=1).measured()
     rows = campaign.visits.at_poses
-    elastic = campaign.plant.elastic.wrench(campaign.visits.anchor[rows], table.poses)
+    elastic = campaign.plant.elastic.wrench(campaign.visits.nearest[rows], table.poses)
     true = campaign.plant.elastic.wrench(
-        campaign.visits.anchor[rows], campaign.visits.reached[rows]
+        campaign.visits.nearest[rows], campaign.visits.reached[rows]
     )
     covariance = row_covariance(campaign.plant, campaign.visits)
     strength = Whitener(covariance, true[:, :, None]).strength(table.wrenches - elastic)
@@ -89,48 +89,6 @@ def test_any_number_of_processes_gives_the_same_bytes(cache: Path, tmp_path: Pat
         (tmp_path / str(n)).mkdir()
         run(cache, poses, tmp_path / str(n) / "data.csv", rig={"processes": n}, seed=5)
     assert files(tmp_path / "1") == files(tmp_path / "2")
-
-
-class Stopped(Exception):
-    pass
-
-
-@pytest.mark.parametrize("approach", ["initial", "previous"])
-def test_an_interrupted_campaign_goes_on_and_ends_with_the_same_bytes(
-    cache: Path, tmp_path: Path, approach: str
-) -> None:
-    poses = some_poses(8, seed=3)
-    common: dict[str, Any] = {
-        "rig": {"approach": approach, "offset_every": 5}, "hide": "hysteresis=2", "seed": 4,
-    }  # fmt: skip
-
-    def stop(done: int, total: int, word: str) -> None:
-        if word == "measuring" and done == 5:
-            raise Stopped
-
-    driven: list[int] = []
-
-    for name in ("a", "b"):
-        (tmp_path / name).mkdir()
-    run(cache, poses, tmp_path / "a" / "data.csv", **common)
-    out = tmp_path / "b" / "data.csv"
-    with pytest.raises(Stopped):
-        run(cache, poses, out, progress=stop, **common)
-    journal = tmp_path / "b" / "data.journal.csv"
-    kept = journal.read_bytes()
-    assert kept.count(b"\n") == 2 + 5
-    journal.write_bytes(kept[:-30])  # a kill in the middle of a line loses that line only
-    taken: list[int] = []
-    run(
-        cache, poses, out,
-        progress=lambda d, n, w: {"measuring": taken, "driving": driven}.get(w, []).append(d),
-        **common,
-    )  # fmt: skip
-    assert taken[0] == 5
-    assert not driven
-    whole = files(tmp_path / "a")
-    assert set(whole) == {"data.csv", "data.toml", "data.truth.json", "data.robot.json"}
-    assert files(tmp_path / "b") == whole
 
 
 def test_both_sides_of_a_pose_are_driven_as_the_plan_says(cache: Path) -> None:
@@ -297,7 +255,7 @@ run(Path({cache!r}), some_poses(8, seed=5), Path({out!r}), rig={{"processes": 2}
 """
 
 
-def test_kill_9_loses_at_most_the_sorties_under_way(cache: Path, tmp_path: Path) -> None:
+def test_kill_9_loses_at_most_the_trips_under_way(cache: Path, tmp_path: Path) -> None:
     poses = some_poses(8, seed=5)
     run(cache, poses, tmp_path / "a" / "data.csv")
     out = tmp_path / "b" / "data.csv"
@@ -335,7 +293,7 @@ def test_a_worker_starts_no_process_of_its_own() -> None:
         pickle.dump(arm_setup(), worker.stdin)
         pickle.dump((), worker.stdin)
         worker.stdin.flush()
-        assert isinstance(pickle.load(worker.stdout), SortieResult)
+        assert isinstance(pickle.load(worker.stdout), TripResult)
         worker.stdin.close()
         assert worker.stderr.read() == b""
     assert worker.returncode == 0
@@ -363,13 +321,13 @@ def test_what_is_hidden_acts_while_the_arm_moves(cache: Path, effect: str) -> No
             hide=hide,
             folder=cache,
         )
-        ends[bool(hide)] = campaign.setup.build().sortie(campaign.sorties[0].stops).stops[0]
+        ends[bool(hide)] = campaign.setup.build().trip(campaign.trips[0].stops).stops[0]
         if hide:
             hidden = campaign.setup.hidden
             assert hidden is not None
             non_elastic = NonElasticWrench(hidden, campaign.mechanism)
             non_elastic.begin(REST, 0.0)
-            non_elastic.next_visit(campaign.sorties[0].stops[0].visit)
+            non_elastic.next_visit(campaign.trips[0].stops[0].visit)
             at_rest = non_elastic.at(REST, 0.0, 0.1, moving=False)
             size = np.linalg.norm(at_rest)
             assert (size > 0.1) == (effect == "payload")

@@ -11,15 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_pictures import Film, campaign_of, centre_line, draw_phases, write_film, write_pictures
-from ecm.errors import ComputationError, InputError, MissingExtra
+from arm_pictures import Film, campaign_of, write_film, write_pictures
+from ecm.errors import ComputationError, MissingExtra
 from ecm.report.page import FigureBlock
-from ecm.rig import RigSettings
 from ecm.rig.arm.campaign import RobotCampaign, first_pose_trace
 from ecm.rig.arm.kuka import mujoco
-from ecm.rig.arm.sorties import Stop
+from ecm.rig.arm.trips import Stop
 from ecm.workflow.report_identify import arm_section
-from support.arm_rig import REST, arm_setup, library, plan, settings, simulated_arm
+from support.arm_rig import REST, arm_setup, library, plan, settings
 from support.neck import Done
 from support.stand_in import L, StandIn, some_poses
 
@@ -51,27 +50,6 @@ def test_a_film_shows_the_arm_and_what_it_bends(tmp_path: Path) -> None:
             frames.append(np.asarray(moving.convert("RGB"), dtype=float))
     assert frames[0].std() > 20.0  # something is drawn
     assert np.abs(frames[0] - frames[1]).mean() > 0.5  # and it moves
-
-
-def test_the_centre_line_meets_both_frames() -> None:
-    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    line = centre_line(np.array([0.06, 0.05, 0.0]), turn, L)
-    assert line[0] == pytest.approx(np.zeros(3))
-    assert line[-1] == pytest.approx([0.06, 0.05, 0.0])
-    assert abs(line[1, 1]) < 0.2 * line[1, 0]
-    last = line[-1] - line[-2]
-    assert abs(last[0]) < 0.3 * last[1]
-
-
-def test_phases_are_drawn(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib", reason="matplotlib is missing: see the extra report")
-    stop = Stop(0, GOAL, (), 0.2, 0.2)
-    result = simulated_arm().sortie([stop])
-    out = tmp_path / "fig7.svg"
-    draw_phases(result, stop, L, out)
-    text = out.read_text(encoding="utf-8")
-    assert "<svg" in text
-    assert len(text) > 20_000
 
 
 def test_show_writes_what_is_asked_for(tmp_path: Path) -> None:
@@ -121,11 +99,6 @@ def test_a_compiler_is_asked_for_where_no_controller_is_kept_and_before_any_work
     assert not (tmp_path / "bare").exists()
     with pytest.raises(ComputationError, match="no C compiler"):  # another controller than the kept
         pictures(tmp_path / "kept", seed=5)
-
-
-def test_pictures_are_of_the_arm_alone(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"show the arm; set \[rig\] mode"):
-        campaign_of(plan(some_poses(7)), RigSettings(), folder=tmp_path)
 
 
 def test_a_missing_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,9 +14,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ecm.rig.arm.kuka import (
-    RANGE_RAD,
-    SPEED_RAD_S,
-    TORQUE_NM,
     flange_pose,
     joints_at_swivel,
     scene,
@@ -24,8 +21,7 @@ from ecm.rig.arm.kuka import (
 )
 from ecm.rig.arm.mechanism import ControllerModel
 from ecm.rig.arm.simulation import Diverged, Impedance
-from ecm.rig.arm.sorties import SortieResult, Stop, StopResult
-from ecm.rig.arm.summary import motion_shares, pose_errors
+from ecm.rig.arm.trips import Stop, StopResult, TripResult, motion_shares, pose_errors
 from ecm.rig.settings import ArmSettings
 from ecm.workflow.config import read_rig
 from support.arm_rig import REST, library, mechanism, settings, simulated_arm
@@ -36,18 +32,18 @@ F = NDArray[np.float64]
 GOAL: F = REST + np.array([-0.004, 0.004, -0.003, 0.1, 0.15, 0.2])
 
 
-def sortie(*goals: F, via: tuple[F, ...] = (), **rig: Any) -> SortieResult:
+def trip(*goals: F, via: tuple[F, ...] = (), **rig: Any) -> TripResult:
     stops = [Stop(i, goal, via, 0.1, 0.2) for i, goal in enumerate(goals)]
-    return simulated_arm(**rig).sortie(stops)
+    return simulated_arm(**rig).trip(stops)
 
 
-def only(result: SortieResult) -> StopResult:
+def only(result: TripResult) -> StopResult:
     (outcome,) = result.stops
     return outcome
 
 
 def test_the_phases_follow_one_another_and_end_at_home() -> None:
-    result = sortie(GOAL)
+    result = trip(GOAL)
     outcome = only(result)
     names = [name for name, _, _ in (*outcome.phases, *result.home.phases)]
     assert names == ["impedance", "settle", "position", "rest", "reading", "return"]
@@ -61,7 +57,7 @@ def test_the_phases_follow_one_another_and_end_at_home() -> None:
 
 def test_the_position_phase_reaches_what_impedance_does_not() -> None:
     poses = some_poses(12, seed=3)
-    outcomes = [only(sortie(pose)) for pose in poses]
+    outcomes = [only(trip(pose)) for pose in poses]
     assert [o.reason for o in outcomes] == [""] * len(poses)
     after = np.stack([o.after_impedance for o in outcomes])
     reached = np.stack([o.reached for o in outcomes])
@@ -76,9 +72,9 @@ def test_the_position_phase_reaches_what_impedance_does_not() -> None:
 
 
 def test_feed_forward_saves_the_wait_for_the_trim() -> None:
-    held, _ = pose_errors(only(sortie(GOAL)).reached[None], GOAL[None])
+    held, _ = pose_errors(only(trip(GOAL)).reached[None], GOAL[None])
     loose, _ = pose_errors(
-        only(sortie(GOAL, feed_forward=False, reach_tolerance_m=0.01)).reached[None], GOAL[None]
+        only(trip(GOAL, feed_forward=False, reach_tolerance_m=0.01)).reached[None], GOAL[None]
     )
     assert held[0] < 2e-5
     assert loose[0] > 3.0 * held[0]
@@ -86,13 +82,13 @@ def test_feed_forward_saves_the_wait_for_the_trim() -> None:
 
 def test_the_trim_makes_the_pose_exact() -> None:
     stop = Stop(0, GOAL, (), 1.0, 0.2)
-    distance, angle = pose_errors(only(simulated_arm().sortie([stop])).reached[None], GOAL[None])
+    distance, angle = pose_errors(only(simulated_arm().trip([stop])).reached[None], GOAL[None])
     assert distance[0] < 1e-8
     assert angle[0] < 1e-8
 
 
 def test_the_way_home_is_the_recorded_one() -> None:
-    result = sortie(GOAL)
+    result = trip(GOAL)
     out, back = only(result).trace, result.home.trace
     count = min(len(out), len(back)) - 30
     # The hold before the way home is not retraced, so compare from the turning point on.
@@ -103,7 +99,7 @@ def test_the_way_home_is_the_recorded_one() -> None:
 
 def test_a_stop_on_the_way_is_passed_first() -> None:
     via = REST + np.array([0.0, -0.005, 0.0, 0.0, 0.0, -0.1])
-    outcome = only(sortie(GOAL, via=(via,)))
+    outcome = only(trip(GOAL, via=(via,)))
     assert not outcome.from_home
     assert np.abs(outcome.trace - via)[:, :3].sum(axis=1).min() < 2e-4
     assert outcome.reached == pytest.approx(GOAL, abs=2e-4)
@@ -111,12 +107,12 @@ def test_a_stop_on_the_way_is_passed_first() -> None:
 
 def test_direct_goes_from_pose_to_pose_without_home() -> None:
     second = REST + np.array([-0.003, 0.005, 0.002, 0.1, 0.1, 0.25])
-    direct = sortie(GOAL, second)
+    direct = trip(GOAL, second)
     assert [o.reason for o in direct.stops] == ["", ""]
     assert [o.from_home for o in direct.stops] == [True, False]
     away = np.linalg.norm(direct.stops[1].trace[:, :3] - REST[:3], axis=1)
     assert away.min() > 2e-3
-    assert direct.duration_s < sortie(GOAL).duration_s + sortie(second).duration_s
+    assert direct.duration_s < trip(GOAL).duration_s + trip(second).duration_s
 
 
 @pytest.mark.parametrize(
@@ -135,7 +131,7 @@ def test_direct_goes_from_pose_to_pose_without_home() -> None:
 def test_a_broken_limit_is_told_and_the_arm_comes_home(
     rig: dict[str, Any], words: list[str]
 ) -> None:
-    result = sortie(GOAL, **rig)
+    result = trip(GOAL, **rig)
     outcome = only(result)
     for word in words:
         assert word in outcome.reason
@@ -145,7 +141,7 @@ def test_a_broken_limit_is_told_and_the_arm_comes_home(
 
 def test_after_a_skipped_pose_the_next_one_begins_at_home() -> None:
     far = REST + np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.6])
-    result = sortie(GOAL, far, GOAL, torque_limit_Nm=6.0)
+    result = trip(GOAL, far, GOAL, torque_limit_Nm=6.0)
     assert [bool(o.reason) for o in result.stops] == [False, True, False]
     assert [o.from_home for o in result.stops] == [True, False, True]
     assert result.stops[2].reached == pytest.approx(result.stops[0].reached, abs=1e-6)
@@ -153,29 +149,29 @@ def test_after_a_skipped_pose_the_next_one_begins_at_home() -> None:
 
 def test_a_collision_with_the_stop_ends_in_the_way_back() -> None:
     sideways = REST + np.array([0.0, 0.012, 0.0, 0.0, 0.0, 0.1])
-    free = only(sortie(sideways))
+    free = only(trip(sideways))
     assert free.reason == ""
-    hit = only(sortie(sideways, stop_m=0.004))
+    hit = only(trip(sideways, stop_m=0.004))
     assert "contact" in hit.reason
     assert "limit 15 N" in hit.reason
     assert hit.trace[:, 1].max() < 0.008
     assert hit.trace[-1] == pytest.approx(REST, abs=5e-5)
     # Going the other way the stop is not in the way.
     mirrored = sideways * np.array([1.0, -1.0, 1.0, 1.0, 1.0, -1.0])
-    assert only(sortie(mirrored, stop_m=0.004)).reason == ""
+    assert only(trip(mirrored, stop_m=0.004)).reason == ""
 
 
 def test_an_unreachable_pose_names_the_joint_that_has_no_room() -> None:
     tilted = REST + np.array([0.0, 0.0, 0.0, 0.0, -0.8, 0.0])
     outcomes = [
-        only(sortie(tilted * sign, joint_margin_rad=0.5, torque_limit_Nm=100.0, settle_limit_s=9.0))
+        only(trip(tilted * sign, joint_margin_rad=0.5, torque_limit_Nm=100.0, settle_limit_s=9.0))
         for sign in (np.ones(6), np.array([1, 1, 1, 1, -1.0, 1]))
     ]
     assert any("joint 6" in o.reason and "degrees" in o.reason for o in outcomes)
 
 
 @pytest.mark.parametrize("factor", [np.nan, 1e30])
-def test_a_simulation_that_diverges_is_told_and_the_next_sortie_is_sound(
+def test_a_simulation_that_diverges_is_told_and_the_next_trip_is_sound(
     factor: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)  # MuJoCo writes a log where it stands
@@ -183,10 +179,10 @@ def test_a_simulation_that_diverges_is_told_and_the_next_sortie_is_sound(
     sound = control.simulation.mechanism
     calls = iter(range(10**9))
     control.simulation.mechanism = lambda p: sound(p) if next(calls) < 777 else p * factor
-    broken = only(control.sortie([Stop(0, GOAL, (), 0.1, 0.2)]))
+    broken = only(control.trip([Stop(0, GOAL, (), 0.1, 0.2)]))
     assert "diverged" in broken.reason
     control.simulation.mechanism = sound
-    assert only(control.sortie([Stop(0, GOAL, (), 0.1, 0.2)])).reason == ""
+    assert only(control.trip([Stop(0, GOAL, (), 0.1, 0.2)])).reason == ""
     assert not list(tmp_path.iterdir())
 
 
@@ -203,7 +199,7 @@ def test_a_pose_that_is_no_number_is_a_divergence(
 def test_joints_that_yield_hang_behind_their_encoders() -> None:
     size = 5e-5
     control = simulated_arm(joint_yield_rad_Nm=size)
-    outcome = only(control.sortie([Stop(0, GOAL, (), 0.8, 0.2)]))
+    outcome = only(control.trip([Stop(0, GOAL, (), 0.8, 0.2)]))
     assert outcome.reason == ""  # by the encoders it is there
     place = scene(settings(), L)
     goal_m, goal_axes = place.flange_goal(GOAL[:3], Rotation.from_rotvec(GOAL[3:]).as_matrix())
@@ -241,7 +237,7 @@ def test_torque_goes_on_where_the_position_controller_takes_over_and_where_the_w
         advance(torque)
 
     simulation.advance = advance_and_keep  # type: ignore[method-assign]
-    result = control.sortie([Stop(0, GOAL, (), 0.8, 0.2)])
+    result = control.trip([Stop(0, GOAL, (), 0.8, 0.2)])
     ends = {name: round(end / simulation.step_s) for name, _, end in only(result).phases}
     jumps = {name: np.abs(torques[k] - torques[k - 1]).max() for name, k in ends.items() if k}
     # The model errs by some per cent, and by what it holds at a pose that the encoders misread.
@@ -265,27 +261,19 @@ def test_the_pose_by_the_encoders_is_where_the_arm_would_be_with_these_joints() 
 
 def test_friction_stops_the_impedance_phase_early_and_not_the_position_phase() -> None:
     stop = Stop(0, GOAL, (), 0.3, 0.2)
-    smooth, rough = (
-        only(simulated_arm(joint_friction=share).sortie([stop])) for share in (0.0, 0.1)
-    )
+    smooth, rough = (only(simulated_arm(joint_friction=share).trip([stop])) for share in (0.0, 0.1))
     assert rough.reason == ""
     assert np.abs(rough.after_impedance - smooth.after_impedance)[3:].max() > 1e-3
     assert np.abs(rough.reached - GOAL).max() < 1e-4
-    stuck = only(simulated_arm(joint_friction=0.5).sortie([stop]))
+    stuck = only(simulated_arm(joint_friction=0.5).trip([stop]))
     assert "did not come to rest" in stuck.reason
 
 
-def test_limits_are_the_published_ones() -> None:
-    assert np.rad2deg(RANGE_RAD) == pytest.approx([170, 120, 170, 120, 170, 120, 170])
-    assert pytest.approx([176, 176, 100, 100, 100, 38, 38]) == TORQUE_NM
-    assert np.rad2deg(SPEED_RAD_S) == pytest.approx([110, 110, 128, 128, 204, 184, 184])
-
-
-def test_the_same_sortie_gives_the_same_numbers() -> None:
+def test_the_same_trip_gives_the_same_numbers() -> None:
     control = simulated_arm()
-    first = only(control.sortie([Stop(0, GOAL, (), 0.1, 0.2)]))
-    control.sortie([Stop(1, some_poses(1)[0], (), 0.1, 0.2)])
-    again = only(control.sortie([Stop(0, GOAL, (), 0.1, 0.2)]))
+    first = only(control.trip([Stop(0, GOAL, (), 0.1, 0.2)]))
+    control.trip([Stop(1, some_poses(1)[0], (), 0.1, 0.2)])
+    again = only(control.trip([Stop(0, GOAL, (), 0.1, 0.2)]))
     assert np.array_equal(first.trace, again.trace)
     assert math.isclose(first.reading_s, again.reading_s, rel_tol=0.0)
 
@@ -318,7 +306,7 @@ def test_every_mode_of_arm_controller_and_mechanism_has_the_ratio(ratio: float) 
 def test_a_small_ratio_rings_and_a_large_one_does_not() -> None:
     peaks = {}
     for ratio in (0.1, 1.0):
-        result = only(sortie(GOAL, damping_ratio=ratio, speed_rad_s=3.0, speed_m_s=0.4,
+        result = only(trip(GOAL, damping_ratio=ratio, speed_rad_s=3.0, speed_m_s=0.4,
                              speed_limit_m_s=2.0))  # fmt: skip
         inside = result.trace_s <= result.phases[1][2]
         rest = result.after_impedance[5]
@@ -330,7 +318,7 @@ def test_the_chosen_elbow_is_held_through_the_procedure() -> None:
     for elbow in (-0.5, 0.4):
         control = simulated_arm(elbow_rad=elbow)
         assert swivel_angle(control.simulation.home_rad) == pytest.approx(elbow, abs=1e-6)
-        outcome = only(control.sortie([Stop(0, GOAL, (), 0.5, 0.2)]))
+        outcome = only(control.trip([Stop(0, GOAL, (), 0.5, 0.2)]))
         assert outcome.reason == ""
         assert swivel_angle(outcome.joints_rad) == pytest.approx(elbow, abs=1e-4)
         assert outcome.reached == pytest.approx(GOAL, abs=1e-6)
@@ -339,7 +327,7 @@ def test_the_chosen_elbow_is_held_through_the_procedure() -> None:
 def test_an_elbow_with_far_to_go_does_not_swing_the_top_aside() -> None:
     control = simulated_arm(elbow_rad=0.0)
     control._elbow_rad = 0.6  # as where the chosen one leaves a joint no room
-    outcome = only(control.sortie([Stop(0, GOAL, (), 0.5, 0.2)]))
+    outcome = only(control.trip([Stop(0, GOAL, (), 0.5, 0.2)]))
     assert outcome.reason == ""
     assert swivel_angle(outcome.joints_rad) == pytest.approx(0.6, abs=1e-4)
     begin, end = outcome.phases[2][1:]

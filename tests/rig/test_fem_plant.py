@@ -1,4 +1,4 @@
-"""The plant's elastic truth is the FEM: what the surrogate adds between anchors, and anisotropy."""
+"""The plant's elastic truth is the FEM: what the surrogate adds between poses, and anisotropy."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ecm.io.mechanism import Mechanism
 from ecm.io.se3 import displaced, turn_wrench
 from ecm.io.table import read_table
 from ecm.rig import Campaign, CampaignOptions, RigSettings, run_campaign
-from ecm.rig.elastic import COS2, SIN2, UNIFORM, Anchors, Elastic, FemSource, solve_cached
+from ecm.rig.elastic import COS2, SIN2, UNIFORM, Elastic, FemSource, SolvedPoses, solve_cached
 from support.stand_in import plan_of, some_poses
 
 NECK: dict[str, Any] = {
@@ -35,13 +35,13 @@ class _Strided:
     def key(self) -> str:
         return "strided"
 
-    def solve(self, poses: F, grade: str, progress: object = None) -> Anchors:
+    def solve(self, poses: F, grade: str, progress: object = None) -> SolvedPoses:
         random = np.random.default_rng(0)
         wrenches = random.standard_normal((6, len(poses))).T
         stiffness = np.swapaxes(random.standard_normal((len(poses), 6, 6)), 1, 2)
-        return Anchors(poses, wrenches, stiffness, ("solved",) * len(poses))
+        return SolvedPoses(poses, wrenches, stiffness, ("solved",) * len(poses))
 
-    def surrogate(self, anchors: Anchors) -> None:
+    def surrogate(self, solved: SolvedPoses) -> None:
         return None
 
 
@@ -72,19 +72,19 @@ def test_between_anchor_and_reached_pose_the_error_is_below_a_hundredth_of_the_n
     source: FemSource,
 ) -> None:
     poses = np.concatenate([REST, some_poses(40)])
-    anchors = source.solve(poses, UNIFORM)
-    assert set(anchors.status) == {"solved"}
+    solved = source.solve(poses, UNIFORM)
+    assert set(solved.status) == {"solved"}
     size = np.repeat([1.5e-4, 1e-3], 3)  # [rig] pose_error
     near = displaced(poses, size * np.random.default_rng(0).standard_normal(poses.shape))
     direct = source.solve(near, UNIFORM).wrenches
     index = np.arange(len(poses))
-    full = Elastic(anchors, source.surrogate(anchors)).wrench(index, near) - direct
+    full = Elastic(solved, source.surrogate(solved)).wrench(index, near) - direct
     noise = np.repeat([0.3, 0.01], 3)
     assert np.sqrt(np.mean((full / noise) ** 2)) < 0.01
     # It is the surrogate's curvature that does it, not its value.
-    linear = Elastic(anchors).wrench(index, near) - direct
+    linear = Elastic(solved).wrench(index, near) - direct
     assert np.abs(linear).max() > 3.0 * np.abs(full).max()
-    smooth = source.surrogate(anchors)
+    smooth = source.surrogate(solved)
     assert smooth is not None
     assert np.std(smooth.predict(near) - direct) > 3.0 * np.std(full)
 

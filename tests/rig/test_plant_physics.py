@@ -11,13 +11,9 @@ from scipy.integrate import solve_ivp
 
 from ecm.errors import ComputationError
 from ecm.io.se3 import (
-    compose,
-    left_jacobian_inverse,
     rotate,
     rotation,
-    rotation_vector,
     seen_from,
-    wrench_adjoint,
 )
 from ecm.rig.instruments import zero_at
 from ecm.rig.physics import Conditions
@@ -31,28 +27,6 @@ from support.stand_in import L, some_poses, stiffness, wrench
 F = NDArray[np.float64]
 REST = np.array([L, 0.0, 0.0, 0.0, 0.0, 0.0])
 ROOT = np.array([1.0, 1.0, 1.0, L, L, L])
-
-
-def test_left_jacobian_is_the_derivative_of_the_rotation() -> None:
-    theta = np.array([[0.3, -0.8, 0.5], [1e-6, 0.0, 0.0]])
-    turn = np.array([[1e-6, 2e-6, -1e-6]] * 2)
-    moved = rotation_vector(rotation(turn) @ rotation(theta))
-    assert rotate(left_jacobian_inverse(theta), turn) == pytest.approx(moved - theta, abs=1e-10)
-
-
-def test_compose_and_seen_from_are_inverse() -> None:
-    frames, local = some_poses(10, 1), some_poses(10, 2)
-    assert seen_from(frames, compose(frames, local)) == pytest.approx(local, abs=1e-12)
-
-
-def test_a_wrench_moves_with_its_work() -> None:
-    # The power of a wrench is the same in both frames: the adjoint is that of the twist's dual.
-    transform = (0.1, -0.2, 0.3, np.cos(0.4), 0.0, np.sin(0.4), 0.0)
-    adjoint = wrench_adjoint(transform)
-    force_at_sensor = np.array([0.0, 0.0, 2.0, 0.0, 0.0, 0.0])
-    moved = adjoint @ force_at_sensor
-    assert moved[3:] == pytest.approx(np.cross(transform[:3], moved[:3]))
-    assert np.linalg.norm(moved[:3]) == pytest.approx(2.0)
 
 
 class TestHysteresis:
@@ -225,14 +199,14 @@ def test_relaxation_goes_on_along_a_way_of_several_pieces() -> None:
     exact = solve_ivp(rate, (0.0, 9.0), [0.0], t_eval=time, **options).y[0]
     h = np.zeros((5, 6))
     h[:, 2] = path
-    carried = chain.carried(h, time, np.zeros(5, dtype=bool))
-    assert carried[:, 2] == pytest.approx(size * exact, abs=1e-4)
+    held = chain.held(h, time, np.zeros(5, dtype=bool))
+    assert held[:, 2] == pytest.approx(size * exact, abs=1e-4)
     # A single ramp and its rest is what a reading at rest has.
     at = Conditions(L, travel_s=np.array([2.0]), dwell_s=np.array([3.0]))
     factor = chain.factor(at)[0]
-    assert carried[2, 2] == pytest.approx(factor - 1.0, rel=1e-12)
+    assert held[2, 2] == pytest.approx(factor - 1.0, rel=1e-12)
     restart = np.array([False, False, True, False, False])
-    assert chain.carried(h, time, restart)[2] == pytest.approx(np.zeros(6), abs=0.0)
+    assert chain.held(h, time, restart)[2] == pytest.approx(np.zeros(6), abs=0.0)
 
 
 def test_relaxing_stress_turns_with_the_middle_of_the_body() -> None:

@@ -15,7 +15,7 @@ from ecm.errors import ComputationError, InputError
 from ecm.io.se3 import rotation, turn_wrench
 from ecm.io.table import Table, read_table
 from ecm.rig import Campaign, CampaignOptions, Hidden, RigSettings, run_campaign
-from ecm.rig.elastic import Anchors, Smooth
+from ecm.rig.elastic import Smooth, SolvedPoses
 from ecm.rig.hidden.inject import Whitener
 from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.physics.camera import TimeSkew
@@ -62,8 +62,8 @@ def test_a_leg_begins_and_ends_at_the_solved_poses_and_follows_the_map_between()
     rows = [np.flatnonzero(stream.leg == 2 * i) for i in range(30)]
     rest, moving = [r[-1] for r in rows], [r[0] for r in rows]
     visits = [i for i, v in enumerate(campaign.visits) if v.kind == "pose"]
-    anchor, reached = campaign.visits.anchor[visits], campaign.visits.reached[visits]
-    at_rest = campaign.plant.elastic.wrench(anchor, reached)
+    nearest, reached = campaign.visits.nearest[visits], campaign.visits.reached[visits]
+    at_rest = campaign.plant.elastic.wrench(nearest, reached)
     assert stream.elastic_wrench()[rest] == pytest.approx(at_rest, abs=1e-9)
     speed = np.abs(stream.velocities())
     assert speed[rest].max() == 0.0
@@ -87,7 +87,7 @@ class Line:
 
 
 class Rough(StandIn):
-    def surrogate(self, anchors: Anchors) -> Smooth | None:
+    def surrogate(self, solved: SolvedPoses) -> Smooth | None:
         return Line()
 
 

@@ -22,9 +22,9 @@ from ecm.rig.elastic import (
     TAPER,
     THICK,
     UNIFORM,
-    Anchors,
     Progress,
     Smooth,
+    SolvedPoses,
 )
 from ecm.rig.settings import Instruments
 
@@ -121,12 +121,12 @@ class StandIn:
     def key(self) -> str:
         return "stand-in"
 
-    def solve(self, poses: F, grade: str, progress: Progress) -> Anchors:
+    def solve(self, poses: F, grade: str, progress: Progress) -> SolvedPoses:
         self.solved += len(poses)
         status = ("solved",) * len(poses)
-        return Anchors(poses, wrench(poses, grade), stiffness(poses, grade), status)
+        return SolvedPoses(poses, wrench(poses, grade), stiffness(poses, grade), status)
 
-    def surrogate(self, anchors: Anchors) -> Smooth | None:
+    def surrogate(self, solved: SolvedPoses) -> Smooth | None:
         return StandInMap() if self._curvature else None
 
 
@@ -141,7 +141,7 @@ def error_of(campaign: Campaign, table: Table) -> F:
     """Measured wrench minus the plant's elastic wrench at the measured pose."""
     rows = campaign.visits.at_poses
     measured = table.measured()
-    elastic = campaign.plant.elastic.wrench(campaign.visits.anchor[rows], measured.poses)
+    elastic = campaign.plant.elastic.wrench(campaign.visits.nearest[rows], measured.poses)
     return measured.wrenches - elastic
 
 

@@ -30,8 +30,7 @@ from ecm.io.table import read_table
 from ecm.rig.hidden.truth import sealed, sha256
 from ecm.rig.readings import HEADER
 from ecm.workflow.app.journal import Journal
-from ecm.workflow.app.serve import begin, serve
-from ecm.workflow.app.server import App, application
+from ecm.workflow.app.server import App, application, begin, serve
 from ecm.workflow.app.session import Session
 from ecm.workflow.app.state import state_of
 from ecm.workflow.app.steps import PLAN, Files, command_of, request_of, write_demo
@@ -701,7 +700,7 @@ _SERVER = """
 import sys
 from pathlib import Path
 from ecm.workflow.app.steps import PLAN, write_demo
-from ecm.workflow.app.serve import begin, serve
+from ecm.workflow.app.server import begin, serve
 from ecm.workflow.app.server import App
 app = App(Path(sys.argv[1]))
 app.session.add_table(Path(sys.argv[2]), "stage.csv")

@@ -20,8 +20,7 @@ import uvicorn
 
 from ecm.effects import get_effect, unregister
 from ecm.io.columns import POSE, WRENCH
-from ecm.workflow.app.serve import begin
-from ecm.workflow.app.server import App, application
+from ecm.workflow.app.server import App, application, begin
 from support.chromium import Page, open_chromium
 from support.neck import LENGTH_M, STIFFNESS, csv_text, neck_rows
 

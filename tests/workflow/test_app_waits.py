@@ -13,8 +13,7 @@ from starlette.testclient import TestClient
 
 from ecm.workflow.app.jobs import Busy
 from ecm.workflow.app.journal import Step
-from ecm.workflow.app.serve import begin
-from ecm.workflow.app.server import App, application
+from ecm.workflow.app.server import App, application, begin
 
 TOKEN = "a-secret"
 TABLE = "".join(f"{1e-4 * i},{i + 0.01 * (i % 3)}\n" for i in range(20))

@@ -67,7 +67,7 @@ def test_what_ecm_new_writes_is_valid(tmp_path: Path) -> None:
             {"select": {"energy_degrees": [7]}},
             "energy_degrees[0] = 7: expected a number from 4 to 6",
         ),
-        ({"workspace": {"rotation_limit_rad": 45.0}}, "rotation angle in rad, not degrees"),
+        ({"workspace": {"rotation_limit_rad": 45.0}}, "in rad, not degrees"),
         ({"workspace": {"wrench_min": [1.0]}}, "wrench_min has 1 entries: expected a list of 6"),
         ({"workspace": {"stretch_limit": float("inf")}}, "expected a finite number"),
         ({"mechanism": {"length_m": 0.1}}, "expected a body for FEM"),

@@ -75,7 +75,7 @@ COMMANDS = {
     ),
     "app": Command(
         line="The whole loop in a browser.",
-        work="jobs.serve", of="workflow.app.serve.serve", passed="model port demo",
+        work="jobs.serve", of="workflow.app.server.serve", passed="model port demo",
     ),
     "new": Command(line="A config, rig or data file to begin from.", work="tables.new"),
 }  # fmt: skip

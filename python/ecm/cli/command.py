@@ -29,6 +29,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
 
@@ -165,12 +166,14 @@ def _stated(function: str) -> tuple[str, dict[str, _Option], dict[str, dict[str,
         words |= dict.fromkeys(names.split(", "), found_words)
     of = next((node.args for node in ast.walk(found) if isinstance(node, ast.FunctionDef)), None)
     stated: list[tuple[str, Any, Any, bool]]
-    if of is None:  # a class of settings, with what `setting` is given
-        stated = [
-            (node.target.id, node.annotation, getattr(node.value, "args", [node.value])[0], False)
-            for node in found.body
-            if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)
-        ]
+    if of is None:  # a class of settings: what `setting` is given, and the text below it
+        stated = []
+        for node, below in pairwise(found.body):
+            match node, below:
+                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(ast.Constant(str(meaning))):
+                    default = getattr(node.value, "args", [node.value])[0]
+                    stated.append((name, node.annotation, default, False))
+                    words[name] = {"word": "", "text": " ".join(meaning.split())}
     else:
         defaults = [*[None] * (len(of.args) - len(of.defaults)), *of.defaults, *of.kw_defaults]
         stated = [

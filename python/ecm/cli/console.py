@@ -122,7 +122,7 @@ class _Progress(threading.Thread):
         A whole or a time of 0 is not known.
         """
         done, total = self._done, self._total
-        # Parts take unlike times, and one that lasts longer than was expected is not over at once.
+        # Parts take different times; one that lasts longer than expected is not over at once.
         taken = now - self._told
         left = max(self._expected - taken, _LONGER * taken) if self._expected else 0.0
         if left:

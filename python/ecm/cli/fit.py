@@ -63,7 +63,7 @@ def fit(
     add : EFFECT
         Fitted with this effect; repeatable.
     force
-        Fit a misread table; save what is worse.
+        Fit a table that is read wrongly; save what is worse.
     """
     session.check_output(out)
     table = session.read(data, need="fit")

@@ -20,10 +20,10 @@ from ecm.io.table import Table
 from ecm.report.blocks import text_of
 from ecm.rig import CampaignOptions, campaign_minutes, run_campaign, run_campaigns
 from ecm.rig import reveal as reveal_truth
-from ecm.rig.arm.summary import summary_lines
+from ecm.rig.arm.trips import summary_lines
 from ecm.rig.elastic import Progress
 from ecm.rig.readings import keep_data, robot_path
-from ecm.workflow.app.serve import serve as serve_session
+from ecm.workflow.app.server import serve as serve_session
 from ecm.workflow.config import read_config, read_rig, with_rig
 from ecm.workflow.design import design as design_plan
 from ecm.workflow.identify import identify as identify_mechanism

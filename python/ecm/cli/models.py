@@ -25,7 +25,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
 from ecm.io.toml import read_toml
-from ecm.logs.rotations import check_rotation_word, rotation_columns
+from ecm.logs.sources import check_rotation_word, rotation_columns
 from ecm.models import Expression, Model, PhysicsMap, as_model, load_model, physics_map
 from ecm.models.control_loop import LoopSettings
 from ecm.models.controller import AdaptSettings

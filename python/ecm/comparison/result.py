@@ -53,7 +53,7 @@ from ecm.report.blocks import (
     TextBlock,
     number,
 )
-from ecm.report.mechanism import mechanism_blocks
+from ecm.report.figures import mechanism_blocks
 from ecm.report.page import Report, Shown
 
 if TYPE_CHECKING:

@@ -5,7 +5,6 @@
 proposed experiment, and `design_sizes` shows the error against the number of poses.
 """
 
-from ecm.designs.nominal import NominalModel, nominal_model, rig_noise
 from ecm.designs.optimal import Design, Size, design_sizes, optimal_design
 from ecm.designs.plans import (
     DWELLS_S,
@@ -15,7 +14,14 @@ from ecm.designs.plans import (
     paper_plan,
     plain_plan,
 )
-from ecm.designs.regressors import CRITERIA, DesignSettings, polynomial_degree
+from ecm.designs.regressors import (
+    CRITERIA,
+    DesignSettings,
+    NominalModel,
+    nominal_model,
+    polynomial_degree,
+    rig_noise,
+)
 
 __all__ = [
     "CRITERIA",

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ecm._native import d_optimal, maximin, repeated_rows
-from ecm.designs.nominal import NominalModel
 from ecm.designs.regressors import (
     AVERAGED,
     CRITERIA,
     DesignSettings,
+    NominalModel,
     predicted_columns,
     prediction_region,
     regressor,

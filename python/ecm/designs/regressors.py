@@ -1,11 +1,13 @@
-"""Settings of a design, the information rows of a pose, and rows of a prediction's variance.
+"""Settings of a design, its nominal model, and the information rows of a pose.
 
 Every row is whitened. Without a nominal base the components have one default noise each, as in
 the binary `ecm-design`; with one a row's covariance Sigma = Sigma_w + K_s Sigma_p K_s' depends on
-the pose, so that poses where the mechanism is stiff carry less information.
+the pose, so that poses where the mechanism is stiff carry less information. A design comes before
+the measurement, so its stiffness is nominal: that of a given model, of the simulated wrenches among
+the candidates, or of the FEM of their `[mechanism]`.
 
-In units of one reading's noise. I-optimal designs average over these rows, and `design_sizes`
-takes its expected errors from them.
+I-optimal designs average over the rows of a prediction's variance, in units of one reading's noise,
+and `design_sizes` takes its expected errors from them.
 """
 
 from __future__ import annotations
@@ -18,14 +20,248 @@ import numpy as np
 
 from ecm import _native
 from ecm._native import criteria, polynomial_regressor, rows_inside
-from ecm.designs.nominal import NominalModel
-from ecm.effects import Effect
+from ecm.effects import Effect, Rows
 from ecm.errors import DesignError, InputError
 from ecm.io.arrays import F, I
-from ecm.io.columns import POSE
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Meta
+from ecm.io.events import Progress
+from ecm.io.mechanism import Mechanism
+from ecm.io.se3 import wrench_adjoint
 from ecm.io.settings import Checked, setting
 from ecm.io.table import Table
-from ecm.models import EnergyModel, PolynomialModel, parse_model
+from ecm.models import (
+    EnergyModel,
+    Model,
+    PolynomialModel,
+    StiffnessMap,
+    parse_model,
+    physics_map,
+    surrogate_of,
+)
+from ecm.models.maps import EnergyTerms
+from ecm.regression.noise import Noise, declared_noise, whiteners
+from ecm.rig.instruments import Camera, ForceTorqueSensor
+from ecm.rig.settings import RigSettings
+
+_MIN_POSES = 100
+"""Number of simulated poses from which a physics map can be fitted and tested."""
+
+
+@dataclass(frozen=True)
+class NominalModel:
+    """A nominal map, the instruments' noise, and the description of the candidates.
+
+    Parameters
+    ----------
+    base
+        Map from (N, 6) poses to (N, 6) wrenches.
+    noise
+        Noise of one row.
+    meta
+        Mechanism, scene and instruments of the candidates.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ecm import as_table
+    >>> bent = np.random.default_rng(0).normal(0.0, 0.01, (60, 6))
+    >>> pairs = np.hstack([bent + [0.1, 0.0, 0.0, 0.0, 0.0, 0.0], 100.0 * bent])
+    >>> meta = Meta(mechanism={"length_m": 0.1})
+    >>> nominal = nominal_model(as_table(dict(zip((*POSE, *WRENCH), pairs.T)), meta=meta))
+    >>> nominal.whiteners(pairs[:2, :6]).shape
+    (2, 6, 6)
+    """
+
+    base: StiffnessMap
+    noise: Noise
+    meta: Meta
+
+    def rows(self, poses: F) -> Rows:
+        """Rows at (N, 6) poses, their wrenches predicted."""
+        return Rows(self.table(poses), self.base)
+
+    def table(self, poses: F) -> Table:
+        """A table of (N, 6) poses with the nominal wrenches."""
+        columns = dict(zip(POSE, np.asarray(poses, dtype=np.float64).T.copy(), strict=True))
+        wrenches = self.base.predict(np.ascontiguousarray(poses))
+        columns |= dict(zip(WRENCH, wrenches.T.copy(), strict=True))
+        return Table(columns, self.meta, "nominal")
+
+    def whiteners(self, poses: F) -> F:
+        """(N, 6, 6) W with W' W = Sigma^-1, Sigma = Sigma_w + K_s Sigma_p K_s'."""
+        return whiteners(self.noise.covariance(self.rows(poses)))
+
+    def effect_columns(self, poses: F, effects: Sequence[Effect]) -> tuple[F, F]:
+        """(N, 6, q) wrench per parameter of the effects that act at a pose, and (q,) sizes.
+
+        Effects of time, order or approach are a matter of the plan, not of the poses.
+        """
+        rows = self.rows(poses)
+        blocks, scales = [np.zeros((len(poses), 6, 0))], []
+        for effect in effects:
+            if effect.missing(rows.table) is not None:
+                continue
+            variant = effect.variants(rows.table)[0]
+            blocks.append(variant.jacobian(rows, np.zeros(len(variant.parameters))))
+            scales += [parameter.scale for parameter in variant.parameters]
+        return np.concatenate(blocks, axis=2), np.asarray(scales)
+
+
+def nominal_model(
+    candidates: Table,
+    model: Model | None = None,
+    *,
+    physics: bool = False,
+    noise: Noise | None = None,
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> NominalModel:
+    """The nominal model of a table of candidates.
+
+    Its map is that of `model`, else it is fitted to the candidates' wrenches, else it is the FEM of
+    their `[mechanism]`.
+
+    Parameters
+    ----------
+    candidates
+        Table with the six pose columns.
+    model
+        A fitted model.
+    physics
+        Accept only the physics map: of `model`, or the FEM of `[mechanism]` with its sensitivities
+        to E and Poisson's ratio (solved once per shape, minutes).
+    noise
+        Noise of one row; by default that of the candidates' `[instrument]`.
+    threads
+        Threads of the FEM; 0: all.
+    progress
+        Called with the load cases done, their number and what is being done.
+
+    Returns
+    -------
+    NominalModel
+        Map, noise and description.
+
+    Raises
+    ------
+    InputError
+        None of the three is there, or a pose column is missing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ecm import as_table
+    >>> bent = np.random.default_rng(0).normal(0.0, 0.01, (60, 6))
+    >>> pairs = np.hstack([bent + [0.1, 0.0, 0.0, 0.0, 0.0, 0.0], 100.0 * bent])
+    >>> meta = Meta(mechanism={"length_m": 0.1})
+    >>> nominal = nominal_model(as_table(dict(zip((*POSE, *WRENCH), pairs.T)), meta=meta))
+    >>> nominal.base.kind, nominal.noise.source
+    ('energy', 'assumed')
+    """
+    where = candidates.source
+    if candidates.pose_columns != POSE:
+        raise InputError(
+            f"{where}: the noise and the effects of a pose need the six pose columns, "
+            f"found {', '.join(candidates.pose_columns)}; give all of {', '.join(POSE)}"
+        )
+    noise = declared_noise(candidates) if noise is None else noise
+    meta = Meta(
+        mechanism=candidates.meta.mechanism,
+        scene=candidates.meta.scene,
+        instrument=candidates.meta.instrument,
+    )
+    body = candidates.meta.elastic_body()
+    if physics:
+        own = _physics(where, body, model, threads, progress)
+        return NominalModel(own, noise, meta.with_length(own.length_m))
+    if model is not None:
+        return NominalModel(model.base, noise, meta.with_length(model.base.length_m))
+    length = candidates.meta.length_m
+    if candidates.wrench_columns == WRENCH and length is not None:
+        return NominalModel(_fitted_map(candidates, length, known=body is not None), noise, meta)
+    if body is not None:
+        return NominalModel(physics_map(body, threads=threads, progress=progress), noise, meta)
+    raise InputError(
+        f"{where}: the nominal stiffness is not known; give --base MODEL, simulated wrenches "
+        "beside the poses with [mechanism] length_m, or a [mechanism] that FEM can solve"
+    )
+
+
+def _physics(
+    where: str,
+    body: Mechanism | None,
+    model: Model | None,
+    threads: int,
+    progress: Progress | None,
+) -> StiffnessMap:
+    """The physics map, whose E and (where it is tabulated) Poisson's ratio are unknown."""
+    if model is not None:
+        if model.base.kind == "physics":
+            return model.base
+        raise InputError(
+            f"--base: a {model.base.kind} model, but --model physics needs the physics base; leave "
+            "--base out where the candidates have a [mechanism], or give a physics model"
+        )
+    if body is None:
+        raise InputError(
+            f"{where}: --model physics needs a [mechanism] that FEM can solve; add builtin, its "
+            "dimensions and young_modulus_Pa to the TOML beside the candidates"
+        )
+    return physics_map(body, threads=threads, progress=progress)
+
+
+def rig_noise(settings: RigSettings) -> Noise:
+    """Noise of one averaged row, as the campaigns of a rig declare it.
+
+    Parameters
+    ----------
+    settings
+        Instruments and averaging window of the rig.
+
+    Returns
+    -------
+    Noise
+        Its source is `declared`.
+
+    Raises
+    ------
+    InputError
+        A figure is 0.
+
+    Examples
+    --------
+    >>> from ecm.rig import RigSettings
+    >>> rig_noise(RigSettings()).source
+    'declared'
+    """
+    instrument, window = settings.instrument, settings.rig.window_s
+    adjoint = wrench_adjoint(instrument.top_from_sensor)
+    variance = np.diag(ForceTorqueSensor(instrument).row_covariance(window, adjoint))
+    position, angle = Camera(instrument).row_sd(window)
+    sd = np.array([position, angle, *np.sqrt(variance.reshape(2, 3).mean(axis=1))])
+    if not (sd > 0.0).all():
+        raise InputError(
+            f"--rig: its noise of position, rotation, force and torque is {sd.tolist()}; a design "
+            "needs positive figures in [instrument]"
+        )
+    return Noise().with_parameters(sd, "declared")
+
+
+def _fitted_map(candidates: Table, length_m: float, *, known: bool) -> StiffnessMap:
+    """A map fitted to simulated wrenches: physics where the body is known, else a free energy."""
+    poses, wrenches = candidates.poses, candidates.wrenches
+    if known and len(poses) >= _MIN_POSES:
+        tested = np.arange(len(poses)) % 5 == 4
+        return surrogate_of(
+            poses[~tested],
+            wrenches[~tested],
+            length_m,
+            test_poses=poses[tested],
+            test_wrenches=wrenches[tested],
+            mechanism=dict(candidates.meta.mechanism),
+        )
+    return EnergyTerms(length_m, 4).fit(poses, wrenches)
 
 
 def row_list(option: str, text: str, count: int) -> I:
@@ -59,39 +295,6 @@ AVERAGED = tuple(name for name, _, averaged in criteria() if averaged)
 class DesignSettings(Checked):
     """What a design is for and how it is searched.
 
-    Parameters
-    ----------
-    criterion
-        d: largest determinant; i: smallest average variance of h and of K times half the range;
-        a: smallest summed variance of the coefficients; g: smallest largest variance; di: D in
-        `share`, I in the rest; maximin: largest smallest distance, in coordinates normalised to
-        [-1, 1] or in metres with `metres_per_radian`.
-    model
-        `poly:D` or its aliases, `energyD` with its length, or `physics` with a nominal model.
-    length_m
-        Length of the mechanism in m, for energy models; by default that of the nominal model.
-    effects
-        Effects whose parameters the design determines too, as far as the poses can.
-    ridge
-        Information known beforehand on every coefficient but a polynomial's constant, in units of
-        the rows' information: the design for a ridge fit (Bayesian D, I, A).
-    share
-        Share of D in the criterion di.
-    metres_per_radian
-        Length in m that counts as much as a radian in distances; None: normalised coordinates.
-    columns
-        Names of the pose columns, for `metres_per_radian`.
-    replicates
-        Whether a pose may be chosen more than once.
-    method
-        search: the best that is found; paper: Fedorov's exchange for d, simple exchange for
-        maximin.
-    starts, iterations, time_limit_s
-        Random starts; iterations of the search (0: until nothing improves); its limit in s (0:
-        none; with a limit another run may give another design).
-    seed, threads
-        Seed of the random generator; threads (0: all).
-
     Raises
     ------
     InputError
@@ -103,23 +306,41 @@ class DesignSettings(Checked):
     'maximin'
     """
 
-    criterion: str = setting("d", choices=tuple(CRITERIA), doc="Criterion of the design.")
-    model: str = setting("cubic", doc="Model that the design is for.")
-    length_m: float | None = setting(None, above=0.0, doc="Length of the mechanism in m.")
-    effects: tuple[Effect, ...] = setting((), any_size=True, doc="Effects to be determined.")
-    ridge: float = setting(0.0, low=0.0, doc="Information known beforehand; 0: none.")
-    share: float = setting(0.5, low=0.0, high=1.0, doc="Share of D in the criterion di.")
-    metres_per_radian: float | None = setting(None, above=0.0, doc="Metres for a radian.")
-    columns: tuple[str, ...] = setting(POSE, any_size=True, doc="Names of the pose columns.")
-    replicates: bool = setting(False, doc="Whether a pose may be chosen more than once.")
-    method: Literal["search", "paper"] = setting(
-        "search", choices=("search", "paper"), doc="Search of the design."
-    )
-    starts: int = setting(10, low=1, doc="Random starts; the best one is kept.")
-    iterations: int = setting(0, low=0, doc="Iterations; 0: until nothing improves.")
-    time_limit_s: float = setting(0.0, low=0.0, doc="Time limit of the search in s; 0: none.")
-    seed: int = setting(0, doc="Seed of the random generator.")
-    threads: int = setting(0, low=0, doc="Threads; 0: all.")
+    criterion: str = setting("d", choices=tuple(CRITERIA))
+    """d: largest determinant; i: smallest average variance of h and of K times half the range; a:
+    smallest sum of the variances of coefficients; g: smallest largest variance; di: D in `share`, I
+    in the rest; maximin: largest smallest distance, in coordinates normalised to [-1, 1] or in
+    metres with `metres_per_radian`."""
+    model: str = setting("cubic")
+    """`poly:D`, `linear`, `quadratic`, `cubic`, `energyD` with its length, or `physics` with a
+    nominal model."""
+    length_m: float | None = setting(None, above=0.0)
+    """Length of the mechanism in m, for energies; by default that of the nominal model."""
+    effects: tuple[Effect, ...] = setting((), any_size=True)
+    """Effects whose parameters the design determines too, as far as the poses can."""
+    ridge: float = setting(0.0, low=0.0)
+    """Information that is known before on all coefficients but a polynomial's constant, in units of
+    the rows' information: the design for a fit with this `ridge`."""
+    share: float = setting(0.5, low=0.0, high=1.0)
+    """Share of D in the criterion di."""
+    metres_per_radian: float | None = setting(None, above=0.0)
+    """Length in m that counts as much as a radian in distances; none: normalised coordinates."""
+    columns: tuple[str, ...] = setting(POSE, any_size=True)
+    """Names of the pose columns, for `metres_per_radian`."""
+    replicates: bool = setting(False)
+    """Whether a pose may be chosen more than once."""
+    method: Literal["search", "paper"] = setting("search", choices=("search", "paper"))
+    """search: the best that is found; paper: the exchange of the paper for d, or for maximin."""
+    starts: int = setting(10, low=1)
+    """Random starts; the best one is kept."""
+    iterations: int = setting(0, low=0)
+    """Iterations of the search; 0: until nothing improves."""
+    time_limit_s: float = setting(0.0, low=0.0)
+    """Limit of the search in s; 0: none. With a limit another run may give another design."""
+    seed: int = setting(0)
+    """Seed of the random generator."""
+    threads: int = setting(0, low=0)
+    """Threads; 0: all."""
 
 
 COMPONENT_SD = np.array([0.9, 0.3, 0.3, 0.010, 0.012, 0.012])

@@ -17,7 +17,7 @@ from ecm.diagnosis.stated_numbers import ratio_warning
 from ecm.diagnosis.unexplained import Unknown, describe_residual
 from ecm.diagnosis.whiteness import Pattern, explains_more, find_pattern
 from ecm.io.arrays import F
-from ecm.io.units import unit_of_factor
+from ecm.io.columns import unit_of_factor
 from ecm.models.physics.map import PhysicsMap
 
 Headline = Literal["none", "named", "ambiguous", "family", "unknown"]

@@ -27,9 +27,8 @@ from ecm.diagnosis.summary import fields_json
 from ecm.effects import Effect
 from ecm.errors import EcmError, Remedy
 from ecm.io.arrays import B, F, evenly
-from ecm.io.columns import POSE, WRENCH, unit_of
+from ecm.io.columns import POSE, WRENCH, unit_of, unit_of_factor
 from ecm.io.conventions import Convention, conventions, in_words, rarer_conventions
-from ecm.io.units import unit_of_factor
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.learned import LEARNED
 from ecm.models.maps import StiffnessMap

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy import special
 
-from ecm.designs.nominal import NominalModel
+from ecm.designs.regressors import NominalModel
 from ecm.diagnosis.confusion import confusable_pairs, squares_left_after
 from ecm.diagnosis.problem import Problem, assemble
 from ecm.effects import Effect, Rows

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ecm.designs.nominal import NominalModel
 from ecm.designs.plans import follow_up_plan
+from ecm.designs.regressors import NominalModel
 from ecm.diagnosis.confusion import confusion_class, squares_left_after
 from ecm.diagnosis.identifiability import predicted_table
 from ecm.diagnosis.problem import Candidate, Problem

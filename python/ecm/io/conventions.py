@@ -22,12 +22,11 @@ import numpy as np
 from ecm._native import EnergyModel, left_jacobians, rotation_matrices, rotation_vectors
 from ecm.errors import EcmError, InputError, Remedy
 from ecm.io.arrays import B, F, evenly, rest_of
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import POSE, WRENCH, factor_of
 from ecm.io.description import ColumnSource
 from ecm.io.frames import ORDERS, read_in_other_order
 from ecm.io.se3 import rotate, rotation, transpose, turn_wrench
 from ecm.io.table import Table
-from ecm.io.units import factor_of
 
 Change = Callable[[F, F], tuple[F, F]]
 """(poses (N, 6), wrenches (N, 6)) as stated -> the same as they may have been meant."""

@@ -158,14 +158,14 @@ class FileMeta(Checked):
     several: the sensor was zeroed again then.
     """
 
-    kind: str = setting(
-        "static",
-        choices=("static", "continuous"),
-        doc="static: a row per measurement at rest; continuous: a row per sample",
-    )
-    header_rows: int = setting(1, low=0, high=2, doc="lines of names; of 2 the upper names groups")
-    truth_sha256: str = setting("", doc="sha256 of the sealed truth file of a hidden effect")
-    begins_s: tuple[float, ...] = setting((), any_size=True, doc="begin of each later campaign")
+    kind: str = setting("static", choices=("static", "continuous"))
+    """`static`: a row per measurement at rest; `continuous`: a row per sample."""
+    header_rows: int = setting(1, low=0, high=2)
+    """Lines of names; of 2 the upper names groups."""
+    truth_sha256: str = setting("")
+    """sha256 of the sealed truth file of a hidden effect."""
+    begins_s: tuple[float, ...] = setting((), any_size=True)
+    """Begin of each later campaign."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -177,9 +177,12 @@ class FileMeta(Checked):
 class ColumnSource(Checked):
     """One entry of [columns]: standard column = scale * own column + offset."""
 
-    column: str | int = setting(low=1, doc="name in the file, or number counted from 1")
-    scale: float = setting(1.0, doc="standard column = scale * own column + offset")
-    offset: float = setting(0.0, doc="in the unit of the standard column")
+    column: str | int = setting(low=1)
+    """Name in the file, or number counted from 1."""
+    scale: float = setting(1.0)
+    """standard column = scale * own column + offset."""
+    offset: float = setting(0.0)
+    """In the unit of the standard column."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -191,29 +194,34 @@ class ColumnSource(Checked):
 class Instrument(Checked):
     """[instrument]: noise of one row after averaging, and the force-torque sensor (FTS)."""
 
-    pose_position_sd_m: float | None = setting(
-        None, low=0.0, doc="standard deviation of one position"
-    )
-    pose_rotation_sd_rad: float | None = setting(
-        None, low=0.0, doc="standard deviation of one rotation"
-    )
-    force_sd_N: float | None = setting(None, low=0.0, doc="standard deviation of one force")
-    torque_sd_Nm: float | None = setting(None, low=0.0, doc="standard deviation of one moment")
-    fts_range: tuple[float, ...] | None = setting(None, size=6, doc="N and N m, sensor axes")
-    fts_resolution: tuple[float, ...] | None = setting(None, size=6, doc="N and N m, sensor axes")
-    top_from_sensor: tuple[float, ...] | None = setting(None, size=7, doc="x y z m, quat w x y z")
-    zeroed_with_payload: bool | None = setting(
-        None, doc="whether the payload hung on the sensor when it was zeroed"
-    )
-    pose_at_zero: tuple[float, ...] | None = setting(None, size=6, doc="default: the rest pose")
+    pose_position_sd_m: float | None = setting(None, low=0.0)
+    """Standard deviation of one position."""
+    pose_rotation_sd_rad: float | None = setting(None, low=0.0)
+    """Standard deviation of one rotation."""
+    force_sd_N: float | None = setting(None, low=0.0)
+    """Standard deviation of one force."""
+    torque_sd_Nm: float | None = setting(None, low=0.0)
+    """Standard deviation of one moment."""
+    fts_range: tuple[float, ...] | None = setting(None, size=6)
+    """N and N m, sensor axes."""
+    fts_resolution: tuple[float, ...] | None = setting(None, size=6)
+    """N and N m, sensor axes."""
+    top_from_sensor: tuple[float, ...] | None = setting(None, size=7)
+    """x y z m, quat w x y z."""
+    zeroed_with_payload: bool | None = setting(None)
+    """Whether the payload hung on the sensor when it was zeroed."""
+    pose_at_zero: tuple[float, ...] | None = setting(None, size=6)
+    """Default: the rest pose."""
 
 
 @dataclass(frozen=True)
 class Scene(Checked):
     """[scene]: surroundings of the mechanism; gravity in base axes."""
 
-    gravity_m_s2: tuple[float, float, float] = setting((-9.81, 0.0, 0.0), doc="in base axes")
-    payload_mass_kg: float | None = setting(None, low=0.0, doc="mass on the platform")
+    gravity_m_s2: tuple[float, float, float] = setting((-9.81, 0.0, 0.0))
+    """In base axes."""
+    payload_mass_kg: float | None = setting(None, low=0.0)
+    """Mass on the platform."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -227,13 +235,20 @@ class Run(Checked):
     The payload of a run of kind `unloaded` is the dead weight on the free sensor.
     """
 
-    mount_angle_rad: float = setting(0.0, doc="rotation about the axis since the first mounting")
-    payload_mass_kg: float | None = setting(None, low=0.0, doc="mass on the platform in this run")
-    cable_attached: bool = setting(True, doc="whether the cable of the platform was attached")
-    tendons_slack: bool = setting(False, doc="whether all tendons were slack")
-    gravity_m_s2: tuple[float, float, float] | None = setting(None, doc="in base axes")
-    zeroed_with_payload: bool | None = setting(None, doc="as in [instrument], for this run")
-    note: str = setting("", doc="any text")
+    mount_angle_rad: float = setting(0.0)
+    """Rotation about the axis since the first mounting."""
+    payload_mass_kg: float | None = setting(None, low=0.0)
+    """Mass on the platform in this run."""
+    cable_attached: bool = setting(True)
+    """Whether the cable of the platform was attached."""
+    tendons_slack: bool = setting(False)
+    """Whether all tendons were slack."""
+    gravity_m_s2: tuple[float, float, float] | None = setting(None)
+    """In base axes."""
+    zeroed_with_payload: bool | None = setting(None)
+    """As in [instrument], for this run."""
+    note: str = setting("")
+    """Any text."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

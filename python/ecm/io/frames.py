@@ -90,22 +90,18 @@ class Frames(Checked):
     False
     """
 
-    base_from_robot: tuple[float, ...] | None = setting(
-        None, size=7, doc="robot's base in the base frame: x y z m, quaternion w x y z"
-    )
-    top_from_tool: tuple[float, ...] | None = setting(
-        None, size=7, doc="tool, whose pose the table has, in the top frame"
-    )
-    base_from_sensor: tuple[float, ...] | None = setting(
-        None, size=7, doc="a sensor that stands still, in the base frame"
-    )
-    wrench_axes: str = setting("base", choices=_FRAMES, doc="axes of force and moment")
-    wrench_point: str = setting("top", choices=_FRAMES, doc="origin about which the moment is")
-    wrench_by: str = setting(
-        "surroundings",
-        choices=("surroundings", "mechanism"),
-        doc="who exerts the wrench: the surroundings on the platform, or the mechanism",
-    )
+    base_from_robot: tuple[float, ...] | None = setting(None, size=7)
+    """Robot's base in the base frame: x y z m, quaternion w x y z."""
+    top_from_tool: tuple[float, ...] | None = setting(None, size=7)
+    """Tool, whose pose the table has, in the top frame."""
+    base_from_sensor: tuple[float, ...] | None = setting(None, size=7)
+    """A sensor that stands still, in the base frame."""
+    wrench_axes: str = setting("base", choices=_FRAMES)
+    """Axes of force and moment."""
+    wrench_point: str = setting("top", choices=_FRAMES)
+    """Origin about which the moment is."""
+    wrench_by: str = setting("surroundings", choices=("surroundings", "mechanism"))
+    """Who exerts the wrench: the surroundings on the platform, or the mechanism."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -205,41 +205,52 @@ class Mechanism(Checked):
     0.605
     """
 
-    builtin: str = setting("cylinder", choices=("", *_SHAPES), doc="shape; empty: mesh, or none")
-    """Shape; empty for a mesh, or if only the length is known."""
-    length_m: float = setting(
-        0.1034,
-        low=1e-3,
-        high=10.0,
-        doc="undeformed length in metres, not millimetres; mesh and CAD files at real size",
-    )
-    radius_m: float = setting(0.033, low=0.0, doc="outer radius; of an hourglass at its ends")
-    inner_radius_m: float = setting(0.0, low=0.0, doc="inner radius of a tube")
-    waist_radius_m: float = setting(0.0, low=0.0, doc="smallest, of an hourglass or stacked discs")
-    disc_count: int = setting(0, low=0, doc="stacked discs, the half ones at both ends included")
-    chamber_count: int = setting(0, low=0, high=12, doc="chambers round the axis of `chambered`")
-    chamber_inner_m: float = setting(0.0, low=0.0, doc="smallest distance of a chamber from it")
-    chamber_outer_m: float = setting(0.0, low=0.0, doc="largest distance of a chamber from it")
-    chamber_angle_rad: float = setting(0.0, low=0.0, doc="angle of a chamber; 0: round ones")
-    channel_radius_m: float = setting(0.0, low=0.0, doc="channel along the axis; 0: none")
-    end_wall_m: float = setting(0.0, low=0.0, doc="wall at both ends; 0: base and platform close")
-    young_modulus_Pa: float = setting(0.65e6, low=0.0, doc="E at small strain; 0: unknown")
-    poisson_ratio: float = setting(0.49, low=0.0, high=0.5, doc="0.49 for rubber")
-    material: Material | None = setting(
-        None, doc="another law than neo-Hookean; E and nu are then its values at small strain"
-    )
-    density_kg_m3: float = setting(0.0, low=0.0, doc="0: own weight is ignored")
-    free_length_m: float = setting(0.0, low=0.0, doc="length when detached; 0: same as length_m")
-    mesh_file: Path | None = setting(
-        None, doc="mesh or CAD file with faces `base` and `top` in place of builtin; in TOML: mesh"
-    )
-    quality: str = setting(
-        "standard", choices=_QUALITIES, doc="element size of builtin shapes and of CAD"
-    )
-    axial_stiffness_N: float = setting(0.0, low=0.0, doc="EA of a rod; 0: from radius and E")
-    shear_stiffness_N: float = setting(0.0, low=0.0, doc="GA of a rod with its shear correction")
-    bending_stiffness_Nm2: float = setting(0.0, low=0.0, doc="EI of a rod")
-    torsion_stiffness_Nm2: float = setting(0.0, low=0.0, doc="GJ of a rod")
+    builtin: str = setting("cylinder", choices=("", *_SHAPES))
+    """Shape; empty: that of a mesh, or only the length is known."""
+    length_m: float = setting(0.1034, low=1e-3, high=10.0)
+    """Undeformed length in metres, not millimetres; mesh and CAD files at real size."""
+    radius_m: float = setting(0.033, low=0.0)
+    """Outer radius; of an hourglass at its ends."""
+    inner_radius_m: float = setting(0.0, low=0.0)
+    """Inner radius of a tube."""
+    waist_radius_m: float = setting(0.0, low=0.0)
+    """Smallest radius, of an hourglass or stacked discs."""
+    disc_count: int = setting(0, low=0)
+    """Number of stacked discs, the half ones at both ends included."""
+    chamber_count: int = setting(0, low=0, high=12)
+    """Number of chambers round the axis of `chambered`."""
+    chamber_inner_m: float = setting(0.0, low=0.0)
+    """Smallest distance of a chamber from the axis."""
+    chamber_outer_m: float = setting(0.0, low=0.0)
+    """Largest distance of a chamber from the axis."""
+    chamber_angle_rad: float = setting(0.0, low=0.0)
+    """Angle of a chamber; 0: round ones."""
+    channel_radius_m: float = setting(0.0, low=0.0)
+    """Radius of a channel along the axis; 0: none."""
+    end_wall_m: float = setting(0.0, low=0.0)
+    """Wall at both ends; 0: base and platform close the chambers."""
+    young_modulus_Pa: float = setting(0.65e6, low=0.0)
+    """E at small strain; 0: unknown."""
+    poisson_ratio: float = setting(0.49, low=0.0, high=0.5)
+    """0.49 for rubber."""
+    material: Material | None = setting(None)
+    """Another law than neo-Hookean; E and nu are then its values at small strain."""
+    density_kg_m3: float = setting(0.0, low=0.0)
+    """Density; 0: own weight is ignored."""
+    free_length_m: float = setting(0.0, low=0.0)
+    """Length when detached; 0: same as length_m."""
+    mesh_file: Path | None = setting(None)
+    """Mesh or CAD file with faces `base` and `top` in place of builtin; in TOML: mesh."""
+    quality: str = setting("standard", choices=_QUALITIES)
+    """Element size of builtin shapes and of CAD."""
+    axial_stiffness_N: float = setting(0.0, low=0.0)
+    """EA of a rod; 0: from radius and E."""
+    shear_stiffness_N: float = setting(0.0, low=0.0)
+    """GA of a rod with its shear correction."""
+    bending_stiffness_Nm2: float = setting(0.0, low=0.0)
+    """EI of a rod."""
+    torsion_stiffness_Nm2: float = setting(0.0, low=0.0)
+    """GJ of a rod."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

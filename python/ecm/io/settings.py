@@ -1,18 +1,25 @@
 """Settings: a TOML table becomes a frozen dataclass; every key, type and range is checked here.
 
-A settings class states each field once, with its default, range and meaning:
+A settings class states each field once, with its default and range, and its meaning below:
 
     @dataclass(frozen=True)
     class Exchange(Checked):
-        starts: int = setting(10, low=1, doc="Random starts; the best one is kept.")
+        starts: int = setting(10, low=1)
+        \"\"\"Random starts; the best one is kept.\"\"\"
 """
 
 from __future__ import annotations
 
+import ast
+import inspect
 import math
+import textwrap
 import types
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, fields
+from contextlib import suppress
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from functools import cache
+from itertools import pairwise
 from numbers import Real
 from pathlib import Path
 from typing import Any, TypeVar, Union, get_args, get_origin
@@ -58,7 +65,6 @@ class Limits:
             if self.size is not None and len(value) != self.size:
                 raise InputError(
                     f"{place} has {len(value)} entries: expected a list of {self.size} numbers"
-                    f"{self._meaning}"
                 )
             for i, entry in enumerate(value):
                 self.check(entry, f"{place}[{i}]")
@@ -70,9 +76,9 @@ class Limits:
         elif isinstance(value, Real):
             number = float(value)
             if not math.isfinite(number):
-                raise InputError(f"{place} = {value}: expected a finite number{self._meaning}")
+                raise InputError(f"{place} = {value}: expected a finite number")
             if not (self.low <= number <= self.high and number > self.above):
-                raise InputError(f"{place} = {value}: expected {self._range}{self._meaning}")
+                raise InputError(f"{place} = {value}: expected {self._range}")
 
     @property
     def _range(self) -> str:
@@ -81,9 +87,26 @@ class Limits:
         limits = (("above", self.above), ("at least", self.low), ("at most", self.high))
         return " and ".join(f"{word} {x:g}" for word, x in limits if math.isfinite(x))
 
-    @property
-    def _meaning(self) -> str:
-        return f" ({self.doc.rstrip('.')})" if self.doc else ""
+
+@cache
+def meanings(cls: type) -> dict[str, str]:
+    """What each field of a dataclass means: the text below it in the source.
+
+    Examples
+    --------
+    >>> from ecm.fem.simulate import Workspace
+    >>> meanings(Workspace)["rotation_limit_rad"]
+    'Largest rotation angle of an admissible pose, in rad, not degrees.'
+    """
+    found = {item.name: _limits(item).doc for item in fields(cls)}
+    for kind in reversed([kind for kind in cls.__mro__ if is_dataclass(kind)]):
+        with suppress(OSError):  # a package without its sources
+            (node,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
+            for item, below in pairwise(getattr(node, "body", ())):
+                match item, below:
+                    case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(ast.Constant(str(text))):
+                        found[name] = " ".join(text.split())
+    return found
 
 
 def setting(
@@ -110,7 +133,7 @@ def setting(
     size, any_size
         Number of entries of a list; without both it has as many as its default.
     doc
-        Meaning with its unit, shown in messages.
+        Meaning with its unit, where none stands below the field.
     """
     if isinstance(default, tuple) and not any_size:
         size = len(default)
@@ -123,6 +146,17 @@ def _limits(item: Any) -> Limits:
     return limits
 
 
+def _check(cls: type, item: Any, value: Any, place: str) -> None:
+    """Raise InputError where a setting is out of range, with what it means."""
+    try:
+        _limits(item).check(value, place)
+    except InputError as error:
+        meaning = "" if _limits(item).choices else meanings(cls)[item.name].rstrip(".")
+        if meaning[1:2].islower():
+            meaning = meaning[0].lower() + meaning[1:]
+        raise InputError(f"{error} ({meaning})" if meaning else str(error)) from None
+
+
 class Checked:
     """Base of settings that users also create in Python: types and ranges are checked then, too."""
 
@@ -131,7 +165,7 @@ class Checked:
         for item in fields(self):  # type: ignore[arg-type]  # every subclass is a dataclass
             value = getattr(self, item.name)
             check_type(item.name, value, hints[item.name])
-            _limits(item).check(value, item.name)
+            _check(self.__class__, item, value, item.name)
 
 
 def read_settings(cls: type[T], table: Any, where: str) -> T:
@@ -152,7 +186,7 @@ def read_settings(cls: type[T], table: Any, where: str) -> T:
     values = {}
     for key, value in table.items():
         values[key] = _converted(value, hints[key], f"{where}: {key}")
-        _limits(known[key]).check(values[key], f"{where}: {key}")
+        _check(cls, known[key], values[key], f"{where}: {key}")
     try:
         return cls(**values)
     except InputError as error:  # two fields that do not fit each other

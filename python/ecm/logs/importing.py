@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ecm.errors import InputError, Remedy, shortened
 from ecm.io.arguments import check_arguments
 from ecm.io.cache import write_atomically
-from ecm.io.columns import POSE
+from ecm.io.columns import POSE, given_units
 from ecm.io.csv import BadRows, check_names, write_csv
 from ecm.io.description import FileMeta, Meta, as_meta, row_ranges, shown_ranges
 from ecm.io.events import Progress
@@ -26,7 +26,6 @@ from ecm.io.interrupts import uninterrupted
 from ecm.io.sanity import order_warning, samples_s
 from ecm.io.table import MetaLike, Table, as_table
 from ecm.io.toml import did_you_mean, refuse_pipe
-from ecm.io.units import given_units
 from ecm.io.validate import repeated_rows
 from ecm.logs.containers import (
     is_bag,

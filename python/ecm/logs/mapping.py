@@ -9,17 +9,17 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from ecm.errors import InputError
-from ecm.io.columns import POSE, WRENCH, is_standard, likely_name
-from ecm.io.units import Unit
+from ecm.io.columns import POSE, WRENCH, Unit, is_standard, likely_name
 from ecm.logs.log import Log, unique_names
 from ecm.logs.names import QUANTITIES, Guess, Named, read_name, trailing_units
-from ecm.logs.rotations import COUNT, check_rotation_word
 from ecm.logs.sources import (
+    COUNT,
     ColumnMap,
     RotationSource,
     Source,
     UserChoices,
     ask_units,
+    check_rotation_word,
     chosen_source,
     known_column,
     stated_unit,

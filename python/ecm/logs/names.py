@@ -10,8 +10,7 @@ import re
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from ecm.io.columns import POSE, WRENCH, is_standard
-from ecm.io.units import Unit, find_unit, is_other_unit
+from ecm.io.columns import POSE, WRENCH, Unit, find_unit, is_other_unit, is_standard
 
 
 class Quantity(NamedTuple):

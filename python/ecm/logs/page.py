@@ -11,8 +11,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.logs.importing import ImportedLog
 from ecm.report.blocks import Block, Cell, FigureBlock, Section, TableBlock, TextBlock
-from ecm.report.figures import lines
-from ecm.report.mechanism import mechanism_blocks
+from ecm.report.figures import lines, mechanism_blocks
 from ecm.report.page import Report
 
 _CURVE = 2000

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from ecm.errors import InputError, shown
 from ecm.io.arrays import F
+from ecm.io.columns import find_unit, is_other_unit
 from ecm.io.csv import RawTable, grouped_names, number_of, read_lines
 from ecm.io.events import Progress
-from ecm.io.units import find_unit, is_other_unit
 from ecm.logs.log import Log, seconds_of_dates, unique_names
 
 _REMARKS = frozenset({"comment", "comments", "kommentar", "note", "notes", "remark", "remarks"})

@@ -16,7 +16,7 @@ import numpy as np
 from ecm._native import merged_triangle
 from ecm.io.arrays import F, I
 from ecm.io.events import Progress
-from ecm.io.parallel import own_cores
+from ecm.io.extras import own_cores
 from ecm.io.table import Table
 
 T = TypeVar("T")

@@ -134,7 +134,7 @@ class FigureBlock:
 
 @dataclass(frozen=True)
 class MechanismBlock:
-    """The mechanism in space, bent into measured poses; `ecm.report.mechanism` makes it.
+    """The mechanism in space, bent into measured poses; `ecm.report.figures` makes it.
 
     Parameters
     ----------

@@ -7,7 +7,7 @@ plant has formulas of its own, or finding it would prove nothing.
 from __future__ import annotations
 
 from ecm.rig.campaign import Campaign
-from ecm.rig.elastic import Anchors, Source
+from ecm.rig.elastic import SolvedPoses, Source
 from ecm.rig.hidden.truth import Hidden, Revealed, reveal, score
 from ecm.rig.run import CampaignOptions, campaign_minutes, fem_source, run_campaign, run_campaigns
 from ecm.rig.settings import HiddenTable, Instruments, PlantTable, Procedure, RigSettings
@@ -15,7 +15,6 @@ from ecm.rig.settings import HiddenTable, Instruments, PlantTable, Procedure, Ri
 rig_from_dict = RigSettings.from_dict
 
 __all__ = [
-    "Anchors",
     "Campaign",
     "CampaignOptions",
     "Hidden",
@@ -25,6 +24,7 @@ __all__ = [
     "Procedure",
     "Revealed",
     "RigSettings",
+    "SolvedPoses",
     "Source",
     "campaign_minutes",
     "fem_source",

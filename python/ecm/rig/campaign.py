@@ -19,10 +19,10 @@ from ecm.io.table import Table
 from ecm.rig.calibration import Calibration, calibrated
 from ecm.rig.elastic import (
     UNIFORM,
-    Anchors,
     Elastic,
     Grading,
     Progress,
+    SolvedPoses,
     Source,
     grading,
     solve_cached,
@@ -87,12 +87,12 @@ class Campaign:
         )
         commanded = [r.pose for r in remaining if r.action.name == "measure"]
         poses, _ = unique_poses(np.stack([rest_pose(length), *commanded]))
-        anchors = solve_cached(source, poses, UNIFORM, folder, progress)
-        if anchors.status[0] != "solved":
+        solved = solve_cached(source, poses, UNIFORM, folder, progress)
+        if solved.status[0] != "solved":
             raise InputError(
-                f"[mechanism]: FEM ends `{anchors.status[0]}` at the rest pose; check its figures"
+                f"[mechanism]: FEM ends `{solved.status[0]}` at the rest pose; check its figures"
             )
-        remaining, self.skipped = reachable(remaining, self.skipped, anchors, settings)
+        remaining, self.skipped = reachable(remaining, self.skipped, solved, settings)
         if not any(r.action.name == "measure" for r in remaining):
             reasons = "; ".join(s.reason for s in self.skipped[:3])
             raise InputError(f"{plan.source}: no pose of the plan can be visited: {reasons}")
@@ -107,12 +107,12 @@ class Campaign:
             time_s=table.drift_time_s,
             wander=table.drift_wander,
         )
-        elastic = Elastic(anchors, source.surrogate(anchors))
+        elastic = Elastic(solved, source.surrogate(solved))
         self.plant = Plant(settings, elastic, length, offset=offset).put(warm_up)
-        self.visits = self._visits(anchors)
+        self.visits = self._visits(solved)
         self.injected: list[InjectedEffect] = []
         self._hide = self._hidden(
-            hide, partial(grading, source, anchors, folder=folder, progress=progress)
+            hide, partial(grading, source, solved, folder=folder, progress=progress)
         )
         self.frames: Calibration | None = None
         """Calibrated frames, where the true ones are not known."""
@@ -247,10 +247,10 @@ class Campaign:
         grades = sorted({grade for kind in kinds for grade in kind.grades})
         self.plant = replace(self.plant, gradings={grade: graded(grade) for grade in grades})
 
-    def _visits(self, anchors: Anchors) -> Visits:
+    def _visits(self, solved: SolvedPoses) -> Visits:
         visits = tuple(self.timeline.visits)
-        index = {pose.tobytes(): i for i, pose in enumerate(anchors.poses)}
-        anchor = np.asarray([index[v.pose.tobytes()] for v in visits], dtype=np.int64)
+        index = {pose.tobytes(): i for i, pose in enumerate(solved.poses)}
+        nearest = np.asarray([index[v.pose.tobytes()] for v in visits], dtype=np.int64)
         table = self.settings.rig
         size = np.repeat([table.pose_error_m, table.pose_error_rad], 3)
         errors = np.stack(
@@ -259,4 +259,4 @@ class Campaign:
         reached = displaced(np.stack([v.pose for v in visits]), errors)
         heating = self.timeline.heating
         self._air = Climate.build(self.settings, self.seed, self.timeline.end_s, heating)
-        return visits_of(visits, reached, anchor, self._air)
+        return visits_of(visits, reached, nearest, self._air)

@@ -1,11 +1,11 @@
 """The true elastic map: FEM solved at the commanded poses, a smooth map only for the increments.
 
-Around anchor a, which is a commanded pose with FEM wrench h_a and stiffness K_a,
+Around a solved pose a, which is a commanded one with FEM wrench h_a and stiffness K_a,
 
     h(p) = h_a + K_a d + [s(p) - s(a) - S(a) d],    d = p - a
 
-where s with S = ds/dp is any smooth map fitted to the anchors: value and slope are the FEM's, the
-surrogate gives the curvature of a sub-millimetre step only.
+where s with S = ds/dp is any smooth map fitted to the solved poses: value and slope are the FEM's,
+the surrogate gives the curvature of a sub-millimetre step only.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from ecm.io.mechanism import Material, Mechanism
 
 
 class FemSource:
-    """A mechanism file as a source of anchors."""
+    """A mechanism file as a source of solved poses."""
 
     def __init__(self, mechanism: Mechanism, *, threads: int = 0) -> None:
         self._mechanism = mechanism
@@ -38,7 +38,7 @@ class FemSource:
     def key(self) -> str:
         return self._mechanism.key()
 
-    def solve(self, poses: F, grade: str, progress: Progress = None) -> Anchors:
+    def solve(self, poses: F, grade: str, progress: Progress = None) -> SolvedPoses:
         """FEM wrench and K at each pose, with the modulus graded over the cross-section."""
         fem = changed(self._mechanism, grade).fem(
             element_modulus_scale=modulus_grade(self._mechanism, grade)
@@ -50,13 +50,13 @@ class FemSource:
                 progress(done, total, word)
 
         results = fem.solve_poses(poses, threads=self._threads, progress=report)
-        return Anchors(poses, results.wrenches, results.stiffness, tuple(results.status))
+        return SolvedPoses(poses, results.wrenches, results.stiffness, tuple(results.status))
 
-    def surrogate(self, anchors: Anchors) -> Smooth | None:
-        """A symmetric energy model of the anchors that moved."""
-        if sum(s == "solved" for s in anchors.status) < ENOUGH_FOR_SURROGATE:
+    def surrogate(self, solved: SolvedPoses) -> Smooth | None:
+        """A symmetric energy of the loaded poses: it gives curvature, never the value."""
+        if sum(s == "solved" for s in solved.status) < ENOUGH_FOR_SURROGATE:
             return None
-        return EnergySurrogate(anchors, self.length_m)
+        return fitted_energy(*solved.loaded, self.length_m)[0]
 
 
 def changed(mechanism: Mechanism, grade: str) -> Mechanism:
@@ -97,37 +97,22 @@ def modulus_grade(mechanism: Mechanism, grade: str) -> F | None:
     return factor
 
 
-class EnergySurrogate:
-    """A symmetric energy model fitted to the anchors: it gives curvature, never the value."""
-
-    def __init__(self, anchors: Anchors, length_m: float) -> None:
-        solved = np.asarray([s == "solved" for s in anchors.status])
-        # The rest pose has h = 0 and tells the fit nothing that the energy's form does not.
-        moving = solved & (np.linalg.norm(anchors.wrenches, axis=1) > 0.0)
-        degree = 6 if moving.sum() >= 60 else 4
-        self._model = EnergyModel.fit(
-            anchors.poses[moving],
-            anchors.wrenches[moving],
-            length_m=length_m,
-            degree=degree,
-            symmetry="revolution",
-        )
-
-    def predict(self, poses: F) -> F:
-        return self._model.predict(poses)
-
-    def stiffness(self, poses: F) -> F:
-        return self._model.stiffness(poses)
+def fitted_energy(poses: F, wrenches: F, length_m: float) -> tuple[EnergyModel, int]:
+    """A symmetric energy of these poses and wrenches (N, 6), and its degree."""
+    degree = 6 if len(poses) >= 60 else 4
+    model = EnergyModel.fit(poses, wrenches, length_m=length_m, degree=degree, symmetry=SYMMETRY)
+    return model, degree
 
 
+SYMMETRY: Literal["revolution"] = "revolution"
 ENOUGH_FOR_SURROGATE = 20
-"""Below so many anchors the increment is the linear one of the anchor's own K."""
+"""Below so many solved poses the increment is the linear one of the nearest K."""
 
 
 Progress = Callable[[int, int, str], object] | None
 
-REST_ANCHOR = 0
-"""The rest pose is the first anchor of every campaign."""
+REST_INDEX = 0
+"""The rest pose is the first solved pose of every campaign."""
 UNIFORM, COS2, SIN2 = "plain", "cos2", "sin2"
 TAPER, THICK, STIFF = "taper", "thick", "stiff"
 CONTRAST = 0.05
@@ -148,8 +133,8 @@ class Source(Protocol):
     ...     def solve(self, poses, grade, progress):
     ...         k = np.tile(1000.0 * np.eye(6), (len(poses), 1, 1))
     ...         wrenches = 1000.0 * (poses - [0.1, 0, 0, 0, 0, 0])
-    ...         return Anchors(poses, wrenches, k, ("solved",) * len(poses))
-    ...     def surrogate(self, anchors):
+    ...         return SolvedPoses(poses, wrenches, k, ("solved",) * len(poses))
+    ...     def surrogate(self, solved):
     ...         return None
     >>> source: Source = Spring()
     >>> source.solve(np.full((1, 6), 0.1), "plain", None).wrenches[0, :2]
@@ -162,30 +147,30 @@ class Source(Protocol):
         """Names everything that the solution depends on."""
         ...
 
-    def solve(self, poses: F, grade: str, progress: Progress) -> Anchors:
+    def solve(self, poses: F, grade: str, progress: Progress) -> SolvedPoses:
         """Modulus E (plain), E (1 + CONTRAST rho^2/R^2 cos or sin 2 phi), E (1 + CONTRAST
         (2 x/L - 1)) (taper), a body thicker by CONTRAST, or a rubber that stiffens (Yeoh)."""
         ...
 
-    def surrogate(self, anchors: Anchors) -> Smooth | None:
-        """A smooth map fitted to solved anchors; None where they are too few."""
+    def surrogate(self, solved: SolvedPoses) -> Smooth | None:
+        """A smooth map fitted to solved poses; None where they are too few."""
         ...
 
 
 class Smooth(Protocol):
-    """A smooth map fitted to the anchors."""
+    """A smooth map fitted to the solved poses."""
 
     def predict(self, poses: F) -> F: ...
     def stiffness(self, poses: F) -> F: ...
 
 
 @dataclass(frozen=True)
-class Anchors:
+class SolvedPoses:
     """Solutions at (N, 6) poses; `status` other than "solved" marks rows not to be visited.
 
     Examples
     --------
-    >>> Anchors(np.zeros((1, 6)), np.zeros((1, 6)), np.zeros((1, 6, 6)), ("solved",)).status
+    >>> SolvedPoses(np.zeros((1, 6)), np.zeros((1, 6)), np.zeros((1, 6, 6)), ("solved",)).status
     ('solved',)
     """
 
@@ -194,6 +179,13 @@ class Anchors:
     stiffness: F
     status: tuple[str, ...]
 
+    @property
+    def loaded(self) -> tuple[F, F]:
+        """Solved poses and wrenches (n, 6); the rest pose tells nothing that an energy does not."""
+        solved = np.asarray([s == "solved" for s in self.status])
+        rows = solved & (np.linalg.norm(self.wrenches, axis=1) > 0.0)
+        return self.poses[rows], self.wrenches[rows]
+
     def __post_init__(self) -> None:
         # In the order in which a file gives them back: sums of another one end in other bits.
         for name in ("poses", "wrenches", "stiffness"):
@@ -201,44 +193,44 @@ class Anchors:
 
 
 class Elastic:
-    """h(p) and K(p) near the anchors."""
+    """h(p) and K(p) near the solved poses."""
 
-    def __init__(self, anchors: Anchors, smooth: Smooth | None = None) -> None:
-        self.anchors = anchors
+    def __init__(self, solved: SolvedPoses, smooth: Smooth | None = None) -> None:
+        self.solved = solved
         self.smooth = smooth
-        """The smooth map through the anchors, where they are enough for one."""
+        """The smooth map through the solved poses, where they are enough for one."""
         if smooth is not None:
-            self._s = smooth.predict(anchors.poses)
-            self._slope = smooth.stiffness(anchors.poses)
+            self._s = smooth.predict(solved.poses)
+            self._slope = smooth.stiffness(solved.poses)
 
     @property
     def rest_stiffness(self) -> F:
         """K (6, 6) of the mechanism at rest."""
-        stiffness: F = self.anchors.stiffness[REST_ANCHOR]
+        stiffness: F = self.solved.stiffness[REST_INDEX]
         return stiffness
 
-    def wrench(self, anchor: I, poses: F) -> F:
-        """h at (N, 6) poses, each near the anchor of its index (N,)."""
-        step = poses - self.anchors.poses[anchor]
-        h: F = self.anchors.wrenches[anchor] + np.einsum(
-            "nij,nj->ni", self.anchors.stiffness[anchor], step
+    def wrench(self, nearest: I, poses: F) -> F:
+        """h at (N, 6) poses, each near the solved pose of that index (N,)."""
+        step = poses - self.solved.poses[nearest]
+        h: F = self.solved.wrenches[nearest] + np.einsum(
+            "nij,nj->ni", self.solved.stiffness[nearest], step
         )
         if self.smooth is not None:
-            line = self._s[anchor] + np.einsum("nij,nj->ni", self._slope[anchor], step)
+            line = self._s[nearest] + np.einsum("nij,nj->ni", self._slope[nearest], step)
             h = h + self.smooth.predict(poses) - line
         return h
 
     def at_points(self, points: F) -> F:
-        """h at way points (k, 6): the solver's at anchors, the smooth map's between.
+        """h at way points (k, 6): the solver's at solved poses, the smooth map's between.
 
         Raises
         ------
         ComputationError
-            For a point that is no anchor, where there is no smooth map.
+            for a point that is not solved, where there is no smooth map.
         """
-        known = {pose.tobytes(): i for i, pose in enumerate(self.anchors.poses)}
+        known = {pose.tobytes(): i for i, pose in enumerate(self.solved.poses)}
         index = np.asarray([known.get(point.tobytes(), -1) for point in points], dtype=np.int64)
-        h: F = self.anchors.wrenches[index]
+        h: F = self.solved.wrenches[index]
         between = index < 0
         if between.any():
             if self.smooth is None:
@@ -250,30 +242,30 @@ class Elastic:
             h[between] = self.smooth.predict(points[between])
         return h
 
-    def stiffness(self, anchor: I, poses: F) -> F:
+    def stiffness(self, nearest: I, poses: F) -> F:
         """K = dh/dp at the poses: (N, 6, 6)."""
-        stiffness: F = self.anchors.stiffness[anchor]
+        stiffness: F = self.solved.stiffness[nearest]
         if self.smooth is not None:
-            stiffness = stiffness + self.smooth.stiffness(poses) - self._slope[anchor]
+            stiffness = stiffness + self.smooth.stiffness(poses) - self._slope[nearest]
         return stiffness
 
 
 @dataclass(frozen=True)
 class Grading:
-    """Change of wrench and stiffness at the anchors per unit contrast of a graded modulus."""
+    """Change of wrench and stiffness at the solved poses per unit contrast of a graded modulus."""
 
     wrenches: F
     stiffness: F
 
-    def wrench(self, anchor: I, step: F) -> F:
-        """At `step` (N, 6) away from the anchors."""
-        change: F = self.wrenches[anchor] + np.einsum("nij,nj->ni", self.stiffness[anchor], step)
+    def wrench(self, nearest: I, step: F) -> F:
+        """At `step` (N, 6) away from the solved poses."""
+        change: F = self.wrenches[nearest] + np.einsum("nij,nj->ni", self.stiffness[nearest], step)
         return change
 
 
 def solve_cached(
     source: Source, poses: F, grade: str, folder: Path | None, progress: Progress = None
-) -> Anchors:
+) -> SolvedPoses:
     """`source.solve`, stored on disk under a hash of the mechanism and the poses."""
     path = None
     if folder is not None:
@@ -282,23 +274,23 @@ def solve_cached(
         stored = read_arrays(path)
         if stored is not None:
             status = tuple(str(s) for s in stored["status"])
-            return Anchors(poses, stored["wrenches"], stored["stiffness"], status)
-    anchors = source.solve(poses, grade, progress)
+            return SolvedPoses(poses, stored["wrenches"], stored["stiffness"], status)
+    solved = source.solve(poses, grade, progress)
     if path is not None:
         write_arrays(
             path,
             {
-                "wrenches": anchors.wrenches,
-                "stiffness": anchors.stiffness,
-                "status": np.asarray(anchors.status),
+                "wrenches": solved.wrenches,
+                "stiffness": solved.stiffness,
+                "status": np.asarray(solved.status),
             },
         )
-    return anchors
+    return solved
 
 
 def grading(
     source: Source,
-    plain: Anchors,
+    plain: SolvedPoses,
     grade: str,
     folder: Path | None = None,
     progress: Progress = None,

@@ -14,7 +14,7 @@ from ecm.io.arrays import B, F, I
 from ecm.io.se3 import rotation, transpose, turn_wrench, wrench_adjoint
 from ecm.io.table import Table
 from ecm.io.toml import did_you_mean
-from ecm.rig.elastic import Anchors
+from ecm.rig.elastic import SolvedPoses
 from ecm.rig.instruments import Optics
 from ecm.rig.physics.camera import LEDS, LEDS_NEEDED
 from ecm.rig.physics.true_effect import LEVER_M
@@ -214,8 +214,8 @@ class Visits:
     rows: tuple[Visit, ...]
     reached: F
     """True top frame in the world, (N, 6)."""
-    anchor: I
-    """Index of each visit's anchor (solved pose), (N,)."""
+    nearest: I
+    """Index of each visit's solved pose, (N,)."""
     time_s: F
     temperature_degC: F
     """Temperature of the mechanism, (N,)."""
@@ -317,10 +317,10 @@ def _without(
 
 
 def reachable(
-    requests: list[Request], skipped: list[Skipped], anchors: Anchors, settings: RigSettings
+    requests: list[Request], skipped: list[Skipped], solved: SolvedPoses, settings: RigSettings
 ) -> tuple[list[Request], list[Skipped]]:
     """Skip poses without a stable solution, beyond the sensor's range or out of sight."""
-    index = {pose.tobytes(): i for i, pose in enumerate(anchors.poses)}
+    index = {pose.tobytes(): i for i, pose in enumerate(solved.poses)}
     instrument, table = settings.instrument, settings.plant
     # What is left for the mechanism after the sensor's zero and three sigma of a sample.
     reserve = np.array(
@@ -329,16 +329,16 @@ def reachable(
     )
     limits = np.asarray(instrument.fts_range) - reserve
     sensor_from_top = np.linalg.inv(wrench_adjoint(instrument.top_from_sensor))
-    back = transpose(rotation(anchors.poses[:, 3:]))
-    felt = turn_wrench(back, anchors.wrenches) @ sensor_from_top.T
-    leds = Optics(instrument).visible(anchors.poses).sum(axis=1)
+    back = transpose(rotation(solved.poses[:, 3:]))
+    felt = turn_wrench(back, solved.wrenches) @ sensor_from_top.T
+    leds = Optics(instrument).visible(solved.poses).sum(axis=1)
 
     def reason(request: Request) -> str:
         i = index[request.pose.tobytes()]
         if request.action.name != "measure":
             return ""
-        if anchors.status[i] != "solved":
-            return f"the mechanism has no stable solution there ({anchors.status[i]})"
+        if solved.status[i] != "solved":
+            return f"the mechanism has no stable solution there ({solved.status[i]})"
         if np.any(np.abs(felt[i]) > limits):
             axis = int(np.argmax(np.abs(felt[i]) - limits))
             unit = "N" if axis < 3 else "N m"

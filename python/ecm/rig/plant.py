@@ -117,7 +117,7 @@ class Plant:
         return Conditions(
             length_m=self.length_m,
             poses=np.where(loaded[:, None], visits.reached, rest_pose(self.length_m)),
-            anchor=visits.anchor,
+            nearest=visits.nearest,
             time_s=visits.time_s,
             temperature_degC=visits.temperature_degC,
             sensor_temperature_degC=visits.sensor_temperature_degC,
@@ -186,7 +186,7 @@ class Plant:
     def _mechanism(self, at: Conditions) -> F:
         """Wrench (N, 6) of the mechanism on the platform, base axes."""
         physics = self.physics
-        anchor = self.elastic.anchors.poses[at.anchor]
+        solved = self.elastic.solved.poses[at.nearest]
         factor = np.ones(len(at.poses))
         for material in physics.of(MaterialFactor):
             factor = factor * material.factor(at)
@@ -200,9 +200,9 @@ class Plant:
                 body = part.body_pose(poses, at)
                 passed.append((part, poses, body))
                 poses = body
-            h = self.elastic.wrench(at.anchor, poses)
+            h = self.elastic.wrench(at.nearest, poses)
             for variation in physics.of(BodyVariation):
-                h = h + variation.wrench(poses - anchor, at)
+                h = h + variation.wrench(poses - solved, at)
             h = factor[:, None] * h + memory
             for part, outer, body in reversed(passed):
                 h = part.platform_wrench(h, outer, body, at)
@@ -215,14 +215,14 @@ class Plant:
 
 
 def visits_of(
-    visits: tuple[Visit, ...], reached: F, anchor: I, climate: Climate, *, moving: bool = False
+    visits: tuple[Visit, ...], reached: F, nearest: I, climate: Climate, *, moving: bool = False
 ) -> Visits:
     """The visits with the values of the slow processes at their times."""
     time = np.asarray([visit.time_s for visit in visits])
     return Visits(
         visits,
         reached,
-        anchor,
+        nearest,
         time,
         climate.at(climate.mechanism_degC, time),
         climate.at(climate.sensor_degC, time),
@@ -283,7 +283,7 @@ def residual(plant: Plant, visits: Visits) -> F:
     truth = plant.truth(visits)
     measured = wrench_in_base(plant, visits, truth.sensor, truth.pose_seen)
     rows = visits.at_poses
-    elastic = plant.elastic.wrench(visits.anchor[rows], truth.pose_seen[rows])
+    elastic = plant.elastic.wrench(visits.nearest[rows], truth.pose_seen[rows])
     difference: F = measured[rows] - elastic
     return difference
 
@@ -301,7 +301,7 @@ def row_covariance(plant: Plant, visits: Visits, window_s: float | None = None) 
     sensor = ForceTorqueSensor(settings.instrument).row_covariance(window, plant.top_from_sensor)
     turn = np.zeros((len(poses), 6, 6))
     turn[:, :3, :3] = turn[:, 3:, 3:] = rotation(poses[:, 3:])
-    stiffness = plant.elastic.stiffness(visits.anchor[rows], poses)
+    stiffness = plant.elastic.stiffness(visits.nearest[rows], poses)
     screw = stiffness.copy()
     screw[:, :, 3:] = stiffness[:, :, 3:] @ left_jacobian_inverse(poses[:, 3:])
     position, angle = Camera(settings.instrument).row_sd(window)

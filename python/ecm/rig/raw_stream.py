@@ -8,8 +8,8 @@ the mechanism holds
 
     h(p) = s(p) + sum_k L_k(u) [h_k - s(c_k) + (K_k - S(c_k)) (p - c(u))],    c(u) = a + u (b - a)
 
-s with slope S the smooth map through the anchors, c_k the commanded poses at u = 0, 1/3, 2/3, 1,
-FEM wrench h_k and stiffness K_k, L_k Lagrange's polynomials. What is hidden in the plant acts
+s with slope S the smooth map through the solved poses, c_k the commanded poses at u = 0, 1/3, 2/3,
+1, FEM wrench h_k and stiffness K_k, L_k Lagrange's polynomials. What is hidden in the plant acts
 here too, each sample being a visit of its own on the way: what remembers goes on from sample to
 sample, through rests and the way home.
 """
@@ -27,7 +27,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import F, I
 from ecm.io.se3 import rotation, turn_wrench
 from ecm.io.table import Table
-from ecm.rig.elastic import REST_ANCHOR, Anchors, Elastic, Grading, unique_poses
+from ecm.rig.elastic import REST_INDEX, Elastic, Grading, SolvedPoses, unique_poses
 from ecm.rig.instruments import ForceTorqueSensor, Optics
 from ecm.rig.physics import Physics
 from ecm.rig.physics.true_effect import Clock
@@ -51,9 +51,9 @@ class Leg:
     start: F
     end: F
     """Poses (6,)."""
-    anchors: tuple[int, int]
+    solved: tuple[int, int]
     commanded: tuple[F, F]
-    """Where it was to begin and to end, poses of these anchors."""
+    """Where it was to begin and to end, poses of these indices."""
     departs_s: float
     home: bool
 
@@ -89,7 +89,7 @@ class RawStream:
     """The samples of a campaign, and what they would read under any physics."""
 
     def __init__(
-        self, plant: Plant, visits: Visits, air: Climate, solve: Callable[[F], Anchors]
+        self, plant: Plant, visits: Visits, air: Climate, solve: Callable[[F], SolvedPoses]
     ) -> None:
         """solve: FEM at poses (N, 6)."""
         settings, smooth = plant.settings, plant.elastic.smooth
@@ -100,7 +100,7 @@ class RawStream:
             )
         self._settings, self._air = settings, air
         self._plant, self._smooth = plant, smooth
-        self._rest = plant.elastic.anchors.poses[REST_ANCHOR]
+        self._rest = plant.elastic.solved.poses[REST_INDEX]
         self.legs = _legs(plant, visits, settings.rig)
         times = [leg.times(settings.rig.stream_Hz) for leg in self.legs]
         self.leg = np.repeat(np.arange(len(times)), [len(t) for t in times])
@@ -126,7 +126,7 @@ class RawStream:
     def elastic_wrench(self) -> F:
         """(N, 6) at the true poses."""
         plant, visits = self._still
-        return plant.elastic.wrench(visits.anchor, visits.reached)
+        return plant.elastic.wrench(visits.nearest, visits.reached)
 
     def covariance(self) -> F:
         """(N, 6, 6) of a row: one image, the sensor's samples between two images."""
@@ -148,7 +148,7 @@ class RawStream:
         seen, sensor = self.truth(physics)
         plant, visits = self._still
         wrench = turn_wrench(rotation(seen[:, 3:]), plant.to_top(sensor - plant.offset))
-        left: F = wrench - plant.elastic.wrench(visits.anchor, seen)
+        left: F = wrench - plant.elastic.wrench(visits.nearest, seen)
         return left
 
     def table(self, campaign: CampaignState, readings: list[Reading]) -> Table:
@@ -203,10 +203,10 @@ class RawStream:
         return start + share[:, None] * (end - start), share
 
     def _at(self, time_s: F) -> tuple[Plant, Visits]:
-        """A plant whose anchors are the solved poses and the samples, and the samples as visits."""
+        """A plant that knows the samples as solved poses, and the samples as visits."""
         poses, share = self._on_the_way(time_s)
-        known = self._plant.elastic.anchors
-        ends = np.asarray([leg.anchors for leg in self.legs])[self.leg]
+        known = self._plant.elastic.solved
+        ends = np.asarray([leg.solved for leg in self.legs])[self.leg]
         u = share[:, None]
         starts, goals = (np.stack([leg.commanded[k] for leg in self.legs]) for k in (0, 1))
         off = poses - starts[self.leg] - u * (goals - starts)[self.leg]
@@ -215,7 +215,7 @@ class RawStream:
         missed = np.einsum("nk,nki->ni", weights, self._miss[self.leg])
         wrenches = self._smooth.predict(poses) + missed + _times(slope, off)
         stiffness = self._smooth.stiffness(poses) + slope
-        anchors = Anchors(
+        solved = SolvedPoses(
             np.concatenate([known.poses, poses]),
             np.concatenate([known.wrenches, wrenches]),
             np.concatenate([known.stiffness, stiffness]),
@@ -229,24 +229,24 @@ class RawStream:
             for name, g in self._plant.gradings.items()
             for k in (_between(g.stiffness, ends, u[:, :, None]),)
         }
-        plant = replace(self._plant, elastic=Elastic(anchors), gradings=gradings)
+        plant = replace(self._plant, elastic=Elastic(solved), gradings=gradings)
         index = len(known.poses) + np.arange(len(poses))
         visits = self._visits(time_s, poses)
         return plant, visits_of(visits, poses, index, self._air, moving=True)
 
-    def _misses(self, solve: Callable[[F], Anchors]) -> tuple[F, F]:
+    def _misses(self, solve: Callable[[F], SolvedPoses]) -> tuple[F, F]:
         """FEM less the smooth map at the nodes of all legs: (legs, 4, 6) and (legs, 4, 6, 6)."""
-        known = self._plant.elastic.anchors
+        known = self._plant.elastic.solved
         inner, index = unique_poses(np.concatenate([leg.inner() for leg in self.legs]))
         between = solve(inner)
 
-        def miss(anchors: Anchors) -> tuple[F, F]:
+        def miss(solved: SolvedPoses) -> tuple[F, F]:
             return (
-                anchors.wrenches - self._smooth.predict(anchors.poses),
-                anchors.stiffness - self._smooth.stiffness(anchors.poses),
+                solved.wrenches - self._smooth.predict(solved.poses),
+                solved.stiffness - self._smooth.stiffness(solved.poses),
             )
 
-        ends = np.asarray([leg.anchors for leg in self.legs])
+        ends = np.asarray([leg.solved for leg in self.legs])
         ok = np.asarray([s == "solved" for s in between.status])[index].reshape(-1, 2).all(axis=1)
         parts = []
         for at_ends, at_inner in zip(miss(known), miss(between), strict=True):
@@ -289,18 +289,18 @@ class RawStream:
 
 def _legs(plant: Plant, visits: Visits, procedure: Procedure) -> list[Leg]:
     """The last legs to all poses, and the ways home from there."""
-    known = {pose.tobytes(): i for i, pose in enumerate(plant.elastic.anchors.poses)}
-    rest = plant.elastic.anchors.poses[REST_ANCHOR]
+    known = {pose.tobytes(): i for i, pose in enumerate(plant.elastic.solved.poses)}
+    rest = plant.elastic.solved.poses[REST_INDEX]
     legs = []
     following = [*visits.rows[1:], None]
-    for visit, reached, anchor, after in zip(
-        visits, visits.reached, visits.anchor.tolist(), following, strict=True
+    for visit, reached, nearest, after in zip(
+        visits, visits.reached, visits.nearest.tolist(), following, strict=True
     ):
         if visit.kind != POSE:
             continue
         if len(visit.way) > 1:
             start = visit.way[-2]
-            ends = (known[start.tobytes()], anchor)
+            ends = (known[start.tobytes()], nearest)
             arrives = visit.time_s - 0.5 * visit.window_s - visit.dwell_s
             way = (start, visit.pose)
             legs.append(Leg(visit, start, reached, ends, way, arrives - visit.travel_s, False))
@@ -311,7 +311,7 @@ def _legs(plant: Plant, visits: Visits, procedure: Procedure) -> list[Leg]:
             )  # fmt: skip
             departs = visit.time_s + 0.5 * visit.window_s
             way = (visit.pose, rest)
-            legs.append(Leg(home, reached, rest, (anchor, REST_ANCHOR), way, departs, True))
+            legs.append(Leg(home, reached, rest, (nearest, REST_INDEX), way, departs, True))
     return legs
 
 
@@ -329,6 +329,6 @@ def _times(stiffness: F, steps: F) -> F:
 
 
 def _between(values: F, ends: I, share: F) -> F:
-    """Values of the anchors at both ends, blended by the share of the way."""
+    """Values of the solved poses at both ends, blended by the share of the way."""
     blended: F = (1.0 - share) * values[ends[:, 0]] + share * values[ends[:, 1]]
     return blended

@@ -20,10 +20,9 @@ from typing import Any
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.cache import cache_directory, write_atomically, write_json
-from ecm.io.extras import require_pyarrow, write_parquet
-from ecm.io.parallel import DaskClient
+from ecm.io.extras import DaskClient, require_pyarrow, write_parquet
 from ecm.io.table import Table, read_table
-from ecm.rig.arm.sorties import extra_s
+from ecm.rig.arm.trips import extra_s
 from ecm.rig.campaign import Campaign
 from ecm.rig.elastic import FemSource, Progress, Source
 from ecm.rig.hidden import truth
@@ -99,7 +98,7 @@ def run_campaign(
         Settings of the rig.
     out
         Table to write, with NAME.toml and NAME.truth.json beside it; every reading is in
-        NAME.journal.csv before the next one is taken (of the arm, every sortie in
+        NAME.journal.csv before the next one is taken (of the arm, every trip in
         NAME.journal.parts). None: in memory, without the raw stream.
     hide
         `EFFECT=S`, `random`, several with commas, or parsed; goes before the rig's `[hidden]`.

@@ -24,87 +24,52 @@ from ecm.rig.hidden.truth import Hidden
 class ArmSettings:
     """[rig] with mode = "robot": controllers, limits and scene of the simulated arm."""
 
-    step_s: float = setting(
-        1e-3, low=1e-5, high=2e-3, doc="Time step of the simulation and of the controllers, s."
-    )
-    impedance_N_m: float = setting(
-        5000.0, low=10.0, high=5000.0, doc="Stiffness of the impedance control, each axis, N/m."
-    )
-    impedance_Nm_rad: float = setting(
-        300.0, low=1.0, high=300.0, doc="Stiffness of the impedance control, each axis, N m/rad."
-    )
-    damping_ratio: float = setting(
-        0.7, low=0.05, high=2.0, doc="Damping ratio of each mode of arm, controller and mechanism."
-    )
-    nullspace_Nm_rad: float = setting(
-        50.0, low=0.0, high=500.0, doc="Stiffness that keeps the elbow as at home, N m/rad."
-    )
-    joint_stiffness_Nm_rad: float = setting(
-        30000.0, low=100.0, high=1e6, doc="Stiffness of the joint position control, N m/rad."
-    )
-    joint_damping_ratio: float = setting(
-        1.0, low=0.05, high=5.0, doc="Damping ratio of the joint position control."
-    )
-    joint_friction: float = setting(
-        0.0, low=0.0, high=1.0, doc="Share of the published joint friction that acts."
-    )
-    joint_yield_rad_Nm: float = setting(
-        0.0,
-        low=0.0,
-        high=1e-3,
-        doc="Compliance behind each encoder, position control, rad/(N m).",
-    )
-    feed_forward: bool = setting(
-        True, doc="Whether the position control adds the wrench of the controller's model."
-    )
-    controller_model: str = setting(
-        "", doc="Model file of the controller (`ecm fit`); empty: energy4 fitted to the plan's FEM."
-    )
-    elbow_rad: float = setting(
-        0.0, low=-1.5, high=1.5, doc="Swivel angle of the elbow at home, 0 is up, rad."
-    )
-    settle_limit_s: float = setting(
-        3.0, low=0.05, high=60.0, doc="Longest wait for the arm to come to rest, s."
-    )
-    reach_tolerance_m: float = setting(
-        2e-4,
-        low=1e-7,
-        high=0.1,
-        doc="Accepted distance from the goal, by the encoders, m.",
-    )
-    reach_tolerance_rad: float = setting(
-        1e-3, low=1e-7, high=0.5, doc="Accepted angle from the goal, by the encoders, rad."
-    )
-    force_limit_N: float = setting(
-        300.0, low=1.0, high=1e4, doc="Largest norm of the force at the top frame, N."
-    )
-    torque_limit_Nm: float = setting(
-        20.0, low=0.1, high=1e3, doc="Largest norm of the torque at the top frame, N m."
-    )
-    contact_limit_N: float = setting(
-        15.0, low=0.1, high=1e4, doc="Largest force that the model does not explain, N."
-    )
-    speed_limit_m_s: float = setting(
-        0.25, low=1e-3, high=2.0, doc="Largest speed of the top frame, m/s."
-    )
-    singularity_limit: float = setting(
-        0.05,
-        low=0.0,
-        high=1.0,
-        doc="Smallest singular value of the Jacobian with lengths divided by 0.4 m.",
-    )
-    joint_margin_rad: float = setting(
-        0.035, low=0.0, high=1.0, doc="Distance kept from the end of each joint's range, rad."
-    )
-    stop_m: float = setting(
-        0.0,
-        low=0.0,
-        high=1.0,
-        doc="Gap between target plate and a wall at positive y, m; 0: no wall.",
-    )
-    processes: int = setting(
-        0, low=0, high=1024, doc="Processes that simulate; 0: one per core, at most 8."
-    )
+    step_s: float = setting(1e-3, low=1e-5, high=2e-3)
+    """Time step of the simulation and of the controllers, s."""
+    impedance_N_m: float = setting(5000.0, low=10.0, high=5000.0)
+    """Stiffness of the impedance control, each axis, N/m."""
+    impedance_Nm_rad: float = setting(300.0, low=1.0, high=300.0)
+    """Stiffness of the impedance control, each axis, N m/rad."""
+    damping_ratio: float = setting(0.7, low=0.05, high=2.0)
+    """Damping ratio of each mode of arm, controller and mechanism."""
+    nullspace_Nm_rad: float = setting(50.0, low=0.0, high=500.0)
+    """Stiffness that keeps the elbow as at home, N m/rad."""
+    joint_stiffness_Nm_rad: float = setting(30000.0, low=100.0, high=1e6)
+    """Stiffness of the joint position control, N m/rad."""
+    joint_damping_ratio: float = setting(1.0, low=0.05, high=5.0)
+    """Damping ratio of the joint position control."""
+    joint_friction: float = setting(0.0, low=0.0, high=1.0)
+    """Share of the published joint friction that acts."""
+    joint_yield_rad_Nm: float = setting(0.0, low=0.0, high=1e-3)
+    """Compliance behind each encoder, position control, rad/(N m)."""
+    feed_forward: bool = setting(True)
+    """Whether the position control adds the wrench of the controller's model."""
+    controller_model: str = setting("")
+    """Model file of the controller (`ecm fit`); empty: energy4 fitted to the plan's FEM."""
+    elbow_rad: float = setting(0.0, low=-1.5, high=1.5)
+    """Swivel angle of the elbow at home, 0 is up, rad."""
+    settle_limit_s: float = setting(3.0, low=0.05, high=60.0)
+    """Longest wait for the arm to come to rest, s."""
+    reach_tolerance_m: float = setting(2e-4, low=1e-7, high=0.1)
+    """Accepted distance from the goal, by the encoders, m."""
+    reach_tolerance_rad: float = setting(1e-3, low=1e-7, high=0.5)
+    """Accepted angle from the goal, by the encoders, rad."""
+    force_limit_N: float = setting(300.0, low=1.0, high=1e4)
+    """Largest norm of the force at the top frame, N."""
+    torque_limit_Nm: float = setting(20.0, low=0.1, high=1e3)
+    """Largest norm of the torque at the top frame, N m."""
+    contact_limit_N: float = setting(15.0, low=0.1, high=1e4)
+    """Largest force that the model does not explain, N."""
+    speed_limit_m_s: float = setting(0.25, low=1e-3, high=2.0)
+    """Largest speed of the top frame, m/s."""
+    singularity_limit: float = setting(0.05, low=0.0, high=1.0)
+    """Smallest singular value of the Jacobian with lengths divided by 0.4 m."""
+    joint_margin_rad: float = setting(0.035, low=0.0, high=1.0)
+    """Distance kept from the end of each joint's range, rad."""
+    stop_m: float = setting(0.0, low=0.0, high=1.0)
+    """Gap between target plate and a wall at positive y, m; 0: no wall."""
+    processes: int = setting(0, low=0, high=1024)
+    """Processes that simulate; 0: one per core, at most 8."""
 
 
 TABLES = ("rig", "instrument", "plant", "hidden")
@@ -131,52 +96,40 @@ class Procedure:
     5.0
     """
 
-    mode: str = setting(
-        "quasi_static",
-        choices=("quasi_static", "robot"),
-        doc="A rig at rest in each window, or the arm.",
-    )
-    approach: str = setting(
-        "initial", choices=("initial", "previous"), doc="Start of each way, unless the plan says."
-    )
-    dwell_s: float = setting(
-        2.0, low=0.0, high=1e5, doc="Rest before a reading, unless the plan says, s."
-    )
-    window_s: float = setting(
-        0.2, low=1e-3, high=1e3, doc="Time over which a reading is averaged, s."
-    )
-    speed_m_s: float = setting(0.02, low=1e-5, high=10.0, doc="Peak speed of translation, m/s.")
-    speed_rad_s: float = setting(0.15, low=1e-4, high=100.0, doc="Peak speed of rotation, rad/s.")
-    pose_error_m: float = setting(
-        1.5e-4, low=0.0, high=5e-3, doc="Scatter of reached positions per axis, m."
-    )
-    pose_error_rad: float = setting(
-        1e-3, low=0.0, high=0.05, doc="Scatter of reached rotations per axis, rad."
-    )
+    mode: str = setting("quasi_static", choices=("quasi_static", "robot"))
+    """A rig at rest in each window, or the arm."""
+    approach: str = setting("initial", choices=("initial", "previous"))
+    """Start of each way, unless the plan says."""
+    dwell_s: float = setting(2.0, low=0.0, high=1e5)
+    """Rest before a reading, unless the plan says, s."""
+    window_s: float = setting(0.2, low=1e-3, high=1e3)
+    """Time over which a reading is averaged, s."""
+    speed_m_s: float = setting(0.02, low=1e-5, high=10.0)
+    """Peak speed of translation, m/s."""
+    speed_rad_s: float = setting(0.15, low=1e-4, high=100.0)
+    """Peak speed of rotation, rad/s."""
+    pose_error_m: float = setting(1.5e-4, low=0.0, high=5e-3)
+    """Scatter of reached positions per axis, m."""
+    pose_error_rad: float = setting(1e-3, low=0.0, high=0.05)
+    """Scatter of reached rotations per axis, rad."""
     offset_compensation: str = setting(
-        "linear",
-        choices=("linear", "before", "none", "temperature"),
-        doc="Zero of the sensor by unloaded readings; `temperature` also fits its drift.",
+        "linear", choices=("linear", "before", "none", "temperature")
     )
-    offset_every: int = setting(
-        50, low=0, high=1_000_000, doc="Poses between two unloaded readings; 0: only at both ends."
-    )
-    offset_window_s: float = setting(
-        60.0, low=1e-2, high=1e5, doc="Time over which an unloaded reading is averaged, s."
-    )
-    unload_s: float = setting(
-        60.0, low=0.0, high=1e5, doc="Time to free the sensor, and to connect it again, s."
-    )
-    handling_s: float = setting(
-        600.0, low=0.0, high=1e6, doc="Time of a remount, payload or dead weight, s."
-    )
-    stream_Hz: float = setting(0.0, low=0.0, high=1e4, doc="Rate of the raw stream, Hz; 0: none.")
-    rotation_limit_rad: float = setting(
-        1.5, low=0.0, high=3.1, doc="Largest rotation of a pose, rad."
-    )
-    stretch_limit: float = setting(
-        0.8, low=0.0, high=10.0, doc="Largest displacement of a pose over the length."
-    )
+    """Zero of the sensor by unloaded readings; `temperature` also fits its drift."""
+    offset_every: int = setting(50, low=0, high=1_000_000)
+    """Poses between two unloaded readings; 0: only at both ends."""
+    offset_window_s: float = setting(60.0, low=1e-2, high=1e5)
+    """Time over which an unloaded reading is averaged, s."""
+    unload_s: float = setting(60.0, low=0.0, high=1e5)
+    """Time to free the sensor, and to connect it again, s."""
+    handling_s: float = setting(600.0, low=0.0, high=1e6)
+    """Time of a remount, payload or dead weight, s."""
+    stream_Hz: float = setting(0.0, low=0.0, high=1e4)
+    """Rate of the raw stream, Hz; 0: none."""
+    rotation_limit_rad: float = setting(1.5, low=0.0, high=3.1)
+    """Largest rotation of a pose, rad."""
+    stretch_limit: float = setting(0.8, low=0.0, high=10.0)
+    """Largest displacement of a pose over the length."""
 
 
 @dataclass(frozen=True)
@@ -197,105 +150,72 @@ class Instruments:
     1.0
     """
 
-    force_noise_N: float = setting(
-        3.0, low=0.0, high=1e4, doc="White noise of a sample per force axis, N."
-    )
-    torque_noise_Nm: float = setting(
-        0.1, low=0.0, high=1e3, doc="White noise of a sample per torque axis, N m."
-    )
-    force_noise_per_load: float = setting(
-        0.0, low=0.0, high=1.0, doc="Noise per load of each axis, added in squares."
-    )
-    fts_rate_Hz: float = setting(
-        500.0, low=1.0, high=1e6, doc="Samples per second of the force-torque sensor, Hz."
-    )
-    fts_range: tuple[float, ...] = setting(
-        (400.0, 200.0, 200.0, 20.0, 20.0, 20.0), low=1e-9, doc="Range per axis, N and N m."
-    )
-    fts_resolution: tuple[float, ...] = setting(
-        (0.1, 0.05, 0.05, 5e-3, 5e-3, 5e-3), low=0.0, doc="One count, N and N m; 0: none."
-    )
-    fts_gain: tuple[float, ...] = setting(
-        (1.0,) * 6, low=0.1, high=10.0, doc="Reading over true wrench of each axis."
-    )
-    fts_crosstalk: tuple[float, ...] = setting(
-        (0.0,) * 36, low=-100.0, high=100.0, doc="Reading of axis i per load of axis j, row by row."
-    )
-    fts_thermal_per_K: tuple[float, ...] = setting(
-        (0.0,) * 6, low=-100.0, high=100.0, doc="Drift of each zero, N/K and N m/K."
-    )
+    force_noise_N: float = setting(3.0, low=0.0, high=1e4)
+    """White noise of a sample per force axis, N."""
+    torque_noise_Nm: float = setting(0.1, low=0.0, high=1e3)
+    """White noise of a sample per torque axis, N m."""
+    force_noise_per_load: float = setting(0.0, low=0.0, high=1.0)
+    """Noise per load of each axis, added in squares."""
+    fts_rate_Hz: float = setting(500.0, low=1.0, high=1e6)
+    """Samples per second of the force-torque sensor, Hz."""
+    fts_range: tuple[float, ...] = setting((400.0, 200.0, 200.0, 20.0, 20.0, 20.0), low=1e-9)
+    """Range per axis, N and N m."""
+    fts_resolution: tuple[float, ...] = setting((0.1, 0.05, 0.05, 5e-3, 5e-3, 5e-3), low=0.0)
+    """One count, N and N m; 0: none."""
+    fts_gain: tuple[float, ...] = setting((1.0,) * 6, low=0.1, high=10.0)
+    """Reading over true wrench of each axis."""
+    fts_crosstalk: tuple[float, ...] = setting((0.0,) * 36, low=-100.0, high=100.0)
+    """Reading of axis i per load of axis j, row by row."""
+    fts_thermal_per_K: tuple[float, ...] = setting((0.0,) * 6, low=-100.0, high=100.0)
+    """Drift of each zero, N/K and N m/K."""
     top_from_sensor: tuple[float, ...] = setting(
-        (0.01, 0.0, 0.0, 0.9659258262890683, 0.25881904510252074, 0.0, 0.0),
-        low=-10.0,
-        high=10.0,
-        doc="Sensor frame in the top frame: position in m, unit quaternion w x y z.",
+        (0.01, 0.0, 0.0, 0.9659258262890683, 0.25881904510252074, 0.0, 0.0), low=-10.0, high=10.0
     )
-    frames: str = setting(
-        "known",
-        choices=("known", "calibrated"),
-        doc="Frames as they are, or as a calibration with these instruments finds them.",
-    )
-    zeroed_with_payload: bool = setting(
-        False, doc="Whether the sensor was zeroed with the payload on it, at the rest pose."
-    )
-    camera_rate_Hz: float = setting(60.0, low=1.0, high=1e5, doc="Images per second, Hz.")
-    camera_error_m: float = setting(
-        37e-6, low=0.0, high=0.1, doc="Position error per axis and visit, m."
-    )
-    camera_error_rad: float = setting(
-        4e-4, low=0.0, high=0.5, doc="Rotation error per axis and visit, rad."
-    )
-    led_errors: str = setting(
-        "common",
-        choices=("common", "independent"),
-        doc="One error of the pose, or one of each LED.",
-    )
-    camera_place_m: tuple[float, ...] = setting(
-        (0.1, 0.5, 1.4), low=-100.0, high=100.0, doc="Middle of the three lenses, base axes, m."
-    )
-    lens_spread_m: float = setting(
-        0.3, low=0.0, high=10.0, doc="Distance from one lens to the next, m."
-    )
-    led_radius_m: float = setting(
-        0.05, low=1e-3, high=1.0, doc="Radius of the dome that carries the nine LEDs, m."
-    )
-    led_angle_rad: float = setting(
-        0.9, low=0.05, high=3.1, doc="Largest angle at which an LED is seen, rad."
-    )
-    camera_drift_m: float = setting(
-        0.0, low=0.0, high=0.1, doc="Slow motion of the camera on its stand per axis, m."
-    )
-    camera_drift_rad: float = setting(
-        0.0, low=0.0, high=0.5, doc="Slow rotation of the camera on its stand, rad."
-    )
-    base_target: bool = setting(True, doc="Whether a target at the base shows the camera's motion.")
-    base_target_images: int = setting(
-        600, low=1, high=1_000_000, doc="Images of the base target per average."
-    )
-    clock_skew: float = setting(
-        0.0, low=-0.1, high=0.1, doc="How fast the recorder's clock runs, as a share."
-    )
-    time_stamp_sd_s: float = setting(
-        0.0, low=0.0, high=10.0, doc="Scatter of a row's time stamp, s."
-    )
-    camera_jitter_m: float = setting(
-        2e-5, low=0.0, high=0.1, doc="White noise of position from image to image, m."
-    )
-    camera_jitter_rad: float = setting(
-        1e-4, low=0.0, high=0.5, doc="White noise of rotation from image to image, rad."
-    )
-    outlier_share: float = setting(
-        0.0, low=0.0, high=0.5, doc="Share of windows in which an LED is mistaken."
-    )
-    outlier_scale: float = setting(
-        8.0, low=1.0, high=1e3, doc="Error of such a window over the usual one."
-    )
-    thermometer_noise_degC: float = setting(
-        0.05, low=0.0, high=100.0, doc="White noise of a thermometer, degC."
-    )
-    thermometer_lag_s: float = setting(
-        60.0, low=0.0, high=1e5, doc="Lag of the probe behind the mechanism, s."
-    )
+    """Sensor frame in the top frame: position in m, unit quaternion w x y z."""
+    frames: str = setting("known", choices=("known", "calibrated"))
+    """Frames as they are, or as a calibration with these instruments finds them."""
+    zeroed_with_payload: bool = setting(False)
+    """Whether the sensor was zeroed with the payload on it, at the rest pose."""
+    camera_rate_Hz: float = setting(60.0, low=1.0, high=1e5)
+    """Images per second, Hz."""
+    camera_error_m: float = setting(37e-6, low=0.0, high=0.1)
+    """Position error per axis and visit, m."""
+    camera_error_rad: float = setting(4e-4, low=0.0, high=0.5)
+    """Rotation error per axis and visit, rad."""
+    led_errors: str = setting("common", choices=("common", "independent"))
+    """One error of the pose, or one of each LED."""
+    camera_place_m: tuple[float, ...] = setting((0.1, 0.5, 1.4), low=-100.0, high=100.0)
+    """Middle of the three lenses, base axes, m."""
+    lens_spread_m: float = setting(0.3, low=0.0, high=10.0)
+    """Distance from one lens to the next, m."""
+    led_radius_m: float = setting(0.05, low=1e-3, high=1.0)
+    """Radius of the dome that carries the nine LEDs, m."""
+    led_angle_rad: float = setting(0.9, low=0.05, high=3.1)
+    """Largest angle at which an LED is seen, rad."""
+    camera_drift_m: float = setting(0.0, low=0.0, high=0.1)
+    """Slow motion of the camera on its stand per axis, m."""
+    camera_drift_rad: float = setting(0.0, low=0.0, high=0.5)
+    """Slow rotation of the camera on its stand, rad."""
+    base_target: bool = setting(True)
+    """Whether a target at the base shows the camera's motion."""
+    base_target_images: int = setting(600, low=1, high=1_000_000)
+    """Images of the base target per average."""
+    clock_skew: float = setting(0.0, low=-0.1, high=0.1)
+    """How fast the recorder's clock runs, as a share."""
+    time_stamp_sd_s: float = setting(0.0, low=0.0, high=10.0)
+    """Scatter of a row's time stamp, s."""
+    camera_jitter_m: float = setting(2e-5, low=0.0, high=0.1)
+    """White noise of position from image to image, m."""
+    camera_jitter_rad: float = setting(1e-4, low=0.0, high=0.5)
+    """White noise of rotation from image to image, rad."""
+    outlier_share: float = setting(0.0, low=0.0, high=0.5)
+    """Share of windows in which an LED is mistaken."""
+    outlier_scale: float = setting(8.0, low=1.0, high=1e3)
+    """Error of such a window over the usual one."""
+    thermometer_noise_degC: float = setting(0.05, low=0.0, high=100.0)
+    """White noise of a thermometer, degC."""
+    thermometer_lag_s: float = setting(60.0, low=0.0, high=1e5)
+    """Lag of the probe behind the mechanism, s."""
 
 
 @dataclass(frozen=True)
@@ -311,49 +231,36 @@ class PlantTable:
     20.0
     """
 
-    room_temperature_degC: float = setting(
-        22.0, low=-50.0, high=100.0, doc="Mean temperature of the room, degC."
-    )
-    room_cycle_degC: float = setting(
-        1.5, low=0.0, high=50.0, doc="Amplitude of the heating's cycle, degC."
-    )
-    room_cycle_s: float = setting(
-        2700.0, low=1.0, high=1e6, doc="Period of the heating's cycle, s."
-    )
-    room_wander_degC: float = setting(
-        0.7, low=0.0, high=50.0, doc="Slow random part (Ornstein-Uhlenbeck, 1 h), degC."
-    )
-    thermal_lag_s: float = setting(
-        600.0, low=1.0, high=1e6, doc="Lag of the mechanism behind the room, s."
-    )
-    offset_N: float = setting(
-        4.0, low=0.0, high=1e3, doc="Size of the sensor's constant offset, N."
-    )
-    offset_Nm: float = setting(
-        0.15, low=0.0, high=1e2, doc="Size of the sensor's constant torque offset, N m."
-    )
-    drift_N: float = setting(
-        1.0, low=0.0, high=1e3, doc="Size of the sensor's warm-up, with 0.033 N m per N, N."
-    )
-    drift_time_s: float = setting(3600.0, low=1.0, high=1e6, doc="Time constant of the warm-up, s.")
-    drift_wander: float = setting(
-        0.02, low=0.0, high=10.0, doc="Slow random part as a share of the warm-up."
-    )
-    payload_mass_kg: float = setting(
-        0.0, low=0.0, high=100.0, doc="Known load between sensor and mechanism, kg."
-    )
-    payload_centre_m: tuple[float, ...] = setting(
-        (0.03, 0.0, 0.0), low=-10.0, high=10.0, doc="Centre of the known load in the top frame, m."
-    )
-    marker_mass_kg: float = setting(
-        0.0, low=0.0, high=10.0, doc="Mass of the target, also on the zeroed sensor, kg."
-    )
-    marker_centre_m: tuple[float, ...] = setting(
-        (0.01, 0.0, 0.04), low=-1.0, high=1.0, doc="Centre of the target in the top frame, m."
-    )
-    gravity_m_s2: tuple[float, ...] = setting(
-        (-9.81, 0.0, 0.0), low=-100.0, high=100.0, doc="Gravity in base axes, m/s^2."
-    )
+    room_temperature_degC: float = setting(22.0, low=-50.0, high=100.0)
+    """Mean temperature of the room, degC."""
+    room_cycle_degC: float = setting(1.5, low=0.0, high=50.0)
+    """Amplitude of the heating's cycle, degC."""
+    room_cycle_s: float = setting(2700.0, low=1.0, high=1e6)
+    """Period of the heating's cycle, s."""
+    room_wander_degC: float = setting(0.7, low=0.0, high=50.0)
+    """Slow random part (Ornstein-Uhlenbeck, 1 h), degC."""
+    thermal_lag_s: float = setting(600.0, low=1.0, high=1e6)
+    """Lag of the mechanism behind the room, s."""
+    offset_N: float = setting(4.0, low=0.0, high=1e3)
+    """Size of the sensor's constant offset, N."""
+    offset_Nm: float = setting(0.15, low=0.0, high=1e2)
+    """Size of the sensor's constant torque offset, N m."""
+    drift_N: float = setting(1.0, low=0.0, high=1e3)
+    """Size of the sensor's warm-up, with 0.033 N m per N, N."""
+    drift_time_s: float = setting(3600.0, low=1.0, high=1e6)
+    """Time constant of the warm-up, s."""
+    drift_wander: float = setting(0.02, low=0.0, high=10.0)
+    """Slow random part as a share of the warm-up."""
+    payload_mass_kg: float = setting(0.0, low=0.0, high=100.0)
+    """Known load between sensor and mechanism, kg."""
+    payload_centre_m: tuple[float, ...] = setting((0.03, 0.0, 0.0), low=-10.0, high=10.0)
+    """Centre of the known load in the top frame, m."""
+    marker_mass_kg: float = setting(0.0, low=0.0, high=10.0)
+    """Mass of the target, also on the zeroed sensor, kg."""
+    marker_centre_m: tuple[float, ...] = setting((0.01, 0.0, 0.04), low=-1.0, high=1.0)
+    """Centre of the target in the top frame, m."""
+    gravity_m_s2: tuple[float, ...] = setting((-9.81, 0.0, 0.0), low=-100.0, high=100.0)
+    """Gravity in base axes, m/s^2."""
 
 
 @dataclass(frozen=True)
@@ -366,12 +273,10 @@ class HiddenTable:
     2.0
     """
 
-    effect: str = setting(
-        "", doc="Id of a hidden effect, `random`, `none` (sealed), or empty for nothing."
-    )
-    strength: float = setting(
-        1.0, low=1e-3, high=100.0, doc="Strength s, in standard deviations of the noise."
-    )
+    effect: str = setting("")
+    """Id of a hidden effect, `random`, `none` (sealed), or empty for nothing."""
+    strength: float = setting(1.0, low=1e-3, high=100.0)
+    """Strength s, in standard deviations of the noise."""
 
 
 @dataclass(frozen=True)
@@ -428,14 +333,14 @@ class RigSettings(Checked):
         if isinstance(procedure, Mapping):
             own, arm = split_arm(procedure, where)
         check_keys(tables, TABLES, where)
+        others = {"instrument": Instruments, "plant": PlantTable, "hidden": HiddenTable}
         settings = RigSettings(
             rig=read_settings(Procedure, own, f"{where} [rig]"),
             arm=read_settings(ArmSettings, arm, f"{where} [rig]"),
-            instrument=read_settings(
-                Instruments, tables.get("instrument", {}), f"{where} [instrument]"
-            ),
-            plant=read_settings(PlantTable, tables.get("plant", {}), f"{where} [plant]"),
-            hidden=read_settings(HiddenTable, tables.get("hidden", {}), f"{where} [hidden]"),
+            **{
+                name: read_settings(kind, tables.get(name, {}), f"{where} [{name}]")
+                for name, kind in others.items()
+            },
         )
         if settings.hidden.effect:
             try:

@@ -27,8 +27,10 @@ TABLES = ("mechanism", "workspace", "simulate", "select", "design", *RIG_TABLES)
 class SimulateTable(Checked):
     """[simulate]: step 1, wrench-pose pairs by FEM."""
 
-    n: int = setting(1700, low=2, doc="pairs to keep, test pairs included")
-    n_test: int = setting(300, low=1, doc="of these, pairs that are only for testing")
+    n: int = setting(1700, low=2)
+    """Pairs to keep, test pairs included."""
+    n_test: int = setting(300, low=1)
+    """Pairs of these that are only for testing."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -41,28 +43,17 @@ class SelectTable(Checked):
     """[select]: step 2, which model."""
 
     degrees: tuple[int, ...] = setting(
-        (1, 2, 3),
-        low=POLYNOMIAL_DEGREES[0],
-        high=POLYNOMIAL_DEGREES[1],
-        any_size=True,
-        doc="polynomials of Table II",
+        (1, 2, 3), low=POLYNOMIAL_DEGREES[0], high=POLYNOMIAL_DEGREES[1], any_size=True
     )
-    thresholds: tuple[float, ...] = setting(
-        (0.0, 0.1, 0.5),
-        low=0.0,
-        any_size=True,
-        doc="PCR drops singular values of the normalised regressor below these",
-    )
+    """Polynomials of Table II."""
+    thresholds: tuple[float, ...] = setting((0.0, 0.1, 0.5), low=0.0, any_size=True)
+    """PCR drops singular values of the normalised regressor below these."""
     energy_degrees: tuple[int, ...] = setting(
-        (4, 6),
-        low=ENERGY_DEGREES[0],
-        high=ENERGY_DEGREES[1],
-        any_size=True,
-        doc="symmetric energy models",
+        (4, 6), low=ENERGY_DEGREES[0], high=ENERGY_DEGREES[1], any_size=True
     )
-    energy_poses: tuple[int, ...] = setting(
-        (20, 50, 200), low=5, any_size=True, doc="numbers of poses that they are trained on"
-    )
+    """Symmetric energy models."""
+    energy_poses: tuple[int, ...] = setting((20, 50, 200), low=5, any_size=True)
+    """Numbers of poses that they are trained on."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -77,8 +68,10 @@ class SelectTable(Checked):
 class DesignTable(Checked):
     """[design]: step 2, which poses are worth measuring."""
 
-    n: int = setting(200, low=1, doc="poses in each design")
-    starts: int = setting(10, low=1, doc="random starts of the exchange; the best is kept")
+    n: int = setting(200, low=1)
+    """Poses in each design."""
+    starts: int = setting(10, low=1)
+    """Random starts of the exchange; the best is kept."""
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ from ecm.regression.blas import one_blas_thread
 from ecm.report.page import Report, require_report
 from ecm.rig import HiddenTable, RigSettings, fem_source
 from ecm.rig.arm.campaign import RobotCampaign, first_pose_trace, require_arm
-from ecm.rig.arm.summary import read_summary
+from ecm.rig.arm.trips import read_summary
 from ecm.rig.readings import robot_path
 from ecm.workflow import paper as steps
 from ecm.workflow.config import Config, read_config

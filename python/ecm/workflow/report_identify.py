@@ -13,8 +13,8 @@ from ecm.io.mechanism import Mechanism
 from ecm.io.table import as_table
 from ecm.report import figures as draw
 from ecm.report.blocks import Block, Cell, FigureBlock, Section, TableBlock, TextBlock, number
-from ecm.report.mechanism import mechanism_blocks
-from ecm.rig.arm.summary import COLOURS, PANELS, thousandths
+from ecm.report.figures import mechanism_blocks
+from ecm.rig.arm.trips import COLOURS, PANELS, thousandths
 from ecm.workflow.loop import loop_section
 from ecm.workflow.paper import FEM_RATIO, KAPPA_RAW, SYMMETRIC_SHARE
 

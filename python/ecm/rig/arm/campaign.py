@@ -1,4 +1,4 @@
-"""A campaign of the arm: the sorties of a plan are simulated, a reading is taken at each stop.
+"""A campaign of the arm: the trips of a plan are simulated, a reading is taken at each stop.
 
 Plan, plant, instruments and table are those of the quasi-static rig. The arm adds where it really
 came to rest, when, along which path, and which poses it could not reach.
@@ -16,7 +16,7 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import JOINT_SIGNS, JOINTS, WRENCH
-from ecm.io.parallel import own_cores
+from ecm.io.extras import own_cores
 from ecm.rig.arm.kuka import mujoco, scene
 from ecm.rig.arm.mechanism import (
     HiddenPhysics,
@@ -27,16 +27,18 @@ from ecm.rig.arm.mechanism import (
     require_library,
 )
 from ecm.rig.arm.procedure import unusable
-from ecm.rig.arm.sorties import (
-    PlannedSortie,
-    SortieResult,
-    SortieStore,
+from ecm.rig.arm.trips import (
+    PlannedTrip,
     Stop,
     StopResult,
-    plan_sorties,
+    TripResult,
+    TripStore,
+    distance_m,
+    phases_of,
+    plan_trips,
+    pose_errors,
 )
-from ecm.rig.arm.summary import distance_m, phases_of, pose_errors
-from ecm.rig.arm.worker import ArmSetup, run_sorties
+from ecm.rig.arm.worker import ArmSetup, run_trips
 from ecm.rig.campaign import Campaign
 from ecm.rig.elastic import Elastic, Progress, Source
 from ecm.rig.hidden.truth import Hidden
@@ -89,16 +91,16 @@ class RobotCampaign(Campaign):
         length = source.length_m
         self.planned: Timeline = self.timeline
         self.goals = self.visits.reached
-        self._anchors = self.visits.anchor
+        self._nearest = self.visits.nearest
         self._out_of_reach = self.skipped
-        poses, wrenches = fem_pairs(source, self.plant.elastic.anchors, folder, progress)
+        poses, wrenches = fem_pairs(source, self.plant.elastic.solved, folder, progress)
         self.mechanism = fit_surrogate(poses, wrenches, length)
         model = controller_document(settings.arm.controller_model, poses, wrenches, length)
         self.setup = ArmSetup(
             settings, self.mechanism, compile_model(model, folder), self._hidden_physics()
         )
         visits = self.planned.visits
-        self.sorties: list[PlannedSortie] = plan_sorties(visits, self.goals, settings.rig, length)
+        self.trips: list[PlannedTrip] = plan_trips(visits, self.goals, settings.rig, length)
         self.home_rad = scene(settings, length).home_rad
         self.stops: list[StopResult] = []
         """What happened at the poses that were driven to, in their order."""
@@ -115,22 +117,22 @@ class RobotCampaign(Campaign):
         return self._key
 
     def drive(self, threads: int = 0, progress: Progress = None, parts: Path | None = None) -> None:
-        """Carry out all sorties; the folder `parts` keeps those that ended.
+        """Carry out all trips; the folder `parts` keeps those that ended.
 
         threads: of processes that simulate, where [rig] processes does not say; 0: one a core.
         """
         processes = self.settings.arm.processes or threads or min(own_cores(), _MOST_PROCESSES)
-        store = None if parts is None else SortieStore(parts, self._key)
-        every = range(len(self.sorties))
+        store = None if parts is None else TripStore(parts, self._key)
+        every = range(len(self.trips))
         kept = {n: store.load(n) for n in every} if store is not None else {}
         results = {n: result for n, result in kept.items() if result is not None}
         left = [n for n in every if n not in results]
-        for k, result in run_sorties(self.setup, [self.sorties[n].stops for n in left], processes):
+        for k, result in run_trips(self.setup, [self.trips[n].stops for n in left], processes):
             results[left[k]] = result
             if store is not None:
                 store.save(left[k], result)
             if progress is not None:
-                progress(len(results), len(self.sorties), "driving")
+                progress(len(results), len(self.trips), "driving")
         self._carry_out([results[n] for n in every])
 
     def record(self) -> dict[str, Any]:
@@ -211,13 +213,13 @@ class RobotCampaign(Campaign):
         joints = zip((*JOINTS, *JOINT_SIGNS), self._joints[listed].T.copy(), strict=True)
         return replace(table, columns=dict(table.columns) | dict(joints))
 
-    def _carry_out(self, results: Sequence[SortieResult]) -> None:
+    def _carry_out(self, results: Sequence[TripResult]) -> None:
         """Lay out the timeline as the arm kept it: when it rested where, along which way."""
         rest = rest_pose(self.plant.length_m)
         at_stop = {
-            stop.visit: (sortie, result, k)
-            for sortie, result in zip(self.sorties, results, strict=True)
-            for k, stop in enumerate(sortie.stops)
+            stop.visit: (trip, result, k)
+            for trip, result in zip(self.trips, results, strict=True)
+            for k, stop in enumerate(trip.stops)
         }
         visits, reached, joints = list[Visit](), list[F](), list[F]()
         self.stops, self._visited, self.skipped = [], [], self._out_of_reach
@@ -234,20 +236,20 @@ class RobotCampaign(Campaign):
                 joints.append(np.concatenate([self.home_rad, np.zeros(7)]))
                 way = np.stack([self.goals[i], rest])
                 continue
-            sortie, result, k = at_stop[i]
+            trip, result, k = at_stop[i]
             stop = result.stops[k]
             self.stops.append(stop)
             way = np.concatenate([way, _thinned(stop.trace)])
-            after, began_s = np.empty((0, 6)), sortie.depart_s + shift_s
-            if k == len(sortie.stops) - 1:
+            after, began_s = np.empty((0, 6)), trip.depart_s + shift_s
+            if k == len(trip.stops) - 1:
                 after = _thinned(result.home.trace)
-                shift_s += result.duration_s - (sortie.home_s - sortie.depart_s)
+                shift_s += result.duration_s - (trip.home_s - trip.depart_s)
             if stop.reason:
                 way = np.concatenate([way, after])
                 self._skip(stop, stop.reason)
                 continue
             self._visited.append(i)
-            own = stop.from_home and not sortie.stops[k].via
+            own = stop.from_home and not trip.stops[k].via
             visits.append(
                 replace(
                     planned, time_s=began_s + stop.reading_s, travel_s=stop.travel_s,
@@ -268,7 +270,7 @@ class RobotCampaign(Campaign):
     def _place(self, visits: list[Visit], reached: F) -> None:
         """Take these visits as those of the campaign, at true poses (N, 6)."""
         self.timeline.visits = visits
-        self.visits = visits_of(tuple(visits), reached, self._anchors[self._visited], self._air)
+        self.visits = visits_of(tuple(visits), reached, self._nearest[self._visited], self._air)
         self._truth = self.plant.truth(self.visits)
 
     def _skip(self, stop: StopResult, reason: str) -> None:
@@ -281,9 +283,9 @@ class RobotCampaign(Campaign):
         if not self.injected:
             return None
         end_s, heating = 3.0 * self.planned.end_s + _EXTRA_S, self.planned.heating
-        bare = replace(self.plant, elastic=Elastic(self.plant.elastic.anchors))
+        bare = replace(self.plant, elastic=Elastic(self.plant.elastic.solved))
         air = Climate.build(self.settings, self.seed, end_s, heating)
-        return HiddenPhysics(bare, air, tuple(self.planned.visits), self._anchors)
+        return HiddenPhysics(bare, air, tuple(self.planned.visits), self._nearest)
 
 
 def _thinned(trace: F) -> F:
@@ -314,21 +316,21 @@ def first_pose_trace(campaign: RobotCampaign) -> tuple[dict[str, F], list[list[A
     reason
         Why the pose was not reached; empty if it was.
     """
-    sortie, stop = first_reached(campaign)
-    time_s, trace = full_trace(sortie)
+    trip, stop = first_reached(campaign)
+    time_s, trace = full_trace(trip)
     rest = rest_pose(campaign.plant.length_m)
-    phases = [[*phase] for phase in (*sortie.stops[0].phases, *sortie.home.phases)]
+    phases = [[*phase] for phase in (*trip.stops[0].phases, *trip.home.phases)]
     finite = np.isfinite(trace).all(axis=1)  # until it diverged, if it did
     arrays = {"time_s": time_s[finite], "way": trace[finite] - rest, "goal": stop.goal - rest}
-    return arrays, phases, sortie.stops[0].reason
+    return arrays, phases, trip.stops[0].reason
 
 
-def first_reached(campaign: RobotCampaign) -> tuple[SortieResult, Stop]:
+def first_reached(campaign: RobotCampaign) -> tuple[TripResult, Stop]:
     """Drive the first poses; return the first that is reached, or else the first."""
     arm = campaign.setup.build()
     driven = []
-    for planned in campaign.sorties[:_TRIED]:
-        driven.append((arm.sortie(planned.stops[:1]), planned.stops[0]))
+    for planned in campaign.trips[:_TRIED]:
+        driven.append((arm.trip(planned.stops[:1]), planned.stops[0]))
         if not driven[-1][0].stops[0].reason:
             return driven[-1]
     if not driven:
@@ -336,7 +338,7 @@ def first_reached(campaign: RobotCampaign) -> tuple[SortieResult, Stop]:
     return driven[0]
 
 
-def full_trace(sortie: SortieResult) -> tuple[F, F]:
-    """Times (n,) and poses (n, 6) of a sortie with one stop, from home and back."""
-    parts = (sortie.stops[0], sortie.home)
+def full_trace(trip: TripResult) -> tuple[F, F]:
+    """Times (n,) and poses (n, 6) of a trip with one stop, from home and back."""
+    parts = (trip.stops[0], trip.home)
     return np.concatenate([p.trace_s for p in parts]), np.concatenate([p.trace for p in parts])

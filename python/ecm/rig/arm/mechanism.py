@@ -7,7 +7,7 @@ The plant of the rig (`ecm.rig.plant`) models friction, relaxation, softening, c
 weights and temperature. Its wrench at the present pose and history, minus that of the bare
 mechanism, is added to the elastic one. It is computed five times a second and interpolated
 linearly, since the plant evaluates a whole series of visits. The history in motion begins with each
-sortie; that of the readings begins with the campaign.
+trip; that of the readings begins with the campaign.
 
 The controller's model is a file that is exported as C and compiled here: other code than that of
 the simulated mechanism, so that what the controller knows and what is true stay apart.
@@ -23,7 +23,6 @@ import subprocess
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Literal
 
 import numpy as np
 
@@ -38,7 +37,16 @@ from ecm._native import (
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
-from ecm.rig.elastic import UNIFORM, Anchors, Elastic, Progress, Source, solve_cached
+from ecm.rig.elastic import (
+    SYMMETRY,
+    UNIFORM,
+    Elastic,
+    Progress,
+    SolvedPoses,
+    Source,
+    fitted_energy,
+    solve_cached,
+)  # fmt: skip
 from ecm.rig.physics import Physics
 from ecm.rig.plan import Visit
 from ecm.rig.plant import Plant, visits_of
@@ -50,7 +58,6 @@ _SHARES = (0.35, 0.7)
 _FEW = 20
 """With fewer solved poses, poses near rest are solved too, or the model may be unstable there."""
 _NEAR_LENGTHS, _NEAR_RAD = 0.03, 0.15
-_SYMMETRY: Literal["revolution"] = "revolution"
 
 
 @dataclass(frozen=True)
@@ -69,22 +76,20 @@ class Surrogate:
         return EnergyModel.from_coefficients(
             length_m=self.length_m,
             degree=self.degree,
-            symmetry=_SYMMETRY,
+            symmetry=SYMMETRY,
             scale=self.scale,
             coefficients=self.coefficients,
         )
 
 
 def fem_pairs(
-    source: Source, anchors: Anchors, folder: Path | None, progress: Progress
+    source: Source, solved: SolvedPoses, folder: Path | None, progress: Progress
 ) -> tuple[F, F]:
-    """Return poses and wrenches (N, 6): the solved anchors, and more poses if they are few."""
-    solved = np.asarray([s == "solved" for s in anchors.status])
-    loaded = solved & (np.linalg.norm(anchors.wrenches, axis=1) > 0.0)
-    poses, wrenches = anchors.poses[loaded], anchors.wrenches[loaded]
+    """Return poses and wrenches (N, 6): the solved poses, and more poses if they are few."""
+    poses, wrenches = solved.loaded
     if len(poses) >= _ENOUGH:
         return poses, wrenches
-    rest = anchors.poses[0]
+    rest = solved.poses[0]
     extra = [rest + share * (poses - rest) for share in _SHARES]
     if len(poses) < _FEW:
         steps = np.diag(np.repeat([_NEAR_LENGTHS * float(rest[0]), _NEAR_RAD], 3))
@@ -96,13 +101,12 @@ def fem_pairs(
 
 def fit_surrogate(poses: F, wrenches: F, length_m: float) -> Surrogate:
     """Fit the surrogate to FEM pairs; InputError if there are too few of them."""
-    degree = 6 if len(poses) >= 60 else 4
     if len(poses) < 6:
         raise InputError(
             f"the plan has {len(poses)} solved poses, those between included; the simulated "
             "mechanism needs 6 or more. Add poses to the plan"
         )
-    model = EnergyModel.fit(poses, wrenches, length_m=length_m, degree=degree, symmetry=_SYMMETRY)
+    model, degree = fitted_energy(poses, wrenches, length_m)
     rms = np.sqrt(((model.predict(poses) - wrenches) ** 2).mean(axis=0))
     return Surrogate(length_m, degree, model.scale, model.coefficients, rms)
 
@@ -121,15 +125,15 @@ class HiddenPhysics:
     air: Climate
     visits: tuple[Visit, ...]
     """Visits of the planned timeline."""
-    anchor: I
+    nearest: I
 
 
 class NonElasticWrench:
-    """The wrench beyond elasticity along one sortie."""
+    """The wrench beyond elasticity along one trip."""
 
     def __init__(self, hidden: HiddenPhysics, surrogate: Surrogate) -> None:
         self._hidden = hidden
-        elastic = Elastic(hidden.plant.elastic.anchors, surrogate.model())
+        elastic = Elastic(hidden.plant.elastic.solved, surrogate.model())
         self._plant = replace(hidden.plant, elastic=elastic)
         self._bare = replace(self._plant, physics=Physics())
         self._way: list[F] = []
@@ -137,7 +141,7 @@ class NonElasticWrench:
         self.next_visit(0)
 
     def begin(self, rest: F, depart_s: float) -> None:
-        """Begin a sortie at home."""
+        """Begin a trip at home."""
         self._way = [rest.copy()]
         self._depart_s = depart_s
         self._moved_s = self._rested_s = 0.0
@@ -145,11 +149,11 @@ class NonElasticWrench:
     def next_visit(self, visit: int) -> None:
         """Begin the leg to a visit of the planned timeline."""
         self._visit = self._hidden.visits[visit]
-        self._anchor = self._hidden.anchor[visit : visit + 1]
+        self._nearest = self._hidden.nearest[visit : visit + 1]
         self._moved_s = self._rested_s = 0.0
 
     def at(self, pose: F, time_s: float, span_s: float, *, moving: bool) -> F:
-        """Wrench (6,) at a pose and a time since the sortie began; `span_s` since the last call."""
+        """Wrench (6,) at a pose and a time since the trip began; `span_s` since the last call."""
         if moving:
             if self._rested_s:
                 self._moved_s = self._rested_s = 0.0
@@ -163,7 +167,7 @@ class NonElasticWrench:
             dwell_s=self._rested_s, way=np.stack([*(self._way[i] for i in index), pose]),
             rested=True,
         )  # fmt: skip
-        visits = visits_of((visit,), pose[None].copy(), self._anchor, self._hidden.air)
+        visits = visits_of((visit,), pose[None].copy(), self._nearest, self._hidden.air)
         wrench: F = (self._plant.load(visits) - self._bare.load(visits))[0]
         return wrench
 

@@ -1,4 +1,4 @@
-r"""The paper's procedure as a state machine (its Fig. 7), one sortie from home to home.
+r"""The paper's procedure as a state machine (its Fig. 7), one trip from home to home.
 
     impedance -> settle -> position -> rest -> reading -> (next pose, or return -> home)
         \___________________ a safety limit is exceeded ___________________/
@@ -31,7 +31,7 @@ from ecm.rig.arm.kuka import (
 )
 from ecm.rig.arm.mechanism import STEPS_BETWEEN, ControllerModel, NonElasticWrench
 from ecm.rig.arm.simulation import Diverged, Impedance, Servo, Simulation
-from ecm.rig.arm.sorties import SortieResult, Stop, StopResult, cubic_profile, duration_s, motion_s
+from ecm.rig.arm.trips import Stop, StopResult, TripResult, cubic_profile, duration_s, motion_s
 from ecm.rig.physics.camera import LEDS, LEDS_NEEDED
 from ecm.rig.plan import rest_pose
 from ecm.rig.readings import Reading
@@ -89,7 +89,7 @@ class SimulatedArm:
         self._times: list[float] = []
         self._poses: list[F] = []
 
-    def sortie(self, stops: Sequence[Stop]) -> SortieResult:
+    def trip(self, stops: Sequence[Stop]) -> TripResult:
         """Visit the stops one after the other and return home; a stop that fails is skipped."""
         self.simulation.reset()
         self._servo.release()
@@ -124,7 +124,7 @@ class SimulatedArm:
         home = self._result = StopResult(-1)
         if not from_home:
             self._return()
-        return SortieResult(tuple(results), self.simulation.time_s, home)
+        return TripResult(tuple(results), self.simulation.time_s, home)
 
     def _reset_to_home(self) -> None:
         """Put the arm at home after a divergence; the clock goes on."""

@@ -177,6 +177,8 @@ class Simulation:
     def __init__(self, scene: Scene, mechanism: Callable[[F], F]) -> None:
         self.library = mujoco()
         self.model: Any = self.library.MjModel.from_xml_string(scene.text)
+        self.model.dof_damping *= scene.friction
+        self.model.dof_frictionloss *= scene.friction
         self.data: Any = self.library.MjData(self.model)
         self.mechanism = mechanism
         """Function from pose (1, 6) to wrench h (1, 6)."""

@@ -1,8 +1,8 @@
-"""Sorties in other processes, which read sorties and write results.
+"""Trips in other processes, which read trips and write results.
 
-A sortie begins and ends at home at rest, so none depends on another: any number of processes gives
+A trip begins and ends at home at rest, so none depends on another: any number of processes gives
 the same numbers. A worker ends with its input, also if the campaign is killed in the middle of a
-sortie: a thread waits for the end of the input.
+trip: a thread waits for the end of the input.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import IO, Any, cast
 from ecm.errors import ComputationError
 from ecm.rig.arm.mechanism import HiddenPhysics, NonElasticWrench, Surrogate
 from ecm.rig.arm.procedure import OnFrame, SimulatedArm
-from ecm.rig.arm.sorties import SortieResult, Stop
+from ecm.rig.arm.trips import Stop, TripResult
 from ecm.rig.settings import RigSettings
 
 
@@ -65,10 +65,10 @@ class _Worker:
         pickle.dump(value, self._in)
         self._in.flush()
 
-    def sortie(self, stops: Sequence[Stop]) -> SortieResult:
+    def trip(self, stops: Sequence[Stop]) -> TripResult:
         try:
             self._send(tuple(stops))
-            result: SortieResult = pickle.load(self._out)
+            result: TripResult = pickle.load(self._out)
         except (OSError, EOFError, pickle.UnpicklingError):
             raise ComputationError(
                 "a process that simulates the arm ended before its answer; all finished parts "
@@ -84,21 +84,21 @@ class _Worker:
         self._out.close()
 
 
-def run_sorties(
+def run_trips(
     setup: ArmSetup, tasks: Sequence[Sequence[Stop]], processes: int
-) -> Iterator[tuple[int, SortieResult]]:
-    """Yield the number and the result of each sortie as it ends; several run at a time."""
+) -> Iterator[tuple[int, TripResult]]:
+    """Yield the number and the result of each trip as it ends; several run at a time."""
     count = min(processes, len(tasks))
     if count <= 1:
         arm = setup.build() if tasks else None
-        yield from ((n, arm.sortie(stops)) for n, stops in enumerate(tasks) if arm is not None)
+        yield from ((n, arm.trip(stops)) for n, stops in enumerate(tasks) if arm is not None)
         return
     free: queue.SimpleQueue[_Worker] = queue.SimpleQueue()
 
-    def run(stops: Sequence[Stop]) -> SortieResult:
+    def run(stops: Sequence[Stop]) -> TripResult:
         worker = free.get()
         try:
-            return worker.sortie(stops)
+            return worker.trip(stops)
         finally:
             free.put(worker)
 
@@ -115,7 +115,7 @@ def run_sorties(
 
 
 def serve() -> None:
-    """Read a setup and sorties from standard input, write results to standard output."""
+    """Read a setup and trips from standard input, write results to standard output."""
     # Nothing is drawn here. Otherwise mujoco's import asks another process for the version of glfw,
     # and that process writes a traceback when the campaign, and so this worker, ends meanwhile.
     os.environ["MUJOCO_GL"] = "disable"
@@ -123,7 +123,7 @@ def serve() -> None:
     threading.Thread(target=_receive, args=(received,), daemon=True).start()
     arm = cast("ArmSetup", received.get()).build()
     while True:
-        result = arm.sortie(received.get())
+        result = arm.trip(received.get())
         try:
             pickle.dump(result, sys.stdout.buffer)
             sys.stdout.buffer.flush()

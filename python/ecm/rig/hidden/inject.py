@@ -168,7 +168,7 @@ def scale_of(campaign: CampaignState) -> RigScale:
     plant, visits = campaign.plant, campaign.visits
     rows = visits.at_poses
     reached = visits.reached[rows]
-    h = plant.elastic.wrench(visits.anchor[rows], reached)
+    h = plant.elastic.wrench(visits.nearest[rows], reached)
     moved = reached - rest_pose(plant.length_m)
     turn = rotation(reached[:, 3:])
     in_sensor = turn_wrench(transpose(turn), h) @ np.linalg.inv(plant.top_from_sensor).T
@@ -192,7 +192,7 @@ def whitener_of(campaign: CampaignState) -> Whitener:
     plant, visits = campaign.plant, campaign.visits
     rows = visits.at_poses
     reached = visits.reached[rows]
-    base = plant.elastic.wrench(visits.anchor[rows], reached)[:, :, None]
+    base = plant.elastic.wrench(visits.nearest[rows], reached)[:, :, None]
     if campaign.base_columns is not None:
         base = np.concatenate([base, campaign.base_columns(reached)], axis=2)
     return Whitener(row_covariance(plant, visits), base)

@@ -221,7 +221,7 @@ class Anisotropy(BodyVariation):
 
     def wrench(self, step: F, at: Conditions) -> F:
         twice = 2.0 * (self.angle_rad + at.mount_rad)[:, None]
-        cos2, sin2 = (at.gradings[grade].wrench(at.anchor, step) for grade in self.grades)
+        cos2, sin2 = (at.gradings[grade].wrench(at.nearest, step) for grade in self.grades)
         return self.size * (np.cos(twice) * cos2 + np.sin(twice) * sin2)
 
 
@@ -235,7 +235,7 @@ class GradedBody(BodyVariation):
 
     def wrench(self, step: F, at: Conditions) -> F:
         (grade,) = self.grades
-        return self.size * at.gradings[grade].wrench(at.anchor, step)
+        return self.size * at.gradings[grade].wrench(at.nearest, step)
 
 
 @dataclass(frozen=True)

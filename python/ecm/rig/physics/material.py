@@ -143,27 +143,27 @@ class Relaxation(MaterialFactor, MaterialMemory):
         axes, lever = rotation(0.5 * poses[:, 3:]), 0.5 * poses[:, :3]
         moments = wrenches[:, 3:] + np.cross(lever, wrenches[:, :3])
         section = np.concatenate([wrenches[:, :3], moments], axis=1)
-        carried = self.carried(turn_wrench(transpose(axes), section), time_s, restart)
-        top = turn_wrench(axes, carried)
+        held = self.held(turn_wrench(transpose(axes), section), time_s, restart)
+        top = turn_wrench(axes, held)
         top[:, 3:] -= np.cross(lever, top[:, :3])
         return top
 
-    def carried(self, wrenches: F, time_s: F, restart: B) -> F:
+    def held(self, wrenches: F, time_s: F, restart: B) -> F:
         """Resultant (N, 6) beside the elastic wrenches (N, 6) at the moments (N,) of one motion.
 
         It is 0 at the first moment and wherever the history restarts.
         """
         steps = np.maximum(np.diff(time_s), 1e-9)
         changes = np.diff(wrenches, axis=0)
-        carried = np.zeros_like(wrenches)
+        held = np.zeros_like(wrenches)
         for share, tau in zip(self.shares, self.times_s, strict=True):
             decay = np.exp(-steps / tau)
             loaded = -np.expm1(-steps / tau) * tau / steps
             state = np.zeros(wrenches.shape[1])
             for i, fresh in enumerate(restart[1:].tolist()):
                 state = 0.0 * state if fresh else decay[i] * state + loaded[i] * changes[i]
-                carried[i + 1] += self.size * share * state
-        return carried
+                held[i + 1] += self.size * share * state
+        return held
 
     def _along_the_motion(self, at: Conditions) -> F:
         """Relaxing wrenches (N, 6) of all visits of a motion; the states go on through rests."""

@@ -80,8 +80,8 @@ class Conditions:
     length_m: float
     poses: F = field(default_factory=_no_rows, metadata=_PER_VISIT)
     """True poses of the platform; the rest pose where it is not connected to the sensor."""
-    anchor: I = field(default_factory=_no_rows, metadata=_PER_VISIT)
-    """Index of the anchor (solved pose) of each visit."""
+    nearest: I = field(default_factory=_no_rows, metadata=_PER_VISIT)
+    """Index of the solved pose of each visit."""
     time_s: F = field(default_factory=_no_rows, metadata=_PER_VISIT)
     temperature_degC: F = field(default_factory=_no_rows, metadata=_PER_VISIT)
     """Temperature of the mechanism."""
@@ -149,7 +149,7 @@ class Conditions:
     def elastic_wrenches(self) -> F:
         """Wrenches (N, 6) of the elastic mechanism at the true poses."""
         assert self.elastic is not None
-        return self.elastic.wrench(self.anchor, self.poses)
+        return self.elastic.wrench(self.nearest, self.poses)
 
     def per_way(self, wrenches: Callable[[F, F], F]) -> list[F]:
         """For each visit `wrenches` of its way points (k, 6) and of the elastic wrenches there."""
@@ -259,7 +259,7 @@ class BodyVariation(TrueEffect):
     """Stage 2: the body has another shape or modulus, known from further FEM solutions."""
 
     def wrench(self, step: F, at: Conditions) -> F:
-        """Added wrench (N, 6) at `step` (N, 6) from the anchors."""
+        """Added wrench (N, 6) at `step` (N, 6) from the solved poses."""
         raise NotImplementedError
 
 

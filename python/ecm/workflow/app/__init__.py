@@ -6,6 +6,5 @@ steps      each step as a command line of `ecm`
 state      what the page shows, and the readings of a simulated rig while they come
 jobs       commands in a process of their own: progress, cancel, interrupted ones
 views      what the page draws: kept as files, computed in another process
-server     who may ask, and the routes
-serve      opens a session and serves it on this machine only
+server     who may ask, the routes, and the server on this machine only
 """

@@ -31,8 +31,7 @@ from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.table import Need, Table, read_table
 from ecm.logs.importing import list_columns
 from ecm.models import Model, load_model
-from ecm.report.figures import some_rows
-from ecm.report.mechanism import view_of
+from ecm.report.figures import some_rows, view_of
 from ecm.workflow.app.journal import writing
 
 MOST_ROWS = 20_000

@@ -1,8 +1,14 @@
-"""Sorties: motions from home to poses and back, planned, carried out, stored."""
+"""Trips of the arm from home to poses and back: planned, stored, and the record of a campaign.
+
+The record `NAME.robot.json` has for each pose: goal, pose after the impedance phase and after the
+position phase by the arm's own encoders, times of the phases, and the reason if it was skipped.
+
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from itertools import pairwise
 from pathlib import Path
@@ -13,6 +19,7 @@ from numpy.typing import NDArray
 
 from ecm.io.arrays import F
 from ecm.io.cache import Stage
+from ecm.io.columns import POSE as POSE_COLUMNS
 from ecm.rig.plan import POSE, Visit, rest_pose
 from ecm.rig.readings import disk_error
 from ecm.rig.settings import Procedure
@@ -57,12 +64,12 @@ class Stop:
     dwell_s: float
     window_s: float
     depart_s: float = 0.0
-    """Planned time at which the sortie leaves home."""
+    """Planned time at which the trip leaves home."""
 
 
 @dataclass(frozen=True)
-class PlannedSortie:
-    """The stops of one sortie, and when it leaves home and returns by the plan."""
+class PlannedTrip:
+    """The stops of one trip, and when it leaves home and returns by the plan."""
 
     stops: tuple[Stop, ...]
     depart_s: float
@@ -71,7 +78,7 @@ class PlannedSortie:
 
 @dataclass
 class StopResult:
-    """What happened at a stop; poses are the true ones, times count from the sortie's start."""
+    """What happened at a stop; poses are the true ones, times count from the trip's start."""
 
     visit: int
     reason: str = ""
@@ -96,26 +103,26 @@ class StopResult:
 
 
 @dataclass(frozen=True)
-class SortieResult:
-    """All stops of a sortie, and the phases and trace of the return to home."""
+class TripResult:
+    """All stops of a trip, and the phases and trace of the return to home."""
 
     stops: tuple[StopResult, ...]
     duration_s: float
     home: StopResult
 
 
-def plan_sorties(
+def plan_trips(
     visits: Sequence[Visit], goals: F, procedure: Procedure, length_m: float
-) -> list[PlannedSortie]:
-    """Group the pose visits of a timeline into sorties; `goals` (N, 6) has one row per visit."""
+) -> list[PlannedTrip]:
+    """Group the pose visits of a timeline into trips; `goals` (N, 6) has one row per visit."""
     rest = rest_pose(length_m)
-    sorties: list[PlannedSortie] = []
+    trips: list[PlannedTrip] = []
     stops: list[Stop] = []
     depart = last = 0.0
 
     def close() -> None:
         if stops:
-            sorties.append(PlannedSortie(tuple(stops), depart, last))
+            trips.append(PlannedTrip(tuple(stops), depart, last))
             stops.clear()
 
     for i, visit in enumerate(visits):
@@ -134,7 +141,7 @@ def plan_sorties(
         stops.append(Stop(i, goals[i], via, visit.dwell_s, visit.window_s, depart))
         last = visit.time_s + 0.5 * visit.window_s + _leg_s(visit.pose, rest, procedure)
     close()
-    return sorties
+    return trips
 
 
 def extra_s(visit: Visit, procedure: Procedure) -> float:
@@ -153,14 +160,14 @@ def _leg_s(start: F, end: F, procedure: Procedure) -> float:
     return motion_s(end[:3] - start[:3], float(np.linalg.norm((end - start)[3:])), procedure)
 
 
-class SortieStore:
-    """Results of the sorties of a campaign by their number in its plan."""
+class TripStore:
+    """Results of the trips of a campaign by their number in its plan."""
 
     def __init__(self, folder: Path, key: str) -> None:
         self._stage = Stage(folder, "sorties", key)
 
-    def save(self, number: int, result: SortieResult) -> None:
-        """Store the result of a sortie."""
+    def save(self, number: int, result: TripResult) -> None:
+        """Store the result of a trip."""
         arrays = {"duration_s": np.array(result.duration_s), **_arrays("home", result.home)}
         for k, stop in enumerate(result.stops):
             arrays |= _arrays(str(k), stop)
@@ -169,14 +176,14 @@ class SortieStore:
         except OSError as error:
             raise disk_error(self._stage.directory, error) from None
 
-    def load(self, number: int) -> SortieResult | None:
+    def load(self, number: int) -> TripResult | None:
         """Return a stored result; None where there is none."""
         arrays = self._stage.load_part(number)
         if arrays is None:
             return None
         count = sum(name.endswith(".visit") for name in arrays) - 1
         stops = tuple(_stop(str(k), arrays) for k in range(count))
-        return SortieResult(stops, float(arrays["duration_s"]), _stop("home", arrays))
+        return TripResult(stops, float(arrays["duration_s"]), _stop("home", arrays))
 
 
 def _arrays(name: str, stop: StopResult) -> dict[str, NDArray[Any]]:
@@ -195,3 +202,113 @@ def _stop(name: str, arrays: dict[str, NDArray[Any]]) -> StopResult:
     phases = zip(arrays[f"{name}.phase"].tolist(), arrays[f"{name}.phases"].tolist(), strict=True)
     values = {key: value.item() if value.ndim == 0 else value for key, value in values.items()}
     return StopResult(**values, phases=[(phase, begin, end) for phase, (begin, end) in phases])
+
+
+PANELS = ("x - L [mm]", "y [mm]", "z [mm]", "θx [mrad]", "θy [mrad]", "θz [mrad]")
+"""Components of a pose minus the rest pose."""
+
+COLOURS = {
+    "impedance": "#cfe3f7",
+    "settle": "#e4eefb",
+    "position": "#fbe3c4",
+    "rest": "#eeeeee",
+    "reading": "#f6b8b0",
+    "return": "#dff0d8",
+}
+"""Background colour of each phase of the procedure, in their order."""
+
+
+def thousandths(value: float) -> str:
+    """Text of a length or angle in mm or mrad, from m or rad; rounding errors as `< 1e-6`."""
+    return f"{1e3 * value:.3g}" if value >= 1e-9 else "< 1e-6"
+
+
+PHASES = tuple(COLOURS)
+
+
+def pose_errors(poses: F, goals: F) -> tuple[F, F]:
+    """Distance in m and angle in rad between (N, 6) poses: (N,) each."""
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - it takes 0.3 s to load
+
+    turn = Rotation.from_rotvec(goals[:, 3:]).inv() * Rotation.from_rotvec(poses[:, 3:])
+    distance: F = np.linalg.norm(poses[:, :3] - goals[:, :3], axis=1)
+    angle: F = np.atleast_1d(turn.magnitude())
+    return distance, angle
+
+
+def motion_shares(poses: F, goals: F, rest: F) -> F:
+    """Share (6,) of the motion from rest to the goals that is reached, by least squares."""
+    motion = goals - rest
+    square = np.maximum((motion**2).sum(axis=0), 1e-30)
+    share: F = ((poses - rest) * motion).sum(axis=0) / square
+    return share
+
+
+def distance_m(path: F, poses: F, rest: F, length_m: float) -> F:
+    """(n,) distance of each pose of a path (n, 6) from the lines to (N, 6) poses, m."""
+    metric = np.array([1.0, 1.0, 1.0, length_m, length_m, length_m])
+    lines = (poses - rest) * metric
+    points = (path - rest) * metric
+    square = np.maximum((lines**2).sum(axis=1), 1e-18)
+    share = np.clip(points @ lines.T / square, 0.0, 1.0)
+    gaps = points[:, None, :] - share[:, :, None] * lines[None, :, :]
+    nearest: F = np.sqrt((gaps**2).sum(axis=2).min(axis=1))
+    return nearest
+
+
+def phases_of(reached: Sequence[StopResult], goals: F, rest: F) -> dict[str, Any]:
+    """Errors after the two phases of motion, and the median duration of each phase."""
+    phases: dict[str, Any] = {}
+    for name, poses in (
+        ("impedance", np.stack([s.after_impedance for s in reached])),
+        ("position", np.stack([s.reached for s in reached])),
+    ):
+        distance, angle = pose_errors(poses, goals)
+        shares = motion_shares(poses, goals, rest)
+        phases[name] = {
+            "median_m": float(np.median(distance)),
+            "largest_m": float(distance.max()),
+            "median_rad": float(np.median(angle)),
+            "largest_rad": float(angle.max()),
+            "fraction": dict(zip(POSE_COLUMNS, shares.tolist(), strict=True)),
+        }
+    spans: dict[str, list[float]] = {name: [] for name in PHASES}
+    for stop in reached:
+        for name, begin, end in stop.phases:
+            spans[name].append(end - begin)
+    phases["median_s"] = {name: float(np.median(s)) for name, s in spans.items() if s}
+    return phases
+
+
+def read_summary(path: Path) -> dict[str, Any]:
+    """Read the record of a campaign without the single visits."""
+    document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    del document["visits"]
+    return document
+
+
+def summary_lines(path: Path) -> list[str]:
+    """Return the summary of a record in a few lines."""
+    record = read_summary(path)
+    reached, poses, minutes = record["reached"], record["poses"], record["minutes"]
+    lines = [f"{reached} of {poses} poses reached in {minutes:.0f} minutes"]
+    if "phases" in record:
+        lines += [_phase_line(name, record["phases"][name]) for name in ("impedance", "position")]
+        off, arm = record["off_known_m"], record["calibration"]
+        lines += [
+            f"the arm's own calibration puts it {arm['median_m'] * 1e3:.3g} mm and "
+            f"{arm['median_rad'] * 1e3:.3g} mrad off the plan (median), which the camera measures",
+            f"farthest from the straight lines to the poses: {off['largest'] * 1e3:.1f} mm, "
+            f"{off['mean'] * 1e3:.1f} mm on average",
+        ]
+    return [*lines, f"{path}: the record of the arm"]
+
+
+def _phase_line(name: str, phase: Mapping[str, Any]) -> str:
+    share = " ".join(f"{100.0 * s:.0f}" for s in phase["fraction"].values())
+    return (
+        f"after the {name} phase: {thousandths(phase['median_m'])} mm and "
+        f"{thousandths(phase['median_rad'])} mrad from the goal (median), largest "
+        f"{thousandths(phase['largest_m'])} mm and {thousandths(phase['largest_rad'])} mrad; "
+        f"share of the motion, x to theta_z: {share} %"
+    )
