@@ -26,10 +26,25 @@ from ecm.diagnosis.search import (
     rank,
     search,
 )
-from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
+from ecm.diagnosis.settings import DEFAULTS, MOST_IN_CLASS, DiagnosisSettings
 from ecm.io.arrays import F
 from ecm.regression.blocks import in_threads
 from ecm.regression.normal_equations import RIDGE, NormalEquations, explained_squares
+
+CHOSEN_SHARE = 0.8
+"""Share of group bootstraps that must choose a name or class."""
+_DRAWS = 2000
+"""Most group bootstraps."""
+_CONTENDER_SHARE = 0.3
+"""An effect that explains less than this share of the chosen one wins no bootstrap."""
+KEPT_WITHIN_BOUNDS = 0.8
+"""Share that parameters within their bounds must still explain."""
+CLOSE_BIC = 20.0
+"""A rival that wins some bootstraps is close within this loss of BIC."""
+_SOME_BOOTSTRAPS = 0.02
+"""Some bootstraps: more than this share of them."""
+RIVAL_BOOTSTRAPS = 0.1
+"""A rival that wins more than this share of them is a member."""
 
 _AT_ONCE = 25
 _FIRST_DRAWS = 400
@@ -43,7 +58,7 @@ def selection_shares(
     others: Sequence[Candidate],
     contenders: Collection[str],
     seed: int,
-    draws: int | None = None,
+    draws: int = _DRAWS,
 ) -> dict[str, float]:
     """Return the share of draws in which each contender lowers BIC most beside base and `others`.
 
@@ -52,10 +67,9 @@ def selection_shares(
     contenders
         Ids that may win.
     draws
-        Most draws; default: that of the settings. After 400 no more are made where one contender
+        Most draws. After 400 no more are made where one contender
         has won 99 % of them.
     """
-    draws = problem.settings.bootstrap_draws if draws is None else draws
     fixed = [*problem.base_index, *(column for other in others for column in other.columns)]
     tried = [c for c in problem.candidates if c.id in contenders]
     if not tried:
@@ -236,9 +250,7 @@ class AcceptanceCheck:
     @property
     def accepted(self) -> bool:
         """Whether all conditions hold."""
-        return (
-            self.passes_alone and self.chosen_share >= self.settings.chosen_share and self.own_seen
-        )
+        return self.passes_alone and self.chosen_share >= CHOSEN_SHARE and self.own_seen
 
     @property
     def passes_alone(self) -> bool:
@@ -248,7 +260,7 @@ class AcceptanceCheck:
             self.p_holm < limits.level
             and self.delta_bic > limits.least_bic
             and self.held_out_fall > limits.held_out_errors
-            and self.explained_in_bounds > limits.kept_within_bounds
+            and self.explained_in_bounds > KEPT_WITHIN_BOUNDS
         )
 
 
@@ -304,7 +316,7 @@ def accept(
                 tuple(check for check, _ in in_order),
             )
         checks = (pairs[i][0],) if i in pairs else ()
-        if _bounds_kept(problem, chosen, chosen[i])[1] <= problem.settings.kept_within_bounds:
+        if _bounds_kept(problem, chosen, chosen[i])[1] <= KEPT_WITHIN_BOUNDS:
             problem = problem.without_effect(chosen[i].id)
             chosen = search(problem, rank(problem))
         else:
@@ -328,25 +340,23 @@ def _checked(
     problem: Problem, chosen: Sequence[Candidate], item: Candidate, seed: int, class_of: ClassOf
 ) -> tuple[AcceptanceCheck, tuple[str, ...]]:
     """Return the evidence for one effect and its class."""
-    settings = problem.settings
     members = class_of(problem, chosen, item)
     check = acceptance_check(problem, chosen, item, members, seed)
-    room = settings.most_in_class - len(members)
+    room = MOST_IN_CLASS - len(members)
     if room <= 0:
         return check, tuple(members)
     others = {other.id for other in chosen}
     won = sorted(check.winners.items(), key=lambda won: -won[1])
-    seldom = check.chosen_share < settings.chosen_share
+    seldom = check.chosen_share < CHOSEN_SHARE
     joining = []
     if len(chosen) == 1 or not seldom:
         # A rival that wins often belongs to the class, however far it is in BIC: with few rows it
         # may be the truth. Several effects that win seldom may add up to what no library holds.
-        often = settings.rival_bootstraps
-        joining = [id for id, share in won if share > often and id not in others]
+        joining = [id for id, share in won if share > RIVAL_BOOTSTRAPS and id not in others]
     if seldom:
         # So does a close one that wins now and then.
-        close = class_of(problem, chosen, item, settings.close_bic)
-        wins = {id for id, share in won if share > settings.some_bootstraps}
+        close = class_of(problem, chosen, item, CLOSE_BIC)
+        wins = {id for id, share in won if share > _SOME_BOOTSTRAPS}
         joining += [id for id in close if id in wins and id not in joining]
     members = [*members, *[id for id in joining if id not in members][:room]]
     check = acceptance_check(problem, chosen, item, members, seed, winners=check.winners)
@@ -377,7 +387,7 @@ def acceptance_check(
     own = ranked[item.id]
     inside, kept = _bounds_kept(problem, chosen, item)
     if winners is None:
-        least = settings.contender_share * own.drop
+        least = _CONTENDER_SHARE * own.drop
         contenders = {one.id for one in ranked.values() if one.drop > least}
         winners = selection_shares(problem, others, contenders, seed)
     return AcceptanceCheck(
@@ -385,7 +395,7 @@ def acceptance_check(
         p_holm=min(1.0, own.p * len(ranked)),
         delta_bic=own.delta_bic,
         held_out_fall=held_out_delta(problem, others, item),
-        chosen_share=_share(winners, members, settings),
+        chosen_share=_share(winners, members),
         within_bounds=inside,
         explained_in_bounds=kept,
         own_seen=_is_own_seen(problem, chosen, item, members),
@@ -394,10 +404,10 @@ def acceptance_check(
     )
 
 
-def _share(winners: dict[str, float], members: Sequence[str], settings: DiagnosisSettings) -> float:
+def _share(winners: dict[str, float], members: Sequence[str]) -> float:
     """Return the share of bootstraps that a class wins; of a longer list its best members."""
     won = sorted((winners.get(id, 0.0) for id in members), reverse=True)
-    return sum(won[: settings.most_in_class])
+    return sum(won[:MOST_IN_CLASS])
 
 
 def _is_own_seen(

@@ -20,6 +20,15 @@ from ecm.io.arrays import F
 from ecm.io.units import unit_of_factor
 from ecm.models.physics.map import PhysicsMap
 
+_NEAR_SHARE_IN_DOUBT = 0.6
+"""Share of a name that a rival may lose where the form of the effect is in doubt."""
+DOUBTFUL_SHARE = 0.04
+"""The form is in doubt where more than this share is left,"""
+_DOUBTFUL_P = 0.05
+"""and where what is left is seen with this chance."""
+_MOST_MODULUS_FACTOR = 5.0
+"""Largest error of the stated E; beyond it a sign or a unit is wrong."""
+
 Headline = Literal["none", "named", "ambiguous", "family", "unknown"]
 Describe = Callable[..., Unknown]
 
@@ -51,10 +60,10 @@ def classify(
     settings = problem.settings
     if left.remains or modulus_warning(problem):
         return accepted
-    doubtful = left.share > settings.doubtful_share and left.p < settings.doubtful_p
+    doubtful = left.share > DOUBTFUL_SHARE and left.p < _DOUBTFUL_P
     if not doubtful and not other_body and len(accepted.effects) < 2:
         return accepted
-    near = settings.near_share_in_doubt if doubtful else settings.near_share
+    near = _NEAR_SHARE_IN_DOUBT if doubtful else settings.near_share
     classes = tuple(
         tuple(widened_class(problem, accepted.effects, item, members, near))
         for item, members in zip(accepted.effects, accepted.classes, strict=True)
@@ -170,7 +179,7 @@ def modulus_warning(problem: Problem) -> str:
     """Return what is wrong with the factor on E of a physics base; empty where it may be true."""
     if not isinstance(problem.base, PhysicsMap):
         return ""
-    factor, most = problem.base.factor, problem.settings.most_modulus_factor
+    factor, most = problem.base.factor, _MOST_MODULUS_FACTOR
     if 1.0 / most < factor < most:
         return ""
     ratio = f"the wrench is {factor:.3g} times that of the stated body"

@@ -14,8 +14,12 @@ from ecm.diagnosis.search import (
     explains_more_than_its_plain_form,
     squares_by_row,
 )
+from ecm.diagnosis.settings import FORM_SHARE, MOST_IN_CLASS, REFUTED_BY, REFUTED_SHARE
 from ecm.io.arrays import F
 from ecm.regression.normal_equations import projected_out, solve
+
+SEPARABLE = 0.1
+"""Effects are alike when a rival leaves less than this share."""
 
 
 def separability(
@@ -76,7 +80,7 @@ def confusion_class(
     """
     settings = problem.settings
     least_bic = settings.least_bic if least_bic is None else least_bic
-    most = settings.most_in_class if most is None else most
+    most = MOST_IN_CLASS if most is None else most
     others = [other for other in chosen if other is not item]
     own = delta_bic(problem, chosen)
     gain = own - delta_bic(problem, others)
@@ -86,8 +90,8 @@ def confusion_class(
 
     def is_member(rival: Candidate, loss: float) -> bool:
         alike = (
-            loss < max(least_bic, settings.form_share * own)
-            and separability(problem, item, rival, others) < settings.separable
+            loss < max(least_bic, FORM_SHARE * own)
+            and separability(problem, item, rival, others) < SEPARABLE
         )
         if rival in problem.imitators:
             # The data cannot show its true form; one of several shapes comes nearer to it.
@@ -127,8 +131,7 @@ class _LaterRuns:
         if self._count:
             self._with_item = self._squares((*others, item))
             explained = np.maximum(self._squares(others) - self._with_item, 0.0)
-            settings = problem.settings
-            self._limit = np.maximum(settings.refuted_by, settings.refuted_share * explained)
+            self._limit = np.maximum(REFUTED_BY, REFUTED_SHARE * explained)
 
     def refutes(self, rival: Candidate) -> bool:
         """Whether one run is against the rival and none as clearly for it."""
@@ -166,7 +169,7 @@ def widened_class(
         for rival, loss in zip(rivals, losses.tolist(), strict=True)
         if loss < within and not later.refutes(rival)
     )
-    room = max(0, problem.settings.most_in_class - len(members))
+    room = max(0, MOST_IN_CLASS - len(members))
     return [*members, *list(nearest)[:room]]
 
 
@@ -204,5 +207,5 @@ def confusable_pairs(problem: Problem) -> list[tuple[str, str]]:
         (ids[i], ids[j])
         for i in range(len(ids))
         for j in range(i + 1, len(ids))
-        if least[i, j] < problem.settings.separable
+        if least[i, j] < SEPARABLE
     ]

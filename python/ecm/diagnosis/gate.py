@@ -10,9 +10,16 @@ from scipy import special
 
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import Bounded, bounded_estimate, delta_chi2
+from ecm.diagnosis.settings import LEAST_STRENGTH
 from ecm.io.arrays import F
 from ecm.regression.f_test import Beside, FTest, lack_of_fit, omnibus_test
 from ecm.regression.folds import repeat_cells
+
+LEFT_SHARE = (1.0, 0.15, 0.12, 0.08)
+"""Unknown beyond this share of the structure after 0, 1, 2, 3 or more effects: right ones leave the
+misfit of their form, wrong ones come in numbers and leave more."""
+_LEFT_DEVIATIONS = 1.645
+"""Standard deviations by which that share must be exceeded."""
 
 
 @dataclass(frozen=True)
@@ -102,14 +109,14 @@ def leftover(problem: Problem, gate: Gate, effects: Sequence[Candidate]) -> Left
     # three times the noise became `none`), for one weak effect in fifty.
     test = omnibus_test(response, problem.smooth_columns, total, problem.weights)
     after = max(fit.lost, (test.F - 1.0) * test.dof) if np.isfinite(test.F) else fit.lost
-    least = max(settings.least_strength, 1.5 * problem.base_error)
+    least = max(LEAST_STRENGTH, 1.5 * problem.base_error)
     strong = after > problem.size * least**2
     # What the effects explain was structure, whether smooth functions see it or not.
     before = max(gate.structure, delta_chi2(problem, effects))
-    allowed = settings.left_share[min(len(effects), len(settings.left_share) - 1)] * before
+    allowed = LEFT_SHARE[min(len(effects), len(LEFT_SHARE) - 1)] * before
     # Chance adds to what is left: it must be more than the form of an effect may leave.
     spread = float(np.sqrt(2.0 * test.dof + 4.0 * allowed))
-    large = not effects or after > allowed + settings.left_deviations * spread
+    large = not effects or after > allowed + _LEFT_DEVIATIONS * spread
     p = min(test.p, float(special.chdtrc(max(1, int(fit.at_bound.sum())), fit.lost)))
     return Leftover(
         beyond_chance=after,

@@ -21,7 +21,7 @@ from ecm.comparison.comparison import compare
 from ecm.comparison.result import Comparison
 from ecm.comparison.structure import NEAR_NOISE, StructureTest, nothing_follows, structure_test
 from ecm.diagnosis.decision import Decision
-from ecm.diagnosis.readings import WrongStatement, best_of
+from ecm.diagnosis.readings import MENDED_SHARE, WrongStatement, best_of
 from ecm.diagnosis.search import held_out_rms
 from ecm.diagnosis.summary import fields_json
 from ecm.effects import Effect
@@ -34,14 +34,13 @@ from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.learned import LEARNED
 from ecm.models.maps import StiffnessMap
 from ecm.models.physics.map import PhysicsMap
-from ecm.models.refit import is_far_behind
+from ecm.models.refit import FAR_BEYOND_NOISE, is_far_behind
 from ecm.regression.folds import spread_rows
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
     from ecm.diagnosis.problem import Problem
-    from ecm.diagnosis.settings import DiagnosisSettings
     from ecm.io.table import Table
     from ecm.models.model import Model
 
@@ -305,7 +304,6 @@ def judge_given_model(
         Noise of the rows, where the user gave it.
     """
     problem, prepared = decision.problem, decision.prepared
-    settings = problem.settings
     result = compare(model, prepared.table, noise=noise)
     same = isinstance(model.base, PhysicsMap) and isinstance(problem.base, PhysicsMap)
     noise = result.noise
@@ -322,7 +320,7 @@ def judge_given_model(
         prepared.table,
     )
     # `result.missing` fits a base of its own where neither of the others says so.
-    far = _far_behind(as_given, base_errors, settings)
+    far = _far_behind(as_given, base_errors)
     missing = result.structure.found or far or result.missing
     accepted = [item.effect for item in decision.accepted.effects]
     # An effect of the base's columns has no meaning for a model of fewer.
@@ -334,10 +332,10 @@ def judge_given_model(
         fit = _fit_or_none(again.base, accepted, again.rows.table, noise)
         after = None if fit is None else _errors(fit, noise)
         # What smooth functions do not show, as the way back of a hysteresis, is missing as well.
-        needed = fit is not None and _bic_fall(again, fit) > settings.least_bic
+        needed = fit is not None and _bic_fall(again, fit) > problem.settings.least_bic
     missing = missing or needed
     refitted = _errors(again, noise) if again is not None else base_errors if same else None
-    behind = refitted is not None and _far_behind(refitted, base_errors, settings)
+    behind = refitted is not None and _far_behind(refitted, base_errors)
     if same:
         fits_again = not (decision.gate.rejected or behind)
     else:
@@ -354,7 +352,7 @@ def judge_given_model(
         spoiled = far and len(problem.unlike_rows) > 0 and not richer
         reason = "rows" if spoiled else "weak" if same_form else ""
     over_noise = as_given.over_noise or 0.0
-    far_off = over_noise > settings.most_left_error
+    far_off = over_noise > FAR_BEYOND_NOISE
     beyond = over_noise > NEAR_NOISE and result.excess_low > 0.0
     rules: tuple[tuple[bool, Answer], ...] = (
         (unknown is not None and unknown.slow_noise is not None, "fits"),
@@ -372,10 +370,8 @@ def judge_given_model(
     if doubted and not (misread and same):  # the base has the numbers of the body then
         # A reading must fit as well as the model on its own rows, or as the base does here.
         own = _OF_ITS_OWN * float(model.training.get("over_noise", 0.0))
-        most = max(settings.most_left_error, _FAR * (base_errors.over_noise or 0.0), own)
-        statement = reading_of_given_model(
-            model, prepared.table, noise, most, settings.mended_share
-        )
+        most = max(FAR_BEYOND_NOISE, _FAR * (base_errors.over_noise or 0.0), own)
+        statement = reading_of_given_model(model, prepared.table, noise, most, MENDED_SHARE)
     if doubted and (misread or statement is not None):
         answer = "table"
     return GivenModel(
@@ -481,11 +477,11 @@ def _holds_structure(fit: JointFit | None, noise: Noise) -> bool:
     return structure_test(fit.rows, fit.whitened, whitener, scored, fitted=fit.design).found
 
 
-def _far_behind(given: Errors, base: Errors, settings: DiagnosisSettings) -> bool:
+def _far_behind(given: Errors, base: Errors) -> bool:
     """Whether a model errs far beyond the noise and a base fitted to the rows does not."""
     if given.over_noise is None or base.over_noise is None:
         return False
-    return is_far_behind(given.over_noise, base.over_noise, settings.most_left_error)
+    return is_far_behind(given.over_noise, base.over_noise)
 
 
 def _scale(model: Model, table: Table, result: Comparison) -> float | None:

@@ -26,6 +26,9 @@ from ecm.rig.plan import OFFSET, UNLOADED, requests
 from ecm.rig.settings import RigSettings
 from ecm.rig.timeline import Climate, timeline_of
 
+POWER = 0.9
+"""Chance with which an effect of the limit's size is named."""
+
 
 @dataclass(frozen=True)
 class Identifiability:
@@ -199,4 +202,4 @@ def _noncentrality(problem: Problem, k: int) -> float:
     settings = problem.settings
     by_test = float(special.chdtri(k, settings.level / max(1, len(problem.ids))))
     by_bic = settings.least_bic + k * float(np.log(problem.size))
-    return float(special.chndtrinc(max(by_test, by_bic), k, 1.0 - settings.power))
+    return float(special.chndtrinc(max(by_test, by_bic), k, 1.0 - POWER))

@@ -28,7 +28,7 @@ from ecm.diagnosis.identifiability import predicted_table
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.score_columns import score_columns
 from ecm.diagnosis.search import delta_chi2, estimate
-from ecm.diagnosis.settings import DiagnosisSettings
+from ecm.diagnosis.settings import FORM_SHARE, REFUTED_BY, REFUTED_SHARE
 from ecm.effects import Rows, all_effects
 from ecm.effects.experiments import SEPARATOR, Experiment, get_experiment, session_of
 from ecm.effects.registry import with_shape
@@ -41,6 +41,27 @@ from ecm.regression.normal_equations import solve
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
+
+_SHAPES_COMPARED = 3
+"""Shapes of each member that are compared."""
+_READING_DEVIATIONS = 3.0
+"""A reading by hand of so many deviations is more than nothing."""
+_SET_UP_MINUTES = 5
+"""Minutes of a campaign that a session needs only once."""
+_SESSION_MINUTES = 180
+"""Longest session: an afternoon."""
+_SESSION_GAIN = 0.02
+"""Chance of the right names that a part of a session must add."""
+_GAIN_PER_MINUTE = 5e-4
+"""Chance of the right names that a minute must add."""
+_SEPARATED = 0.9
+"""Chance from which two members count as told apart."""
+_MOST_COMPARED = 6
+"""Rivals of a longer class that are compared."""
+_MOST_EXPERIMENTS = 6
+"""Experiments that are listed."""
+_PAUSE_S = 600.0
+"""Pause before a second campaign, in seconds."""
 
 
 Discrimination = dict[tuple[str, str], float]
@@ -67,13 +88,12 @@ class ConfusionClass:
         members
             Ids that cannot be told apart.
         """
-        best = problem.settings.shapes_compared
         shapes: dict[str, list[Candidate]] = {}
         for id in members:
             own = [c for c in (*problem.candidates, *problem.imitators) if c.id == id]
             own.sort(key=lambda c: -delta_chi2(problem, (*others, c)))
             if own:
-                shapes[id] = [form for one in own[:best] for form in _joined_forms(one)]
+                shapes[id] = [form for one in own[:_SHAPES_COMPARED] for form in _joined_forms(one)]
         one = ConfusionClass(problem, tuple(others), shapes, {})
         return replace(one, now={pair: one._now(*pair) for pair in one.pairs})
 
@@ -94,8 +114,8 @@ class ConfusionClass:
             for shape in self.shapes[rival]
         )
         # Whatever was to be expected: the data so far have not separated the two.
-        between = min(between, max(settings.least_bic, settings.form_share * total))
-        return float(special.ndtr(0.5 * np.sqrt(between / (1.0 + settings.form_share * total))))
+        between = min(between, max(settings.least_bic, FORM_SHARE * total))
+        return float(special.ndtr(0.5 * np.sqrt(between / (1.0 + FORM_SHARE * total))))
 
     def _values(self, item: Candidate) -> F:
         """Return the fitted coefficients of a member beside the other effects."""
@@ -125,27 +145,25 @@ class ConfusionClass:
         """Return the chance that a reading tells an effect of this size from nothing."""
         item = self.shapes[id][0]
         own = self._values(item) / self.problem.norms[list(item.columns)]
-        deviations = self.problem.settings.reading_deviations
         sd = [tool.get(parameter.unit, np.inf) for parameter in item.effect.parameters]
-        return float(special.ndtr(np.max(np.abs(own) / sd) - deviations))
+        return float(special.ndtr(np.max(np.abs(own) / sd) - _READING_DEVIATIONS))
 
     def _refuted(self, added: _Added, truth: str, rival: str) -> float:
         """Return the chance that a campaign refutes the rival, by all rows or by one run."""
-        best, settings = self.shapes[truth][0], self.problem.settings
+        best = self.shapes[truth][0]
         own = self._values(best)
         least = 1.0
         for item in (form for form in self.shapes[truth] if form.columns == best.columns):
             for shape in self.shapes[rival]:
                 gained, excess, total, explained = added.excess(item, own, self.others, shape)
                 # Whatever was to be expected: the data so far have not separated the two.
-                least_all = max(settings.least_bic, settings.form_share * total)
-                chances = [_exceeds(gained, least_all, total, settings)]
+                least_all = max(self.problem.settings.least_bic, FORM_SHARE * total)
+                chances = [_exceeds(gained, least_all, total)]
                 chances += [
                     _exceeds(
                         float(e),
-                        max(settings.refuted_by, settings.refuted_share * float(x)),
+                        max(REFUTED_BY, REFUTED_SHARE * float(x)),
                         float(x),
-                        settings,
                     )
                     for e, x in zip(excess, explained, strict=True)
                 ]
@@ -252,9 +270,9 @@ class _Added:
         return np.asarray(self.design[:, at] @ own - self.design[:, fixed] @ theta)
 
 
-def _exceeds(expected: float, limit: float, explained: float, settings: DiagnosisSettings) -> float:
+def _exceeds(expected: float, limit: float, explained: float) -> float:
     """Return the chance that squares of this mean exceed a limit, by noise and by the form."""
-    sd = 2.0 * np.sqrt(max(expected, 1.0) * (1.0 + settings.form_share / 3.0 * explained))
+    sd = 2.0 * np.sqrt(max(expected, 1.0) * (1.0 + FORM_SHARE / 3.0 * explained))
     return float(special.ndtr((expected - limit) / sd))
 
 
@@ -277,11 +295,12 @@ class Proposal:
         """The experiments."""
         return tuple(session_of(self.action))
 
-    def worth(self, settings: DiagnosisSettings) -> float:
+    @property
+    def worth(self) -> float:
         """Return the chance of the right names, less the price of the minutes."""
         if self.p_correct is None:
             return -np.inf
-        return self.p_correct - settings.gain_per_minute * self.minutes
+        return self.p_correct - _GAIN_PER_MINUTE * self.minutes
 
 
 def next_experiments(
@@ -296,14 +315,16 @@ def next_experiments(
     classes
         Ids that cannot be told from each of them.
     """
-    groups, most = [], problem.settings.most_compared
+    groups = []
     for item, members in zip(chosen, classes, strict=True):
         if len(members) > 1:
             # The next rivals that look alike would take a member's place.
-            rivals = [*members, *confusion_class(problem, chosen, item, most=most)]
+            rivals = [*members, *confusion_class(problem, chosen, item, most=_MOST_COMPARED)]
             others = [other for other in chosen if other is not item]
-            groups.append(ConfusionClass.of(problem, others, list(dict.fromkeys(rivals))[:most]))
-    return _Choice(problem.settings, groups, _offered(problem, groups)).proposals()
+            groups.append(
+                ConfusionClass.of(problem, others, list(dict.fromkeys(rivals))[:_MOST_COMPARED])
+            )
+    return _Choice(groups, _offered(problem, groups)).proposals()
 
 
 def _offered(
@@ -332,28 +353,20 @@ def _offered(
 class _Choice:
     """The experiments that are offered, and what each would tell about each class."""
 
-    settings: DiagnosisSettings
     groups: Sequence[ConfusionClass]
     offered: Mapping[Experiment, Sequence[Discrimination]]
 
     def proposals(self) -> tuple[Proposal, ...]:
         """Return what is worth listing, best first."""
-        settings = self.settings
         singles = [self._proposal((one,)) for one in self.offered]
         # What the catalogue names for a pair is listed, another only where it tells more.
-        usual = max(
-            (one.worth(settings) for one in singles if one.separates), default=self._chance(())
-        )
-        listed = [
-            one
-            for one in singles
-            if one.separates or one.worth(settings) > usual + settings.session_gain
-        ]
+        usual = max((one.worth for one in singles if one.separates), default=self._chance(()))
+        listed = [one for one in singles if one.separates or one.worth > usual + _SESSION_GAIN]
         session = self._session()
         if len(session) > 1:
             listed.append(self._proposal(session))
-        listed.sort(key=lambda one: (-one.worth(settings), one.action))
-        return tuple(self._completed(one) for one in listed[: settings.most_experiments])
+        listed.sort(key=lambda one: (-one.worth, one.action))
+        return tuple(self._completed(one) for one in listed[:_MOST_EXPERIMENTS])
 
     @property
     def _now(self) -> list[Discrimination]:
@@ -403,12 +416,11 @@ class _Choice:
     def _minutes(self, parts: Sequence[Experiment]) -> int:
         """Return the minutes of all parts; what each campaign needs to begin counts once."""
         driven = sum(one.can_be_driven for one in parts)
-        saved = self.settings.set_up_minutes * max(driven - 1, 0)
+        saved = _SET_UP_MINUTES * max(driven - 1, 0)
         return sum(one.minutes for one in parts) - saved
 
     def _session(self) -> tuple[Experiment, ...]:
         """Return the experiments of one afternoon: each next one adds most to the others."""
-        settings = self.settings
         session: tuple[Experiment, ...] = ()
         now = self._chance(())
         while True:
@@ -418,10 +430,10 @@ class _Choice:
                     continue
                 trial = (*session, one)
                 minutes, after = self._minutes(trial), self._chance(trial)
-                if minutes > settings.session_minutes or after < now + settings.session_gain:
+                if minutes > _SESSION_MINUTES or after < now + _SESSION_GAIN:
                     continue
-                own = after - settings.gain_per_minute * minutes
-                own -= settings.session_gain * (not self._named(one))
+                own = after - _GAIN_PER_MINUTE * minutes
+                own -= _SESSION_GAIN * (not self._named(one))
                 if best is None or own > best[0]:
                     best = (own, trial, after)
             if best is None:
@@ -430,12 +442,11 @@ class _Choice:
 
     def _completed(self, proposal: Proposal) -> Proposal:
         """Return a proposal with all pairs that it separates, whichever of them is the truth."""
-        least = self.settings.separated
         pairs = {
             f"{a} or {b}"
             for now, then in zip(self._now, self._power(proposal.parts), strict=True)
             for a, b in then
-            if a < b and min(then[a, b], then[b, a]) > least > min(now[a, b], now[b, a])
+            if a < b and min(then[a, b], then[b, a]) > _SEPARATED > min(now[a, b], now[b, a])
         }
         turned = {" or ".join(reversed(pair.split(" or "))) for pair in proposal.separates}
         return replace(proposal, separates=tuple(sorted({*proposal.separates, *pairs - turned})))
@@ -452,7 +463,7 @@ def _joined_rows(problem: Problem, experiment: Experiment) -> Rows | None:
         return None
     meta = replace(table.meta, runs={**table.meta.runs, **predicted.meta.runs})
     if table.has("time_s"):
-        begin_s = float(table.column("time_s").max()) + problem.settings.pause_s
+        begin_s = float(table.column("time_s").max()) + _PAUSE_S
         time = predicted.column("time_s") + begin_s
         predicted = predicted.with_columns({"time_s": time})
         begins_s = (*meta.file.begins_s, float(time[0]))

@@ -322,7 +322,6 @@ def assemble(
         response=fit.whitened,
         base_block=base_block,
         base_kind=base.kind,
-        settings=settings,
     )
     response, kept, projection = fit.whitened, columns.kept, columns.projection
     weights, untestable = columns.weights, columns.untestable

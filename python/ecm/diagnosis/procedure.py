@@ -63,6 +63,16 @@ if TYPE_CHECKING:
     from ecm.models.maps import StiffnessMap
     from ecm.models.model import Model
 
+_LEAST_ROWS_OF_LOG = 100
+"""Least rows used of a log whose neighbours err alike; else as many as would tell as much if they
+were independent."""
+_OTHER_BODY_SINGLE = 1.5
+"""Structure left beside one name, in noise units, from which the body is doubted."""
+_OTHER_BODY_SEVERAL = 0.5
+"""The same beside several names, which may imitate a body, or none."""
+_TAKEN_BY_ENERGY = 0.9
+"""Share of it that a symmetric energy must explain."""
+
 _UNLIKE_ENDS = (
     "the ends of the body differ, or something acts along its axis: an energy that takes the ends "
     "as alike leaves more, whatever is named; names are against one of revolution; fit "
@@ -236,7 +246,7 @@ def find_missing(
     slow = slow_noise_of(decision)
     if slow is not None and slow.p < settings.level:
         return _with_family(decision)
-    most = max(settings.least_rows_of_log, alike.independent)
+    most = max(_LEAST_ROWS_OF_LOG, alike.independent)
     again = of_rows(replace(settings, most_rows=most)) if most < len(table) else decision
     if slow is None or again.verdict == "none":
         return _with_family(replace(again, neighbours_alike=again is not decision))
@@ -361,14 +371,13 @@ def may_be_another_body(decision: Decision) -> bool:
     for all of it.
     """
     problem, table = decision.problem, decision.prepared.unexplained
-    settings = problem.settings
     known = table.has(*POSE, *WRENCH) and table.meta.length_m is not None
     if not isinstance(problem.base, PhysicsMap) or not known:
         return False
     if modulus_warning(problem) or ratio_warning(problem):
         return False
     single = len(decision.accepted.effects) == 1 and decision.verdict != "unknown"
-    least = settings.other_body_single if single else settings.other_body_several
+    least = _OTHER_BODY_SINGLE if single else _OTHER_BODY_SEVERAL
     return decision.strength_left >= least
 
 
@@ -380,7 +389,7 @@ def against_energy(physics: Decision, energy: Decision, stages: Stages = STAGES)
     """
     problem = physics.problem
     taken = 1.0 - energy.left.beyond_chance / physics.left.beyond_chance
-    if taken < problem.settings.taken_by_energy:
+    if taken < _TAKEN_BY_ENERGY:
         return physics
     words = (
         f"the stated body is not the one that was measured: with E and nu free it leaves "

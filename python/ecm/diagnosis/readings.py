@@ -26,9 +26,15 @@ from ecm.io.conventions import Convention, conventions, falling_loads, in_words
 from ecm.io.se3 import rotation
 from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import EnergyMap, StiffnessMap
+from ecm.models.refit import FAR_BEYOND_NOISE
 
 if TYPE_CHECKING:
     pass
+
+LEAST_WRONG_ERROR = 2.0
+"""Error over the noise from which other readings of the table are tried."""
+MENDED_SHARE = 1.0 / 3.0
+"""Share of the error to which another reading must bring it to be named."""
 
 
 _LEAST_SHARE = 0.01
@@ -237,20 +243,20 @@ def find_wrong_statement(
     before, after
         Whitened rms of the base alone, and with the accepted effects.
     """
-    settings, base, table = problem.settings, problem.base, problem.table
+    base, table = problem.base, problem.table
     if not table.has(*POSE, *WRENCH):
         return None
     if base.kind == "polynomial":
         return _of_any_elastic_body(problem, before)
     length = problem.rows.length_m if problem.rows.has_length else None
-    if before < settings.least_wrong_error or length is None:
+    if before < LEAST_WRONG_ERROR or length is None:
         return None
     rows = _compared_rows(problem)
     poses, wrench = table.matrix(POSE)[rows], table.wrenches[rows]
     for body in _bodies(base):
-        best = best_readings(body, poses, wrench, length, settings.mended_share)
+        best = best_readings(body, poses, wrench, length, MENDED_SHARE)
         mended = _error(problem, body, best[0]) if best else None
-        if mended is None or mended > settings.mended_share * before:
+        if mended is None or mended > MENDED_SHARE * before:
             continue
         if not effects or mended <= 0.5 * after:
             return WrongStatement(in_words(best), before, mended)
@@ -273,7 +279,7 @@ def _bodies(base: StiffnessMap) -> list[StiffnessMap]:
 
 def _of_any_elastic_body(problem: Problem, before: float) -> WrongStatement | None:
     """Try the readings where no length is stated: one that gives the wrench an energy is right."""
-    settings, table, rows = problem.settings, problem.table, _compared_rows(problem)
+    table, rows = problem.table, _compared_rows(problem)
     degrees = [d for d, terms in _GENERAL_TERMS.items() if 2 * terms <= 6 * len(rows)]
     poses, wrench = table.matrix(POSE)[rows], table.wrenches[rows]
     # The origin along the axis is free in an energy with all terms; it only gives a scale.
@@ -287,14 +293,14 @@ def _of_any_elastic_body(problem: Problem, before: float) -> WrongStatement | No
         )
 
     as_stated = _error(problem, energy(poses, wrench), None)
-    most = max(settings.most_left_error, _BETTER * before)
-    if as_stated is None or as_stated < settings.least_wrong_error:
+    most = max(FAR_BEYOND_NOISE, _BETTER * before)
+    if as_stated is None or as_stated < LEAST_WRONG_ERROR:
         return None
-    best = best_readings(energy(poses, wrench), poses, wrench, None, settings.mended_share)
+    best = best_readings(energy(poses, wrench), poses, wrench, None, MENDED_SHARE)
     upright = [item for item in best if not _falls(*item.change(poses, wrench))]
     for item in (upright or best)[:1]:
         mended = _error(problem, energy(*item.change(poses, wrench)), item)
-        if mended is not None and mended <= min(settings.mended_share * as_stated, most):
+        if mended is not None and mended <= min(MENDED_SHARE * as_stated, most):
             return WrongStatement(in_words(upright or best), as_stated, mended)
     return None
 

@@ -20,7 +20,7 @@ from ecm.diagnosis.classify import modulus_warning
 from ecm.diagnosis.confusion import confusable_pairs
 from ecm.diagnosis.decision import Decision
 from ecm.diagnosis.given_model import GivenModel, judge_given_model
-from ecm.diagnosis.identifiability import detection_limits, least_strength_seen
+from ecm.diagnosis.identifiability import POWER, detection_limits, least_strength_seen
 from ecm.diagnosis.next_experiment import next_experiments
 from ecm.diagnosis.preparation import Prepared
 from ecm.diagnosis.probability import probability
@@ -43,6 +43,7 @@ from ecm.diagnosis.search import (
     kind_of,
     refinements,
 )
+from ecm.diagnosis.settings import LEAST_STRENGTH
 from ecm.diagnosis.stated_numbers import negative_payload, stated_numbers, tested_noise
 from ecm.diagnosis.summary import directions, path_taken
 from ecm.diagnosis.unexplained import misread_table
@@ -167,10 +168,10 @@ def _rows_used(problem: Problem, alike: bool) -> RowsUsed | None:
     """Return how many rows of a large table were used, and why they are enough."""
     if problem.table.sampled_from is None:
         return None
-    seen, trusted = least_strength_seen(problem), problem.settings.least_strength
+    seen, trusted = least_strength_seen(problem), LEAST_STRENGTH
     enough = (
         f"they name an effect of {seen:.2g} times the noise of a row with chance "
-        f"{problem.settings.power:g}; from {trusted:g} structure counts as more than the base's "
+        f"{POWER:g}; from {trusted:g} structure counts as more than the base's "
         "own error"
     )
     how = "as many as tell more, since neighbours err alike; " * alike + HOW

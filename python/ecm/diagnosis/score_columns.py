@@ -8,13 +8,21 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from ecm.diagnosis.settings import DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
 from ecm.effects.protocol import UNKNOWN_LENGTH, jacobian_of
 from ecm.io.arrays import F, I
 from ecm.regression.blocks import in_threads
 from ecm.regression.f_test import explained_by_span, orthonormal
 from ecm.regression.rows import UnknownLength, is_whole
+
+OUTLIER_CHANCE = 1e-4
+"""Rows less likely than this under the noise count less."""
+_ABSORBED_SHARE = 0.9
+"""An effect of which a base absorbs more cannot be tested."""
+_ABSORBED_BY_PHYSICS = 0.995
+"""The same for a physics base: its one or two coefficients absorb nothing by chance."""
+SHAPE_REFINEMENTS = 4
+"""Rounds in which the shape of an effect is refined between grid points."""
 
 _ROUNDING = 1e-9
 _AT_ONCE = 64
@@ -123,7 +131,6 @@ def effect_columns(
     response: F,
     base_block: F,
     base_kind: str,
-    settings: DiagnosisSettings,
 ) -> EffectColumns:
     """Return the columns of all effects that the base does not absorb, with robust weights.
 
@@ -141,12 +148,10 @@ def effect_columns(
     every, untestable = all_score_columns(rows, whitener, effects)
     first = _leading_shapes(every, response, Projection.of(base_block, np.ones(len(response))))
     blocks = [base_block, *(one.columns for one in first)]
-    weights = robust_weights(response, blocks, settings.outlier_chance)
+    weights = robust_weights(response, blocks, OUTLIER_CHANCE)
     projection = Projection.of(base_block, np.sqrt(weights))
-    every += _refined_shapes(
-        rows, whitener, response, every, projection, rounds=settings.shape_refinements
-    )
-    kept, absorbed = _not_absorbed(every, projection, base_kind, is_whole(rows.base), settings)
+    every += _refined_shapes(rows, whitener, response, every, projection)
+    kept, absorbed = _not_absorbed(every, projection, base_kind, is_whole(rows.base))
     return EffectColumns(kept, untestable | absorbed, weights, projection)
 
 
@@ -203,8 +208,6 @@ def _refined_shapes(
     response: F,
     every: list[ScoreColumns],
     projection: Projection,
-    *,
-    rounds: int,
 ) -> list[ScoreColumns]:
     """Return better shapes between the best of a coarse grid and its neighbours."""
     y = _rest_of_response(response, projection)
@@ -217,7 +220,7 @@ def _refined_shapes(
         gains = projection.explained_by_each([item.columns for item in own], y)
         best, first = max(zip(gains, own, strict=True), key=lambda pair: pair[0])
         start = first
-        for round_ in range(rounds):
+        for round_ in range(SHAPE_REFINEMENTS):
             for shape in first.effect.refined(table, round_):
                 trial = ScoreColumns(shape, score_columns(rows, whitener, shape), False)
                 gain = projection.explained_by_each([trial.columns], y)[0]
@@ -240,17 +243,16 @@ def _not_absorbed(
     projection: Projection,
     base_kind: str,
     whole: bool,
-    settings: DiagnosisSettings,
 ) -> tuple[list[ScoreColumns], dict[str, Missing]]:
     """Return the columns that the base does not absorb, and why the others are left out."""
     physics = base_kind == "physics"
-    most = settings.absorbed_by_physics if physics else settings.absorbed_share
+    most = _ABSORBED_BY_PHYSICS if physics else _ABSORBED_SHARE
     kept: list[ScoreColumns] = []
     absorbed: dict[str, Missing] = {}
     shares = projection.absorbed_by_each([item.columns for item in every])
     for item, share in zip(every, shares, strict=True):
         own = getattr(item.effect, "most_absorbed", None)
-        if share <= (own or (settings.absorbed_share if item.imitates else most)):
+        if share <= (own or (_ABSORBED_SHARE if item.imitates else most)):
             kept.append(item)
         elif not item.imitates:
             absorbed[item.effect.id] = Missing(

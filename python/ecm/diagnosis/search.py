@@ -23,6 +23,16 @@ from ecm.regression.normal_equations import (
     solve,
 )
 
+MATERIAL_SHARE = 0.1
+"""Share of all that is explained that each further effect must explain: what the form of a first
+effect leaves (4 to 9 %) stays below."""
+ONE_CAUSE_SHARE = 0.03
+"""Share that two effects must explain beyond any single one: one cause is likelier."""
+_BEAM = 5
+"""Best sets at each size of the search."""
+_WORST_FOLD = 1.1
+"""Largest growth of the error of a fold that a richer form may cause."""
+
 
 @dataclass(frozen=True)
 class Ranked:
@@ -193,8 +203,8 @@ def _least_explained(
     column = getattr(item.effect, "column", None)
     if column and all(getattr(one.effect, "column", None) != column for one in others):
         left = problem.squares_beside_base / problem.scale - delta_chi2(problem, others)
-        return problem.settings.material_share * left
-    return problem.settings.material_share * total
+        return MATERIAL_SHARE * left
+    return MATERIAL_SHARE * total
 
 
 def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]:
@@ -220,7 +230,7 @@ def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]
         valued = sorted(different.values(), key=lambda chosen: -delta_bic(problem, chosen))
         good = [
             chosen
-            for chosen in valued[: 4 * settings.beam]
+            for chosen in valued[: 4 * _BEAM]
             if all_needed(problem, chosen) and _allowed(problem, chosen)
         ]
         if not good:
@@ -233,7 +243,7 @@ def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]
             break
         sets = [
             (*chosen, candidate)
-            for chosen in good[: settings.beam]
+            for chosen in good[:_BEAM]
             for candidate, _, _ in _best_beside(problem, chosen)
         ]
     best = _swapped(problem, best)
@@ -258,7 +268,7 @@ def _best_beside(
 ) -> list[tuple[Candidate, float, float]]:
     """Return the effects that explain most beside the chosen, by BIC."""
     shapes = best_shapes(problem, chosen)
-    return sorted(shapes, key=lambda item: -item[2])[: problem.settings.beam]
+    return sorted(shapes, key=lambda item: -item[2])[:_BEAM]
 
 
 def _allowed(problem: Problem, chosen: tuple[Candidate, ...]) -> bool:
@@ -278,7 +288,7 @@ def _beyond_one(problem: Problem, pair: tuple[Candidate, ...]) -> bool:
     own = total - sum(item.parameters for item in pair)
     single = delta_chi2_of_each(problem, (), problem.candidates)
     chance = np.array([candidate.parameters for candidate in problem.candidates])
-    least = max(settings.least_bic, settings.one_cause_share * total)
+    least = max(settings.least_bic, ONE_CAUSE_SHARE * total)
     return bool(own > (single - chance).max(initial=0.0) + least)
 
 
@@ -462,7 +472,7 @@ def refinements(problem: Problem, chosen: Sequence[Candidate]) -> tuple[Refineme
         plain = held_out_by_fold(wider, chosen)
         richer = held_out_by_fold(wider, (*others, best))
         falls = (richer**2).sum() < (plain**2).sum()
-        kept = bool(falls and np.all(richer < problem.settings.worst_fold * plain))
+        kept = bool(falls and np.all(richer < _WORST_FOLD * plain))
         tried.append(
             Refinement(
                 item.id, best.effect.shape, tuple(plain.tolist()), tuple(richer.tolist()), kept

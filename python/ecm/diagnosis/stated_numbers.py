@@ -26,6 +26,9 @@ from ecm.regression.folds import repeat_cells
 from ecm.regression.noise import Noise, declared_noise
 from ecm.regression.normal_equations import explained_by_blocks, projected_out
 
+_NOISE_DEVIATIONS = 4.0
+"""An effect of the noise is reported beyond so many standard deviations."""
+
 _LEAST_CHANGE = 0.05
 """Share by which E must differ from the stated value to be said."""
 _LEAST_NU = 0.02
@@ -247,7 +250,7 @@ def noise_findings(problem: Problem, effects: Sequence[Effect]) -> list[NoiseFin
             whitener = problem.whitener[use]
             effect_variance = whitener @ variance @ np.swapaxes(whitener, 1, 2)
             z, square = _score(residual, unfitted, effect_variance)
-            if z > problem.settings.noise_effect_deviations and (best is None or z > best.z):
+            if z > _NOISE_DEVIATIONS and (best is None or z > best.z):
                 value = parameter.scale * float(np.sqrt(square))
                 best = NoiseFinding(effect.id, parameter.name, value, parameter.unit, z)
         if best is not None:

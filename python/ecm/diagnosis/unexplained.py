@@ -19,6 +19,11 @@ from ecm.io.columns import unit_of
 from ecm.regression.correlation import SlowNoise
 from ecm.regression.f_test import orthonormal
 
+_MOST_TERMS = 3
+"""Terms of a description in words."""
+_LEAST_TERM_GAIN = 0.05
+"""Share of the explained squares that a further term needs."""
+
 _WHOLE = "the wrench"
 """In place of a component: a factor on all of them."""
 _STANDARD = {"approach": "sides(rows.table)", "row": "np.arange(len(rows))"}
@@ -210,14 +215,12 @@ def _terms(problem: Problem, left: F, values: F) -> list[tuple[int, int, float]]
     usable = sizes > 1e-9 * sizes.max(initial=0.0)
     chosen: list[int] = []
     rest = y
-    for _ in range(problem.settings.most_terms):
+    for _ in range(_MOST_TERMS):
         if not usable.any():
             break
         gains = np.where(usable, ((columns.T @ rest) / np.where(usable, sizes, 1.0)) ** 2, 0.0)
         best = int(np.argmax(gains))
-        if chosen and gains[best] < problem.settings.least_term_gain * max(
-            total - float(rest @ rest), 1e-300
-        ):
+        if chosen and gains[best] < _LEAST_TERM_GAIN * max(total - float(rest @ rest), 1e-300):
             break
         chosen.append(best)
         usable[best] = False

@@ -18,11 +18,16 @@ from ecm.comparison.residuals import dependence_variables
 from ecm.diagnosis.gate import residual_after
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import delta_chi2
+from ecm.diagnosis.settings import LEAST_STRENGTH
 from ecm.io.arrays import B, F
 from ecm.io.columns import JOINTS
 from ecm.regression.approach import row_before
 from ecm.regression.correlation import speeds
 from ecm.regression.f_test import Beside
+
+_WHITE_LEVEL = 0.001
+"""Chance that white noise is said to follow something. It adds to that of the gate, and what is not
+white shows far below it."""
 
 _LEAST_ROWS = 24
 _MOST_PERIODS = 1500
@@ -50,7 +55,6 @@ class Pattern:
 
 def find_pattern(problem: Problem) -> Pattern | None:
     """Return the most significant pattern of the base's residual; None where it is white."""
-    settings = problem.settings
     counted = problem.scored & (problem.weights > 0.5)
     if int(counted.sum()) < _LEAST_ROWS:
         return None
@@ -65,8 +69,8 @@ def find_pattern(problem: Problem) -> Pattern | None:
         return None
     best = min(found, key=lambda item: item.p)
     p = min(1.0, best.p * len(found))
-    least = max(settings.least_strength, 1.5 * problem.base_error)
-    if p >= settings.white_level or best.strength < least:
+    least = max(LEAST_STRENGTH, 1.5 * problem.base_error)
+    if p >= _WHITE_LEVEL or best.strength < least:
         return None
     return replace(best, p=p)
 
