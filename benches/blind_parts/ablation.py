@@ -31,7 +31,6 @@ def _no_errors(rows: Any, base: Any) -> Any:
     return np.zeros((len(rows), len(base.outputs), 0))
 
 
-_PLAIN = "explains_more_than_its_plain_form"
 RULES = {
     # Another base, or fewer rows
     "base of unlike ends": Rule(places={"procedure.base_of_unlike_ends": _always(None)}),
@@ -46,39 +45,35 @@ RULES = {
         places={"procedure.noise_by_rest": lambda problem: problem.noise}
     ),
     "error of the mesh": Rule(places={"problem.error_columns": _no_errors}),
-    "rows that are outliers": Rule(places={"score_columns.OUTLIER_CHANCE": 1e-300}),
+    "rows that are outliers": Rule(places={"problem.OUTLIER_CHANCE": 1e-300}),
     # Search
     "share of a further effect": Rule(places={"search.MATERIAL_SHARE": 0.0}),
     "one cause is likelier": Rule(places={"search.ONE_CAUSE_SHARE": 0.0}),
-    "shapes refined": Rule(places={"score_columns.SHAPE_REFINEMENTS": 0}),
+    "shapes refined": Rule(places={"problem.SHAPE_REFINEMENTS": 0}),
     # Acceptance
     "held-out error falls": Rule(limits={"held_out_errors": -1e9}),
     "bootstraps": Rule(places={"accept.CHOSEN_SHARE": 0.0}),
     "within bounds": Rule(places={"accept.KEPT_WITHIN_BOUNDS": 0.0}),
-    "plain form": Rule(
-        places={f"{module}.{_PLAIN}": _always(True) for module in ("accept", "confusion")}
-    ),
+    "plain form": Rule(places={"accept.explains_more_than_its_plain_form": _always(True)}),
     # Classes
-    "rivals that look alike": Rule(places={"confusion.SEPARABLE": 0.0}),
+    "rivals that look alike": Rule(places={"accept.SEPARABLE": 0.0}),
     "share of the form": Rule(
-        places={f"{module}.FORM_SHARE": 0.0 for module in ("confusion", "family")}
+        places={f"{module}.FORM_SHARE": 0.0 for module in ("accept", "family")}
     ),
     "rivals that win bootstraps": Rule(places={"accept.RIVAL_BOOTSTRAPS": 1.0}),
     "close rivals that win some": Rule(places={"accept.CLOSE_BIC": 0.0}),
     "wider class beside another": Rule(limits={"near_share": 0.0}),
-    "wider class in doubt": Rule(places={"classify.DOUBTFUL_SHARE": 1.0}),
+    "wider class in doubt": Rule(places={"verdict.DOUBTFUL_SHARE": 1.0}),
     # Verdict
-    "left after names": Rule(places={"gate.LEFT_SHARE": (1.0, 1.0, 1.0, 1.0)}),
-    "least strength": Rule(
-        places={f"{module}.LEAST_STRENGTH": 0.0 for module in ("gate", "whiteness")}
-    ),
-    "other readings": Rule(places={"readings.LEAST_WRONG_ERROR": 1e9}),
+    "left after names": Rule(places={"left_over.LEFT_SHARE": (1.0, 1.0, 1.0, 1.0)}),
+    "least strength": Rule(places={"left_over.LEAST_STRENGTH": 0.0}),
+    "other readings": Rule(places={"statements.LEAST_WRONG_ERROR": 1e9}),
     "modulus and ratio": Rule(
         places={
             "procedure.modulus_warning": _always(""),
             "procedure.ratio_warning": _always(""),
-            "classify.modulus_warning": _always(""),
-            "classify.ratio_warning": _always(""),
+            "verdict.modulus_warning": _always(""),
+            "verdict.ratio_warning": _always(""),
         }
     ),
     "patterns in time and neighbours": Rule(stages={"white": _always(None)}),

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ecm.comparison.residuals import factors
 from ecm.diagnosis import Diagnosis, diagnose
-from ecm.diagnosis.unexplained import effect_template
+from ecm.diagnosis.left_over import effect_template
 from ecm.effects import effect, get_effect, unregister
 from ecm.errors import InputError
 from ecm.io.description import Meta

@@ -20,10 +20,10 @@ import numpy as np
 from ecm.comparison.comparison import compare
 from ecm.comparison.result import Comparison
 from ecm.comparison.structure import NEAR_NOISE, StructureTest, nothing_follows, structure_test
-from ecm.diagnosis.decision import Decision
-from ecm.diagnosis.readings import MENDED_SHARE, WrongStatement, best_of
 from ecm.diagnosis.search import held_out_rms
+from ecm.diagnosis.statements import MENDED_SHARE, WrongStatement, best_of
 from ecm.diagnosis.summary import fields_json
+from ecm.diagnosis.verdict import Decision
 from ecm.effects import Effect
 from ecm.errors import EcmError, Remedy
 from ecm.io.arrays import B, F, evenly

@@ -22,39 +22,48 @@ from dataclasses import dataclass, fields, replace
 from functools import partial, wraps
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ecm.diagnosis.accept import Accepted, accept
-from ecm.diagnosis.base import (
-    base_of_next_degree,
-    base_of_unlike_ends,
-    leaves_less,
-)
-from ecm.diagnosis.classify import Verdict, classify, modulus_warning, verdict
-from ecm.diagnosis.decision import Decision
 from ecm.diagnosis.family import find_family
-from ecm.diagnosis.gate import Gate, Leftover, gate, leftover, residual_after
+from ecm.diagnosis.left_over import (
+    Gate,
+    Leftover,
+    Pattern,
+    Unknown,
+    describe_residual,
+    find_pattern,
+    gate,
+    leftover,
+    residual_after,
+)
 from ecm.diagnosis.preparation import Prepared, prepare
 from ecm.diagnosis.problem import Candidate, Problem, assemble, noise_by_rest
-from ecm.diagnosis.report import report
-from ecm.diagnosis.result import Diagnosis, addition_to
-from ecm.diagnosis.search import Ranked, rank, search
+from ecm.diagnosis.result import Diagnosis, addition_to, report
+from ecm.diagnosis.search import Ranked, delta_chi2, rank, search
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
-from ecm.diagnosis.slow import as_slow_noise, slow_noise_of
-from ecm.diagnosis.stated_numbers import (
+from ecm.diagnosis.statements import (
+    EQUAL,
     NoiseFinding,
     noise_findings,
     ratio_warning,
     with_load_growth,
 )
-from ecm.diagnosis.unexplained import Unknown, describe_residual
-from ecm.diagnosis.whiteness import Pattern, find_pattern
+from ecm.diagnosis.verdict import Decision, Verdict, classify, modulus_warning, verdict
 from ecm.effects import Effect
+from ecm.errors import ModelError
+from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import takes_table
-from ecm.models.fit import choose_base, symmetric_energy
+from ecm.models.fit import choose_base, energy_of_unlike_ends, next_degree, symmetric_energy
 from ecm.models.given import as_model
+from ecm.models.joint_fit import joint_fit
+from ecm.models.maps import EnergyMap, StiffnessMap
+from ecm.models.partial import whole_map
 from ecm.models.physics.map import PhysicsMap
+from ecm.regression.approach import order_of_visits
 from ecm.regression.blas import one_blas_thread
-from ecm.regression.correlation import CorrelationTime, correlation_of_rest
+from ecm.regression.correlation import CorrelationTime, SlowNoise, correlation_of_rest, slow_noise
 from ecm.regression.noise import Noise
 from ecm.regression.rows import naming_wild_readings
 
@@ -62,6 +71,152 @@ if TYPE_CHECKING:
     from ecm.io.table import MetaLike, Table, TableLike
     from ecm.models.maps import StiffnessMap
     from ecm.models.model import Model
+
+
+if TYPE_CHECKING:
+    pass
+
+_BY_ITSELF = 0.5
+"""Share of the error that another body must leave at most, by itself, to be tried."""
+_BESIDE_NAMES = 0.9
+"""The same beside all that is named: effects imitate unlike ends by no more than a part."""
+_MOST_OF_IT = 0.5
+"""Share of what is named or left that one degree more must explain to be taken instead."""
+
+
+def base_of_unlike_ends(decision: Decision) -> StiffnessMap | None:
+    """Return the energy of a body whose ends differ, where it fits far better by itself.
+
+    The symmetric energy takes both ends of the body as alike. On a tapered one, effects would be
+    named that imitate a part of the difference, and another origin or length may imitate all of it:
+    where these fit no better by far, both are said. None is returned where the base is no symmetric
+    energy.
+    """
+    problem = decision.problem
+    whole = whole_map(problem.base)
+    if not isinstance(whole, EnergyMap) or whole.model.symmetry != "alike":
+        return None
+    try:
+        base = energy_of_unlike_ends(problem.table)
+    except ModelError:
+        # Fewer rows than coefficients.
+        return None
+    said = None if decision.unknown is None else decision.unknown.statement
+    # All on the rows of the fit: held-out rows of a ramp are extrapolation for any degree.
+    most = _BY_ITSELF * _error_after(problem, ()) if said is None else EQUAL**0.5 * said.error_after
+    left = _left_by(problem, base)
+    return base if _error(problem, left, len(base.coefficients)) < most else None
+
+
+def leaves_less(other: Decision, first: Decision) -> bool:
+    """Whether base and effects of another decision leave clearly less than those of the first.
+
+    What another reading of the table leaves was compared before.
+    """
+    if first.unknown is not None and first.unknown.statement is not None:
+        return True
+    left, before = (_error_after(one.problem, one.accepted.effects) for one in (other, first))
+    return left < _BESIDE_NAMES * before
+
+
+def base_of_next_degree(decision: Decision) -> StiffnessMap | None:
+    """Return the base of one degree more, where it explains most of what is named or left.
+
+    Generalised cross-validation chooses a degree that predicts well; what this degree leaves may
+    still be seen, and effects imitate it with fewer coefficients. None is returned where the rows
+    do not carry another degree.
+    """
+    problem, effects = decision.problem, decision.accepted.effects
+    base = next_degree(problem.base, problem.table)
+    if base is None:
+        return None
+    more = len(base.coefficients) - len(problem.base.coefficients)
+    before, after = residual_after(problem, ()), _left_by(problem, base)
+    fall = _squares(problem, before) - _squares(problem, after)
+    own = sum(item.parameters for item in effects)
+    explained = delta_chi2(problem, effects) - own + max(0.0, decision.left.beyond_chance)
+    return base if fall / problem.scale - more > _MOST_OF_IT * explained else None
+
+
+def _left_by(problem: Problem, base: StiffnessMap) -> F:
+    """Return (N, m) what another base leaves by itself, whitened as by the first."""
+    return joint_fit(base, (), problem.table, problem.noise, row_weights=problem.weights).whitened
+
+
+def _error_after(problem: Problem, effects: Sequence[Candidate]) -> float:
+    """Return the error after base and effects, over the noise."""
+    fitted = len(problem.base.coefficients) + sum(item.parameters for item in effects)
+    return _error(problem, residual_after(problem, effects), fitted)
+
+
+def _error(problem: Problem, whitened: F, fitted: int) -> float:
+    """Return the error over the noise of a fit of so many coefficients."""
+    freedom = problem.size - fitted
+    return float(np.sqrt(_squares(problem, whitened) / freedom)) if freedom > 0 else np.inf
+
+
+def _squares(problem: Problem, whitened: F) -> float:
+    return float((whitened**2).sum(axis=1) @ problem.weights)
+
+
+_MOST_ROWS = 600
+"""Rows that are used, evenly over the log: neighbours of slow noise tell the same."""
+
+
+def slow_noise_of(decision: Decision) -> SlowNoise | None:
+    """Return the noise of a log with its slow part; None without a time or where it is white.
+
+    All shapes of all effects are looked for beside it, and in noise drawn from its fit. So an
+    effect that repeats itself, or a steady one, is seen, and a bend that slow noise makes as well
+    is not.
+    """
+    problem = decision.problem
+    if not problem.table.has("time_s"):
+        return None
+    columns = np.unique([c for item in problem.candidates for c in item.columns]).astype(np.int64)
+    place = {int(c): i for i, c in enumerate(columns)}
+    orders = _fewer(order_of_visits(problem.table))
+    rows = np.concatenate(orders)
+    root = np.sqrt(problem.weights[rows])[:, None]
+    return slow_noise(
+        problem.table.column("time_s")[rows],
+        np.split(np.arange(len(rows)), np.cumsum([len(order) for order in orders])[:-1]),
+        problem.response[rows] * root,
+        problem.base_block[rows] * root[:, :, None],
+        problem.design[rows][:, :, columns] * root[:, :, None],
+        [tuple(place[c] for c in item.columns) for item in problem.candidates],
+    )
+
+
+def as_slow_noise(
+    decision: Decision, noise: SlowNoise, describe: Callable[..., Unknown]
+) -> Decision:
+    """Return the verdict that slow noise gives as much as any effect.
+
+    Parameters
+    ----------
+    describe
+        Stage that describes what is left.
+    """
+    problem = decision.problem
+    unknown = describe(problem, residual_after(problem, ()), (), decision.gate.structure)
+    said = replace(
+        unknown,
+        words=noise.words(),
+        variables=("time_s",),
+        nearest=None,
+        template="",
+        slow_noise=noise,
+    )
+    nothing = Accepted(checks=decision.accepted.checks)
+    return replace(decision, accepted=nothing, verdict="unknown", unknown=said)
+
+
+def _fewer(orders: list[I]) -> list[I]:
+    """Return every so many rows of each run, so that there are not too many."""
+    stride = 1 + sum(map(len, orders)) // _MOST_ROWS
+    return [order[::stride] for order in orders]
+
 
 _LEAST_ROWS_OF_LOG = 100
 """Least rows used of a log whose neighbours err alike; else as many as would tell as much if they
