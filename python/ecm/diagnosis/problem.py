@@ -495,6 +495,15 @@ class Problem:
         """Columns of the base."""
         return tuple(range(self.n_base))
 
+    def columns_of(self, chosen: Sequence[Candidate]) -> tuple[int, ...]:
+        """Columns of the base and of some candidates."""
+        return self.base_index + tuple(c for item in chosen for c in item.columns)
+
+    @property
+    def offered(self) -> tuple[Candidate, ...]:
+        """Every shape that may explain what the base leaves, testable or not."""
+        return (*self.candidates, *self.imitators)
+
     @property
     def base_block(self) -> F:
         """(N, m, k) columns of the base, which a test must give its degrees of freedom."""
@@ -538,12 +547,11 @@ class Problem:
         """Columns of each effect's best shape: what they do not explain is noise."""
         matrix, vector, _ = self.normal.total()
         left = projected_out(matrix, vector, self.base_index)
-        offered = (*self.candidates, *self.imitators)
         gains = explained_by_blocks(
-            (matrix, vector), left, [candidate.columns for candidate in offered]
+            (matrix, vector), left, [candidate.columns for candidate in self.offered]
         )
         best: dict[str, tuple[float, Candidate]] = {}
-        for candidate, gain in zip(offered, gains.tolist(), strict=True):
+        for candidate, gain in zip(self.offered, gains.tolist(), strict=True):
             if candidate.id not in best or gain > best[candidate.id][0]:
                 best[candidate.id] = (gain, candidate)
         return np.array([c for _, item in best.values() for c in item.columns], dtype=np.int64)
@@ -552,7 +560,7 @@ class Problem:
     def signs(self) -> F:
         """(K,) 1 where a coefficient may not be negative, -1 where not positive, else 0."""
         signs = np.zeros(self.normal.rows.shape[1])
-        for item in (*self.candidates, *self.imitators):
+        for item in self.offered:
             for column, parameter in zip(item.columns, item.effect.parameters, strict=True):
                 signs[column] = float(parameter.lower >= 0.0) - float(parameter.upper <= 0.0)
         return signs
@@ -686,7 +694,7 @@ def _least_scale(problem: Problem) -> float:
 def _significant(problem: Problem) -> F:
     """Return the (N, m, k) whitened columns of the base and of the significant effects."""
     matrix, vector, _ = problem.normal.total()
-    offered = (*problem.candidates, *problem.imitators)
+    offered = problem.offered
     taken = significant_columns(
         (matrix, vector),
         problem.squares_beside_base,

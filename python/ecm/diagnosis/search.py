@@ -73,7 +73,7 @@ class Estimate:
 
 def estimate(problem: Problem, chosen: Sequence[Candidate]) -> Estimate:
     """Fit base and chosen effects."""
-    columns = _columns(problem, chosen)
+    columns = problem.columns_of(chosen)
     take = np.asarray(columns, dtype=np.int64)
     matrix, vector = problem.equations
     matrix = matrix[np.ix_(take, take)]
@@ -87,8 +87,9 @@ def squares_by_row(problem: Problem, chosen: Sequence[Candidate]) -> F:
     return np.asarray(problem.weights * (left**2).sum(axis=1))
 
 
-def _columns(problem: Problem, chosen: Sequence[Candidate]) -> tuple[int, ...]:
-    return problem.base_index + tuple(c for item in chosen for c in item.columns)
+def without(chosen: Sequence[Candidate], item: Candidate) -> tuple[Candidate, ...]:
+    """Return the chosen effects beside one of them."""
+    return tuple(other for other in chosen if other is not item)
 
 
 def delta_chi2_of_each(
@@ -97,7 +98,7 @@ def delta_chi2_of_each(
     candidates: Sequence[Candidate],
 ) -> F:
     """Return (c,) delta chi² of each candidate beside base and chosen, with its allowed signs."""
-    left = projected_out(*problem.equations, _columns(problem, chosen))
+    left = projected_out(*problem.equations, problem.columns_of(chosen))
     return explained_by_blocks(
         problem.equations, left, [candidate.columns for candidate in candidates], problem.signs
     )
@@ -105,7 +106,7 @@ def delta_chi2_of_each(
 
 def delta_chi2(problem: Problem, chosen: Sequence[Candidate]) -> float:
     """Return what the chosen effects explain beyond the base."""
-    return explained_squares(*problem.equations, _columns(problem, chosen)) - explained_squares(
+    return explained_squares(*problem.equations, problem.columns_of(chosen)) - explained_squares(
         *problem.equations, problem.base_index
     )
 
@@ -183,7 +184,7 @@ def all_needed(problem: Problem, chosen: Sequence[Candidate]) -> bool:
     settings = problem.settings
     total = delta_chi2(problem, chosen)
     for item in chosen:
-        others = [other for other in chosen if other is not item]
+        others = without(chosen, item)
         alone = total - delta_chi2(problem, others)
         if alone - item.parameters * np.log(problem.size) < settings.least_bic:
             return False
@@ -215,70 +216,49 @@ def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]
     ranking
         Of `rank(problem)`, best first.
     """
-    settings = problem.settings
-    if not ranking or ranking[0].delta_bic < settings.least_bic:
+    least = problem.settings.least_bic
+    if not ranking or ranking[0].delta_bic < least:
         return ()
     best: tuple[Candidate, ...] = (ranking[0].candidate,)
     # Two strong effects may hide each other: every effect is tried with every other.
-    sets: list[tuple[Candidate, ...]] = [
-        (item.candidate, second)
-        for item in ranking
-        for second, _, _ in _best_beside(problem, (item.candidate,))
-    ]
-    for size in range(2, settings.most_effects + 1):
-        different = {frozenset(c.columns for c in chosen): chosen for chosen in sets}
-        valued = sorted(different.values(), key=lambda chosen: -delta_bic(problem, chosen))
-        good = [
-            chosen
-            for chosen in valued[: 4 * _BEAM]
-            if all_needed(problem, chosen) and _allowed(problem, chosen)
-        ]
-        if not good:
-            break
-        gain = delta_bic(problem, good[0]) - delta_bic(problem, best)
-        if gain < settings.least_bic or (size == 2 and not _beyond_one(problem, good[0])):
+    good: list[tuple[Candidate, ...]] = [(item.candidate,) for item in ranking]
+    while good and len(good[0]) < problem.settings.most_effects:
+        sets = {
+            frozenset(c.columns for c in (*chosen, more)): (*chosen, more)
+            for chosen in good
+            for more in _best_beside(problem, chosen)
+        }
+        valued = sorted(sets.values(), key=lambda chosen: -delta_bic(problem, chosen))
+        good = [chosen for chosen in valued[: 4 * _BEAM] if _is_valid(problem, chosen)][:_BEAM]
+        if not good or delta_bic(problem, good[0]) - delta_bic(problem, best) < least:
             break
         best = good[0]
-        if size == settings.most_effects:
-            break
-        sets = [
-            (*chosen, candidate)
-            for chosen in good[:_BEAM]
-            for candidate, _, _ in _best_beside(problem, chosen)
-        ]
     best = _swapped(problem, best)
     while len(best) > 1 and not _is_valid(problem, best):
         # After an exchange a member may no longer be needed, or allowed.
-        fewer = [(*best[:i], *best[i + 1 :]) for i in range(len(best))]
+        fewer = [without(best, item) for item in best]
         best = _swapped(problem, max(fewer, key=lambda chosen: delta_bic(problem, chosen)))
     return best
 
 
 def _is_valid(problem: Problem, chosen: tuple[Candidate, ...]) -> bool:
-    """Whether a set meets all conditions of the forward search."""
+    """Whether each of a set is needed and has an allowed value, and a pair beats any single one."""
+    fit = estimate(problem, chosen)
     return (
         all_needed(problem, chosen)
-        and _allowed(problem, chosen)
+        and all(
+            item.effect.parameters[0].allows(float(fit.of(item)[0]))
+            for item in chosen
+            if len(item.columns) == 1
+        )
         and (len(chosen) != 2 or _beyond_one(problem, chosen))
     )
 
 
-def _best_beside(
-    problem: Problem, chosen: tuple[Candidate, ...]
-) -> list[tuple[Candidate, float, float]]:
+def _best_beside(problem: Problem, chosen: tuple[Candidate, ...]) -> list[Candidate]:
     """Return the effects that explain most beside the chosen, by BIC."""
-    shapes = best_shapes(problem, chosen)
-    return sorted(shapes, key=lambda item: -item[2])[:_BEAM]
-
-
-def _allowed(problem: Problem, chosen: tuple[Candidate, ...]) -> bool:
-    """Whether the value of each effect of one parameter has an allowed sign."""
-    fit = estimate(problem, chosen)
-    return all(
-        item.effect.parameters[0].allows(float(fit.of(item)[0]))
-        for item in chosen
-        if len(item.columns) == 1
-    )
+    shapes = sorted(best_shapes(problem, chosen), key=lambda item: -item[2])
+    return [candidate for candidate, _, _ in shapes[:_BEAM]]
 
 
 def _beyond_one(problem: Problem, pair: tuple[Candidate, ...]) -> bool:
@@ -299,7 +279,7 @@ def _swapped(problem: Problem, chosen: tuple[Candidate, ...]) -> tuple[Candidate
     while improved:
         improved = False
         for i in range(len(best)):
-            others = (*best[:i], *best[i + 1 :])
+            others = without(best, best[i])
             present = {item.id for item in others}
             tried = [c for c in problem.candidates if c.id not in present]
             falls = delta_bic_of_each(problem, others, tried)
@@ -318,7 +298,7 @@ def explains_more_than_its_plain_form(
     if plain is None:
         return True
     wider, (other,) = with_more(problem, (plain,))
-    others = [one for one in chosen if one is not item]
+    others = without(chosen, item)
     gain = delta_chi2(wider, (*others, item)) - delta_chi2(wider, (*others, other))
     price = np.log(problem.size) * max(0, item.parameters - other.parameters)
     return bool(gain > problem.settings.least_bic + price)
@@ -393,7 +373,7 @@ def held_out_squares(problem: Problem, chosen: Sequence[Candidate], kind: str) -
     kind
         "pose": blocks of time are held out; "time": clusters of poses.
     """
-    columns = problem.base_index + tuple(c for other in chosen for c in other.columns)
+    columns = problem.columns_of(chosen)
     return problem.normal.held_out(columns, _fold_of_group(problem, kind), _scored_groups(problem))
 
 
@@ -467,7 +447,7 @@ def refinements(problem: Problem, chosen: Sequence[Candidate]) -> tuple[Refineme
         if not forms:
             continue
         wider, candidates = with_more(problem, forms)
-        others = [other for other in chosen if other is not item]
+        others = without(chosen, item)
         best = max(candidates, key=lambda c: delta_chi2(wider, (*others, c)))
         plain = held_out_by_fold(wider, chosen)
         richer = held_out_by_fold(wider, (*others, best))
