@@ -210,11 +210,6 @@ def find_pattern(problem: Problem) -> Pattern | None:
     return replace(best, p=p)
 
 
-def explains_more(pattern: Pattern | None, problem: Problem, effects: Sequence[Candidate]) -> bool:
-    """Whether a pattern explains more than the effects: then they imitate a part of it."""
-    return pattern is not None and pattern.explained > delta_chi2(problem, effects)
-
-
 def _when(problem: Problem) -> tuple[str, F]:
     """Return the column of time, or the order of the rows, and its values (N,)."""
     table = problem.table

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ecm.diagnosis.check import zero_columns
-from ecm.diagnosis.problem import Candidate, Problem, assemble
+from ecm.diagnosis.problem import Candidate, Problem, assemble, best_of_each
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows, effects_of, get_effect, load_installed
 from ecm.errors import InputError
@@ -187,12 +187,9 @@ def preview_effects(
     matrix, vector, _ = problem.normal.total()
     left = projected_out(matrix, vector, problem.base_index)
     base_part = _base_part(problem)
-    best: dict[str, EffectPreview] = {}
-    for candidate in problem.candidates:
-        preview = _preview(problem, candidate, left, base_part)
-        if candidate.id not in best or preview.share > best[candidate.id].share:
-            best[candidate.id] = preview
-    ranked = sorted(best.values(), key=lambda item: -item.share)
+    previews = [_preview(problem, one, left, base_part) for one in problem.candidates]
+    best = best_of_each(previews, [one.share for one in previews])
+    ranked = sorted((one for _, one in best.values()), key=lambda item: -item.share)
     return EffectPreviews(tuple(base.outputs), prepared.rows + 1, tuple(ranked))
 
 
@@ -213,5 +210,5 @@ def _preview(
     whitened = problem.design[:, :, own] @ theta
     whitened -= problem.design[:, :, : problem.n_base] @ (base_part[:, own] @ theta)
     explained = problem.in_units(whitened)
-    total = float((problem.weights[:, None] * problem.response**2).sum())
+    total = problem.squares_of(problem.response)
     return EffectPreview(candidate.id, explained, float(vector[own] @ theta) / total)

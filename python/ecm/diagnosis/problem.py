@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from scipy import special
@@ -60,8 +60,25 @@ class ScoreColumns:
     effect: Effect
     columns: F
     """(N, m, k) whitened derivative of the correction at zero."""
-    imitates: bool
+    imitates: bool = False
     """It cannot be tested with these data, but its columns may look like another effect."""
+
+    @property
+    def id(self) -> str:
+        """The effect's id."""
+        return self.effect.id
+
+
+T = TypeVar("T", bound=Any)
+
+
+def best_of_each(items: Sequence[T], values: Sequence[float]) -> dict[str, tuple[float, T]]:
+    """Return the largest value and its item for each id, in the order of the items."""
+    best: dict[str, tuple[float, T]] = {}
+    for item, value in zip(items, values, strict=True):
+        if item.id not in best or value > best[item.id][0]:
+            best[item.id] = (value, item)
+    return best
 
 
 @dataclass(frozen=True)
@@ -136,49 +153,6 @@ def _of_parts(work: Callable[[Sequence[F]], list[float]], blocks: Sequence[F]) -
     return [number for numbers in in_threads(work, parts) for number in numbers]
 
 
-@dataclass(frozen=True)
-class EffectColumns:
-    """The columns that are compared, and the weights and base directions they rest on."""
-
-    kept: list[ScoreColumns]
-    untestable: dict[str, Missing]
-    weights: F
-    """(N,) robust weight of each row."""
-    projection: Projection
-
-
-def effect_columns(
-    rows: Rows,
-    effects: Sequence[Effect],
-    *,
-    whitener: F,
-    response: F,
-    base_block: F,
-    base_kind: str,
-) -> EffectColumns:
-    """Return the columns of all effects that the base does not absorb, with robust weights.
-
-    Parameters
-    ----------
-    whitener
-        (N, m, m) of the rows.
-    response
-        (N, m) whitened residual of the base.
-    base_block
-        (N, m, b) whitened columns of the base.
-    base_kind
-        "physics", "energy" or "polynomial".
-    """
-    every, untestable = all_score_columns(rows, whitener, effects)
-    first = _leading_shapes(every, response, Projection.of(base_block, np.ones(len(response))))
-    blocks = [base_block, *(one.columns for one in first)]
-    weights = robust_weights(response, blocks, OUTLIER_CHANCE)
-    projection = Projection.of(base_block, np.sqrt(weights))
-    every += _refined_shapes(rows, whitener, response, every, projection)
-    kept, absorbed = _not_absorbed(every, projection, base_kind, is_whole(rows.base))
-    return EffectColumns(kept, untestable | absorbed, weights, projection)
-
-
 def all_score_columns(
     rows: Rows, whitener: F, effects: Sequence[Effect]
 ) -> tuple[list[ScoreColumns], dict[str, Missing]]:
@@ -213,64 +187,44 @@ def score_columns(rows: Rows, whitener: F, effect: Effect) -> F:
     return np.asarray(whitener @ jacobian)
 
 
-def _leading_shapes(
-    every: Sequence[ScoreColumns], response: F, projection: Projection
-) -> list[ScoreColumns]:
-    """Return the shape of each effect that explains most of the response beyond the base."""
-    y = _rest_of_response(response, projection)
-    best: dict[str, tuple[float, ScoreColumns]] = {}
-    gains = projection.explained_by_each([item.columns for item in every], y)
-    for item, gain in zip(every, gains, strict=True):
-        if item.effect.id not in best or gain > best[item.effect.id][0]:
-            best[item.effect.id] = (gain, item)
-    return [item for _, item in best.values()]
-
-
 def _refined_shapes(
-    rows: Rows,
-    whitener: F,
-    response: F,
-    every: list[ScoreColumns],
-    projection: Projection,
+    rows: Rows, whitener: F, response: F, every: list[ScoreColumns], projection: Projection
 ) -> list[ScoreColumns]:
     """Return better shapes between the best of a coarse grid and its neighbours."""
-    y = _rest_of_response(response, projection)
+    y = projection.flat(projection.rest(response[:, :, None]))[:, 0]
     table = rows.whole.table
 
     def refined(id: str) -> ScoreColumns | None:
-        own = [item for item in every if item.effect.id == id]
+        own = [item for item in every if item.id == id]
         if not any(item.effect.refined(table, 0) for item in own):
             return None
         gains = projection.explained_by_each([item.columns for item in own], y)
-        best, first = max(zip(gains, own, strict=True), key=lambda pair: pair[0])
-        start = first
+        best, start = best_of_each(own, gains)[id]
+        first = start
         for round_ in range(SHAPE_REFINEMENTS):
             for shape in first.effect.refined(table, round_):
-                trial = ScoreColumns(shape, score_columns(rows, whitener, shape), False)
+                trial = ScoreColumns(shape, score_columns(rows, whitener, shape))
                 gain = projection.explained_by_each([trial.columns], y)[0]
                 if gain > best:
                     best, first = gain, trial
         return None if first is start else first
 
-    ids = dict.fromkeys(item.effect.id for item in every if not item.imitates)
+    ids = dict.fromkeys(item.id for item in every if not item.imitates)
     return [item for item in in_threads(refined, ids) if item is not None]
 
 
-def _rest_of_response(response: F, projection: Projection) -> F:
-    """Return (N m,) weighted response without its part in the base."""
-    left = projection.rest(response[:, :, None])[:, :, 0]
-    return np.asarray((left * projection.root[:, None]).ravel())
-
-
 def _not_absorbed(
-    every: Sequence[ScoreColumns],
-    projection: Projection,
-    base_kind: str,
-    whole: bool,
+    every: Sequence[ScoreColumns], projection: Projection, base: StiffnessMap
 ) -> tuple[list[ScoreColumns], dict[str, Missing]]:
     """Return the columns that the base does not absorb, and why the others are left out."""
-    physics = base_kind == "physics"
-    most = _ABSORBED_BY_PHYSICS if physics else _ABSORBED_SHARE
+    most, record = _ABSORBED_SHARE, "[mechanism], so that the physics model is the base"
+    if base.kind == "physics":
+        most, record = (
+            _ABSORBED_BY_PHYSICS,
+            "pure axial and pure torsion poses, or a second specimen",
+        )
+    elif not is_whole(base):
+        record = "the same poses again, in another order and at another speed"
     kept: list[ScoreColumns] = []
     absorbed: dict[str, Missing] = {}
     shares = projection.absorbed_by_each([item.columns for item in every])
@@ -279,24 +233,12 @@ def _not_absorbed(
         if share <= (own or (_ABSORBED_SHARE if item.imitates else most)):
             kept.append(item)
         elif not item.imitates:
-            absorbed[item.effect.id] = Missing(
-                f"the base absorbs it ({100.0 * share:.0f} %)",
-                _record(base_kind, whole),
-            )
-    seen = {item.effect.id for item in kept}
+            absorbed[item.id] = Missing(f"the base absorbs it ({100.0 * share:.0f} %)", record)
+    seen = {item.id for item in kept}
     return kept, {id: why for id, why in absorbed.items() if id not in seen}
 
 
-def _record(base_kind: str, whole: bool) -> str:
-    """Return what separates an effect from a base that absorbs it."""
-    if base_kind == "physics":
-        return "pure axial and pure torsion poses, or a second specimen"
-    if not whole:
-        return "the same poses again, in another order and at another speed"
-    return "[mechanism], so that the physics model is the base"
-
-
-def robust_weights(response: F, blocks: Sequence[F], outlier_chance: float) -> F:
+def robust_weights(response: F, blocks: Sequence[F]) -> F:
     """Return (N,) weights: rows that no column explains and no Gaussian gives count less."""
     n, m = response.shape
     design = np.concatenate(blocks, axis=2)
@@ -305,7 +247,7 @@ def robust_weights(response: F, blocks: Sequence[F], outlier_chance: float) -> F
     flat = design.reshape(n * m, -1)
     if flat.shape[1] >= n * m // 2:
         flat = flat[:, : blocks[0].shape[2]]
-    limit = float(special.chdtri(m, outlier_chance))
+    limit = float(special.chdtri(m, OUTLIER_CHANCE))
     middle = float(special.chdtri(m, 0.5))
     weights = np.ones(n)
     for _ in range(3):
@@ -324,15 +266,14 @@ def robust_weights(response: F, blocks: Sequence[F], outlier_chance: float) -> F
 
 _MOST = 8
 """Effects that are taken out."""
-
-
-@dataclass(frozen=True)
-class Shapes:
-    """Columns of every shape of every effect among those of a design."""
-
-    columns: Sequence[tuple[int, ...]]
-    ids: Sequence[str]
-    """The effect of each shape."""
+_OF_STATED_NOISE = 0.25
+"""Least variance over noise from repeats or figures, which may be twice too large."""
+_OF_A_GOOD_RIG = 1e-3
+"""The same over the noise of a common rig: one that is thirty times better."""
+_UNLIKE = 0.5
+"""Robust weight below which a row counts as unlike all others."""
+_MANY_UNLIKE = 0.005
+"""Share of such rows that is no chance: of Gaussian noise there is one in 10,000."""
 
 
 def significant_columns(
@@ -340,7 +281,7 @@ def significant_columns(
     squares: float,
     freedom: int,
     fixed: Sequence[int],
-    shapes: Shapes,
+    shapes: Sequence[tuple[str, tuple[int, ...]]],
     level: float,
 ) -> I:
     """Return the columns of the effects that are significant, each beside those before it.
@@ -353,6 +294,8 @@ def significant_columns(
         Sum of squares that the fixed columns leave, of so many degrees of `freedom`.
     fixed
         Columns of the base.
+    shapes
+        Id and columns of every shape of every effect.
     level
         Chance that any is taken where none explains anything, by Bonferroni over the shapes.
 
@@ -360,27 +303,27 @@ def significant_columns(
     --------
     >>> x = np.random.default_rng(0).standard_normal((40, 3))
     >>> y = 3.0 * x[:, 1] + 0.1 * np.cos(np.arange(40.0))
-    >>> shapes = Shapes([(0,), (1,), (2,)], ["a", "b", "c"])
+    >>> shapes = [("a", (0,)), ("b", (1,)), ("c", (2,))]
     >>> significant_columns((x.T @ x, x.T @ y), float(y @ y), 40, (), shapes, 0.01).tolist()
     [1]
     """
     taken: list[int] = []
     present: set[str] = set()
     for _ in range(_MOST):
-        tried = [i for i, id in enumerate(shapes.ids) if id not in present]
+        tried = [shape for shape in shapes if shape[0] not in present]
         left = projected_out(*equations, (*fixed, *taken))
-        blocks = [shapes.columns[i] for i in tried]
+        blocks = [columns for _, columns in tried]
         gains = np.minimum(explained_by_blocks(equations, left, blocks), squares)
         sizes = np.array([len(block) for block in blocks], dtype=np.int64)
         rest = freedom - sizes
         ratio = gains / sizes / np.maximum(squares - gains, 1e-12 * squares) * rest
         p = np.where(rest > 0, special.fdtrc(sizes, np.maximum(rest, 1), ratio), 1.0)
-        if len(tried) == 0 or p.min() * len(shapes.columns) >= level:
+        if len(tried) == 0 or p.min() * len(shapes) >= level:
             break
         # Of several that are certain, the one that explains most.
         best = int(np.lexsort((-gains, p))[0])
         taken += blocks[best]
-        present.add(shapes.ids[tried[best]])
+        present.add(tried[best][0])
         squares, freedom = squares - float(gains[best]), int(rest[best])
     return np.array(taken, dtype=np.int64)
 
@@ -410,18 +353,6 @@ def noise_variance(response: F, weights: F, known: F, smooth: F, level: float) -
     if not (freedom > 0 and test.p < level):
         squares, freedom = squares + max(test.explained, 0.0), freedom + test.dof
     return (squares / freedom, int(freedom)) if freedom > 0 else (1.0, 0)
-
-
-_OF_STATED_NOISE = 0.25
-"""Least variance over noise from repeats or figures, which may be twice too large."""
-_OF_A_GOOD_RIG = 1e-3
-"""The same over the noise of a common rig: one that is thirty times better."""
-
-
-_UNLIKE = 0.5
-"""Robust weight below which a row counts as unlike all others."""
-_MANY_UNLIKE = 0.005
-"""Share of such rows that is no chance: of Gaussian noise there is one in 10,000."""
 
 
 @dataclass(frozen=True)
@@ -523,6 +454,10 @@ class Problem:
         matrix, vector, _ = self.normal.total()
         return matrix / self.scale, vector / self.scale
 
+    def squares_of(self, whitened: F) -> float:
+        """Weighted squares of whitened (N, m) numbers."""
+        return float((whitened**2).sum(axis=1) @ self.weights)
+
     def in_units(self, whitened: F) -> F:
         """Return whitened (N, m) numbers in the units of their columns."""
         return np.asarray(np.linalg.solve(self.whitener, whitened[:, :, None])[:, :, 0])
@@ -550,10 +485,7 @@ class Problem:
         gains = explained_by_blocks(
             (matrix, vector), left, [candidate.columns for candidate in self.offered]
         )
-        best: dict[str, tuple[float, Candidate]] = {}
-        for candidate, gain in zip(self.offered, gains.tolist(), strict=True):
-            if candidate.id not in best or gain > best[candidate.id][0]:
-                best[candidate.id] = (gain, candidate)
+        best = best_of_each(self.offered, gains.tolist())
         return np.array([c for _, item in best.values() for c in item.columns], dtype=np.int64)
 
     @cached_property
@@ -607,16 +539,16 @@ def assemble(
     base, rows = fit.base, fit.rows
     whitener = whiteners(noise.covariance(rows, base.error))
     base_block = whitener @ base_columns(rows, base)
-    columns = effect_columns(
-        rows,
-        effects,
-        whitener=whitener,
-        response=fit.whitened,
-        base_block=base_block,
-        base_kind=base.kind,
-    )
-    response, kept, projection = fit.whitened, columns.kept, columns.projection
-    weights, untestable = columns.weights, columns.untestable
+    response = fit.whitened
+    every, untestable = all_score_columns(rows, whitener, effects)
+    plain = Projection.of(base_block, np.ones(len(response)))
+    y = plain.rest(response[:, :, None]).ravel()
+    first = best_of_each(every, plain.explained_by_each([one.columns for one in every], y))
+    weights = robust_weights(response, [base_block, *(one.columns for _, one in first.values())])
+    projection = Projection.of(base_block, np.sqrt(weights))
+    every += _refined_shapes(rows, whitener, response, every, projection)
+    kept, absorbed = _not_absorbed(every, projection, base)
+    untestable |= absorbed
     projected = base_block[:, :, :0]
     if base_block.shape[2] > settings.most_base_columns:
         # Too many columns to carry along: project them out once, for all refits.
@@ -640,7 +572,7 @@ def assemble(
         for one, end in zip(kept, ends.tolist(), strict=True)
     ]
     # The columns are in the design: a second copy is a large part of the memory.
-    del columns, kept
+    del every, first, kept
     groups = row_groups(table)
     problem = Problem(
         table=table,
@@ -694,13 +626,12 @@ def _least_scale(problem: Problem) -> float:
 def _significant(problem: Problem) -> F:
     """Return the (N, m, k) whitened columns of the base and of the significant effects."""
     matrix, vector, _ = problem.normal.total()
-    offered = problem.offered
     taken = significant_columns(
         (matrix, vector),
         problem.squares_beside_base,
         problem.size - problem.base_block.shape[2],
         problem.base_index,
-        Shapes([item.columns for item in offered], [item.id for item in offered]),
+        [(item.id, item.columns) for item in problem.offered],
         problem.settings.level,
     )
     return np.concatenate([problem.base_block, problem.design[:, :, taken]], axis=2)

@@ -45,14 +45,14 @@ from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.diagnosis.statements import (
     EQUAL,
     NoiseFinding,
+    modulus_warning,
     noise_findings,
     ratio_warning,
     with_load_growth,
 )
-from ecm.diagnosis.verdict import Decision, Verdict, classify, modulus_warning, verdict
+from ecm.diagnosis.verdict import Decision, Verdict, classify, said_instead, verdict
 from ecm.effects import Effect
 from ecm.errors import ModelError
-from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import takes_table
 from ecm.models.fit import choose_base, energy_of_unlike_ends, next_degree, symmetric_energy
@@ -72,9 +72,6 @@ if TYPE_CHECKING:
     from ecm.models.maps import StiffnessMap
     from ecm.models.model import Model
 
-
-if TYPE_CHECKING:
-    pass
 
 _BY_ITSELF = 0.5
 """Share of the error that another body must leave at most, by itself, to be tried."""
@@ -101,11 +98,11 @@ def base_of_unlike_ends(decision: Decision) -> StiffnessMap | None:
     except ModelError:
         # Fewer rows than coefficients.
         return None
-    said = None if decision.unknown is None else decision.unknown.statement
+    said = decision.statement
     # All on the rows of the fit: held-out rows of a ramp are extrapolation for any degree.
     most = _BY_ITSELF * _error_after(problem, ()) if said is None else EQUAL**0.5 * said.error_after
-    left = _left_by(problem, base)
-    return base if _error(problem, left, len(base.coefficients)) < most else None
+    error = _error(problem, _squares_left_by(problem, base), len(base.coefficients))
+    return base if error < most else None
 
 
 def leaves_less(other: Decision, first: Decision) -> bool:
@@ -113,10 +110,8 @@ def leaves_less(other: Decision, first: Decision) -> bool:
 
     What another reading of the table leaves was compared before.
     """
-    if first.unknown is not None and first.unknown.statement is not None:
-        return True
     left, before = (_error_after(one.problem, one.accepted.effects) for one in (other, first))
-    return left < _BESIDE_NAMES * before
+    return first.statement is not None or left < _BESIDE_NAMES * before
 
 
 def base_of_next_degree(decision: Decision) -> StiffnessMap | None:
@@ -131,32 +126,28 @@ def base_of_next_degree(decision: Decision) -> StiffnessMap | None:
     if base is None:
         return None
     more = len(base.coefficients) - len(problem.base.coefficients)
-    before, after = residual_after(problem, ()), _left_by(problem, base)
-    fall = _squares(problem, before) - _squares(problem, after)
+    fall = problem.squares_of(residual_after(problem, ())) - _squares_left_by(problem, base)
     own = sum(item.parameters for item in effects)
     explained = delta_chi2(problem, effects) - own + max(0.0, decision.left.beyond_chance)
     return base if fall / problem.scale - more > _MOST_OF_IT * explained else None
 
 
-def _left_by(problem: Problem, base: StiffnessMap) -> F:
-    """Return (N, m) what another base leaves by itself, whitened as by the first."""
-    return joint_fit(base, (), problem.table, problem.noise, row_weights=problem.weights).whitened
+def _squares_left_by(problem: Problem, base: StiffnessMap) -> float:
+    """Return the squares that another base leaves by itself, whitened as by the first."""
+    fit = joint_fit(base, (), problem.table, problem.noise, row_weights=problem.weights)
+    return problem.squares_of(fit.whitened)
 
 
 def _error_after(problem: Problem, effects: Sequence[Candidate]) -> float:
     """Return the error after base and effects, over the noise."""
     fitted = len(problem.base.coefficients) + sum(item.parameters for item in effects)
-    return _error(problem, residual_after(problem, effects), fitted)
+    return _error(problem, problem.squares_of(residual_after(problem, effects)), fitted)
 
 
-def _error(problem: Problem, whitened: F, fitted: int) -> float:
+def _error(problem: Problem, squares: float, fitted: int) -> float:
     """Return the error over the noise of a fit of so many coefficients."""
     freedom = problem.size - fitted
-    return float(np.sqrt(_squares(problem, whitened) / freedom)) if freedom > 0 else np.inf
-
-
-def _squares(problem: Problem, whitened: F) -> float:
-    return float((whitened**2).sum(axis=1) @ problem.weights)
+    return float(np.sqrt(squares / freedom)) if freedom > 0 else np.inf
 
 
 _MOST_ROWS = 600
@@ -175,7 +166,9 @@ def slow_noise_of(decision: Decision) -> SlowNoise | None:
         return None
     columns = np.unique([c for item in problem.candidates for c in item.columns]).astype(np.int64)
     place = {int(c): i for i, c in enumerate(columns)}
-    orders = _fewer(order_of_visits(problem.table))
+    orders = order_of_visits(problem.table)
+    stride = 1 + sum(map(len, orders)) // _MOST_ROWS
+    orders = [order[::stride] for order in orders]
     rows = np.concatenate(orders)
     root = np.sqrt(problem.weights[rows])[:, None]
     return slow_noise(
@@ -186,36 +179,6 @@ def slow_noise_of(decision: Decision) -> SlowNoise | None:
         problem.design[rows][:, :, columns] * root[:, :, None],
         [tuple(place[c] for c in item.columns) for item in problem.candidates],
     )
-
-
-def as_slow_noise(
-    decision: Decision, noise: SlowNoise, describe: Callable[..., Unknown]
-) -> Decision:
-    """Return the verdict that slow noise gives as much as any effect.
-
-    Parameters
-    ----------
-    describe
-        Stage that describes what is left.
-    """
-    problem = decision.problem
-    unknown = describe(problem, residual_after(problem, ()), (), decision.gate.structure)
-    said = replace(
-        unknown,
-        words=noise.words(),
-        variables=("time_s",),
-        nearest=None,
-        template="",
-        slow_noise=noise,
-    )
-    nothing = Accepted(checks=decision.accepted.checks)
-    return replace(decision, accepted=nothing, verdict="unknown", unknown=said)
-
-
-def _fewer(orders: list[I]) -> list[I]:
-    """Return every so many rows of each run, so that there are not too many."""
-    stride = 1 + sum(map(len, orders)) // _MOST_ROWS
-    return [order[::stride] for order in orders]
 
 
 _LEAST_ROWS_OF_LOG = 100
@@ -392,7 +355,10 @@ def find_missing(
 
     def of_rows(limits: DiagnosisSettings) -> Decision:
         prepared = prepare(model, table, effects, limits)
-        return _of_rows(model, prepared, seed=seed, noise=noise, settings=limits, stages=stages)
+        against = partial(
+            decide, prepared=prepared, seed=seed, noise=noise, settings=limits, stages=stages
+        )
+        return _against_the_bases(model, prepared, against, stages)
 
     decision = of_rows(settings)
     alike = _neighbours_alike(decision)
@@ -405,12 +371,15 @@ def find_missing(
     again = of_rows(replace(settings, most_rows=most)) if most < len(table) else decision
     if slow is None or again.verdict == "none":
         return _with_family(replace(again, neighbours_alike=again is not decision))
-    return as_slow_noise(decision, slow, stages.describe)
+    seen = {"variables": ("time_s",), "slow_noise": slow}
+    said = said_instead(stages.describe, decision.problem, decision.gate, slow.words(), **seen)
+    nothing = Accepted(checks=decision.accepted.checks)
+    return replace(decision, accepted=nothing, verdict="unknown", unknown=said)
 
 
 def _with_family(decision: Decision) -> Decision:
     """Return the decision with the family in place of `unknown`, where one is sure."""
-    if decision.unknown is None or decision.unknown.misread:
+    if decision.unknown is None or decision.misread:
         return decision
     family = find_family(decision.problem)
     if family is None:
@@ -423,35 +392,25 @@ def _with_family(decision: Decision) -> Decision:
 
 def _neighbours_alike(decision: Decision) -> CorrelationTime | None:
     """Return how long what is left of a log stays alike; None where neighbours differ."""
-    misread_table = decision.unknown is not None and decision.unknown.misread
-    if decision.verdict == "none" or misread_table:
+    if decision.verdict == "none" or decision.misread:
         return None
     rest = residual_after(decision.problem, decision.accepted.effects)
     return correlation_of_rest(decision.problem.table, rest)
 
 
-def _of_rows(
-    model: Model,
-    prepared: Prepared,
-    *,
-    seed: int,
-    noise: Noise | None,
-    settings: DiagnosisSettings,
-    stages: Stages,
+def _against_the_bases(
+    model: Model, prepared: Prepared, against: Callable[..., Decision], stages: Stages
 ) -> Decision:
     """Go through the stages with the rows that were selected, against the bases that may fit."""
-    against = partial(
-        decide, prepared=prepared, seed=seed, noise=noise, settings=settings, stages=stages
-    )
     decision = against(choose_base(model, prepared.table.drop(*prepared.zero_columns)))
     if decision.verdict != "none":
         other = base_of_unlike_ends(decision)
         again = None if other is None else against(other)
         if again is not None and leaves_less(again, decision):
-            said = decision.unknown and decision.unknown.statement
+            said = decision.statement
             or_else = (f"or {said.sentence()}",) if said else ()
             decision = replace(again, warnings=(_UNLIKE_ENDS, *or_else))
-    if misread(decision):
+    if decision.statement is not None:
         return decision
     if decision.verdict != "none":
         longer = base_of_next_degree(decision)
@@ -490,6 +449,7 @@ def decide(
     accepted = stages.accept(problem, chosen, seed)
     left = stages.leftover(problem, first, accepted.effects)
     accepted = stages.classify(problem, accepted, left, other_body=other_body)
+    wrong = prepared.misread
     final = stages.verdict(
         problem,
         first,
@@ -497,9 +457,7 @@ def decide(
         left,
         describe=stages.describe,
         white=stages.white,
-        misread=prepared.misread.sentence()
-        if prepared.misread and prepared.misread.decided
-        else "",
+        misread=wrong.sentence() if wrong is not None and wrong.decided else "",
     )
     return Decision(
         prepared=prepared,
@@ -512,11 +470,6 @@ def decide(
         verdict=final.headline,
         unknown=final.unknown,
     )
-
-
-def misread(decision: Decision) -> bool:
-    """Whether another reading of the table explains what is left: no body is to blame."""
-    return decision.unknown is not None and decision.unknown.statement is not None
 
 
 def may_be_another_body(decision: Decision) -> bool:
@@ -533,7 +486,7 @@ def may_be_another_body(decision: Decision) -> bool:
         return False
     single = len(decision.accepted.effects) == 1 and decision.verdict != "unknown"
     least = _OTHER_BODY_SINGLE if single else _OTHER_BODY_SEVERAL
-    return decision.strength_left >= least
+    return decision.left.strength(problem) >= least
 
 
 def against_energy(physics: Decision, energy: Decision, stages: Stages = STAGES) -> Decision:
@@ -548,8 +501,8 @@ def against_energy(physics: Decision, energy: Decision, stages: Stages = STAGES)
         return physics
     words = (
         f"the stated body is not the one that was measured: with E and nu free it leaves "
-        f"{physics.strength_left:.2g} times the noise, of which a symmetric energy model takes "
-        f"{taken:.0%}: elasticity or geometry that keeps the symmetry"
+        f"{physics.left.strength(problem):.2g} times the noise, of which a symmetric energy model "
+        f"takes {taken:.0%}: elasticity or geometry that keeps the symmetry"
     )
     advice = "names are against the energy model; fit energy6, or mend [mechanism]"
     energy = replace(energy, warnings=(f"{words}; {advice}",))

@@ -39,9 +39,15 @@ from ecm.diagnosis.search import (
 )
 from ecm.diagnosis.sections import diagnosis_report
 from ecm.diagnosis.settings import LEAST_STRENGTH
-from ecm.diagnosis.statements import NoiseFinding, negative_payload, stated_numbers, tested_noise
+from ecm.diagnosis.statements import (
+    NoiseFinding,
+    modulus_warning,
+    negative_payload,
+    stated_numbers,
+    tested_noise,
+)
 from ecm.diagnosis.summary import Summary, directions, fields_json, path_taken, to_json
-from ecm.diagnosis.verdict import Decision, Headline, modulus_warning, probability
+from ecm.diagnosis.verdict import Decision, Headline, probability
 from ecm.effects import Effect
 from ecm.errors import EcmError, Remedy, remedy_of
 from ecm.io.arrays import rest_of

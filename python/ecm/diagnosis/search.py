@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +12,7 @@ import scipy
 from scipy import special
 from scipy.optimize import lsq_linear
 
-from ecm.diagnosis.problem import Candidate, Problem, with_more
+from ecm.diagnosis.problem import Candidate, Problem, best_of_each, with_more
 from ecm.effects import Shape
 from ecm.io.arrays import B, F, I
 from ecm.regression.folds import folds, held_out_by
@@ -117,32 +117,25 @@ def rank(problem: Problem, chosen: Sequence[Candidate] = ()) -> list[Ranked]:
     if not best:
         return []
     shapes = Counter(c.id for c in problem.candidates)
-    own = np.array([c.parameters for c, _, _ in best])
-    chances = _p_values(problem, np.array([drop for _, drop, _ in best]), own)
+    own = np.array([one.candidate.parameters for one in best])
+    chances = _p_values(problem, np.array([one.drop for one in best]), own)
     # The best of so many shapes: Bonferroni, on the safe side since shapes look alike.
-    chances = np.minimum(1.0, chances * np.array([shapes[c.id] for c, _, _ in best]))
-    ranking = [
-        Ranked(candidate, drop, float(p), gain)
-        for (candidate, drop, gain), p in zip(best, chances, strict=True)
-    ]
-    return sorted(ranking, key=lambda item: -item.delta_bic)
+    chances = np.minimum(1.0, chances * np.array([shapes[one.id] for one in best]))
+    return [replace(one, p=p) for one, p in zip(best, chances.tolist(), strict=True)]
 
 
-def best_shapes(
-    problem: Problem, chosen: Sequence[Candidate]
-) -> list[tuple[Candidate, float, float]]:
-    """Return (candidate, delta chi², fall of BIC) of each effect's best shape beside the chosen."""
+def best_shapes(problem: Problem, chosen: Sequence[Candidate]) -> list[Ranked]:
+    """Return each effect's best shape beside the chosen by the fall of BIC, p not yet known."""
     present = {item.id for item in chosen}
     tried = [c for c in problem.candidates if c.id not in present]
-    drops = delta_chi2_of_each(problem, chosen, tried)
+    drops = delta_chi2_of_each(problem, chosen, tried).tolist()
     penalty = float(np.log(problem.size))
-    best: dict[str, tuple[Candidate, float, float]] = {}
-    for candidate, drop in zip(tried, drops.tolist(), strict=True):
-        gain = drop - candidate.parameters * penalty
-        old = best.get(candidate.id)
-        if old is None or gain > old[2]:
-            best[candidate.id] = (candidate, drop, gain)
-    return list(best.values())
+    ranked = [
+        Ranked(c, drop, np.nan, drop - c.parameters * penalty)
+        for c, drop in zip(tried, drops, strict=True)
+    ]
+    best = best_of_each(ranked, [one.delta_bic for one in ranked])
+    return sorted((one for _, one in best.values()), key=lambda one: -one.delta_bic)
 
 
 def _p_values(problem: Problem, drops: F, parameters: I) -> F:
@@ -257,8 +250,7 @@ def _is_valid(problem: Problem, chosen: tuple[Candidate, ...]) -> bool:
 
 def _best_beside(problem: Problem, chosen: tuple[Candidate, ...]) -> list[Candidate]:
     """Return the effects that explain most beside the chosen, by BIC."""
-    shapes = sorted(best_shapes(problem, chosen), key=lambda item: -item[2])
-    return [candidate for candidate, _, _ in shapes[:_BEAM]]
+    return [one.candidate for one in best_shapes(problem, chosen)[:_BEAM]]
 
 
 def _beyond_one(problem: Problem, pair: tuple[Candidate, ...]) -> bool:

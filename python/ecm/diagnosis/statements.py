@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy import special
@@ -32,6 +32,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.conventions import Convention, conventions, falling_loads, in_words
 from ecm.io.mechanism import Mechanism
 from ecm.io.se3 import rotation
+from ecm.io.units import unit_of_factor
 from ecm.models.joint_fit import FittedEffect, JointFit, joint_fit
 from ecm.models.maps import EnergyMap, StiffnessMap
 from ecm.models.physics.build import stated_rod
@@ -41,9 +42,6 @@ from ecm.regression.f_test import orthonormal
 from ecm.regression.folds import repeat_cells
 from ecm.regression.noise import Noise, declared_noise
 from ecm.regression.normal_equations import explained_by_blocks, projected_out
-
-if TYPE_CHECKING:
-    pass
 
 LEAST_WRONG_ERROR = 2.0
 """Error over the noise from which other readings of the table are tried."""
@@ -351,6 +349,8 @@ def _error(problem: Problem, base: StiffnessMap, reading: Convention | None) -> 
 _NOISE_DEVIATIONS = 4.0
 """An effect of the noise is reported beyond so many standard deviations."""
 
+_MOST_MODULUS_FACTOR = 5.0
+"""Largest error of the stated E; beyond it a sign or a unit is wrong."""
 _LEAST_CHANGE = 0.05
 """Share by which E must differ from the stated value to be said."""
 _LEAST_NU = 0.02
@@ -504,6 +504,22 @@ def _repeats(problem: Problem) -> str:
     )
 
 
+def modulus_warning(problem: Problem) -> str:
+    """Return what is wrong with the factor on E of a physics base; empty where it may be true."""
+    if not isinstance(problem.base, PhysicsMap):
+        return ""
+    factor, most = problem.base.factor, _MOST_MODULUS_FACTOR
+    if 1.0 / most < factor < most:
+        return ""
+    ratio = f"the wrench is {factor:.3g} times that of the stated body"
+    if factor < 0.0:
+        return f"{ratio}: a sign is likely wrong"
+    unit = unit_of_factor(factor)
+    if unit:
+        return f"{ratio}: a unit is likely wrong ({unit})"
+    return f"{ratio}, which is no unit's factor: [mechanism] states another body"
+
+
 def ratio_warning(problem: Problem) -> str:
     """Return that no Poisson's ratio fits; empty where one does, or something else is missing too.
 
@@ -516,7 +532,7 @@ def ratio_warning(problem: Problem) -> str:
     nu = base.values["poisson_ratio"]
     if min(nu - low, high - nu) > 1e-6 * high:
         return ""
-    squares = float((problem.response**2).sum(axis=1) @ problem.weights)
+    squares = problem.squares_of(problem.response)
     matrix, vector, _ = problem.normal.total()
     free = float(
         explained_by_blocks(

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -27,22 +27,20 @@ from ecm.diagnosis.left_over import (
     Pattern,
     Unknown,
     describe_residual,
-    explains_more,
     find_pattern,
     residual_after,
 )
 from ecm.diagnosis.preparation import Prepared
 from ecm.diagnosis.problem import Problem
-from ecm.diagnosis.search import Ranked, delta_chi2
+from ecm.diagnosis.search import Ranked, delta_chi2, without
 from ecm.diagnosis.statements import (
     NoiseFinding,
     WrongStatement,
     find_wrong_statement,
+    modulus_warning,
     ratio_warning,
 )
 from ecm.effects import Missing
-from ecm.io.arrays import F
-from ecm.io.units import unit_of_factor
 from ecm.models.physics.map import PhysicsMap
 
 _NEAR_SHARE_IN_DOUBT = 0.6
@@ -51,8 +49,6 @@ DOUBTFUL_SHARE = 0.04
 """The form is in doubt where more than this share is left,"""
 _DOUBTFUL_P = 0.05
 """and where what is left is seen with this chance."""
-_MOST_MODULUS_FACTOR = 5.0
-"""Largest error of the stated E; beyond it a sign or a unit is wrong."""
 
 Headline = Literal["none", "named", "ambiguous", "family", "unknown"]
 Describe = Callable[..., Unknown]
@@ -117,42 +113,44 @@ def verdict(
     misread
         What is wrong with the signs or columns of the table beyond doubt; empty where nothing is.
     """
-    # A polynomial takes in most wrong readings: its gate does not see them.
-    asked = gate.rejected or problem.base.kind == "polynomial"
-    wrong = _wrong_statement(problem, accepted) if asked else None
-    if wrong is not None:
-        unknown = describe(problem, residual_after(problem, ()), (), gate.structure)
-        said = replace(
-            unknown,
-            words=wrong.sentence(),
-            nearest=None,
-            statement=wrong,
-            misread=True,
-            template="",
-        )
-        return Verdict("unknown", Accepted(checks=accepted.checks), said)
-    strange = _strange(problem, misread)
-    if strange:
-        unknown = describe(problem, residual_after(problem, ()), (), gate.structure)
+
+    def instead(words: str, **seen: Any) -> Verdict:
         nothing = Accepted(checks=accepted.checks)
-        said = replace(unknown, words=strange, nearest=None, misread=True, template="")
-        return Verdict("unknown", nothing, said)
-    may_name = bool(accepted.effects) and not left.remains
-    single = all(len(members) == 1 for members in accepted.classes)
-    pattern = _pattern_instead(problem, gate, accepted, left, white)
+        return Verdict("unknown", nothing, said_instead(describe, problem, gate, words, **seen))
+
+    # A polynomial takes in most wrong readings: its gate does not see them.
+    if gate.rejected or problem.base.kind == "polynomial":
+        counted = problem.weights.sum() * problem.response.shape[1]
+        before, after = (
+            float(np.sqrt(problem.squares_of(residual_after(problem, effects)) / counted))
+            for effects in ((), accepted.effects)
+        )
+        wrong = find_wrong_statement(problem, accepted.effects, before, after)
+        if wrong is not None:
+            return instead(wrong.sentence(), statement=wrong, misread=True)
+    if strange := _strange(problem, misread):
+        return instead(strange, misread=True)
+    still = left.remains and gate.rejected
+    pattern = _pattern_instead(problem, accepted, still, white)
     if pattern is not None:
-        unknown = describe(problem, residual_after(problem, ()), (), gate.structure)
         variables = (pattern.variable,) if pattern.variable else ()
-        seen = replace(unknown, words=pattern.words, variables=variables, nearest=None)
-        seen = replace(seen, template="", pattern=pattern)
-        return Verdict("unknown", Accepted(checks=accepted.checks), seen)
-    if may_name:
+        return instead(pattern.words, variables=variables, pattern=pattern)
+    if accepted.effects and not left.remains:
+        single = all(len(members) == 1 for members in accepted.classes)
         return Verdict("named" if single else "ambiguous", accepted, None)
-    if not accepted.effects and not (left.remains and gate.rejected):
+    if not accepted.effects and not still:
         return Verdict("none", accepted, None)
     residual = residual_after(problem, accepted.effects)
     unknown = describe(problem, residual, accepted.effects, gate.structure)
     return Verdict("unknown", accepted, unknown)
+
+
+def said_instead(
+    describe: Describe, problem: Problem, gate: Gate, words: str, **seen: Any
+) -> Unknown:
+    """Return what all structure is said to be, where neither names nor a draft would help."""
+    everything = describe(problem, residual_after(problem, ()), (), gate.structure)
+    return replace(everything, **{"words": words, "nearest": None, "template": ""} | seen)
 
 
 def _strange(problem: Problem, misread: str) -> str:
@@ -169,9 +167,8 @@ def _strange(problem: Problem, misread: str) -> str:
 
 def _pattern_instead(
     problem: Problem,
-    gate: Gate,
     accepted: Accepted,
-    left: Leftover,
+    still: bool,
     white: Callable[[Problem], Pattern | None],
 ) -> Pattern | None:
     """Return a pattern where nothing is accepted and no function of the pose is left, or where it
@@ -180,40 +177,12 @@ def _pattern_instead(
     A periodic motion gives every effect its period: beside what is accepted a pattern must be left.
     """
     if not accepted.effects:
-        return None if left.remains and gate.rejected else white(problem)
+        return None if still else white(problem)
     pattern = white(problem)
-    if not explains_more(pattern, problem, accepted.effects):
+    if pattern is None or pattern.explained <= delta_chi2(problem, accepted.effects):
         return None
     beside = white(replace(problem, response=residual_after(problem, accepted.effects)))
     return None if beside is None else pattern
-
-
-def _rms(problem: Problem, residual: F) -> float:
-    """Return the weighted rms of a whitened residual (N, m)."""
-    squares = (residual**2).sum(axis=1) @ problem.weights
-    return float(np.sqrt(squares / (problem.weights.sum() * residual.shape[1])))
-
-
-def _wrong_statement(problem: Problem, accepted: Accepted) -> WrongStatement | None:
-    before = _rms(problem, residual_after(problem, ()))
-    after = _rms(problem, residual_after(problem, accepted.effects))
-    return find_wrong_statement(problem, accepted.effects, before, after)
-
-
-def modulus_warning(problem: Problem) -> str:
-    """Return what is wrong with the factor on E of a physics base; empty where it may be true."""
-    if not isinstance(problem.base, PhysicsMap):
-        return ""
-    factor, most = problem.base.factor, _MOST_MODULUS_FACTOR
-    if 1.0 / most < factor < most:
-        return ""
-    ratio = f"the wrench is {factor:.3g} times that of the stated body"
-    if factor < 0.0:
-        return f"{ratio}: a sign is likely wrong"
-    unit = unit_of_factor(factor)
-    if unit:
-        return f"{ratio}: a unit is likely wrong ({unit})"
-    return f"{ratio}, which is no unit's factor: [mechanism] states another body"
 
 
 @dataclass(frozen=True)
@@ -246,9 +215,14 @@ class Decision:
         return self.problem.untestable | self.prepared.carried
 
     @property
-    def strength_left(self) -> float:
-        """Structure that is left after the accepted effects, rms in noise units."""
-        return self.left.strength(self.problem)
+    def misread(self) -> bool:
+        """Whether the words say what looks wrong with the table."""
+        return self.unknown is not None and self.unknown.misread
+
+    @property
+    def statement(self) -> WrongStatement | None:
+        """Another reading of the table that explains what is left: no body is to blame."""
+        return None if self.unknown is None else self.unknown.statement
 
 
 WEIGHTS = {
@@ -265,8 +239,7 @@ def evidence(decision: Decision) -> tuple[str, tuple[float, ...]]:
         effects, classes = decision.accepted.effects, decision.accepted.classes
         total = delta_chi2(decision.problem, effects)
         weakest = min(
-            total - delta_chi2(decision.problem, [one for one in effects if one is not item])
-            for item in effects
+            total - delta_chi2(decision.problem, without(effects, item)) for item in effects
         )
         members = max(len(one) for one in classes)
         return "named", (1.0, float(np.log(max(weakest, 1.0))), float(members))
