@@ -69,13 +69,14 @@ class Leftover:
 
 def gate(problem: Problem) -> Gate:
     """Test the base's residual against repeats and against smooth functions; either may reject."""
-    beside = Beside.of(
-        problem.response, problem.smooth_columns, problem.base_block, problem.weights
-    )
+    beside = _beside(problem, np.ones(problem.response.shape[1]))
     smooth = beside.omnibus_test()
-    assumed = problem.noise.source == "assumed"
-    by_component = _over_own_scatter(problem) if assumed else beside
-    test = by_component.omnibus_test() if assumed else smooth
+    by_component, test = beside, smooth
+    if problem.noise.source == "assumed":
+        # Nothing is known of the noise: what scatters more than was assumed is no structure.
+        spread = np.sqrt((problem.response**2).mean(axis=0))
+        by_component = _beside(problem, np.where(spread > 0.0, spread, 1.0))
+        test = by_component.omnibus_test()
     # Components that err together are no independent readings.
     tests = [by_component.with_sign_chance(test)]
     rows = np.arange(len(problem.table))
@@ -93,13 +94,8 @@ def gate(problem: Problem) -> Gate:
     return Gate(best.F, p, p < problem.settings.level, smooth, structure)
 
 
-def _over_own_scatter(problem: Problem) -> Beside:
-    """Response and smooth functions, each component over its own scatter.
-
-    Where nothing is known of the noise, what scatters more than was assumed is no structure.
-    """
-    spread = np.sqrt((problem.response**2).mean(axis=0))
-    spread = np.where(spread > 0.0, spread, 1.0)
+def _beside(problem: Problem, spread: F) -> Beside:
+    """Response and smooth functions beside the base, each component over its spread."""
     return Beside.of(
         problem.response / spread,
         problem.smooth_columns / spread[:, None],
@@ -361,7 +357,8 @@ _STANDARD = {"approach": "sides(rows.table)", "row": "np.arange(len(rows))"}
 
 
 def effect_template(
-    terms: Sequence[tuple[Sequence[str], str]],
+    factors: Sequence[str],
+    component: str,
     outputs: Sequence[str],
     texts: Mapping[str, str] = MappingProxyType({}),
 ) -> str:
@@ -369,15 +366,15 @@ def effect_template(
 
     Parameters
     ----------
-    terms
-        (factors, component) pairs, such as (("time_s", "x_m"), "fx_N"), or a change by a factor
-        with "the wrench" as the component; no factor: a constant.
+    factors
+        What the component follows, such as ("time_s", "x_m"); none: it is constant.
+    component
+        A wrench column, or "the wrench": a change of all of them by a factor.
     outputs
         Wrench columns of the base.
     texts
         Python text of factors that are no columns.
     """
-    factors, component = terms[0] if terms else ((), outputs[0])
     feature = "*".join(factors) or "constant"
     known = {**_STANDARD, **texts}
     unit = _unit(component, factors, known)
@@ -385,31 +382,25 @@ def effect_template(
     kind = ', kind="time"' if "row" in factors or set(factors) & set(texts) else ""
     extra = ", sides" if "approach" in factors else ""
     value = " * ".join(known.get(name, f"u({_quoted(name)})") for name in factors) or "1.0"
-    return "\n".join(
-        [
-            "import numpy as np",
-            f"from ecm.effects import effect{extra}",
-            "",
-            f'@effect("my_effect", physics={_quoted(f"{component} follows {feature}.")}, '
-            f'parameters={{"size": {_quoted(unit)}}}, needs={tuple(columns)!r}{kind})',
-            "def my_effect(rows):",
-            *(
-                ["    def u(name): v = rows.table.column(name); return v - v.mean()"]
-                if any(name not in known for name in factors)
-                else []
-            ),
-            *(
-                [f"    return ({value})[:, None] * rows.wrench"]
-                if component == _WHOLE
-                else [
-                    f"    columns = np.zeros((len(rows), {len(outputs)}))",
-                    f"    columns[:, {list(outputs).index(component)}] = {value}",
-                    "    return columns",
-                ]
-            ),
-            "",
+    lines = [
+        "import numpy as np",
+        f"from ecm.effects import effect{extra}",
+        "",
+        f'@effect("my_effect", physics={_quoted(f"{component} follows {feature}.")}, '
+        f'parameters={{"size": {_quoted(unit)}}}, needs={tuple(columns)!r}{kind})',
+        "def my_effect(rows):",
+    ]
+    if any(name not in known for name in factors):
+        lines.append("    def u(name): v = rows.table.column(name); return v - v.mean()")
+    if component == _WHOLE:
+        lines.append(f"    return ({value})[:, None] * rows.wrench")
+    else:
+        lines += [
+            f"    columns = np.zeros((len(rows), {len(outputs)}))",
+            f"    columns[:, {list(outputs).index(component)}] = {value}",
+            "    return columns",
         ]
-    )
+    return "\n".join([*lines, ""])
 
 
 def _unit(component: str, factors: Sequence[str], known: Collection[str]) -> str:
@@ -454,17 +445,6 @@ class Unknown:
     """Noise that stays alike along time, which gives as much as any effect would."""
 
 
-def misread_table(statement: WrongStatement) -> Unknown:
-    """Return the description of a table of which another reading fits far better.
-
-    Examples
-    --------
-    >>> misread_table(WrongStatement("the sign of fy looks reversed", 40.0, 1.0)).misread
-    True
-    """
-    return Unknown((), statement.sentence(), None, "", statement, misread=True)
-
-
 def describe_residual(
     problem: Problem, residual: F, chosen: Sequence[Candidate], total: float
 ) -> Unknown:
@@ -482,7 +462,8 @@ def describe_residual(
     n = len(residual)
     values, names = features(problem.rows, max(1, min(90, n // 3)))
     terms = _terms(problem, residual, values)
-    listed = [(names[j], problem.base.outputs[c], size) for j, c, size in terms]
+    outputs = problem.base.outputs
+    listed = [(names[j], outputs[c], size) for j, c, size in terms]
     known = (*problem.rows.base.inputs, *covariates(problem.rows))
     products = [(factors(feature, known), component) for feature, component, _ in listed]
     variables = [part for parts, _ in products for part in parts]
@@ -495,7 +476,7 @@ def describe_residual(
         variables=tuple(dict.fromkeys(variables)),
         words=_words(listed),
         nearest=nearest,
-        template=effect_template(products, problem.base.outputs),
+        template=effect_template(*(products or [((), outputs[0])])[0], outputs),
     )
 
 
@@ -531,7 +512,7 @@ def draft_of(problem: Problem, column: str, history: Mapping[str, tuple[str, F]]
         gains = (left.T @ y) ** 2 / ((left**2).sum(axis=0) + 1e-9 * size + 1e-300)
         top = int(np.argmax(gains))
         best = max(best, (float(gains[top]), (forms[top][0], output)))
-    return effect_template([best[1]], outputs, {name: text for name, (text, _) in history.items()})
+    return effect_template(*best[1], outputs, {name: text for name, (text, _) in history.items()})
 
 
 def _terms(problem: Problem, left: F, values: F) -> list[tuple[int, int, float]]:

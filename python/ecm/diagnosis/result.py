@@ -17,7 +17,7 @@ from ecm.diagnosis.accept import AcceptanceCheck, confusable_pairs
 from ecm.diagnosis.check import NotTestable, never_excited, zero_column_sentences
 from ecm.diagnosis.family import Family
 from ecm.diagnosis.given_model import GivenModel, judge_given_model
-from ecm.diagnosis.left_over import Gate, Leftover, Unknown, misread_table
+from ecm.diagnosis.left_over import Gate, Leftover, Unknown
 from ecm.diagnosis.next_experiment import (
     POWER,
     DetectionLimit,
@@ -428,7 +428,8 @@ def report(
     if statement is None or made.answer:
         return made
     # The base has taken in what the given model shows to be misread: its `none` is none.
-    return replace(made, verdict="unknown", unknown=misread_table(statement), family=None)
+    unknown = Unknown((), statement.sentence(), None, "", statement, misread=True)
+    return replace(made, verdict="unknown", unknown=unknown, family=None)
 
 
 def _report(decision: Decision, seed: int, judged: Future[GivenModel]) -> Diagnosis:
