@@ -13,7 +13,7 @@ what the fit leaves of a row's unit covariance. Such effects change weights; the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -175,31 +175,48 @@ def best_readings(
     share
         Largest share of the error that the best may leave; none are returned above it.
     """
-    as_stated = _columns(base, poses)
-    if as_stated is None:
+    try:
+        as_stated = _columns(base, poses)
+    except EcmError:
         return []
 
-    def left_by(poses: F, wrench: F) -> F:
-        columns = _columns(base, poses)
-        if columns is None:
-            raise ModelError("no such pose")
-        return _rest(columns, wrench)
+    def squares(item: Convention, poses: F, wrench: F) -> float:
+        columns = _columns(base, poses) if item.of_pose else as_stated
+        return float((_rest(columns, wrench) ** 2).mean())
 
     if length_m is None:
         # Every symmetric stiffness has an energy where the rotations are small enough.
         listed = [item for item in conventions(None) if not item.of_pose_unit]
     else:
-        listed = [*conventions(length_m), *moved_points(length_m, poses, wrench, left_by)]
-    left: list[tuple[float, Convention]] = []
+        moved = moved_points(length_m, poses, wrench, lambda p, h: _rest(_columns(base, p), h))
+        listed = [*conventions(length_m), *moved]
+    most = share**2 * float((_rest(as_stated, wrench) ** 2).mean())
+    return best_of(squares_left(listed, poses, wrench, squares), most)
+
+
+def squares_left(
+    listed: Iterable[Convention],
+    poses: F,
+    wrench: F,
+    squares: Callable[[Convention, F, F], float],
+) -> list[tuple[float, Convention]]:
+    """Return what is left of each reading that can be fitted.
+
+    Parameters
+    ----------
+    squares
+        (reading, poses, wrench) -> squares that are left of these as they are read; not finite, or
+        an error, where the columns or the model end.
+    """
+    left = []
     for item in listed:
         try:
-            own_poses, own_wrench = item.change(poses, wrench)
-        except EcmError:
+            value = squares(item, *item.change(poses, wrench))
+        except (EcmError, np.linalg.LinAlgError):
             continue
-        columns = _columns(base, own_poses) if item.of_pose else as_stated
-        if columns is not None:
-            left.append((_misfit(columns, own_wrench), item))
-    return best_of(left, share**2 * _misfit(as_stated, wrench))
+        if np.isfinite(value):
+            left.append((value, item))
+    return left
 
 
 def best_of(left: Sequence[tuple[float, Convention]], most: float) -> list[Convention]:
@@ -210,19 +227,13 @@ def best_of(left: Sequence[tuple[float, Convention]], most: float) -> list[Conve
     return [item for value, item in left if value <= EQUAL * least][:_MOST_SAID]
 
 
-def _columns(base: StiffnessMap, poses: F) -> tuple[F, F] | None:
-    """Return the wrench (n, 6) and its derivative (n, 6, k) to the coefficients; None: no pose."""
-    try:
-        poses = np.ascontiguousarray(poses)
-        found = base.predict(poses), base.columns(poses)
-    except EcmError:
-        return None
-    return found if all(np.isfinite(part).all() for part in found) else None
-
-
-def _misfit(base: tuple[F, F], wrench: F) -> float:
-    """Return the share of the squares of force and of torque that the base leaves."""
-    return float((_rest(base, wrench) ** 2).mean())
+def _columns(base: StiffnessMap, poses: F) -> tuple[F, F]:
+    """Return the wrench (n, 6) and its derivative (n, 6, k) to the coefficients."""
+    poses = np.ascontiguousarray(poses)
+    found = base.predict(poses), base.columns(poses)
+    if not all(np.isfinite(part).all() for part in found):
+        raise ModelError("no such pose")
+    return found
 
 
 def _rest(base: tuple[F, F], wrench: F) -> F:
