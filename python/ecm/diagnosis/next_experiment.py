@@ -32,7 +32,7 @@ from ecm.diagnosis.problem import Candidate, Problem, assemble, score_columns
 from ecm.diagnosis.search import delta_chi2, estimate
 from ecm.diagnosis.settings import FORM_SHARE, REFUTED_BY, REFUTED_SHARE
 from ecm.effects import Effect, Rows, all_effects
-from ecm.effects.experiments import SEPARATOR, Experiment, get_experiment, session_of
+from ecm.effects.experiments import SEPARATOR, Experiment, get_experiment
 from ecm.effects.registry import with_shape
 from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F, I
@@ -315,17 +315,14 @@ class ConfusionClass:
         rows
             The data with the predicted rows of its campaign; None where it is done by hand.
         """
-        power: Discrimination = {}
         read = experiment.readings
-        for truth, rival in self.pairs if set(read) & set(self.shapes) else ():
-            seen = [self._seen(id, read[id]) for id in (truth, rival) if id in read]
-            power[truth, rival] = max(seen, default=0.0)
+        power: Discrimination = {}
+        for pair in self.pairs if set(read) & set(self.shapes) else ():
+            power[pair] = max((self._seen(id, read[id]) for id in pair if id in read), default=0.0)
         if rows is None or not self.shapes:
             return power
         added = _Added.of(self.problem, self.others, self.shapes, rows)
-        for pair in self.pairs:
-            power[pair] = max(power.get(pair, 0.0), self._refuted(added, *pair))
-        return power
+        return {pair: max(power.get(pair, 0.0), self._refuted(added, *pair)) for pair in self.pairs}
 
     def _seen(self, id: str, tool: Mapping[str, float]) -> float:
         """Return the chance that a reading tells an effect of this size from nothing."""
@@ -336,25 +333,14 @@ class ConfusionClass:
 
     def _refuted(self, added: _Added, truth: str, rival: str) -> float:
         """Return the chance that a campaign refutes the rival, by all rows or by one run."""
-        best = self.shapes[truth][0]
+        best, least = self.shapes[truth][0], self.problem.settings.least_bic
         own = self._values(best)
-        least = 1.0
-        for item in (form for form in self.shapes[truth] if form.columns == best.columns):
-            for shape in self.shapes[rival]:
-                gained, excess, total, explained = added.excess(item, own, self.others, shape)
-                # Whatever was to be expected: the data so far have not separated the two.
-                least_all = max(self.problem.settings.least_bic, FORM_SHARE * total)
-                chances = [_exceeds(gained, least_all, total)]
-                chances += [
-                    _exceeds(
-                        float(e),
-                        max(REFUTED_BY, REFUTED_SHARE * float(x)),
-                        float(x),
-                    )
-                    for e, x in zip(excess, explained, strict=True)
-                ]
-                least = min(least, max(chances))
-        return least
+        forms = [form for form in self.shapes[truth] if form.columns == best.columns]
+        return min(
+            (added.refuted(form, own, self.others, shape, least)
+             for form in forms for shape in self.shapes[rival]),
+            default=1.0,
+        )  # fmt: skip
 
 
 def _joined_forms(one: Candidate) -> list[Candidate]:
@@ -431,24 +417,30 @@ class _Added:
         """(k, k) normal equations of the data and of the campaign."""
         return np.asarray(self.old + self.design.T @ self.design)
 
-    def excess(
-        self, item: Candidate, own: F, others: Sequence[Candidate], rival: Candidate
-    ) -> tuple[float, F, float, F]:
-        """What a rival leaves of an effect: more by the campaign in all, and in each of its runs.
-
-        Third and fourth, what the effect explains of all rows and of those runs.
-        """
+    def refuted(
+        self,
+        item: Candidate,
+        own: F,
+        others: Sequence[Candidate],
+        rival: Candidate,
+        least_bic: float,
+    ) -> float:
+        """Return the chance that all rows, or those of one run, refute a rival of an effect."""
         at = self.place[item]
         rest = [*self.base, *(c for other in others for c in self.place[other])]
         more = [*rest, *self.place[rival]]
-        count = int(self.run.max()) + 1
-        excess = np.bincount(self.run, self._after(at, own, more) ** 2, count)
-        explained = np.bincount(self.run, self._after(at, own, rest) ** 2, count)
         gained = squares_left_after(self.matrix, at, own, more) - squares_left_after(
             self.old, at, own, more
         )
         total = squares_left_after(self.matrix, at, own, rest)
-        return gained, excess.astype(np.float64), total, explained.astype(np.float64)
+        # Whatever was to be expected: the data so far have not separated the two.
+        chances = [_exceeds(gained, max(least_bic, FORM_SHARE * total), total)]
+        excess, explained = (
+            np.bincount(self.run, self._after(at, own, fixed) ** 2) for fixed in (more, rest)
+        )
+        for e, x in zip(excess.tolist(), explained.tolist(), strict=True):
+            chances.append(_exceeds(e, max(REFUTED_BY, REFUTED_SHARE * x), x))
+        return max(chances)
 
     def _after(self, at: Sequence[int], own: F, fixed: Sequence[int]) -> F:
         """(r,) what a fit of the fixed columns to all rows leaves of columns `at` @ own."""
@@ -475,11 +467,6 @@ class Proposal:
     """Chance of the right names with the data so far; None where it cannot be predicted."""
     p_correct: float | None
     """The same after the experiment."""
-
-    @property
-    def parts(self) -> tuple[Experiment, ...]:
-        """The experiments."""
-        return tuple(session_of(self.action))
 
     @property
     def worth(self) -> float:
@@ -544,15 +531,16 @@ class _Choice:
 
     def proposals(self) -> tuple[Proposal, ...]:
         """Return what is worth listing, best first."""
-        singles = [self._proposal((one,)) for one in self.offered]
+        singles = {one: self._proposal((one,)) for one in self.offered}
         # What the catalogue names for a pair is listed, another only where it tells more.
-        usual = max((one.worth for one in singles if one.separates), default=self._chance(()))
-        listed = [one for one in singles if one.separates or one.worth > usual + _SESSION_GAIN]
+        named = [single for one, single in singles.items() if self._named(one)]
+        least = max((one.worth for one in named), default=self._chance(())) + _SESSION_GAIN
+        listed = [one for one in singles.values() if one in named or one.worth > least]
         session = self._session()
         if len(session) > 1:
             listed.append(self._proposal(session))
         listed.sort(key=lambda one: (-one.worth, one.action))
-        return tuple(self._completed(one) for one in listed[:_MOST_EXPERIMENTS])
+        return tuple(listed[:_MOST_EXPERIMENTS])
 
     @property
     def _now(self) -> list[Discrimination]:
@@ -590,11 +578,20 @@ class _Choice:
         }
 
     def _proposal(self, parts: Sequence[Experiment]) -> Proposal:
+        """Return experiments with the pairs they are named for, and all that they separate."""
         known = len(parts) > 1 or any(self.offered[parts[0]])
+        named = set[str]().union(*(self._named(one) for one in parts))
+        pairs = {
+            f"{a} or {b}"
+            for now, then in zip(self._now, self._power(parts), strict=True)
+            for a, b in then
+            if a < b and min(then[a, b], then[b, a]) > _SEPARATED > min(now[a, b], now[b, a])
+        }
+        turned = {" or ".join(reversed(pair.split(" or "))) for pair in named}
         return Proposal(
             action=SEPARATOR.join(one.action for one in parts),
             minutes=self._minutes(parts),
-            separates=tuple(sorted(set().union(*(self._named(one) for one in parts)))),
+            separates=tuple(sorted({*named, *pairs - turned})),
             p_correct_before=self._chance(()) if known else None,
             p_correct=self._chance(parts) if known else None,
         )
@@ -610,32 +607,18 @@ class _Choice:
         session: tuple[Experiment, ...] = ()
         now = self._chance(())
         while True:
-            best: tuple[float, tuple[Experiment, ...], float] | None = None
-            for one in (one for one in self.offered if one not in session):
-                if not any(self.offered[one]):
+            tried = []
+            for one in self.offered:
+                if one in session or not any(self.offered[one]):
                     continue
                 trial = (*session, one)
                 minutes, after = self._minutes(trial), self._chance(trial)
-                if minutes > _SESSION_MINUTES or after < now + _SESSION_GAIN:
-                    continue
-                own = after - _GAIN_PER_MINUTE * minutes
-                own -= _SESSION_GAIN * (not self._named(one))
-                if best is None or own > best[0]:
-                    best = (own, trial, after)
-            if best is None:
+                if minutes <= _SESSION_MINUTES and after >= now + _SESSION_GAIN:
+                    price = _GAIN_PER_MINUTE * minutes + _SESSION_GAIN * (not self._named(one))
+                    tried.append((after - price, trial, after))
+            if not tried:
                 return session
-            _, session, now = best
-
-    def _completed(self, proposal: Proposal) -> Proposal:
-        """Return a proposal with all pairs that it separates, whichever of them is the truth."""
-        pairs = {
-            f"{a} or {b}"
-            for now, then in zip(self._now, self._power(proposal.parts), strict=True)
-            for a, b in then
-            if a < b and min(then[a, b], then[b, a]) > _SEPARATED > min(now[a, b], now[b, a])
-        }
-        turned = {" or ".join(reversed(pair.split(" or "))) for pair in proposal.separates}
-        return replace(proposal, separates=tuple(sorted({*proposal.separates, *pairs - turned})))
+            _, session, now = max(tried, key=lambda item: item[0])
 
 
 def _joined_rows(problem: Problem, experiment: Experiment) -> Rows | None:
