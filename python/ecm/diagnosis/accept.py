@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from itertools import combinations, islice, pairwise
 from typing import Any
 
@@ -99,6 +100,143 @@ def squares_left_after(matrix: F, columns: Sequence[int], values: F, fixed: Sequ
     return max(total - float(cross @ solve(matrix[np.ix_(b, b)], cross)), 0.0)
 
 
+@dataclass(frozen=True)
+class _Chosen:
+    """One effect of a chosen set, beside the others."""
+
+    problem: Problem
+    chosen: Sequence[Candidate]
+    item: Candidate
+
+    @cached_property
+    def others(self) -> tuple[Candidate, ...]:
+        return without(self.chosen, self.item)
+
+    @cached_property
+    def gain(self) -> float:
+        """Fall of BIC by the effect."""
+        return delta_bic(self.problem, self.chosen) - delta_bic(self.problem, self.others)
+
+    def rivals(
+        self, known: Sequence[str], is_member: Callable[[Candidate, float], bool]
+    ) -> dict[str, float]:
+        """Return the rivals with their least loss of BIC in its place, the nearest first.
+
+        Parameters
+        ----------
+        known
+            Ids that are no rivals, beside those of the chosen effects.
+        is_member
+            Whether a shape counts, by its loss. A shape that a later run refutes never does.
+        """
+        problem, present = self.problem, {one.id for one in self.chosen} | set(known)
+        rivals = [c for c in problem.offered if c.id not in present]
+        own = delta_bic(problem, self.chosen)
+        losses = own - delta_bic_of_each(problem, self.others, rivals)
+        least: dict[str, float] = {}
+        for rival, loss in zip(rivals, losses.tolist(), strict=True):
+            if is_member(rival, loss) and not self.is_refuted(rival):
+                least[rival.id] = min(loss, least.get(rival.id, np.inf))
+        return dict(sorted(least.items(), key=lambda pair: pair[1]))
+
+    def is_refuted(self, rival: Candidate) -> bool:
+        """Whether one run after the first is against a rival and none as clearly for it.
+
+        A chosen experiment has few rows. In the sum over all rows, of which the form of the right
+        effect may leave a share as well, it would not count.
+        """
+        if not self.problem.table.has("run"):
+            return False
+        with_item, limit = self._later_runs
+        excess = self._left_in_later_runs((*self.others, rival)) - with_item
+        return bool((excess > limit).any() and not (-excess > limit).any())
+
+    @cached_property
+    def _later_runs(self) -> tuple[F, F]:
+        """What the effect leaves in each later run, and the least excess that refutes a rival."""
+        before, after = (
+            self._left_in_later_runs(s) for s in (self.others, (*self.others, self.item))
+        )
+        return after, np.maximum(REFUTED_BY, REFUTED_SHARE * np.maximum(before - after, 0.0))
+
+    def _left_in_later_runs(self, chosen: Sequence[Candidate]) -> F:
+        """(r,) whitened squares that a set leaves in each run after the first."""
+        runs = np.unique(self.problem.table.column("run"), return_inverse=True)[1]
+        rows = squares_by_row(self.problem, chosen) / self.problem.scale
+        return np.asarray(np.bincount(runs, rows)[1:], dtype=np.float64)
+
+    def alone(self) -> AcceptanceCheck:
+        """Return the evidence that asks neither for the class of the effect nor for bootstraps."""
+        ranked = {one.id: one for one in rank(self.problem, self.others)}
+        own = ranked[self.item.id]
+        inside, kept = self._bounds_kept()
+        return AcceptanceCheck(
+            id=self.item.id,
+            p_holm=min(1.0, own.p * len(ranked)),
+            delta_bic=own.delta_bic,
+            held_out_fall=held_out_delta(self.problem, self.others, self.item),
+            chosen_share=0.0,
+            within_bounds=inside,
+            explained_in_bounds=kept,
+            own_seen=False,
+            winners={},
+            settings=self.problem.settings,
+        )
+
+    def _bounds_kept(self) -> tuple[bool, float]:
+        """Return whether it keeps its bounds by itself, and the share it explains in them.
+
+        A form that is not quite the truth's may push a parameter that is zero a little below it.
+        """
+        fit = bounded_estimate(self.problem, self.chosen, (self.item,))
+        if not fit.at_bound.any():
+            return True, 1.0
+        before = explained_squares(*self.problem.equations, self.problem.base_index)
+        gained = fit.explained - (before + delta_chi2(self.problem, self.others))
+        return False, float(np.clip(gained / max(gained + fit.lost, 1e-300), 0.0, 1.0))
+
+    def winners(self, seed: int) -> dict[str, float]:
+        """Return the share of bootstraps that each effect wins in its place."""
+        drops = {one.id: one.drop for one in rank(self.problem, self.others)}
+        least = _CONTENDER_SHARE * drops[self.item.id]
+        contenders = {id for id, drop in drops.items() if drop > least}
+        return selection_shares(self.problem, self.others, contenders, seed)
+
+    def in_class(
+        self, alone: AcceptanceCheck, winners: dict[str, float], members: Sequence[str]
+    ) -> AcceptanceCheck:
+        """Return the evidence with that of the class; of a longer list its best members count."""
+        won = sorted((winners.get(id, 0.0) for id in members), reverse=True)
+        plain = self.item.effect.plain_form()
+        known = plain is None or (plain.id != self.item.id and plain.id in members)
+        seen = known or explains_more_than_its_plain_form(self.problem, self.chosen, self.item)
+        share = sum(won[:MOST_IN_CLASS])
+        return replace(alone, chosen_share=share, own_seen=seen, winners=winners)
+
+    def classified(
+        self, alone: AcceptanceCheck, seed: int, class_of: ClassOf
+    ) -> tuple[AcceptanceCheck, tuple[str, ...]]:
+        """Return the evidence for it and its class, with the rivals that win bootstraps."""
+        winners = self.winners(seed)
+        members = class_of(self.problem, self.chosen, self.item)
+        seldom = self.in_class(alone, winners, members).chosen_share < CHOSEN_SHARE
+        joining = []
+        if len(self.chosen) == 1 or not seldom:
+            # A rival that wins often belongs to the class, however far it is in BIC: with few rows
+            # it may be the truth. Several that win seldom may add up to what no library holds.
+            often = [id for id in winners if winners[id] > RIVAL_BOOTSTRAPS]
+            present = {other.id for other in self.chosen}
+            joining = sorted((id for id in often if id not in present), key=lambda id: -winners[id])
+        room = max(0, MOST_IN_CLASS - len(members))
+        if seldom and room:
+            # So does a close one that wins now and then.
+            close = class_of(self.problem, self.chosen, self.item, CLOSE_BIC)
+            joining += [id for id in close if winners.get(id, 0.0) > _SOME_BOOTSTRAPS]
+        new = list(dict.fromkeys(id for id in joining if id not in members))[:room]
+        members = [*members, *new]
+        return self.in_class(alone, winners, members), tuple(members)
+
+
 def confusion_class(
     problem: Problem,
     chosen: Sequence[Candidate],
@@ -115,29 +253,26 @@ def confusion_class(
     most
         Members of the class; of rivals that only look alike the nearest.
     """
-    least_bic = problem.settings.least_bic if least_bic is None else least_bic
-    others = without(chosen, item)
-    own = delta_bic(problem, chosen)
-    gain = own - delta_bic(problem, others)
+    least = problem.settings.least_bic if least_bic is None else least_bic
+    one, total = _Chosen(problem, chosen, item), delta_bic(problem, chosen)
 
-    def alike(rival: Candidate, loss: float) -> bool:
+    def is_member(rival: Candidate, loss: float) -> bool:
         if rival in problem.imitators:
             # The data cannot show its true form; one of several shapes comes nearer to it.
             shaped = bool(problem.untestable[rival.id].forms)
-            if loss < (_LOST_BY_SHAPES if shaped else _LOST_BY_ONE) * gain:
+            if loss < (_LOST_BY_SHAPES if shaped else _LOST_BY_ONE) * one.gain:
                 return True
-        least = max(least_bic, FORM_SHARE * own)
-        return loss < least and separability(problem, item, rival, others) < SEPARABLE
+        return loss < least or (
+            loss < FORM_SHARE * total and separability(problem, item, rival, one.others) < SEPARABLE
+        )
 
-    nearest = _nearest(
-        problem, chosen, item, (), lambda rival, loss: loss < least_bic or alike(rival, loss)
-    )
-    near = [id for id, loss in nearest.items() if loss < least_bic]
+    nearest = one.rivals((), is_member)
+    near = [id for id, loss in nearest.items() if loss < least]
     # Rivals that only look alike, and lose in BIC: a long list names nothing.
     alike_only = [id for id in nearest if id not in near][: max(0, most - 1 - len(near))]
     members = [item.id, *near, *alike_only]
     plain = item.effect.plain_form()
-    offered = {c.id for c in problem.offered} - {one.id for one in chosen}
+    offered = {c.id for c in problem.offered} - {other.id for other in chosen}
     if plain is None or plain.id in members or plain.id not in offered:
         return members
     if explains_more_than_its_plain_form(problem, chosen, item):
@@ -157,64 +292,9 @@ def widened_class(
 
     The truth may be an effect that no library holds; then the nearest names look like it.
     """
-    gain = delta_bic(problem, chosen) - delta_bic(problem, without(chosen, item))
-    nearest = _nearest(problem, chosen, item, members, lambda _, loss: loss < near_share * gain)
+    one = _Chosen(problem, chosen, item)
+    nearest = one.rivals(members, lambda _, loss: loss < near_share * one.gain)
     return [*members, *list(nearest)[: max(0, MOST_IN_CLASS - len(members))]]
-
-
-def _nearest(
-    problem: Problem,
-    chosen: Sequence[Candidate],
-    item: Candidate,
-    known: Sequence[str],
-    is_member: Callable[[Candidate, float], bool],
-) -> dict[str, float]:
-    """Return the rivals of an effect with their least loss of BIC in its place, the nearest first.
-
-    Parameters
-    ----------
-    known
-        Ids that are no rivals, beside those of the chosen effects.
-    is_member
-        Whether a shape counts, by its loss. A shape that a later run refutes never does.
-    """
-    present = {one.id for one in chosen} | set(known)
-    rivals = [c for c in problem.offered if c.id not in present]
-    others = without(chosen, item)
-    losses = delta_bic(problem, chosen) - delta_bic_of_each(problem, others, rivals)
-    refuted = _refuted_by_later_runs(problem, others, item)
-    least: dict[str, float] = {}
-    for rival, loss in zip(rivals, losses.tolist(), strict=True):
-        if is_member(rival, loss) and not refuted(rival):
-            least[rival.id] = min(loss, least.get(rival.id, np.inf))
-    return dict(sorted(least.items(), key=lambda pair: pair[1]))
-
-
-def _refuted_by_later_runs(
-    problem: Problem, others: Sequence[Candidate], item: Candidate
-) -> Callable[[Candidate], bool]:
-    """Return whether one run after the first is against a rival and none as clearly for it.
-
-    A chosen experiment has few rows. In the sum over all rows, of which the form of the right
-    effect may leave a share as well, it would not count.
-    """
-    if not problem.table.has("run"):
-        return lambda rival: False
-    runs = np.unique(problem.table.column("run"), return_inverse=True)[1]
-
-    def left(chosen: Sequence[Candidate]) -> F:
-        """(r,) whitened squares that a set leaves in each of the later runs."""
-        rows = squares_by_row(problem, chosen) / problem.scale
-        return np.asarray(np.bincount(runs, rows)[1:], dtype=np.float64)
-
-    with_item = left((*others, item))
-    limit = np.maximum(REFUTED_BY, REFUTED_SHARE * np.maximum(left(others) - with_item, 0.0))
-
-    def refuted(rival: Candidate) -> bool:
-        excess = left((*others, rival)) - with_item
-        return bool((excess > limit).any() and not (-excess > limit).any())
-
-    return refuted if len(limit) else lambda rival: False
 
 
 def confusable_pairs(problem: Problem) -> list[tuple[str, str]]:
@@ -452,17 +532,18 @@ def accept(
     checks: tuple[AcceptanceCheck, ...] = ()
     while chosen:
         found: dict[str, tuple[AcceptanceCheck, tuple[str, ...]]] = {}
-        alone = [(item, _check_alone(problem, chosen, item)) for item in chosen]
+        alone = [(one, one.alone()) for one in (_Chosen(problem, chosen, c) for c in chosen)]
         # The weakest that fails is dropped: stronger ones need no bootstraps in this pass, nor
         # does what fails by itself. Those of the last one are reported.
-        for item, check in sorted(alone, key=lambda pair: pair[1].delta_bic):
+        for one, check in sorted(alone, key=lambda pair: pair[1].delta_bic):
+            item = one.item
             if len(chosen) == 1 or check.passes_alone:
-                found[item.id] = _with_class(problem, chosen, item, check, seed, class_of)
+                found[item.id] = one.classified(check, seed, class_of)
             if item.id not in found or not found[item.id][0].accepted:
                 break
         else:
-            pairs = [found[one.id] for one in chosen]
-            return Accepted(chosen, tuple(own for _, own in pairs), tuple(one for one, _ in pairs))
+            pairs = [found[item.id] for item in chosen]
+            return Accepted(chosen, tuple(own for _, own in pairs), tuple(c for c, _ in pairs))
         checks = (found[item.id][0],) if item.id in found else ()
         if check.explained_in_bounds <= KEPT_WITHIN_BOUNDS:
             problem = problem.without_effect(item.id)
@@ -486,100 +567,5 @@ def acceptance_check(
     members
         Ids of its class.
     """
-    winners = _winners(problem, chosen, item, seed)
-    return _of_class(problem, chosen, item, _check_alone(problem, chosen, item), winners, members)
-
-
-def _check_alone(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> AcceptanceCheck:
-    """Return the evidence that asks neither for the class of an effect nor for bootstraps."""
-    others = without(chosen, item)
-    ranked = {one.id: one for one in rank(problem, others)}
-    own = ranked[item.id]
-    inside, kept = _bounds_kept(problem, chosen, item)
-    return AcceptanceCheck(
-        id=item.id,
-        p_holm=min(1.0, own.p * len(ranked)),
-        delta_bic=own.delta_bic,
-        held_out_fall=held_out_delta(problem, others, item),
-        chosen_share=0.0,
-        within_bounds=inside,
-        explained_in_bounds=kept,
-        own_seen=False,
-        winners={},
-        settings=problem.settings,
-    )
-
-
-def _winners(
-    problem: Problem, chosen: Sequence[Candidate], item: Candidate, seed: int
-) -> dict[str, float]:
-    """Return the share of bootstraps that each effect wins in the place of one."""
-    others = without(chosen, item)
-    drops = {one.id: one.drop for one in rank(problem, others)}
-    contenders = {id for id, drop in drops.items() if drop > _CONTENDER_SHARE * drops[item.id]}
-    return selection_shares(problem, others, contenders, seed)
-
-
-def _of_class(
-    problem: Problem,
-    chosen: Sequence[Candidate],
-    item: Candidate,
-    check: AcceptanceCheck,
-    winners: dict[str, float],
-    members: Sequence[str],
-) -> AcceptanceCheck:
-    """Return the evidence with that of the class; of a longer list its best members count."""
-    won = sorted((winners.get(id, 0.0) for id in members), reverse=True)
-    plain = item.effect.plain_form()
-    known = plain is None or (plain.id != item.id and plain.id in members)
-    return replace(
-        check,
-        chosen_share=sum(won[:MOST_IN_CLASS]),
-        own_seen=known or explains_more_than_its_plain_form(problem, chosen, item),
-        winners=winners,
-    )
-
-
-def _with_class(
-    problem: Problem,
-    chosen: Sequence[Candidate],
-    item: Candidate,
-    check: AcceptanceCheck,
-    seed: int,
-    class_of: ClassOf,
-) -> tuple[AcceptanceCheck, tuple[str, ...]]:
-    """Return the evidence for one effect and its class, with the rivals that win bootstraps."""
-    winners = _winners(problem, chosen, item, seed)
-    members = class_of(problem, chosen, item)
-    check = _of_class(problem, chosen, item, check, winners, members)
-    won = sorted(winners, key=lambda id: -winners[id])
-    seldom = check.chosen_share < CHOSEN_SHARE
-    joining = []
-    if len(chosen) == 1 or not seldom:
-        # A rival that wins often belongs to the class, however far it is in BIC: with few rows it
-        # may be the truth. Several effects that win seldom may add up to what no library holds.
-        present = {other.id for other in chosen}
-        joining = [id for id in won if winners[id] > RIVAL_BOOTSTRAPS and id not in present]
-    room = max(0, MOST_IN_CLASS - len(members))
-    if seldom and room:
-        # So does a close one that wins now and then.
-        close = class_of(problem, chosen, item, CLOSE_BIC)
-        joining += [id for id in close if winners.get(id, 0.0) > _SOME_BOOTSTRAPS]
-    new = list(dict.fromkeys(id for id in joining if id not in members))[:room]
-    members = [*members, *new]
-    return _of_class(problem, chosen, item, check, winners, members), tuple(members)
-
-
-def _bounds_kept(
-    problem: Problem, chosen: Sequence[Candidate], item: Candidate
-) -> tuple[bool, float]:
-    """Return whether the effect keeps its bounds by itself, and the share it explains in them.
-
-    A form that is not quite the truth's may push a parameter that is zero a little below it.
-    """
-    fit = bounded_estimate(problem, chosen, (item,))
-    if not fit.at_bound.any():
-        return True, 1.0
-    before = explained_squares(*problem.equations, problem.base_index)
-    gained = fit.explained - (before + delta_chi2(problem, without(chosen, item)))
-    return False, float(np.clip(gained / max(gained + fit.lost, 1e-300), 0.0, 1.0))
+    one = _Chosen(problem, chosen, item)
+    return one.in_class(one.alone(), one.winners(seed), members)

@@ -55,7 +55,7 @@ _SAME = 1.1
 
 
 def reading_of_given_model(
-    model: Model, table: Table, noise: Noise, most_error: float, share: float
+    model: Model, table: Table, noise: Noise, most_error: float
 ) -> WrongStatement | None:
     """Return the reading of a table that the model as it stands explains; None where none does.
 
@@ -65,8 +65,6 @@ def reading_of_given_model(
         Of the rows; where it is only what the model leaves, nothing can be said.
     most_error
         Largest error that the reading may leave, over the noise.
-    share
-        Largest share of the error as stated that it may leave.
     """
     known = set(model.inputs) <= set(POSE) and set(model.outputs) <= set(WRENCH)
     if noise.is_residual or not known:
@@ -101,7 +99,7 @@ def reading_of_given_model(
     listed = [*conventions(length), *rarer_conventions()]
     told = [r for r in listed if not _is_a_specimen(r, poses, wrench)]
     left = squares_left(told, poses, wrench, squares)
-    best = best_of(_distinct(left, poses, wrench), min(share**2 * now, most_error**2))
+    best = best_of(_distinct(left, poses, wrench), min(MENDED_SHARE**2 * now, most_error**2))
     if not best:
         return None
     after = min(value for value, item in left if item in best)
@@ -315,7 +313,7 @@ def judge_given_model(
         base=decision.problem.base.name,
         base_errors=judged.base_errors,
         is_base=judged.same,
-        scale=_scale(model, judged.table, judged.result) if answer == "numbers" else None,
+        scale=judged.scale if answer == "numbers" else None,
         statement=statement,
         neighbours_alike=judged.result.neighbours_alike,
         reason=judged.reason if answer in ("numbers", "effect") else "",
@@ -330,10 +328,6 @@ class _Judged:
     model: Model
     decision: Decision
     result: Comparison
-
-    @cached_property
-    def table(self) -> Table:
-        return self.decision.prepared.table
 
     @cached_property
     def same(self) -> bool:
@@ -360,7 +354,7 @@ class _Judged:
             None if problem.noise.is_residual else held_out_rms(problem, ()),
             dict(zip(problem.base.outputs, rmse, strict=True)),
             problem.noise,
-            self.table,
+            self.decision.prepared.table,
         )
 
     @cached_property
@@ -368,7 +362,7 @@ class _Judged:
         known = not self.result.noise.is_residual
         rmse = {c.name: c.rmse for c in self.result.components}
         error = self.result.whitened_rms if known else None
-        return _sized(error, rmse, self.result.noise, self.table)
+        return _sized(error, rmse, self.result.noise, self.decision.prepared.table)
 
     @cached_property
     def far(self) -> bool:
@@ -471,7 +465,20 @@ class _Judged:
         # A reading must fit as well as the model on its own rows, or as the base does here.
         own = _OF_ITS_OWN * float(self.model.training.get("over_noise", 0.0))
         most = max(FAR_BEYOND_NOISE, _FAR * (self.base_errors.over_noise or 0.0), own)
-        return reading_of_given_model(self.model, self.table, self.result.noise, most, MENDED_SHARE)
+        table = self.decision.prepared.table
+        return reading_of_given_model(self.model, table, self.result.noise, most)
+
+    @property
+    def scale(self) -> float | None:
+        """The factor on the wrench that explains the misfit; None where none does."""
+        result = self.result
+        measured = self.decision.prepared.table.matrix(self.model.outputs)[result.row]
+        size = np.array([max(c.floor, 1e-300) for c in result.components])
+        y, x = ((h / size).ravel() for h in (measured, measured - result.physical))
+        factor = float(x @ y) / max(float(x @ x), 1e-300)
+        before = float(((y - x) ** 2).sum()) - len(y)
+        after = float(((y - factor * x) ** 2).sum()) - len(y)
+        return factor if before > 0.0 and after < _SCALED * before else None
 
 
 def _remedy(model: Model, problem: Problem, answer: Answer, reason: str) -> Remedy | None:
@@ -562,15 +569,3 @@ def _far_behind(given: Errors, base: Errors) -> bool:
     if given.over_noise is None or base.over_noise is None:
         return False
     return is_far_behind(given.over_noise, base.over_noise)
-
-
-def _scale(model: Model, table: Table, result: Comparison) -> float | None:
-    """Return the factor on the wrench that explains the misfit; None where none does."""
-    measured = table.matrix(model.outputs)[result.row]
-    predicted = measured - result.physical
-    size = np.array([max(c.floor, 1e-300) for c in result.components])
-    y, x = (measured / size).ravel(), (predicted / size).ravel()
-    factor = float(x @ y) / max(float(x @ x), 1e-300)
-    before = float(((y - x) ** 2).sum()) - len(y)
-    after = float(((y - factor * x) ** 2).sum()) - len(y)
-    return factor if before > 0.0 and after < _SCALED * before else None

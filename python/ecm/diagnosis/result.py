@@ -316,44 +316,44 @@ class Diagnosis(Shown):
         }.get(self.noise.source, "")
 
     def _headline(self) -> str:
-        if self.verdict == "none":
+        unknown = self.unknown
+        if unknown is None:
             bounded = math.isfinite(self.upper_bound)
             bound = f"s < {self.upper_bound:.2f}" if bounded else "too few rows to bound s"
-            return f"Nothing is missing that these data could show ({bound})."
+            nothing = f"Nothing is missing that these data could show ({bound})."
+            return f"Missing: {self._names()}; {self._fall()}." if self.answer else nothing
+        if unknown.misread:
+            if self.model.statement is not None:  # said of the model already
+                return "Mend that first: a base that is fitted to these rows takes it in."
+            read = unknown.statement is not None
+            said = f"The table looks misread: {unknown.words}."
+            return said if read else f"Something is stated wrongly: {unknown.words}."
         if self.family is not None:
-            words = f": {self.unknown.words}" if self.unknown and self.unknown.words else ""
+            words = f": {unknown.words}" if unknown.words else ""
             return f"Something is missing that follows {self.family}{words}."
-        if self.verdict == "unknown":
-            nearest = self.unknown.nearest if self.unknown else None
-            near = f"; nearest is {nearest.id} ({nearest.share:.0%})" if nearest else ""
-            words = self.unknown.words if self.unknown else ""
-            if self.unknown is not None and self.unknown.misread:
-                return self._misread(self.unknown)
-            if self.unknown is not None and self.unknown.slow_noise is not None:
-                apart = "a pause, or the same motion again or at another speed, would"
-                return f"What is left is {words}; {apart}."
-            listed = ", ".join(item.id for item in self.effects)
-            already = f" beside {listed}, which is a part of it," if listed else ""
-            return f"Something is missing{already} that no known effect explains: {words}{near}."
-        outside = {one.id: one.what.split(":")[0] for one in self.look_alikes}
+        if unknown.slow_noise is not None:
+            apart = "a pause, or the same motion again or at another speed, would"
+            return f"What is left is {unknown.words}; {apart}."
+        nearest = unknown.nearest
+        near = f"; nearest is {nearest.id} ({nearest.share:.0%})" if nearest else ""
+        listed = ", ".join(item.id for item in self.effects)
+        already = f" beside {listed}, which is a part of it," if listed else ""
+        words = f"{unknown.words}{near}"
+        return f"Something is missing{already} that no known effect explains: {words}."
+
+    def _names(self) -> str:
+        """The causes, with the way of each and what else would get the same single name."""
         directions = self.directions or {}
+        outside = {one.id: f"or {one.what.split(':')[0]}" for one in self.look_alikes}
 
         def name(id: str, single: bool) -> str:
             said = [directions[id]] if id in directions else []
-            said += [f"or {outside[id]}"] if single and id in outside else []
+            said += [outside[id]] if single and id in outside else []
             return f"{id} ({'; '.join(said)})" if said else id
 
-        names = " and ".join(
+        return " and ".join(
             " or ".join(name(id, len(members) == 1) for id in members) for members in self.answer
         )
-        return f"Missing: {names}; {self._fall()}."
-
-    def _misread(self, unknown: Unknown) -> str:
-        if self.model.statement is not None:  # said of the model already
-            return "Mend that first: a base that is fitted to these rows takes it in."
-        read = unknown.statement is not None
-        first = "The table looks misread" if read else "Something is stated wrongly"
-        return f"{first}: {unknown.words}."
 
     def _fall(self) -> str:
         before, after = self.held_out.before, self.held_out.after

@@ -159,7 +159,7 @@ class WrongStatement:
 
 
 def best_readings(
-    base: StiffnessMap, poses: F, wrench: F, length_m: float | None, share: float
+    base: StiffnessMap, poses: F, wrench: F, length_m: float | None
 ) -> list[Convention]:
     """Return the readings of which a base leaves the least, the simplest first.
 
@@ -172,8 +172,6 @@ def best_readings(
     length_m
         Length of the mechanism; None where it is not known, then no origins are searched, and no
         units of the pose are tried.
-    share
-        Largest share of the error that the best may leave; none are returned above it.
     """
     try:
         as_stated = _columns(base, poses)
@@ -190,7 +188,7 @@ def best_readings(
     else:
         moved = moved_points(length_m, poses, wrench, lambda p, h: _rest(_columns(base, p), h))
         listed = [*conventions(length_m), *moved]
-    most = share**2 * float((_rest(as_stated, wrench) ** 2).mean())
+    most = MENDED_SHARE**2 * float((_rest(as_stated, wrench) ** 2).mean())
     return best_of(squares_left(listed, poses, wrench, squares), most)
 
 
@@ -277,7 +275,7 @@ def find_wrong_statement(
     rows = _compared_rows(problem)
     poses, wrench = table.matrix(POSE)[rows], table.wrenches[rows]
     for body in _bodies(base):
-        best = best_readings(body, poses, wrench, length, MENDED_SHARE)
+        best = best_readings(body, poses, wrench, length)
         mended = _error(problem, body, best[0]) if best else None
         if mended is None or mended > MENDED_SHARE * before:
             continue
@@ -319,7 +317,7 @@ def _of_any_elastic_body(problem: Problem, before: float) -> WrongStatement | No
     most = max(FAR_BEYOND_NOISE, _BETTER * before)
     if as_stated is None or as_stated < LEAST_WRONG_ERROR:
         return None
-    best = best_readings(energy(poses, wrench), poses, wrench, None, MENDED_SHARE)
+    best = best_readings(energy(poses, wrench), poses, wrench, None)
     upright = [item for item in best if not _falls(*item.change(poses, wrench))]
     for item in (upright or best)[:1]:
         mended = _error(problem, energy(*item.change(poses, wrench)), item)
@@ -386,8 +384,8 @@ def stated_numbers(problem: Problem, final: JointFit) -> list[str]:
     final
         Fit of the base together with the accepted effects.
     """
-    noise = _repeats(problem) or _quiet(problem)
-    return [words for words in (_elasticity(problem), _length(final), noise) if words]
+    said = (_elasticity(problem), _length(final), _beside_declared(problem))
+    return [words for words in said if words]
 
 
 def _length(final: JointFit) -> str:
@@ -468,51 +466,32 @@ def negative_payload(effects: Sequence[FittedEffect]) -> list[str]:
     return said
 
 
-def _quiet(problem: Problem) -> str:
-    """Return that the declared noise is too large."""
-    factor = problem.scale * (_seen_over_declared(problem) or 1.0)
-    names = (*problem.base.inputs, *problem.base.outputs)
-    declared = declared_noise(problem.table, names).source == "declared"
-    if not declared or factor >= _QUIET or not problem.scale_freedom:
-        return ""
-    dof = problem.scale_freedom
-    if float(special.chdtr(dof, factor * dof)) > _CHANCE:
-        return ""
-    return (
-        f"the noise is {np.sqrt(factor):.2f} times as large as declared, or less: mend the "
-        "figures in [instrument]"
-    )
-
-
-def _seen_over_declared(problem: Problem) -> float | None:
-    """Return the variance of repeats over the declared one; None where one is not known."""
+def _beside_declared(problem: Problem) -> str:
+    """Return that the noise of the repeats, or of what no column explains, is not as declared."""
     names = (*problem.base.inputs, *problem.base.outputs)
     declared = declared_noise(problem.table, names)
-    if problem.noise.source != "repeats" or declared.source != "declared":
-        return None
-    stated, seen = (noise.covariance(problem.rows) for noise in (declared, problem.noise))
-    scored = problem.scored
-    ratio = np.einsum("nii->n", np.linalg.solve(stated[scored], seen[scored])).mean()
-    return float(ratio / stated.shape[1])
-
-
-def _repeats(problem: Problem) -> str:
-    """Return that repeats scatter more or less than the declared noise."""
-    ratio = _seen_over_declared(problem)
-    if ratio is None:
+    if declared.source != "declared":
         return ""
-    cells = repeat_cells(problem.table)[problem.scored]
-    dof = (len(cells) - len(np.unique(cells))) * problem.response.shape[1]
-    chance = min(float(special.chdtr(dof, ratio * dof)), float(special.chdtrc(dof, ratio * dof)))
-    if chance > _CHANCE or _QUIET < ratio < 1.0 / _QUIET:
+    factor, mend = 1.0, "mend the figures in [instrument]"
+    if problem.noise.source == "repeats":
+        stated, seen = (
+            noise.covariance(problem.rows)[problem.scored] for noise in (declared, problem.noise)
+        )
+        share = np.einsum("nii->n", np.linalg.solve(stated, seen)).mean()
+        factor = float(share / stated.shape[1])
+        cells = repeat_cells(problem.table)[problem.scored]
+        dof = (len(cells) - len(np.unique(cells))) * problem.response.shape[1]
+        chance = min(special.chdtr(dof, factor * dof), special.chdtrc(dof, factor * dof))
+        # A drift or a friction scatters repeats too: what columns explain of them is no noise.
+        least = factor * min(1.0, problem.scale)
+        loud = least >= 1.0 / _QUIET and problem.scale >= _QUIET
+        if chance <= _CHANCE and (factor <= _QUIET or loud):
+            times = f"{np.sqrt(factor):.2f} times as large as declared"
+            return f"by the repeats the noise is {times}: {mend}"
+    factor, dof = factor * problem.scale, problem.scale_freedom
+    if not dof or factor >= _QUIET or special.chdtr(dof, factor * dof) > _CHANCE:
         return ""
-    # A drift or a friction scatters repeats too: what columns explain of them is no noise.
-    if ratio > 1.0 and (problem.scale < _QUIET or ratio * min(1.0, problem.scale) < 1.0 / _QUIET):
-        return ""
-    return (
-        f"by the repeats the noise is {np.sqrt(ratio):.2f} times as large as declared: mend the "
-        "figures in [instrument]"
-    )
+    return f"the noise is {np.sqrt(factor):.2f} times as large as declared, or less: {mend}"
 
 
 def modulus_warning(problem: Problem) -> str:
