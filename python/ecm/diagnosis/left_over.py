@@ -17,9 +17,9 @@ import numpy as np
 from scipy import special
 
 from ecm.comparison.residuals import covariates, dependence_variables, factors, features
+from ecm.comparison.structure import LEAST_STRENGTH
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import Bounded, bounded_estimate, delta_chi2, rank
-from ecm.diagnosis.settings import LEAST_STRENGTH
 from ecm.diagnosis.statements import WrongStatement
 from ecm.io.arrays import B, F
 from ecm.io.columns import JOINTS, unit_of

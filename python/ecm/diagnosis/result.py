@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,7 @@ import numpy as np
 from scipy import optimize, special
 
 from ecm.comparison.residuals import confounded_with_order
-from ecm.comparison.structure import run_outliers, signature_shares
+from ecm.comparison.structure import LEAST_STRENGTH, run_outliers, signature_shares
 from ecm.diagnosis.accept import AcceptanceCheck, confusable_pairs
 from ecm.diagnosis.check import NotTestable, never_excited, zero_column_sentences
 from ecm.diagnosis.family import Family
@@ -38,7 +38,6 @@ from ecm.diagnosis.search import (
     refinements,
 )
 from ecm.diagnosis.sections import diagnosis_report
-from ecm.diagnosis.settings import LEAST_STRENGTH
 from ecm.diagnosis.statements import (
     NoiseFinding,
     modulus_warning,
@@ -614,49 +613,55 @@ def _component_errors(
 
 
 def _warnings(problem: Problem, prepared: Prepared, final: JointFit) -> tuple[str, ...]:
+    """What to know of the rows, of what is stated, and of the noise."""
+    strange = modulus_warning(problem)
+    wrong = prepared.misread
+    return (
+        *_of_rows(problem, prepared),
+        *([strange] if strange else ()),
+        *(() if wrong is None else [wrong.sentence()]),
+        *stated_numbers(problem, final),
+        *_of_noise(problem),
+    )
+
+
+def _of_rows(problem: Problem, prepared: Prepared) -> Iterator[str]:
     own = (problem.table, problem.base.inputs, problem.base.outputs)
-    warnings = [run.sentence() for run in run_outliers(*own)]
+    yield from (run.sentence() for run in run_outliers(*own))
     if derived := derived_columns(*own):
-        warnings.append(
-            f"not offered as causes, computed from pose and reading: {', '.join(derived)}"
-        )
+        yield f"not offered as causes, computed from pose and reading: {', '.join(derived)}"
     if together := confounded_with_order(*own):
-        warnings.append(
-            f"{' and '.join(together)} and time cannot be separated: rows come in that order"
-        )
+        yield f"{' and '.join(together)} and time cannot be separated: rows come in that order"
     if silent := never_excited(prepared.table):
-        warnings.append(f"never excited: {', '.join(silent)}: nothing can be said about it")
+        yield f"never excited: {', '.join(silent)}: nothing can be said about it"
     if copies := prepared.copies:
-        warnings.append(f"{copies} rows repeat an earlier row to the last digit: left out")
+        yield f"{copies} rows repeat an earlier row to the last digit: left out"
     if unlike := problem.unlike_rows:
         numbers = shown_ranges(prepared.table.numbers_in_file[unlike].tolist())
-        warnings.append(
+        yield (
             f"{len(unlike)} rows are unlike all others and count less: {numbers}; ecm check says "
             "which are no measurement, and its --leave-out leaves them out"
         )
-    warnings += likely_continuous(prepared.table.full)
+    yield from likely_continuous(prepared.table.full)
     if late := time_unit(problem.table):
-        warnings.append(late)
-    if strange := modulus_warning(problem):
-        warnings.append(strange)
-    if prepared.misread is not None:
-        warnings.append(prepared.misread.sentence())
-    warnings += stated_numbers(problem, final)
+        yield late
+
+
+def _of_noise(problem: Problem) -> Iterator[str]:
     if problem.noise.is_residual:
-        warnings.append(
+        yield (
             "nothing is known of the noise: the spread of the base's own residual weighs the "
             "components; record repeats, or give [instrument] figures"
         )
     elif problem.noise.source == "assumed":
-        warnings.append("the noise is assumed: record repeats, or give [instrument] figures")
+        yield "the noise is assumed: record repeats, or give [instrument] figures"
     if problem.scale > 1.5 and not problem.noise.is_residual:
-        warnings.append(
+        yield (
             f"the noise is {np.sqrt(problem.scale):.2f} times as large as "
             f"{problem.noise.source}: every p allows for it"
         )
-    if problem.base_error > 0.15:
-        warnings.append(
-            f"the base's own error is {problem.base_error:.2f} of the noise, above 0.15: "
-            "names are less sure"
+    if problem.base_error > LEAST_STRENGTH:
+        yield (
+            f"the base's own error is {problem.base_error:.2f} of the noise, above "
+            f"{LEAST_STRENGTH}: names are less sure"
         )
-    return tuple(warnings)

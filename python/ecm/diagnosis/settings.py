@@ -19,8 +19,6 @@ REFUTED_SHARE = 0.15
 REFUTED_BY = 12.0
 """The same as chi²: with the rival true and d² between the two, the excess is normal with mean -d²
 and variance 4 d², beyond 12 in 3 of 10000 runs at most."""
-LEAST_STRENGTH = 0.15
-"""Structure weaker than this, in noise units, is never unknown."""
 
 
 @dataclass(frozen=True)

@@ -257,16 +257,10 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
         family = document["family"]
         yield f"{family['experiment']} ({family['minutes']} min): shows the form"
     for best in document["next_experiment"][:1]:
-        chance = ""
-        if best.get("p_correct") is not None:
-            before, after = best["p_correct_before"], best["p_correct"]
-            chance = f", chance of the right name {before:.2f} -> {after:.2f}"
-        yield f"{best['action']} ({best['minutes']} min{chance})"
-    if "slow_noise" in unknown:
-        yield "a pause, or the same motion again or at another speed"
-    if unknown.get("variables"):
-        alone = ", then ".join(unknown["variables"][:2])
-        yield f"measure again and vary {alone} alone: the residual follows it"
+        known = best.get("p_correct") is not None
+        chance = ", chance of the right name {p_correct_before:.2f} -> {p_correct:.2f}"
+        yield f"{best['action']} ({best['minutes']} min{chance.format(**best) if known else ''})"
+    yield from _of_unknown(unknown)
     for one in document["look_alikes"][:1]:
         yield f"{one['apart']}: tells {one['id']} from {one['what'].split(':')[0]}"
     if unknown or document["verdict"] == "ambiguous":
@@ -278,3 +272,11 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
     if document["noise"]["source"] == "assumed":
         yield "measure some poses twice: the noise is only assumed"
     yield "no experiment is needed"
+
+
+def _of_unknown(unknown: Mapping[str, Any]) -> Iterator[str]:
+    if "slow_noise" in unknown:
+        yield "a pause, or the same motion again or at another speed"
+    if unknown.get("variables"):
+        alone = ", then ".join(unknown["variables"][:2])
+        yield f"measure again and vary {alone} alone: the residual follows it"
