@@ -478,17 +478,6 @@ class Problem:
         return replace(self, candidates=tuple(c for c in self.candidates if c.id != id))
 
     @cached_property
-    def leading(self) -> I:
-        """Columns of each effect's best shape: what they do not explain is noise."""
-        matrix, vector, _ = self.normal.total()
-        left = projected_out(matrix, vector, self.base_index)
-        gains = explained_by_blocks(
-            (matrix, vector), left, [candidate.columns for candidate in self.offered]
-        )
-        best = best_of_each(self.offered, gains.tolist())
-        return np.array([c for _, item in best.values() for c in item.columns], dtype=np.int64)
-
-    @cached_property
     def signs(self) -> F:
         """(K,) 1 where a coefficient may not be negative, -1 where not positive, else 0."""
         signs = np.zeros(self.normal.rows.shape[1])
@@ -548,7 +537,6 @@ def assemble(
     projection = Projection.of(base_block, np.sqrt(weights))
     every += _refined_shapes(rows, whitener, response, every, projection)
     kept, absorbed = _not_absorbed(every, projection, base)
-    untestable |= absorbed
     projected = base_block[:, :, :0]
     if base_block.shape[2] > settings.most_base_columns:
         # Too many columns to carry along: project them out once, for all refits.
@@ -560,21 +548,11 @@ def assemble(
     if free:
         errs = whitener @ error_columns(rows, base)
         base_block = np.concatenate([base_block, errs], axis=2)
-    design = np.concatenate([base_block, *(one.columns for one in kept)], axis=2)
-    norms = np.sqrt(np.einsum("nmk,nmk->k", design, design))
-    norms = np.where(norms > 0.0, norms, 1.0)
-    design /= norms
+    norms = _lengths(base_block)
     precision = np.zeros(len(norms))
-    precision[free : base_block.shape[2]] = 1.0 / norms[free : base_block.shape[2]] ** 2
-    ends = base_block.shape[2] + np.cumsum([one.columns.shape[2] for one in kept], dtype=np.int64)
-    placed = [
-        (one.imitates, Candidate(one.effect, tuple(range(end - one.columns.shape[2], end))))
-        for one, end in zip(kept, ends.tolist(), strict=True)
-    ]
-    # The columns are in the design: a second copy is a large part of the memory.
-    del every, first, kept
-    groups = row_groups(table)
-    problem = Problem(
+    precision[free:] = 1.0 / norms[free:] ** 2
+    groups, design = row_groups(table), base_block / norms
+    bare = Problem(
         table=table,
         base=base,
         rows=rows,
@@ -587,23 +565,59 @@ def assemble(
         response=response,
         design=design,
         norms=norms,
-        n_base=base_block.shape[2],
+        n_base=len(norms),
         projected_base=projected,
-        candidates=tuple(candidate for imitates, candidate in placed if not imitates),
-        imitators=tuple(candidate for imitates, candidate in placed if imitates),
-        untestable=untestable,
+        candidates=(),
+        imitators=(),
+        untestable=untestable | absorbed,
         normal=NormalEquations.of(design, response, groups, weights, precision),
         scale=1.0,
         scale_freedom=0,
         base_error=_base_error(base, rows, whitener),
         settings=settings,
     )
-    return _scaled(problem)
+    imitates = [one.imitates for one in kept]
+    problem, placed = with_shapes(bare, kept)
+    # The columns are in the design: a second copy is a large part of the memory.
+    del every, first, kept, bare
+    pairs = list(zip(placed, imitates, strict=True))
+    offered = {alike: tuple(c for c, own in pairs if own == alike) for alike in (False, True)}
+    return _scaled(replace(problem, candidates=offered[False], imitators=offered[True]))
+
+
+def with_shapes(
+    problem: Problem, shapes: Sequence[ScoreColumns]
+) -> tuple[Problem, list[Candidate]]:
+    """Return the problem with the columns of more shapes in its design, and their places there."""
+    at = problem.design.shape[2]
+    design = np.concatenate([problem.design, *(one.columns for one in shapes)], axis=2)
+    norms = _lengths(design[:, :, at:])
+    design[:, :, at:] /= norms
+    ends = at + np.cumsum([one.columns.shape[2] for one in shapes], dtype=np.int64)
+    precision = np.pad(problem.normal.precision, (0, len(norms)))
+    wider = replace(
+        problem,
+        design=design,
+        norms=np.concatenate([problem.norms, norms]),
+        normal=NormalEquations.of(
+            design, problem.response, problem.groups, problem.weights, precision
+        ),
+    )
+    return wider, [
+        Candidate(one.effect, tuple(range(end - one.columns.shape[2], end)))
+        for one, end in zip(shapes, ends.tolist(), strict=True)
+    ]
+
+
+def _lengths(columns: F) -> F:
+    """(k,) lengths of columns (N, m, k); 1 where a column is zero."""
+    norms = np.sqrt(np.einsum("nmk,nmk->k", columns, columns))
+    return np.where(norms > 0.0, norms, 1.0)
 
 
 def _scaled(problem: Problem) -> Problem:
     """Return the problem with the variance that neither effects nor smooth functions explain."""
-    known = _significant(problem)
+    known = significant_block(problem)
     smooth = omnibus_columns(problem, problem.size // (3 * problem.response.shape[1]))
     variance, freedom = noise_variance(
         problem.response, problem.weights, known, smooth, problem.settings.level
@@ -623,7 +637,7 @@ def _least_scale(problem: Problem) -> float:
     return _OF_A_GOOD_RIG if assumed else _OF_STATED_NOISE
 
 
-def _significant(problem: Problem) -> F:
+def significant_block(problem: Problem) -> F:
     """Return the (N, m, k) whitened columns of the base and of the significant effects."""
     matrix, vector, _ = problem.normal.total()
     taken = significant_columns(
@@ -644,7 +658,7 @@ def noise_by_rest(problem: Problem) -> Noise:
         return noise
     smooth = omnibus_columns(problem, problem.size // (6 * problem.response.shape[1]))
     take = some_rows(len(problem.table))
-    parts = (problem.projected_base, _significant(problem), smooth)
+    parts = (problem.projected_base, significant_block(problem), smooth)
     columns = np.concatenate([part[take] for part in parts], axis=2)
     in_units = np.linalg.solve(problem.whitener[take], columns)
     return weighed_by_rest(problem.rows, problem.fit.residual, in_units, noise)
@@ -652,25 +666,9 @@ def noise_by_rest(problem: Problem) -> Noise:
 
 def with_more(problem: Problem, effects: Sequence[Effect]) -> tuple[Problem, list[Candidate]]:
     """Return the problem with the columns of more effects appended, and their candidates."""
-    blocks = [score_columns(problem.rows, problem.whitener, effect) for effect in effects]
-    norms = [np.sqrt((block**2).sum(axis=(0, 1))) for block in blocks]
-    at = problem.design.shape[2]
-    candidates = []
-    for effect, block in zip(effects, blocks, strict=True):
-        candidates.append(Candidate(effect, tuple(range(at, at + block.shape[2]))))
-        at += block.shape[2]
-    scaled = [block / np.where(n > 0.0, n, 1.0) for block, n in zip(blocks, norms, strict=True)]
-    design = np.concatenate([problem.design, *scaled], axis=2)
-    precision = np.pad(problem.normal.precision, (0, at - len(problem.norms)))
-    wider = replace(
-        problem,
-        design=design,
-        norms=np.concatenate([problem.norms, *norms]),
-        normal=NormalEquations.of(
-            design, problem.response, problem.groups, problem.weights, precision
-        ),
-    )
-    return wider, candidates
+    rows, whitener = problem.rows, problem.whitener
+    shapes = [ScoreColumns(effect, score_columns(rows, whitener, effect)) for effect in effects]
+    return with_shapes(problem, shapes)
 
 
 def omnibus_columns(problem: Problem, most: int = 90) -> F:

@@ -23,7 +23,7 @@ from scipy import special
 from scipy.optimize import least_squares
 
 from ecm._native import EnergyModel
-from ecm.diagnosis.problem import Candidate, Problem, omnibus_columns
+from ecm.diagnosis.problem import Candidate, Problem, omnibus_columns, significant_block
 from ecm.effects import Effect
 from ecm.effects.noise import NoiseEffect
 from ecm.errors import EcmError, ModelError
@@ -600,9 +600,8 @@ def _residual(problem: Problem, use: B) -> tuple[F, F]:
     """Return (n, m) the residual that nothing explains, and (n, m, m) what the fit leaves of it."""
     n, m = problem.response.shape
     smooth = omnibus_columns(problem, max(1, n // 6))
-    known = [problem.base_block, problem.design[:, :, problem.leading]]
-    columns = np.concatenate([block[use] for block in (*known, smooth)], axis=2)
-    del known, smooth
+    known = (significant_block(problem), smooth)
+    columns = np.concatenate([block[use] for block in known], axis=2)
     basis = orthonormal(columns.reshape(-1, columns.shape[2]))
     y = problem.response[use].ravel()
     residual = (y - basis @ (basis.T @ y)).reshape(-1, m)
