@@ -132,16 +132,11 @@ def _distinct(
     left: Sequence[tuple[float, Convention]], poses: F, wrench: F
 ) -> list[tuple[float, Convention]]:
     """Return the readings without those that say the same of these columns as an earlier one."""
-    kept: list[tuple[float, Convention]] = []
+    kept: dict[bytes, tuple[float, Convention]] = {}
     for value, item in left:
-        own = item.change(poses, wrench)
-        if not any(
-            abs(value - other) <= 1e-8 + 1e-9 * abs(other)
-            and all(np.allclose(a, b) for a, b in zip(own, one.change(poses, wrench), strict=True))
-            for other, one in kept
-        ):
-            kept.append((value, item))
-    return kept
+        read = np.round(np.hstack(item.change(poses, wrench)), 9) + 0.0  # no negative zeros
+        kept.setdefault(read.tobytes(), (value, item))
+    return list(kept.values())
 
 
 Answer = Literal["fits", "numbers", "form", "effect", "table", "noise"]
@@ -349,20 +344,36 @@ class _Judged:
     @cached_property
     def base_errors(self) -> Errors:
         problem = self.decision.problem
-        rmse = problem.rms(problem.fit.residual).tolist()
-        return _sized(
-            None if problem.noise.is_residual else held_out_rms(problem, ()),
-            dict(zip(problem.base.outputs, rmse, strict=True)),
-            problem.noise,
-            self.decision.prepared.table,
-        )
+        error = held_out_rms(problem, ())
+        return self._sized(error, problem.rms(problem.fit.residual), problem.base, problem.noise)
 
     @cached_property
     def as_given(self) -> Errors:
-        known = not self.result.noise.is_residual
-        rmse = {c.name: c.rmse for c in self.result.components}
-        error = self.result.whitened_rms if known else None
-        return _sized(error, rmse, self.result.noise, self.decision.prepared.table)
+        rmse = np.array([c.rmse for c in self.result.components])
+        return self._sized(self.result.whitened_rms, rmse, self.model, self.result.noise)
+
+    def errors_of(self, fit: JointFit | None) -> Errors | None:
+        """Return the errors of a fit, each coefficient counted as a degree of freedom."""
+        if fit is None:
+            return None
+        scored = fit.rows.table.of_poses
+        whitened, residual = fit.whitened[scored], fit.residual[scored]
+        error = np.sqrt((whitened**2).sum() / max(1, whitened.size - fit.design.shape[2]))
+        rmse = np.sqrt((residual**2).mean(axis=0))
+        return self._sized(float(error), rmse, fit.base, self.result.noise)
+
+    def _sized(
+        self, over_noise: float, rmse: F, model: Model | StiffnessMap, noise: Noise
+    ) -> Errors:
+        """Return errors, over the spread of each column where nothing tells the noise."""
+        known = None if noise.is_residual else over_noise
+        errors = dict(zip(model.outputs, rmse.tolist(), strict=True))
+        if not noise.is_assumed:
+            return Errors(known, errors)
+        measured = self.decision.prepared.table.measured()
+        spread = {name: float(measured.column(name).std()) for name in errors}
+        shares = [error / spread[name] for name, error in errors.items() if spread[name] > 0.0]
+        return Errors(known, errors, max(shares, default=None))
 
     @cached_property
     def far(self) -> bool:
@@ -401,9 +412,6 @@ class _Judged:
     def missing(self) -> bool:
         return self.shows_more or self.needed
 
-    def errors_of(self, fit: JointFit | None) -> Errors | None:
-        return None if fit is None else _errors(fit, self.result.noise)
-
     @cached_property
     def refitted(self) -> Errors | None:
         return self.base_errors if self.same else self.errors_of(self.refits[0])
@@ -418,7 +426,13 @@ class _Judged:
             return not (self.decision.gate.rejected or self.behind)
         if self.refits[0] is None or self.needed or self.behind:
             return False
-        return not (self.missing and _holds_structure(self.refits[0], self.result.noise))
+        return not (self.missing and self._holds_structure(self.refits[0]))
+
+    def _holds_structure(self, fit: JointFit) -> bool:
+        """Whether the residual of a fit holds more than chance."""
+        whitener = whiteners(self.result.noise.covariance(fit.rows, fit.base.error))
+        scored = fit.rows.table.of_poses
+        return structure_test(fit.rows, fit.whitened, whitener, scored, fitted=fit.design).found
 
     @cached_property
     def too_plain(self) -> bool:
@@ -523,30 +537,6 @@ def _fit_or_none(
         return None
 
 
-def _errors(fit: JointFit, noise: Noise) -> Errors:
-    """Return the errors of a fit, each coefficient counted as a degree of freedom."""
-    scored = fit.rows.table.of_poses
-    whitened, residual = fit.whitened[scored], fit.residual[scored]
-    dof = max(1, whitened.size - fit.design.shape[2])
-    rms = np.sqrt((residual**2).mean(axis=0))
-    return _sized(
-        None if noise.is_residual else float(np.sqrt((whitened**2).sum() / dof)),
-        dict(zip(fit.base.outputs, rms.tolist(), strict=True)),
-        noise,
-        fit.rows.table,
-    )
-
-
-def _sized(over_noise: float | None, rmse: dict[str, float], noise: Noise, table: Table) -> Errors:
-    """Return errors, over the spread of each column where nothing tells the noise."""
-    if not noise.is_assumed:
-        return Errors(over_noise, rmse)
-    measured = table.measured()
-    spread = {name: float(measured.column(name).std()) for name in rmse}
-    shares = [error / spread[name] for name, error in rmse.items() if spread[name] > 0.0]
-    return Errors(over_noise, rmse, max(shares, default=None))
-
-
 def _bic_fall(without: JointFit, with_effects: JointFit) -> float:
     """Return the fall of BIC by the effects of the second fit, whatever the size of the noise."""
     scored = without.rows.table.of_poses
@@ -555,13 +545,6 @@ def _bic_fall(without: JointFit, with_effects: JointFit) -> float:
     more = with_effects.design.shape[2] - without.design.shape[2]
     fall = math.log(max(before, 1e-300) / max(after, 1e-300))
     return float(size * fall - more * math.log(size))
-
-
-def _holds_structure(fit: JointFit, noise: Noise) -> bool:
-    """Whether the residual of a fit holds more than chance."""
-    whitener = whiteners(noise.covariance(fit.rows, fit.base.error))
-    scored = fit.rows.table.of_poses
-    return structure_test(fit.rows, fit.whitened, whitener, scored, fitted=fit.design).found
 
 
 def _far_behind(given: Errors, base: Errors) -> bool:
