@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ from ecm.diagnosis.accept import confusable_pairs, confusion_class, squares_left
 from ecm.diagnosis.problem import Candidate, Problem, assemble, score_columns
 from ecm.diagnosis.search import delta_chi2, estimate
 from ecm.diagnosis.settings import FORM_SHARE, REFUTED_BY, REFUTED_SHARE
+from ecm.diagnosis.summary import to_json
 from ecm.effects import Effect, Rows, all_effects
 from ecm.effects.experiments import SEPARATOR, Experiment, get_experiment
 from ecm.effects.registry import with_shape
@@ -40,14 +41,10 @@ from ecm.io.columns import POSE, TEXT, WRENCH
 from ecm.io.table import Table
 from ecm.models.joint_fit import base_columns, error_columns
 from ecm.regression.noise import Noise, whiteners
-from ecm.regression.normal_equations import solve
+from ecm.regression.normal_equations import projected_out, solve
 from ecm.rig.plan import OFFSET, UNLOADED, requests
 from ecm.rig.settings import RigSettings
 from ecm.rig.timeline import Climate, timeline_of
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 POWER = 0.9
 """Chance with which an effect of the limit's size is named."""
@@ -86,15 +83,9 @@ class Identifiability:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON."""
-        if self.reason:
-            return {"id": self.id, "reason": self.reason, "record": self.record}
-        return {
-            "id": self.id,
-            "parameter": self.parameter,
-            "size": self.size,
-            "unit": self.unit,
-            "rivals": list(self.rivals),
-        }
+        seen = ("id", "parameter", "size", "unit", "rivals")
+        names = ("id", "reason", "record") if self.reason else seen
+        return {name: to_json(getattr(self, name)) for name in names}
 
 
 def predicted_table(plan: Table, base: NominalModel, rig: RigSettings | None = None) -> Table:
@@ -105,23 +96,21 @@ def predicted_table(plan: Table, base: NominalModel, rig: RigSettings | None = N
         raise InputError(f"{plan.source}: [mechanism] length_m is not known; add it to the TOML")
     timeline = timeline_of(requests(plan, settings.rig, length), settings.rig, length)
     visits = [visit for visit in timeline.visits if visit.kind != OFFSET]
-    poses = np.stack([visit.pose for visit in visits])
-    free = np.array([visit.kind == UNLOADED for visit in visits])
+
+    def of(name: str, kind: type = float) -> NDArray[Any]:
+        return np.array([getattr(visit, name) for visit in visits], dtype=kind)
+
+    poses, time = of("pose"), of("time_s")
+    free = of("kind", object) == UNLOADED
     wrenches = np.where(free[:, None], 0.0, base.base.predict(poses))
-    hung_kg = np.array([visit.dead_weight_kg for visit in visits])
-    wrenches[:, :3] -= hung_kg[:, None] * np.asarray(base.meta.scene.gravity_m_s2)
-    time = np.array([visit.time_s for visit in visits])
+    gravity = np.asarray(base.meta.scene.gravity_m_s2)
+    wrenches[:, :3] -= of("dead_weight_kg")[:, None] * gravity
     climate = Climate.build(settings, 0, timeline.end_s, timeline.heating)
     columns: dict[str, Any] = dict(zip(POSE, poses.T.copy(), strict=True))
     columns |= dict(zip(base.base.outputs, wrenches.T.copy(), strict=True))
+    columns |= {name: of(name) for name in ("pose_id", "run", "repeat", "time_s", "dwell_s")}
+    columns |= {name: of(name, object) for name in ("approach", "kind")}
     columns |= {
-        "pose_id": np.array([visit.pose_id for visit in visits], dtype=np.float64),
-        "run": np.array([visit.run for visit in visits], dtype=np.float64),
-        "repeat": np.array([visit.repeat for visit in visits], dtype=np.float64),
-        "time_s": time,
-        "dwell_s": np.array([visit.dwell_s for visit in visits]),
-        "approach": np.array([visit.approach for visit in visits], dtype=object),
-        "kind": np.array([visit.kind for visit in visits], dtype=object),
         "temperature_degC": np.interp(time, climate.time_s, climate.probe_degC),
         "sensor_temperature_degC": np.interp(time, climate.time_s, climate.sensor_degC),
     }
@@ -166,18 +155,15 @@ def identifiability(
     # There is no residual here; the noise is the declared one.
     problem = replace(problem, scale=1.0)
     limits = detection_limits(problem)
-    rivals: dict[str, list[str]] = {}
-    for first, second in confusable_pairs(problem):
-        rivals.setdefault(first, []).append(second)
-        rivals.setdefault(second, []).append(first)
+    pairs = confusable_pairs(problem)
     results = []
     for effect in effects:
-        missing = problem.untestable.get(effect.id)
         if effect.id in limits:
-            known, alike = vars(limits[effect.id]), tuple(rivals.get(effect.id, ()))
-            results.append(Identifiability(effect.id, **known, rivals=alike))
+            alike = tuple(b if a == effect.id else a for a, b in pairs if effect.id in (a, b))
+            results.append(Identifiability(effect.id, **vars(limits[effect.id]), rivals=alike))
             continue
         reason, record = "the base absorbs it", "[mechanism]"
+        missing = problem.untestable.get(effect.id)
         if missing is not None:
             reason, record = missing.reason, missing.record
         elif effect.kind == "noise":
@@ -197,20 +183,21 @@ class DetectionLimit:
 
 def detection_limits(problem: Problem) -> dict[str, DetectionLimit]:
     """Return the limit of each testable effect, by its best visible parameter."""
-    matrix = problem.equations[0]
+    left, _ = projected_out(*problem.equations, problem.base_index)
+    information = np.diag(left)
     limits: dict[str, DetectionLimit] = {}
     for candidate in problem.candidates:
-        if candidate.id in limits:
-            continue
-        needed = _noncentrality(problem, candidate.parameters)
-        sizes = []
-        for column, parameter in zip(candidate.columns, candidate.effect.parameters, strict=True):
-            information = squares_left_after(matrix, [column], np.ones(1), problem.base_index)
-            if information > 0.0:
-                size = float(np.sqrt(needed / information) / problem.norms[column])
-                sizes.append((size / parameter.scale, size, parameter))
-        if sizes:
-            _, size, parameter = min(sizes, key=lambda item: item[0])
+        seen = [
+            (float(np.sqrt(1.0 / information[column]) / problem.norms[column]), parameter)
+            for column, parameter in zip(
+                candidate.columns, candidate.effect.parameters, strict=True
+            )
+            if information[column] > 0.0
+        ]
+        if seen and candidate.id not in limits:
+            needed = np.sqrt(_noncentrality(problem, candidate.parameters))
+            least, parameter = min(seen, key=lambda item: item[0] / item[1].scale)
+            size = float(needed) * least
             limits[candidate.id] = DetectionLimit(parameter.name, size, parameter.unit)
     return limits
 
@@ -276,7 +263,7 @@ class ConfusionClass:
         """
         shapes: dict[str, list[Candidate]] = {}
         for id in members:
-            own = [c for c in (*problem.candidates, *problem.imitators) if c.id == id]
+            own = [c for c in problem.offered if c.id == id]
             own.sort(key=lambda c: -delta_chi2(problem, (*others, c)))
             if own:
                 shapes[id] = [form for one in own[:_SHAPES_COMPARED] for form in _joined_forms(one)]
@@ -293,7 +280,7 @@ class ConfusionClass:
         item, settings = self.shapes[truth][0], self.problem.settings
         own = self._values(item)
         equations = self.problem.equations[0]
-        fixed = (*self.problem.base_index, *(c for o in self.others for c in o.columns))
+        fixed = self.problem.columns_of(self.others)
         total = squares_left_after(equations, item.columns, own, fixed)
         between = min(
             squares_left_after(equations, item.columns, own, (*fixed, *shape.columns))
