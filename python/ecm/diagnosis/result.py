@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy import optimize, special
+from scipy import special
 
 from ecm.comparison.residuals import confounded_with_order
 from ecm.comparison.structure import LEAST_STRENGTH, run_outliers, signature_shares
@@ -501,24 +501,17 @@ def upper_bound(test: FTest, size: int) -> float:
     if not np.isfinite(test.F) or test.dof_error <= 2.0:
         return float("inf")
     squares = max(test.F, test.dof_error / (test.dof_error - 2.0)) * test.dof
-
-    def chance(value: float) -> float:
-        # Not a number far out, where the chance is 0.
-        return float(np.nan_to_num(special.chndtr(squares, test.dof, value)))
-
-    bound = optimize.brentq(lambda value: chance(value) - 0.05, 0.0, 4.0 * squares + 200.0)
-    return float(np.sqrt(bound / size))
+    return float(np.sqrt(special.chndtrinc(squares, test.dof, 0.05) / size))
 
 
 def _rows_used(problem: Problem, alike: bool) -> RowsUsed | None:
     """Return how many rows of a large table were used, and why they are enough."""
     if problem.table.sampled_from is None:
         return None
-    seen, trusted = least_strength_seen(problem), LEAST_STRENGTH
     enough = (
-        f"they name an effect of {seen:.2g} times the noise of a row with chance "
-        f"{POWER:g}; from {trusted:g} structure counts as more than the base's "
-        "own error"
+        f"they name an effect of {least_strength_seen(problem):.2g} times the noise of a row with "
+        f"chance {POWER:g}; from {LEAST_STRENGTH:g} structure counts as more than the base's own "
+        "error"
     )
     how = "as many as tell more, since neighbours err alike; " * alike + HOW
     return RowsUsed(len(problem.table.sampled_from), len(problem.table), how, enough)
