@@ -37,7 +37,6 @@ from ecm.diagnosis.search import (
     kind_of,
     refinements,
 )
-from ecm.diagnosis.sections import diagnosis_report
 from ecm.diagnosis.statements import (
     NoiseFinding,
     modulus_warning,
@@ -45,7 +44,14 @@ from ecm.diagnosis.statements import (
     stated_numbers,
     tested_noise,
 )
-from ecm.diagnosis.summary import Summary, directions, fields_json, path_taken, to_json
+from ecm.diagnosis.summary import (
+    Summary,
+    diagnosis_report,
+    directions,
+    fields_json,
+    path_taken,
+    to_json,
+)
 from ecm.diagnosis.verdict import Decision, Headline, probability
 from ecm.effects import Effect
 from ecm.errors import EcmError, Remedy, remedy_of
