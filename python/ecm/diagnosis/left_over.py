@@ -19,7 +19,7 @@ from scipy import special
 from ecm.comparison.residuals import covariates, dependence_variables, factors, features
 from ecm.comparison.structure import LEAST_STRENGTH
 from ecm.diagnosis.problem import Candidate, Problem
-from ecm.diagnosis.search import Bounded, bounded_estimate, delta_chi2, rank
+from ecm.diagnosis.search import Estimate, bounded_estimate, delta_chi2, rank
 from ecm.diagnosis.statements import WrongStatement
 from ecm.io.arrays import B, F
 from ecm.io.columns import JOINTS, unit_of
@@ -145,7 +145,7 @@ def residual_after(problem: Problem, effects: Sequence[Candidate]) -> F:
     return np.asarray(response - fitted @ theta)
 
 
-def _at_bounds(problem: Problem, fit: Bounded) -> tuple[F, F]:
+def _at_bounds(problem: Problem, fit: Estimate) -> tuple[F, F]:
     """Return the response without the parameters at a bound, and the columns of the others.
 
     A parameter that would explain more beyond its bound stays at the bound: what it would explain

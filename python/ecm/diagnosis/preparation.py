@@ -197,4 +197,4 @@ def preview_effects(
 def _fitted(problem: Problem, chosen: Sequence[Candidate]) -> F:
     """Return (N, m) whitened what base and chosen effects follow of the residual."""
     fit = estimate(problem, chosen)
-    return np.asarray(problem.design[:, :, list(fit.columns)] @ fit.theta)
+    return np.asarray(problem.design[:, :, fit.columns] @ fit.theta)

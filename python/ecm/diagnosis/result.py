@@ -539,8 +539,7 @@ def _ranked(problem: Problem, item: Ranked) -> RankedEffect:
     candidate = item.candidate
     fit = estimate(problem, [candidate])
     theta = fit.of(candidate)
-    at = [fit.columns.index(c) for c in candidate.columns]
-    sd = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))[at]
+    sd = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))[fit.places(candidate)]
     best = int(np.argmax(np.abs(theta) / sd))
     parameter, norm = candidate.effect.parameters[best], problem.norms[candidate.columns[best]]
     n = problem.size

@@ -56,34 +56,51 @@ class Estimate:
 
     theta: F
     """(k,) of the scaled columns: base, then chosen."""
-    columns: tuple[int, ...]
+    columns: I
     """(k,) their places in the design."""
     matrix: F
     """(k, k) information."""
+    vector: F
+    """(k,) right-hand side."""
+    at_bound: B
+    """(k,) which of them are at a bound that counts."""
+    lost: float = 0.0
+    """Squares that they would explain in addition without bounds, over the noise scale."""
+
+    @property
+    def explained(self) -> float:
+        """Sum of squares that the coefficients explain, over the noise scale."""
+        squares = float(self.theta @ self.matrix @ self.theta)
+        return 2.0 * float(self.theta @ self.vector) - squares
 
     @cached_property
     def covariance(self) -> F:
         """(k, k)."""
         return np.asarray(np.linalg.pinv(self.matrix, hermitian=True))
 
+    def places(self, item: Candidate) -> list[int]:
+        """Return where the coefficients of one effect are."""
+        columns = self.columns.tolist()
+        return [columns.index(c) for c in item.columns]
+
     def of(self, item: Candidate) -> F:
         """Return the coefficients of one effect."""
-        return self.theta[[self.columns.index(c) for c in item.columns]]
+        return self.theta[self.places(item)]
 
 
 def estimate(problem: Problem, chosen: Sequence[Candidate]) -> Estimate:
     """Fit base and chosen effects."""
-    columns = problem.columns_of(chosen)
-    take = np.asarray(columns, dtype=np.int64)
+    columns = np.asarray(problem.columns_of(chosen), dtype=np.int64)
     matrix, vector = problem.equations
-    matrix = matrix[np.ix_(take, take)]
-    return Estimate(solve(matrix, vector[take]), columns, matrix)
+    matrix, vector = matrix[np.ix_(columns, columns)], vector[columns]
+    free = np.zeros(len(columns), dtype=np.bool_)
+    return Estimate(solve(matrix, vector), columns, matrix, vector, free)
 
 
 def squares_by_row(problem: Problem, chosen: Sequence[Candidate]) -> F:
     """Return (N,) weighted squares that base and chosen effects leave of each row."""
     fit = estimate(problem, chosen)
-    left = problem.response - problem.design[:, :, list(fit.columns)] @ fit.theta
+    left = problem.response - problem.design[:, :, fit.columns] @ fit.theta
     return np.asarray(problem.weights * (left**2).sum(axis=1))
 
 
@@ -299,23 +316,9 @@ def explains_more_than_its_plain_form(
 _SLACK = 1e-9
 
 
-@dataclass(frozen=True)
-class Bounded:
-    """Scaled coefficients of base and chosen effects."""
-
-    theta: F
-    columns: I
-    """Place in the design of each coefficient."""
-    at_bound: B
-    explained: float
-    """Sum of squares that the coefficients explain, over the noise scale."""
-    lost: float
-    """What they would explain in addition without bounds."""
-
-
 def bounded_estimate(
     problem: Problem, chosen: Sequence[Candidate], bounded: Sequence[Candidate]
-) -> Bounded:
+) -> Estimate:
     """Fit base and chosen effects, the parameters of some of them within their bounds.
 
     Parameters
@@ -324,28 +327,20 @@ def bounded_estimate(
         The chosen effects whose bounds count.
     """
     fit = estimate(problem, chosen)
-    theta, columns, matrix = fit.theta, fit.columns, fit.matrix
-    place = {column: i for i, column in enumerate(columns)}
-    lower, upper = np.full(len(columns), -np.inf), np.full(len(columns), np.inf)
+    k = len(fit.theta)
+    lower, upper = np.full(k, -np.inf), np.full(k, np.inf)
     for item in bounded:
-        for column, parameter in zip(item.columns, item.effect.parameters, strict=True):
-            lower[place[column]] = parameter.lower * problem.norms[column]
-            upper[place[column]] = parameter.upper * problem.norms[column]
-    take = np.asarray(columns, dtype=np.int64)
-    vector = problem.equations[1][take]
-    free = 2.0 * float(theta @ vector) - float(theta @ matrix @ theta)
-    if np.all((theta >= lower) & (theta <= upper)):
-        return Bounded(theta, take, np.zeros(len(take), dtype=np.bool_), free, 0.0)
-    root = np.linalg.cholesky(matrix + 1e-9 * np.trace(matrix) / len(take) * np.eye(len(take)))
-    values = lsq_linear(
-        root.T,
-        np.linalg.solve(root, vector),
-        bounds=(lower - _SLACK, upper + _SLACK),
-        method="bvls",
-    ).x
-    at_bound = (values <= lower + _SLACK) | (values >= upper - _SLACK)
-    explained = 2.0 * float(values @ vector) - float(values @ matrix @ values)
-    return Bounded(values, take, at_bound, explained, max(0.0, free - explained))
+        norms = problem.norms[list(item.columns)]
+        lower[fit.places(item)] = norms * [one.lower for one in item.effect.parameters]
+        upper[fit.places(item)] = norms * [one.upper for one in item.effect.parameters]
+    if np.all((fit.theta >= lower) & (fit.theta <= upper)):
+        return fit
+    root = np.linalg.cholesky(fit.matrix + 1e-9 * np.trace(fit.matrix) / k * np.eye(k))
+    limits, y = (lower - _SLACK, upper + _SLACK), np.linalg.solve(root, fit.vector)
+    theta = lsq_linear(root.T, y, bounds=limits, method="bvls").x
+    at_bound = (theta <= lower + _SLACK) | (theta >= upper - _SLACK)
+    inside = replace(fit, theta=theta, at_bound=at_bound)
+    return replace(inside, lost=max(0.0, fit.explained - inside.explained))
 
 
 def held_out_delta(problem: Problem, others: Sequence[Candidate], item: Candidate) -> float:
