@@ -19,7 +19,7 @@ from scipy import special
 from ecm.comparison.residuals import covariates, dependence_variables, factors, features
 from ecm.comparison.structure import LEAST_STRENGTH
 from ecm.diagnosis.problem import Candidate, Problem
-from ecm.diagnosis.search import Estimate, bounded_estimate, delta_chi2, rank
+from ecm.diagnosis.search import Estimate, best_shapes, bounded_estimate, delta_chi2
 from ecm.diagnosis.statements import WrongStatement
 from ecm.io.arrays import B, F
 from ecm.io.columns import JOINTS, unit_of
@@ -139,9 +139,7 @@ def leftover(problem: Problem, gate: Gate, effects: Sequence[Candidate]) -> Left
 def residual_after(problem: Problem, effects: Sequence[Candidate]) -> F:
     """Return the (N, m) whitened residual after base and effects."""
     response, fitted = _at_bounds(problem, bounded_estimate(problem, effects, effects))
-    root = np.sqrt(problem.weights)
-    flat = (fitted * root[:, None, None]).reshape(problem.response.size, -1)
-    theta = np.linalg.lstsq(flat, (response * root[:, None]).ravel(), rcond=1e-10)[0]
+    theta = np.linalg.lstsq(problem.flat(fitted), problem.flat(response), rcond=1e-10)[0]
     return np.asarray(response - fitted @ theta)
 
 
@@ -467,7 +465,7 @@ def describe_residual(
     known = (*problem.rows.base.inputs, *covariates(problem.rows))
     products = [(factors(feature, known), component) for feature, component, _ in listed]
     variables = [part for parts, _ in products for part in parts]
-    best = max(rank(problem, chosen), key=lambda item: item.drop, default=None)
+    best = max(best_shapes(problem, chosen), key=lambda item: item.drop, default=None)
     nearest: Nearest | None = None
     if best is not None:
         share = best.drop / total if total > 0.0 else 0.0
@@ -498,16 +496,14 @@ def draft_of(problem: Problem, column: str, history: Mapping[str, tuple[str, F]]
     forms = [(factors(name, known), values[:, j]) for j, name in enumerate(names)]
     forms = [form for form in forms if column in form[0]]
     forms += [((name,), own) for name, (_, own) in history.items()]
-    root = np.sqrt(problem.weights)[:, None]
-    base = orthonormal((problem.base_block * root[:, :, None]).reshape(problem.response.size, -1))
-    y = (problem.response * root).ravel()
+    base, y = orthonormal(problem.flat(problem.base_block)), problem.flat(problem.response)
     y = y - base @ (base.T @ y)
     best: tuple[float, tuple[tuple[str, ...], str]] = (-1.0, ((), outputs[0]))
     changes = np.stack([own for _, own in forms], axis=1)[:, None]
     load = np.einsum("nij,nj->ni", problem.whitener, rows.wrench)
     along = {name: problem.whitener[:, :, c] for c, name in enumerate(outputs)} | {_WHOLE: load}
     for output, direction in along.items():
-        columns = ((direction * root)[:, :, None] * changes).reshape(y.size, -1)
+        columns = problem.flat(direction[:, :, None] * changes)
         left, size = columns - base @ (base.T @ columns), (columns**2).sum(axis=0)
         gains = (left.T @ y) ** 2 / ((left**2).sum(axis=0) + 1e-9 * size + 1e-300)
         top = int(np.argmax(gains))
@@ -518,10 +514,9 @@ def draft_of(problem: Problem, column: str, history: Mapping[str, tuple[str, F]]
 def _terms(problem: Problem, left: F, values: F) -> list[tuple[int, int, float]]:
     """Return (feature, component, size in the component's unit) of the terms that explain most."""
     n, m = left.shape
-    root = np.sqrt(problem.weights)
-    y = (left * root[:, None]).ravel()
-    weighted = problem.whitener * root[:, None, None]
-    columns = np.einsum("nmc,nq->nmqc", weighted, values).reshape(n * m, -1)
+    y = problem.flat(left)
+    columns = np.einsum("nmc,nq->nmqc", problem.whitener, values).reshape(n, m, -1)
+    columns = problem.flat(columns)
     total = float(y @ y)
     sizes = np.sqrt((columns**2).sum(axis=0))
     usable = sizes > 1e-9 * sizes.max(initial=0.0)

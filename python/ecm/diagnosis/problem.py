@@ -458,6 +458,11 @@ class Problem:
         """Weighted squares of whitened (N, m) numbers."""
         return float((whitened**2).sum(axis=1) @ self.weights)
 
+    def flat(self, columns: F) -> F:
+        """(N m, k) of whitened columns (N, m, k), or (N m,) of (N, m): each row by its weight."""
+        root = np.sqrt(self.weights).reshape(-1, *[1] * (columns.ndim - 1))
+        return np.asarray((columns * root).reshape(self.response.size, *columns.shape[2:]))
+
     def in_units(self, whitened: F) -> F:
         """Return whitened (N, m) numbers in the units of their columns."""
         return np.asarray(np.linalg.solve(self.whitener, whitened[:, :, None])[:, :, 0])
