@@ -9,7 +9,7 @@ step), decides, so that the rate of false alarms is held.
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -204,51 +204,37 @@ def find_pattern(problem: Problem) -> Pattern | None:
     return replace(best, p=p)
 
 
-def _when(problem: Problem) -> tuple[str, F]:
-    """Return the column of time, or the order of the rows, and its values (N,)."""
+def _periods(problem: Problem, left: F, counted: B) -> Iterator[Pattern]:
+    """Yield the best period of each component, and of a factor on the whole wrench."""
     table = problem.table
-    if table.has("time_s"):
-        return "time_s", table.column("time_s")
-    return "row", table.row_numbers.astype(np.float64)
-
-
-def _periods(problem: Problem, left: F, counted: B) -> list[Pattern]:
-    """Return the best period of each component, and of a factor on the whole wrench."""
-    name, when = _when(problem)
+    name, unit = ("time_s", " s") if table.has("time_s") else ("row", " rows")
+    when = table.column(name) if unit == " s" else table.row_numbers.astype(np.float64)
     when = when[counted]
-    length = float(np.ptp(when))
+    length, n = float(np.ptp(when)), len(when)
     if length <= 0.0:
-        return []
-    n = len(when)
+        return
     turns = np.arange(2, 2 + min(n, _MOST_PERIODS)) / (2.0 * length)
     phase = 2.0 * np.pi * np.outer(when - when.min(), turns)
     cosine, sine = np.cos(phase), np.sin(phase)
     outputs = problem.base.outputs
-    share = 1.0 - problem.base_block.shape[2] / problem.size
+    # Two columns of one frequency; each frequency is a test. The base took its part before.
+    freedom = max(0.0, n * (1.0 - problem.base_block.shape[2] / problem.size) - 2.0)
     load = np.einsum("nij,nj->ni", problem.whitener[counted], problem.rows.wrench[counted])
     series = [(outputs[j].rsplit("_", 1)[0], left[:, j], np.ones(n)) for j in range(len(outputs))]
     series.append(("the stiffness", (load * left).sum(axis=1), (load**2).sum(axis=1)))
-    found = []
     for words, along, weight in series:
         explained = _explained(cosine, sine, along, weight)
         best = int(np.argmax(explained))
-        # Two columns of one frequency; each frequency is a test. The base took its part before.
-        freedom = max(0.0, n * share - 2.0)
         single = _chance(cosine[:, best], sine[:, best], along, weight, freedom)
         period = float(1.0 / turns[best])
-        unit = " s" if name == "time_s" else " rows"
-        strength = np.sqrt(max(0.0, explained[best] - 2.0) / left.size)
-        found.append(
-            Pattern(
-                name,
-                f"{words} follows {name} with period {period:.3g}{unit}",
-                min(1.0, single * len(turns)),
-                float(strength),
-                period,
-                float(explained[best]),
-            )
+        yield Pattern(
+            name,
+            f"{words} follows {name} with period {period:.3g}{unit}",
+            min(1.0, single * len(turns)),
+            float(np.sqrt(max(0.0, explained[best] - 2.0) / left.size)),
+            period,
+            float(explained[best]),
         )
-    return found
 
 
 def _explained(cosine: F, sine: F, along: F, weight: F) -> F:
@@ -281,13 +267,12 @@ def _chance(cosine: F, sine: F, along: F, weight: F, freedom: float) -> float:
     return float((1.0 + min(ratios) / len(y)) ** (-0.5 * freedom))
 
 
-def _neighbours(problem: Problem, left: F, counted: B) -> list[Pattern]:
-    """Return, for each column, how alike the residuals of neighbouring values are."""
+def _neighbours(problem: Problem, left: F, counted: B) -> Iterator[Pattern]:
+    """Yield, for each column, how alike the residuals of neighbouring values are."""
     table = problem.table
     variables = dict(dependence_variables(problem.rows)) | speeds(table)
     driven = [n for n in table.columns if n in JOINTS or n.startswith("tendon")]
     variables |= {name: np.nan_to_num(table.column(name)) for name in driven}
-    found = []
     for name, values in variables.items():
         own = values[counted]
         if len(np.unique(own)) < _LEAST_DISTINCT:
@@ -299,28 +284,20 @@ def _neighbours(problem: Problem, left: F, counted: B) -> list[Pattern]:
         deviation = float(np.sqrt((products**2).sum()))
         z = float(products.sum()) / max(deviation, 1e-300)
         shared = max(0.0, float(products.mean())) / left.shape[1]
-        found.append(
-            Pattern(
-                name,
-                f"readings next to each other in {name} err alike",
-                float(special.ndtr(-z)),
-                float(np.sqrt(shared)),
-            )
-        )
-    return found
+        words = f"readings next to each other in {name} err alike"
+        yield Pattern(name, words, float(special.ndtr(-z)), float(np.sqrt(shared)))
 
 
-def _memory(problem: Problem) -> list[Pattern]:
-    """Return what the residual keeps of the reading before: its pose and its load."""
+def _memory(problem: Problem) -> Iterator[Pattern]:
+    """Yield what the residual keeps of the reading before: its pose and its load."""
     table, rows = problem.table, problem.rows
     if table.sampled_from is not None or not table.has("time_s"):
         # Of a large table the reading before is not there; without a time it is not known.
-        return []
+        return
     before = row_before(table)
     known = before >= 0
     if int(known.sum()) < _LEAST_ROWS:
-        return []
-    found = []
+        return
     for words, values in (("pose", rows.poses), ("load", rows.wrench)):
         spread = values.std(axis=0)
         lagged = np.where(known[:, None], values[before], values.mean(axis=0))
@@ -332,16 +309,9 @@ def _memory(problem: Problem) -> list[Pattern]:
         if np.isfinite(test.F):
             chance = test.dof * test.rest / test.dof_error
             explained = max(0.0, test.explained - chance) / problem.scale
-            found.append(
-                Pattern(
-                    "time_s",
-                    f"it follows the {words} of the reading before",
-                    test.p,
-                    float(np.sqrt(explained / problem.size)),
-                    explained=explained,
-                )
-            )
-    return found
+            said = f"it follows the {words} of the reading before"
+            strength = float(np.sqrt(explained / problem.size))
+            yield Pattern("time_s", said, test.p, strength, explained=explained)
 
 
 _MOST_TERMS = 3
