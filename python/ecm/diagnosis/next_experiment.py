@@ -535,14 +535,14 @@ class _Choice:
 
     def _power(self, parts: Sequence[Experiment]) -> list[Discrimination]:
         """Return by class the chance that the data or one of the experiments refutes each rival."""
-        combined = []
-        for powers in zip(self._now, *(self.offered[one] for one in parts), strict=True):
-            missed: Discrimination = {}
-            for one in powers:
-                for pair, power in one.items():
-                    missed[pair] = missed.get(pair, 1.0) * (1.0 - power)
-            combined.append({pair: 1.0 - value for pair, value in missed.items()})
-        return combined
+        told = zip(self._now, *(self.offered[one] for one in parts), strict=True)
+        return [
+            {
+                pair: 1.0 - float(np.prod([1.0 - power.get(pair, 0.0) for power in powers]))
+                for pair in dict.fromkeys(pair for power in powers for pair in power)
+            }
+            for powers in told
+        ]
 
     def _chance(self, parts: Sequence[Experiment]) -> float:
         """Return the chance of the right single name in every class, members equally likely."""

@@ -480,7 +480,7 @@ def _report(decision: Decision, seed: int, judged: Future[GivenModel]) -> Diagno
         left_over=decision.left,
         look_alikes=_outside_causes(decision),
         directions=(directions(final) or None) if decision.answer else None,
-        refinements=refinements(problem, accepted),
+        refinements=tuple(refinements(problem, accepted)),
         warnings=(
             *zero_column_sentences(prepared.zero_columns),
             *_warnings(problem, prepared, final),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -426,9 +426,8 @@ class Refinement:
     """Whether the total error falls and no fold gets much worse."""
 
 
-def refinements(problem: Problem, chosen: Sequence[Candidate]) -> tuple[Refinement, ...]:
-    """Return, for each chosen effect that has richer forms, the one that fits best."""
-    tried = []
+def refinements(problem: Problem, chosen: Sequence[Candidate]) -> Iterator[Refinement]:
+    """Yield, for each chosen effect that has richer forms, the one that fits best."""
     for item in chosen:
         forms = item.effect.refinement(problem.rows.whole.table)
         if not forms:
@@ -440,9 +439,5 @@ def refinements(problem: Problem, chosen: Sequence[Candidate]) -> tuple[Refineme
         richer = held_out_by_fold(wider, (*others, best))
         falls = (richer**2).sum() < (plain**2).sum()
         kept = bool(falls and np.all(richer < _WORST_FOLD * plain))
-        tried.append(
-            Refinement(
-                item.id, best.effect.shape, tuple(plain.tolist()), tuple(richer.tolist()), kept
-            )
-        )
-    return tuple(tried)
+        errors = (tuple(plain.tolist()), tuple(richer.tolist()))
+        yield Refinement(item.id, best.effect.shape, *errors, kept)

@@ -23,7 +23,13 @@ from scipy import special
 from scipy.optimize import least_squares
 
 from ecm._native import EnergyModel
-from ecm.diagnosis.problem import Candidate, Problem, omnibus_columns, significant_block
+from ecm.diagnosis.problem import (
+    Candidate,
+    Problem,
+    best_of_each,
+    omnibus_columns,
+    significant_block,
+)
 from ecm.effects import Effect
 from ecm.effects.noise import NoiseEffect
 from ecm.errors import EcmError, ModelError
@@ -562,28 +568,26 @@ def noise_findings(problem: Problem, effects: Sequence[Effect]) -> list[NoiseFin
 
     Robust weights take the place of those without parameters.
     """
-    rows = problem.rows
     tested = [effect for effect in tested_noise(problem, effects) if effect.parameters]
     if not tested:
         return []
     use = problem.scored & (problem.weights > 0.9)
     residual, unfitted = _residual(problem, use)
-    findings = []
-    for effect in tested:
-        best: NoiseFinding | None = None
-        for j, parameter in enumerate(effect.parameters):
-            unit = np.zeros(len(effect.parameters))
-            unit[j] = parameter.scale
-            variance = effect.variance(rows, unit)[use]
-            whitener = problem.whitener[use]
-            effect_variance = whitener @ variance @ np.swapaxes(whitener, 1, 2)
-            z, square = _score(residual, unfitted, effect_variance)
-            if z > _NOISE_DEVIATIONS and (best is None or z > best.z):
-                value = parameter.scale * float(np.sqrt(square))
-                best = NoiseFinding(effect.id, parameter.name, value, parameter.unit, z)
-        if best is not None:
-            findings.append(best)
-    return sorted(findings, key=lambda item: -item.z)
+    whitener = problem.whitener[use]
+
+    def found(effect: NoiseEffect, j: int) -> NoiseFinding:
+        parameter = effect.parameters[j]
+        unit = parameter.scale * np.eye(len(effect.parameters))[j]
+        variance = effect.variance(problem.rows, unit)[use]
+        z, square = _score(residual, unfitted, whitener @ variance @ np.swapaxes(whitener, 1, 2))
+        value = parameter.scale * float(np.sqrt(square))
+        return NoiseFinding(effect.id, parameter.name, value, parameter.unit, z)
+
+    every = [found(effect, j) for effect in tested for j in range(len(effect.parameters))]
+    best = best_of_each(every, [one.z for one in every])
+    return sorted(
+        (one for z, one in best.values() if z > _NOISE_DEVIATIONS), key=lambda one: -one.z
+    )
 
 
 def with_load_growth(noise: Noise, findings: Sequence[NoiseFinding]) -> Noise:
