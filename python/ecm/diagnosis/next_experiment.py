@@ -1,7 +1,7 @@
 """The next experiment: which measurements separate the members of each class, and in what time.
 
 With one member as the truth, the rows of a campaign are predicted, and base, other effects and
-rival are fitted to them and to the data together. The residual decides as in `confusion`: the rival
+rival are fitted to them and to the data together. The residual decides as in `accept`: the rival
 is refuted where it loses enough in all rows, or enough in one of the new runs by itself, beyond
 what the form of a right effect may leave. A measurement by hand reads the size of effects, with the
 error of the tool.

@@ -238,7 +238,9 @@ def watched(stages: Stages, progress: Callable[[int, int, str], object]) -> Stag
     """
     names = [item.name for item in fields(stages)]
 
-    def told(place: int, name: str, stage: Callable[..., Any]) -> Callable[..., Any]:
+    def told(place: int, name: str) -> Callable[..., Any]:
+        stage = getattr(stages, name)
+
         @wraps(stage)
         def run(*arguments: Any, **options: Any) -> Any:
             progress(place, len(names), name)
@@ -246,9 +248,7 @@ def watched(stages: Stages, progress: Callable[[int, int, str], object]) -> Stag
 
         return run
 
-    return Stages(
-        **{name: told(place, name, getattr(stages, name)) for place, name in enumerate(names)}
-    )
+    return Stages(**{name: told(place, name) for place, name in enumerate(names)})
 
 
 @takes_table("fit")
