@@ -39,7 +39,7 @@ from ecm.diagnosis.settings import (
     REFUTED_SHARE,
     DiagnosisSettings,
 )
-from ecm.io.arrays import F
+from ecm.io.arrays import F, I
 from ecm.regression.blocks import in_threads
 from ecm.regression.normal_equations import RIDGE, explained_squares, projected_out, solve
 
@@ -145,25 +145,29 @@ class _Chosen:
         A chosen experiment has few rows. In the sum over all rows, of which the form of the right
         effect may leave a share as well, it would not count.
         """
-        if not self.problem.table.has("run"):
-            return False
         with_item, limit = self._later_runs
+        if not len(limit):
+            return False
         excess = self._left_in_later_runs((*self.others, rival)) - with_item
         return bool((excess > limit).any() and not (-excess > limit).any())
 
     @cached_property
     def _later_runs(self) -> tuple[F, F]:
         """What the effect leaves in each later run, and the least excess that refutes a rival."""
-        before, after = (
-            self._left_in_later_runs(s) for s in (self.others, (*self.others, self.item))
-        )
+        sets = (self.others, (*self.others, self.item))
+        before, after = (self._left_in_later_runs(chosen) for chosen in sets)
         return after, np.maximum(REFUTED_BY, REFUTED_SHARE * np.maximum(before - after, 0.0))
+
+    @cached_property
+    def _run_of_row(self) -> I:
+        table = self.problem.table
+        runs = table.column("run") if table.has("run") else np.zeros(len(table))
+        return np.unique(runs, return_inverse=True)[1]
 
     def _left_in_later_runs(self, chosen: Sequence[Candidate]) -> F:
         """(r,) whitened squares that a set leaves in each run after the first."""
-        runs = np.unique(self.problem.table.column("run"), return_inverse=True)[1]
         rows = squares_by_row(self.problem, chosen) / self.problem.scale
-        return np.asarray(np.bincount(runs, rows)[1:], dtype=np.float64)
+        return np.asarray(np.bincount(self._run_of_row, rows)[1:], dtype=np.float64)
 
     def alone(self) -> AcceptanceCheck:
         """Return the evidence that asks neither for the class of the effect nor for bootstraps."""
@@ -205,12 +209,11 @@ class _Chosen:
     def in_class(
         self, alone: AcceptanceCheck, winners: dict[str, float], members: Sequence[str]
     ) -> AcceptanceCheck:
-        """Return the evidence with that of the class; of a longer list its best members count."""
-        won = sorted((winners.get(id, 0.0) for id in members), reverse=True)
+        """Return the evidence with that of the class."""
         plain = self.item.effect.plain_form()
         known = plain is None or (plain.id != self.item.id and plain.id in members)
         seen = known or explains_more_than_its_plain_form(self.problem, self.chosen, self.item)
-        share = sum(won[:MOST_IN_CLASS])
+        share = _share(winners, members)
         return replace(alone, chosen_share=share, own_seen=seen, winners=winners)
 
     def classified(
@@ -219,7 +222,7 @@ class _Chosen:
         """Return the evidence for it and its class, with the rivals that win bootstraps."""
         winners = self.winners(seed)
         members = class_of(self.problem, self.chosen, self.item)
-        seldom = self.in_class(alone, winners, members).chosen_share < CHOSEN_SHARE
+        seldom = _share(winners, members) < CHOSEN_SHARE
         joining = []
         if len(self.chosen) == 1 or not seldom:
             # A rival that wins often belongs to the class, however far it is in BIC: with few rows
@@ -235,6 +238,11 @@ class _Chosen:
         new = list(dict.fromkeys(id for id in joining if id not in members))[:room]
         members = [*members, *new]
         return self.in_class(alone, winners, members), tuple(members)
+
+
+def _share(winners: dict[str, float], members: Sequence[str]) -> float:
+    """Return the share of bootstraps that a class wins; of a longer list its best members."""
+    return sum(sorted((winners.get(id, 0.0) for id in members), reverse=True)[:MOST_IN_CLASS])
 
 
 def confusion_class(
