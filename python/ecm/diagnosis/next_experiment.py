@@ -248,7 +248,6 @@ class ConfusionClass:
     problem: Problem
     others: tuple[Candidate, ...]
     shapes: Mapping[str, Sequence[Candidate]]
-    now: Discrimination
 
     @staticmethod
     def of(problem: Problem, others: Sequence[Candidate], members: Sequence[str]) -> ConfusionClass:
@@ -267,8 +266,12 @@ class ConfusionClass:
             own.sort(key=lambda c: -delta_chi2(problem, (*others, c)))
             if own:
                 shapes[id] = [form for one in own[:_SHAPES_COMPARED] for form in _joined_forms(one)]
-        one = ConfusionClass(problem, tuple(others), shapes, {})
-        return replace(one, now={pair: one._now(*pair) for pair in one.pairs})
+        return ConfusionClass(problem, tuple(others), shapes)
+
+    @cached_property
+    def now(self) -> Discrimination:
+        """What the data so far tell about each pair."""
+        return {pair: self._now(*pair) for pair in self.pairs}
 
     @property
     def pairs(self) -> list[tuple[str, str]]:

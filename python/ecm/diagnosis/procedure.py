@@ -69,7 +69,6 @@ from ecm.regression.rows import naming_wild_readings
 
 if TYPE_CHECKING:
     from ecm.io.table import MetaLike, Table, TableLike
-    from ecm.models.maps import StiffnessMap
     from ecm.models.model import Model
 
 
