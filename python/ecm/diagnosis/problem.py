@@ -622,7 +622,7 @@ def _lengths(columns: F) -> F:
 
 def _scaled(problem: Problem) -> Problem:
     """Return the problem with the variance that neither effects nor smooth functions explain."""
-    known = significant_block(problem)
+    known = _significant(problem)
     smooth = omnibus_columns(problem, problem.size // (3 * problem.response.shape[1]))
     variance, freedom = noise_variance(
         problem.response, problem.weights, known, smooth, problem.settings.level
@@ -642,7 +642,7 @@ def _least_scale(problem: Problem) -> float:
     return _OF_A_GOOD_RIG if assumed else _OF_STATED_NOISE
 
 
-def significant_block(problem: Problem) -> F:
+def _significant(problem: Problem) -> F:
     """Return the (N, m, k) whitened columns of the base and of the significant effects."""
     matrix, vector, _ = problem.normal.total()
     taken = significant_columns(
@@ -663,7 +663,7 @@ def noise_by_rest(problem: Problem) -> Noise:
         return noise
     smooth = omnibus_columns(problem, problem.size // (6 * problem.response.shape[1]))
     take = some_rows(len(problem.table))
-    parts = (problem.projected_base, significant_block(problem), smooth)
+    parts = (problem.projected_base, _significant(problem), smooth)
     columns = np.concatenate([part[take] for part in parts], axis=2)
     in_units = np.linalg.solve(problem.whitener[take], columns)
     return weighed_by_rest(problem.rows, problem.fit.residual, in_units, noise)

@@ -28,7 +28,6 @@ from ecm.diagnosis.problem import (
     Problem,
     best_of_each,
     omnibus_columns,
-    significant_block,
 )
 from ecm.effects import Effect
 from ecm.effects.noise import NoiseEffect
@@ -604,7 +603,13 @@ def _residual(problem: Problem, use: B) -> tuple[F, F]:
     """Return (n, m) the residual that nothing explains, and (n, m, m) what the fit leaves of it."""
     n, m = problem.response.shape
     smooth = omnibus_columns(problem, max(1, n // 6))
-    known = (significant_block(problem), smooth)
+    # The best shape of every effect: what it does not explain is noise, significant or not.
+    matrix, vector, _ = problem.normal.total()
+    left = projected_out(matrix, vector, problem.base_index)
+    gains = explained_by_blocks((matrix, vector), left, [one.columns for one in problem.offered])
+    leading = best_of_each(problem.offered, gains.tolist())
+    best = problem.design[:, :, [c for _, one in leading.values() for c in one.columns]]
+    known = (problem.base_block, best, smooth)
     columns = np.concatenate([block[use] for block in known], axis=2)
     basis = orthonormal(columns.reshape(-1, columns.shape[2]))
     y = problem.response[use].ravel()
