@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ecm.diagnosis.check import zero_columns
-from ecm.diagnosis.problem import Candidate, Problem, assemble
-from ecm.diagnosis.search import best_shapes, estimate
+from ecm.diagnosis.problem import Candidate, Problem, assemble, best_of_each
+from ecm.diagnosis.search import estimate
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows, effects_of, get_effect, load_installed
 from ecm.errors import InputError
@@ -21,6 +21,7 @@ from ecm.models.fit import choose_base
 from ecm.models.model import Model
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.folds import distinct_rows, rows_without_zero_readings, spread_rows, zero_times
+from ecm.regression.normal_equations import explained_by_blocks, projected_out
 
 if TYPE_CHECKING:
     from ecm.models.joint_fit import FittedEffect
@@ -185,11 +186,14 @@ def preview_effects(
     base = choose_base(model, prepared.table.drop(*prepared.zero_columns))
     problem = assemble(base, prepared.unexplained, prepared.effects, None, settings)
     alone = _fitted(problem, ())
+    left = projected_out(*problem.equations, problem.base_index)
+    blocks = [candidate.columns for candidate in problem.candidates]
+    gains = explained_by_blocks(problem.equations, left, blocks).tolist()
     total = problem.squares_of(problem.response) / problem.scale
     previews = []
-    for best in best_shapes(problem, ()):
-        explained = problem.in_units(_fitted(problem, (best.candidate,)) - alone)
-        previews.append(EffectPreview(best.id, explained, best.drop / total))
+    for gain, candidate in best_of_each(problem.candidates, gains).values():
+        explained = problem.in_units(_fitted(problem, (candidate,)) - alone)
+        previews.append(EffectPreview(candidate.id, explained, gain / total))
     ranked = sorted(previews, key=lambda item: -item.share)
     return EffectPreviews(tuple(base.outputs), prepared.rows + 1, tuple(ranked))
 
