@@ -7,7 +7,7 @@ Each set is answered by the whole procedure and with one rule left out at a time
 A rule stays where right answers or wrong names change by more than their interval. Every set is a
 file; one that is there is not run again. With --together all the rules that are named are left out
 at once, beside the whole procedure. With --calibration no rule is left out: the weights of
-`ecm.diagnosis.probability` are fitted to the sets of all seeds but the last, on which the
+`ecm.diagnosis.verdict` are fitted to the sets of all seeds but the last, on which the
 probabilities of the code are then held against what was right.
 """
 
@@ -37,7 +37,7 @@ from blind_parts.data import data_of
 from blind_parts.sets import set_of
 from ecm import check
 from ecm.diagnosis import diagnose, find_missing
-from ecm.diagnosis.probability import WEIGHTS, evidence, probability
+from ecm.diagnosis.verdict import WEIGHTS, evidence, probability
 from ecm.errors import EcmError
 from ecm.io.cache import write_atomically
 from ecm.io.table import Table

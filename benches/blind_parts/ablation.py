@@ -16,10 +16,10 @@ from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 
 @dataclass(frozen=True)
 class Rule:
-    """What leaves a rule out: other stages, other functions of the diagnosis, other limits."""
+    """What leaves a rule out: other stages, functions and numbers, settings of the diagnosis."""
 
     stages: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
-    functions: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
+    places: Mapping[str, Any] = field(default_factory=dict)
     limits: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -31,50 +31,49 @@ def _no_errors(rows: Any, base: Any) -> Any:
     return np.zeros((len(rows), len(base.outputs), 0))
 
 
-_PLAIN = "explains_more_than_its_plain_form"
 RULES = {
     # Another base, or fewer rows
-    "base of unlike ends": Rule(functions={"procedure.base_of_unlike_ends": _always(None)}),
-    "base of the next degree": Rule(functions={"procedure.base_of_next_degree": _always(None)}),
-    "another body": Rule(functions={"procedure.may_be_another_body": _always(False)}),
-    "neighbours alike": Rule(functions={"procedure._neighbours_alike": _always(None)}),
+    "base of unlike ends": Rule(places={"procedure.base_of_unlike_ends": _always(None)}),
+    "base of the next degree": Rule(places={"procedure.base_of_next_degree": _always(None)}),
+    "another body": Rule(places={"procedure.may_be_another_body": _always(False)}),
+    "neighbours alike": Rule(places={"procedure._neighbours_alike": _always(None)}),
     # Noise
     "noise that grows with load": Rule(
-        functions={"procedure.with_load_growth": lambda noise, _: noise}
+        places={"procedure.with_load_growth": lambda noise, _: noise}
     ),
     "noise by what is left": Rule(
-        functions={"procedure.noise_by_rest": lambda problem: problem.noise}
+        places={"procedure.noise_by_rest": lambda problem: problem.noise}
     ),
-    "error of the mesh": Rule(functions={"problem.error_columns": _no_errors}),
-    "rows that are outliers": Rule(limits={"outlier_chance": 1e-300}),
+    "error of the mesh": Rule(places={"problem.error_columns": _no_errors}),
+    "rows that are outliers": Rule(places={"problem.OUTLIER_CHANCE": 1e-300}),
     # Search
-    "share of a further effect": Rule(limits={"material_share": 0.0}),
-    "one cause is likelier": Rule(limits={"one_cause_share": 0.0}),
-    "shapes refined": Rule(limits={"shape_refinements": 0}),
+    "share of a further effect": Rule(places={"search.MATERIAL_SHARE": 0.0}),
+    "one cause is likelier": Rule(places={"search.ONE_CAUSE_SHARE": 0.0}),
+    "shapes refined": Rule(places={"problem.SHAPE_REFINEMENTS": 0}),
     # Acceptance
     "held-out error falls": Rule(limits={"held_out_errors": -1e9}),
-    "bootstraps": Rule(limits={"chosen_share": 0.0}),
-    "within bounds": Rule(limits={"kept_within_bounds": 0.0}),
-    "plain form": Rule(
-        functions={f"{module}.{_PLAIN}": _always(True) for module in ("accept", "confusion")}
-    ),
+    "bootstraps": Rule(places={"accept.CHOSEN_SHARE": 0.0}),
+    "within bounds": Rule(places={"accept.KEPT_WITHIN_BOUNDS": 0.0}),
+    "plain form": Rule(places={"accept.explains_more_than_its_plain_form": _always(True)}),
     # Classes
-    "rivals that look alike": Rule(limits={"separable": 0.0}),
-    "share of the form": Rule(limits={"form_share": 0.0}),
-    "rivals that win bootstraps": Rule(limits={"rival_bootstraps": 1.0}),
-    "close rivals that win some": Rule(limits={"close_bic": 0.0}),
+    "rivals that look alike": Rule(places={"accept.SEPARABLE": 0.0}),
+    "share of the form": Rule(
+        places={f"{module}.FORM_SHARE": 0.0 for module in ("accept", "family")}
+    ),
+    "rivals that win bootstraps": Rule(places={"accept.RIVAL_BOOTSTRAPS": 1.0}),
+    "close rivals that win some": Rule(places={"accept.CLOSE_BIC": 0.0}),
     "wider class beside another": Rule(limits={"near_share": 0.0}),
-    "wider class in doubt": Rule(limits={"doubtful_share": 1.0}),
+    "wider class in doubt": Rule(places={"verdict.DOUBTFUL_SHARE": 1.0}),
     # Verdict
-    "left after names": Rule(limits={"left_share": (1.0, 1.0, 1.0, 1.0)}),
-    "least strength": Rule(limits={"least_strength": 0.0}),
-    "other readings": Rule(limits={"least_wrong_error": 1e9}),
+    "left after names": Rule(places={"left_over.LEFT_SHARE": (1.0, 1.0, 1.0, 1.0)}),
+    "least strength": Rule(places={"left_over.LEAST_STRENGTH": 0.0}),
+    "other readings": Rule(places={"statements.LEAST_WRONG_ERROR": 1e9}),
     "modulus and ratio": Rule(
-        functions={
+        places={
             "procedure.modulus_warning": _always(""),
             "procedure.ratio_warning": _always(""),
-            "classify.modulus_warning": _always(""),
-            "classify.ratio_warning": _always(""),
+            "verdict.modulus_warning": _always(""),
+            "verdict.ratio_warning": _always(""),
         }
     ),
     "patterns in time and neighbours": Rule(stages={"white": _always(None)}),
@@ -88,7 +87,7 @@ def without(*rules: str) -> Iterator[tuple[Stages, DiagnosisSettings]]:
     stages, settings = STAGES, DEFAULTS
     with ExitStack() as patches:
         for rule in map(RULES.__getitem__, rules):
-            for place, change in rule.functions.items():
+            for place, change in rule.places.items():
                 patches.enter_context(patch(f"ecm.diagnosis.{place}", change))
             stages = replace(stages, **rule.stages)
             settings = replace(settings, **rule.limits)

@@ -11,8 +11,8 @@ from dataclasses import replace
 from typing import Any
 
 from ecm.diagnosis import Stages
+from ecm.diagnosis.left_over import Unknown
 from ecm.diagnosis.problem import Problem
-from ecm.diagnosis.unexplained import Unknown
 
 SHARED = ("assemble", "search", "noise")
 """Stages whose results are kept."""

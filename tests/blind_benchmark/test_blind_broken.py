@@ -20,9 +20,8 @@ import pytest
 from blind_benchmark import test_blind as short
 from blind_parts.analysis import Method
 from ecm.diagnosis import DiagnosisSettings, Stages
-from ecm.diagnosis.accept import Accepted, accept, acceptance_check
-from ecm.diagnosis.confusion import confusion_class
-from ecm.diagnosis.gate import Gate, Leftover, gate, leftover
+from ecm.diagnosis.accept import Accepted, accept, acceptance_check, confusion_class
+from ecm.diagnosis.left_over import Gate, Leftover, gate, leftover
 from ecm.diagnosis.problem import Candidate, Problem, assemble
 from ecm.diagnosis.search import Ranked, rank
 from ecm.effects import Effect, Missing, get_effect

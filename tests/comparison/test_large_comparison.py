@@ -12,7 +12,7 @@ from ecm.comparison import compare
 from ecm.comparison.residuals import residuals, residuals_by_block
 from ecm.comparison.result import Comparison
 from ecm.diagnosis import diagnose
-from ecm.diagnosis.sections import diagnosis_report
+from ecm.diagnosis.summary import diagnosis_report
 from ecm.io.table import Table
 from ecm.regression.noise import Noise
 from ecm.regression.rows import Rows

@@ -29,7 +29,7 @@ from ecm.designs import (
 )
 from ecm.designs.optimal import knee
 from ecm.designs.regressors import list_or_region, model_columns, regressor, row_list
-from ecm.diagnosis.identifiability import identifiability
+from ecm.diagnosis.next_experiment import identifiability
 from ecm.effects import get_effect
 from ecm.errors import EcmError, InputError
 from ecm.io.columns import POSE, WRENCH

@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 
 from ecm.diagnosis import DiagnosisSettings, diagnose
 from ecm.diagnosis import accept as accept_module
-from ecm.diagnosis.accept import AcceptanceCheck, acceptance_check, selection_shares
+from ecm.diagnosis.accept import (
+    CHOSEN_SHARE,
+    KEPT_WITHIN_BOUNDS,
+    AcceptanceCheck,
+    acceptance_check,
+    selection_shares,
+)
 from ecm.diagnosis.problem import Candidate, Problem, assemble
 from ecm.diagnosis.search import rank, search
 from ecm.diagnosis.settings import DEFAULTS
@@ -41,8 +47,8 @@ FAILS = {
     "p_holm": DEFAULTS.level,
     "delta_bic": DEFAULTS.least_bic,
     "held_out_fall": DEFAULTS.held_out_errors,
-    "chosen_share": DEFAULTS.chosen_share - 1e-9,
-    "explained_in_bounds": DEFAULTS.kept_within_bounds,
+    "chosen_share": CHOSEN_SHARE - 1e-9,
+    "explained_in_bounds": KEPT_WITHIN_BOUNDS,
     "own_seen": False,
 }
 
@@ -91,7 +97,7 @@ def test_each_condition_alone_refuses(condition: str) -> None:
 def test_every_condition_of_a_check_is_tested_above() -> None:
     named = {field.name for field in fields(AcceptanceCheck)}
     assert named - {"id", "winners", "settings", "within_bounds"} == set(FAILS)
-    assert (DEFAULTS.level, DEFAULTS.least_bic, DEFAULTS.chosen_share) == (0.01, 6.0, 0.8)
+    assert (DEFAULTS.level, DEFAULTS.least_bic, CHOSEN_SHARE) == (0.01, 6.0, 0.8)
 
 
 def test_what_fails_by_itself_is_dropped_without_bootstraps(

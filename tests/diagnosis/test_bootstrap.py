@@ -37,9 +37,9 @@ def one_by_one(problem: Problem, others: list[Candidate], seed: int) -> dict[str
         vector = problem.normal.response @ rows
         reduced = (matrix / problem.scale, vector / problem.scale)
         found = best_shapes(replace(problem, reduced=reduced), others)
-        first = max(found, key=lambda item: item[2])
-        if first[2] > 0.0:
-            won[first[0].id] = won.get(first[0].id, 0.0) + 1.0 / DRAWS
+        first = found[0]
+        if first.delta_bic > 0.0:
+            won[first.id] = won.get(first.id, 0.0) + 1.0 / DRAWS
     return won
 
 

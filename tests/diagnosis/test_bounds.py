@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from ecm.diagnosis import diagnose
-from ecm.diagnosis.accept import acceptance_check
+from ecm.diagnosis.accept import KEPT_WITHIN_BOUNDS, acceptance_check
 from ecm.diagnosis.problem import Problem, assemble
-from ecm.diagnosis.settings import DEFAULTS
 from ecm.effects import get_effect
 from ecm.effects.relaxation import StressRelaxation
 from ecm.errors import ComputationError
@@ -64,7 +63,7 @@ def test_within_bounds_is_true_only_within() -> None:
     base = next(c for c in problem.candidates if c.id == "base_compliance")
     check = acceptance_check(problem, [base], base, ["base_compliance"], 0)
     assert not check.within_bounds
-    assert check.explained_in_bounds < DEFAULTS.kept_within_bounds
+    assert check.explained_in_bounds < KEPT_WITHIN_BOUNDS
     assert not check.accepted
 
 

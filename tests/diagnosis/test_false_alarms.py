@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ecm
-from ecm.diagnosis.problem import Shapes, noise_variance, significant_columns
+from ecm.diagnosis.problem import noise_variance, significant_columns
 from ecm.diagnosis.procedure import find_missing
 
 
@@ -36,7 +36,7 @@ def test_the_best_of_many_shapes_is_no_part_of_the_noise_it_is_compared_with() -
     """White noise, 60 effects with five shapes each: the variance stays 1 within its error."""
     random = np.random.default_rng(2)
     n, variances = 40, []
-    shapes = Shapes([(i,) for i in range(300)], [str(i // 5) for i in range(300)])
+    shapes = [(str(i // 5), (i,)) for i in range(300)]
     for _ in range(60):
         x, y = random.standard_normal((n, 300)), random.standard_normal(n)
         taken = significant_columns((x.T @ x, x.T @ y), float(y @ y), n, (), shapes, 0.01)
@@ -52,6 +52,6 @@ def test_what_is_significant_is_no_noise() -> None:
     random = np.random.default_rng(3)
     x, y = random.standard_normal((40, 20)), random.standard_normal(40)
     y = y + 5.0 * x[:, 7] - 4.0 * x[:, 12]
-    shapes = Shapes([(i,) for i in range(20)], [str(i) for i in range(20)])
+    shapes = [(str(i), (i,)) for i in range(20)]
     taken = significant_columns((x.T @ x, x.T @ y), float(y @ y), 40, (), shapes, 0.01)
     assert set(taken.tolist()) == {7, 12}

@@ -8,8 +8,8 @@ import pytest
 import ecm
 from ecm.diagnosis import diagnose
 from ecm.diagnosis.family import posterior
-from ecm.diagnosis.probability import WEIGHTS
 from ecm.diagnosis.problem import assemble
+from ecm.diagnosis.verdict import WEIGHTS
 from ecm.effects import effects_of, unregister
 from ecm.io.table import Table
 

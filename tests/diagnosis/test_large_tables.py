@@ -9,7 +9,7 @@ import pytest
 
 from ecm.designs import Design, diagnosable_plan
 from ecm.diagnosis import DiagnosisSettings, diagnose, find_missing
-from ecm.diagnosis.sections import verdict_blocks
+from ecm.diagnosis.summary import verdict_blocks
 from ecm.io.columns import POSE
 from ecm.io.description import Meta
 from ecm.io.table import Table

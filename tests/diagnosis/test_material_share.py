@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ecm.diagnosis.confusion import squares_left_after
+from ecm.diagnosis.accept import squares_left_after
 from ecm.diagnosis.problem import Candidate, Problem, assemble
 from ecm.diagnosis.search import all_needed, delta_chi2
 from ecm.effects import all_effects

@@ -12,7 +12,7 @@ from ecm.comparison.residuals import confounded_with_order
 from ecm.diagnosis import DiagnosisSettings, diagnose
 from ecm.diagnosis.preparation import prepare
 from ecm.diagnosis.procedure import decide
-from ecm.diagnosis.stated_numbers import _residual
+from ecm.diagnosis.statements import _residual
 from ecm.effects import Rows
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH

@@ -9,12 +9,12 @@ import pytest
 
 from ecm.diagnosis import Diagnosis, DiagnosisSettings, Stages, diagnose, find_missing
 from ecm.diagnosis.accept import accept
-from ecm.diagnosis.classify import classify, verdict
-from ecm.diagnosis.gate import gate, leftover
+from ecm.diagnosis.left_over import gate, leftover
 from ecm.diagnosis.preparation import prepare
 from ecm.diagnosis.problem import assemble
-from ecm.diagnosis.report import report
+from ecm.diagnosis.result import report
 from ecm.diagnosis.search import rank, search
+from ecm.diagnosis.verdict import classify, verdict
 from ecm.errors import InputError
 from ecm.models.fit import choose_base
 from support.campaigns import campaign, model

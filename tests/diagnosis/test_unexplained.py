@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ecm.comparison.residuals import factors
 from ecm.diagnosis import Diagnosis, diagnose
-from ecm.diagnosis.unexplained import effect_template
+from ecm.diagnosis.left_over import effect_template
 from ecm.effects import effect, get_effect, unregister
 from ecm.errors import InputError
 from ecm.io.description import Meta
@@ -57,18 +57,18 @@ def test_the_skeleton_is_an_effect_that_explains_the_residual(found: Diagnosis) 
 
 
 def test_a_skeleton_for_squares_and_sides() -> None:
-    text = effect_template([(("approach", "x_m"), "fx_N")], ("fx_N", "fy_N"))
+    text = effect_template(("approach", "x_m"), "fx_N", ("fx_N", "fy_N"))
     assert "sides(rows.table)" in text
     assert 'u("x_m")' in text
     compile(text, "skeleton", "exec")
-    squared = effect_template([(("y_m", "y_m"), "fy_N")], ("fx_N", "fy_N"))
+    squared = effect_template(("y_m", "y_m"), "fy_N", ("fx_N", "fy_N"))
     assert 'u("y_m") * u("y_m")' in squared
     assert "needs=('approach', 'x_m')" in text
-    assert 'kind="time"' in effect_template([(("row",), "fx_N")], ("fx_N",))
+    assert 'kind="time"' in effect_template(("row",), "fx_N", ("fx_N",))
     assert '{"size": "N/(m m)"}' in squared
-    assert '{"size": "N m/Pa"}' in effect_template([(("hose_Pa",), "tau_x_Nm")], ("tau_x_Nm",))
+    assert '{"size": "N m/Pa"}' in effect_template(("hose_Pa",), "tau_x_Nm", ("tau_x_Nm",))
     assert "columns[:, 1]" in squared
-    constant = effect_template([((), "fy_N")], ("fx_N", "fy_N"))
+    constant = effect_template((), "fy_N", ("fx_N", "fy_N"))
     assert "columns[:, 1] = 1.0" in constant
     compile(constant, "skeleton", "exec")
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ecm.diagnosis import diagnose
+from ecm.diagnosis.left_over import find_pattern
 from ecm.diagnosis.preparation import prepare
 from ecm.diagnosis.problem import Problem, assemble
-from ecm.diagnosis.whiteness import find_pattern
 from ecm.effects import get_effect
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from ecm.diagnosis import diagnose
 from ecm.effects import Rows
-from ecm.effects.memory import fading, play
-from ecm.effects.relaxation import StressRelaxation
+from ecm.effects.relaxation import StressRelaxation, fading, play
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import FileMeta, Meta
 from ecm.io.table import Table, as_table

@@ -19,7 +19,7 @@ from ecm.effects.load import CableDrag
 from ecm.effects.material import DiameterError, PreCurvature, StrainStiffening
 from ecm.effects.relaxation import StressRelaxation
 from ecm.effects.rod import rest_stiffness
-from ecm.effects.sensor_axes import FtsHysteresis
+from ecm.effects.sensor import FtsHysteresis
 from ecm.io.columns import POSE
 from ecm.io.description import Meta
 from ecm.io.se3 import skew

@@ -9,11 +9,11 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (37_700, 224),
+    "python/ecm": (37_570, 203),
     "benches": (6_000, 51),
     "examples": (1_360, 12),
-    "tests": (27_440, 211),
-    "crates": (31_100, 193),
+    "tests": (27_460, 211),
+    "crates": (32_600, 195),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ecm.diagnosis.score_columns import Projection
+from ecm.diagnosis.problem import Projection
 from ecm.regression.f_test import omnibus_test, orthonormal
 
 

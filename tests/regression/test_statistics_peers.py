@@ -16,7 +16,7 @@ from statsmodels.stats.multitest import multipletests
 from ecm.diagnosis.accept import acceptance_check
 from ecm.diagnosis.problem import Problem, assemble
 from ecm.diagnosis.search import delta_bic, delta_chi2, rank
-from ecm.diagnosis.stated_numbers import _score
+from ecm.diagnosis.statements import _score
 from ecm.effects import Rows, all_effects, get_effect
 from ecm.io.description import Meta
 from ecm.io.table import Table

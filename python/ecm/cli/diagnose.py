@@ -14,8 +14,7 @@ from ecm.designs import can_be_run, follow_up_plan
 from ecm.diagnosis import Diagnosis
 from ecm.diagnosis import diagnose as diagnose_model
 from ecm.diagnosis.procedure import STAGES, watched
-from ecm.diagnosis.sections import diagnosis_report
-from ecm.diagnosis.summary import Summary
+from ecm.diagnosis.summary import Summary, diagnosis_report
 from ecm.effects.experiments import session_of
 from ecm.errors import InputError, Remedy
 from ecm.io.arrays import F

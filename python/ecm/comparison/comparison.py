@@ -8,9 +8,7 @@ import numpy as np
 
 from ecm.comparison.residuals import residuals_by_block
 from ecm.comparison.result import STEPS, Compared, Comparison, Component, fitted_here
-from ecm.comparison.structure import (
-    run_outliers,
-)
+from ecm.comparison.structure import run_outliers
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
 from ecm.io.events import Progress, Steps
@@ -19,13 +17,7 @@ from ecm.models.given import as_model
 from ecm.models.noise_estimate import estimate_noise
 from ecm.models.prediction import beyond_reach
 from ecm.regression.f_test import FTest, lack_of_fit
-from ecm.regression.folds import (
-    HOW,
-    RowsUsed,
-    repeat_cells,
-    row_groups,
-    spread_rows,
-)
+from ecm.regression.folds import HOW, RowsUsed, repeat_cells, row_groups, spread_rows
 from ecm.regression.noise import Noise
 from ecm.regression.rows import Rows
 

@@ -36,10 +36,7 @@ from ecm.models.learned import LEARNED
 from ecm.models.pose_error import PoseError, pose_error
 from ecm.models.refit import FAR_BEYOND_NOISE, base_and_error, is_far_behind
 from ecm.regression.f_test import FTest
-from ecm.regression.folds import (
-    RowsUsed,
-    without_zero_readings,
-)
+from ecm.regression.folds import RowsUsed, without_zero_readings
 from ecm.regression.noise import Noise
 from ecm.regression.rows import Rows
 from ecm.report import figures as draw

@@ -1,4 +1,4 @@
-"""Stage accept: a chosen effect is accepted when every check holds, group bootstraps among them.
+"""Stage accept: classes of effects that cannot be told apart, and the checks that each must pass.
 
 A share near 0.8 is known to 0.05 from 60 draws and to 0.01 from 2000. Where one effect wins nearly
 all of the first 400, no threshold is near and they suffice. A draw needs only the normal equations
@@ -9,33 +9,318 @@ draws are solved at once.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, field, fields
-from itertools import islice, pairwise
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from itertools import combinations, islice, pairwise
 from typing import Any
 
 import numpy as np
 from scipy.linalg.lapack import dtrtri
 
-from ecm.diagnosis.confusion import confusion_class
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import (
     bounded_estimate,
+    delta_bic,
+    delta_bic_of_each,
     delta_chi2,
+    estimate,
     explains_more_than_its_plain_form,
     held_out_delta,
     rank,
     search,
+    squares_by_row,
+    without,
 )
-from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
-from ecm.io.arrays import F
+from ecm.diagnosis.settings import (
+    DEFAULTS,
+    FORM_SHARE,
+    MOST_IN_CLASS,
+    REFUTED_BY,
+    REFUTED_SHARE,
+    DiagnosisSettings,
+)
+from ecm.io.arrays import F, I
 from ecm.regression.blocks import in_threads
-from ecm.regression.normal_equations import RIDGE, NormalEquations, explained_squares
+from ecm.regression.normal_equations import RIDGE, explained_squares, projected_out, solve
 
-_AT_ONCE = 25
-_FIRST_DRAWS = 400
+SEPARABLE = 0.1
+"""Effects are alike when a rival leaves less than this share."""
+_LOST_BY_ONE, _LOST_BY_SHAPES = 0.5, 0.2
+"""Share of a gain that an effect which cannot be tested may lose in its plain form, or in the best
+of several shapes, and still be the cause."""
+CHOSEN_SHARE = 0.8
+"""Share of group bootstraps that must choose a name or class."""
+KEPT_WITHIN_BOUNDS = 0.8
+"""Share that parameters within their bounds must still explain."""
+CLOSE_BIC = 20.0
+"""A rival that wins some bootstraps is close within this loss of BIC."""
+_SOME_BOOTSTRAPS = 0.02
+"""Some bootstraps: more than this share of them."""
+RIVAL_BOOTSTRAPS = 0.1
+"""A rival that wins more than this share of them is a member."""
+_CONTENDER_SHARE = 0.3
+"""An effect that explains less than this share of the chosen one wins no bootstrap."""
+_DRAWS, _FIRST_DRAWS, _AT_ONCE = 2000, 400, 25
 _CLEAR = 0.99
 """Share of the first draws that is clear: where the true share is 0.9, so that a rival might have
 the 0.1 that makes it a member of the class, 396 of 400 are won with a chance of 1e-13."""
+
+
+def separability(
+    problem: Problem, item: Candidate, rival: Candidate, others: Sequence[Candidate]
+) -> float:
+    """Return the share of an effect's correction that a rival cannot imitate, base and others free.
+
+    Returns
+    -------
+    From 0, the rival explains all of it, to 1.
+    """
+    own = estimate(problem, (*others, item)).of(item)
+    matrix, fixed = problem.equations[0], problem.columns_of(others)
+    size = squares_left_after(matrix, item.columns, own, fixed)
+    if size <= 0.0:
+        return 1.0
+    return squares_left_after(matrix, item.columns, own, fixed + rival.columns) / size
+
+
+def squares_left_after(matrix: F, columns: Sequence[int], values: F, fixed: Sequence[int]) -> float:
+    """Return the squared length of columns @ values after projecting out the fixed columns.
+
+    Parameters
+    ----------
+    matrix
+        (K, K) products of all columns.
+    """
+    a = np.asarray(columns, dtype=np.int64)
+    total = float(values @ matrix[np.ix_(a, a)] @ values)
+    if not fixed:
+        return total
+    b = np.asarray(fixed, dtype=np.int64)
+    cross = matrix[np.ix_(b, a)] @ values
+    return max(total - float(cross @ solve(matrix[np.ix_(b, b)], cross)), 0.0)
+
+
+@dataclass(frozen=True)
+class _Chosen:
+    """One effect of a chosen set, beside the others."""
+
+    problem: Problem
+    chosen: Sequence[Candidate]
+    item: Candidate
+
+    @cached_property
+    def others(self) -> tuple[Candidate, ...]:
+        return without(self.chosen, self.item)
+
+    @cached_property
+    def gain(self) -> float:
+        """Fall of BIC by the effect."""
+        return delta_bic(self.problem, self.chosen) - delta_bic(self.problem, self.others)
+
+    def rivals(
+        self, known: Sequence[str], is_member: Callable[[Candidate, float], bool]
+    ) -> dict[str, float]:
+        """Return the rivals with their least loss of BIC in its place, the nearest first.
+
+        Parameters
+        ----------
+        known
+            Ids that are no rivals, beside those of the chosen effects.
+        is_member
+            Whether a shape counts, by its loss. A shape that a later run refutes never does.
+        """
+        problem, present = self.problem, {one.id for one in self.chosen} | set(known)
+        rivals = [c for c in problem.offered if c.id not in present]
+        own = delta_bic(problem, self.chosen)
+        losses = own - delta_bic_of_each(problem, self.others, rivals)
+        least: dict[str, float] = {}
+        for rival, loss in zip(rivals, losses.tolist(), strict=True):
+            if is_member(rival, loss) and not self.is_refuted(rival):
+                least[rival.id] = min(loss, least.get(rival.id, np.inf))
+        return dict(sorted(least.items(), key=lambda pair: pair[1]))
+
+    def is_refuted(self, rival: Candidate) -> bool:
+        """Whether one run after the first is against a rival and none as clearly for it.
+
+        A chosen experiment has few rows. In the sum over all rows, of which the form of the right
+        effect may leave a share as well, it would not count.
+        """
+        with_item, limit = self._later_runs
+        if not len(limit):
+            return False
+        excess = self._left_in_later_runs((*self.others, rival)) - with_item
+        return bool((excess > limit).any() and not (-excess > limit).any())
+
+    @cached_property
+    def _later_runs(self) -> tuple[F, F]:
+        """What the effect leaves in each later run, and the least excess that refutes a rival."""
+        sets = (self.others, (*self.others, self.item))
+        before, after = (self._left_in_later_runs(chosen) for chosen in sets)
+        return after, np.maximum(REFUTED_BY, REFUTED_SHARE * np.maximum(before - after, 0.0))
+
+    @cached_property
+    def _run_of_row(self) -> I:
+        table = self.problem.table
+        runs = table.column("run") if table.has("run") else np.zeros(len(table))
+        return np.unique(runs, return_inverse=True)[1]
+
+    def _left_in_later_runs(self, chosen: Sequence[Candidate]) -> F:
+        """(r,) whitened squares that a set leaves in each run after the first."""
+        rows = squares_by_row(self.problem, chosen) / self.problem.scale
+        return np.asarray(np.bincount(self._run_of_row, rows)[1:], dtype=np.float64)
+
+    def alone(self) -> AcceptanceCheck:
+        """Return the evidence that asks neither for the class of the effect nor for bootstraps."""
+        ranked = {one.id: one for one in rank(self.problem, self.others)}
+        own = ranked[self.item.id]
+        inside, kept = self._bounds_kept()
+        return AcceptanceCheck(
+            id=self.item.id,
+            p_holm=min(1.0, own.p * len(ranked)),
+            delta_bic=own.delta_bic,
+            held_out_fall=held_out_delta(self.problem, self.others, self.item),
+            chosen_share=0.0,
+            within_bounds=inside,
+            explained_in_bounds=kept,
+            own_seen=False,
+            winners={},
+            settings=self.problem.settings,
+        )
+
+    def _bounds_kept(self) -> tuple[bool, float]:
+        """Return whether it keeps its bounds by itself, and the share it explains in them.
+
+        A form that is not quite the truth's may push a parameter that is zero a little below it.
+        """
+        fit = bounded_estimate(self.problem, self.chosen, (self.item,))
+        if not fit.at_bound.any():
+            return True, 1.0
+        before = explained_squares(*self.problem.equations, self.problem.base_index)
+        gained = fit.explained - (before + delta_chi2(self.problem, self.others))
+        return False, float(np.clip(gained / max(gained + fit.lost, 1e-300), 0.0, 1.0))
+
+    def winners(self, seed: int) -> dict[str, float]:
+        """Return the share of bootstraps that each effect wins in its place."""
+        drops = {one.id: one.drop for one in rank(self.problem, self.others)}
+        least = _CONTENDER_SHARE * drops[self.item.id]
+        contenders = {id for id, drop in drops.items() if drop > least}
+        return selection_shares(self.problem, self.others, contenders, seed)
+
+    def in_class(
+        self, alone: AcceptanceCheck, winners: dict[str, float], members: Sequence[str]
+    ) -> AcceptanceCheck:
+        """Return the evidence with that of the class."""
+        plain = self.item.effect.plain_form()
+        known = plain is None or (plain.id != self.item.id and plain.id in members)
+        seen = known or explains_more_than_its_plain_form(self.problem, self.chosen, self.item)
+        share = _share(winners, members)
+        return replace(alone, chosen_share=share, own_seen=seen, winners=winners)
+
+    def classified(
+        self, alone: AcceptanceCheck, seed: int, class_of: ClassOf
+    ) -> tuple[AcceptanceCheck, tuple[str, ...]]:
+        """Return the evidence for it and its class, with the rivals that win bootstraps."""
+        winners = self.winners(seed)
+        members = class_of(self.problem, self.chosen, self.item)
+        seldom = _share(winners, members) < CHOSEN_SHARE
+        joining = []
+        if len(self.chosen) == 1 or not seldom:
+            # A rival that wins often belongs to the class, however far it is in BIC: with few rows
+            # it may be the truth. Several that win seldom may add up to what no library holds.
+            often = [id for id in winners if winners[id] > RIVAL_BOOTSTRAPS]
+            present = {other.id for other in self.chosen}
+            joining = sorted((id for id in often if id not in present), key=lambda id: -winners[id])
+        room = max(0, MOST_IN_CLASS - len(members))
+        if seldom and room:
+            # So does a close one that wins now and then.
+            close = class_of(self.problem, self.chosen, self.item, CLOSE_BIC)
+            joining += [id for id in close if winners.get(id, 0.0) > _SOME_BOOTSTRAPS]
+        new = list(dict.fromkeys(id for id in joining if id not in members))[:room]
+        members = [*members, *new]
+        return self.in_class(alone, winners, members), tuple(members)
+
+
+def _share(winners: dict[str, float], members: Sequence[str]) -> float:
+    """Return the share of bootstraps that a class wins; of a longer list its best members."""
+    return sum(sorted((winners.get(id, 0.0) for id in members), reverse=True)[:MOST_IN_CLASS])
+
+
+def confusion_class(
+    problem: Problem,
+    chosen: Sequence[Candidate],
+    item: Candidate,
+    least_bic: float | None = None,
+    most: int = MOST_IN_CLASS,
+) -> list[str]:
+    """Return the ids of an effect and of its rivals: near in BIC in its place, or not separable.
+
+    Parameters
+    ----------
+    least_bic
+        Loss of BIC within which a rival is a member; default: that of the settings.
+    most
+        Members of the class; of rivals that only look alike the nearest.
+    """
+    least = problem.settings.least_bic if least_bic is None else least_bic
+    one, total = _Chosen(problem, chosen, item), delta_bic(problem, chosen)
+
+    def is_member(rival: Candidate, loss: float) -> bool:
+        if rival in problem.imitators:
+            # The data cannot show its true form; one of several shapes comes nearer to it.
+            shaped = bool(problem.untestable[rival.id].forms)
+            if loss < (_LOST_BY_SHAPES if shaped else _LOST_BY_ONE) * one.gain:
+                return True
+        return loss < least or (
+            loss < FORM_SHARE * total and separability(problem, item, rival, one.others) < SEPARABLE
+        )
+
+    nearest = one.rivals((), is_member)
+    near = [id for id, loss in nearest.items() if loss < least]
+    # Rivals that only look alike, and lose in BIC: a long list names nothing.
+    alike_only = [id for id in nearest if id not in near][: max(0, most - 1 - len(near))]
+    members = [item.id, *near, *alike_only]
+    plain = item.effect.plain_form()
+    offered = {c.id for c in problem.offered} - {other.id for other in chosen}
+    if plain is None or plain.id in members or plain.id not in offered:
+        return members
+    if explains_more_than_its_plain_form(problem, chosen, item):
+        return members
+    # It was chosen because it has fewer parameters than the plainer form, not for its own sign.
+    return [*members[: most - 1], plain.id]
+
+
+def widened_class(
+    problem: Problem,
+    chosen: Sequence[Candidate],
+    item: Candidate,
+    members: Sequence[str],
+    near_share: float,
+) -> list[str]:
+    """Return the class of an effect with the rivals that lose less than a share of its gain.
+
+    The truth may be an effect that no library holds; then the nearest names look like it.
+    """
+    one = _Chosen(problem, chosen, item)
+    nearest = one.rivals(members, lambda _, loss: loss < near_share * one.gain)
+    return [*members, *list(nearest)[: max(0, MOST_IN_CLASS - len(members))]]
+
+
+def confusable_pairs(problem: Problem) -> list[tuple[str, str]]:
+    """Return the pairs of testable effects of which one imitates every direction of the other."""
+    matrix, vector = projected_out(*problem.equations, problem.base_index)
+    first = {c.id: c for c in reversed(problem.candidates)}
+    columns = {id: np.asarray(first[id].columns, dtype=np.int64) for id in problem.ids}
+    own = np.maximum(np.diag(matrix), 0.0)
+    shares: dict[tuple[str, str], float] = {}
+    for rival in columns:
+        # What the base leaves of every column, and what of that this effect leaves.
+        rest, _ = projected_out(matrix, vector, first[rival].columns)
+        left = np.clip(np.diag(rest), 0.0, own)
+        for id, other in columns.items():
+            total = float(own[other].sum())
+            shares[id, rival] = float(left[other].sum()) / total if total > 0.0 else 1.0
+    pairs = combinations(columns, 2)
+    return [(a, b) for a, b in pairs if min(shares[a, b], shares[b, a]) < SEPARABLE]
 
 
 def selection_shares(
@@ -43,7 +328,7 @@ def selection_shares(
     others: Sequence[Candidate],
     contenders: Collection[str],
     seed: int,
-    draws: int | None = None,
+    draws: int = _DRAWS,
 ) -> dict[str, float]:
     """Return the share of draws in which each contender lowers BIC most beside base and `others`.
 
@@ -52,22 +337,20 @@ def selection_shares(
     contenders
         Ids that may win.
     draws
-        Most draws; default: that of the settings. After 400 no more are made where one contender
-        has won 99 % of them.
+        Most draws. After 400 no more are made where one contender has won 99 % of them.
     """
-    draws = problem.settings.bootstrap_draws if draws is None else draws
-    fixed = [*problem.base_index, *(column for other in others for column in other.columns)]
     tried = [c for c in problem.candidates if c.id in contenders]
     if not tried:
         return {}
-    known = _Fixed.of(problem.normal, fixed)
-    blocks = [_Block.of(problem.normal, known, same) for same in _by_size(tried)]
-    ids = [c.id for block in blocks for c in block.candidates]
+    sizes = sorted({c.parameters for c in tried})
+    blocks = [[c for c in tried if c.parameters == size] for size in sizes]
+    falls_of = _falls_of_draws(problem, problem.columns_of(others), blocks)
+    ids = [c.id for same in blocks for c in same]
     won = dict.fromkeys(ids, 0)
     drawn = _drawn(len(problem.normal.squares), draws, seed)
     made = 0
     for part in (islice(drawn, _FIRST_DRAWS // _AT_ONCE), drawn):
-        for falls in in_threads(lambda weights: _falls(weights, known, blocks, problem), part):
+        for falls in in_threads(falls_of, part):
             made += len(falls)
             best = falls.argmax(axis=1)
             for i in best[falls.max(axis=1) > 0.0].tolist():
@@ -75,11 +358,6 @@ def selection_shares(
         if max(won.values()) >= _CLEAR * made:
             break
     return {id: count / made for id, count in won.items() if count}
-
-
-def _by_size(candidates: Sequence[Candidate]) -> list[list[Candidate]]:
-    sizes = sorted({candidate.parameters for candidate in candidates})
-    return [[c for c in candidates if c.parameters == size] for size in sizes]
 
 
 def _drawn(groups: int, draws: int, seed: int) -> Iterator[F]:
@@ -91,108 +369,86 @@ def _drawn(groups: int, draws: int, seed: int) -> Iterator[F]:
         yield drawn.astype(np.float64)
 
 
-@dataclass(frozen=True)
-class _Fixed:
-    """Normal equations by group of the fixed columns and the response."""
+def _falls_of_draws(
+    problem: Problem, fixed: Sequence[int], blocks: Sequence[Sequence[Candidate]]
+) -> Callable[[F], F]:
+    """Return what gives (d, c) the falls of BIC by each candidate in draws (d, g).
 
-    columns: F
-    """(n, f + 1) fixed columns and response."""
-    squares: F
-    """(g, f (f + 1))."""
-    precision: F
-    """(f,) of the prior; see `NormalEquations`."""
+    Parameters
+    ----------
+    fixed
+        Columns beside which the candidates are added.
+    blocks
+        Candidates of the same number of parameters.
+    """
+    normal, f = problem.normal, len(fixed)
+    known = np.column_stack([normal.rows[:, list(fixed)], normal.response])
+    parts = [slice(a, b) for a, b in pairwise(normal.bounds.tolist())]
 
-    @staticmethod
-    def of(normal: NormalEquations, fixed: Sequence[int]) -> _Fixed:
-        """Sums over the rows of each group."""
-        columns = np.column_stack([normal.rows[:, list(fixed)], normal.response])
-        parts = [columns[a:b] for a, b in pairwise(normal.bounds.tolist())]
-        squares = np.stack([(part[:, :-1].T @ part).ravel() for part in parts])
-        return _Fixed(columns, squares, normal.precision[list(fixed)])
+    def by_group(left: F, right: F) -> F:
+        """(g, ...) products of columns of the rows of each group, flat."""
+        sums = [np.swapaxes(left[..., s, :], -1, -2) @ right[..., s, :] for s in parts]
+        return np.stack([one.ravel() for one in sums])
 
+    squares = by_group(known[:, :-1], known)
+    sums = []
+    for same in blocks:
+        columns = normal.rows[:, [column for c in same for column in c.columns]]
+        each = np.swapaxes(columns.reshape(len(columns), len(same), -1), 0, 1)
+        signs = problem.signs[[c.columns for c in same]]
+        sums.append((by_group(columns, known), by_group(each, each), signs))
 
-@dataclass(frozen=True)
-class _Block:
-    """Normal equations by group, for candidates with the same number of parameters."""
+    def falls_of(weights: F) -> F:
+        d = len(weights)
+        equations = (weights @ squares).reshape(d, f, f + 1)
+        equations[:, range(f), range(f)] += normal.precision[list(fixed)]
+        size = np.sqrt(np.maximum(np.einsum("dii->di", equations[:, :, :f]), 1e-300))
+        inner = equations[:, :, :f] / (size[:, :, None] * size[:, None, :]) + RIDGE * np.eye(f)
+        # Columns and response in coordinates in which the fixed columns are orthonormal: what they
+        # explain is a product, which takes a third of the time of solving for every column.
+        basis = inner
+        if f:  # the transpose is the same memory as LAPACK reads it
+            basis = np.stack([dtrtri(one.T)[0].T for one in np.linalg.cholesky(inner)])
+        basis = basis / size[:, None, :]
+        response = basis @ equations[:, :, f:]
+        falls = []
+        for cross, own, signs in sums:
+            b, k = signs.shape
+            each = (weights @ cross).reshape(d, b * k, f + 1)
+            seen = each[:, :, :f] @ basis.transpose(0, 2, 1)
+            slope = (each[:, :, f] - (seen @ response)[:, :, 0]).reshape(d, b, k)
+            matrix = (weights @ own).reshape(d, b, k, k)
+            ridge = RIDGE * np.maximum(np.einsum("dbii->dbi", matrix), 1e-200)
+            rows = seen.reshape(d, b, k, f)
+            matrix = matrix - rows @ rows.transpose(0, 1, 3, 2) + ridge[:, :, :, None] * np.eye(k)
+            gain = _explained_with_signs(matrix, slope, signs)
+            falls.append(gain / problem.scale - k * np.log(problem.size))
+        return np.concatenate(falls, axis=1)
 
-    candidates: Sequence[Candidate]
-    cross: F
-    """(g, b k (f + 1)) of the candidates' columns with fixed columns and response."""
-    own: F
-    """(g, b k k) of each candidate's columns."""
-
-    @staticmethod
-    def of(normal: NormalEquations, known: _Fixed, candidates: Sequence[Candidate]) -> _Block:
-        """Sums over the rows of each group."""
-        columns = normal.rows[:, [column for c in candidates for column in c.columns]]
-        each = np.swapaxes(columns.reshape(len(columns), len(candidates), -1), 0, 1)
-        parts = [slice(a, b) for a, b in pairwise(normal.bounds.tolist())]
-        return _Block(
-            candidates,
-            np.stack([(columns[s].T @ known.columns[s]).ravel() for s in parts]),
-            np.stack([(np.swapaxes(each[:, s], 1, 2) @ each[:, s]).ravel() for s in parts]),
-        )
-
-    def falls(self, own: F, slope: F, problem: Problem) -> F:
-        """Return (d, b) the fall of BIC by each candidate, per draw.
-
-        Parameters
-        ----------
-        own
-            (d, b, k, k) each candidate's normal equations beside the fixed columns.
-        slope
-            (d, b, k) their right-hand sides.
-        """
-        k = own.shape[-1]
-        signs = problem.signs[[c.columns for c in self.candidates]]
-        taken = np.ones(slope.shape, dtype=np.bool_)
-        theta = _solved(own, slope)
-        for _ in range(k):
-            wrong = taken & (signs * theta < 0.0)
-            again = wrong.any(axis=2)
-            if not again.any():
-                break
-            # As in `explained_by_blocks`: a coefficient of the wrong sign leaves its block.
-            taken &= ~wrong
-            kept = taken[again]
-            block = np.where(kept[:, :, None] & kept[:, None, :], own[again], np.eye(k))
-            theta[again] = _solved(block, np.where(kept, slope[again], 0.0))
-        gain = np.where(taken, slope * theta, 0.0).sum(axis=2)
-        return np.asarray(gain / problem.scale - k * np.log(problem.size))
+    return falls_of
 
 
-def _falls(weights: F, known: _Fixed, blocks: Sequence[_Block], problem: Problem) -> F:
-    """Return (d, c) the fall of BIC by each candidate beside the fixed columns, per draw."""
-    d, f = len(weights), known.columns.shape[1] - 1
-    fixed = (weights @ known.squares).reshape(d, f, f + 1)
-    fixed[:, range(f), range(f)] += known.precision
-    size = np.sqrt(np.maximum(np.einsum("dii->di", fixed[:, :, :f]), 1e-300))
-    inner = fixed[:, :, :f] / (size[:, :, None] * size[:, None, :]) + RIDGE * np.eye(f)
-    # Columns and response in coordinates in which the fixed columns are orthonormal: what they
-    # explain is a product, which takes a third of the time of solving for every column.
-    basis = _lower_inverses(np.linalg.cholesky(inner)) / size[:, None, :]
-    response = basis @ fixed[:, :, f:]
-    falls = []
-    for block in blocks:
-        each = (weights @ block.cross).reshape(d, -1, f + 1)
-        b = len(block.candidates)
-        k = each.shape[1] // b
-        seen = each[:, :, :f] @ basis.transpose(0, 2, 1)
-        slope = (each[:, :, f] - (seen @ response)[:, :, 0]).reshape(d, b, k)
-        own = (weights @ block.own).reshape(d, b, k, k)
-        ridge = RIDGE * np.maximum(np.einsum("dbii->dbi", own), 1e-200)
-        rows = seen.reshape(d, b, k, f)
-        own = own - rows @ rows.transpose(0, 1, 3, 2) + ridge[:, :, :, None] * np.eye(k)
-        falls.append(block.falls(own, slope, problem))
-    return np.concatenate(falls, axis=1)
+def _explained_with_signs(matrix: F, slope: F, signs: F) -> F:
+    """Return (d, b) squares that each block explains; see `explained_by_blocks` for the signs.
 
-
-def _lower_inverses(factors: F) -> F:
-    """Return the inverses of lower triangular matrices (d, f, f)."""
-    if factors.size == 0:
-        return factors
-    # The transpose is the same memory as LAPACK reads it; numpy's inverse does not use the zeros.
-    return np.stack([dtrtri(factor.T)[0].T for factor in factors])
+    Parameters
+    ----------
+    matrix, slope
+        (d, b, k, k) and (d, b, k) normal equations of each block.
+    """
+    k = slope.shape[-1]
+    taken = np.ones(slope.shape, dtype=np.bool_)
+    theta = _solved(matrix, slope)
+    for _ in range(k):
+        wrong = taken & (signs * theta < 0.0)
+        again = wrong.any(axis=2)
+        if not again.any():
+            break
+        taken &= ~wrong
+        kept = taken[again]
+        block = np.where(kept[:, :, None] & kept[:, None, :], matrix[again], np.eye(k))
+        theta[again] = _solved(block, np.where(kept, slope[again], 0.0))
+    return np.asarray(np.where(taken, slope * theta, 0.0).sum(axis=2))
 
 
 def _solved(matrices: F, vectors: F) -> F:
@@ -229,16 +485,13 @@ class AcceptanceCheck:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the part of the report."""
-        hidden = ("winners", "settings")
-        shown = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in hidden}
+        shown = {f.name: getattr(self, f.name) for f in fields(self) if f.repr}
         return shown | {"accepted": self.accepted}
 
     @property
     def accepted(self) -> bool:
         """Whether all conditions hold."""
-        return (
-            self.passes_alone and self.chosen_share >= self.settings.chosen_share and self.own_seen
-        )
+        return self.passes_alone and self.chosen_share >= CHOSEN_SHARE and self.own_seen
 
     @property
     def passes_alone(self) -> bool:
@@ -248,7 +501,7 @@ class AcceptanceCheck:
             self.p_holm < limits.level
             and self.delta_bic > limits.least_bic
             and self.held_out_fall > limits.held_out_errors
-            and self.explained_in_bounds > limits.kept_within_bounds
+            and self.explained_in_bounds > KEPT_WITHIN_BOUNDS
         )
 
 
@@ -286,71 +539,26 @@ def accept(
     chosen = tuple(chosen)
     checks: tuple[AcceptanceCheck, ...] = ()
     while chosen:
-        # The weakest that fails is dropped: stronger ones need no bootstraps in this pass.
-        pairs: dict[int, tuple[AcceptanceCheck, tuple[str, ...]]] = {}
-        strength = [_delta_bic(problem, chosen, item) for item in chosen]
-        for i in sorted(range(len(chosen)), key=strength.__getitem__):
-            # What fails by itself needs no bootstraps; those of the last one are reported.
-            if len(chosen) > 1 and not _passes_alone(problem, chosen, chosen[i]):
-                break
-            pairs[i] = _checked(problem, chosen, chosen[i], seed, class_of)
-            if not pairs[i][0].accepted:
+        found: dict[str, tuple[AcceptanceCheck, tuple[str, ...]]] = {}
+        alone = [(one, one.alone()) for one in (_Chosen(problem, chosen, c) for c in chosen)]
+        # The weakest that fails is dropped: stronger ones need no bootstraps in this pass, nor
+        # does what fails by itself. Those of the last one are reported.
+        for one, check in sorted(alone, key=lambda pair: pair[1].delta_bic):
+            item = one.item
+            if len(chosen) == 1 or check.passes_alone:
+                found[item.id] = one.classified(check, seed, class_of)
+            if item.id not in found or not found[item.id][0].accepted:
                 break
         else:
-            in_order = [pairs[i] for i in range(len(chosen))]
-            return Accepted(
-                chosen,
-                tuple(members for _, members in in_order),
-                tuple(check for check, _ in in_order),
-            )
-        checks = (pairs[i][0],) if i in pairs else ()
-        if _bounds_kept(problem, chosen, chosen[i])[1] <= problem.settings.kept_within_bounds:
-            problem = problem.without_effect(chosen[i].id)
+            pairs = [found[item.id] for item in chosen]
+            return Accepted(chosen, tuple(own for _, own in pairs), tuple(c for c, _ in pairs))
+        checks = (found[item.id][0],) if item.id in found else ()
+        if check.explained_in_bounds <= KEPT_WITHIN_BOUNDS:
+            problem = problem.without_effect(item.id)
             chosen = search(problem, rank(problem))
         else:
-            chosen = (*chosen[:i], *chosen[i + 1 :])
+            chosen = without(chosen, item)
     return Accepted(checks=checks)
-
-
-def _delta_bic(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> float:
-    """Return the fall of BIC by one effect beside the other chosen ones."""
-    others = [other for other in chosen if other is not item]
-    return next(one.delta_bic for one in rank(problem, others) if one.id == item.id)
-
-
-def _passes_alone(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> bool:
-    """Whether an effect passes all that asks neither for its class nor for bootstraps."""
-    nothing: dict[str, float] = {}
-    return acceptance_check(problem, chosen, item, (), 0, winners=nothing).passes_alone
-
-
-def _checked(
-    problem: Problem, chosen: Sequence[Candidate], item: Candidate, seed: int, class_of: ClassOf
-) -> tuple[AcceptanceCheck, tuple[str, ...]]:
-    """Return the evidence for one effect and its class."""
-    settings = problem.settings
-    members = class_of(problem, chosen, item)
-    check = acceptance_check(problem, chosen, item, members, seed)
-    room = settings.most_in_class - len(members)
-    if room <= 0:
-        return check, tuple(members)
-    others = {other.id for other in chosen}
-    won = sorted(check.winners.items(), key=lambda won: -won[1])
-    seldom = check.chosen_share < settings.chosen_share
-    joining = []
-    if len(chosen) == 1 or not seldom:
-        # A rival that wins often belongs to the class, however far it is in BIC: with few rows it
-        # may be the truth. Several effects that win seldom may add up to what no library holds.
-        often = settings.rival_bootstraps
-        joining = [id for id, share in won if share > often and id not in others]
-    if seldom:
-        # So does a close one that wins now and then.
-        close = class_of(problem, chosen, item, settings.close_bic)
-        wins = {id for id, share in won if share > settings.some_bootstraps}
-        joining += [id for id in close if id in wins and id not in joining]
-    members = [*members, *[id for id in joining if id not in members][:room]]
-    check = acceptance_check(problem, chosen, item, members, seed, winners=check.winners)
-    return check, tuple(members)
 
 
 def acceptance_check(
@@ -359,8 +567,6 @@ def acceptance_check(
     item: Candidate,
     members: Sequence[str],
     seed: int,
-    *,
-    winners: dict[str, float] | None = None,
 ) -> AcceptanceCheck:
     """Return the evidence for `item` given the other chosen effects.
 
@@ -368,59 +574,6 @@ def acceptance_check(
     ----------
     members
         Ids of its class.
-    winners
-        Result of the bootstraps, where the effect was checked before with another class.
     """
-    settings = problem.settings
-    others = [other for other in chosen if other is not item]
-    ranked = {one.id: one for one in rank(problem, others)}
-    own = ranked[item.id]
-    inside, kept = _bounds_kept(problem, chosen, item)
-    if winners is None:
-        least = settings.contender_share * own.drop
-        contenders = {one.id for one in ranked.values() if one.drop > least}
-        winners = selection_shares(problem, others, contenders, seed)
-    return AcceptanceCheck(
-        id=item.id,
-        p_holm=min(1.0, own.p * len(ranked)),
-        delta_bic=own.delta_bic,
-        held_out_fall=held_out_delta(problem, others, item),
-        chosen_share=_share(winners, members, settings),
-        within_bounds=inside,
-        explained_in_bounds=kept,
-        own_seen=_is_own_seen(problem, chosen, item, members),
-        winners=winners,
-        settings=settings,
-    )
-
-
-def _share(winners: dict[str, float], members: Sequence[str], settings: DiagnosisSettings) -> float:
-    """Return the share of bootstraps that a class wins; of a longer list its best members."""
-    won = sorted((winners.get(id, 0.0) for id in members), reverse=True)
-    return sum(won[: settings.most_in_class])
-
-
-def _is_own_seen(
-    problem: Problem, chosen: Sequence[Candidate], item: Candidate, members: Sequence[str]
-) -> bool:
-    """Whether the effect explains more than its plain form, or the plain form is in its class."""
-    plain = item.effect.plain_form()
-    if plain is None or (plain.id != item.id and plain.id in members):
-        return True
-    return explains_more_than_its_plain_form(problem, chosen, item)
-
-
-def _bounds_kept(
-    problem: Problem, chosen: Sequence[Candidate], item: Candidate
-) -> tuple[bool, float]:
-    """Return whether the effect keeps its bounds by itself, and the share it explains in them.
-
-    A form that is not quite the truth's may push a parameter that is zero a little below it.
-    """
-    fit = bounded_estimate(problem, chosen, (item,))
-    if not fit.at_bound.any():
-        return True, 1.0
-    others = [other for other in chosen if other is not item]
-    before = explained_squares(*problem.equations, problem.base_index)
-    gained = fit.explained - (before + delta_chi2(problem, others))
-    return False, float(np.clip(gained / max(gained + fit.lost, 1e-300), 0.0, 1.0))
+    one = _Chosen(problem, chosen, item)
+    return one.in_class(one.alone(), one.winners(seed), members)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.diagnosis.summary import fields_json
-from ecm.effects import effects_of
+from ecm.effects import Effect, effects_of
 from ecm.effects.protocol import missing_length
 from ecm.io.columns import KINDS, POSE, TEXT, WRENCH, is_standard
 from ecm.io.conventions import WrongConvention, wrong_convention
@@ -132,26 +132,28 @@ class Check:
 
     def sentences(self) -> list[str]:
         """Return what matters, in plain words."""
-        lines = [f"{self.source}: {self.rows} rows in {self.runs} run{'s' * (self.runs != 1)}."]
-        lines.extend(excitation_sentences(self.never_excited))
+        return list(self._sentences())
+
+    def _sentences(self) -> Iterator[str]:
+        yield f"{self.source}: {self.rows} rows in {self.runs} run{'s' * (self.runs != 1)}."
+        yield from excitation_sentences(self.never_excited)
         if len(self.missing) == len(POSE) + len(WRENCH):
-            lines.append(
+            yield (
                 "No pose and no wrench column is there: nothing can be fitted, compared or "
                 "diagnosed. Name at least one of each as in x_m and fx_N, or map your own names in "
                 "the TOML beside the data ([columns])."
             )
         elif self.missing:
-            lines.append(f"Not there: {', '.join(self.missing)}.")
+            yield f"Not there: {', '.join(self.missing)}."
         if self.groups is not None:
-            lines.append(f"Held-out splits keep {self.groups} groups of rows together.")
+            yield f"Held-out splits keep {self.groups} groups of rows together."
         n = self.repeated_poses
         why = f"repeats of {n} pose{'s' * (n != 1)} are too few" if n else "no pose is repeated"
-        lines.append(_NOISE_WORDS[self.noise].format(n=n, why=why))
-        lines.extend(self.remarks)
+        yield _NOISE_WORDS[self.noise].format(n=n, why=why)
+        yield from self.remarks
         if self.suspect:
-            lines.append("Likely no measurements (ecm check --leave-out leaves them out for good):")
-            lines.extend(f"  {found.sentence()}" for found in self.suspect)
-        return lines
+            yield "Likely no measurements (ecm check --leave-out leaves them out for good):"
+            yield from (f"  {found.sentence()}" for found in self.suspect)
 
 
 _NOISE_WORDS = {
@@ -239,11 +241,11 @@ def check(table: TableLike, *, meta: MetaLike = None, progress: Progress | None 
     kinds["pose"] = int(table.of_poses.sum())
     groups = table.groups()
     zeros = zero_columns(table)
-    testable, not_testable = _effects(
-        table.drop(*zeros),
-        [name for name in constant if name not in zeros],
-        steps.within(_TESTABLE),
-    )
+    tried = table.drop(*zeros)
+    effects = effects_of(tried)
+    still = [name for name in constant if name not in zeros]
+    not_testable = tuple(_lacking(effects, tried, still, steps.within(_TESTABLE)))
+    lacking = {one.id for one in not_testable}
     steps.begin(_REPEATS)
     repeated, noise = repeated_poses(table), noise_source(table)
     steps.begin(_SUSPECT)
@@ -260,7 +262,7 @@ def check(table: TableLike, *, meta: MetaLike = None, progress: Progress | None 
         groups=None if groups is None else len(np.unique(groups)),
         repeated_poses=repeated,
         noise=noise,
-        testable=testable,
+        testable=tuple(effect.id for effect in effects if effect.id not in lacking),
         not_testable=not_testable,
         warnings=(*table.warnings, *doubts(table, wrong)),
         suspect=tuple(suspect_rows(table)),
@@ -298,22 +300,16 @@ def _is_constant(values: NDArray[np.float64]) -> bool:
     return bool(np.ptp(values) <= _STILL * np.max(np.abs(values)))
 
 
-def _effects(
-    table: Table, constant: Sequence[str], progress: Progress | None
-) -> tuple[tuple[str, ...], tuple[NotTestable, ...]]:
-    """Return the ids that the table can test, and the others with reason and remedy."""
-    testable: list[str] = []
-    not_testable: list[NotTestable] = []
-    effects = effects_of(table)
+def _lacking(
+    effects: Sequence[Effect], table: Table, constant: Sequence[str], progress: Progress | None
+) -> Iterator[NotTestable]:
+    """Yield the effects that the table cannot test, with reason and remedy."""
     for i, effect in enumerate(effects):
         if progress is not None:
             progress(i, len(effects), "")
         missing = effect.missing(table) or missing_length(effect, table)
         if missing is not None:
-            not_testable.append(NotTestable(effect.id, missing.reason, missing.record))
+            yield NotTestable(effect.id, missing.reason, missing.record)
         elif constant:
             name = constant[0]
-            not_testable.append(NotTestable(effect.id, f"{name} is never excited", f"vary {name}"))
-        else:
-            testable.append(effect.id)
-    return tuple(testable), tuple(not_testable)
+            yield NotTestable(effect.id, f"{name} is never excited", f"vary {name}")

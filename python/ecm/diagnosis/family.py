@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ecm.comparison.residuals import KNOWN, candidate_covariates, in_one_order
-from ecm.diagnosis.unexplained import draft_of
+from ecm.diagnosis.left_over import draft_of
+from ecm.diagnosis.settings import FORM_SHARE
 from ecm.effects.experiments import get_experiment
 from ecm.io.arrays import F, evenly
 from ecm.io.columns import POSE, TEXT
@@ -148,7 +149,7 @@ def posterior(problem: Problem) -> list[tuple[Driver, float]]:
     )
     gains = np.append(gains - nothing, 0.0)
     # A process is no more exact than the form of an effect: what that may lose tells nothing.
-    unit = max(1.0, problem.settings.form_share * float(gains.max()))
+    unit = max(1.0, FORM_SHARE * float(gains.max()))
     shares = np.exp((gains - gains.max()) / unit)
     chances = (shares / shares.sum()).tolist()
     return list(zip(drivers, chances[: len(drivers)], strict=True))

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -20,10 +21,10 @@ import numpy as np
 from ecm.comparison.comparison import compare
 from ecm.comparison.result import Comparison
 from ecm.comparison.structure import NEAR_NOISE, StructureTest, nothing_follows, structure_test
-from ecm.diagnosis.decision import Decision
-from ecm.diagnosis.readings import WrongStatement, best_of
 from ecm.diagnosis.search import held_out_rms
+from ecm.diagnosis.statements import MENDED_SHARE, WrongStatement, best_of, squares_left
 from ecm.diagnosis.summary import fields_json
+from ecm.diagnosis.verdict import Decision
 from ecm.effects import Effect
 from ecm.errors import EcmError, Remedy
 from ecm.io.arrays import B, F, evenly
@@ -33,14 +34,13 @@ from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.learned import LEARNED
 from ecm.models.maps import StiffnessMap
 from ecm.models.physics.map import PhysicsMap
-from ecm.models.refit import is_far_behind
+from ecm.models.refit import FAR_BEYOND_NOISE, is_far_behind
 from ecm.regression.folds import spread_rows
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
     from ecm.diagnosis.problem import Problem
-    from ecm.diagnosis.settings import DiagnosisSettings
     from ecm.io.table import Table
     from ecm.models.model import Model
 
@@ -54,7 +54,7 @@ _SAME = 1.1
 
 
 def reading_of_given_model(
-    model: Model, table: Table, noise: Noise, most_error: float, share: float
+    model: Model, table: Table, noise: Noise, most_error: float
 ) -> WrongStatement | None:
     """Return the reading of a table that the model as it stands explains; None where none does.
 
@@ -64,8 +64,6 @@ def reading_of_given_model(
         Of the rows; where it is only what the model leaves, nothing can be said.
     most_error
         Largest error that the reading may leave, over the noise.
-    share
-        Largest share of the error as stated that it may leave.
     """
     known = set(model.inputs) <= set(POSE) and set(model.outputs) <= set(WRENCH)
     if noise.is_residual or not known:
@@ -82,29 +80,25 @@ def reading_of_given_model(
     def of_noise(values: F) -> float:
         return float((np.einsum("nij,nj->ni", whitener, values) ** 2).mean())
 
-    def squares(reading: Convention | None) -> float | None:
-        """Return the mean square over the noise; None where the columns or the model end."""
-        try:
-            p, h = (poses, wrench) if reading is None else reading.change(poses, wrench)
-            if _filled(p, ~moving) or _filled(h, ~loaded):
-                return None
-            columns = dict(zip(model.inputs, p[:, moving].T, strict=True))
-            predicted = model.predict(part.with_columns(columns), skip_untestable=True)
-        except (EcmError, np.linalg.LinAlgError):
-            return None
+    def squares(reading: Convention | None, p: F, h: F) -> float:
+        """Mean square over the noise; infinite where the columns or the model end."""
+        if _filled(p, ~moving) or _filled(h, ~loaded):
+            return np.inf
+        columns = dict(zip(model.inputs, p[:, moving].T, strict=True))
+        predicted = model.predict(part.with_columns(columns), skip_untestable=True)
         # A smaller unit shrinks the error with the loads: as if they had the stated size.
         size = of_noise(wrench[:, loaded]) / max(of_noise(h[:, loaded]), 1e-300)
-        value = of_noise(h[:, loaded] - predicted) * size
-        return value if np.isfinite(value) else None
+        return of_noise(h[:, loaded] - predicted) * size
 
-    now = squares(None)
-    if now is None:
+    try:
+        now = squares(None, poses, wrench)
+    except (EcmError, np.linalg.LinAlgError):
         return None
     length = table.meta.length_m if moving[0] else None
     listed = [*conventions(length), *rarer_conventions()]
     told = [r for r in listed if not _is_a_specimen(r, poses, wrench)]
-    left = [(value, item) for item in told if (value := squares(item)) is not None]
-    best = best_of(_distinct(left, poses, wrench), min(share**2 * now, most_error**2))
+    left = squares_left(told, poses, wrench, squares)
+    best = best_of(_distinct(left, poses, wrench), min(MENDED_SHARE**2 * now, most_error**2))
     if not best:
         return None
     after = min(value for value, item in left if item in best)
@@ -137,19 +131,15 @@ def _distinct(
     left: Sequence[tuple[float, Convention]], poses: F, wrench: F
 ) -> list[tuple[float, Convention]]:
     """Return the readings without those that say the same of these columns as an earlier one."""
-    kept: list[tuple[float, Convention]] = []
+    kept: dict[bytes, tuple[float, Convention]] = {}
     for value, item in left:
-        own = item.change(poses, wrench)
-        if not any(
-            abs(value - other) <= 1e-8 + 1e-9 * abs(other)
-            and all(np.allclose(a, b) for a, b in zip(own, one.change(poses, wrench), strict=True))
-            for other, one in kept
-        ):
-            kept.append((value, item))
-    return kept
+        read = np.round(np.hstack(item.change(poses, wrench)), 9) + 0.0  # no negative zeros
+        kept.setdefault(read.tobytes(), (value, item))
+    return list(kept.values())
 
 
 Answer = Literal["fits", "numbers", "form", "effect", "table", "noise"]
+Reason = Literal["", "rows", "weak"]
 _MOST_ROWS = 1000
 """Rows that a refit of the same kind uses."""
 _FAR = 2.0
@@ -214,7 +204,7 @@ class GivenModel:
     """Another reading of the table with which the model fits as it stands."""
     neighbours_alike: float | None = field(default=None, metadata={"optional": True})
     """Correlation of the errors of rows that follow each other; None where it is chance."""
-    reason: Literal["", "rows", "weak"] = ""
+    reason: Reason = ""
     """Why a base that is no richer shows nothing: `rows` that are unlike all others count less in
     it, or what the model lacks is too `weak`; empty where it shows it, or is richer."""
     remedy: Remedy | None = field(default=None, metadata={"optional": True})
@@ -303,96 +293,205 @@ def judge_given_model(
     noise
         Noise of the rows, where the user gave it.
     """
-    problem, prepared = decision.problem, decision.prepared
-    settings = problem.settings
-    result = compare(model, prepared.table, noise=noise)
-    same = isinstance(model.base, PhysicsMap) and isinstance(problem.base, PhysicsMap)
-    noise = result.noise
-    base_errors = _sized(
-        None if problem.noise.is_residual else held_out_rms(problem, ()),
-        dict(zip(problem.base.outputs, problem.rms(problem.fit.residual).tolist(), strict=True)),
-        problem.noise,
-        prepared.table,
-    )
-    as_given = _sized(
-        None if noise.is_residual else result.whitened_rms,
-        {c.name: c.rmse for c in result.components},
-        noise,
-        prepared.table,
-    )
-    # `result.missing` fits a base of its own where neither of the others says so.
-    far = _far_behind(as_given, base_errors, settings)
-    missing = result.structure.found or far or result.missing
-    accepted = [item.effect for item in decision.accepted.effects]
-    # An effect of the base's columns has no meaning for a model of fewer.
-    alike = (model.inputs, model.outputs) == (problem.base.inputs, problem.base.outputs)
-    again, after, needed = None, None, False
-    if not same and (missing or (accepted and alike)):
-        again = refit_of_kind(model, prepared.unexplained, noise)
-    if again is not None and accepted and alike:
-        fit = _fit_or_none(again.base, accepted, again.rows.table, noise)
-        after = None if fit is None else _errors(fit, noise)
-        # What smooth functions do not show, as the way back of a hysteresis, is missing as well.
-        needed = fit is not None and _bic_fall(again, fit) > settings.least_bic
-    missing = missing or needed
-    refitted = _errors(again, noise) if again is not None else base_errors if same else None
-    behind = refitted is not None and _far_behind(refitted, base_errors, settings)
-    if same:
-        fits_again = not (decision.gate.rejected or behind)
-    else:
-        fits_again = again is not None and not (needed or behind)
-        fits_again = fits_again and not (missing and _holds_structure(again, noise))
-    # Of the same form as the base, what the base lacks the model lacks as well.
-    same_form = alike and model.base.name == problem.base.name
-    none, unknown = decision.verdict == "none", decision.unknown
-    # What the base does not lack either is no effect, and what it lacks too is the smaller part.
-    too_plain = missing and not fits_again and (behind or none)
-    reason: Literal["", "rows", "weak"] = ""
-    if too_plain:
-        richer = len(problem.base.coefficients) > len(model.base.coefficients)
-        spoiled = far and len(problem.unlike_rows) > 0 and not richer
-        reason = "rows" if spoiled else "weak" if same_form else ""
-    over_noise = as_given.over_noise or 0.0
-    far_off = over_noise > settings.most_left_error
-    beyond = over_noise > NEAR_NOISE and result.excess_low > 0.0
-    rules: tuple[tuple[bool, Answer], ...] = (
-        (unknown is not None and unknown.slow_noise is not None, "fits"),
-        (same_form and not none, "effect"),
-        (not missing and far_off, "noise" if none else "effect"),
-        (not missing, "noise" if beyond else "fits"),
-        (fits_again or reason == "rows", "numbers"),
-        (too_plain and not reason, "form"),
-        (True, "effect"),
-    )
-    answer = next(word for holds, word in rules if holds)
-    misread = unknown is not None and unknown.misread
-    doubted = missing or answer == "effect" or (answer == "noise" and far_off)
-    statement = None
-    if doubted and not (misread and same):  # the base has the numbers of the body then
-        # A reading must fit as well as the model on its own rows, or as the base does here.
-        own = _OF_ITS_OWN * float(model.training.get("over_noise", 0.0))
-        most = max(settings.most_left_error, _FAR * (base_errors.over_noise or 0.0), own)
-        statement = reading_of_given_model(
-            model, prepared.table, noise, most, settings.mended_share
-        )
-    if doubted and (misread or statement is not None):
+    judged = _Judged(model, decision, compare(model, decision.prepared.table, noise=noise))
+    answer, statement, missing = judged.answer, judged.statement, judged.missing
+    if judged.is_doubted and (decision.misread or statement is not None):
         answer = "table"
     return GivenModel(
         name=model.name,
         answer=answer,
-        gate=result.structure,
-        as_given=as_given,
-        refitted=refitted if missing else None,
-        with_effects=after if missing else None,
-        base=problem.base.name,
-        base_errors=base_errors,
-        is_base=same,
-        scale=_scale(model, prepared.table, result) if answer == "numbers" else None,
+        gate=judged.result.structure,
+        as_given=judged.as_given,
+        refitted=judged.refitted if missing else None,
+        with_effects=judged.errors_of(judged.refits[1]) if missing else None,
+        base=decision.problem.base.name,
+        base_errors=judged.base_errors,
+        is_base=judged.same,
+        scale=judged.scale if answer == "numbers" else None,
         statement=statement,
-        neighbours_alike=result.neighbours_alike,
-        reason=reason if answer in ("numbers", "effect") else "",
-        remedy=_remedy(model, problem, answer, reason),
+        neighbours_alike=judged.result.neighbours_alike,
+        reason=judged.reason if answer in ("numbers", "effect") else "",
+        remedy=_remedy(model, decision.problem, answer, judged.reason),
     )
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """What is measured of a model to judge it, each number when it is asked for."""
+
+    model: Model
+    decision: Decision
+    result: Comparison
+
+    @cached_property
+    def same(self) -> bool:
+        """Whether the base is the model itself, with E and nu fitted to these rows."""
+        bases = (self.model.base, self.decision.problem.base)
+        return all(isinstance(base, PhysicsMap) for base in bases)
+
+    @cached_property
+    def alike(self) -> bool:
+        """Whether effects of the base have a meaning for the model: it may have fewer columns."""
+        model, base = self.model, self.decision.problem.base
+        return (model.inputs, model.outputs) == (base.inputs, base.outputs)
+
+    @cached_property
+    def same_form(self) -> bool:
+        """Whether the model lacks what the base lacks."""
+        return self.alike and self.model.base.name == self.decision.problem.base.name
+
+    @cached_property
+    def base_errors(self) -> Errors:
+        problem = self.decision.problem
+        error = held_out_rms(problem, ())
+        return self._sized(error, problem.rms(problem.fit.residual), problem.base, problem.noise)
+
+    @cached_property
+    def as_given(self) -> Errors:
+        rmse = np.array([c.rmse for c in self.result.components])
+        return self._sized(self.result.whitened_rms, rmse, self.model, self.result.noise)
+
+    def errors_of(self, fit: JointFit | None) -> Errors | None:
+        """Return the errors of a fit, each coefficient counted as a degree of freedom."""
+        if fit is None:
+            return None
+        scored = fit.rows.table.of_poses
+        whitened, residual = fit.whitened[scored], fit.residual[scored]
+        error = np.sqrt((whitened**2).sum() / max(1, whitened.size - fit.design.shape[2]))
+        rmse = np.sqrt((residual**2).mean(axis=0))
+        return self._sized(float(error), rmse, fit.base, self.result.noise)
+
+    def _sized(
+        self, over_noise: float, rmse: F, model: Model | StiffnessMap, noise: Noise
+    ) -> Errors:
+        """Return errors, over the spread of each column where nothing tells the noise."""
+        known = None if noise.is_residual else over_noise
+        errors = dict(zip(model.outputs, rmse.tolist(), strict=True))
+        if not noise.is_assumed:
+            return Errors(known, errors)
+        measured = self.decision.prepared.table.measured()
+        spread = {name: float(measured.column(name).std()) for name in errors}
+        shares = [error / spread[name] for name, error in errors.items() if spread[name] > 0.0]
+        return Errors(known, errors, max(shares, default=None))
+
+    @cached_property
+    def far(self) -> bool:
+        return _far_behind(self.as_given, self.base_errors)
+
+    @cached_property
+    def far_off(self) -> bool:
+        return (self.as_given.over_noise or 0.0) > FAR_BEYOND_NOISE
+
+    @cached_property
+    def shows_more(self) -> bool:
+        """Whether the residual shows more; `result.missing` fits a base of its own."""
+        return self.result.structure.found or self.far or self.result.missing
+
+    @cached_property
+    def refits(self) -> tuple[JointFit | None, JointFit | None]:
+        """The model's kind fitted to the rows, alone and with the accepted effects."""
+        accepted = [item.effect for item in self.decision.accepted.effects]
+        tried = bool(accepted) and self.alike
+        if self.same or not (self.shows_more or tried):
+            return None, None
+        again = refit_of_kind(self.model, self.decision.prepared.unexplained, self.result.noise)
+        if again is None or not tried:
+            return again, None
+        return again, _fit_or_none(again.base, accepted, again.rows.table, self.result.noise)
+
+    @cached_property
+    def needed(self) -> bool:
+        """Whether the effects are: smooth functions do not show the way back of a hysteresis."""
+        again, after = self.refits
+        if again is None or after is None:
+            return False
+        return _bic_fall(again, after) > self.decision.problem.settings.least_bic
+
+    @cached_property
+    def missing(self) -> bool:
+        return self.shows_more or self.needed
+
+    @cached_property
+    def refitted(self) -> Errors | None:
+        return self.base_errors if self.same else self.errors_of(self.refits[0])
+
+    @cached_property
+    def behind(self) -> bool:
+        return self.refitted is not None and _far_behind(self.refitted, self.base_errors)
+
+    @cached_property
+    def fits_again(self) -> bool:
+        if self.same:
+            return not (self.decision.gate.rejected or self.behind)
+        if self.refits[0] is None or self.needed or self.behind:
+            return False
+        return not (self.missing and self._holds_structure(self.refits[0]))
+
+    def _holds_structure(self, fit: JointFit) -> bool:
+        """Whether the residual of a fit holds more than chance."""
+        whitener = whiteners(self.result.noise.covariance(fit.rows, fit.base.error))
+        scored = fit.rows.table.of_poses
+        return structure_test(fit.rows, fit.whitened, whitener, scored, fitted=fit.design).found
+
+    @cached_property
+    def too_plain(self) -> bool:
+        """What the base does not lack either is no effect; what both lack is the smaller part."""
+        shown = self.behind or self.decision.verdict == "none"
+        return self.missing and not self.fits_again and shown
+
+    @cached_property
+    def reason(self) -> Reason:
+        """Why a base that is no richer than the model shows nothing."""
+        problem = self.decision.problem
+        richer = len(problem.base.coefficients) > len(self.model.base.coefficients)
+        if self.too_plain and self.far and problem.unlike_rows and not richer:
+            return "rows"
+        return "weak" if self.too_plain and self.same_form else ""
+
+    @cached_property
+    def answer(self) -> Answer:
+        """What is wrong with the model, where the table is right: the first rule that holds."""
+        none, unknown = self.decision.verdict == "none", self.decision.unknown
+        over_noise = self.as_given.over_noise or 0.0
+        beyond = over_noise > NEAR_NOISE and self.result.excess_low > 0.0
+        rules: tuple[tuple[bool, Answer], ...] = (
+            (unknown is not None and unknown.slow_noise is not None, "fits"),
+            (self.same_form and not none, "effect"),
+            (not self.missing and self.far_off, "noise" if none else "effect"),
+            (not self.missing, "noise" if beyond else "fits"),
+            (self.fits_again or self.reason == "rows", "numbers"),
+            (self.too_plain and not self.reason, "form"),
+            (True, "effect"),
+        )
+        return next(word for holds, word in rules if holds)
+
+    @cached_property
+    def is_doubted(self) -> bool:
+        far_off = self.answer == "noise" and self.far_off
+        return self.missing or self.answer == "effect" or far_off
+
+    @cached_property
+    def statement(self) -> WrongStatement | None:
+        """The reading of the table with which the model fits."""
+        if not self.is_doubted or (self.decision.misread and self.same):
+            return None  # the base has the numbers of the body then
+        # A reading must fit as well as the model on its own rows, or as the base does here.
+        own = _OF_ITS_OWN * float(self.model.training.get("over_noise", 0.0))
+        most = max(FAR_BEYOND_NOISE, _FAR * (self.base_errors.over_noise or 0.0), own)
+        table = self.decision.prepared.table
+        return reading_of_given_model(self.model, table, self.result.noise, most)
+
+    @property
+    def scale(self) -> float | None:
+        """The factor on the wrench that explains the misfit; None where none does."""
+        result = self.result
+        measured = self.decision.prepared.table.matrix(self.model.outputs)[result.row]
+        size = np.array([max(c.floor, 1e-300) for c in result.components])
+        y, x = ((h / size).ravel() for h in (measured, measured - result.physical))
+        factor = float(x @ y) / max(float(x @ x), 1e-300)
+        before = float(((y - x) ** 2).sum()) - len(y)
+        after = float(((y - factor * x) ** 2).sum()) - len(y)
+        return factor if before > 0.0 and after < _SCALED * before else None
 
 
 def _remedy(model: Model, problem: Problem, answer: Answer, reason: str) -> Remedy | None:
@@ -437,30 +536,6 @@ def _fit_or_none(
         return None
 
 
-def _errors(fit: JointFit, noise: Noise) -> Errors:
-    """Return the errors of a fit, each coefficient counted as a degree of freedom."""
-    scored = fit.rows.table.of_poses
-    whitened, residual = fit.whitened[scored], fit.residual[scored]
-    dof = max(1, whitened.size - fit.design.shape[2])
-    rms = np.sqrt((residual**2).mean(axis=0))
-    return _sized(
-        None if noise.is_residual else float(np.sqrt((whitened**2).sum() / dof)),
-        dict(zip(fit.base.outputs, rms.tolist(), strict=True)),
-        noise,
-        fit.rows.table,
-    )
-
-
-def _sized(over_noise: float | None, rmse: dict[str, float], noise: Noise, table: Table) -> Errors:
-    """Return errors, over the spread of each column where nothing tells the noise."""
-    if not noise.is_assumed:
-        return Errors(over_noise, rmse)
-    measured = table.measured()
-    spread = {name: float(measured.column(name).std()) for name in rmse}
-    shares = [error / spread[name] for name, error in rmse.items() if spread[name] > 0.0]
-    return Errors(over_noise, rmse, max(shares, default=None))
-
-
 def _bic_fall(without: JointFit, with_effects: JointFit) -> float:
     """Return the fall of BIC by the effects of the second fit, whatever the size of the noise."""
     scored = without.rows.table.of_poses
@@ -471,29 +546,8 @@ def _bic_fall(without: JointFit, with_effects: JointFit) -> float:
     return float(size * fall - more * math.log(size))
 
 
-def _holds_structure(fit: JointFit | None, noise: Noise) -> bool:
-    """Whether the residual of a fit holds more than chance."""
-    if fit is None:
-        return False
-    whitener = whiteners(noise.covariance(fit.rows, fit.base.error))
-    scored = fit.rows.table.of_poses
-    return structure_test(fit.rows, fit.whitened, whitener, scored, fitted=fit.design).found
-
-
-def _far_behind(given: Errors, base: Errors, settings: DiagnosisSettings) -> bool:
+def _far_behind(given: Errors, base: Errors) -> bool:
     """Whether a model errs far beyond the noise and a base fitted to the rows does not."""
     if given.over_noise is None or base.over_noise is None:
         return False
-    return is_far_behind(given.over_noise, base.over_noise, settings.most_left_error)
-
-
-def _scale(model: Model, table: Table, result: Comparison) -> float | None:
-    """Return the factor on the wrench that explains the misfit; None where none does."""
-    measured = table.matrix(model.outputs)[result.row]
-    predicted = measured - result.physical
-    size = np.array([max(c.floor, 1e-300) for c in result.components])
-    y, x = (measured / size).ravel(), (predicted / size).ravel()
-    factor = float(x @ y) / max(float(x @ x), 1e-300)
-    before = float(((y - x) ** 2).sum()) - len(y)
-    after = float(((y - factor * x) ** 2).sum()) - len(y)
-    return factor if before > 0.0 and after < _SCALED * before else None
+    return is_far_behind(given.over_noise, base.over_noise)

@@ -1,13 +1,17 @@
 """The next experiment: which measurements separate the members of each class, and in what time.
 
 With one member as the truth, the rows of a campaign are predicted, and base, other effects and
-rival are fitted to them and to the data together. The residual decides as in `confusion`: the rival
+rival are fitted to them and to the data together. The residual decides as in `accept`: the rival
 is refuted where it loses enough in all rows, or enough in one of the new runs by itself, beyond
 what the form of a right effect may leave. A measurement by hand reads the size of effects, with the
 error of the tool.
 
 Single experiments are listed, and a session: several of them in one afternoon, where that is worth
 it for several classes, or for rivals that no single experiment separates.
+
+The plan is laid out in time as the rig would run it, its wrenches are predicted by the nominal
+base, and the Fisher information of base and effects gives the smallest size that the diagnosis
+would name with chance 0.9.
 """
 
 from __future__ import annotations
@@ -15,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,24 +27,214 @@ from scipy import special
 
 from ecm.designs.plans import follow_up_plan
 from ecm.designs.regressors import NominalModel
-from ecm.diagnosis.confusion import confusion_class, squares_left_after
-from ecm.diagnosis.identifiability import predicted_table
-from ecm.diagnosis.problem import Candidate, Problem
-from ecm.diagnosis.score_columns import score_columns
+from ecm.diagnosis.accept import confusable_pairs, confusion_class, squares_left_after
+from ecm.diagnosis.problem import Candidate, Problem, assemble, score_columns
 from ecm.diagnosis.search import delta_chi2, estimate
-from ecm.diagnosis.settings import DiagnosisSettings
-from ecm.effects import Rows, all_effects
-from ecm.effects.experiments import SEPARATOR, Experiment, get_experiment, session_of
+from ecm.diagnosis.settings import FORM_SHARE, REFUTED_BY, REFUTED_SHARE
+from ecm.diagnosis.summary import to_json
+from ecm.effects import Effect, Rows, all_effects
+from ecm.effects.experiments import SEPARATOR, Experiment, get_experiment
 from ecm.effects.registry import with_shape
-from ecm.errors import EcmError
+from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F, I
-from ecm.io.columns import TEXT
+from ecm.io.columns import POSE, TEXT, WRENCH
+from ecm.io.table import Table
 from ecm.models.joint_fit import base_columns, error_columns
-from ecm.regression.noise import whiteners
-from ecm.regression.normal_equations import solve
+from ecm.regression.noise import Noise, whiteners
+from ecm.regression.normal_equations import projected_out, solve
+from ecm.rig.plan import OFFSET, UNLOADED, requests
+from ecm.rig.settings import RigSettings
+from ecm.rig.timeline import Climate, timeline_of
 
-if TYPE_CHECKING:
-    from ecm.io.table import Table
+POWER = 0.9
+"""Chance with which an effect of the limit's size is named."""
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What a plan can tell about one effect."""
+
+    id: str
+    parameter: str = ""
+    size: float = np.inf
+    """Size of the effect's best visible parameter that is named with chance 0.9."""
+    unit: str = ""
+    rivals: tuple[str, ...] = ()
+    """Effects of the list that this plan cannot separate from it."""
+    reason: str = ""
+    """Why it cannot be seen at all."""
+    record: str = ""
+    """What to record so that it can be seen."""
+
+    @property
+    def named(self) -> bool:
+        """Whether it can be seen and separated from every other of the list."""
+        return not self.reason and not self.rivals
+
+    def sentence(self) -> str:
+        """Return one plain line."""
+        if self.reason:
+            return f"{self.id}: not visible, {self.reason} (record: {self.record})"
+        unit = "" if self.unit in ("", "1") else f" {self.unit}"
+        size = f"from {self.size:.2g}{unit} of {self.parameter}"
+        if self.rivals:
+            return f"{self.id}: seen {size}, but not told from {', '.join(self.rivals)}"
+        return f"{self.id}: named {size}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON."""
+        seen = ("id", "parameter", "size", "unit", "rivals")
+        names = ("id", "reason", "record") if self.reason else seen
+        return {name: to_json(getattr(self, name)) for name in names}
+
+
+def predicted_table(plan: Table, base: NominalModel, rig: RigSettings | None = None) -> Table:
+    """Return what the rig would record of a plan, without noise and without any effect."""
+    settings = RigSettings() if rig is None else rig
+    length = base.meta.length_m
+    if length is None:
+        raise InputError(f"{plan.source}: [mechanism] length_m is not known; add it to the TOML")
+    timeline = timeline_of(requests(plan, settings.rig, length), settings.rig, length)
+    visits = [visit for visit in timeline.visits if visit.kind != OFFSET]
+
+    def of(name: str, kind: type = float) -> NDArray[Any]:
+        return np.array([getattr(visit, name) for visit in visits], dtype=kind)
+
+    poses, time = of("pose"), of("time_s")
+    free = of("kind", object) == UNLOADED
+    wrenches = np.where(free[:, None], 0.0, base.base.predict(poses))
+    gravity = np.asarray(base.meta.scene.gravity_m_s2)
+    wrenches[:, :3] -= of("dead_weight_kg")[:, None] * gravity
+    climate = Climate.build(settings, 0, timeline.end_s, timeline.heating)
+    columns: dict[str, Any] = dict(zip(POSE, poses.T.copy(), strict=True))
+    columns |= dict(zip(base.base.outputs, wrenches.T.copy(), strict=True))
+    columns |= {name: of(name) for name in ("pose_id", "run", "repeat", "time_s", "dwell_s")}
+    columns |= {name: of(name, object) for name in ("approach", "kind")}
+    columns |= {
+        "temperature_degC": np.interp(time, climate.time_s, climate.probe_degC),
+        "sensor_temperature_degC": np.interp(time, climate.time_s, climate.sensor_degC),
+    }
+    meta = replace(base.meta, runs=timeline.runs)
+    return Table(columns, meta, plan.source)
+
+
+def _a_little_noisy(table: Table, base: NominalModel, noise: Noise) -> Table:
+    """Return the table with a hundredth of the noise, so that no row is exact."""
+    covariance = noise.covariance(Rows(table, base.base))
+    random = np.random.default_rng(0).standard_normal((len(table), 6, 1))
+    added = 0.01 * (np.linalg.cholesky(covariance) @ random)[:, :, 0]
+    return table.with_columns(dict(zip(WRENCH, (table.wrenches + added).T, strict=True)))
+
+
+def identifiability(
+    plan: Table,
+    base: NominalModel,
+    effects: Sequence[Effect],
+    *,
+    noise: Noise | None = None,
+    rig: RigSettings | None = None,
+) -> list[Identifiability]:
+    """Return what a plan can show about each effect, those that it can name first.
+
+    Parameters
+    ----------
+    plan
+        Table of poses with the columns of a plan.
+    base
+        Nominal model: base, noise and description.
+    effects
+        Effects to look for.
+    noise
+        Noise of one row; default: that of the nominal model.
+    rig
+        Settings of the rig; default: those of a new rig.
+    """
+    table = predicted_table(plan, base, rig)
+    declared = base.noise if noise is None else noise
+    problem = assemble(base.base, _a_little_noisy(table, base, declared), effects, declared)
+    # There is no residual here; the noise is the declared one.
+    problem = replace(problem, scale=1.0)
+    limits = detection_limits(problem)
+    pairs = confusable_pairs(problem)
+    results = []
+    for effect in effects:
+        if effect.id in limits:
+            alike = tuple(b if a == effect.id else a for a, b in pairs if effect.id in (a, b))
+            results.append(Identifiability(effect.id, **vars(limits[effect.id]), rivals=alike))
+            continue
+        reason, record = "the base absorbs it", "[mechanism]"
+        missing = problem.untestable.get(effect.id)
+        if missing is not None:
+            reason, record = missing.reason, missing.record
+        elif effect.kind == "noise":
+            reason, record = "it changes the scatter, not the mean", "repeats"
+        results.append(Identifiability(effect.id, reason=reason, record=record))
+    return sorted(results, key=lambda item: (bool(item.reason), bool(item.rivals)))
+
+
+@dataclass(frozen=True)
+class DetectionLimit:
+    """Size of one parameter of an effect that is named with the chance `power`."""
+
+    parameter: str
+    size: float
+    unit: str
+
+
+def detection_limits(problem: Problem) -> dict[str, DetectionLimit]:
+    """Return the limit of each testable effect, by its best visible parameter."""
+    left, _ = projected_out(*problem.equations, problem.base_index)
+    information = np.diag(left)
+    limits: dict[str, DetectionLimit] = {}
+    for candidate in problem.candidates:
+        seen = [
+            (float(np.sqrt(1.0 / information[column]) / problem.norms[column]), parameter)
+            for column, parameter in zip(
+                candidate.columns, candidate.effect.parameters, strict=True
+            )
+            if information[column] > 0.0
+        ]
+        if seen and candidate.id not in limits:
+            needed = np.sqrt(_noncentrality(problem, candidate.parameters))
+            least, parameter = min(seen, key=lambda item: item[0] / item[1].scale)
+            size = float(needed) * least
+            limits[candidate.id] = DetectionLimit(parameter.name, size, parameter.unit)
+    return limits
+
+
+def least_strength_seen(problem: Problem) -> float:
+    """Return the rms in noise units at which an effect of one parameter is named."""
+    return float(np.sqrt(_noncentrality(problem, 1) / problem.size))
+
+
+def _noncentrality(problem: Problem, k: int) -> float:
+    """Return the noncentrality at which delta chi² of k parameters passes the test and BIC."""
+    settings = problem.settings
+    by_test = float(special.chdtri(k, settings.level / max(1, len(problem.ids))))
+    by_bic = settings.least_bic + k * float(np.log(problem.size))
+    return float(special.chndtrinc(max(by_test, by_bic), k, 1.0 - POWER))
+
+
+_SHAPES_COMPARED = 3
+"""Shapes of each member that are compared."""
+_READING_DEVIATIONS = 3.0
+"""A reading by hand of so many deviations is more than nothing."""
+_SET_UP_MINUTES = 5
+"""Minutes of a campaign that a session needs only once."""
+_SESSION_MINUTES = 180
+"""Longest session: an afternoon."""
+_SESSION_GAIN = 0.02
+"""Chance of the right names that a part of a session must add."""
+_GAIN_PER_MINUTE = 5e-4
+"""Chance of the right names that a minute must add."""
+_SEPARATED = 0.9
+"""Chance from which two members count as told apart."""
+_MOST_COMPARED = 6
+"""Rivals of a longer class that are compared."""
+_MOST_EXPERIMENTS = 6
+"""Experiments that are listed."""
+_PAUSE_S = 600.0
+"""Pause before a second campaign, in seconds."""
 
 
 Discrimination = dict[tuple[str, str], float]
@@ -54,7 +248,6 @@ class ConfusionClass:
     problem: Problem
     others: tuple[Candidate, ...]
     shapes: Mapping[str, Sequence[Candidate]]
-    now: Discrimination
 
     @staticmethod
     def of(problem: Problem, others: Sequence[Candidate], members: Sequence[str]) -> ConfusionClass:
@@ -67,15 +260,18 @@ class ConfusionClass:
         members
             Ids that cannot be told apart.
         """
-        best = problem.settings.shapes_compared
         shapes: dict[str, list[Candidate]] = {}
         for id in members:
-            own = [c for c in (*problem.candidates, *problem.imitators) if c.id == id]
+            own = [c for c in problem.offered if c.id == id]
             own.sort(key=lambda c: -delta_chi2(problem, (*others, c)))
             if own:
-                shapes[id] = [form for one in own[:best] for form in _joined_forms(one)]
-        one = ConfusionClass(problem, tuple(others), shapes, {})
-        return replace(one, now={pair: one._now(*pair) for pair in one.pairs})
+                shapes[id] = [form for one in own[:_SHAPES_COMPARED] for form in _joined_forms(one)]
+        return ConfusionClass(problem, tuple(others), shapes)
+
+    @cached_property
+    def now(self) -> Discrimination:
+        """What the data so far tell about each pair."""
+        return {pair: self._now(*pair) for pair in self.pairs}
 
     @property
     def pairs(self) -> list[tuple[str, str]]:
@@ -87,15 +283,15 @@ class ConfusionClass:
         item, settings = self.shapes[truth][0], self.problem.settings
         own = self._values(item)
         equations = self.problem.equations[0]
-        fixed = (*self.problem.base_index, *(c for o in self.others for c in o.columns))
+        fixed = self.problem.columns_of(self.others)
         total = squares_left_after(equations, item.columns, own, fixed)
         between = min(
             squares_left_after(equations, item.columns, own, (*fixed, *shape.columns))
             for shape in self.shapes[rival]
         )
         # Whatever was to be expected: the data so far have not separated the two.
-        between = min(between, max(settings.least_bic, settings.form_share * total))
-        return float(special.ndtr(0.5 * np.sqrt(between / (1.0 + settings.form_share * total))))
+        between = min(between, max(settings.least_bic, FORM_SHARE * total))
+        return float(special.ndtr(0.5 * np.sqrt(between / (1.0 + FORM_SHARE * total))))
 
     def _values(self, item: Candidate) -> F:
         """Return the fitted coefficients of a member beside the other effects."""
@@ -109,48 +305,32 @@ class ConfusionClass:
         rows
             The data with the predicted rows of its campaign; None where it is done by hand.
         """
-        power: Discrimination = {}
         read = experiment.readings
-        for truth, rival in self.pairs if set(read) & set(self.shapes) else ():
-            seen = [self._seen(id, read[id]) for id in (truth, rival) if id in read]
-            power[truth, rival] = max(seen, default=0.0)
+        power: Discrimination = {}
+        for pair in self.pairs if set(read) & set(self.shapes) else ():
+            power[pair] = max((self._seen(id, read[id]) for id in pair if id in read), default=0.0)
         if rows is None or not self.shapes:
             return power
         added = _Added.of(self.problem, self.others, self.shapes, rows)
-        for pair in self.pairs:
-            power[pair] = max(power.get(pair, 0.0), self._refuted(added, *pair))
-        return power
+        return {pair: max(power.get(pair, 0.0), self._refuted(added, *pair)) for pair in self.pairs}
 
     def _seen(self, id: str, tool: Mapping[str, float]) -> float:
         """Return the chance that a reading tells an effect of this size from nothing."""
         item = self.shapes[id][0]
         own = self._values(item) / self.problem.norms[list(item.columns)]
-        deviations = self.problem.settings.reading_deviations
         sd = [tool.get(parameter.unit, np.inf) for parameter in item.effect.parameters]
-        return float(special.ndtr(np.max(np.abs(own) / sd) - deviations))
+        return float(special.ndtr(np.max(np.abs(own) / sd) - _READING_DEVIATIONS))
 
     def _refuted(self, added: _Added, truth: str, rival: str) -> float:
         """Return the chance that a campaign refutes the rival, by all rows or by one run."""
-        best, settings = self.shapes[truth][0], self.problem.settings
+        best, least = self.shapes[truth][0], self.problem.settings.least_bic
         own = self._values(best)
-        least = 1.0
-        for item in (form for form in self.shapes[truth] if form.columns == best.columns):
-            for shape in self.shapes[rival]:
-                gained, excess, total, explained = added.excess(item, own, self.others, shape)
-                # Whatever was to be expected: the data so far have not separated the two.
-                least_all = max(settings.least_bic, settings.form_share * total)
-                chances = [_exceeds(gained, least_all, total, settings)]
-                chances += [
-                    _exceeds(
-                        float(e),
-                        max(settings.refuted_by, settings.refuted_share * float(x)),
-                        float(x),
-                        settings,
-                    )
-                    for e, x in zip(excess, explained, strict=True)
-                ]
-                least = min(least, max(chances))
-        return least
+        forms = [form for form in self.shapes[truth] if form.columns == best.columns]
+        return min(
+            (added.refuted(form, own, self.others, shape, least)
+             for form in forms for shape in self.shapes[rival]),
+            default=1.0,
+        )  # fmt: skip
 
 
 def _joined_forms(one: Candidate) -> list[Candidate]:
@@ -227,24 +407,30 @@ class _Added:
         """(k, k) normal equations of the data and of the campaign."""
         return np.asarray(self.old + self.design.T @ self.design)
 
-    def excess(
-        self, item: Candidate, own: F, others: Sequence[Candidate], rival: Candidate
-    ) -> tuple[float, F, float, F]:
-        """What a rival leaves of an effect: more by the campaign in all, and in each of its runs.
-
-        Third and fourth, what the effect explains of all rows and of those runs.
-        """
+    def refuted(
+        self,
+        item: Candidate,
+        own: F,
+        others: Sequence[Candidate],
+        rival: Candidate,
+        least_bic: float,
+    ) -> float:
+        """Return the chance that all rows, or those of one run, refute a rival of an effect."""
         at = self.place[item]
         rest = [*self.base, *(c for other in others for c in self.place[other])]
         more = [*rest, *self.place[rival]]
-        count = int(self.run.max()) + 1
-        excess = np.bincount(self.run, self._after(at, own, more) ** 2, count)
-        explained = np.bincount(self.run, self._after(at, own, rest) ** 2, count)
         gained = squares_left_after(self.matrix, at, own, more) - squares_left_after(
             self.old, at, own, more
         )
         total = squares_left_after(self.matrix, at, own, rest)
-        return gained, excess.astype(np.float64), total, explained.astype(np.float64)
+        # Whatever was to be expected: the data so far have not separated the two.
+        chances = [_exceeds(gained, max(least_bic, FORM_SHARE * total), total)]
+        excess, explained = (
+            np.bincount(self.run, self._after(at, own, fixed) ** 2) for fixed in (more, rest)
+        )
+        for e, x in zip(excess.tolist(), explained.tolist(), strict=True):
+            chances.append(_exceeds(e, max(REFUTED_BY, REFUTED_SHARE * x), x))
+        return max(chances)
 
     def _after(self, at: Sequence[int], own: F, fixed: Sequence[int]) -> F:
         """(r,) what a fit of the fixed columns to all rows leaves of columns `at` @ own."""
@@ -252,9 +438,9 @@ class _Added:
         return np.asarray(self.design[:, at] @ own - self.design[:, fixed] @ theta)
 
 
-def _exceeds(expected: float, limit: float, explained: float, settings: DiagnosisSettings) -> float:
+def _exceeds(expected: float, limit: float, explained: float) -> float:
     """Return the chance that squares of this mean exceed a limit, by noise and by the form."""
-    sd = 2.0 * np.sqrt(max(expected, 1.0) * (1.0 + settings.form_share / 3.0 * explained))
+    sd = 2.0 * np.sqrt(max(expected, 1.0) * (1.0 + FORM_SHARE / 3.0 * explained))
     return float(special.ndtr((expected - limit) / sd))
 
 
@@ -273,15 +459,11 @@ class Proposal:
     """The same after the experiment."""
 
     @property
-    def parts(self) -> tuple[Experiment, ...]:
-        """The experiments."""
-        return tuple(session_of(self.action))
-
-    def worth(self, settings: DiagnosisSettings) -> float:
+    def worth(self) -> float:
         """Return the chance of the right names, less the price of the minutes."""
         if self.p_correct is None:
             return -np.inf
-        return self.p_correct - settings.gain_per_minute * self.minutes
+        return self.p_correct - _GAIN_PER_MINUTE * self.minutes
 
 
 def next_experiments(
@@ -296,14 +478,16 @@ def next_experiments(
     classes
         Ids that cannot be told from each of them.
     """
-    groups, most = [], problem.settings.most_compared
+    groups = []
     for item, members in zip(chosen, classes, strict=True):
         if len(members) > 1:
             # The next rivals that look alike would take a member's place.
-            rivals = [*members, *confusion_class(problem, chosen, item, most=most)]
+            rivals = [*members, *confusion_class(problem, chosen, item, most=_MOST_COMPARED)]
             others = [other for other in chosen if other is not item]
-            groups.append(ConfusionClass.of(problem, others, list(dict.fromkeys(rivals))[:most]))
-    return _Choice(problem.settings, groups, _offered(problem, groups)).proposals()
+            groups.append(
+                ConfusionClass.of(problem, others, list(dict.fromkeys(rivals))[:_MOST_COMPARED])
+            )
+    return _Choice(groups, _offered(problem, groups)).proposals()
 
 
 def _offered(
@@ -332,28 +516,21 @@ def _offered(
 class _Choice:
     """The experiments that are offered, and what each would tell about each class."""
 
-    settings: DiagnosisSettings
     groups: Sequence[ConfusionClass]
     offered: Mapping[Experiment, Sequence[Discrimination]]
 
     def proposals(self) -> tuple[Proposal, ...]:
         """Return what is worth listing, best first."""
-        settings = self.settings
-        singles = [self._proposal((one,)) for one in self.offered]
+        singles = {one: self._proposal((one,)) for one in self.offered}
         # What the catalogue names for a pair is listed, another only where it tells more.
-        usual = max(
-            (one.worth(settings) for one in singles if one.separates), default=self._chance(())
-        )
-        listed = [
-            one
-            for one in singles
-            if one.separates or one.worth(settings) > usual + settings.session_gain
-        ]
+        named = [single for one, single in singles.items() if self._named(one)]
+        least = max((one.worth for one in named), default=self._chance(())) + _SESSION_GAIN
+        listed = [one for one in singles.values() if one in named or one.worth > least]
         session = self._session()
         if len(session) > 1:
             listed.append(self._proposal(session))
-        listed.sort(key=lambda one: (-one.worth(settings), one.action))
-        return tuple(self._completed(one) for one in listed[: settings.most_experiments])
+        listed.sort(key=lambda one: (-one.worth, one.action))
+        return tuple(listed[:_MOST_EXPERIMENTS])
 
     @property
     def _now(self) -> list[Discrimination]:
@@ -361,14 +538,14 @@ class _Choice:
 
     def _power(self, parts: Sequence[Experiment]) -> list[Discrimination]:
         """Return by class the chance that the data or one of the experiments refutes each rival."""
-        combined = []
-        for powers in zip(self._now, *(self.offered[one] for one in parts), strict=True):
-            missed: Discrimination = {}
-            for one in powers:
-                for pair, power in one.items():
-                    missed[pair] = missed.get(pair, 1.0) * (1.0 - power)
-            combined.append({pair: 1.0 - value for pair, value in missed.items()})
-        return combined
+        told = zip(self._now, *(self.offered[one] for one in parts), strict=True)
+        return [
+            {
+                pair: 1.0 - float(np.prod([1.0 - power.get(pair, 0.0) for power in powers]))
+                for pair in dict.fromkeys(pair for power in powers for pair in power)
+            }
+            for powers in told
+        ]
 
     def _chance(self, parts: Sequence[Experiment]) -> float:
         """Return the chance of the right single name in every class, members equally likely."""
@@ -391,11 +568,20 @@ class _Choice:
         }
 
     def _proposal(self, parts: Sequence[Experiment]) -> Proposal:
+        """Return experiments with the pairs they are named for, and all that they separate."""
         known = len(parts) > 1 or any(self.offered[parts[0]])
+        named = set[str]().union(*(self._named(one) for one in parts))
+        pairs = {
+            f"{a} or {b}"
+            for now, then in zip(self._now, self._power(parts), strict=True)
+            for a, b in then
+            if a < b and min(then[a, b], then[b, a]) > _SEPARATED > min(now[a, b], now[b, a])
+        }
+        turned = {" or ".join(reversed(pair.split(" or "))) for pair in named}
         return Proposal(
             action=SEPARATOR.join(one.action for one in parts),
             minutes=self._minutes(parts),
-            separates=tuple(sorted(set().union(*(self._named(one) for one in parts)))),
+            separates=tuple(sorted({*named, *pairs - turned})),
             p_correct_before=self._chance(()) if known else None,
             p_correct=self._chance(parts) if known else None,
         )
@@ -403,42 +589,26 @@ class _Choice:
     def _minutes(self, parts: Sequence[Experiment]) -> int:
         """Return the minutes of all parts; what each campaign needs to begin counts once."""
         driven = sum(one.can_be_driven for one in parts)
-        saved = self.settings.set_up_minutes * max(driven - 1, 0)
+        saved = _SET_UP_MINUTES * max(driven - 1, 0)
         return sum(one.minutes for one in parts) - saved
 
     def _session(self) -> tuple[Experiment, ...]:
         """Return the experiments of one afternoon: each next one adds most to the others."""
-        settings = self.settings
         session: tuple[Experiment, ...] = ()
         now = self._chance(())
         while True:
-            best: tuple[float, tuple[Experiment, ...], float] | None = None
-            for one in (one for one in self.offered if one not in session):
-                if not any(self.offered[one]):
+            tried = []
+            for one in self.offered:
+                if one in session or not any(self.offered[one]):
                     continue
                 trial = (*session, one)
                 minutes, after = self._minutes(trial), self._chance(trial)
-                if minutes > settings.session_minutes or after < now + settings.session_gain:
-                    continue
-                own = after - settings.gain_per_minute * minutes
-                own -= settings.session_gain * (not self._named(one))
-                if best is None or own > best[0]:
-                    best = (own, trial, after)
-            if best is None:
+                if minutes <= _SESSION_MINUTES and after >= now + _SESSION_GAIN:
+                    price = _GAIN_PER_MINUTE * minutes + _SESSION_GAIN * (not self._named(one))
+                    tried.append((after - price, trial, after))
+            if not tried:
                 return session
-            _, session, now = best
-
-    def _completed(self, proposal: Proposal) -> Proposal:
-        """Return a proposal with all pairs that it separates, whichever of them is the truth."""
-        least = self.settings.separated
-        pairs = {
-            f"{a} or {b}"
-            for now, then in zip(self._now, self._power(proposal.parts), strict=True)
-            for a, b in then
-            if a < b and min(then[a, b], then[b, a]) > least > min(now[a, b], now[b, a])
-        }
-        turned = {" or ".join(reversed(pair.split(" or "))) for pair in proposal.separates}
-        return replace(proposal, separates=tuple(sorted({*proposal.separates, *pairs - turned})))
+            _, session, now = max(tried, key=lambda item: item[0])
 
 
 def _joined_rows(problem: Problem, experiment: Experiment) -> Rows | None:
@@ -452,7 +622,7 @@ def _joined_rows(problem: Problem, experiment: Experiment) -> Rows | None:
         return None
     meta = replace(table.meta, runs={**table.meta.runs, **predicted.meta.runs})
     if table.has("time_s"):
-        begin_s = float(table.column("time_s").max()) + problem.settings.pause_s
+        begin_s = float(table.column("time_s").max()) + _PAUSE_S
         time = predicted.column("time_s") + begin_s
         predicted = predicted.with_columns({"time_s": time})
         begins_s = (*meta.file.begins_s, float(time[0]))

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ecm.diagnosis.check import zero_columns
-from ecm.diagnosis.problem import Candidate, Problem, assemble
+from ecm.diagnosis.problem import Candidate, Problem, assemble, best_of_each
+from ecm.diagnosis.search import estimate
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows, effects_of, get_effect, load_installed
 from ecm.errors import InputError
@@ -20,7 +21,7 @@ from ecm.models.fit import choose_base
 from ecm.models.model import Model
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.folds import distinct_rows, rows_without_zero_readings, spread_rows, zero_times
-from ecm.regression.normal_equations import projected_out
+from ecm.regression.normal_equations import explained_by_blocks, projected_out
 
 if TYPE_CHECKING:
     from ecm.models.joint_fit import FittedEffect
@@ -184,34 +185,20 @@ def preview_effects(
     prepared = prepare(model, table, None, settings)
     base = choose_base(model, prepared.table.drop(*prepared.zero_columns))
     problem = assemble(base, prepared.unexplained, prepared.effects, None, settings)
-    matrix, vector, _ = problem.normal.total()
-    left = projected_out(matrix, vector, problem.base_index)
-    base_part = _base_part(problem)
-    best: dict[str, EffectPreview] = {}
-    for candidate in problem.candidates:
-        preview = _preview(problem, candidate, left, base_part)
-        if candidate.id not in best or preview.share > best[candidate.id].share:
-            best[candidate.id] = preview
-    ranked = sorted(best.values(), key=lambda item: -item.share)
+    alone = _fitted(problem, ())
+    left = projected_out(*problem.equations, problem.base_index)
+    blocks = [candidate.columns for candidate in problem.candidates]
+    gains = explained_by_blocks(problem.equations, left, blocks).tolist()
+    total = problem.squares_of(problem.response) / problem.scale
+    previews = []
+    for gain, candidate in best_of_each(problem.candidates, gains).values():
+        explained = problem.in_units(_fitted(problem, (candidate,)) - alone)
+        previews.append(EffectPreview(candidate.id, explained, gain / total))
+    ranked = sorted(previews, key=lambda item: -item.share)
     return EffectPreviews(tuple(base.outputs), prepared.rows + 1, tuple(ranked))
 
 
-def _base_part(problem: Problem) -> F:
-    """Return (b, K) how the base alone would follow each column."""
-    root = np.sqrt(problem.weights)[:, None, None]
-    flat = (problem.design * root).reshape(-1, problem.design.shape[2])
-    return np.asarray(np.linalg.lstsq(flat[:, : problem.n_base], flat, rcond=None)[0])
-
-
-def _preview(
-    problem: Problem, candidate: Candidate, left: tuple[F, F], base_part: F
-) -> EffectPreview:
-    """Return the preview of one shape from the normal equations without the base."""
-    matrix, vector = left
-    own = np.array(candidate.columns)
-    theta = np.linalg.lstsq(matrix[np.ix_(own, own)], vector[own], rcond=None)[0]
-    whitened = problem.design[:, :, own] @ theta
-    whitened -= problem.design[:, :, : problem.n_base] @ (base_part[:, own] @ theta)
-    explained = problem.in_units(whitened)
-    total = float((problem.weights[:, None] * problem.response**2).sum())
-    return EffectPreview(candidate.id, explained, float(vector[own] @ theta) / total)
+def _fitted(problem: Problem, chosen: Sequence[Candidate]) -> F:
+    """Return (N, m) whitened what base and chosen effects follow of the residual."""
+    fit = estimate(problem, chosen)
+    return np.asarray(problem.design[:, :, fit.columns] @ fit.theta)

@@ -7,22 +7,23 @@ name. So only what is significant beside what was taken before is taken out.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from scipy import special
 
 from ecm.comparison.residuals import feature_columns
-from ecm.diagnosis.score_columns import effect_columns, score_columns
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
+from ecm.effects.protocol import UNKNOWN_LENGTH, jacobian_of
 from ecm.io.arrays import B, F, I
 from ecm.models.joint_fit import JointFit, base_columns, error_columns, joint_fit
 from ecm.models.noise_estimate import declared_or_fitted, estimate_noise
-from ecm.regression.f_test import omnibus_test
+from ecm.regression.blocks import in_threads
+from ecm.regression.f_test import explained_by_span, omnibus_test, orthonormal
 from ecm.regression.folds import row_groups
 from ecm.regression.noise import Noise, is_exact, some_rows, weighed_by_rest, whiteners
 from ecm.regression.normal_equations import (
@@ -31,24 +32,248 @@ from ecm.regression.normal_equations import (
     explained_squares,
     projected_out,
 )
-from ecm.regression.rows import is_whole
+from ecm.regression.rows import UnknownLength, is_whole
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
     from ecm.models.maps import StiffnessMap
 
 
-_MOST = 8
-"""Effects that are taken out."""
+OUTLIER_CHANCE = 1e-4
+"""Rows less likely than this under the noise count less."""
+_ABSORBED_SHARE = 0.9
+"""An effect of which a base absorbs more cannot be tested."""
+_ABSORBED_BY_PHYSICS = 0.995
+"""The same for a physics base: its one or two coefficients absorb nothing by chance."""
+SHAPE_REFINEMENTS = 4
+"""Rounds in which the shape of an effect is refined between grid points."""
+
+_ROUNDING = 1e-9
+_AT_ONCE = 64
+"""Columns that are projected together, about."""
 
 
 @dataclass(frozen=True)
-class Shapes:
-    """Columns of every shape of every effect among those of a design."""
+class ScoreColumns:
+    """One shape of one effect."""
 
-    columns: Sequence[tuple[int, ...]]
-    ids: Sequence[str]
-    """The effect of each shape."""
+    effect: Effect
+    columns: F
+    """(N, m, k) whitened derivative of the correction at zero."""
+    imitates: bool = False
+    """It cannot be tested with these data, but its columns may look like another effect."""
+
+    @property
+    def id(self) -> str:
+        """The effect's id."""
+        return self.effect.id
+
+
+T = TypeVar("T", bound=Any)
+
+
+def best_of_each(items: Sequence[T], values: Sequence[float]) -> dict[str, tuple[float, T]]:
+    """Return the largest value and its item for each id, in the order of the items."""
+    best: dict[str, tuple[float, T]] = {}
+    for item, value in zip(items, values, strict=True):
+        if item.id not in best or value > best[item.id][0]:
+            best[item.id] = (value, item)
+    return best
+
+
+@dataclass(frozen=True)
+class Projection:
+    """The directions of the base among weighted rows."""
+
+    basis: F
+    """(N m, b) orthonormal."""
+    root: F
+    """(N,) square roots of the rows' weights."""
+
+    @staticmethod
+    def of(block: F, root: F) -> Projection:
+        """Return the projection for whitened base columns (N, m, b)."""
+        flat = (block * root[:, None, None]).reshape(-1, block.shape[2])
+        return Projection(orthonormal(flat, dependent=1e-10), root)
+
+    def flat(self, columns: F) -> F:
+        """Return (N m, k) weighted columns."""
+        return (columns * self.root[:, None, None]).reshape(-1, columns.shape[2])
+
+    def rest(self, columns: F) -> F:
+        """Return the columns (N, m, k) without their part in the base; weights stay outside."""
+        flat = self.flat(columns)
+        left = flat - self.basis @ (self.basis.T @ flat)
+        safe = np.where(self.root > 0.0, self.root, 1.0)
+        return np.asarray(left.reshape(columns.shape) / safe[:, None, None])
+
+    def orthogonalised(self, columns: F) -> F:
+        """Return the same, with zeros where only rounding errors of a column are left."""
+        left = self.rest(columns)
+        before, after = (np.sqrt((part**2).sum(axis=(0, 1))) for part in (columns, left))
+        return np.where(after > _ROUNDING * before, left, 0.0)
+
+    def absorbed_by_each(self, blocks: Sequence[F]) -> list[float]:
+        """Return the share that the base takes of the best visible parameter of each block."""
+
+        def of_part(part: Sequence[F]) -> list[float]:
+            flat, cuts = self._together(part)
+            total = (flat**2).sum(axis=0)
+            inside = ((self.basis.T @ flat) ** 2).sum(axis=0)
+            shares = np.where(total > 0.0, inside / np.where(total > 0.0, total, 1.0), 1.0)
+            return [float(own.min(initial=1.0)) for own in np.split(shares, cuts)]
+
+        return _of_parts(of_part, blocks)
+
+    def explained_by_each(self, blocks: Sequence[F], response: F) -> list[float]:
+        """Return the squares of the response (N m,) that columns (N, m, k) of each add to the base.
+
+        A product with a large base reads all of it: with one block at a time that is all its work.
+        """
+
+        def of_part(part: Sequence[F]) -> list[float]:
+            flat, cuts = self._together(part)
+            flat -= self.basis @ (self.basis.T @ flat)
+            return [explained_by_span(own, response)[0] for own in np.split(flat, cuts, axis=1)]
+
+        return _of_parts(of_part, blocks)
+
+    def _together(self, part: Sequence[F]) -> tuple[F, I]:
+        """Return (N m, k) weighted columns of some blocks, and where each but the first begins."""
+        flat = np.concatenate([self.flat(block) for block in part], axis=1)
+        return flat, np.cumsum([block.shape[2] for block in part])[:-1]
+
+
+def _of_parts(work: Callable[[Sequence[F]], list[float]], blocks: Sequence[F]) -> list[float]:
+    """Return the numbers of `work` for each block (N, m, k); blocks are given some at a time."""
+    ends = np.cumsum([block.shape[2] for block in blocks]) // _AT_ONCE
+    parts = [
+        [blocks[i] for i in np.flatnonzero(ends == place).tolist()] for place in np.unique(ends)
+    ]
+    return [number for numbers in in_threads(work, parts) for number in numbers]
+
+
+def all_score_columns(
+    rows: Rows, whitener: F, effects: Sequence[Effect]
+) -> tuple[list[ScoreColumns], dict[str, Missing]]:
+    """Return every variant of every effect that has columns, and what cannot be tested."""
+    table = rows.whole.table
+
+    def of_effect(effect: Effect) -> tuple[list[ScoreColumns], Missing | None]:
+        lacking = effect.missing(table)
+        if effect.kind == "noise" or (lacking is not None and not lacking.imitates):
+            return [], lacking
+        variants = effect.variants(table) if lacking is None else lacking.forms or (effect,)
+        try:
+            return [
+                ScoreColumns(v, score_columns(rows, whitener, v), lacking is not None)
+                for v in variants
+            ], lacking
+        except UnknownLength:
+            return [], lacking or UNKNOWN_LENGTH
+
+    columns: list[ScoreColumns] = []
+    untestable: dict[str, Missing] = {}
+    for effect, (own, lacking) in zip(effects, in_threads(of_effect, effects), strict=True):
+        columns += own
+        if lacking is not None:
+            untestable[effect.id] = lacking
+    return columns, untestable
+
+
+def score_columns(rows: Rows, whitener: F, effect: Effect) -> F:
+    """Return (N, m, k) whitened derivative of the effect's correction at zero."""
+    jacobian = jacobian_of(effect, rows, np.zeros(len(effect.parameters)))
+    return np.asarray(whitener @ jacobian)
+
+
+def _refined_shapes(
+    rows: Rows, whitener: F, response: F, every: list[ScoreColumns], projection: Projection
+) -> list[ScoreColumns]:
+    """Return better shapes between the best of a coarse grid and its neighbours."""
+    y = projection.flat(projection.rest(response[:, :, None]))[:, 0]
+    table = rows.whole.table
+
+    def refined(id: str) -> ScoreColumns | None:
+        own = [item for item in every if item.id == id]
+        if not any(item.effect.refined(table, 0) for item in own):
+            return None
+        gains = projection.explained_by_each([item.columns for item in own], y)
+        best, start = best_of_each(own, gains)[id]
+        first = start
+        for round_ in range(SHAPE_REFINEMENTS):
+            for shape in first.effect.refined(table, round_):
+                trial = ScoreColumns(shape, score_columns(rows, whitener, shape))
+                gain = projection.explained_by_each([trial.columns], y)[0]
+                if gain > best:
+                    best, first = gain, trial
+        return None if first is start else first
+
+    ids = dict.fromkeys(item.id for item in every if not item.imitates)
+    return [item for item in in_threads(refined, ids) if item is not None]
+
+
+def _not_absorbed(
+    every: Sequence[ScoreColumns], projection: Projection, base: StiffnessMap
+) -> tuple[list[ScoreColumns], dict[str, Missing]]:
+    """Return the columns that the base does not absorb, and why the others are left out."""
+    most, record = _ABSORBED_SHARE, "[mechanism], so that the physics model is the base"
+    if base.kind == "physics":
+        most, record = (
+            _ABSORBED_BY_PHYSICS,
+            "pure axial and pure torsion poses, or a second specimen",
+        )
+    elif not is_whole(base):
+        record = "the same poses again, in another order and at another speed"
+    kept: list[ScoreColumns] = []
+    absorbed: dict[str, Missing] = {}
+    shares = projection.absorbed_by_each([item.columns for item in every])
+    for item, share in zip(every, shares, strict=True):
+        own = getattr(item.effect, "most_absorbed", None)
+        if share <= (own or (_ABSORBED_SHARE if item.imitates else most)):
+            kept.append(item)
+        elif not item.imitates:
+            absorbed[item.id] = Missing(f"the base absorbs it ({100.0 * share:.0f} %)", record)
+    seen = {item.id for item in kept}
+    return kept, {id: why for id, why in absorbed.items() if id not in seen}
+
+
+def robust_weights(response: F, blocks: Sequence[F]) -> F:
+    """Return (N,) weights: rows that no column explains and no Gaussian gives count less."""
+    n, m = response.shape
+    design = np.concatenate(blocks, axis=2)
+    norms = np.sqrt(np.einsum("nmk,nmk->k", design, design))
+    design /= np.where(norms > 0.0, norms, 1.0)
+    flat = design.reshape(n * m, -1)
+    if flat.shape[1] >= n * m // 2:
+        flat = flat[:, : blocks[0].shape[2]]
+    limit = float(special.chdtri(m, OUTLIER_CHANCE))
+    middle = float(special.chdtri(m, 0.5))
+    weights = np.ones(n)
+    for _ in range(3):
+        root = np.repeat(np.sqrt(weights), m)
+        z = flat * root[:, None]
+        y = response.ravel()
+        normal = z.T @ z
+        normal[np.diag_indices_from(normal)] += 1e-9
+        theta = np.linalg.solve(normal, z.T @ (y * root))
+        squares = ((y - flat @ theta).reshape(n, m) ** 2).sum(axis=1)
+        scale = max(float(np.median(squares)) / middle, 1e-12)
+        excess = np.maximum(squares, 1e-12 * limit * scale) / (limit * scale)
+        weights = np.minimum(1.0, excess**-2.0)
+    return weights
+
+
+_MOST = 8
+"""Effects that are taken out."""
+_OF_STATED_NOISE = 0.25
+"""Least variance over noise from repeats or figures, which may be twice too large."""
+_OF_A_GOOD_RIG = 1e-3
+"""The same over the noise of a common rig: one that is thirty times better."""
+_UNLIKE = 0.5
+"""Robust weight below which a row counts as unlike all others."""
+_MANY_UNLIKE = 0.005
+"""Share of such rows that is no chance: of Gaussian noise there is one in 10,000."""
 
 
 def significant_columns(
@@ -56,7 +281,7 @@ def significant_columns(
     squares: float,
     freedom: int,
     fixed: Sequence[int],
-    shapes: Shapes,
+    shapes: Sequence[tuple[str, tuple[int, ...]]],
     level: float,
 ) -> I:
     """Return the columns of the effects that are significant, each beside those before it.
@@ -69,6 +294,8 @@ def significant_columns(
         Sum of squares that the fixed columns leave, of so many degrees of `freedom`.
     fixed
         Columns of the base.
+    shapes
+        Id and columns of every shape of every effect.
     level
         Chance that any is taken where none explains anything, by Bonferroni over the shapes.
 
@@ -76,27 +303,27 @@ def significant_columns(
     --------
     >>> x = np.random.default_rng(0).standard_normal((40, 3))
     >>> y = 3.0 * x[:, 1] + 0.1 * np.cos(np.arange(40.0))
-    >>> shapes = Shapes([(0,), (1,), (2,)], ["a", "b", "c"])
+    >>> shapes = [("a", (0,)), ("b", (1,)), ("c", (2,))]
     >>> significant_columns((x.T @ x, x.T @ y), float(y @ y), 40, (), shapes, 0.01).tolist()
     [1]
     """
     taken: list[int] = []
     present: set[str] = set()
     for _ in range(_MOST):
-        tried = [i for i, id in enumerate(shapes.ids) if id not in present]
+        tried = [shape for shape in shapes if shape[0] not in present]
         left = projected_out(*equations, (*fixed, *taken))
-        blocks = [shapes.columns[i] for i in tried]
+        blocks = [columns for _, columns in tried]
         gains = np.minimum(explained_by_blocks(equations, left, blocks), squares)
         sizes = np.array([len(block) for block in blocks], dtype=np.int64)
         rest = freedom - sizes
         ratio = gains / sizes / np.maximum(squares - gains, 1e-12 * squares) * rest
         p = np.where(rest > 0, special.fdtrc(sizes, np.maximum(rest, 1), ratio), 1.0)
-        if len(tried) == 0 or p.min() * len(shapes.columns) >= level:
+        if len(tried) == 0 or p.min() * len(shapes) >= level:
             break
         # Of several that are certain, the one that explains most.
         best = int(np.lexsort((-gains, p))[0])
         taken += blocks[best]
-        present.add(shapes.ids[tried[best]])
+        present.add(tried[best][0])
         squares, freedom = squares - float(gains[best]), int(rest[best])
     return np.array(taken, dtype=np.int64)
 
@@ -126,18 +353,6 @@ def noise_variance(response: F, weights: F, known: F, smooth: F, level: float) -
     if not (freedom > 0 and test.p < level):
         squares, freedom = squares + max(test.explained, 0.0), freedom + test.dof
     return (squares / freedom, int(freedom)) if freedom > 0 else (1.0, 0)
-
-
-_OF_STATED_NOISE = 0.25
-"""Least variance over noise from repeats or figures, which may be twice too large."""
-_OF_A_GOOD_RIG = 1e-3
-"""The same over the noise of a common rig: one that is thirty times better."""
-
-
-_UNLIKE = 0.5
-"""Robust weight below which a row counts as unlike all others."""
-_MANY_UNLIKE = 0.005
-"""Share of such rows that is no chance: of Gaussian noise there is one in 10,000."""
 
 
 @dataclass(frozen=True)
@@ -211,6 +426,15 @@ class Problem:
         """Columns of the base."""
         return tuple(range(self.n_base))
 
+    def columns_of(self, chosen: Sequence[Candidate]) -> tuple[int, ...]:
+        """Columns of the base and of some candidates."""
+        return self.base_index + tuple(c for item in chosen for c in item.columns)
+
+    @property
+    def offered(self) -> tuple[Candidate, ...]:
+        """Every shape that may explain what the base leaves, testable or not."""
+        return (*self.candidates, *self.imitators)
+
     @property
     def base_block(self) -> F:
         """(N, m, k) columns of the base, which a test must give its degrees of freedom."""
@@ -229,6 +453,15 @@ class Problem:
             return self.reduced
         matrix, vector, _ = self.normal.total()
         return matrix / self.scale, vector / self.scale
+
+    def squares_of(self, whitened: F) -> float:
+        """Weighted squares of whitened (N, m) numbers."""
+        return float((whitened**2).sum(axis=1) @ self.weights)
+
+    def flat(self, columns: F) -> F:
+        """(N m, k) of whitened columns (N, m, k), or (N m,) of (N, m): each row by its weight."""
+        root = np.sqrt(self.weights).reshape(-1, *[1] * (columns.ndim - 1))
+        return np.asarray((columns * root).reshape(self.response.size, *columns.shape[2:]))
 
     def in_units(self, whitened: F) -> F:
         """Return whitened (N, m) numbers in the units of their columns."""
@@ -250,25 +483,10 @@ class Problem:
         return replace(self, candidates=tuple(c for c in self.candidates if c.id != id))
 
     @cached_property
-    def leading(self) -> I:
-        """Columns of each effect's best shape: what they do not explain is noise."""
-        matrix, vector, _ = self.normal.total()
-        left = projected_out(matrix, vector, self.base_index)
-        offered = (*self.candidates, *self.imitators)
-        gains = explained_by_blocks(
-            (matrix, vector), left, [candidate.columns for candidate in offered]
-        )
-        best: dict[str, tuple[float, Candidate]] = {}
-        for candidate, gain in zip(offered, gains.tolist(), strict=True):
-            if candidate.id not in best or gain > best[candidate.id][0]:
-                best[candidate.id] = (gain, candidate)
-        return np.array([c for _, item in best.values() for c in item.columns], dtype=np.int64)
-
-    @cached_property
     def signs(self) -> F:
         """(K,) 1 where a coefficient may not be negative, -1 where not positive, else 0."""
         signs = np.zeros(self.normal.rows.shape[1])
-        for item in (*self.candidates, *self.imitators):
+        for item in self.offered:
             for column, parameter in zip(item.columns, item.effect.parameters, strict=True):
                 signs[column] = float(parameter.lower >= 0.0) - float(parameter.upper <= 0.0)
         return signs
@@ -315,17 +533,15 @@ def assemble(
     base, rows = fit.base, fit.rows
     whitener = whiteners(noise.covariance(rows, base.error))
     base_block = whitener @ base_columns(rows, base)
-    columns = effect_columns(
-        rows,
-        effects,
-        whitener=whitener,
-        response=fit.whitened,
-        base_block=base_block,
-        base_kind=base.kind,
-        settings=settings,
-    )
-    response, kept, projection = fit.whitened, columns.kept, columns.projection
-    weights, untestable = columns.weights, columns.untestable
+    response = fit.whitened
+    every, untestable = all_score_columns(rows, whitener, effects)
+    plain = Projection.of(base_block, np.ones(len(response)))
+    y = plain.rest(response[:, :, None]).ravel()
+    first = best_of_each(every, plain.explained_by_each([one.columns for one in every], y))
+    weights = robust_weights(response, [base_block, *(one.columns for _, one in first.values())])
+    projection = Projection.of(base_block, np.sqrt(weights))
+    every += _refined_shapes(rows, whitener, response, every, projection)
+    kept, absorbed = _not_absorbed(every, projection, base)
     projected = base_block[:, :, :0]
     if base_block.shape[2] > settings.most_base_columns:
         # Too many columns to carry along: project them out once, for all refits.
@@ -337,21 +553,11 @@ def assemble(
     if free:
         errs = whitener @ error_columns(rows, base)
         base_block = np.concatenate([base_block, errs], axis=2)
-    design = np.concatenate([base_block, *(one.columns for one in kept)], axis=2)
-    norms = np.sqrt(np.einsum("nmk,nmk->k", design, design))
-    norms = np.where(norms > 0.0, norms, 1.0)
-    design /= norms
+    norms = _lengths(base_block)
     precision = np.zeros(len(norms))
-    precision[free : base_block.shape[2]] = 1.0 / norms[free : base_block.shape[2]] ** 2
-    ends = base_block.shape[2] + np.cumsum([one.columns.shape[2] for one in kept], dtype=np.int64)
-    placed = [
-        (one.imitates, Candidate(one.effect, tuple(range(end - one.columns.shape[2], end))))
-        for one, end in zip(kept, ends.tolist(), strict=True)
-    ]
-    # The columns are in the design: a second copy is a large part of the memory.
-    del columns, kept
-    groups = row_groups(table)
-    problem = Problem(
+    precision[free:] = 1.0 / norms[free:] ** 2
+    groups, design = row_groups(table), base_block / norms
+    bare = Problem(
         table=table,
         base=base,
         rows=rows,
@@ -364,18 +570,54 @@ def assemble(
         response=response,
         design=design,
         norms=norms,
-        n_base=base_block.shape[2],
+        n_base=len(norms),
         projected_base=projected,
-        candidates=tuple(candidate for imitates, candidate in placed if not imitates),
-        imitators=tuple(candidate for imitates, candidate in placed if imitates),
-        untestable=untestable,
+        candidates=(),
+        imitators=(),
+        untestable=untestable | absorbed,
         normal=NormalEquations.of(design, response, groups, weights, precision),
         scale=1.0,
         scale_freedom=0,
         base_error=_base_error(base, rows, whitener),
         settings=settings,
     )
-    return _scaled(problem)
+    imitates = [one.imitates for one in kept]
+    problem, placed = with_shapes(bare, kept)
+    # The columns are in the design: a second copy is a large part of the memory.
+    del every, first, kept, bare
+    pairs = list(zip(placed, imitates, strict=True))
+    offered = {alike: tuple(c for c, own in pairs if own == alike) for alike in (False, True)}
+    return _scaled(replace(problem, candidates=offered[False], imitators=offered[True]))
+
+
+def with_shapes(
+    problem: Problem, shapes: Sequence[ScoreColumns]
+) -> tuple[Problem, list[Candidate]]:
+    """Return the problem with the columns of more shapes in its design, and their places there."""
+    at = problem.design.shape[2]
+    design = np.concatenate([problem.design, *(one.columns for one in shapes)], axis=2)
+    norms = _lengths(design[:, :, at:])
+    design[:, :, at:] /= norms
+    ends = at + np.cumsum([one.columns.shape[2] for one in shapes], dtype=np.int64)
+    precision = np.pad(problem.normal.precision, (0, len(norms)))
+    wider = replace(
+        problem,
+        design=design,
+        norms=np.concatenate([problem.norms, norms]),
+        normal=NormalEquations.of(
+            design, problem.response, problem.groups, problem.weights, precision
+        ),
+    )
+    return wider, [
+        Candidate(one.effect, tuple(range(end - one.columns.shape[2], end)))
+        for one, end in zip(shapes, ends.tolist(), strict=True)
+    ]
+
+
+def _lengths(columns: F) -> F:
+    """(k,) lengths of columns (N, m, k); 1 where a column is zero."""
+    norms = np.sqrt(np.einsum("nmk,nmk->k", columns, columns))
+    return np.where(norms > 0.0, norms, 1.0)
 
 
 def _scaled(problem: Problem) -> Problem:
@@ -403,13 +645,12 @@ def _least_scale(problem: Problem) -> float:
 def _significant(problem: Problem) -> F:
     """Return the (N, m, k) whitened columns of the base and of the significant effects."""
     matrix, vector, _ = problem.normal.total()
-    offered = (*problem.candidates, *problem.imitators)
     taken = significant_columns(
         (matrix, vector),
         problem.squares_beside_base,
         problem.size - problem.base_block.shape[2],
         problem.base_index,
-        Shapes([item.columns for item in offered], [item.id for item in offered]),
+        [(item.id, item.columns) for item in problem.offered],
         problem.settings.level,
     )
     return np.concatenate([problem.base_block, problem.design[:, :, taken]], axis=2)
@@ -430,25 +671,9 @@ def noise_by_rest(problem: Problem) -> Noise:
 
 def with_more(problem: Problem, effects: Sequence[Effect]) -> tuple[Problem, list[Candidate]]:
     """Return the problem with the columns of more effects appended, and their candidates."""
-    blocks = [score_columns(problem.rows, problem.whitener, effect) for effect in effects]
-    norms = [np.sqrt((block**2).sum(axis=(0, 1))) for block in blocks]
-    at = problem.design.shape[2]
-    candidates = []
-    for effect, block in zip(effects, blocks, strict=True):
-        candidates.append(Candidate(effect, tuple(range(at, at + block.shape[2]))))
-        at += block.shape[2]
-    scaled = [block / np.where(n > 0.0, n, 1.0) for block, n in zip(blocks, norms, strict=True)]
-    design = np.concatenate([problem.design, *scaled], axis=2)
-    precision = np.pad(problem.normal.precision, (0, at - len(problem.norms)))
-    wider = replace(
-        problem,
-        design=design,
-        norms=np.concatenate([problem.norms, *norms]),
-        normal=NormalEquations.of(
-            design, problem.response, problem.groups, problem.weights, precision
-        ),
-    )
-    return wider, candidates
+    rows, whitener = problem.rows, problem.whitener
+    shapes = [ScoreColumns(effect, score_columns(rows, whitener, effect)) for effect in effects]
+    return with_shapes(problem, shapes)
 
 
 def omnibus_columns(problem: Problem, most: int = 90) -> F:

@@ -22,46 +22,173 @@ from dataclasses import dataclass, fields, replace
 from functools import partial, wraps
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ecm.diagnosis.accept import Accepted, accept
-from ecm.diagnosis.base import (
-    base_of_next_degree,
-    base_of_unlike_ends,
-    leaves_less,
-)
-from ecm.diagnosis.classify import Verdict, classify, modulus_warning, verdict
-from ecm.diagnosis.decision import Decision
 from ecm.diagnosis.family import find_family
-from ecm.diagnosis.gate import Gate, Leftover, gate, leftover, residual_after
+from ecm.diagnosis.left_over import (
+    Gate,
+    Leftover,
+    Pattern,
+    Unknown,
+    describe_residual,
+    find_pattern,
+    gate,
+    leftover,
+    residual_after,
+)
 from ecm.diagnosis.preparation import Prepared, prepare
 from ecm.diagnosis.problem import Candidate, Problem, assemble, noise_by_rest
-from ecm.diagnosis.report import report
-from ecm.diagnosis.result import Diagnosis, addition_to
-from ecm.diagnosis.search import Ranked, rank, search
+from ecm.diagnosis.result import Diagnosis, addition_to, report
+from ecm.diagnosis.search import Ranked, delta_chi2, rank, search
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
-from ecm.diagnosis.slow import as_slow_noise, slow_noise_of
-from ecm.diagnosis.stated_numbers import (
+from ecm.diagnosis.statements import (
+    EQUAL,
     NoiseFinding,
+    modulus_warning,
     noise_findings,
     ratio_warning,
     with_load_growth,
 )
-from ecm.diagnosis.unexplained import Unknown, describe_residual
-from ecm.diagnosis.whiteness import Pattern, find_pattern
+from ecm.diagnosis.verdict import Decision, Verdict, classify, said_instead, verdict
 from ecm.effects import Effect
+from ecm.errors import ModelError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import takes_table
-from ecm.models.fit import choose_base, symmetric_energy
+from ecm.models.fit import choose_base, energy_of_unlike_ends, next_degree, symmetric_energy
 from ecm.models.given import as_model
+from ecm.models.joint_fit import joint_fit
+from ecm.models.maps import EnergyMap, StiffnessMap
+from ecm.models.partial import whole_map
 from ecm.models.physics.map import PhysicsMap
+from ecm.regression.approach import order_of_visits
 from ecm.regression.blas import one_blas_thread
-from ecm.regression.correlation import CorrelationTime, correlation_of_rest
+from ecm.regression.correlation import CorrelationTime, SlowNoise, correlation_of_rest, slow_noise
 from ecm.regression.noise import Noise
 from ecm.regression.rows import naming_wild_readings
 
 if TYPE_CHECKING:
     from ecm.io.table import MetaLike, Table, TableLike
-    from ecm.models.maps import StiffnessMap
     from ecm.models.model import Model
+
+
+_BY_ITSELF = 0.5
+"""Share of the error that another body must leave at most, by itself, to be tried."""
+_BESIDE_NAMES = 0.9
+"""The same beside all that is named: effects imitate unlike ends by no more than a part."""
+_MOST_OF_IT = 0.5
+"""Share of what is named or left that one degree more must explain to be taken instead."""
+
+
+def base_of_unlike_ends(decision: Decision) -> StiffnessMap | None:
+    """Return the energy of a body whose ends differ, where it fits far better by itself.
+
+    The symmetric energy takes both ends of the body as alike. On a tapered one, effects would be
+    named that imitate a part of the difference, and another origin or length may imitate all of it:
+    where these fit no better by far, both are said. None is returned where the base is no symmetric
+    energy.
+    """
+    problem = decision.problem
+    whole = whole_map(problem.base)
+    if not isinstance(whole, EnergyMap) or whole.model.symmetry != "alike":
+        return None
+    try:
+        base = energy_of_unlike_ends(problem.table)
+    except ModelError:
+        # Fewer rows than coefficients.
+        return None
+    said = decision.statement
+    # All on the rows of the fit: held-out rows of a ramp are extrapolation for any degree.
+    most = _BY_ITSELF * _error_after(problem, ()) if said is None else EQUAL**0.5 * said.error_after
+    error = _error(problem, _squares_left_by(problem, base), len(base.coefficients))
+    return base if error < most else None
+
+
+def leaves_less(other: Decision, first: Decision) -> bool:
+    """Whether base and effects of another decision leave clearly less than those of the first.
+
+    What another reading of the table leaves was compared before.
+    """
+    left, before = (_error_after(one.problem, one.accepted.effects) for one in (other, first))
+    return first.statement is not None or left < _BESIDE_NAMES * before
+
+
+def base_of_next_degree(decision: Decision) -> StiffnessMap | None:
+    """Return the base of one degree more, where it explains most of what is named or left.
+
+    Generalised cross-validation chooses a degree that predicts well; what this degree leaves may
+    still be seen, and effects imitate it with fewer coefficients. None is returned where the rows
+    do not carry another degree.
+    """
+    problem, effects = decision.problem, decision.accepted.effects
+    base = next_degree(problem.base, problem.table)
+    if base is None:
+        return None
+    more = len(base.coefficients) - len(problem.base.coefficients)
+    fall = problem.squares_of(residual_after(problem, ())) - _squares_left_by(problem, base)
+    own = sum(item.parameters for item in effects)
+    explained = delta_chi2(problem, effects) - own + max(0.0, decision.left.beyond_chance)
+    return base if fall / problem.scale - more > _MOST_OF_IT * explained else None
+
+
+def _squares_left_by(problem: Problem, base: StiffnessMap) -> float:
+    """Return the squares that another base leaves by itself, whitened as by the first."""
+    fit = joint_fit(base, (), problem.table, problem.noise, row_weights=problem.weights)
+    return problem.squares_of(fit.whitened)
+
+
+def _error_after(problem: Problem, effects: Sequence[Candidate]) -> float:
+    """Return the error after base and effects, over the noise."""
+    fitted = len(problem.base.coefficients) + sum(item.parameters for item in effects)
+    return _error(problem, problem.squares_of(residual_after(problem, effects)), fitted)
+
+
+def _error(problem: Problem, squares: float, fitted: int) -> float:
+    """Return the error over the noise of a fit of so many coefficients."""
+    freedom = problem.size - fitted
+    return float(np.sqrt(squares / freedom)) if freedom > 0 else np.inf
+
+
+_MOST_ROWS = 600
+"""Rows that are used, evenly over the log: neighbours of slow noise tell the same."""
+
+
+def slow_noise_of(decision: Decision) -> SlowNoise | None:
+    """Return the noise of a log with its slow part; None without a time or where it is white.
+
+    All shapes of all effects are looked for beside it, and in noise drawn from its fit. So an
+    effect that repeats itself, or a steady one, is seen, and a bend that slow noise makes as well
+    is not.
+    """
+    problem = decision.problem
+    if not problem.table.has("time_s"):
+        return None
+    columns = np.unique([c for item in problem.candidates for c in item.columns]).astype(np.int64)
+    place = {int(c): i for i, c in enumerate(columns)}
+    orders = order_of_visits(problem.table)
+    stride = 1 + sum(map(len, orders)) // _MOST_ROWS
+    orders = [order[::stride] for order in orders]
+    rows = np.concatenate(orders)
+    root = np.sqrt(problem.weights[rows])[:, None]
+    return slow_noise(
+        problem.table.column("time_s")[rows],
+        np.split(np.arange(len(rows)), np.cumsum([len(order) for order in orders])[:-1]),
+        problem.response[rows] * root,
+        problem.base_block[rows] * root[:, :, None],
+        problem.design[rows][:, :, columns] * root[:, :, None],
+        [tuple(place[c] for c in item.columns) for item in problem.candidates],
+    )
+
+
+_LEAST_ROWS_OF_LOG = 100
+"""Least rows used of a log whose neighbours err alike; else as many as would tell as much if they
+were independent."""
+_OTHER_BODY_SINGLE = 1.5
+"""Structure left beside one name, in noise units, from which the body is doubted."""
+_OTHER_BODY_SEVERAL = 0.5
+"""The same beside several names, which may imitate a body, or none."""
+_TAKEN_BY_ENERGY = 0.9
+"""Share of it that a symmetric energy must explain."""
 
 _UNLIKE_ENDS = (
     "the ends of the body differ, or something acts along its axis: an energy that takes the ends "
@@ -110,7 +237,9 @@ def watched(stages: Stages, progress: Callable[[int, int, str], object]) -> Stag
     """
     names = [item.name for item in fields(stages)]
 
-    def told(place: int, name: str, stage: Callable[..., Any]) -> Callable[..., Any]:
+    def told(place: int, name: str) -> Callable[..., Any]:
+        stage = getattr(stages, name)
+
         @wraps(stage)
         def run(*arguments: Any, **options: Any) -> Any:
             progress(place, len(names), name)
@@ -118,9 +247,7 @@ def watched(stages: Stages, progress: Callable[[int, int, str], object]) -> Stag
 
         return run
 
-    return Stages(
-        **{name: told(place, name, getattr(stages, name)) for place, name in enumerate(names)}
-    )
+    return Stages(**{name: told(place, name) for place, name in enumerate(names)})
 
 
 @takes_table("fit")
@@ -227,7 +354,10 @@ def find_missing(
 
     def of_rows(limits: DiagnosisSettings) -> Decision:
         prepared = prepare(model, table, effects, limits)
-        return _of_rows(model, prepared, seed=seed, noise=noise, settings=limits, stages=stages)
+        against = partial(
+            decide, prepared=prepared, seed=seed, noise=noise, settings=limits, stages=stages
+        )
+        return _against_the_bases(model, prepared, against, stages)
 
     decision = of_rows(settings)
     alike = _neighbours_alike(decision)
@@ -236,16 +366,19 @@ def find_missing(
     slow = slow_noise_of(decision)
     if slow is not None and slow.p < settings.level:
         return _with_family(decision)
-    most = max(settings.least_rows_of_log, alike.independent)
+    most = max(_LEAST_ROWS_OF_LOG, alike.independent)
     again = of_rows(replace(settings, most_rows=most)) if most < len(table) else decision
     if slow is None or again.verdict == "none":
         return _with_family(replace(again, neighbours_alike=again is not decision))
-    return as_slow_noise(decision, slow, stages.describe)
+    seen = {"variables": ("time_s",), "slow_noise": slow}
+    said = said_instead(stages.describe, decision.problem, decision.gate, slow.words(), **seen)
+    nothing = Accepted(checks=decision.accepted.checks)
+    return replace(decision, accepted=nothing, verdict="unknown", unknown=said)
 
 
 def _with_family(decision: Decision) -> Decision:
     """Return the decision with the family in place of `unknown`, where one is sure."""
-    if decision.unknown is None or decision.unknown.misread:
+    if decision.unknown is None or decision.misread:
         return decision
     family = find_family(decision.problem)
     if family is None:
@@ -258,35 +391,25 @@ def _with_family(decision: Decision) -> Decision:
 
 def _neighbours_alike(decision: Decision) -> CorrelationTime | None:
     """Return how long what is left of a log stays alike; None where neighbours differ."""
-    misread_table = decision.unknown is not None and decision.unknown.misread
-    if decision.verdict == "none" or misread_table:
+    if decision.verdict == "none" or decision.misread:
         return None
     rest = residual_after(decision.problem, decision.accepted.effects)
     return correlation_of_rest(decision.problem.table, rest)
 
 
-def _of_rows(
-    model: Model,
-    prepared: Prepared,
-    *,
-    seed: int,
-    noise: Noise | None,
-    settings: DiagnosisSettings,
-    stages: Stages,
+def _against_the_bases(
+    model: Model, prepared: Prepared, against: Callable[..., Decision], stages: Stages
 ) -> Decision:
     """Go through the stages with the rows that were selected, against the bases that may fit."""
-    against = partial(
-        decide, prepared=prepared, seed=seed, noise=noise, settings=settings, stages=stages
-    )
     decision = against(choose_base(model, prepared.table.drop(*prepared.zero_columns)))
     if decision.verdict != "none":
         other = base_of_unlike_ends(decision)
         again = None if other is None else against(other)
         if again is not None and leaves_less(again, decision):
-            said = decision.unknown and decision.unknown.statement
+            said = decision.statement
             or_else = (f"or {said.sentence()}",) if said else ()
             decision = replace(again, warnings=(_UNLIKE_ENDS, *or_else))
-    if misread(decision):
+    if decision.statement is not None:
         return decision
     if decision.verdict != "none":
         longer = base_of_next_degree(decision)
@@ -325,6 +448,7 @@ def decide(
     accepted = stages.accept(problem, chosen, seed)
     left = stages.leftover(problem, first, accepted.effects)
     accepted = stages.classify(problem, accepted, left, other_body=other_body)
+    wrong = prepared.misread
     final = stages.verdict(
         problem,
         first,
@@ -332,9 +456,7 @@ def decide(
         left,
         describe=stages.describe,
         white=stages.white,
-        misread=prepared.misread.sentence()
-        if prepared.misread and prepared.misread.decided
-        else "",
+        misread=wrong.sentence() if wrong is not None and wrong.decided else "",
     )
     return Decision(
         prepared=prepared,
@@ -349,11 +471,6 @@ def decide(
     )
 
 
-def misread(decision: Decision) -> bool:
-    """Whether another reading of the table explains what is left: no body is to blame."""
-    return decision.unknown is not None and decision.unknown.statement is not None
-
-
 def may_be_another_body(decision: Decision) -> bool:
     """Whether the physics of the stated body leaves so much that it may be another body.
 
@@ -361,15 +478,14 @@ def may_be_another_body(decision: Decision) -> bool:
     for all of it.
     """
     problem, table = decision.problem, decision.prepared.unexplained
-    settings = problem.settings
     known = table.has(*POSE, *WRENCH) and table.meta.length_m is not None
     if not isinstance(problem.base, PhysicsMap) or not known:
         return False
     if modulus_warning(problem) or ratio_warning(problem):
         return False
     single = len(decision.accepted.effects) == 1 and decision.verdict != "unknown"
-    least = settings.other_body_single if single else settings.other_body_several
-    return decision.strength_left >= least
+    least = _OTHER_BODY_SINGLE if single else _OTHER_BODY_SEVERAL
+    return decision.left.strength(problem) >= least
 
 
 def against_energy(physics: Decision, energy: Decision, stages: Stages = STAGES) -> Decision:
@@ -380,12 +496,12 @@ def against_energy(physics: Decision, energy: Decision, stages: Stages = STAGES)
     """
     problem = physics.problem
     taken = 1.0 - energy.left.beyond_chance / physics.left.beyond_chance
-    if taken < problem.settings.taken_by_energy:
+    if taken < _TAKEN_BY_ENERGY:
         return physics
     words = (
         f"the stated body is not the one that was measured: with E and nu free it leaves "
-        f"{physics.strength_left:.2g} times the noise, of which a symmetric energy model takes "
-        f"{taken:.0%}: elasticity or geometry that keeps the symmetry"
+        f"{physics.left.strength(problem):.2g} times the noise, of which a symmetric energy model "
+        f"takes {taken:.0%}: elasticity or geometry that keeps the symmetry"
     )
     advice = "names are against the energy model; fit energy6, or mend [mechanism]"
     energy = replace(energy, warnings=(f"{words}; {advice}",))

@@ -3,32 +3,73 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy import special
 
-from ecm.diagnosis.accept import AcceptanceCheck
-from ecm.diagnosis.check import NotTestable
-from ecm.diagnosis.classify import Headline
+from ecm.comparison.residuals import confounded_with_order
+from ecm.comparison.structure import LEAST_STRENGTH, run_outliers, signature_shares
+from ecm.diagnosis.accept import AcceptanceCheck, confusable_pairs
+from ecm.diagnosis.check import NotTestable, never_excited, zero_column_sentences
 from ecm.diagnosis.family import Family
-from ecm.diagnosis.gate import Gate, Leftover
-from ecm.diagnosis.given_model import GivenModel
-from ecm.diagnosis.identifiability import DetectionLimit
-from ecm.diagnosis.next_experiment import Proposal
-from ecm.diagnosis.search import Refinement
-from ecm.diagnosis.sections import diagnosis_report
-from ecm.diagnosis.stated_numbers import NoiseFinding
-from ecm.diagnosis.summary import Summary, fields_json, to_json
-from ecm.diagnosis.unexplained import Unknown
+from ecm.diagnosis.given_model import GivenModel, judge_given_model
+from ecm.diagnosis.left_over import Gate, Leftover, Unknown
+from ecm.diagnosis.next_experiment import (
+    POWER,
+    DetectionLimit,
+    Proposal,
+    detection_limits,
+    least_strength_seen,
+    next_experiments,
+)
+from ecm.diagnosis.preparation import Prepared
+from ecm.diagnosis.problem import Candidate, Problem
+from ecm.diagnosis.search import (
+    Ranked,
+    Refinement,
+    estimate,
+    held_out_by_fold,
+    held_out_rms,
+    kind_of,
+    refinements,
+)
+from ecm.diagnosis.statements import (
+    NoiseFinding,
+    modulus_warning,
+    negative_payload,
+    stated_numbers,
+    tested_noise,
+)
+from ecm.diagnosis.summary import (
+    Summary,
+    diagnosis_report,
+    directions,
+    fields_json,
+    path_taken,
+    to_json,
+)
+from ecm.diagnosis.verdict import Decision, Headline, probability
 from ecm.effects import Effect
 from ecm.errors import EcmError, Remedy, remedy_of
+from ecm.io.arrays import rest_of
+from ecm.io.description import shown_ranges
 from ecm.io.extras import require
-from ecm.models.joint_fit import FittedEffect
+from ecm.io.sanity import likely_continuous, time_unit
+from ecm.models.errors import Ceiling, ceiling_rms
+from ecm.models.joint_fit import FittedEffect, JointFit, joint_fit
+from ecm.models.model import Model
+from ecm.models.partial import MeasuredMap
+from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import refit, refuse_addition
-from ecm.regression.folds import RowsUsed
+from ecm.regression.blocks import beside
+from ecm.regression.f_test import FTest
+from ecm.regression.folds import HOW, RowsUsed, held_out_by
 from ecm.regression.noise import Noise
+from ecm.regression.rows import derived_columns
 from ecm.report import figures as draw
 from ecm.report.blocks import Block
 from ecm.report.page import Report, Shown
@@ -214,7 +255,7 @@ class Diagnosis(Shown):
     gate: Gate
     verdict: Headline
     probability: float
-    """That the verdict is right, calibrated on the benchmarks; see `ecm.diagnosis.probability`."""
+    """That the verdict is right, calibrated on the benchmarks; see `ecm.diagnosis.verdict`."""
     effects: tuple[FittedEffect, ...]
     """The accepted effects, fitted jointly; of a class its best member."""
     answer: tuple[tuple[str, ...], ...]
@@ -280,44 +321,44 @@ class Diagnosis(Shown):
         }.get(self.noise.source, "")
 
     def _headline(self) -> str:
-        if self.verdict == "none":
+        unknown = self.unknown
+        if unknown is None:
             bounded = math.isfinite(self.upper_bound)
             bound = f"s < {self.upper_bound:.2f}" if bounded else "too few rows to bound s"
-            return f"Nothing is missing that these data could show ({bound})."
+            nothing = f"Nothing is missing that these data could show ({bound})."
+            return f"Missing: {self._names()}; {self._fall()}." if self.answer else nothing
+        if unknown.misread:
+            if self.model.statement is not None:  # said of the model already
+                return "Mend that first: a base that is fitted to these rows takes it in."
+            read = unknown.statement is not None
+            said = f"The table looks misread: {unknown.words}."
+            return said if read else f"Something is stated wrongly: {unknown.words}."
         if self.family is not None:
-            words = f": {self.unknown.words}" if self.unknown and self.unknown.words else ""
+            words = f": {unknown.words}" if unknown.words else ""
             return f"Something is missing that follows {self.family}{words}."
-        if self.verdict == "unknown":
-            nearest = self.unknown.nearest if self.unknown else None
-            near = f"; nearest is {nearest.id} ({nearest.share:.0%})" if nearest else ""
-            words = self.unknown.words if self.unknown else ""
-            if self.unknown is not None and self.unknown.misread:
-                return self._misread(self.unknown)
-            if self.unknown is not None and self.unknown.slow_noise is not None:
-                apart = "a pause, or the same motion again or at another speed, would"
-                return f"What is left is {words}; {apart}."
-            listed = ", ".join(item.id for item in self.effects)
-            already = f" beside {listed}, which is a part of it," if listed else ""
-            return f"Something is missing{already} that no known effect explains: {words}{near}."
-        outside = {one.id: one.what.split(":")[0] for one in self.look_alikes}
+        if unknown.slow_noise is not None:
+            apart = "a pause, or the same motion again or at another speed, would"
+            return f"What is left is {unknown.words}; {apart}."
+        nearest = unknown.nearest
+        near = f"; nearest is {nearest.id} ({nearest.share:.0%})" if nearest else ""
+        listed = ", ".join(item.id for item in self.effects)
+        already = f" beside {listed}, which is a part of it," if listed else ""
+        words = f"{unknown.words}{near}"
+        return f"Something is missing{already} that no known effect explains: {words}."
+
+    def _names(self) -> str:
+        """The causes, with the way of each and what else would get the same single name."""
         directions = self.directions or {}
+        outside = {one.id: f"or {one.what.split(':')[0]}" for one in self.look_alikes}
 
         def name(id: str, single: bool) -> str:
             said = [directions[id]] if id in directions else []
-            said += [f"or {outside[id]}"] if single and id in outside else []
+            said += [outside[id]] if single and id in outside else []
             return f"{id} ({'; '.join(said)})" if said else id
 
-        names = " and ".join(
+        return " and ".join(
             " or ".join(name(id, len(members) == 1) for id in members) for members in self.answer
         )
-        return f"Missing: {names}; {self._fall()}."
-
-    def _misread(self, unknown: Unknown) -> str:
-        if self.model.statement is not None:  # said of the model already
-            return "Mend that first: a base that is fitted to these rows takes it in."
-        read = unknown.statement is not None
-        first = "The table looks misread" if read else "Something is stated wrongly"
-        return f"{first}: {unknown.words}."
 
     def _fall(self) -> str:
         before, after = self.held_out.before, self.held_out.after
@@ -369,4 +410,256 @@ class Diagnosis(Shown):
             | fields_json(self)
             | {"partial": partial}
             | {"outliers": [row + 1 for row in self.outliers]}
+        )
+
+
+def report(
+    decision: Decision, model: Model, seed: int = 0, *, noise: Noise | None = None
+) -> Diagnosis:
+    """Work out the sizes, limits, errors and experiments of a decision.
+
+    Parameters
+    ----------
+    model
+        The model that was diagnosed; gives the errors before.
+    seed
+        Seed that the decision was made with.
+    noise
+        Noise of the rows, where the user gave it.
+    """
+    with beside(lambda: judge_given_model(model, decision, noise=noise)) as judged:
+        made = _report(decision, seed, judged)
+    statement = made.model.statement
+    if statement is None or made.answer:
+        return made
+    # The base has taken in what the given model shows to be misread: its `none` is none.
+    unknown = Unknown((), statement.sentence(), None, "", statement, misread=True)
+    return replace(made, verdict="unknown", unknown=unknown, family=None)
+
+
+def _report(decision: Decision, seed: int, judged: Future[GivenModel]) -> Diagnosis:
+    """Return the report; it waits at its end for the answer about the model that was given."""
+    problem, prepared = decision.problem, decision.prepared
+    accepted = decision.accepted.effects
+    final = joint_fit(
+        problem.base,
+        [item.effect for item in accepted],
+        problem.table,
+        problem.noise,
+        row_weights=problem.weights,
+    )
+    ceiling = ceiling_rms(problem.fit, problem.table, problem.noise)
+    tested = tuple(effect.id for effect in tested_noise(problem, prepared.effects))
+    return Diagnosis(
+        seed=seed,
+        base=_base_summary(problem),
+        noise=NoiseSummary(problem.noise, decision.noise_effects, tested),
+        gate=decision.gate,
+        verdict=decision.verdict,
+        probability=probability(decision),
+        effects=final.effects,
+        answer=decision.answer,
+        ranking=tuple(_ranked(problem, item) for item in decision.ranking),
+        checks=decision.accepted.checks,
+        confusable=tuple(confusable_pairs(problem)),
+        not_testable=tuple(
+            NotTestable(id, lacking.reason, lacking.record)
+            for id, lacking in decision.not_testable.items()
+        ),
+        detection_limits=detection_limits(problem),
+        unknown=decision.unknown,
+        family=decision.family,
+        held_out=_held_out(problem, accepted, ceiling),
+        signature=signature_shares(
+            problem.rows, problem.response, problem.whitener, problem.weights, problem.scale
+        ),
+        next_experiment=next_experiments(problem, accepted, decision.accepted.classes),
+        outliers=tuple(prepared.rows[problem.weights < 0.5].tolist()),
+        rows_used=_rows_used(problem, decision.neighbours_alike),
+        upper_bound=upper_bound(decision.gate.smooth, problem.size),
+        left_over=decision.left,
+        look_alikes=_outside_causes(decision),
+        directions=(directions(final) or None) if decision.answer else None,
+        refinements=tuple(refinements(problem, accepted)),
+        warnings=(
+            *zero_column_sentences(prepared.zero_columns),
+            *_warnings(problem, prepared, final),
+            *negative_payload(final.effects if decision.answer else ()),
+            *path_taken(problem.table, [id for members in decision.answer for id in members]),
+            *decision.warnings,
+        ),
+        model=judged.result(),
+        rmse=_component_errors(judged.result().as_given.rmse, problem, final, ceiling),
+    )
+
+
+def upper_bound(test: FTest, size: int) -> float:
+    """Return the 95 % bound on the rms strength that a test leaves possible.
+
+    At least the bound of an F as noise alone gives on the average: a small F is chance, and would
+    rule out a strength that the test cannot see.
+
+    Parameters
+    ----------
+    size
+        Rows times components.
+    """
+    if not np.isfinite(test.F) or test.dof_error <= 2.0:
+        return float("inf")
+    squares = max(test.F, test.dof_error / (test.dof_error - 2.0)) * test.dof
+    return float(np.sqrt(special.chndtrinc(squares, test.dof, 0.05) / size))
+
+
+def _rows_used(problem: Problem, alike: bool) -> RowsUsed | None:
+    """Return how many rows of a large table were used, and why they are enough."""
+    if problem.table.sampled_from is None:
+        return None
+    enough = (
+        f"they name an effect of {least_strength_seen(problem):.2g} times the noise of a row with "
+        f"chance {POWER:g}; from {LEAST_STRENGTH:g} structure counts as more than the base's own "
+        "error"
+    )
+    how = "as many as tell more, since neighbours err alike; " * alike + HOW
+    return RowsUsed(len(problem.table.sampled_from), len(problem.table), how, enough)
+
+
+def _outside_causes(decision: Decision) -> tuple[OutsideCause, ...]:
+    """Return what else would look like each effect of the answer with any data."""
+    effects = {effect.id: effect for effect in decision.prepared.effects}
+    named = dict.fromkeys(id for members in decision.answer for id in members)
+    return tuple(
+        OutsideCause(id, effects[id].outside.what, effects[id].outside.apart)
+        for id in named
+        if id in effects and effects[id].outside
+    )
+
+
+def _ranked(problem: Problem, item: Ranked) -> RankedEffect:
+    """Return one line of the ranking; the size is that of the best determined parameter."""
+    candidate = item.candidate
+    fit = estimate(problem, [candidate])
+    theta = fit.of(candidate)
+    sd = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))[fit.places(candidate)]
+    best = int(np.argmax(np.abs(theta) / sd))
+    parameter, norm = candidate.effect.parameters[best], problem.norms[candidate.columns[best]]
+    n = problem.size
+    _, _, total = problem.normal.total()
+    now = total / problem.scale
+    return RankedEffect(
+        id=item.id,
+        p=item.p,
+        delta_bic=item.delta_bic,
+        parameter=parameter.name,
+        size=float(theta[best] / norm),
+        sd=float(sd[best] / norm),
+        unit=parameter.unit,
+        expected_fall=float(np.sqrt(now / n) - np.sqrt(max(now - item.drop, 0.0) / n)),
+    )
+
+
+def _held_out(problem: Problem, accepted: Sequence[Candidate], ceiling: Ceiling | None) -> HeldOut:
+    """Return the held-out errors, those of a continuous test also run by run."""
+    by_run: tuple[RunError, ...] = ()
+    blocks = problem.settings.held_out == "blocks"
+    if blocks and held_out_by(problem.table, "time") == "run":
+        before = held_out_by_fold(problem, ())
+        after = held_out_by_fold(problem, accepted)
+        runs = np.unique(problem.table.column("run")).astype(int).tolist()
+        by_run = tuple(
+            RunError(run, float(b), float(a)) for run, b, a in zip(runs, before, after, strict=True)
+        )
+    return HeldOut(
+        before=held_out_rms(problem, (), kind_of(accepted)),
+        after=held_out_rms(problem, accepted),
+        ceiling=None if ceiling is None else ceiling.whitened,
+        by_run=by_run,
+    )
+
+
+def _base_summary(problem: Problem) -> BaseSummary:
+    """The base, its own error, and that of its mesh beside what its coefficients take in."""
+    base = problem.base
+    whole = base.whole if isinstance(base, MeasuredMap) else base
+    shares = whole.mesh_shares if isinstance(whole, PhysicsMap) else None
+    free = len(base.coefficients)
+    block = problem.base_block.reshape(problem.response.size, -1)
+    if shares is None or block.shape[1] == free:
+        return BaseSummary(base.kind, problem.base_error)
+    whitened = block[:, free] * problem.norms[free]
+    left = rest_of(block[:, :free], whitened)
+    over_noise = float(np.sqrt((left**2).mean()))
+    return BaseSummary(base.kind, problem.base_error, shares, over_noise)
+
+
+def _component_errors(
+    before: dict[str, float], problem: Problem, final: JointFit, ceiling: Ceiling | None
+) -> ComponentErrors:
+    """Return the errors of the model as given, the base with effects, the floor."""
+    names, after = problem.base.outputs, problem.rms(final.residual)
+    floor: dict[str, float] = {}
+    if not problem.noise.is_assumed:
+        covariance = problem.noise.covariance(problem.rows, problem.base.error)
+        sd = np.sqrt(np.einsum("nii->ni", covariance)[problem.scored].mean(axis=0))
+        floor = dict(zip(names, sd.tolist(), strict=True))
+    reached = {} if ceiling is None else dict(zip(names, ceiling.components.tolist(), strict=True))
+    return ComponentErrors(
+        before=before,
+        after=dict(zip(names, after.tolist(), strict=True)),
+        floor=floor,
+        ceiling=reached,
+    )
+
+
+def _warnings(problem: Problem, prepared: Prepared, final: JointFit) -> tuple[str, ...]:
+    """What to know of the rows, of what is stated, and of the noise."""
+    strange = modulus_warning(problem)
+    wrong = prepared.misread
+    return (
+        *_of_rows(problem, prepared),
+        *([strange] if strange else ()),
+        *(() if wrong is None else [wrong.sentence()]),
+        *stated_numbers(problem, final),
+        *_of_noise(problem),
+    )
+
+
+def _of_rows(problem: Problem, prepared: Prepared) -> Iterator[str]:
+    own = (problem.table, problem.base.inputs, problem.base.outputs)
+    yield from (run.sentence() for run in run_outliers(*own))
+    if derived := derived_columns(*own):
+        yield f"not offered as causes, computed from pose and reading: {', '.join(derived)}"
+    if together := confounded_with_order(*own):
+        yield f"{' and '.join(together)} and time cannot be separated: rows come in that order"
+    if silent := never_excited(prepared.table):
+        yield f"never excited: {', '.join(silent)}: nothing can be said about it"
+    if copies := prepared.copies:
+        yield f"{copies} rows repeat an earlier row to the last digit: left out"
+    if unlike := problem.unlike_rows:
+        numbers = shown_ranges(prepared.table.numbers_in_file[unlike].tolist())
+        yield (
+            f"{len(unlike)} rows are unlike all others and count less: {numbers}; ecm check says "
+            "which are no measurement, and its --leave-out leaves them out"
+        )
+    yield from likely_continuous(prepared.table.full)
+    if late := time_unit(problem.table):
+        yield late
+
+
+def _of_noise(problem: Problem) -> Iterator[str]:
+    if problem.noise.is_residual:
+        yield (
+            "nothing is known of the noise: the spread of the base's own residual weighs the "
+            "components; record repeats, or give [instrument] figures"
+        )
+    elif problem.noise.source == "assumed":
+        yield "the noise is assumed: record repeats, or give [instrument] figures"
+    if problem.scale > 1.5 and not problem.noise.is_residual:
+        yield (
+            f"the noise is {np.sqrt(problem.scale):.2f} times as large as "
+            f"{problem.noise.source}: every p allows for it"
+        )
+    if problem.base_error > LEAST_STRENGTH:
+        yield (
+            f"the base's own error is {problem.base_error:.2f} of the noise, above "
+            f"{LEAST_STRENGTH}: names are less sure"
         )

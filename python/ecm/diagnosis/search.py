@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +12,7 @@ import scipy
 from scipy import special
 from scipy.optimize import lsq_linear
 
-from ecm.diagnosis.problem import Candidate, Problem, with_more
+from ecm.diagnosis.problem import Candidate, Problem, best_of_each, with_more
 from ecm.effects import Shape
 from ecm.io.arrays import B, F, I
 from ecm.regression.folds import folds, held_out_by
@@ -22,6 +22,16 @@ from ecm.regression.normal_equations import (
     projected_out,
     solve,
 )
+
+MATERIAL_SHARE = 0.1
+"""Share of all that is explained that each further effect must explain: what the form of a first
+effect leaves (4 to 9 %) stays below."""
+ONE_CAUSE_SHARE = 0.03
+"""Share that two effects must explain beyond any single one: one cause is likelier."""
+_BEAM = 5
+"""Best sets at each size of the search."""
+_WORST_FOLD = 1.1
+"""Largest growth of the error of a fold that a richer form may cause."""
 
 
 @dataclass(frozen=True)
@@ -46,39 +56,57 @@ class Estimate:
 
     theta: F
     """(k,) of the scaled columns: base, then chosen."""
-    columns: tuple[int, ...]
+    columns: I
     """(k,) their places in the design."""
     matrix: F
     """(k, k) information."""
+    vector: F
+    """(k,) right-hand side."""
+    at_bound: B
+    """(k,) which of them are at a bound that counts."""
+    lost: float = 0.0
+    """Squares that they would explain in addition without bounds, over the noise scale."""
+
+    @property
+    def explained(self) -> float:
+        """Sum of squares that the coefficients explain, over the noise scale."""
+        squares = float(self.theta @ self.matrix @ self.theta)
+        return 2.0 * float(self.theta @ self.vector) - squares
 
     @cached_property
     def covariance(self) -> F:
         """(k, k)."""
         return np.asarray(np.linalg.pinv(self.matrix, hermitian=True))
 
+    def places(self, item: Candidate) -> list[int]:
+        """Return where the coefficients of one effect are."""
+        columns = self.columns.tolist()
+        return [columns.index(c) for c in item.columns]
+
     def of(self, item: Candidate) -> F:
         """Return the coefficients of one effect."""
-        return self.theta[[self.columns.index(c) for c in item.columns]]
+        return self.theta[self.places(item)]
 
 
 def estimate(problem: Problem, chosen: Sequence[Candidate]) -> Estimate:
     """Fit base and chosen effects."""
-    columns = _columns(problem, chosen)
-    take = np.asarray(columns, dtype=np.int64)
+    columns = np.asarray(problem.columns_of(chosen), dtype=np.int64)
     matrix, vector = problem.equations
-    matrix = matrix[np.ix_(take, take)]
-    return Estimate(solve(matrix, vector[take]), columns, matrix)
+    matrix, vector = matrix[np.ix_(columns, columns)], vector[columns]
+    free = np.zeros(len(columns), dtype=np.bool_)
+    return Estimate(solve(matrix, vector), columns, matrix, vector, free)
 
 
 def squares_by_row(problem: Problem, chosen: Sequence[Candidate]) -> F:
     """Return (N,) weighted squares that base and chosen effects leave of each row."""
     fit = estimate(problem, chosen)
-    left = problem.response - problem.design[:, :, list(fit.columns)] @ fit.theta
+    left = problem.response - problem.design[:, :, fit.columns] @ fit.theta
     return np.asarray(problem.weights * (left**2).sum(axis=1))
 
 
-def _columns(problem: Problem, chosen: Sequence[Candidate]) -> tuple[int, ...]:
-    return problem.base_index + tuple(c for item in chosen for c in item.columns)
+def without(chosen: Sequence[Candidate], item: Candidate) -> tuple[Candidate, ...]:
+    """Return the chosen effects beside one of them."""
+    return tuple(other for other in chosen if other is not item)
 
 
 def delta_chi2_of_each(
@@ -87,7 +115,7 @@ def delta_chi2_of_each(
     candidates: Sequence[Candidate],
 ) -> F:
     """Return (c,) delta chi² of each candidate beside base and chosen, with its allowed signs."""
-    left = projected_out(*problem.equations, _columns(problem, chosen))
+    left = projected_out(*problem.equations, problem.columns_of(chosen))
     return explained_by_blocks(
         problem.equations, left, [candidate.columns for candidate in candidates], problem.signs
     )
@@ -95,7 +123,7 @@ def delta_chi2_of_each(
 
 def delta_chi2(problem: Problem, chosen: Sequence[Candidate]) -> float:
     """Return what the chosen effects explain beyond the base."""
-    return explained_squares(*problem.equations, _columns(problem, chosen)) - explained_squares(
+    return explained_squares(*problem.equations, problem.columns_of(chosen)) - explained_squares(
         *problem.equations, problem.base_index
     )
 
@@ -106,32 +134,25 @@ def rank(problem: Problem, chosen: Sequence[Candidate] = ()) -> list[Ranked]:
     if not best:
         return []
     shapes = Counter(c.id for c in problem.candidates)
-    own = np.array([c.parameters for c, _, _ in best])
-    chances = _p_values(problem, np.array([drop for _, drop, _ in best]), own)
+    own = np.array([one.candidate.parameters for one in best])
+    chances = _p_values(problem, np.array([one.drop for one in best]), own)
     # The best of so many shapes: Bonferroni, on the safe side since shapes look alike.
-    chances = np.minimum(1.0, chances * np.array([shapes[c.id] for c, _, _ in best]))
-    ranking = [
-        Ranked(candidate, drop, float(p), gain)
-        for (candidate, drop, gain), p in zip(best, chances, strict=True)
-    ]
-    return sorted(ranking, key=lambda item: -item.delta_bic)
+    chances = np.minimum(1.0, chances * np.array([shapes[one.id] for one in best]))
+    return [replace(one, p=p) for one, p in zip(best, chances.tolist(), strict=True)]
 
 
-def best_shapes(
-    problem: Problem, chosen: Sequence[Candidate]
-) -> list[tuple[Candidate, float, float]]:
-    """Return (candidate, delta chi², fall of BIC) of each effect's best shape beside the chosen."""
+def best_shapes(problem: Problem, chosen: Sequence[Candidate]) -> list[Ranked]:
+    """Return each effect's best shape beside the chosen by the fall of BIC, p not yet known."""
     present = {item.id for item in chosen}
     tried = [c for c in problem.candidates if c.id not in present]
-    drops = delta_chi2_of_each(problem, chosen, tried)
+    drops = delta_chi2_of_each(problem, chosen, tried).tolist()
     penalty = float(np.log(problem.size))
-    best: dict[str, tuple[Candidate, float, float]] = {}
-    for candidate, drop in zip(tried, drops.tolist(), strict=True):
-        gain = drop - candidate.parameters * penalty
-        old = best.get(candidate.id)
-        if old is None or gain > old[2]:
-            best[candidate.id] = (candidate, drop, gain)
-    return list(best.values())
+    ranked = [
+        Ranked(c, drop, np.nan, drop - c.parameters * penalty)
+        for c, drop in zip(tried, drops, strict=True)
+    ]
+    best = best_of_each(ranked, [one.delta_bic for one in ranked])
+    return sorted((one for _, one in best.values()), key=lambda one: -one.delta_bic)
 
 
 def _p_values(problem: Problem, drops: F, parameters: I) -> F:
@@ -173,7 +194,7 @@ def all_needed(problem: Problem, chosen: Sequence[Candidate]) -> bool:
     settings = problem.settings
     total = delta_chi2(problem, chosen)
     for item in chosen:
-        others = [other for other in chosen if other is not item]
+        others = without(chosen, item)
         alone = total - delta_chi2(problem, others)
         if alone - item.parameters * np.log(problem.size) < settings.least_bic:
             return False
@@ -193,8 +214,8 @@ def _least_explained(
     column = getattr(item.effect, "column", None)
     if column and all(getattr(one.effect, "column", None) != column for one in others):
         left = problem.squares_beside_base / problem.scale - delta_chi2(problem, others)
-        return problem.settings.material_share * left
-    return problem.settings.material_share * total
+        return MATERIAL_SHARE * left
+    return MATERIAL_SHARE * total
 
 
 def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]:
@@ -205,70 +226,48 @@ def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]
     ranking
         Of `rank(problem)`, best first.
     """
-    settings = problem.settings
-    if not ranking or ranking[0].delta_bic < settings.least_bic:
+    least = problem.settings.least_bic
+    if not ranking or ranking[0].delta_bic < least:
         return ()
     best: tuple[Candidate, ...] = (ranking[0].candidate,)
     # Two strong effects may hide each other: every effect is tried with every other.
-    sets: list[tuple[Candidate, ...]] = [
-        (item.candidate, second)
-        for item in ranking
-        for second, _, _ in _best_beside(problem, (item.candidate,))
-    ]
-    for size in range(2, settings.most_effects + 1):
-        different = {frozenset(c.columns for c in chosen): chosen for chosen in sets}
-        valued = sorted(different.values(), key=lambda chosen: -delta_bic(problem, chosen))
-        good = [
-            chosen
-            for chosen in valued[: 4 * settings.beam]
-            if all_needed(problem, chosen) and _allowed(problem, chosen)
-        ]
-        if not good:
-            break
-        gain = delta_bic(problem, good[0]) - delta_bic(problem, best)
-        if gain < settings.least_bic or (size == 2 and not _beyond_one(problem, good[0])):
+    good: list[tuple[Candidate, ...]] = [(item.candidate,) for item in ranking]
+    while good and len(good[0]) < problem.settings.most_effects:
+        sets = {
+            frozenset(c.columns for c in (*chosen, more)): (*chosen, more)
+            for chosen in good
+            for more in _best_beside(problem, chosen)
+        }
+        valued = sorted(sets.values(), key=lambda chosen: -delta_bic(problem, chosen))
+        good = [chosen for chosen in valued[: 4 * _BEAM] if _is_valid(problem, chosen)][:_BEAM]
+        if not good or delta_bic(problem, good[0]) - delta_bic(problem, best) < least:
             break
         best = good[0]
-        if size == settings.most_effects:
-            break
-        sets = [
-            (*chosen, candidate)
-            for chosen in good[: settings.beam]
-            for candidate, _, _ in _best_beside(problem, chosen)
-        ]
     best = _swapped(problem, best)
     while len(best) > 1 and not _is_valid(problem, best):
         # After an exchange a member may no longer be needed, or allowed.
-        fewer = [(*best[:i], *best[i + 1 :]) for i in range(len(best))]
+        fewer = [without(best, item) for item in best]
         best = _swapped(problem, max(fewer, key=lambda chosen: delta_bic(problem, chosen)))
     return best
 
 
 def _is_valid(problem: Problem, chosen: tuple[Candidate, ...]) -> bool:
-    """Whether a set meets all conditions of the forward search."""
+    """Whether each of a set is needed and has an allowed value, and a pair beats any single one."""
+    fit = estimate(problem, chosen)
     return (
         all_needed(problem, chosen)
-        and _allowed(problem, chosen)
+        and all(
+            item.effect.parameters[0].allows(float(fit.of(item)[0]))
+            for item in chosen
+            if len(item.columns) == 1
+        )
         and (len(chosen) != 2 or _beyond_one(problem, chosen))
     )
 
 
-def _best_beside(
-    problem: Problem, chosen: tuple[Candidate, ...]
-) -> list[tuple[Candidate, float, float]]:
+def _best_beside(problem: Problem, chosen: tuple[Candidate, ...]) -> list[Candidate]:
     """Return the effects that explain most beside the chosen, by BIC."""
-    shapes = best_shapes(problem, chosen)
-    return sorted(shapes, key=lambda item: -item[2])[: problem.settings.beam]
-
-
-def _allowed(problem: Problem, chosen: tuple[Candidate, ...]) -> bool:
-    """Whether the value of each effect of one parameter has an allowed sign."""
-    fit = estimate(problem, chosen)
-    return all(
-        item.effect.parameters[0].allows(float(fit.of(item)[0]))
-        for item in chosen
-        if len(item.columns) == 1
-    )
+    return [one.candidate for one in best_shapes(problem, chosen)[:_BEAM]]
 
 
 def _beyond_one(problem: Problem, pair: tuple[Candidate, ...]) -> bool:
@@ -278,7 +277,7 @@ def _beyond_one(problem: Problem, pair: tuple[Candidate, ...]) -> bool:
     own = total - sum(item.parameters for item in pair)
     single = delta_chi2_of_each(problem, (), problem.candidates)
     chance = np.array([candidate.parameters for candidate in problem.candidates])
-    least = max(settings.least_bic, settings.one_cause_share * total)
+    least = max(settings.least_bic, ONE_CAUSE_SHARE * total)
     return bool(own > (single - chance).max(initial=0.0) + least)
 
 
@@ -289,7 +288,7 @@ def _swapped(problem: Problem, chosen: tuple[Candidate, ...]) -> tuple[Candidate
     while improved:
         improved = False
         for i in range(len(best)):
-            others = (*best[:i], *best[i + 1 :])
+            others = without(best, best[i])
             present = {item.id for item in others}
             tried = [c for c in problem.candidates if c.id not in present]
             falls = delta_bic_of_each(problem, others, tried)
@@ -308,7 +307,7 @@ def explains_more_than_its_plain_form(
     if plain is None:
         return True
     wider, (other,) = with_more(problem, (plain,))
-    others = [one for one in chosen if one is not item]
+    others = without(chosen, item)
     gain = delta_chi2(wider, (*others, item)) - delta_chi2(wider, (*others, other))
     price = np.log(problem.size) * max(0, item.parameters - other.parameters)
     return bool(gain > problem.settings.least_bic + price)
@@ -317,23 +316,9 @@ def explains_more_than_its_plain_form(
 _SLACK = 1e-9
 
 
-@dataclass(frozen=True)
-class Bounded:
-    """Scaled coefficients of base and chosen effects."""
-
-    theta: F
-    columns: I
-    """Place in the design of each coefficient."""
-    at_bound: B
-    explained: float
-    """Sum of squares that the coefficients explain, over the noise scale."""
-    lost: float
-    """What they would explain in addition without bounds."""
-
-
 def bounded_estimate(
     problem: Problem, chosen: Sequence[Candidate], bounded: Sequence[Candidate]
-) -> Bounded:
+) -> Estimate:
     """Fit base and chosen effects, the parameters of some of them within their bounds.
 
     Parameters
@@ -342,28 +327,20 @@ def bounded_estimate(
         The chosen effects whose bounds count.
     """
     fit = estimate(problem, chosen)
-    theta, columns, matrix = fit.theta, fit.columns, fit.matrix
-    place = {column: i for i, column in enumerate(columns)}
-    lower, upper = np.full(len(columns), -np.inf), np.full(len(columns), np.inf)
+    k = len(fit.theta)
+    lower, upper = np.full(k, -np.inf), np.full(k, np.inf)
     for item in bounded:
-        for column, parameter in zip(item.columns, item.effect.parameters, strict=True):
-            lower[place[column]] = parameter.lower * problem.norms[column]
-            upper[place[column]] = parameter.upper * problem.norms[column]
-    take = np.asarray(columns, dtype=np.int64)
-    vector = problem.equations[1][take]
-    free = 2.0 * float(theta @ vector) - float(theta @ matrix @ theta)
-    if np.all((theta >= lower) & (theta <= upper)):
-        return Bounded(theta, take, np.zeros(len(take), dtype=np.bool_), free, 0.0)
-    root = np.linalg.cholesky(matrix + 1e-9 * np.trace(matrix) / len(take) * np.eye(len(take)))
-    values = lsq_linear(
-        root.T,
-        np.linalg.solve(root, vector),
-        bounds=(lower - _SLACK, upper + _SLACK),
-        method="bvls",
-    ).x
-    at_bound = (values <= lower + _SLACK) | (values >= upper - _SLACK)
-    explained = 2.0 * float(values @ vector) - float(values @ matrix @ values)
-    return Bounded(values, take, at_bound, explained, max(0.0, free - explained))
+        norms = problem.norms[list(item.columns)]
+        lower[fit.places(item)] = norms * [one.lower for one in item.effect.parameters]
+        upper[fit.places(item)] = norms * [one.upper for one in item.effect.parameters]
+    if np.all((fit.theta >= lower) & (fit.theta <= upper)):
+        return fit
+    root = np.linalg.cholesky(fit.matrix + 1e-9 * np.trace(fit.matrix) / k * np.eye(k))
+    limits, y = (lower - _SLACK, upper + _SLACK), np.linalg.solve(root, fit.vector)
+    theta = lsq_linear(root.T, y, bounds=limits, method="bvls").x
+    at_bound = (theta <= lower + _SLACK) | (theta >= upper - _SLACK)
+    inside = replace(fit, theta=theta, at_bound=at_bound)
+    return replace(inside, lost=max(0.0, fit.explained - inside.explained))
 
 
 def held_out_delta(problem: Problem, others: Sequence[Candidate], item: Candidate) -> float:
@@ -383,7 +360,7 @@ def held_out_squares(problem: Problem, chosen: Sequence[Candidate], kind: str) -
     kind
         "pose": blocks of time are held out; "time": clusters of poses.
     """
-    columns = problem.base_index + tuple(c for other in chosen for c in other.columns)
+    columns = problem.columns_of(chosen)
     return problem.normal.held_out(columns, _fold_of_group(problem, kind), _scored_groups(problem))
 
 
@@ -449,23 +426,18 @@ class Refinement:
     """Whether the total error falls and no fold gets much worse."""
 
 
-def refinements(problem: Problem, chosen: Sequence[Candidate]) -> tuple[Refinement, ...]:
-    """Return, for each chosen effect that has richer forms, the one that fits best."""
-    tried = []
+def refinements(problem: Problem, chosen: Sequence[Candidate]) -> Iterator[Refinement]:
+    """Yield, for each chosen effect that has richer forms, the one that fits best."""
     for item in chosen:
         forms = item.effect.refinement(problem.rows.whole.table)
         if not forms:
             continue
         wider, candidates = with_more(problem, forms)
-        others = [other for other in chosen if other is not item]
+        others = without(chosen, item)
         best = max(candidates, key=lambda c: delta_chi2(wider, (*others, c)))
         plain = held_out_by_fold(wider, chosen)
         richer = held_out_by_fold(wider, (*others, best))
         falls = (richer**2).sum() < (plain**2).sum()
-        kept = bool(falls and np.all(richer < problem.settings.worst_fold * plain))
-        tried.append(
-            Refinement(
-                item.id, best.effect.shape, tuple(plain.tolist()), tuple(richer.tolist()), kept
-            )
-        )
-    return tuple(tried)
+        kept = bool(falls and np.all(richer < _WORST_FOLD * plain))
+        errors = (tuple(plain.tolist()), tuple(richer.tolist()))
+        yield Refinement(item.id, best.effect.shape, *errors, kept)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ecm._native import mid_frame
-from ecm.effects.memory import play
 from ecm.effects.pairs import (
     columns_of_pairs,
     listed_numbers,
@@ -32,6 +31,7 @@ from ecm.effects.protocol import (
     needs_time,
     optional,
 )
+from ecm.effects.relaxation import play
 from ecm.effects.rod import rest_stiffness, wrench_of
 from ecm.errors import InputError
 from ecm.io.arrays import F

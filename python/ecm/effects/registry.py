@@ -40,7 +40,6 @@ _GROUPS = (
     "load",
     "motion",
     "sensor",
-    "sensor_axes",
     "frames",
     "robot",
     "noise",

@@ -21,7 +21,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ecm._native import rotation_matrices
-from ecm.effects.memory import play
 from ecm.effects.pairs import listed_numbers, needs_both_ways, numbers, short, spans
 from ecm.effects.protocol import (
     Effect,
@@ -34,6 +33,7 @@ from ecm.effects.protocol import (
     needs_columns,
     needs_full,
 )
+from ecm.effects.relaxation import play
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import JOINT_SIGNS, JOINTS, POSE, unit_of

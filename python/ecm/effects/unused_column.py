@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ecm.effects.memory import fading
 from ecm.effects.pairs import on_output, short
 from ecm.effects.protocol import (
     Effect,
@@ -24,7 +23,7 @@ from ecm.effects.protocol import (
     is_full,
     optional,
 )
-from ecm.effects.relaxation import time_constants
+from ecm.effects.relaxation import fading, time_constants
 from ecm.io.arrays import F
 from ecm.io.columns import unit_of
 from ecm.io.table import Table

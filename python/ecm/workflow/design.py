@@ -21,7 +21,7 @@ from ecm.designs import (
     plain_plan,
     rig_noise,
 )
-from ecm.diagnosis.identifiability import Identifiability, identifiability
+from ecm.diagnosis.next_experiment import Identifiability, identifiability
 from ecm.effects import Effect, all_effects
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments, check_type

@@ -11,7 +11,7 @@ from typing import Any
 
 from ecm.comparison import compare
 from ecm.diagnosis import diagnose
-from ecm.diagnosis.sections import not_testable_table, ranking_table
+from ecm.diagnosis.summary import not_testable_table, ranking_table
 from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.models import Model, PhysicsMap, PhysicsModel, fit_model

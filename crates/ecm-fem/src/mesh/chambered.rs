@@ -150,7 +150,7 @@ struct Section {
     points: Vec<[f64; 2]>,
     /// Places of each point in the blocks that it belongs to.
     places: Vec<Vec<Place>>,
-    /// Of the wall, then of the fillings.
+    /// Triangles of the wall, and below of the fillings.
     walls: Vec<[usize; 3]>,
     fillings: Vec<[usize; 3]>,
     /// Points on the hole of each chamber, and within it.

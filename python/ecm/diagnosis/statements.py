@@ -1,0 +1,634 @@
+"""What is stated wrongly: points, axes, signs and units of the table, E, nu, length and noise.
+
+A frame that is turned by 90 degrees, a reversed torque or degrees for radians leave an error that
+effects can imitate in part. Each other reading (`ecm.io.conventions`) is fitted by the same
+base; one that brings the error down to a third, and far below what the accepted effects leave, is
+named as what it is. A polynomial takes in most wrong readings. Where no length is stated, so that
+nothing else serves as base, an energy without symmetry is asked: any elastic body has one.
+
+With e the residual that no column explains and A = W V W' an effect's variance V in whitened axes,
+U = sum e' A e - sum tr(A M) has mean 0 and variance 2 sum tr((A M)^2) where the noise is right, M
+what the fit leaves of a row's unit covariance. Such effects change weights; they are no answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from scipy import special
+from scipy.optimize import least_squares
+
+from ecm._native import EnergyModel
+from ecm.diagnosis.problem import (
+    Candidate,
+    Problem,
+    best_of_each,
+    omnibus_columns,
+)
+from ecm.effects import Effect
+from ecm.effects.noise import NoiseEffect
+from ecm.errors import EcmError, ModelError
+from ecm.io.arrays import B, F, I, evenly, rest_of
+from ecm.io.columns import POSE, WRENCH, unit_of_factor
+from ecm.io.conventions import Convention, conventions, falling_loads, in_words
+from ecm.io.mechanism import Mechanism
+from ecm.io.se3 import rotation
+from ecm.models.joint_fit import FittedEffect, JointFit, joint_fit
+from ecm.models.maps import EnergyMap, StiffnessMap
+from ecm.models.physics.build import stated_rod
+from ecm.models.physics.map import PhysicsMap
+from ecm.models.refit import FAR_BEYOND_NOISE
+from ecm.regression.f_test import orthonormal
+from ecm.regression.folds import repeat_cells
+from ecm.regression.noise import Noise, declared_noise
+from ecm.regression.normal_equations import explained_by_blocks, projected_out
+
+LEAST_WRONG_ERROR = 2.0
+"""Error over the noise from which other readings of the table are tried."""
+MENDED_SHARE = 1.0 / 3.0
+"""Share of the error to which another reading must bring it to be named."""
+
+
+_LEAST_SHARE = 0.01
+"""A point nearer than this share of the length is a matter of calibration."""
+_MOST_SHARE = 1.0
+_STEPS = 20
+_STARTS = [
+    np.zeros(3),
+    *(s * axis for s in (-0.2, -0.1, -0.04, 0.04, 0.1, 0.2) for axis in np.eye(3)),
+]
+"""Shares of the length; the search begins at the best: there are other minima far away."""
+
+Left = Callable[[F, F], F]
+"""(poses, wrench) -> what a base fitted to them leaves, a vector."""
+
+
+def moved_points(length_m: float, poses: F, wrench: F, left: Left) -> Iterator[Convention]:
+    """Yield the points that fit these rows best, one for each kind.
+
+    Parameters
+    ----------
+    length_m
+        Length of the mechanism, which a shift along the axis may put right as well.
+    left
+        What the base leaves of other rows; its squares are minimised over the three coordinates.
+    """
+    kinds = (
+        (_from_point, "the positions look measured from a point {0} away", True),
+        (_of_point, "the pose looks that of another point of the top, {0} away", True),
+        (_about_point, "the torque looks taken about a point {0} away", False),
+        (
+            _about_top_point,
+            "the torque looks taken about a point of the top {0} away",
+            False,
+        ),
+    )
+    for move, words, of_pose in kinds:
+        at = _best_point(move, length_m, poses, wrench, left)
+        if at is None:
+            continue
+        said = words.format(f"({', '.join(f'{1e3 * c:.1f}' for c in at)}) mm")
+        if of_pose and abs(at[0]) > 3.0 * float(np.hypot(at[1], at[2])):
+            said += f", or the length looks {length_m + at[0]:.4g} m, not {length_m:.4g} m"
+        yield Convention(said, partial(move, at), of_pose)
+
+
+def _best_point(
+    move: Callable[[F, F, F], tuple[F, F]], length_m: float, poses: F, wrench: F, left: Left
+) -> F | None:
+    """Return the point (3,) in m; None where it is too near, too far, or cannot be found."""
+
+    def rest(shares: F) -> F:
+        return left(*move(length_m * shares, poses, wrench))
+
+    try:
+        begin = min(_STARTS, key=lambda start: float((rest(start) ** 2).sum()))
+        found = least_squares(rest, begin, max_nfev=_STEPS, diff_step=[1e-4] * 3, x_scale=0.1)
+    except (EcmError, ValueError, np.linalg.LinAlgError):
+        return None
+    far = float(np.abs(found.x).max())
+    return length_m * found.x if _LEAST_SHARE < far < _MOST_SHARE else None
+
+
+def _from_point(at: F, poses: F, wrench: F) -> tuple[F, F]:
+    return poses - np.r_[at, 0.0, 0.0, 0.0], wrench
+
+
+def _of_point(at: F, poses: F, wrench: F) -> tuple[F, F]:
+    return np.hstack([poses[:, :3] - _turned(at, poses), poses[:, 3:]]), wrench
+
+
+def _about_point(at: F, poses: F, wrench: F) -> tuple[F, F]:
+    return poses, _with_lever(np.broadcast_to(at, (len(poses), 3)), wrench)
+
+
+def _about_top_point(at: F, poses: F, wrench: F) -> tuple[F, F]:
+    return poses, _with_lever(_turned(at, poses), wrench)
+
+
+def _turned(at: F, poses: F) -> F:
+    """(N, 3) of a point of the top in base axes."""
+    return np.asarray(rotation(poses[:, 3:]) @ at)
+
+
+def _with_lever(lever: F, wrench: F) -> F:
+    return np.hstack([wrench[:, :3], wrench[:, 3:] + np.cross(lever, wrench[:, :3])])
+
+
+EQUAL = 1.5
+"""What leaves up to so many times the least squares is said as well."""
+_MOST_SAID = 2
+
+
+@dataclass(frozen=True)
+class WrongStatement:
+    """A reading of the table that fits far better than the one that was stated."""
+
+    what: str
+    error_before: float
+    """Error of the base, or of the model that was given, over the noise, as stated."""
+    error_after: float
+    """The same with the other reading."""
+
+    def sentence(self) -> str:
+        """Return what looks wrong, and what it rests on."""
+        return (
+            f"{self.what}: with that mended the error falls from {self.error_before:.3g} to "
+            f"{self.error_after:.3g} times the noise"
+        )
+
+
+def best_readings(
+    base: StiffnessMap, poses: F, wrench: F, length_m: float | None
+) -> list[Convention]:
+    """Return the readings of which a base leaves the least, the simplest first.
+
+    Parameters
+    ----------
+    base
+        Its coefficients are fitted to each reading.
+    poses, wrench
+        (N, 6) as stated, m and rad, N and N m.
+    length_m
+        Length of the mechanism; None where it is not known, then no origins are searched, and no
+        units of the pose are tried.
+    """
+    try:
+        as_stated = _columns(base, poses)
+    except EcmError:
+        return []
+
+    def squares(item: Convention, poses: F, wrench: F) -> float:
+        columns = _columns(base, poses) if item.of_pose else as_stated
+        return float((_rest(columns, wrench) ** 2).mean())
+
+    if length_m is None:
+        # Every symmetric stiffness has an energy where the rotations are small enough.
+        listed = [item for item in conventions(None) if not item.of_pose_unit]
+    else:
+        moved = moved_points(length_m, poses, wrench, lambda p, h: _rest(_columns(base, p), h))
+        listed = [*conventions(length_m), *moved]
+    most = MENDED_SHARE**2 * float((_rest(as_stated, wrench) ** 2).mean())
+    return best_of(squares_left(listed, poses, wrench, squares), most)
+
+
+def squares_left(
+    listed: Iterable[Convention],
+    poses: F,
+    wrench: F,
+    squares: Callable[[Convention, F, F], float],
+) -> list[tuple[float, Convention]]:
+    """Return what is left of each reading that can be fitted.
+
+    Parameters
+    ----------
+    squares
+        (reading, poses, wrench) -> squares that are left of these as they are read; not finite, or
+        an error, where the columns or the model end.
+    """
+    left = []
+    for item in listed:
+        try:
+            value = squares(item, *item.change(poses, wrench))
+        except (EcmError, np.linalg.LinAlgError):
+            continue
+        if np.isfinite(value):
+            left.append((value, item))
+    return left
+
+
+def best_of(left: Sequence[tuple[float, Convention]], most: float) -> list[Convention]:
+    """Return the readings that leave about the least squares; none where that is above `most`."""
+    least = min((value for value, _ in left), default=np.inf)
+    if not least <= most:
+        return []
+    return [item for value, item in left if value <= EQUAL * least][:_MOST_SAID]
+
+
+def _columns(base: StiffnessMap, poses: F) -> tuple[F, F]:
+    """Return the wrench (n, 6) and its derivative (n, 6, k) to the coefficients."""
+    poses = np.ascontiguousarray(poses)
+    found = base.predict(poses), base.columns(poses)
+    if not all(np.isfinite(part).all() for part in found):
+        raise ModelError("no such pose")
+    return found
+
+
+def _rest(base: tuple[F, F], wrench: F) -> F:
+    """Return (6 n,) what the fitted base leaves, over the rms of force and of torque."""
+    predicted, columns = base
+    size = np.repeat([np.sqrt((part**2).mean()) for part in (wrench[:, :3], wrench[:, 3:])], 3)
+    size = np.where(size > 0.0, size, 1.0)
+    y = ((wrench - predicted) / size).ravel()
+    z = (columns / size[:, None]).reshape(len(y), -1)
+    return rest_of(z, y)
+
+
+_ROWS = 150
+"""Rows on which the readings are compared; the best is checked on all."""
+_BETTER = 0.5
+"""Share of the error of the polynomial that an energy may leave, where it errs more than noise."""
+_GENERAL_TERMS = {4: 209, 3: 83, 2: 27}
+"""Terms of an energy without symmetry by its degree."""
+
+
+def find_wrong_statement(
+    problem: Problem, effects: Sequence[Candidate], before: float, after: float
+) -> WrongStatement | None:
+    """Try other readings of the table; None where none explains it, or the effects do.
+
+    Parameters
+    ----------
+    effects
+        The accepted effects.
+    before, after
+        Whitened rms of the base alone, and with the accepted effects.
+    """
+    base, table = problem.base, problem.table
+    if not table.has(*POSE, *WRENCH):
+        return None
+    if base.kind == "polynomial":
+        return _of_any_elastic_body(problem, before)
+    length = problem.rows.length_m if problem.rows.has_length else None
+    if before < LEAST_WRONG_ERROR or length is None:
+        return None
+    rows = _compared_rows(problem)
+    poses, wrench = table.matrix(POSE)[rows], table.wrenches[rows]
+    for body in _bodies(base):
+        best = best_readings(body, poses, wrench, length)
+        mended = _error(problem, body, best[0]) if best else None
+        if mended is None or mended > MENDED_SHARE * before:
+            continue
+        if not effects or mended <= 0.5 * after:
+            return WrongStatement(in_words(best), before, mended)
+    return None
+
+
+def _bodies(base: StiffnessMap) -> list[StiffnessMap]:
+    """Return the base, and after a symmetric energy that of a body whose ends differ."""
+    if not isinstance(base, EnergyMap) or base.model.symmetry != "alike":
+        return [base]
+    own = base.model
+    terms: dict[str, Any] = {
+        "length_m": own.length_m, "degree": own.degree, "symmetry": "revolution"
+    }  # fmt: skip
+    count = EnergyModel.regressor(np.array([[own.length_m, *[0.0] * 5]]), scale=own.scale, **terms)
+    zeros = np.zeros(count.shape[2])
+    unlike = EnergyModel.from_coefficients(scale=own.scale, coefficients=zeros, **terms)
+    return [base, EnergyMap(unlike)]
+
+
+def _of_any_elastic_body(problem: Problem, before: float) -> WrongStatement | None:
+    """Try the readings where no length is stated: one that gives the wrench an energy is right."""
+    table, rows = problem.table, _compared_rows(problem)
+    degrees = [d for d, terms in _GENERAL_TERMS.items() if 2 * terms <= 6 * len(rows)]
+    poses, wrench = table.matrix(POSE)[rows], table.wrenches[rows]
+    # The origin along the axis is free in an energy with all terms; it only gives a scale.
+    length = float(np.linalg.norm(poses[:, :3].mean(axis=0)))
+    if not degrees or not length > 0.0:
+        return None
+
+    def energy(poses: F, wrench: F) -> StiffnessMap:
+        return EnergyMap(
+            EnergyModel.fit(poses, wrench, length_m=length, degree=degrees[0], symmetry="general")
+        )
+
+    as_stated = _error(problem, energy(poses, wrench), None)
+    most = max(FAR_BEYOND_NOISE, _BETTER * before)
+    if as_stated is None or as_stated < LEAST_WRONG_ERROR:
+        return None
+    best = best_readings(energy(poses, wrench), poses, wrench, None)
+    upright = [item for item in best if not _falls(*item.change(poses, wrench))]
+    for item in (upright or best)[:1]:
+        mended = _error(problem, energy(*item.change(poses, wrench)), item)
+        if mended is not None and mended <= min(MENDED_SHARE * as_stated, most):
+            return WrongStatement(in_words(upright or best), as_stated, mended)
+    return None
+
+
+def _falls(poses: F, wrench: F) -> bool:
+    """Whether a load falls where its coordinate grows."""
+    return bool(falling_loads(poses, wrench, np.full(12, True)))
+
+
+def _named(poses: F, wrench: F) -> dict[str, F]:
+    return dict(zip((*POSE, *WRENCH), np.hstack([poses, wrench]).T, strict=True))
+
+
+def _compared_rows(problem: Problem) -> I:
+    rows = np.flatnonzero(problem.scored & (problem.weights > 0.0))
+    return rows[evenly(len(rows), _ROWS)]
+
+
+def _error(problem: Problem, base: StiffnessMap, reading: Convention | None) -> float | None:
+    """Return the whitened rms that a base leaves of a reading; None where it cannot be fitted."""
+    table = problem.table
+    if reading is not None:
+        table = table.with_columns(_named(*reading.change(table.matrix(POSE), table.wrenches)))
+    try:
+        fit = joint_fit(base, (), table, problem.noise)
+    except (EcmError, np.linalg.LinAlgError):
+        return None
+    squares = (fit.whitened**2).sum(axis=1)[problem.scored]
+    # Some bad rows shall not decide.
+    kept = np.sort(squares)[: max(1, int(0.98 * len(squares)))]
+    return float(np.sqrt(kept.mean() / fit.whitened.shape[1]))
+
+
+_NOISE_DEVIATIONS = 4.0
+"""An effect of the noise is reported beyond so many standard deviations."""
+
+_MOST_MODULUS_FACTOR = 5.0
+"""Largest error of the stated E; beyond it a sign or a unit is wrong."""
+_LEAST_CHANGE = 0.05
+"""Share by which E must differ from the stated value to be said."""
+_LEAST_NU = 0.02
+_LEAST_LENGTH = 0.03
+"""Share by which the length at rest must differ from the stated one to be said."""
+_STEPS_TO_REST = 20
+_RESTS = 1e-9
+"""Last step to the rest over the length."""
+_DEVIATIONS = 4.0
+_QUIET = 0.5
+"""Variance over the declared one below which the declared noise is called too large."""
+_CHANCE = 1e-3
+_FAR = 3.0
+"""Error at the bound of nu, over the noise and over that beyond it, from which nu is wrong."""
+
+
+def stated_numbers(problem: Problem, final: JointFit) -> list[str]:
+    """Return what these rows say of E, nu, length and noise where it is not what was stated.
+
+    Parameters
+    ----------
+    final
+        Fit of the base together with the accepted effects.
+    """
+    said = (_elasticity(problem), _length(final), _beside_declared(problem))
+    return [words for words in said if words]
+
+
+def _length(final: JointFit) -> str:
+    """Return that an energy rests at another length than the stated one.
+
+    An energy of the wrong length fits as well, since its origin is shifted along the axis. But the
+    straight body then carries no force at another length than the stated one.
+    """
+    base, stated = final.base, final.base.length_m
+    if base.kind != "energy" or stated is None:
+        return ""
+    along = final.rows.table.column("x_m")
+    # From within the rows: far outside an energy of high degree means nothing.
+    rest = np.array([[np.median(along), 0.0, 0.0, 0.0, 0.0, 0.0]])
+    for _ in range(_STEPS_TO_REST):
+        wrench, stiffness = base.wrench_and_stiffness(rest)
+        if not stiffness[0, 0, 0] > 0.0:
+            return ""
+        step = float(wrench[0, 0] / stiffness[0, 0, 0])
+        rest[0, 0] -= step
+        if not np.isfinite(step) or abs(step) < _RESTS * stated:
+            break
+    if not along.min() <= rest[0, 0] <= along.max():
+        return ""
+    terms = base.columns(rest)[0, 0]
+    force_sd = np.sqrt(terms @ final.covariance[: len(terms), : len(terms)] @ terms)
+    change, sd = float(rest[0, 0]) - stated, float(force_sd / stiffness[0, 0, 0])
+    if abs(change) < max(_LEAST_LENGTH * stated, _DEVIATIONS * sd):
+        return ""
+    return (
+        f"by these rows the straight body carries no force at a length of {rest[0, 0]:.4g} m, "
+        f"stated as {stated:.4g} m: the length or the origin of the positions along the axis is "
+        "likely wrong, or something pulls or presses on it"
+    )
+
+
+def _elasticity(problem: Problem) -> str:
+    base = problem.base
+    if not isinstance(base, PhysicsMap) or base.values is None:
+        return ""
+    stated = Mechanism.from_dict(base.mechanism)
+    if stated.builtin == "rod":
+        stated = stated_rod(stated)
+    own = {"young_modulus_Pa": stated.young_modulus_Pa, "poisson_ratio": stated.poisson_ratio}
+    spread = dict(zip(base.free, np.sqrt(np.diag(problem.fit.covariance)), strict=False))
+    parts = []
+    for name, least in (
+        ("young_modulus_Pa", _LEAST_CHANGE * own["young_modulus_Pa"]),
+        ("poisson_ratio", _LEAST_NU),
+    ):
+        change = abs(base.values[name] - own[name])
+        if name not in base.free or change < max(least, _DEVIATIONS * float(spread[name])):
+            continue
+        if name == "young_modulus_Pa":
+            ratio = base.values[name] / own[name]
+            parts.append(f"E is {ratio:.3g} times the stated {own[name]:.3g} Pa")
+        else:
+            parts.append(f"nu is {base.values[name]:.3f}, stated as {own[name]:.3g}")
+    return f"by these rows {' and '.join(parts)}" if parts else ""
+
+
+def negative_payload(effects: Sequence[FittedEffect]) -> list[str]:
+    """Return what a payload of less than nothing means.
+
+    Parameters
+    ----------
+    effects
+        Accepted effects with their values.
+    """
+    said = []
+    for item in effects:
+        mass, sd = float(item.values[0]), float(item.sd[0])
+        if item.id == "payload" and mass + _DEVIATIONS * sd < 0.0:
+            said.append(
+                f"a payload of {mass:.3g} kg: it was taken off after the sensor's zero, or gravity "
+                "points the other way ([scene] gravity_m_s2), or forces have the wrong sign"
+            )
+    return said
+
+
+def _beside_declared(problem: Problem) -> str:
+    """Return that the noise of the repeats, or of what no column explains, is not as declared."""
+    names = (*problem.base.inputs, *problem.base.outputs)
+    declared = declared_noise(problem.table, names)
+    if declared.source != "declared":
+        return ""
+    factor, mend = 1.0, "mend the figures in [instrument]"
+    if problem.noise.source == "repeats":
+        stated, seen = (
+            noise.covariance(problem.rows)[problem.scored] for noise in (declared, problem.noise)
+        )
+        share = np.einsum("nii->n", np.linalg.solve(stated, seen)).mean()
+        factor = float(share / stated.shape[1])
+        cells = repeat_cells(problem.table)[problem.scored]
+        dof = (len(cells) - len(np.unique(cells))) * problem.response.shape[1]
+        chance = min(special.chdtr(dof, factor * dof), special.chdtrc(dof, factor * dof))
+        # A drift or a friction scatters repeats too: what columns explain of them is no noise.
+        least = factor * min(1.0, problem.scale)
+        loud = least >= 1.0 / _QUIET and problem.scale >= _QUIET
+        if chance <= _CHANCE and (factor <= _QUIET or loud):
+            times = f"{np.sqrt(factor):.2f} times as large as declared"
+            return f"by the repeats the noise is {times}: {mend}"
+    factor, dof = factor * problem.scale, problem.scale_freedom
+    if not dof or factor >= _QUIET or special.chdtr(dof, factor * dof) > _CHANCE:
+        return ""
+    return f"the noise is {np.sqrt(factor):.2f} times as large as declared, or less: {mend}"
+
+
+def modulus_warning(problem: Problem) -> str:
+    """Return what is wrong with the factor on E of a physics base; empty where it may be true."""
+    if not isinstance(problem.base, PhysicsMap):
+        return ""
+    factor, most = problem.base.factor, _MOST_MODULUS_FACTOR
+    if 1.0 / most < factor < most:
+        return ""
+    ratio = f"the wrench is {factor:.3g} times that of the stated body"
+    if factor < 0.0:
+        return f"{ratio}: a sign is likely wrong"
+    unit = unit_of_factor(factor)
+    if unit:
+        return f"{ratio}: a unit is likely wrong ({unit})"
+    return f"{ratio}, which is no unit's factor: [mechanism] states another body"
+
+
+def ratio_warning(problem: Problem) -> str:
+    """Return that no Poisson's ratio fits; empty where one does, or something else is missing too.
+
+    A rod's stiffnesses are stated one by one: a wrong ratio of them looks like a nu beyond 1/2.
+    """
+    base = problem.base
+    if not isinstance(base, PhysicsMap) or base.values is None or "poisson_ratio" not in base.free:
+        return ""
+    low, high = (float(limit[base.free.index("poisson_ratio")]) for limit in base.bounds)
+    nu = base.values["poisson_ratio"]
+    if min(nu - low, high - nu) > 1e-6 * high:
+        return ""
+    squares = problem.squares_of(problem.response)
+    matrix, vector, _ = problem.normal.total()
+    free = float(
+        explained_by_blocks(
+            (matrix, vector), projected_out(matrix, vector, ()), [problem.base_index]
+        )[0]
+    )
+    beyond = np.sqrt(max(squares - free, 0.0) / problem.size)
+    at_bound = np.sqrt(squares / problem.size)
+    if at_bound < _FAR * max(1.0, float(beyond)):
+        return ""
+    return (
+        f"no Poisson's ratio from {low:.2f} to {high:.2f} fits: nu, or the ratio of the stated "
+        "stiffnesses, shear and torsion against bending, is likely wrong"
+    )
+
+
+@dataclass(frozen=True)
+class NoiseFinding:
+    """One effect of the noise that the rows show, by its clearest parameter."""
+
+    id: str
+    parameter: str
+    value: float
+    unit: str
+    z: float
+    """Standard deviations of the score."""
+
+
+def tested_noise(problem: Problem, effects: Sequence[Effect]) -> list[NoiseEffect]:
+    """Return the noise effects that these data can test."""
+    noise = [effect for effect in effects if isinstance(effect, NoiseEffect)]
+    return [effect for effect in noise if effect.id not in problem.untestable]
+
+
+def noise_findings(problem: Problem, effects: Sequence[Effect]) -> list[NoiseFinding]:
+    """Return the noise effects that are seen, the clearest first.
+
+    Robust weights take the place of those without parameters.
+    """
+    tested = [effect for effect in tested_noise(problem, effects) if effect.parameters]
+    if not tested:
+        return []
+    use = problem.scored & (problem.weights > 0.9)
+    residual, unfitted = _residual(problem, use)
+    whitener = problem.whitener[use]
+
+    def found(effect: NoiseEffect, j: int) -> NoiseFinding:
+        parameter = effect.parameters[j]
+        unit = parameter.scale * np.eye(len(effect.parameters))[j]
+        variance = effect.variance(problem.rows, unit)[use]
+        z, square = _score(residual, unfitted, whitener @ variance @ np.swapaxes(whitener, 1, 2))
+        value = parameter.scale * float(np.sqrt(square))
+        return NoiseFinding(effect.id, parameter.name, value, parameter.unit, z)
+
+    every = [found(effect, j) for effect in tested for j in range(len(effect.parameters))]
+    best = best_of_each(every, [one.z for one in every])
+    return sorted(
+        (one for z, one in best.values() if z > _NOISE_DEVIATIONS), key=lambda one: -one.z
+    )
+
+
+def with_load_growth(noise: Noise, findings: Sequence[NoiseFinding]) -> Noise:
+    """Return the noise with scatter that grows with the load, where that is seen most clearly."""
+    if noise.components is not None or not findings or findings[0].id != "heteroscedastic_noise":
+        return noise
+    first = findings[0]
+    if first.parameter == "force_growth":
+        return replace(noise, growth_per_N=first.value)
+    return replace(noise, growth_per_Nm=first.value)
+
+
+def _residual(problem: Problem, use: B) -> tuple[F, F]:
+    """Return (n, m) the residual that nothing explains, and (n, m, m) what the fit leaves of it."""
+    n, m = problem.response.shape
+    smooth = omnibus_columns(problem, max(1, n // 6))
+    # The best shape of every effect: what it does not explain is noise, significant or not.
+    matrix, vector, _ = problem.normal.total()
+    left = projected_out(matrix, vector, problem.base_index)
+    gains = explained_by_blocks((matrix, vector), left, [one.columns for one in problem.offered])
+    leading = best_of_each(problem.offered, gains.tolist())
+    best = problem.design[:, :, [c for _, one in leading.values() for c in one.columns]]
+    known = (problem.base_block, best, smooth)
+    columns = np.concatenate([block[use] for block in known], axis=2)
+    basis = orthonormal(columns.reshape(-1, columns.shape[2]))
+    y = problem.response[use].ravel()
+    residual = (y - basis @ (basis.T @ y)).reshape(-1, m)
+    own = basis.reshape(-1, m, basis.shape[1])
+    return residual, np.eye(m) - own @ np.swapaxes(own, 1, 2)
+
+
+def _score(residual: F, unfitted: F, effect_variance: F) -> tuple[float, float]:
+    """Return z of U with the common scale estimated, and the parameter's square over its unit."""
+    scale = float((residual**2).sum() / np.einsum("nii->", unfitted))
+    products = effect_variance @ unfitted
+    traces = np.einsum("nii->n", products)
+    plain = np.einsum("nii->n", unfitted)
+    # Without its part along a common scale.
+    share = traces.sum() / plain.sum()
+    centred = effect_variance - share * np.eye(effect_variance.shape[1])
+    product = centred @ unfitted
+    score = float(np.einsum("ni,nij,nj->", residual, centred, residual)) / scale
+    information = float(np.einsum("nij,nji->", product, product))
+    if information <= 0.0:
+        return 0.0, 0.0
+    return score / float(np.sqrt(2.0 * information)), max(score / information, 0.0)
