@@ -187,7 +187,11 @@ def test_what_does_not_fit_is_said(train: Table, model: Model, tmp_path: Path) -
     with pytest.raises(InputError, match="actuatedD with D from 3 to 6"):
         ecm.fit_model(train, "actuated")
     with pytest.raises(InputError, match="has no actuators"):
-        ecm.fit_model(train, "energy4").free_pose(np.zeros(3))
+        ecm.fit_model(train, "energy4", force=True).free_pose(np.zeros(3))
+    with pytest.raises(InputError, match=r"vary, and energy4 does not take them") as refused:
+        ecm.fit_model(train, "energy4")
+    assert refused.value.remedy is not None
+    assert "--model actuated4" in refused.value.remedy.command
     with pytest.raises(InputError, match=r"expected \(N, 6\) and \(N, 3\)"):
         model.predict(np.zeros((2, 6)), np.zeros((2, 2)))
     with pytest.raises(InputError, match="no inputs for actuators yet"):

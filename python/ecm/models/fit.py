@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast, get_args
 import numpy as np
 from scipy.optimize import nnls
 
-from ecm.errors import ComputationError, InputError, ModelError
+from ecm.errors import ComputationError, InputError, ModelError, Remedy
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.conventions import wrong_convention
@@ -111,6 +111,8 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
             f"{', '.join(table.pose_columns) or 'none'}",
             remedy=CHOOSE,
         )
+    if not (force or specification.any_columns or isinstance(specification, ActuatedModel)):
+        _refuse_unused_pressures(table, specification)
     wrong = None if force else wrong_convention(table, refuse=True)
     try:
         fitted = fit_rows(table, specification, weights, progress)
@@ -124,6 +126,19 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
         known["misread"] = {"sentence": wrong.sentence()}
     known["poses"] = sample_of(table, fitted.inputs)
     return replace(fitted, training={**fitted.training, **known})
+
+
+def _refuse_unused_pressures(table: Table, specification: ModelSpecification) -> None:
+    """Raise InputError where pressures vary that the model does not take."""
+    varying = [name for name in table.actuation_columns if np.ptp(table.column(name)) > 0.0]
+    if varying:
+        raise InputError(
+            f"{table.source}: {', '.join(varying)} vary, and {specification.name} does not take "
+            "them: the wrench of a pressure would be an error of the model",
+            remedy=Remedy(
+                "fit an energy of pose and pressures", "ecm fit DATA --model actuated4 --out OUT"
+            ),
+        )
 
 
 def _specification(model: Any, parameters: Mapping[str, Any] | None) -> ModelSpecification:
