@@ -80,6 +80,29 @@ def test_volumes_are_more_data_on_the_same_coefficients(
     assert with_volumes < 0.8 * without
 
 
+def test_a_noisy_table_is_fitted_to_its_noise(table: Table) -> None:
+    """And it knows how far it is from the truth."""
+    random = np.random.default_rng(2)
+    noise = np.repeat([1e-5, 1e-4], 3), np.repeat([0.005, 2e-4], 3)
+    figures = {
+        "pose_position_sd_m": 1e-5,
+        "pose_rotation_sd_rad": 1e-4,
+        "force_sd_N": 0.005,
+        "torque_sd_Nm": 2e-4,
+    }
+    columns = {name: table[name] for name in PRESSURES}
+    for names, sds in zip((POSE, WRENCH), noise, strict=True):
+        values = table.matrix(names) + sds * random.standard_normal((len(table), 6))
+        columns |= dict(zip(names, values.T, strict=True))
+    noisy = ecm.as_table(columns, meta={**ARM, "instrument": figures})
+    fitted = ecm.fit_model(noisy, "actuated4")
+    assert 0.7 < fitted.training["over_noise"] < 1.1
+    sd = fitted.predict_sd(inputs_of(fitted.base, table))
+    assert sd is not None
+    errors = (fitted.predict(table) - table.wrenches) / sd
+    assert 0.7 < np.sqrt((errors**2).mean()) < 1.4
+
+
 def test_k_g_and_c_are_derivatives_and_reciprocal(model: Model, fresh: Table) -> None:
     rows = inputs_of(model.base, fresh)[:5]
     base = model.actuated

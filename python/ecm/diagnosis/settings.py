@@ -33,7 +33,7 @@ class DiagnosisSettings(Checked):
     6.0
     >>> DiagnosisSettings(level=2.0)
     Traceback (most recent call last):
-    ecm.errors.InputError: level = 2.0: expected a number from 0 to 1 (Chance of a wrong rejection)
+    ecm.errors.InputError: level = 2.0: expected a number from 0 to 1 (chance of a wrong rejection)
     """
 
     most_rows: int = setting(

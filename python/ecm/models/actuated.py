@@ -36,6 +36,8 @@ from ecm.models.layout import Layout, array, items, number, one_of, record, text
 from ecm.models.maps import EnergyMap, EnergyTerms, SixAxisMap
 from ecm.models.noise_estimate import declared_or_fitted
 from ecm.models.specification import FittedMap, ModelSpecification, Weights, length_of
+from ecm.regression.noise import whiteners
+from ecm.regression.rows import Rows
 
 Body = Literal["alike", "revolution", "general"]
 """alike: equal chambers round the axis, both ends alike; revolution: the ends may differ; general:
@@ -43,6 +45,10 @@ no symmetry."""
 _LEAST_DEGREE, _MOST_DEGREE, _ORDER, _MOST_ORDER = 3, 6, 3, 4
 _PURE_ORDER = 5
 """Order of f: a chamber swells more than in proportion."""
+_WEIGHED = 2
+"""Fits with the weights of the fit before: the noise of the pose acts through K."""
+_LEAST_SHARE = 1e-4
+"""Least error of a measured volume over its spread."""
 _SINGULAR = 1e-10
 """Least singular value over the largest: below it a direction of the coefficients is unknown."""
 
@@ -566,6 +572,7 @@ class ActuatedModel(ModelSpecification):
     order: int = setting(_ORDER, low=1, high=_MOST_ORDER, doc="largest power of the inputs")
 
     kind = "actuated"
+    weighted = True
     usage = (
         f"actuatedD with D from {_LEAST_DEGREE} to {_MOST_DEGREE}, alone or with -revolution or "
         f"-general, then with :ORDER from 1 to {_MOST_ORDER}"
@@ -591,7 +598,7 @@ class ActuatedModel(ModelSpecification):
     def fit_map(
         self, table: Table, weights: Weights, progress: Progress | None = None
     ) -> FittedMap:
-        """Least squares that weighs each component, and each volume, by its own spread."""
+        """Least squares by the declared noise of wrench and pose, else by the spreads."""
         actuation = table.actuation_columns
         if not actuation:
             raise InputError(
@@ -617,23 +624,26 @@ class ActuatedModel(ModelSpecification):
                 f"{table.source}: {len(volumes)} volume columns beside {len(actuation)} pressures: "
                 "give the volume of each chamber, or of none"
             )
-        design, target = _weighted(base.columns(rows), wrenches)
-        if volumes:
-            of_volumes = np.concatenate(base.volume_columns(rows), axis=2)
-            design = np.hstack([design, np.zeros((len(design), pure))])
-            more, measured = _weighted(of_volumes, table.matrix(volumes))
-            design, target = np.vstack([design, more]), np.append(target, measured)
-        if len(target) < design.shape[1]:
+        equations = len(table) * (6 + len(volumes))
+        if equations < terms.count() + (pure if volumes else 0):
             raise InputError(
-                f"{table.source}: {self.name} has {design.shape[1]} coefficients, {len(table)} "
-                f"rows give {len(target)} equations: give more rows, or take a lower degree"
+                f"{table.source}: {self.name} has {terms.count()} coefficients, {len(table)} rows "
+                f"give {equations} equations: give more rows, or take a lower degree"
             )
-        solution, covariance = _solved(design, target)
-        k = terms.count()
-        fitted = replace(base, coefficients=solution[:k])
-        if volumes:
-            fitted = replace(fitted, pure_J=solution[k:])
-        return FittedMap(fitted, declared_or_fitted(fitted, table), covariance[:k, :k])
+        measured = table.matrix(volumes) if volumes else np.zeros((len(table), 0))
+        spreads = [_spread(values) for values in (wrenches, measured)]
+        whitener = np.broadcast_to(np.diag(1.0 / spreads[0]), (len(table), 6, 6))
+        fitted, covariance, variance = _fitted(base, rows, wrenches, whitener, measured, spreads[1])
+        noise = declared_or_fitted(fitted, table)
+        if weights == "spread" or noise.source != "declared":
+            return FittedMap(fitted, noise, variance * covariance)
+        for _ in range(_WEIGHED):
+            whitener = whiteners(noise.covariance(Rows(table, fitted)))
+            # Nothing is known of a volume's noise but what the fit before left.
+            left = measured - fitted.volumes_m3(rows) if volumes else measured
+            sd = np.maximum(left.std(axis=0), _LEAST_SHARE * spreads[1])
+            fitted, covariance, variance = _fitted(base, rows, wrenches, whitener, measured, sd)
+        return FittedMap(fitted, noise, covariance, variance)
 
     @staticmethod
     def layout(n: int, m: int) -> Layout:
@@ -659,23 +669,43 @@ class ActuatedModel(ModelSpecification):
     map_from_document = staticmethod(ActuatedMap.from_document)
 
 
-def _weighted(columns: F, measured: F) -> tuple[F, F]:
-    """(N m, k) columns and (N m,) values of each component over its spread."""
-    spread = measured.std(axis=0)
-    spread = np.where(spread > 0.0, spread, max(float(spread.max()), 1e-300))
-    n, m, k = columns.shape
-    return (columns / spread[:, None]).reshape(n * m, k), (measured / spread).ravel()
+def _spread(values: F) -> F:
+    """(m,) standard deviations of the columns; of a constant one that of the others."""
+    spread = values.std(axis=0)
+    return np.where(spread > 0.0, spread, max(float(spread.max(initial=0.0)), 1e-300))
 
 
-def _solved(design: F, target: F) -> tuple[F, F]:
-    """Least squares by scaled columns; directions that the rows do not tell stay at zero."""
+def _fitted(
+    base: ActuatedMap, rows: F, wrenches: F, whitener: F, volumes: F, volume_sd: F
+) -> tuple[ActuatedMap, F, float]:
+    """Map, covariance (k, k) for unit noise and whitened residual square per degree of freedom.
+
+    Parameters
+    ----------
+    rows
+        (N, 6 + m) poses and inputs.
+    wrenches, whitener
+        (N, 6) and (N, 6, 6).
+    volumes, volume_sd
+        (N, m) and (m,); (N, 0) and (0,) where none was measured.
+    """
+    k = len(base.coefficients)
+    design = (whitener @ base.columns(rows)).reshape(-1, k)
+    target = np.einsum("nij,nj->ni", whitener, wrenches).ravel()
+    if volumes.size:
+        columns = np.concatenate(base.volume_columns(rows), axis=2) / volume_sd[:, None]
+        design = np.hstack([design, np.zeros((len(design), len(base.pure_J)))])
+        design = np.vstack([design, columns.reshape(-1, design.shape[1])])
+        target = np.append(target, (volumes / volume_sd).ravel())
     size = np.linalg.norm(design, axis=0)
     size[size == 0.0] = 1.0
     u, s, vt = np.linalg.svd(design / size, full_matrices=False)
     known = s > _SINGULAR * s[0]
     inverse = vt[known].T / s[known]
+    # Directions that the rows do not tell stay at zero.
     solution = inverse @ (u[:, known].T @ target) / size
     left = target - design @ solution
-    freedom = max(len(target) - int(known.sum()), 1)
-    covariance = float(left @ left) / freedom * (inverse @ inverse.T) / np.outer(size, size)
-    return solution, covariance
+    variance = float(left @ left) / max(len(target) - int(known.sum()), 1)
+    covariance = (inverse @ inverse.T) / np.outer(size, size)
+    pure = solution[k:] if volumes.size else base.pure_J
+    return replace(base, coefficients=solution[:k], pure_J=pure), covariance[:k, :k], variance
