@@ -136,9 +136,9 @@ def piston() -> ecm.Table:
     random, rows = np.random.default_rng(9), 200
     x = 0.01 * np.sin(np.linspace(0.0, 20.0, rows)) * random.uniform(0.5, 1.0, rows)
     pressures = {
-        "pressure_1_Pa": 2e5 * (1.5 + np.sin(np.linspace(0.0, 7.0, rows) + 1.0)),
-        "pressure_2_Pa": 1e5 * random.choice([0.2, 0.5, 1.0, 1.4], rows),
-        "pressure_3_Pa": 5e4 * (1.0 + np.cos(np.linspace(0.0, 31.0, rows))),
+        "supply_1_Pa": 2e5 * (1.5 + np.sin(np.linspace(0.0, 7.0, rows) + 1.0)),
+        "supply_2_Pa": 1e5 * random.choice([0.2, 0.5, 1.0, 1.4], rows),
+        "supply_3_Pa": 5e4 * (1.0 + np.cos(np.linspace(0.0, 31.0, rows))),
     }
     force = 900.0 * x + 2e6 * x**3 + 0.05 * random.standard_normal(rows)
     for value, slope in zip(pressures.values(), (-1.2e-4, 0.8e-4, -0.5e-4), strict=True):
@@ -151,7 +151,7 @@ def piston() -> ecm.Table:
 
 def test_three_pressures_are_named_at_once_and_beside_one_that_the_model_has() -> None:
     """The straight line that is chosen beside so large loads is no base once these are named."""
-    table, ids = piston(), [f"unused_column:pressure_{k}_Pa" for k in (1, 2, 3)]
+    table, ids = piston(), [f"unused_column:supply_{k}_Pa" for k in (1, 2, 3)]
     model = ecm.fit_model(table, "cubic")
     found = ecm.diagnose(model, table)
     assert {members[0] for members in found.answer} == set(ids), found.sentence()

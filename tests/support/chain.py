@@ -87,7 +87,7 @@ def one_axis_with_a_second_load(folder: Path) -> Path:
     pressure = 2e5 * (1.5 + np.sin(np.linspace(0.0, 5.0, n)))
     force = 900.0 * x + 2e6 * x**3 - 1.2e-4 * pressure + _sliders(x, 2.0, 1.5e-3)
     force += 0.05 * random.standard_normal(n)
-    columns = {"x_m": x, "fx_N": force, "pressure_1_Pa": pressure, "time_s": np.arange(n) * 2.0}
+    columns = {"x_m": x, "fx_N": force, "supply_1_Pa": pressure, "time_s": np.arange(n) * 2.0}
     return _written(columns, "[instrument]\nforce_sd_N = 0.05\npose_position_sd_m = 1e-6\n", folder)
 
 
