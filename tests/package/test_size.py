@@ -9,10 +9,10 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (37_570, 203),
+    "python/ecm": (37_600, 203),
     "benches": (6_000, 51),
     "examples": (1_360, 12),
-    "tests": (27_460, 211),
+    "tests": (27_480, 211),
     "crates": (32_600, 195),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit."""
