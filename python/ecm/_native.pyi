@@ -241,7 +241,7 @@ class Fem:
         *,
         wrench: Sequence[float] | None = None,
         pose: Sequence[float] | None = None,
-        actuation: Sequence[float] = (),
+        actuation: Sequence[float] | None = None,
     ) -> FemResults:
         """Solves one load and writes displacement, stretch, stress for ParaView."""
     @property

@@ -538,21 +538,21 @@ impl Fem {
     }
 
     /// Solves one wrench or pose and writes displacement, stretch and stress for ParaView.
-    #[pyo3(signature = (path, *, wrench = None, pose = None, actuation = Vec::new()))]
+    #[pyo3(signature = (path, *, wrench = None, pose = None, actuation = None))]
     fn write_vtu(
         &self,
         py: Python<'_>,
         path: &str,
         wrench: Option<[f64; 6]>,
         pose: Option<[f64; 6]>,
-        actuation: Vec<f64>,
+        actuation: Option<Vec<f64>>,
     ) -> PyResult<FemResults> {
         let load = match (wrench, pose) {
             (Some(h), None) => Load::Wrench(h),
             (None, Some(p)) => Load::Pose(p),
             _ => return Err(FemError::new_err("write_vtu: give either wrench or pose")),
         };
-        let case = Case::new(load, &actuation).map_err(fem_error)?;
+        let case = Case::new(load, &actuation.unwrap_or_default()).map_err(fem_error)?;
         let (result, field) = run_task(py, 1, None, |task| self.0.solve_field(case, watch(task)))?
             .map_err(fem_error)?;
         std::fs::write(path, vtu(self.0.body(), &field).map_err(fem_error)?)?;
