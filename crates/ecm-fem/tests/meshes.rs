@@ -22,11 +22,24 @@ fn gmsh(mesh: &Mesh, quadratic: bool) -> String {
     let kept: Vec<usize> = (0..mesh.nodes_m().len())
         .filter(|&i| quadratic || corner_used(i))
         .collect();
-    let mut text = String::from(
-        "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$PhysicalNames\n3\n2 1 \"base\"\n2 2 \"top\"\n\
-         3 3 \"soft body\"\n$EndPhysicalNames\n$Entities\n0 0 2 1\n\
-         1 0 0 0 0 0 0 1 1 0\n2 0 0 0 0 0 0 1 2 0\n1 0 0 0 0 0 0 1 3 0\n$EndEntities\n",
-    );
+    let mut named = vec![("base", mesh.base_nodes()), ("top", mesh.top_nodes())];
+    let chambers = mesh.chambers().iter();
+    named.extend(chambers.map(|(name, nodes)| (name.as_str(), nodes.as_slice())));
+    let count = named.len();
+    let mut text = String::from("$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$PhysicalNames\n");
+    writeln!(text, "{}", count + 1).unwrap();
+    for (k, (name, _)) in named.iter().enumerate() {
+        writeln!(text, "2 {} \"{name}\"", k + 1).unwrap();
+    }
+    writeln!(
+        text,
+        "3 3 \"soft body\"\n$EndPhysicalNames\n$Entities\n0 0 {count} 1"
+    )
+    .unwrap();
+    for k in 1..=count {
+        writeln!(text, "{k} 0 0 0 0 0 0 1 {k} 0").unwrap();
+    }
+    text.push_str("1 0 0 0 0 0 0 1 3 0\n$EndEntities\n");
     let n = kept.len();
     writeln!(text, "$Nodes\n1 {n} 1 {n}\n3 1 0 {n}").unwrap();
     kept.iter()
@@ -43,7 +56,7 @@ fn gmsh(mesh: &Mesh, quadratic: bool) -> String {
         [0, 3, 2, 7, 9, 6],
     ];
     let mut blocks = Vec::new();
-    for (entity, named) in [(1, mesh.base_nodes()), (2, mesh.top_nodes())] {
+    for (entity, (_, named)) in (1..).zip(&named) {
         let mut lines = Vec::new();
         for t in mesh.tetrahedra() {
             for f in faces {
@@ -155,6 +168,36 @@ fn broken_files_name_line_and_remedy() {
     }
     let missing = Mesh::read(std::path::Path::new("no/such/file.msh")).unwrap_err();
     assert!(missing.to_string().contains("no/such/file.msh"));
+}
+
+#[test]
+fn chambers_of_a_file_are_those_of_the_mesh() {
+    let body = ecm_fem::Chambered {
+        length_m: 0.1,
+        radius_m: 0.02,
+        channel_radius_m: 0.004,
+        chambers: 3,
+        shape: ecm_fem::ChamberShape::Sector {
+            inner_radius_m: 0.008,
+            outer_radius_m: 0.0165,
+            angle_rad: 1.5,
+        },
+        end_wall_m: 0.008,
+    };
+    let mesh = Mesh::chambered(&body, COARSE).unwrap();
+    let volumes = |mesh: &Mesh| {
+        let material = Box::new(ecm_fem::NeoHookean::new(1e6, 0.49).unwrap());
+        let fem = ecm_fem::Fem::new(mesh.clone(), material, None).unwrap();
+        assert_eq!(fem.actuators(), ["chamber_1", "chamber_2", "chamber_3"]);
+        fem.chamber_volumes_m3().to_vec()
+    };
+    // A linear file has straight edges.
+    for (quadratic, most) in [(true, 1e-12), (false, 0.1)] {
+        let read = parse(&gmsh(&mesh, quadratic)).unwrap();
+        for (found, given) in volumes(&read).iter().zip(volumes(&mesh)) {
+            assert!((found / given - 1.0).abs() < most, "{found} {given}");
+        }
+    }
 }
 
 type Parts = (Vec<[f64; 3]>, Vec<[usize; 10]>, Vec<usize>, Vec<usize>);

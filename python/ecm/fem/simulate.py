@@ -341,7 +341,7 @@ class Workspace(Checked):
 
     def box(self, mechanism: Mechanism) -> tuple[F, F]:
         """Corners (6 + m,) of the wrenches and of the pressures of a mechanism's m chambers."""
-        chambers = mechanism.chamber_count
+        chambers = mechanism.chambers
         corners = []
         for name, wrench in (("min", self.wrench_min), ("max", self.wrench_max)):
             given = getattr(self, f"pressure_{name}_Pa")
@@ -369,7 +369,7 @@ class RandomWrenches:
         self._low, self._high = workspace.box(mechanism)
         self._limit = workspace.rotation_limit_rad * workspace.screen_margin
         # The rod knows no pressure.
-        screens = not workspace.full_box and mechanism.chamber_count == 0
+        screens = not workspace.full_box and len(self._low) == len(WRENCH)
         self._sections = mechanism.rod_sections() if screens else None
         self._length_m = mechanism.length_m
         self._pending = np.empty((0, len(self._low)))
@@ -674,8 +674,9 @@ def solve_wrenches(
     """
     _check_mechanism("solve_wrenches", mechanism)
     loads = _six_columns("solve_wrenches", wrenches)
-    if pressures_Pa is not None:
-        loads = np.hstack([loads, _pressures(pressures_Pa, len(loads), mechanism.chamber_count)])
+    shape = (len(loads), mechanism.chambers)
+    pressures = np.zeros(shape) if pressures_Pa is None else _pressures(pressures_Pa, shape)
+    loads = np.hstack([loads, pressures])
 
     def report(done: int, total: int) -> None:
         if progress is not None:
@@ -685,8 +686,6 @@ def solve_wrenches(
     status = tuple(results.status)
     lost = np.array([word != "solved" for word in status], dtype=np.bool_)
     arrays = {name: np.array(getattr(results, name)) for name in ARRAYS}
-    if mechanism.chamber_count and loads.shape[1] == 6:
-        loads = np.hstack([loads, np.zeros((len(loads), mechanism.chamber_count))])
     arrays["loads"] = loads  # those of the solver differ by its residual
     for name, values in arrays.items():
         if name not in ("loads", "iterations"):
@@ -712,12 +711,12 @@ def _check_mechanism(name: str, mechanism: object) -> None:
         )
 
 
-def _pressures(values: ArrayLike, rows: int, chambers: int) -> F:
+def _pressures(values: ArrayLike, shape: tuple[int, int]) -> F:
     pressures = np.asarray(values, dtype=np.float64)
-    if pressures.shape != (rows, chambers) or not np.isfinite(pressures).all():
+    if pressures.shape != shape or not np.isfinite(pressures).all():
         raise InputError(
-            f"solve_wrenches: pressures_Pa has shape {pressures.shape}, expected ({rows}, "
-            f"{chambers}) finite numbers: a row for each wrench, a column for each chamber"
+            f"solve_wrenches: pressures_Pa has shape {pressures.shape}, expected {shape} finite "
+            "numbers: a row for each wrench, a column for each chamber"
         )
     return pressures
 

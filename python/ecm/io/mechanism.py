@@ -358,6 +358,13 @@ class Mechanism(Checked):
         shape = bool(self.builtin) or self.mesh_file is not None
         return shape and (self.young_modulus_Pa > 0.0 or sections)
 
+    @property
+    def chambers(self) -> int:
+        """Number of chambers: of the builtin shape, or of the surfaces named so in the mesh."""
+        if self.mesh_file is not None:
+            return len(self.mesh().chambers)
+        return self.chamber_count if self.builtin == "chambered" else 0
+
     def mesh(self) -> Mesh:
         """Return the tetrahedra of the body; InputError where only its length is known."""
         if self.mesh_file is not None:
