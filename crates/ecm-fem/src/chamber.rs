@@ -63,6 +63,9 @@ impl Chambers {
     /// A chamber without a whole face, or whose surface is open elsewhere than at base and platform.
     pub fn new(mesh: &Mesh) -> Result<Self, FemError> {
         let mut chambers = Self::default();
+        if mesh.chambers().is_empty() {
+            return Ok(chambers);
+        }
         let outer = outer_faces(mesh);
         for (chamber, (name, nodes)) in mesh.chambers().iter().enumerate() {
             let on = |i: &usize| nodes.binary_search(i).is_ok();

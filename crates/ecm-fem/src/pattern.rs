@@ -61,6 +61,16 @@ pub fn entries() -> impl Iterator<Item = (usize, usize)> {
 }
 
 impl Pattern {
+    /// A vector of the unknowns from values by displacement component; nothing at the pressures.
+    pub fn of_unknowns(&self, value: impl Fn(usize) -> f64, into: &mut [f64]) {
+        into.fill(0.0);
+        for (component, &unknown) in self.of_displacement.iter().enumerate() {
+            if unknown != NONE {
+                into[unknown as usize] = value(component);
+            }
+        }
+    }
+
     /// `constraints`: one entry per displacement component `3 node + i`; `with_pressure`: an unknown
     /// at every corner.
     ///

@@ -16,6 +16,7 @@ the others follow from it.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -24,7 +25,6 @@ from typing import Any, Literal, get_args
 import numpy as np
 from scipy.optimize import least_squares
 
-from ecm import _native
 from ecm._native import mid_frame
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F, I
@@ -81,13 +81,18 @@ class ActuatedTerms:
     order: int
     body: Body = "alike"
 
+    @property
+    def of_pose(self) -> EnergyTerms:
+        """The terms of each product's polynomial, without symmetry."""
+        return EnergyTerms(self.length_m, self.degree, "general")
+
     def orbits(self) -> tuple[_Orbit, ...]:
         """Orbits of the products, the constant one first."""
         return _orbits(self.actuators, self.degree, self.order, self.body)
 
     def pure(self) -> tuple[tuple[tuple[int, ...], ...], ...]:
         """Orbits of the products in the polynomial of the inputs alone."""
-        return tuple(_product_orbits(self.actuators, _PURE_ORDER, self.body)[1:])
+        return _product_orbits(self.actuators, _PURE_ORDER, self.body)[1:]
 
     def count(self) -> int:
         """Number of coefficients."""
@@ -103,27 +108,17 @@ class ActuatedTerms:
             begin = end
 
 
+@cache
 def exponents(degree: int) -> I:
-    """(k, 6) exponents of all monomials of q up to a degree, without the constant one."""
-    zeros = np.zeros(number_of_monomials(degree))
-    model = _native.EnergyModel.from_coefficients(
-        length_m=1.0, degree=degree, symmetry="general", scale=np.ones(2), coefficients=zeros
-    )
-    return np.asarray(model.terms)
-
-
-def number_of_monomials(degree: int) -> int:
-    """Monomials of six variables up to a degree, without the constant one.
+    """(k, 6) exponents of all monomials of q up to a degree, without the constant one.
 
     Examples
     --------
-    >>> number_of_monomials(1), number_of_monomials(4)
-    (6, 209)
+    >>> exponents(1).tolist()[0], len(exponents(4))
+    ([1, 0, 0, 0, 0, 0], 209)
     """
-    total = 1
-    for k in range(1, degree + 1):
-        total = total * (6 + k) // k
-    return total - 1
+    zeros = np.zeros(math.comb(6 + degree, degree) - 1)
+    return np.asarray(EnergyTerms(1.0, degree, "general").map(np.ones(2), zeros).model.terms)
 
 
 def _monomials(q: F, powers: I) -> F:
@@ -157,7 +152,10 @@ def _elements(actuators: int, body: Body) -> list[tuple[F, tuple[int, ...]]]:
     return found
 
 
-def _product_orbits(actuators: int, order: int, body: Body) -> list[tuple[tuple[int, ...], ...]]:
+@cache
+def _product_orbits(
+    actuators: int, order: int, body: Body
+) -> tuple[tuple[tuple[int, ...], ...], ...]:
     """Products up to an order that the group moves into each other, by order."""
     places = {moved for _, moved in _elements(actuators, body)}
     orbits: list[tuple[tuple[int, ...], ...]] = []
@@ -168,7 +166,7 @@ def _product_orbits(actuators: int, order: int, body: Body) -> list[tuple[tuple[
             members = {_moved(max(left), place) for place in places}
             orbits.append(tuple(sorted(members, reverse=True)))
             left -= members
-    return orbits
+    return tuple(orbits)
 
 
 @cache
@@ -261,20 +259,10 @@ class ActuatedMap(SixAxisMap):
         return self.terms.length_m
 
     @cached_property
-    def _parts(self) -> list[tuple[tuple[int, ...], _native.EnergyModel]]:
+    def _parts(self) -> list[tuple[tuple[int, ...], EnergyMap]]:
         """Each product with its polynomial of q as an energy."""
-        make = _native.EnergyModel.from_coefficients
         return [
-            (
-                product,
-                make(
-                    length_m=self.terms.length_m,
-                    degree=self.terms.degree,
-                    symmetry="general",
-                    scale=np.ascontiguousarray(self.scale[:2]),
-                    coefficients=np.ascontiguousarray(expansion @ own),
-                ),
-            )
+            (product, self.terms.of_pose.map(self.scale[:2], expansion @ own))
             for product, expansion, own in self.terms.split(self.coefficients)
         ]
 
@@ -295,8 +283,7 @@ class ActuatedMap(SixAxisMap):
         at, a = self._split(poses)
         found = np.zeros((len(at), 6, 6))
         for product, energy in self._parts:
-            own = energy.stiffness(at, kind)  # type: ignore[arg-type]
-            found += _power(a, product)[:, None, None] * own
+            found += _power(a, product)[:, None, None] * energy.stiffness(at, kind)
         return found
 
     def actuation_jacobian(self, poses: F) -> F:
@@ -312,7 +299,7 @@ class ActuatedMap(SixAxisMap):
     def columns(self, poses: F) -> F:
         """(N, 6, k) wrench of each coefficient."""
         at, a = self._split(poses)
-        regressor = _regressor(self.terms, at, self.scale)
+        regressor = self.terms.of_pose.regressor(at, self.scale[:2])
         return self._combined(
             lambda product, expansion: _power(a, product)[:, None, None] * (regressor @ expansion)
         )
@@ -352,7 +339,7 @@ class ActuatedMap(SixAxisMap):
         """(N, m, m), C = dq/da at fixed pose, m^3/Pa."""
         at, a = self._split(poses)
         m = self.terms.actuators
-        parts = [(product, energy.energy_J(at)) for product, energy in self._parts]
+        parts = [(product, energy.model.energy_J(at)) for product, energy in self._parts]
         for orbit, value in zip(self.terms.pure(), self.pure_J, strict=True):
             parts += [(product, np.full(len(at), value)) for product in orbit]
         found = np.zeros((len(at), m, m))
@@ -406,12 +393,10 @@ class ActuatedMap(SixAxisMap):
     def at(self, inputs: F) -> EnergyMap:
         """The energy of the pose alone at constant inputs (m,), for exports and controllers."""
         a = np.asarray(inputs, dtype=np.float64)[None] / self.scale[2]
-        parts = self.terms.split(self.coefficients)
         coefficients = sum(
-            _power(a, product)[0] * (expansion @ own) for product, expansion, own in parts
+            _power(a, product)[0] * energy.coefficients for product, energy in self._parts
         )
-        terms = EnergyTerms(self.terms.length_m, self.terms.degree, "general")
-        return terms.map(np.ascontiguousarray(self.scale[:2]), np.asarray(coefficients))
+        return self.terms.of_pose.map(self.scale[:2], np.asarray(coefficients))
 
     def free_pose(
         self, inputs: F, wrench: F | None = None, *, start: F | None = None
@@ -528,17 +513,6 @@ def _slope(a: F, product: tuple[int, ...], by: tuple[int, ...]) -> F:
     return factor * _power(a, tuple(powers))
 
 
-def _regressor(terms: ActuatedTerms, poses: F, scale: F) -> F:
-    """(N, 6, k) wrench of each monomial of q."""
-    return _native.EnergyModel.regressor(
-        poses,
-        length_m=terms.length_m,
-        degree=terms.degree,
-        symmetry="general",
-        scale=np.ascontiguousarray(scale[:2]),
-    )
-
-
 def _name(degree: int, order: int, body: Body) -> str:
     suffix = "" if body == "alike" else f"-{body}"
     return f"actuated{degree}{suffix}" + ("" if order == _ORDER else f":{order}")
@@ -611,7 +585,7 @@ class ActuatedModel(ModelSpecification):
             length_of(table, self.name), len(actuation), self.degree, self.order, self.symmetry
         )
         scale = np.append(
-            _native.EnergyModel.scale_of(np.ascontiguousarray(rows[:, :6]), terms.length_m),
+            terms.of_pose.frame(np.ascontiguousarray(rows[:, :6])),
             np.abs(rows[:, 6:]).max(),
         )
         if scale[2] == 0.0:

@@ -28,7 +28,7 @@ from ecm.models.maps import (
 )
 from ecm.models.partial import MeasuredMap
 from ecm.regression.noise import Noise
-from ecm.regression.rows import actuators_of, inputs_of, is_whole
+from ecm.regression.rows import actuators_of, columns_of, inputs_of, is_whole
 
 ModelT = TypeVar("ModelT", bound="EvaluatedModel")
 
@@ -322,14 +322,10 @@ class EvaluatedModel:
 
     def rows_at(self, poses: F) -> Rows:
         """Rows of poses (N, n) without a table, of the model's mechanism in the model's scene."""
-        actuators = actuators_of(self.base)
-        # Poses alone are those without actuation.
-        columns = {name: np.zeros(len(poses)) for name in actuators}
-        columns |= dict(zip((*self.inputs, *actuators), poses.T, strict=False))
         length = self.known_length_m
         known = {} if length is None else {"length_m": length}
         meta = Meta(mechanism=known, scene=self.scene)
-        return Rows(Table(columns, meta, "poses"), self.base)
+        return Rows(Table(columns_of(self.base, poses), meta, "poses"), self.base)
 
 
 def rows_of_poses(poses: F, base: StiffnessMap) -> F:

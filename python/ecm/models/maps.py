@@ -28,7 +28,7 @@ from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.regression.blocks import in_blocks
 from ecm.regression.noise import Noise, whiteners
-from ecm.regression.rows import BaseMap, BodyChange, Rows, actuators_of, is_whole
+from ecm.regression.rows import BaseMap, BodyChange, Rows, columns_of, is_whole
 
 StiffnessKind = Literal["partial", "generalised", "screw"]
 Symmetry = Literal["alike", "revolution", "general"]
@@ -493,9 +493,7 @@ def leverages(base: StiffnessMap, covariance: F, noise: Noise, poses: F) -> F:
 
     def of_block(block: slice) -> F:
         part = np.ascontiguousarray(poses[block])
-        given = {name: np.zeros(len(part)) for name in actuators_of(base)}
-        given |= dict(zip((*POSE, *given), part.T, strict=False))
-        table = Table(given, Meta(mechanism=known), "poses")
+        table = Table(columns_of(base, part), Meta(mechanism=known), "poses")
         row_covariance = noise.covariance(Rows(table, base))
         if shares is not None:
             own = shares.at(part) / np.einsum("njj->nj", row_covariance)

@@ -210,6 +210,22 @@ def inputs_of(base: Any, table: Table) -> F:
     return np.ascontiguousarray(table.matrix((*base.inputs, *actuators_of(base))))
 
 
+def columns_of(base: Any, poses: F) -> dict[str, F]:
+    """Columns of bare poses (N, n), with the inputs of actuators behind them or without: then 0.
+
+    Examples
+    --------
+    >>> from ecm import as_table, fit_model
+    >>> table = as_table({"x_m": [0.0, 0.1, 0.2], "fx_N": [0.0, 1.0, 2.0]})
+    >>> columns_of(fit_model(table, "linear").base, np.array([[0.05]]))
+    {'x_m': array([0.05])}
+    """
+    columns = dict(zip((*base.inputs, *actuators_of(base)), poses.T, strict=False))
+    return columns | {
+        name: np.zeros(len(poses)) for name in actuators_of(base) if name not in columns
+    }
+
+
 def is_whole(base: BaseMap) -> bool:
     """Whether a map takes all six pose columns to all six wrench columns."""
     return base.inputs == POSE and base.outputs == WRENCH

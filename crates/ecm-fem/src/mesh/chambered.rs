@@ -6,7 +6,7 @@
 //! within the end walls the holes are filled.
 
 use super::quadratic::{mid_nodes_of_faces, raise};
-use super::revolve::{crowd_to_ends, split};
+use super::revolve::{crowd_to_ends, end_faces, extruded};
 use super::{Mesh, Quality};
 use crate::FemError;
 use std::f64::consts::{PI, TAU};
@@ -453,24 +453,11 @@ impl Mesh {
             (layer.min(last - layer), 0, node)
         };
         for layer in 0..last {
-            let (below, above) = (layer * per_layer, (layer + 1) * per_layer);
             let filled = layer < ends || layer >= last - ends;
             let fillings: &[[usize; 3]] = if filled { &section.fillings } else { &[] };
-            for t in section.walls.iter().chain(fillings) {
-                let (t, area) = anticlockwise(&section, *t);
-                if area <= 0.0 {
-                    continue;
-                }
-                let prism = [
-                    below + t[0],
-                    below + t[1],
-                    below + t[2],
-                    above + t[0],
-                    above + t[1],
-                    above + t[2],
-                ];
-                corners.extend(split(prism, rank));
-            }
+            let triangles = section.walls.iter().chain(fillings);
+            let triangles = triangles.filter_map(|t| anticlockwise(&section, *t));
+            corners.extend(extruded(triangles, layer, per_layer, rank));
         }
         let inside: Vec<Vec<usize>> = section
             .holes
@@ -492,12 +479,7 @@ impl Mesh {
         let mut nodes = all;
         let tets = raise(&mut nodes, &corners, curved);
         let (nodes, tets, of_old) = without_unused(nodes, tets);
-        let at = |x: f64| -> Vec<usize> {
-            (0..nodes.len())
-                .filter(|&i| (nodes[i][0] - x).abs() < 1e-12 * length)
-                .collect()
-        };
-        let (base, top) = (at(0.0), at(length));
+        let [base, top] = end_faces(&nodes, length);
         let mut mesh = Self::in_place(nodes, tets, base, top, length)?;
         for (k, points) in inside.iter().enumerate() {
             let mut wall: Vec<usize> = points.iter().filter_map(|&p| of_old[p]).collect();
@@ -510,14 +492,14 @@ impl Mesh {
     }
 }
 
-/// A triangle with its corners anticlockwise, and its area.
-fn anticlockwise(section: &Section, [a, b, c]: [usize; 3]) -> ([usize; 3], f64) {
+/// A triangle with its corners anticlockwise; none where it is flat.
+fn anticlockwise(section: &Section, [a, b, c]: [usize; 3]) -> Option<[usize; 3]> {
     let [x, y, z] = [a, b, c].map(|i| section.points[i]);
-    let area = 0.5 * ((y[0] - x[0]) * (z[1] - x[1]) - (y[1] - x[1]) * (z[0] - x[0]));
-    if area < 0.0 {
-        ([a, c, b], -area)
-    } else {
-        ([a, b, c], area)
+    let twice_area = (y[0] - x[0]) * (z[1] - x[1]) - (y[1] - x[1]) * (z[0] - x[0]);
+    match twice_area {
+        0.0 => None,
+        area if area < 0.0 => Some([a, c, b]),
+        _ => Some([a, b, c]),
     }
 }
 

@@ -187,10 +187,7 @@ fn rings_of(radii: &[f64], counts: &[usize]) -> Section {
 
 /// Splits a prism (bottom 0 1 2, top 3 4 5 above them) into three tetrahedra, cutting
 /// every quadrilateral face from its vertex of lowest rank (Dompierre et al. 1999).
-pub(super) fn split(
-    prism: [usize; 6],
-    rank: impl Fn(usize) -> (usize, usize, usize),
-) -> [[usize; 4]; 3] {
+fn split(prism: [usize; 6], rank: impl Fn(usize) -> (usize, usize, usize)) -> [[usize; 4]; 3] {
     let lowest = (0..6).min_by_key(|&i| rank(prism[i])).unwrap_or(0);
     let (turn, upside_down) = (lowest % 3, lowest >= 3);
     let v = |i: usize| {
@@ -214,6 +211,36 @@ pub(super) fn split(
             [v(0), v(4), v(5), v(3)],
         ]
     }
+}
+
+/// Tetrahedra of the prisms over triangles of the section in one layer.
+pub(super) fn extruded(
+    triangles: impl Iterator<Item = [usize; 3]>,
+    layer: usize,
+    per_layer: usize,
+    rank: impl Fn(usize) -> (usize, usize, usize) + Copy,
+) -> impl Iterator<Item = [usize; 4]> {
+    let (below, above) = (layer * per_layer, (layer + 1) * per_layer);
+    triangles.flat_map(move |[i, j, k]| {
+        let prism = [
+            below + i,
+            below + j,
+            below + k,
+            above + i,
+            above + j,
+            above + k,
+        ];
+        split(prism, rank)
+    })
+}
+
+/// Nodes at x = 0, and at the length.
+pub(super) fn end_faces(nodes: &[[f64; 3]], length_m: f64) -> [Vec<usize>; 2] {
+    [0.0, length_m].map(|x| {
+        (0..nodes.len())
+            .filter(|&i| (nodes[i][0] - x).abs() < 1e-12 * length_m)
+            .collect()
+    })
 }
 
 /// Numbers and gradings of a structured mesh.
@@ -418,18 +445,8 @@ fn build(
     };
     let mut corners = Vec::new();
     for layer in 0..layers {
-        let (below, above) = (layer * per_layer, (layer + 1) * per_layer);
-        for t in &section.triangles {
-            let prism = [
-                below + t[0],
-                below + t[1],
-                below + t[2],
-                above + t[0],
-                above + t[1],
-                above + t[2],
-            ];
-            corners.extend(split(prism, rank));
-        }
+        let triangles = section.triangles.iter().copied();
+        corners.extend(extruded(triangles, layer, per_layer, rank));
     }
     let tets = quadratic::raise(&mut nodes, &corners, |a, b, x| {
         let mid = [0, 1, 2].map(|k| 0.5 * (x[a][k] + x[b][k]));
@@ -462,12 +479,7 @@ fn build(
         let (ua, ub, r) = (unit(a, fa), unit(b, fb), profile.outer_m(s));
         [mid[0], 0.5 * r * (ua[0] + ub[0]), 0.5 * r * (ua[1] + ub[1])]
     });
-    let at_end = |x: f64| -> Vec<usize> {
-        (0..nodes.len())
-            .filter(|&i| (nodes[i][0] - x).abs() < 1e-12 * length_m)
-            .collect()
-    };
-    let (base, top) = (at_end(0.0), at_end(length_m));
+    let [base, top] = end_faces(&nodes, length_m);
     Mesh::in_place(nodes, tets, base, top, length_m)
 }
 

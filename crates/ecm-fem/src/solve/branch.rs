@@ -240,12 +240,8 @@ impl Fem {
             }
             (0..6).for_each(|k| of_caps[k] += pressure * work.sums.cap_gradient[c][k]);
         }
-        work.residual.fill(0.0);
-        for (component, &unknown) in self.pattern.of_displacement.iter().enumerate() {
-            if unknown != NONE {
-                work.residual[unknown as usize] = -force[component];
-            }
-        }
+        self.pattern
+            .of_unknowns(|component| -force[component], &mut work.residual);
         let held = matches!(path.end.load, Load::Pose(_));
         let mut gap = path.rate();
         if !held {

@@ -5,7 +5,6 @@
 
 use super::newton::Workspace;
 use super::{Case, Fem, Load, WarmStart, Watch};
-use crate::pattern::NONE;
 
 /// Pose steps of the difference, over L and in rad: small against any curvature, large
 /// against single precision.
@@ -43,12 +42,8 @@ impl Fem {
         for chamber in 0..self.body.chambers.count() {
             let pressure = STEP * self.body.material.shear_modulus_Pa();
             let gradient = &work.sums.chamber_gradient[chamber];
-            work.residual.fill(0.0);
-            for (g, &unknown) in gradient.iter().zip(&self.pattern.of_displacement) {
-                if unknown != NONE {
-                    work.residual[unknown as usize] = -pressure * g;
-                }
-            }
+            self.pattern
+                .of_unknowns(|i| -pressure * gradient[i], &mut work.residual);
             self.step(&mut work, &[0.0; 6], true)?;
             self.move_by(&mut work, &state, &[0.0; 6], 1.0);
             let mut case = Case::from(rest);

@@ -29,8 +29,6 @@ pub(super) struct Workspace {
     pub factor: Factor,
     /// L⁻¹ K_f6, column by column, then one column for the step.
     pub columns: Vec<f64>,
-    /// L⁻¹ ∂V/∂u of each chamber, column by column.
-    pub chamber_columns: Vec<f64>,
     pub pivots: Vec<f64>,
     pub residual: Vec<f64>,
     pub trial: State,
@@ -75,7 +73,6 @@ impl Workspace {
             sums: Sums::new(&fem.body, &fem.pattern),
             factor: Factor::new(&fem.pattern.symbolic),
             columns: vec![0.0; 7 * n],
-            chamber_columns: vec![0.0; n * fem.body.chambers.count()],
             pivots: vec![0.0; n],
             residual: vec![0.0; n],
             trial: fem.rest(),
@@ -285,19 +282,6 @@ impl Fem {
         let columns = MatMut::from_column_major_slice_mut(&mut work.columns[..6 * n], n, 6);
         work.factor.forward(symbolic, columns);
         work.factor.pivots(symbolic, &mut work.pivots);
-        if n > 0 {
-            let columns = work.chamber_columns.chunks_exact_mut(n);
-            for (column, gradient) in columns.zip(&work.sums.chamber_gradient) {
-                column.fill(0.0);
-                for (g, &unknown) in gradient.iter().zip(&self.pattern.of_displacement) {
-                    if unknown != NONE {
-                        column[unknown as usize] = *g;
-                    }
-                }
-                let column = MatMut::from_column_major_slice_mut(column, n, 1);
-                work.factor.forward(symbolic, column);
-            }
-        }
         work.timing.factor_s += (middle - start).as_secs_f64();
         work.timing.solve_s += middle.elapsed().as_secs_f64();
         work.timing.factorisations += 1;

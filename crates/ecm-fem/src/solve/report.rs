@@ -7,6 +7,7 @@ use crate::result::{Actuator, CaseResult, Status};
 use crate::tensor::{product, symmetric_eigenvalues, transpose};
 use ecm_se3::stiffness::{StiffnessKind, convert};
 use ecm_se3::{Pose, Wrench};
+use faer::mat::MatMut;
 
 /// Extremes of the principal stretches over all quadrature points.
 struct Strain {
@@ -22,7 +23,7 @@ impl Fem {
     /// there under `load`.
     pub(super) fn report(
         &self,
-        work: &Workspace,
+        work: &mut Workspace,
         state: &State,
         load: &Load,
     ) -> (CaseResult, Option<Instability>) {
@@ -67,9 +68,16 @@ impl Fem {
     }
 
     /// Volume change, ∂h/∂P and ∂q/∂P of each chamber, by the factor at the state.
-    fn actuators_at(&self, work: &Workspace, state: &State) -> Vec<Actuator> {
+    fn actuators_at(&self, work: &mut Workspace, state: &State) -> Vec<Actuator> {
         let (n, mesh) = (self.pattern.unknowns, &self.body.mesh);
-        let column = |c: usize| &work.chamber_columns[c * n..(c + 1) * n];
+        // L⁻¹ ∂V/∂u of each chamber.
+        let mut columns = vec![vec![0.0; n]; self.body.chambers.count()];
+        for (column, gradient) in columns.iter_mut().zip(&work.sums.chamber_gradient) {
+            self.pattern
+                .of_unknowns(|component| gradient[component], column);
+            let column = MatMut::from_column_major_slice_mut(column, n, 1);
+            work.factor.forward(&self.pattern.symbolic, column);
+        }
         let along =
             |a: &[f64], b: &[f64]| -> f64 { (0..n).map(|i| a[i] * b[i] / work.pivots[i]).sum() };
         (0..self.body.chambers.count())
@@ -80,7 +88,7 @@ impl Fem {
                     .0;
                 // h = ∂U/∂p − P ∂V/∂p, and the body gives way: K_6f K_ff⁻¹ ∂V/∂u.
                 let on_wrench = std::array::from_fn(|k| {
-                    along(&work.columns[k * n..(k + 1) * n], column(c))
+                    along(&work.columns[k * n..(k + 1) * n], &columns[c])
                         - of_nodes[k]
                         - work.sums.cap_gradient[c][k]
                 });
@@ -89,7 +97,7 @@ impl Fem {
                     amount: work.sums.chamber_m3[c] - self.chamber_m3[c],
                     on_wrench,
                     on_amounts: (0..self.body.chambers.count())
-                        .map(|other| along(column(c), column(other)))
+                        .map(|other| along(&columns[c], &columns[other]))
                         .collect(),
                 }
             })
