@@ -465,3 +465,17 @@ def test_a_stiffness_that_was_never_surely_positive_is_not_lost() -> None:
     assert "seal_friction" in {
         item.id for item in ecm.refit(model, pushed, add=["seal_friction"]).effects
     }
+
+
+def test_without_the_pressure_each_run_is_said_to_have_a_force_of_its_own() -> None:
+    """The pressures rise from file to file, as a drift would; but nothing drifts within one."""
+    table = piston(0.7).drop("pressure_1_Pa")
+    found = ecm.diagnose(ecm.fit(table, "linear"), table)
+    assert found.verdict == "unknown"
+    assert "each run has a wrench of its own, which no column tells" in found.summary().missing
+    assert found.summary().next.startswith("record in a column what was set or changed between")
+    # A drift goes on within the runs: it is named.
+    time, run = table["time_s"], table["run"]
+    drifting = table.with_columns({"fx_N": table["fx_N"] - 100.0 * run + 0.5 * time})
+    again = ecm.diagnose(ecm.fit(drifting, "linear"), drifting)
+    assert {"fts_drift", "growing_load"} & {id for members in again.answer for id in members}
