@@ -21,7 +21,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import Any, Literal, get_args
+from typing import Any, Literal, cast, get_args
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -33,6 +33,7 @@ from ecm.io.columns import POSE, WRENCH, amount_columns
 from ecm.io.events import Progress
 from ecm.io.settings import setting
 from ecm.io.table import Table
+from ecm.models.errors_in_variables import AllRows, fit_with_pose_noise
 from ecm.models.layout import Layout, array, items, number, one_of, record, text
 from ecm.models.maps import EnergyMap, EnergyTerms, SixAxisMap
 from ecm.models.noise_estimate import declared_or_fitted
@@ -47,7 +48,7 @@ _LEAST_DEGREE, _MOST_DEGREE, _ORDER, _MOST_ORDER = 3, 6, 3, 4
 _PURE_ORDER = 5
 """Order of f: a chamber swells more than in proportion."""
 _WEIGHED = 2
-"""Fits with the weights of the fit before: the noise of the pose acts through K."""
+"""Fits with amounts weighed by what the fit before left."""
 _LEAST_SHARE = 1e-4
 """Least error of a measured amount over its spread."""
 _CONJUGATE = {"volume": "pressure", "length": "tension"}
@@ -597,7 +598,7 @@ class ActuatedModel(ModelSpecification):
     def fit_map(
         self, table: Table, weights: Weights, progress: Progress | None = None
     ) -> FittedMap:
-        """Least squares by the declared noise of wrench and pose, else by the spreads."""
+        """Errors in variables by the declared noise of wrench and pose, else by the spreads."""
         actuation = table.actuation_columns
         if not actuation:
             raise InputError(
@@ -642,12 +643,22 @@ class ActuatedModel(ModelSpecification):
         noise = declared_or_fitted(fitted, table)
         if weights == "spread" or noise.source != "declared":
             return FittedMap(fitted, noise, variance * covariance)
-        for _ in range(_WEIGHED):
-            whitener = whiteners(noise.covariance(Rows(table, fitted)))
+        for _ in range(_WEIGHED if of else 1):
             # Nothing is known of an amount's noise but what the fit before left.
             left = amounts - fitted.amounts(rows)[:, of] if of else amounts
             sd = np.maximum(left.std(axis=0), _LEAST_SHARE * spreads[1])
-            fitted, covariance, variance = _fitted(base, rows, wrenches, whitener, amounts, sd, of)
+
+            def solve(poses: F, moved: F, noisy: F, sd: F = sd) -> tuple[ActuatedMap, F, float]:
+                at = np.hstack([poses, rows[:, 6:]])
+                return _fitted(base, at, moved, whiteners(noisy), amounts, sd, of)
+
+            # By the weights alone first: from the fit by spreads poses may run away.
+            whitener = noise.covariance(Rows(table, fitted))
+            fitted, covariance, variance = solve(rows[:, :6], wrenches, whitener)
+            result = fit_with_pose_noise(table, fitted, noise, AllRows(solve), progress=progress)
+            if result.converged:
+                fitted, covariance = cast(ActuatedMap, result.base), result.covariance
+                variance = result.residual_variance
         return FittedMap(fitted, noise, covariance, variance)
 
     @staticmethod
