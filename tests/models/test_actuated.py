@@ -302,6 +302,32 @@ def test_inputs_for_a_pose_stay_within_their_limits(model: Model, fresh: Table) 
         model.actuation_for(row[:6], limits=[(0.0, 1.0)] * 2)
 
 
+def test_the_stiffness_that_can_be_had_at_a_pose_holds_it(model: Model) -> None:
+    """The surroundings guide the arm along its axis: three chambers are more than are needed."""
+    pose, limits = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0]), [(0.0, 2e4)] * 3
+    tolerance = np.array([np.inf, 0.02, 0.02, 1e-3, 1e-3, 1e-3])
+    (low, soft), (high, stiff) = model.stiffness_range(
+        pose, limits=limits, along="y_m", tolerance=tolerance
+    )
+    assert low < high - 3.0
+    for value, a in ((low, soft), (high, stiff)):
+        assert (np.abs(model.predict(pose, a)) <= tolerance + 1e-5).all()
+        assert ((a >= 0.0) & (a <= 2e4)).all()
+        own = model.stiffness(model.with_actuation(pose, a)[None])[0, 1, 1]
+        assert value == pytest.approx(own, rel=1e-9)
+    # None of many others that hold it is softer or stiffer.
+    some = np.random.default_rng(0).uniform(0.0, 2e4, (4000, 3))
+    rows = model.with_actuation(pose, some)
+    holding = (np.abs(model.predict(rows)) <= tolerance).all(axis=1)
+    own = model.stiffness(rows[holding])[:, 1, 1]
+    assert holding.sum() > 20
+    assert low - 1e-6 <= own.min() <= own.max() <= high + 1e-6
+    with pytest.raises(ComputationError, match=r"no inputs within the limits hold the pose: f"):
+        model.stiffness_range(np.array([0.1, 0.01, 0, 0, 0, 0]), limits=limits, along="y_m")
+    with pytest.raises(InputError, match="along = 'y'"):
+        model.stiffness_range(pose, limits=limits, along="y")
+
+
 def test_a_file_gives_the_same_model_back(model: Model, fresh: Table, tmp_path: Path) -> None:
     model.save(tmp_path / "arm.json")
     again = ecm.load_model(tmp_path / "arm.json")
