@@ -579,19 +579,11 @@ class ActuatedModel(ModelSpecification):
                 f"{table.source}: {self.name} needs the actuators' columns, pressure_1_Pa, "
                 "pressure_2_Pa, ...; without them take another model (ecm fit --model choose)"
             )
-        inputs = (*POSE, *actuation)
-        rows, wrenches = table.matrix(inputs), table.matrix(WRENCH)
-        terms = ActuatedTerms(
-            length_of(table, self.name), len(actuation), self.degree, self.order, self.symmetry
-        )
-        scale = np.append(
-            terms.of_pose.frame(np.ascontiguousarray(rows[:, :6])),
-            np.abs(rows[:, 6:]).max(),
-        )
-        if scale[2] == 0.0:
+        rows, wrenches = table.matrix((*POSE, *actuation)), table.matrix(WRENCH)
+        if not rows[:, 6:].any():
             raise InputError(f"{table.source}: every pressure is 0; give rows under pressure")
-        pure = len(terms.pure())
-        base = ActuatedMap(terms, scale, np.zeros(terms.count()), np.zeros(pure), actuation)
+        base = self.empty_map(rows, length_of(table, self.name), actuation)
+        terms, pure = base.terms, len(base.pure_J)
         volumes = amount_columns(table.columns)
         if len(volumes) not in (0, len(actuation)):
             raise InputError(
@@ -618,6 +610,14 @@ class ActuatedModel(ModelSpecification):
             sd = np.maximum(left.std(axis=0), _LEAST_SHARE * spreads[1])
             fitted, covariance, variance = _fitted(base, rows, wrenches, whitener, measured, sd)
         return FittedMap(fitted, noise, covariance, variance)
+
+    def empty_map(self, rows: F, length_m: float, actuators: tuple[str, ...]) -> ActuatedMap:
+        """The map whose coefficients are all 0, in the scales of rows (N, 6 + m)."""
+        terms = ActuatedTerms(length_m, len(actuators), self.degree, self.order, self.symmetry)
+        frame = terms.of_pose.frame(np.ascontiguousarray(rows[:, :6]))
+        scale = np.append(frame, np.abs(rows[:, 6:]).max() or 1.0)
+        zeros = np.zeros(terms.count()), np.zeros(len(terms.pure()))
+        return ActuatedMap(terms, scale, *zeros, actuators)
 
     @staticmethod
     def layout(n: int, m: int) -> Layout:

@@ -134,6 +134,8 @@ def measure(unit: str, rig: RigScale) -> float:
         "1/N or 1/(N m)": 1.0 / force,
         "N/m": lateral,
         "rad/(N m)": 1.0 / bending,
+        "Pa": rig.largest_input,
+        "1/s": 1.0,
     }[unit]
 
 
@@ -168,7 +170,7 @@ def scale_of(campaign: CampaignState) -> RigScale:
     plant, visits = campaign.plant, campaign.visits
     rows = visits.at_poses
     reached = visits.reached[rows]
-    h = plant.elastic.wrench(visits.nearest[rows], reached)
+    h = plant.elastic.wrench(visits.nearest[rows], visits.states[rows])
     moved = reached - rest_pose(plant.length_m)
     turn = rotation(reached[:, 3:])
     in_sensor = turn_wrench(transpose(turn), h) @ np.linalg.inv(plant.top_from_sensor).T
@@ -184,6 +186,8 @@ def scale_of(campaign: CampaignState) -> RigScale:
         loads=tuple(np.abs(in_sensor).max(axis=0).tolist()),
         ranges=campaign.settings.instrument.fts_range,
         rest_stiffness=tuple(np.diag(plant.elastic.rest_stiffness).tolist()),
+        actuators=visits.inputs.shape[1],
+        largest_input=float(visits.inputs.max(initial=0.0)),
     )
 
 
@@ -192,7 +196,7 @@ def whitener_of(campaign: CampaignState) -> Whitener:
     plant, visits = campaign.plant, campaign.visits
     rows = visits.at_poses
     reached = visits.reached[rows]
-    base = plant.elastic.wrench(visits.nearest[rows], reached)[:, :, None]
+    base = plant.elastic.wrench(visits.nearest[rows], visits.states[rows])[:, :, None]
     if campaign.base_columns is not None:
         base = np.concatenate([base, campaign.base_columns(reached)], axis=2)
     return Whitener(row_covariance(plant, visits), base)
@@ -249,6 +253,11 @@ def inject(hide: Hidden, campaign: CampaignState, raw: RawStream | None = None) 
             "stream"
         )
     scale = scale_of(campaign)
+    if kind.of_actuators and not scale.actuators:
+        raise CannotHide(
+            f"{option}: it acts in an actuator, and this plan has none. Plan with columns "
+            "pressure_1_Pa, ..., of a body with chambers"
+        )
     first = kind.draw(stream(campaign.seed, "hidden shape", hide.effect), scale)
     if hide.shape:
         truth = first.with_parameters(dict(hide.shape)).afterwards()
