@@ -455,7 +455,10 @@ def model_columns(poses: F, settings: DesignSettings, base: NominalModel | None)
         )
     energy = parse_model(model)
     if isinstance(energy, ActuatedModel):
-        return energy.empty_map(poses, length_m, settings.columns[6:]).columns(poses)
+        empty = energy.empty_map(poses, length_m, settings.columns[6:])
+        if not empty.input_scale.all():
+            raise InputError(f"model {model!r}: {settings.columns[6:]} are 0 in every candidate")
+        return empty.columns(poses)
     if not isinstance(energy, EnergyModel):
         raise InputError(f"model {model!r}: expected an energy or physics")
     return energy.terms(length_m).regressor(poses, np.array([length_m, 1.0]))

@@ -197,6 +197,27 @@ def actuators_of(base: Any) -> tuple[str, ...]:
     return tuple(getattr(base, "actuators", ()))
 
 
+def taken_by(base: Any) -> tuple[str, ...]:
+    """Columns that a map takes: of the pose, and behind them those of its actuators."""
+    return (*base.inputs, *actuators_of(base))
+
+
+def unused_inputs(base: Any, table: Table) -> tuple[str, ...]:
+    """Inputs of actuators that vary in a table, and that a map, if there is one, does not take.
+
+    Examples
+    --------
+    >>> from ecm import as_table, fit_model
+    >>> table = as_table({"x_m": [0.0, 0.1, 0.2], "fx_N": [0.0, 1.0, 2.0]})
+    >>> other = table.with_columns({"pressure_1_Pa": [0.0, 1e5, 2e5]})
+    >>> unused_inputs(fit_model(table, "linear").base, other)
+    ('pressure_1_Pa',)
+    """
+    taken = () if base is None else taken_by(base)
+    own = [name for name in table.actuation_columns if name not in taken]
+    return tuple(name for name in own if np.ptp(table.column(name)) > 0.0)
+
+
 def inputs_of(base: Any, table: Table) -> F:
     """(N, n + a) what a map takes of a table: pose columns, and those of its actuators.
 
@@ -207,7 +228,7 @@ def inputs_of(base: Any, table: Table) -> F:
     >>> inputs_of(fit_model(table, "linear").base, table).shape
     (3, 1)
     """
-    return np.ascontiguousarray(table.matrix((*base.inputs, *actuators_of(base))))
+    return np.ascontiguousarray(table.matrix(taken_by(base)))
 
 
 def columns_of(base: Any, poses: F) -> dict[str, F]:
@@ -220,7 +241,7 @@ def columns_of(base: Any, poses: F) -> dict[str, F]:
     >>> columns_of(fit_model(table, "linear").base, np.array([[0.05]]))
     {'x_m': array([0.05])}
     """
-    columns = dict(zip((*base.inputs, *actuators_of(base)), poses.T, strict=False))
+    columns = dict(zip(taken_by(base), poses.T, strict=False))
     return columns | {
         name: np.zeros(len(poses)) for name in actuators_of(base) if name not in columns
     }

@@ -168,8 +168,8 @@ def energy_learning(
     kind = "actuated" if actuators else "energy"
     for degree, count in product(degrees, counts):
         errors = []
-        terms = ActuatedTerms(length_m, len(actuators), degree, 3) if actuators else None
-        if terms is not None and terms.count() > 6 * min(count, len(train[0])):
+        terms = ActuatedTerms(length_m, ("pressure",) * len(actuators), degree, 3)
+        if actuators and terms.count() > 6 * min(count, len(train[0])):
             continue
         for draw in range(draws):
             rng = np.random.default_rng([seed, 5, degree, count, draw])
