@@ -537,6 +537,52 @@ def _slope(a: F, product: tuple[int, ...], by: tuple[int, ...]) -> F:
     return factor * _power(a, tuple(powers))
 
 
+_EXCHANGED = 1.5
+"""Least fall of the error by which columns of actuators count as exchanged."""
+_ALL_ORDERS = 4
+"""Number of actuators up to which every order is tried; of more only two exchanged."""
+
+
+def exchanged(table: Table, model: ActuatedModel) -> tuple[tuple[str, ...], float] | None:
+    """The order in which the columns of the actuators fit far better, and how many times better.
+
+    A model that knows how the actuators stand round the axis errs where two columns are exchanged.
+    The error is the geometric mean of the components', for a pressure may show in one alone.
+    None where no other order fits 1.5 times better, and for a model without symmetry.
+
+    Examples
+    --------
+    >>> from ecm import read_table
+    >>> table = read_table("examples/soft_arm.csv", meta={"mechanism": {"length_m": 0.1}})
+    >>> print(exchanged(table, ActuatedModel()))
+    None
+    """
+    names, low = table.actuation_columns, replace(model, degree=_LEAST_DEGREE)
+    terms = ActuatedTerms(1.0, tuple(map(_kind, names)), low.degree, low.order, low.symmetry)
+    if model.symmetry == "general" or 3 * len(table) < terms.count():
+        return None
+    plain = table.drop(*amount_columns(table.columns))
+
+    def error(order: tuple[str, ...]) -> float:
+        columns = {name: table[other] for name, other in zip(names, order, strict=True)}
+        own = plain.with_columns(columns)
+        fitted = low.fit_map(own, "spread").base
+        left = fitted.predict(own.matrix((*POSE, *names))) - own.wrenches
+        return float(np.exp(np.mean(np.log(left.std(axis=0) + 1e-300))))
+
+    if len(names) <= _ALL_ORDERS:
+        orders = list(itertools.permutations(names))
+    else:
+        swaps = [(names[i], names[j]) for j in range(len(names)) for i in range(j + 1)]
+        orders = [tuple({a: b, b: a}.get(name, name) for name in names) for a, b in swaps]
+    kinds = [_kind(name) for name in names]
+    orders = [order for order in orders if [_kind(name) for name in order] == kinds]
+    errors = {order: error(order) for order in orders}
+    best = min(orders, key=lambda order: errors[order])
+    better = errors[names] / errors[best]
+    return (best, better) if better > _EXCHANGED else None
+
+
 def _name(degree: int, order: int, body: Body) -> str:
     suffix = "" if body == "alike" else f"-{body}"
     return f"actuated{degree}{suffix}" + ("" if order == _ORDER else f":{order}")

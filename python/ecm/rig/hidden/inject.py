@@ -195,10 +195,10 @@ def whitener_of(campaign: CampaignState) -> Whitener:
     """Whitens rows of poses and takes out what the base absorbs."""
     plant, visits = campaign.plant, campaign.visits
     rows = visits.at_poses
-    reached = visits.reached[rows]
     base = plant.elastic.wrench(visits.nearest[rows], visits.states[rows])[:, :, None]
     if campaign.base_columns is not None:
-        base = np.concatenate([base, campaign.base_columns(reached)], axis=2)
+        own = campaign.base_columns(visits.states[rows])
+        base = np.concatenate([base, own], axis=2)
     return Whitener(row_covariance(plant, visits), base)
 
 
