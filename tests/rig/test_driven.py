@@ -14,12 +14,17 @@ from ecm.io.table import Table
 from ecm.rig import Campaign, CampaignOptions, Hidden, RigSettings, run_campaign
 from ecm.rig.hidden.inject import whitener_of
 from ecm.rig.physics import TRUE_EFFECTS
+from ecm.rig.physics.true_effect import Supply
 from ecm.rig.plan import POSE_OFFSETS
 from ecm.rig.plant import residual
 from support.driven import PRESSURES, DrivenArm, arm_model, arm_plan, small_rig
 from support.stand_in import StandIn, plan_of, some_poses
 
-OF_ACTUATORS = sorted(name for name, kind in TRUE_EFFECTS.items() if kind.of_actuators)
+OF_CHAMBERS = sorted(
+    name
+    for name, kind in TRUE_EFFECTS.items()
+    if issubclass(kind, Supply) and kind.acts_on == "pressure"
+)
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +119,7 @@ def test_a_valve_with_play_depends_on_the_side(plan: Table) -> None:
     assert less[beyond].max() == pytest.approx(size)
 
 
-@pytest.mark.parametrize("effect", OF_ACTUATORS)
+@pytest.mark.parametrize("effect", OF_CHAMBERS)
 def test_the_wanted_strength_is_reached(effect: str, plan: Table) -> None:
     plain = campaign(plan)
     hidden = campaign(plan, effect, 2.0)
@@ -124,12 +129,12 @@ def test_the_wanted_strength_is_reached(effect: str, plan: Table) -> None:
 
 
 def test_refusals() -> None:
-    with pytest.raises(InputError, match="it acts in an actuator, and this plan has none"):
+    with pytest.raises(InputError, match="it acts in an actuator, and this plan has no pressure"):
         Campaign(
             plan_of(some_poses(30)), RigSettings(), StandIn(), hide=[Hidden("chamber_leak", 1)]
         )
     robot = RigSettings.from_dict({"rig": {"mode": "robot"}})
-    with pytest.raises(InputError, match="know no pressures yet"):
+    with pytest.raises(InputError, match="know no actuators yet"):
         Campaign(arm_plan(4), robot, DrivenArm())
 
     class NoFree(DrivenArm):

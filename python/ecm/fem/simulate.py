@@ -363,9 +363,7 @@ class Workspace(Checked):
             corners.append(np.array(corner, dtype=np.float64))
         low, high = corners
         if (high < low).any():
-            raise InputError(
-                "[workspace]: a lower limit of pressure or tension is above the upper"
-            )
+            raise InputError("[workspace]: a lower limit of pressure or tension is above the upper")
         return low, high
 
 

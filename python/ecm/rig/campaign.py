@@ -87,7 +87,7 @@ class Campaign:
         length, actuators = source.length_m, len(plan.actuation_columns)
         if actuators and (settings.rig.mode == "robot" or settings.rig.stream_Hz):
             raise InputError(
-                f"{plan.source}: the arm and the raw stream know no pressures yet; set [rig] mode "
+                f"{plan.source}: the arm and the raw stream know no actuators yet; set [rig] mode "
                 '= "quasi_static" and stream_Hz = 0'
             )
         remaining, lost, free = followed(
@@ -119,7 +119,9 @@ class Campaign:
             wander=table.drift_wander,
         )
         elastic = Elastic(solved, source.surrogate(solved))
-        self.plant = Plant(settings, elastic, length, offset=offset).put(warm_up)
+        driven = plan.actuation_columns
+        plant = Plant(settings, elastic, length, offset=offset, actuators=driven)
+        self.plant = plant.put(warm_up)
         if actuators:
             for effect in regulators(table, float(poses[:, 6:].max())):
                 self.plant = self.plant.put(effect)

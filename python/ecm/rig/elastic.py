@@ -53,7 +53,7 @@ class FemSource:
         return SolvedPoses(poses, results.wrenches, _slopes(results), tuple(results.status))
 
     def free_poses(self, inputs: F) -> SolvedPoses:
-        """The pose that the body takes without a load at each row of pressures (k, m)."""
+        """The pose that the body takes without a load at each row of inputs (k, m)."""
         loads = np.hstack([np.zeros((len(inputs), 6)), inputs])
         results = self._mechanism.fem().solve_wrenches(loads, threads=self._threads)
         rows = np.hstack([results.poses, inputs])
@@ -64,7 +64,7 @@ class FemSource:
     def surrogate(self, solved: SolvedPoses) -> Smooth | None:
         """A symmetric energy of the loaded poses: it gives curvature, never the value."""
         few = sum(s == "solved" for s in solved.status) < ENOUGH_FOR_SURROGATE
-        if few or self._mechanism.chambers:  # no energy of the pose alone goes through them
+        if few or self._mechanism.actuators:  # no energy of the pose alone goes through them
             return None
         return fitted_energy(*solved.loaded, self.length_m)[0]
 

@@ -61,6 +61,8 @@ class Plant:
     gradings: Mapping[str, Grading] = field(default_factory=dict)
     """Further FEM solutions, by the name of their grade."""
     physics: Physics = field(default_factory=Physics)
+    actuators: tuple[str, ...] = ()
+    """Columns of the actuators."""
     offset: F = field(default_factory=lambda: np.zeros(6))
     """Constant zero of the sensor (6,), sensor axes."""
     calibrated_top_from_sensor: F | None = None
@@ -134,6 +136,7 @@ class Plant:
             arrival_m=visits.arrivals_m,
             ways=tuple(visit.way for visit in visits),
             inputs=visits.inputs,
+            actuators=self.actuators,
             since_set_s=visits.time_s - visits.numbers("set_s"),
             rested=tuple(visit.rested for visit in visits),
             moving=visits.moving,
@@ -149,7 +152,8 @@ class Plant:
         if not at.inputs.size:
             return at
         step = self.settings.plant.regulator_step_Pa
-        acting = np.round(at.inputs / step) * step if step else at.inputs
+        stepped = [name.startswith("pressure") and step > 0.0 for name in self.actuators]
+        acting = np.where(stepped, np.round(at.inputs / (step or 1.0)) * step, at.inputs)
         for supply in self.physics.of(Supply):
             acting = supply.acting(acting, at)
         return replace(at, inputs=acting)

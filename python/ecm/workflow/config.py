@@ -105,13 +105,13 @@ class Config:
                 "pairs of [simulate] (n - n_test)"
             )
         lowest = min(self.select.energy_degrees, default=ENERGY_DEGREES[0])
-        if lowest < ENERGY_DEGREES[0] and not self.mechanism.chambers:
+        if lowest < ENERGY_DEGREES[0] and not self.mechanism.actuators:
             raise InputError(
                 f"{where}[select] energy_degrees holds {lowest}: expected {ENERGY_DEGREES[0]} to "
-                f"{ENERGY_DEGREES[1]}; degree {lowest} is for mechanisms with chambers"
+                f"{ENERGY_DEGREES[1]}; degree {lowest} is for mechanisms with actuators"
             )
         degree = max(self.select.degrees)
-        inputs = 6 + self.mechanism.chambers
+        inputs = 6 + len(self.mechanism.actuators)
         needed = math.comb(degree + inputs, inputs)
         for name, count in (("[simulate] n - n_test", pairs), ("[design] n", self.design.n)):
             if count < needed:

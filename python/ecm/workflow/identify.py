@@ -165,13 +165,13 @@ def _check(job: Job) -> None:
 
 
 def _rows(pairs: Simulated, rows: I) -> tuple[F, F]:
-    """Poses, with the pressures behind them where there are some, and wrenches."""
+    """Poses, with the actuators' inputs behind them where there are some, and wrenches."""
     return np.hstack([pairs.poses, pairs.actuation])[rows], pairs.wrenches[rows]
 
 
 def _driven(job: Job) -> tuple[str, ...]:
     """Columns of the mechanism's actuators."""
-    return tuple(f"pressure_{i}_Pa" for i in range(1, job.config.mechanism.chambers + 1))
+    return job.config.mechanism.actuators
 
 
 def _from_free(job: Job, plan: Table, candidates: Table) -> Table:

@@ -168,9 +168,10 @@ def energy_learning(
     kind = "actuated" if actuators else "energy"
     for degree, count in product(degrees, counts):
         errors = []
-        terms = ActuatedTerms(length_m, ("pressure",) * len(actuators), degree, 3)
-        if actuators and terms.count() > 6 * min(count, len(train[0])):
-            continue
+        if actuators:
+            kinds = tuple(name.partition("_")[0] for name in actuators)
+            if ActuatedTerms(length_m, kinds, degree, 3).count() > 6 * min(count, len(train[0])):
+                continue
         for draw in range(draws):
             rng = np.random.default_rng([seed, 5, degree, count, draw])
             take = rng.choice(len(train[0]), size=min(count, len(train[0])), replace=False)
@@ -278,7 +279,7 @@ def against_equation_11(stiffness: F) -> list[dict[str, Any]]:
 def evaluation_times(model: Model, mechanism: Mechanism, poses: F, loads: F) -> dict[str, Any]:
     """Seconds of one evaluation of model and FEM for the same pairs, one by one (Fig. 11).
 
-    Poses and loads are (N, 6), or (N, 6 + m) with the pressures.
+    Poses and loads are (N, 6), or (N, 6 + m) with the actuators' inputs.
 
     A pose a call through `Model.predict` and `Model.wrench_and_stiffness`, the mean of many calls:
     a single one after a FEM solve would tell how long the processor takes to fetch the program.

@@ -15,7 +15,7 @@ neck. They are round figures by judgement, with the reason in the effect's file;
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from ecm.io.arrays import F
 from ecm.io.se3 import rotation, transpose, turn_wrench
 from ecm.rig.hidden.truth import Hidden
 from ecm.rig.physics import TRUE_EFFECTS
-from ecm.rig.physics.true_effect import RigScale, TrueEffect
+from ecm.rig.physics.true_effect import RigScale, Supply, TrueEffect
 from ecm.rig.plan import rest_pose
 from ecm.rig.plant import Plant, residual, row_covariance
 from ecm.rig.raw_stream import RawStream
@@ -136,6 +136,7 @@ def measure(unit: str, rig: RigScale) -> float:
         "rad/(N m)": 1.0 / bending,
         "Pa": rig.largest_input,
         "1/s": 1.0,
+        "1/rad": 1.0,
     }[unit]
 
 
@@ -253,11 +254,16 @@ def inject(hide: Hidden, campaign: CampaignState, raw: RawStream | None = None) 
             "stream"
         )
     scale = scale_of(campaign)
-    if kind.of_actuators and not scale.actuators:
-        raise CannotHide(
-            f"{option}: it acts in an actuator, and this plan has none. Plan with columns "
-            "pressure_1_Pa, ..., of a body with chambers"
-        )
+    if issubclass(kind, Supply):
+        names = campaign.plan.actuation_columns
+        count = sum(name.startswith(kind.acts_on) for name in names)
+        if not count:
+            column = "tension_1_N" if kind.acts_on == "tension" else "pressure_1_Pa"
+            raise CannotHide(
+                f"{option}: it acts in an actuator, and this plan has no {kind.acts_on}. Plan with "
+                f"columns {column}, ..."
+            )
+        scale = replace(scale, actuators=count)
     first = kind.draw(stream(campaign.seed, "hidden shape", hide.effect), scale)
     if hide.shape:
         truth = first.with_parameters(dict(hide.shape)).afterwards()

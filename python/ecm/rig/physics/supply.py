@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from ecm.io.arrays import F
+from ecm.io.se3 import rotation
 from ecm.rig.physics.true_effect import Conditions, Limit, Random, RigScale, Supply, random_sign
 
 if TYPE_CHECKING:
@@ -35,13 +36,14 @@ class OfActuator(Supply):
     """The change of one actuator, or of all alike."""
 
     actuator: int = _EVERY
-    """Number from 0; -1: all."""
+    """Number from 0 among those of its kind; -1: all."""
 
     def acting(self, inputs: F, at: Conditions) -> F:
-        acts: F = self.given(inputs, at)
-        if self.actuator == _EVERY:
-            return acts
-        return np.where(np.arange(inputs.shape[1]) == self.actuator, acts, inputs)
+        own = np.flatnonzero([name.startswith(self.acts_on) for name in at.actuators])
+        mine = own if self.actuator == _EVERY else own[self.actuator : self.actuator + 1]
+        acts = inputs.copy()
+        acts[:, mine] = self.given(inputs, at)[:, mine]
+        return acts
 
     def given(self, inputs: F, at: Conditions) -> F:
         """What acts (N, m) where every actuator is concerned."""
@@ -103,8 +105,9 @@ class Supplied(OfActuator):
         return cls(random_sign(random), _one_or_all(random, rig), rig.largest_input or 1.0)
 
     def given(self, inputs: F, at: Conditions) -> F:
-        others = np.clip(inputs.sum(axis=1, keepdims=True) - inputs, 0.0, None)
-        others /= max(inputs.shape[1] - 1, 1)
+        own = np.array([name.startswith(self.acts_on) for name in at.actuators])
+        others = np.clip((inputs * own).sum(axis=1, keepdims=True) - inputs, 0.0, None)
+        others /= max(own.sum() - 1, 1)
         return np.asarray(inputs + self.size * self.largest * (others / self.largest) ** 0.8)
 
 
@@ -176,6 +179,29 @@ class Lag(OfActuator):
     def given(self, inputs: F, at: Conditions) -> F:
         left = np.exp(-at.since_set_s / self.time_s)
         return inputs - self.size * left[:, None] * at.from_all(_last_changes)
+
+
+@dataclass(frozen=True)
+class Capstan(OfActuator):
+    """A tendon round a bent body: T -> T exp(-m b), or exp(m b) where it was let out.
+
+    b is the turn of the platform's axis beside a turn of 0.1 rad in the guides; `size` is m.
+    """
+
+    effect: ClassVar[str] = "capstan_friction"
+    name: ClassVar[str] = "capstan"
+    unit: ClassVar[str] = "1/rad"
+    limit: ClassVar[Limit] = Limit(1.0, "tensions approached from below and from above")
+    acts_on: ClassVar[str] = "tension"
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Capstan:
+        return cls(0.1, _one_or_all(random, rig))
+
+    def given(self, inputs: F, at: Conditions) -> F:
+        tilt = np.arccos(np.clip(rotation(at.poses[:, 3:])[:, 0, 0], -1.0, 1.0))
+        way = np.where(at.from_all(_last_changes) < 0.0, -1.0, 1.0)
+        return np.asarray(inputs * np.exp(-self.size * (0.1 + tilt)[:, None] * way))
 
 
 def _last_changes(whole: Conditions) -> F:

@@ -101,6 +101,8 @@ class Conditions:
     """Last translation of the way to each visit."""
     inputs: F = field(default_factory=_no_rows, metadata=_PER_VISIT)
     """What acts in the actuators, (N, m); to a stage of the supply what they were set to."""
+    actuators: tuple[str, ...] = ()
+    """Columns of the actuators, such as pressure_1_Pa."""
     since_set_s: F = field(default_factory=_no_rows, metadata=_PER_VISIT)
     """Time since the actuators were set to something else."""
     ways: tuple[F, ...] = ()
@@ -257,6 +259,8 @@ class Supply(TrueEffect):
     """Stage 0: an actuator does something else than what it was set to."""
 
     of_actuators: ClassVar[bool] = True
+    acts_on: ClassVar[str] = "pressure"
+    """Kind of the actuators in which it acts: pressure or tension."""
 
     def acting(self, inputs: F, at: Conditions) -> F:
         """What acts (N, m), from what the stage before gives; `at.inputs` is what was set."""
