@@ -179,8 +179,11 @@ class EvaluatedModel:
         return self.base
 
     def at_actuation(self: ModelT, actuation: F) -> ModelT:
-        """The model at constant inputs (m,), Pa: one of the pose alone, which can be exported."""
-        return replace(self, base=self.actuated.at(actuation), covariance=None)
+        """The model at constant inputs (m,): one of the pose alone, which every target can hold."""
+        base, training = self.actuated.at(actuation), dict(self.training)
+        if "poses" in training:
+            training["poses"] = [row[: len(self.inputs)] for row in training["poses"]]
+        return replace(self, base=base, covariance=None, training=training)
 
     def actuation_jacobian(self, poses: F, actuation: F) -> F:
         """(N, 6, m), or (6, m) of one pose: G = dh/da at fixed pose, m^2 and m^3."""

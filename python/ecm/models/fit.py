@@ -31,7 +31,7 @@ from ecm.models.pose_error import error_of_report
 from ecm.models.registry import parse_model
 from ecm.models.specification import CHOOSE, FittedMap, ModelSpecification, Weights
 from ecm.regression.folds import spread_rows
-from ecm.regression.rows import inputs_of
+from ecm.regression.rows import columns_taken, inputs_of
 
 if TYPE_CHECKING:
     from ecm.models.model import Model
@@ -124,7 +124,7 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
     known: dict[str, Any] = {"pose_error": error_of_report(part, table.measured())}
     if wrong is not None:
         known["misread"] = {"sentence": wrong.sentence()}
-    known["poses"] = sample_of(table, fitted.inputs)
+    known["poses"] = sample_of(table, columns_taken(fitted.base))
     return replace(fitted, training={**fitted.training, **known})
 
 

@@ -224,7 +224,18 @@ _FIT = record(
 )
 
 
-def _training(n: int, m: int) -> Layout:
+def _poses(n: int, actuators: int) -> Layout:
+    """Rows of poses, with the inputs of actuators behind them but in older files."""
+
+    def check(value: Any, place: str) -> None:
+        bare = isinstance(value, list) and all(isinstance(row, list) for row in value)
+        bare = bare and {len(row) for row in value} == {n}
+        array(None, n if bare else n + actuators)(value, place)
+
+    return check
+
+
+def _training(n: int, m: int, actuators: int) -> Layout:
     sentence = or_null(record({"sentence": text}, others=True))
     return record(
         {},
@@ -235,7 +246,7 @@ def _training(n: int, m: int) -> Layout:
             "source": or_null(text),
             "effect_sizes": named(number()),
             "effect_shares": named(number()),
-            "poses": array(None, n),
+            "poses": _poses(n, actuators),
             "smallest_taken": flag,
             "mean_stiffness": array(m, n),
             "pose_error": sentence,
@@ -263,6 +274,8 @@ def check_document(document: Mapping[str, Any], own: Layout) -> None:
     """
     own(document, "")
     n, m = len(document["inputs"]), len(document["outputs"])
+    parameters = document.get("parameters")
+    actuators = len(parameters.get("actuators", ())) if isinstance(parameters, dict) else 0
     residual = record({"source": text, "components": array(m, positive=True)})
     noise = document["noise"]
     of_components = isinstance(noise, dict) and "components" in noise
@@ -272,7 +285,7 @@ def check_document(document: Mapping[str, Any], own: Layout) -> None:
             "noise": residual if of_components else _NOISE,
             "effects": items(_EFFECT),
             "covariance": anything,
-            "training": _training(n, m),
+            "training": _training(n, m, actuators),
             "domain": _domain(document["inputs"]),
         },
         {

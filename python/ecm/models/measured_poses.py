@@ -22,12 +22,13 @@ from ecm.io.columns import POSE, WRENCH, same_unit
 from ecm.io.description import Meta
 from ecm.io.settings import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
 from ecm.io.table import Table
+from ecm.models.actuated import ActuatedMap
 from ecm.models.errors import worst_over
 from ecm.models.evaluation import EvaluatedModel
 from ecm.models.maps import EnergyMap, EnergyTerms, PolynomialMap, StiffnessMap, Symmetry
 from ecm.models.physics.map import PhysicsMap
 from ecm.regression.folds import spread_rows
-from ecm.regression.rows import is_whole
+from ecm.regression.rows import columns_of, columns_taken, is_whole
 
 _MOST_STORED = 200
 """Poses that a model file holds, beside those at the ends of each coordinate."""
@@ -58,7 +59,7 @@ def sample_of(table: Table, inputs: Sequence[str]) -> list[list[float]]:
     poses = poses[np.isfinite(poses).all(axis=1)]
     if len(poses) <= _MOST_STORED:
         return _rounded(poses)
-    seen = [poses, coordinates(poses, 0.0)] if tuple(inputs) == POSE else [poses]
+    seen = [poses, coordinates(poses, 0.0)] if tuple(inputs[:6]) == POSE else [poses]
     ends = [x.argmin(axis=0) for x in seen] + [x.argmax(axis=0) for x in seen]
     alone = Table(dict(zip(inputs, poses.T, strict=True)), Meta(), "poses")
     chosen = np.union1d(spread_rows(alone, _MOST_STORED), np.concatenate(ends))
@@ -85,7 +86,7 @@ def has_measured_poses(model: EvaluatedModel) -> bool:
 
 
 def measured_poses(model: EvaluatedModel) -> F:
-    """(N, n) poses that the model was measured at, some hundred of all.
+    """(N, n) poses that the model was measured at, some hundred of all, with its actuators' inputs.
 
     Examples
     --------
@@ -108,9 +109,10 @@ def near_poses(model: EvaluatedModel, count: int, *, around: float = 0.0) -> F:
     rows = measured_poses(model)
     if len(rows) < 2:
         return np.repeat(rows, count, axis=0)
-    length, turns = model.known_length_m or 0.0, model.base.inputs == POSE
+    names = columns_taken(model.base)
+    length, turns = model.known_length_m or 0.0, names[:6] == POSE
     q = coordinates(rows, length) if turns else rows
-    extents = _extents(q, model.base.inputs)
+    extents = _extents(q, names)
     near = _nearest(q / extents)
     most = _MOST_LOAD * _loads(model, rows).max(axis=0)
     random = np.random.default_rng(_SEED)
@@ -144,12 +146,12 @@ def noise_sd(model: EvaluatedModel) -> F:
 
 
 def coordinates(poses: F, length_m: float) -> F:
-    """(N, 6) mid-frame coordinates q = (c, theta) of poses (N, 6)."""
-    return mid_frame(np.ascontiguousarray(poses), length_m)
+    """(N, 6) mid-frame coordinates q = (c, theta) of poses (N, 6); columns behind them stay."""
+    return np.hstack([mid_frame(np.ascontiguousarray(poses[:, :6]), length_m), poses[:, 6:]])
 
 
 def poses_of(q: F, length_m: float) -> F:
-    """(N, 6) poses of mid-frame coordinates (N, 6).
+    """(N, 6) poses of mid-frame coordinates (N, 6); columns behind them stay.
 
     Examples
     --------
@@ -157,7 +159,7 @@ def poses_of(q: F, length_m: float) -> F:
     >>> bool(np.allclose(poses_of(coordinates(poses, 0.1), 0.1), poses))
     True
     """
-    half = rotation_matrices(np.ascontiguousarray(0.5 * q[:, 3:]))
+    half = rotation_matrices(np.ascontiguousarray(0.5 * q[:, 3:6]))
     position = np.einsum("nij,nj->ni", half, q[:, :3] + np.array([length_m, 0.0, 0.0]))
     return np.hstack([position, q[:, 3:]])
 
@@ -225,11 +227,16 @@ def reach_of(model: EvaluatedModel, base: StiffnessMap) -> Reach | None:
     """
     if not has_measured_poses(model):
         return None
-    return Reach.of(_coordinates_of(base, measured_poses(model)), base.inputs)
+    rows = measured_poses(model)
+    if rows.shape[1] != len(columns_taken(base)):  # of older files, without the actuators' inputs
+        return None
+    return Reach.of(_coordinates_of(base, rows), columns_taken(base))
 
 
 def are_inside(model: EvaluatedModel, poses: F) -> B:
     """(N,) whether poses (N, n) are where the model was measured: `inside` of its export.
+
+    Inputs of actuators that do not stand behind the pose are 0.
 
     Of a file that holds no measured poses: whether each column is inside its range.
 
@@ -242,16 +249,18 @@ def are_inside(model: EvaluatedModel, poses: F) -> B:
     array([ True, False])
     """
     reach = reach_of(model, model.base)
+    poses = np.stack(list(columns_of(model.base, poses).values()), axis=1)
     if reach is not None:
         return reach.contains(_coordinates_of(model.base, poses))
     everywhere = (-np.inf, np.inf)
-    low, high = np.array([model.domain.get(name, everywhere) for name in model.base.inputs]).T
+    names = columns_taken(model.base)
+    low, high = np.array([model.domain.get(name, everywhere) for name in names]).T
     return np.asarray(((low <= poses) & (poses <= high)).all(axis=1))
 
 
 def _coordinates_of(base: StiffnessMap, poses: F) -> F:
     """(N, n) mid-frame coordinates of poses where a map is an energy, else the poses."""
-    if isinstance(base, EnergyMap | PhysicsMap):
+    if isinstance(base, EnergyMap | PhysicsMap | ActuatedMap):
         return coordinates(poses, base.length_m or 0.0)
     return poses
 
@@ -259,7 +268,7 @@ def _coordinates_of(base: StiffnessMap, poses: F) -> F:
 def largest_coordinates(model: EvaluatedModel) -> F:
     """(2,) largest |c| (m) and |theta| (rad) of the mid frame over the measured poses."""
     q = coordinates(measured_poses(model), model.known_length_m or 0.0)
-    return np.array([np.linalg.norm(part, axis=1).max() for part in (q[:, :3], q[:, 3:])])
+    return np.array([np.linalg.norm(part, axis=1).max() for part in (q[:, :3], q[:, 3:6])])
 
 
 def _extents(q: F, inputs: Sequence[str]) -> F:

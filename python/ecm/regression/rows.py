@@ -197,6 +197,11 @@ def actuators_of(base: Any) -> tuple[str, ...]:
     return tuple(getattr(base, "actuators", ()))
 
 
+def columns_taken(base: Any) -> tuple[str, ...]:
+    """Columns that a map takes: the pose's, then those of its actuators."""
+    return (*base.inputs, *actuators_of(base))
+
+
 def inputs_of(base: Any, table: Table) -> F:
     """(N, n + a) what a map takes of a table: pose columns, and those of its actuators.
 
@@ -207,7 +212,7 @@ def inputs_of(base: Any, table: Table) -> F:
     >>> inputs_of(fit_model(table, "linear").base, table).shape
     (3, 1)
     """
-    return np.ascontiguousarray(table.matrix((*base.inputs, *actuators_of(base))))
+    return np.ascontiguousarray(table.matrix(columns_taken(base)))
 
 
 def columns_of(base: Any, poses: F) -> dict[str, F]:
@@ -220,7 +225,7 @@ def columns_of(base: Any, poses: F) -> dict[str, F]:
     >>> columns_of(fit_model(table, "linear").base, np.array([[0.05]]))
     {'x_m': array([0.05])}
     """
-    columns = dict(zip((*base.inputs, *actuators_of(base)), poses.T, strict=False))
+    columns = dict(zip(columns_taken(base), poses.T, strict=False))
     return columns | {
         name: np.zeros(len(poses)) for name in actuators_of(base) if name not in columns
     }
