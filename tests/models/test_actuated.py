@@ -202,6 +202,55 @@ def test_a_file_with_one_input_scale_is_read(model: Model, fresh: Table) -> None
         ActuatedMap.from_document(document)
 
 
+def test_inputs_far_beyond_the_fitted_ones_are_told(
+    model: Model, train: Table, fresh: Table, tmp_path: Path
+) -> None:
+    at, a = fresh.matrix(POSE), fresh.matrix(PRESSURES)
+    rows = inputs_of(model.base, fresh)
+    assert model.extrapolates(rows).mean() < 0.5
+    assert model.extrapolates(np.hstack([at, 3.0 * a + 2e4])).all()
+    strong = fresh.with_columns({PRESSURES[1]: fresh[PRESSURES[1]] + 4e4})
+    compared = ecm.compare(model, strong)
+    assert compared.outside_domain == len(fresh)
+    said = compared.report().text()
+    assert "pressure_2_Pa is 4.034e+04 to 5.923e+04, fitted 197.1 to 1.946e+04" in said
+    assert "pressure_3_Pa is 4.484 to 1.99e+04, fitted 747.9" in said
+    assert "pressure_2_Pa is 4.0" in ecm.predict(model, strong).warnings[-1]
+    model.save(tmp_path / "arm.json")
+    again = ecm.load_model(tmp_path / "arm.json")
+    np.testing.assert_array_equal(again.extrapolates(rows), model.extrapolates(rows))
+    assert not model.extrapolates(inputs_of(model.base, train)).any()
+    # At constant inputs the poses are what is left to be inside of.
+    assert model.at_actuation(a[0]).extrapolates(at).mean() < 0.5
+
+
+def test_a_model_without_the_pressures_is_told_that_it_lacks_them(
+    train: Table, fresh: Table, tmp_path: Path
+) -> None:
+    plain = ecm.fit_model(train.drop(*PRESSURES), "energy4")
+    names = "pressure_1_Pa, pressure_2_Pa, pressure_3_Pa"
+    compared = ecm.compare(plain, fresh)
+    assert compared.to_dict()["unused_inputs"] == list(PRESSURES)
+    text = compared.report().text()
+    assert f"{names} vary, and energy4 does not take them" in text
+    assert "ecm fit DATA --model actuated4" in text
+    levels = compared.references
+    assert levels is not None
+    assert levels.energy is not None
+    assert levels.energy < 0.1 * compared.whitened_rms
+    found = ecm.diagnose(plain, fresh)
+    assert found.model.answer == "inputs"
+    assert found.summary().missing.startswith(f"the model does not take {names}: energy4 errs")
+    assert found.summary().add == "ecm fit DATA --model actuated4 --out OUT"
+    assert "better form" not in str(found.summary())
+    # Pressures that do nothing are not missed.
+    idle = np.random.default_rng(0).uniform(0.0, 1e4, (len(train), 3))
+    driven = train.with_columns(dict(zip(PRESSURES, idle.T, strict=True)))
+    wrench = plain.predict(train) + 0.01 * np.random.default_rng(1).standard_normal((60, 6))
+    driven = driven.with_columns(dict(zip(WRENCH, wrench.T, strict=True))).drop(*VOLUMES)
+    assert ecm.diagnose(plain, driven).model.answer == "fits"
+
+
 def test_the_free_pose_takes_the_wrench_and_moves_with_the_inputs(
     model: Model, fresh: Table
 ) -> None:

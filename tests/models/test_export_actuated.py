@@ -20,7 +20,7 @@ from ecm.io.table import Table
 from ecm.models import Model
 from ecm.models.export import TARGETS, export_files
 from ecm.models.measured_poses import are_inside
-from ecm.regression.rows import columns_taken
+from ecm.regression.rows import taken_by
 from support.cortex_m import WARNINGS
 from support.exports import HEAD, done, written
 from support.fmu import Instance
@@ -184,7 +184,7 @@ def test_a_target_without_such_inputs_says_which_has_them(model: Model, table: T
 def test_rows_of_a_table_tell_where_the_export_is_inside(model: Model, table: Table) -> None:
     low = table.select(np.flatnonzero(table.column("pressure_1_Pa") < 8e3))
     judged = model.measured_at(low)
-    names = columns_taken(model.base)
+    names = taken_by(model.base)
     assert are_inside(judged, low.matrix(names)).all()
     beyond = low.matrix(names)[:1]
     beyond[0, 6] += 1e4

@@ -314,6 +314,35 @@ def _memory(problem: Problem) -> Iterator[Pattern]:
             yield Pattern("time_s", said, test.p, strength, explained=explained)
 
 
+def runs_apart(problem: Problem, effects: Sequence[Candidate]) -> Pattern | None:
+    """Return a wrench of its own for each run, where that explains more than some effects do.
+
+    What drifts from run to run does so within them as well: the effects must err there by more
+    than nothing would. Squares are over chance by the BIC of so many constants.
+    """
+    table = problem.table
+    if not table.has("run") or len(np.unique(table.column("run"))) < 2:
+        return None
+    run = table.column("run")
+    own = (run[:, None] == np.unique(run)[1:]).astype(np.float64)
+    columns = np.einsum("nij,nq->niqj", problem.whitener, own)
+    flat = columns.reshape(*problem.response.shape, -1)
+    test, beside = (
+        Beside.of(response, flat, problem.base_block, problem.weights).omnibus_test()
+        for response in (problem.response, residual_after(problem, effects))
+    )
+    explained = test.explained / problem.scale - test.dof * np.log(problem.size)
+    named = delta_chi2(problem, effects)
+    if not (np.isfinite(test.F) and explained > named and beside.rest > test.rest):
+        return None
+    words = (
+        "each run has a wrench of its own, which no column tells: something was set or changed "
+        "between the runs"
+    )
+    strength = float(np.sqrt(explained / problem.size))
+    return Pattern("run", words, test.p, strength, explained=explained)
+
+
 _MOST_TERMS = 3
 """Terms of a description in words."""
 _LEAST_TERM_GAIN = 0.05

@@ -31,7 +31,7 @@ from ecm.models.pose_error import error_of_report
 from ecm.models.registry import parse_model
 from ecm.models.specification import CHOOSE, FittedMap, ModelSpecification, Weights
 from ecm.regression.folds import spread_rows
-from ecm.regression.rows import columns_taken, inputs_of
+from ecm.regression.rows import inputs_of, taken_by, unused_inputs
 
 if TYPE_CHECKING:
     from ecm.models.model import Model
@@ -111,8 +111,8 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
             f"{', '.join(table.pose_columns) or 'none'}",
             remedy=CHOOSE,
         )
-    if not (force or specification.any_columns or isinstance(specification, ActuatedModel)):
-        _refuse_unused_pressures(table, specification)
+    if not force:
+        refuse_unused_inputs(table, specification)
     wrong = None if force else wrong_convention(table, refuse=True)
     try:
         fitted = fit_rows(table, specification, weights, progress)
@@ -124,21 +124,31 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
     known: dict[str, Any] = {"pose_error": error_of_report(part, table.measured())}
     if wrong is not None:
         known["misread"] = {"sentence": wrong.sentence()}
-    known["poses"] = sample_of(table, columns_taken(fitted.base))
+    known["poses"] = sample_of(table, taken_by(fitted.base))
     return replace(fitted, training={**fitted.training, **known})
 
 
-def _refuse_unused_pressures(table: Table, specification: ModelSpecification) -> None:
-    """Raise InputError where pressures vary that the model does not take."""
-    varying = [name for name in table.actuation_columns if np.ptp(table.column(name)) > 0.0]
+def refuse_unused_inputs(table: Table, specification: ModelSpecification) -> None:
+    """Raise InputError where inputs of actuators vary that the model does not take."""
+    takes = specification.any_columns or isinstance(specification, ActuatedModel)
+    varying = () if takes else unused_inputs(None, table)
     if varying:
         raise InputError(
             f"{table.source}: {', '.join(varying)} vary, and {specification.name} does not take "
-            "them: the wrench of a pressure would be an error of the model",
-            remedy=Remedy(
-                "fit an energy of pose and pressures", "ecm fit DATA --model actuated4 --out OUT"
-            ),
+            "them: what they do to the wrench would be an error of the model",
+            remedy=remedy_of_inputs(table),
         )
+
+
+def remedy_of_inputs(table: Table, out: str = "OUT") -> Remedy:
+    """How a model is fitted that takes the inputs of actuators of a table."""
+    name = "actuated4" if _has_energy_of_inputs(table) else "choose"
+    return Remedy("fit a model that takes them", f"ecm fit DATA --model {name} --out {out}")
+
+
+def _has_energy_of_inputs(table: Table) -> bool:
+    whole = table.has(*POSE, *WRENCH) and table.meta.length_m is not None
+    return whole and bool(table.actuation_columns)
 
 
 def _specification(model: Any, parameters: Mapping[str, Any] | None) -> ModelSpecification:
@@ -292,7 +302,12 @@ _FAR_BETTER = 0.1
 
 
 def symmetric_energy(table: Table) -> StiffnessMap:
-    """The symmetric energy of the degree that the rows can carry."""
+    """The symmetric energy of the degree that the rows can carry.
+
+    Of a table with actuators an energy of pose and inputs.
+    """
+    if _has_energy_of_inputs(table):
+        return _by_degree(table, [ActuatedModel(degree) for degree in (3, 4, 5)])
     return _by_degree(table, [EnergyModel(degree) for degree in _ENERGY])
 
 
@@ -383,8 +398,8 @@ def choose_base(model: Model, table: Table) -> StiffnessMap:
         return measured_part(free, table)
     body = table.meta.elastic_body()
     six = table.has(*POSE, *WRENCH) or is_partial(table)
-    if table.actuation_columns and table.has(*POSE, *WRENCH) and table.meta.length_m is not None:
-        return _by_degree(table, [ActuatedModel(degree) for degree in (3, 4, 5)])
+    if _has_energy_of_inputs(table):
+        return symmetric_energy(table)
     if six and body is not None:
         return measured_part(fit_model(table, "physics", force=True).base, table)
     if six and table.meta.length_m is not None:

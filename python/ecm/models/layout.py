@@ -224,18 +224,17 @@ _FIT = record(
 )
 
 
-def _poses(n: int, actuators: int) -> Layout:
-    """Rows of poses, with the inputs of actuators behind them but in older files."""
-
+def _either(first: Layout, other: Layout) -> Layout:
     def check(value: Any, place: str) -> None:
-        bare = isinstance(value, list) and all(isinstance(row, list) for row in value)
-        bare = bare and {len(row) for row in value} == {n}
-        array(None, n if bare else n + actuators)(value, place)
+        try:
+            first(value, place)
+        except InputError:
+            other(value, place)
 
     return check
 
 
-def _training(n: int, m: int, actuators: int) -> Layout:
+def _training(n: int, m: int, taken: int) -> Layout:
     sentence = or_null(record({"sentence": text}, others=True))
     return record(
         {},
@@ -246,7 +245,7 @@ def _training(n: int, m: int, actuators: int) -> Layout:
             "source": or_null(text),
             "effect_sizes": named(number()),
             "effect_shares": named(number()),
-            "poses": _poses(n, actuators),
+            "poses": _either(array(None, n), array(None, taken)),
             "smallest_taken": flag,
             "mean_stiffness": array(m, n),
             "pose_error": sentence,
@@ -274,8 +273,6 @@ def check_document(document: Mapping[str, Any], own: Layout) -> None:
     """
     own(document, "")
     n, m = len(document["inputs"]), len(document["outputs"])
-    parameters = document.get("parameters")
-    actuators = len(parameters.get("actuators", ())) if isinstance(parameters, dict) else 0
     residual = record({"source": text, "components": array(m, positive=True)})
     noise = document["noise"]
     of_components = isinstance(noise, dict) and "components" in noise
@@ -285,7 +282,7 @@ def check_document(document: Mapping[str, Any], own: Layout) -> None:
             "noise": residual if of_components else _NOISE,
             "effects": items(_EFFECT),
             "covariance": anything,
-            "training": _training(n, m, actuators),
+            "training": _training(n, m, n + len(_actuators(document))),
             "domain": _domain(document["inputs"]),
         },
         {
@@ -297,6 +294,11 @@ def check_document(document: Mapping[str, Any], own: Layout) -> None:
         },
         others=True,
     )(document, "")
+
+
+def _actuators(document: Mapping[str, Any]) -> list[str]:
+    parameters = document.get("parameters")
+    return parameters.get("actuators", []) if isinstance(parameters, dict) else []
 
 
 def check_covariance(document: Mapping[str, Any], count: int) -> None:

@@ -3,6 +3,7 @@
 A fit keeps some hundred of its rows' poses in the model file. Export, control loop, the linear part
 for MuJoCo and `inside` all take their poses from here: measured rows, and mixes of near ones, in
 mid-frame coordinates, in which equal loads lie on straight lines as far as the mechanism is linear.
+The inputs of a map's actuators stand behind its poses, and count as coordinates of their own.
 Older files hold none: their poses are those that loads bend the model to inside its domain.
 """
 
@@ -28,7 +29,7 @@ from ecm.models.evaluation import EvaluatedModel
 from ecm.models.maps import EnergyMap, EnergyTerms, PolynomialMap, StiffnessMap, Symmetry
 from ecm.models.physics.map import PhysicsMap
 from ecm.regression.folds import spread_rows
-from ecm.regression.rows import columns_of, columns_taken, is_whole
+from ecm.regression.rows import is_whole, taken_by
 
 _MOST_STORED = 200
 """Poses that a model file holds, beside those at the ends of each coordinate."""
@@ -86,7 +87,7 @@ def has_measured_poses(model: EvaluatedModel) -> bool:
 
 
 def measured_poses(model: EvaluatedModel) -> F:
-    """(N, n) poses that the model was measured at, some hundred of all, with its actuators' inputs.
+    """(N, n) poses that the model was measured at, some hundred of all, with actuators' inputs.
 
     Examples
     --------
@@ -109,10 +110,9 @@ def near_poses(model: EvaluatedModel, count: int, *, around: float = 0.0) -> F:
     rows = measured_poses(model)
     if len(rows) < 2:
         return np.repeat(rows, count, axis=0)
-    names = columns_taken(model.base)
-    length, turns = model.known_length_m or 0.0, names[:6] == POSE
+    length, turns = model.known_length_m or 0.0, model.base.inputs == POSE
     q = coordinates(rows, length) if turns else rows
-    extents = _extents(q, names)
+    extents = _extents(q, taken_by(model.base))
     near = _nearest(q / extents)
     most = _MOST_LOAD * _loads(model, rows).max(axis=0)
     random = np.random.default_rng(_SEED)
@@ -146,12 +146,12 @@ def noise_sd(model: EvaluatedModel) -> F:
 
 
 def coordinates(poses: F, length_m: float) -> F:
-    """(N, 6) mid-frame coordinates q = (c, theta) of poses (N, 6); columns behind them stay."""
+    """(N, 6 + m) mid-frame coordinates q = (c, theta) of poses (N, 6 + m); m inputs stay."""
     return np.hstack([mid_frame(np.ascontiguousarray(poses[:, :6]), length_m), poses[:, 6:]])
 
 
 def poses_of(q: F, length_m: float) -> F:
-    """(N, 6) poses of mid-frame coordinates (N, 6); columns behind them stay.
+    """(N, 6 + m) poses of mid-frame coordinates (N, 6 + m); m inputs stay.
 
     Examples
     --------
@@ -227,16 +227,13 @@ def reach_of(model: EvaluatedModel, base: StiffnessMap) -> Reach | None:
     """
     if not has_measured_poses(model):
         return None
-    rows = measured_poses(model)
-    if rows.shape[1] != len(columns_taken(base)):  # of older files, without the actuators' inputs
-        return None
-    return Reach.of(_coordinates_of(base, rows), columns_taken(base))
+    names = taken_by(base)
+    rows = measured_poses(model)[:, : len(names)]
+    return Reach.of(_coordinates_of(base, rows), names[: rows.shape[1]])
 
 
 def are_inside(model: EvaluatedModel, poses: F) -> B:
     """(N,) whether poses (N, n) are where the model was measured: `inside` of its export.
-
-    Inputs of actuators that do not stand behind the pose are 0.
 
     Of a file that holds no measured poses: whether each column is inside its range.
 
@@ -249,13 +246,27 @@ def are_inside(model: EvaluatedModel, poses: F) -> B:
     array([ True, False])
     """
     reach = reach_of(model, model.base)
-    poses = np.stack(list(columns_of(model.base, poses).values()), axis=1)
     if reach is not None:
-        return reach.contains(_coordinates_of(model.base, poses))
+        behind = np.zeros((len(poses), len(taken_by(model.base))))
+        behind[:, : poses.shape[1]] = poses
+        return reach.contains(_coordinates_of(model.base, behind)[:, : len(reach.low)])
     everywhere = (-np.inf, np.inf)
-    names = columns_taken(model.base)
-    low, high = np.array([model.domain.get(name, everywhere) for name in names]).T
+    low, high = np.array([model.domain.get(name, everywhere) for name in model.base.inputs]).T
+    poses = poses[:, : len(low)]
     return np.asarray(((low <= poses) & (poses <= high)).all(axis=1))
+
+
+def beyond_inputs(model: EvaluatedModel, table: Table) -> str:
+    """What to say of actuators' inputs that go beyond those of the fit; empty where none does."""
+    rows, said = measured_poses(model), []
+    for place, name in enumerate(taken_by(model.base)[: rows.shape[1]]):
+        if name in table.actuation_columns:
+            known, own = rows[:, place], table.measured().column(name)
+            more = 0.5 * (_MARGIN - 1.0) * np.ptp(known)
+            if own.max() > known.max() + more or own.min() < known.min() - more:
+                ranges = [f"{x.min():.4g} to {x.max():.4g}" for x in (own, known)]
+                said.append(f"{name} is {ranges[0]}, fitted {ranges[1]}")
+    return "".join(f"; {words}" for words in said)
 
 
 def _coordinates_of(base: StiffnessMap, poses: F) -> F:

@@ -41,7 +41,7 @@ from ecm.models.time_effects import needed_by_steps, time_effects
 from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import HOW, RowsUsed, spread_rows, without_zero_readings
 from ecm.regression.noise import Noise
-from ecm.regression.rows import columns_taken, is_whole
+from ecm.regression.rows import is_whole, taken_by
 from ecm.report import figures
 
 _LARGE_CORRELATION = 0.3
@@ -91,7 +91,7 @@ class Model(EvaluatedModel):
         """(N,) whether the model is asked beyond its measured poses.
 
         There `inside` of the exported model is 0. A file that holds no measured poses has the range
-        of each pose column.
+        of each pose column. Inputs of actuators stand behind the pose; without any they are 0.
         """
         return ~are_inside(self, rows_of_poses(poses, self.base))
 
@@ -144,7 +144,7 @@ class Model(EvaluatedModel):
         >>> model.measured_at({"y_m": [0.0, 0.004]}).training["poses"]
         [[0.0], [0.004]]
         """
-        poses = sample_of(table, columns_taken(self.base))
+        poses = sample_of(table, taken_by(self.base))
         return replace(self, training={**self.training, "poses": poses})
 
     def add(self, *effects: str | Effect) -> Model:
@@ -330,7 +330,7 @@ class Model(EvaluatedModel):
         table, freeze_base = without_zero_readings(table), self.base_frozen
         described = file.fitted_to(table, self.inputs)
         training = described["training"]
-        training["poses"] = sample_of(table, columns_taken(self.base))
+        training["poses"] = sample_of(table, taken_by(self.base))
         same_rows = was_trained_on(self.training, table)
         if len(table) > most_rows:
             total, table = len(table), table.subsample(spread_rows(table, most_rows))

@@ -27,10 +27,10 @@ from ecm.models.controller import AdaptSettings
 from ecm.models.export.fmu import fmu
 from ecm.models.export.simulators import mujoco, opensim
 from ecm.models.export.source import Exported, Precision, Source, Target, without
-from ecm.models.measured_poses import folded, has_measured_poses, measured_poses, reach_of
+from ecm.models.measured_poses import folded, has_measured_poses, measured_poses
 from ecm.models.model import Model
 from ecm.models.time_effects import time_effects
-from ecm.regression.rows import actuators_of, is_whole
+from ecm.regression.rows import actuators_of, is_whole, taken_by
 
 
 def c(source: Source) -> Exported:
@@ -271,7 +271,7 @@ def export_files(
     if not has_measured_poses(model):
         notes.append(_NO_POSES)
     actuated = bool(actuators_of(model.base))
-    if actuated and reach_of(model, model.base) is None:
+    if actuated and not _has_rows_of_inputs(model):
         raise InputError(
             f"{model.name}: the model file holds no rows with the inputs of its actuators, so that "
             "nothing tells where it was measured",
@@ -297,6 +297,12 @@ def export_files(
         folded=tuple(sorted(item.id for item in model.acting_at_poses)),
         lost=lost,
     )
+
+
+def _has_rows_of_inputs(model: Model) -> bool:
+    """Whether the rows in the model file have the inputs of actuators; older ones have not."""
+    stored = model.training.get("poses") or [()]
+    return len(stored[0]) == len(taken_by(model.base))
 
 
 def _refuse_what_changed(model: Model, exported: Exported, to: str, name: str) -> None:

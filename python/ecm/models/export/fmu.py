@@ -16,7 +16,7 @@ import numpy as np
 from ecm.errors import ComputationError, InputError
 from ecm.models.export.source import LINUX, WINDOWS, Exported, Source, shared_library
 from ecm.models.measured_poses import measured_poses
-from ecm.regression.rows import columns_taken
+from ecm.regression.rows import taken_by
 
 _UNITS = {
     "m": '<BaseUnit m="1"/>',
@@ -63,7 +63,7 @@ def fmu(source: Source) -> Exported:
     values = {
         "TOKEN": token,
         "MARK": f"0x{token[:15]}u",
-        "N": str(len(columns_taken(source.inside.base))),
+        "N": str(len(taken_by(source.inside.base))),
         "M": str(len(outputs)),
         "START": ", ".join(f"{x:.17g}" for x in start.values()),
     }
@@ -107,7 +107,7 @@ def _inputs(source: Source) -> dict[str, float]:
         start = measured_poses(source.model)[0]
     else:
         start = np.array([0.5 * sum(model.domain.get(name, (0.0, 0.0))) for name in model.inputs])
-    taken = columns_taken(model.base)
+    taken = taken_by(model.base)
     for name in (*taken, *model.outputs):
         if _unit(name) not in _UNITS:
             raise InputError(f"--to fmu: column {name} has no unit of {', '.join(_UNITS)}")

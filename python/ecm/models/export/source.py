@@ -22,7 +22,7 @@ from ecm.models.controller import AdaptSettings
 from ecm.models.measured_poses import poses_like_measured, reach_of
 from ecm.models.model import Model
 from ecm.models.time_effects import TimeEffects
-from ecm.regression.rows import columns_taken, is_whole
+from ecm.regression.rows import is_whole, taken_by
 
 _FLAGS = ("-std=c99", "-O2", "-s", "-shared", "-fvisibility=hidden")
 LINUX = (("cc",), ("gcc",), ("clang",))
@@ -153,12 +153,12 @@ class Source:
     @property
     def actuators(self) -> tuple[str, ...]:
         """Columns of the inputs that stand behind the six of the pose."""
-        taken = columns_taken(self.inside.base)
+        taken = taken_by(self.inside.base)
         return taken[len(POSE) :] if taken[: len(POSE)] == POSE else ()
 
     def need_whole(self, target: str, *, with_actuators: bool = False) -> None:
         """Raise InputError for a model without all six pose and wrench columns, or with more."""
-        taken = columns_taken(self.inside.base)
+        taken = taken_by(self.inside.base)
         if self.actuators and not with_actuators:
             others = "c, rust or fmu"
             if self.whole:
