@@ -53,6 +53,8 @@ _LEAST_SHARE = 1e-4
 """Least error of a measured amount over its spread."""
 _CONJUGATE = {"volume": "pressure", "length": "tension"}
 """Kind of the input that an amount belongs to."""
+_ROUNDING = 1e-13
+"""Share of the largest coefficient below which one is the rounding of the symmetry."""
 _SINGULAR = 1e-10
 """Least singular value over the largest: below it a direction of the coefficients is unknown."""
 
@@ -381,6 +383,23 @@ class ActuatedMap(SixAxisMap):
                 "pure_J": self.pure_J.tolist(),
             },
         )
+
+    def written_out(self) -> dict[str, Any]:
+        """What the exported code is made of: `parts` beside each product, without symmetry."""
+        coefficients = np.array([energy.coefficients for _, energy in self.parts])
+        # Symmetry makes most of them 0, but for rounding.
+        coefficients[np.abs(coefficients) < _ROUNDING * np.abs(coefficients).max()] = 0.0
+        parts = zip(self.parts, coefficients, strict=True)
+        return {
+            "inputs": [*self.inputs, *self.actuators],
+            "degree": self.terms.degree,
+            "scale": self.scale.tolist(),
+            "input_scale": self.input_scale.tolist(),
+            "parts": [
+                {"powers": list(product), "coefficients_J": own.tolist()}
+                for (product, _), own in parts
+            ],
+        }
 
     @staticmethod
     def from_document(document: dict[str, Any]) -> ActuatedMap:
