@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.errors import InputError, Remedy, shortened
+from ecm.errors import EcmError, InputError, Remedy, shortened
 from ecm.io.arguments import check_arguments
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, given_units
@@ -39,6 +39,7 @@ from ecm.logs.containers import (
 from ecm.logs.log import Log, log_of_object
 from ecm.logs.mapping import propose
 from ecm.logs.names import read_name
+from ecm.logs.questions import Answer, Question
 from ecm.logs.sources import (
     ColumnMap,
     UserChoices,
@@ -89,6 +90,8 @@ class ImportedLog:
     meta: Meta
     source: str
     notes: tuple[str, ...]
+    missing: tuple[Answer, ...] = ()
+    """What else may be the pose or the wrench that no name tells (questions.py)."""
 
     @property
     def table(self) -> Table:
@@ -247,7 +250,83 @@ def import_log(  # noqa: PLR0913 - one for each question that a log may raise
     every = (*raw.notes, *notes, *time_notes)
     origin = {"source": source, "sha256": digest} | words | {"notes": list(every)}
     described = replace(given, file=_file(table, given.file), leave_out=left, origin=origin)
-    return ImportedLog(table, described, source, every)
+    return ImportedLog(table, described, source, every, mapped.missing)
+
+
+_MOST_TRIED = 24
+"""Imports that are tried for a log that leaves questions open."""
+
+
+def answered(
+    log: Any, options: Mapping[str, Any], *, whole: bool = False
+) -> tuple[Answer, ImportedLog] | None:
+    """Return what makes a table of a log whose names or units leave questions open.
+
+    Parameters
+    ----------
+    log
+        As `import_log` takes it.
+    options
+        What the user said: options of `import_log`.
+    whole
+        Whether the table must have a pose and a wrench.
+
+    Returns
+    -------
+    tuple
+        The options to add with what they take for granted, and what they import; None where
+        nothing is known.
+
+    Examples
+    --------
+    >>> found, imported = answered({"ux": [0.0, 20.0], "load": [0.0, 3.0]}, {})
+    >>> found.options
+    {'axis': 'x', 'units': ['mm', 'N']}
+    """
+    reads: dict[tuple[str, ...], ReadLog] = {}
+    ways = [Answer()]
+    for _ in range(_MOST_TRIED):
+        if not ways:
+            break
+        way = ways.pop(0)
+        said = _merged(options, way.options)
+        topics = tuple(said.pop("topics", ()))
+        try:
+            if not isinstance(log, ReadLog) and topics not in reads:
+                reads[topics] = read_log(log, topics)
+            imported = import_log(reads.get(topics, log), **said)
+            table = imported.table
+        except Question as question:
+            answers = question.answers
+        except BadRows:
+            answers = (Answer({"leave_out": True}, "rows that are no measurement are left out"),)
+        except (EcmError, OSError, ValueError):
+            continue
+        else:
+            if not whole or (table.pose_columns and table.wrench_columns):
+                units = ", ".join(way.options.get("units", ()))
+                words = f"numbers without a unit are taken as {units}" if units else ""
+                return Answer(way.options, _joined(way.words, words)), imported
+            answers = imported.missing
+        # Depth first: what follows from the likeliest answer comes before the next answer.
+        ways[:0] = [
+            Answer(_merged(way.options, answer.options), _joined(way.words, answer.words))
+            for answer in answers
+        ]
+    return None
+
+
+def _joined(*words: str) -> str:
+    return "; ".join(filter(None, words))
+
+
+def _merged(options: Mapping[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of `import_log` and more of them; columns and units are added."""
+    merged = {**options, **more}
+    for name in {"columns", "units"} & options.keys() & more.keys():
+        both = options[name], more[name]
+        merged[name] = {**both[0], **both[1]} if name == "columns" else [*both[0], *both[1]]
+    return merged
 
 
 def _with_group(log: Log, group: str, source: str) -> tuple[Log, str]:
