@@ -70,8 +70,7 @@ def import_log(
             "give it with --meta to copy what it says."
         )
     session.check_output(out, beside)
-    words = [word for word in units.split(",") if word.strip()]
-    said = {**options, "columns": _pairs(columns), "units": words, "meta": meta}
+    said = {**options, "columns": _pairs(columns), "units": units.split(","), "meta": meta}
     read: Any = log
     try:
         with session.working(f"reading {log}") as tell:

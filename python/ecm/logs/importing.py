@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.errors import EcmError, InputError, Remedy, shortened
-from ecm.io.arguments import check_arguments
+from ecm.io.arguments import check_arguments, listed
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, given_units
 from ecm.io.csv import BadRows, check_names, write_csv
@@ -23,6 +23,7 @@ from ecm.io.description import FileMeta, Meta, as_meta, row_ranges, shown_ranges
 from ecm.io.events import Progress
 from ecm.io.frames import ORDERS
 from ecm.io.interrupts import uninterrupted
+from ecm.io.printed import Printed
 from ecm.io.sanity import order_warning, samples_s
 from ecm.io.table import MetaLike, Table, as_table
 from ecm.io.toml import did_you_mean, refuse_pipe
@@ -60,8 +61,8 @@ _MOST_WORDS = 8
 """Words of a column that tells experiments apart that are listed with their numbers."""
 
 
-@dataclass(frozen=True)
-class ImportedLog:
+@dataclass(frozen=True, repr=False)
+class ImportedLog(Printed):
     """A log as a measurement table, and what was understood.
 
     Parameters
@@ -141,9 +142,9 @@ def import_log(  # noqa: PLR0913 - one for each question that a log may raise
     *,
     columns: Mapping[str, str] | None = None,
     rotation: str = "",
-    units: Sequence[str] = (),
+    units: str | Sequence[str] = (),
     axis: str = "",
-    topics: Sequence[str] = (),
+    topics: str | Sequence[str] = (),
     group: str = "",
     meta: MetaLike = None,
     leave_out: bool = False,
@@ -162,11 +163,11 @@ def import_log(  # noqa: PLR0913 - one for each question that a log may raise
         or `xyz`, `grood-suntay-right` or `-left`; with `:COLUMN,COLUMN,...` where names do not
         tell its columns.
     units
-        Units of columns that state none: `["SI"]`, or words such as `["mm", "deg", "N mm"]`.
+        Units of columns that state none: `"SI"`, or words such as `"mm,deg,N mm"`, also as a list.
     axis
         Axis of columns without one in their name: x, y or z.
     topics
-        Topics of a bag with several poses or wrenches.
+        Topics of a bag with several poses or wrenches, or one alone.
     group
         Column of the log whose equal values, numbers or words, are one experiment: the rows of one
         stay together when rows are held out.
@@ -193,15 +194,16 @@ def import_log(  # noqa: PLR0913 - one for each question that a log may raise
     Examples
     --------
     >>> angles = {"flexion": [0.0, 10.0], "adduction": [0.0, 0.0], "internal": [0.0, 0.0]}
-    >>> log = import_log(angles, rotation="grood-suntay-left", units=["deg"])
+    >>> log = import_log(angles, rotation="grood-suntay-left", units="deg")
     >>> log.table["theta_x_rad"].round(4)
     array([ 0.    , -0.1745])
     """
     check_arguments(import_log, locals())
-    raw, source, digest = log if isinstance(log, ReadLog) else read_log(log, topics)
+    raw, source, digest = log if isinstance(log, ReadLog) else read_log(log, listed(topics))
+    usual = [word for given in listed(units) for word in given.split(",") if word.strip()]
     if axis not in ("", "x", "y", "z"):
         raise InputError(f"--axis {axis}: expected x, y or z")
-    choices = UserChoices(dict(columns or {}), rotation, given_units(units), axis)
+    choices = UserChoices(dict(columns or {}), rotation, given_units(usual), axis)
     raw, grouped_by = _with_group(raw, group, source) if group else (raw, "")
     mapped = propose(raw, choices, source)
     given = as_meta(meta)

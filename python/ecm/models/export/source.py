@@ -15,6 +15,7 @@ from typing import Literal
 from ecm._native import export_model, seal_model
 from ecm.errors import ComputationError, InputError, Remedy
 from ecm.io.arrays import F
+from ecm.io.printed import Printed
 from ecm.models.control_loop import ControlLoop, LoopSettings
 from ecm.models.controller import AdaptSettings
 from ecm.models.measured_poses import poses_like_measured, reach_of
@@ -187,8 +188,8 @@ def without(ids: Sequence[str], then: str) -> Remedy:
     )
 
 
-@dataclass(frozen=True)
-class Exported:
+@dataclass(frozen=True, repr=False)
+class Exported(Printed):
     """An exported model: what a target gives, and what `export_files` says of it.
 
     Examples
@@ -215,6 +216,9 @@ class Exported:
     """Change of the model by the form that the target can hold, over the noise."""
     lost: Mapping[str, str] = field(default_factory=dict)
     """Effects beyond the noise that the files lack: words by id."""
+
+    def __str__(self) -> str:
+        return "\n".join([f"{len(self.files)} files: {', '.join(self.files)}", *self.notes])
 
 
 @dataclass(frozen=True)
