@@ -57,6 +57,8 @@ _STARTS = (0.5, 0.0, 1.0)
 """Starts between the limits of the inputs of a search."""
 _HELD_N = 1e-5
 """Largest force, and moment over the length, by which an inequality may be missed."""
+_ROUNDING = 1e-13
+"""Share of the largest coefficient below which one is the rounding of the symmetry."""
 _SINGULAR = 1e-10
 """Least singular value over the largest: below it a direction of the coefficients is unknown."""
 
@@ -386,6 +388,23 @@ class ActuatedMap(SixAxisMap):
             },
         )
 
+    def written_out(self) -> dict[str, Any]:
+        """What the exported code is made of: `parts` beside each product, without symmetry."""
+        coefficients = np.array([energy.coefficients for _, energy in self.parts])
+        # Symmetry makes most of them 0, but for rounding.
+        coefficients[np.abs(coefficients) < _ROUNDING * np.abs(coefficients).max()] = 0.0
+        parts = zip(self.parts, coefficients, strict=True)
+        return {
+            "inputs": [*self.inputs, *self.actuators],
+            "degree": self.terms.degree,
+            "scale": self.scale.tolist(),
+            "input_scale": self.input_scale.tolist(),
+            "parts": [
+                {"powers": list(product), "coefficients_J": own.tolist()}
+                for (product, _), own in parts
+            ],
+        }
+
     @staticmethod
     def from_document(document: dict[str, Any]) -> ActuatedMap:
         """Return the map of an opened model file."""
@@ -675,6 +694,52 @@ def _slope(a: F, product: tuple[int, ...], by: tuple[int, ...]) -> F:
     return factor * _power(a, tuple(powers))
 
 
+_EXCHANGED = 1.5
+"""Least fall of the error by which columns of actuators count as exchanged."""
+_ALL_ORDERS = 4
+"""Number of actuators up to which every order is tried; of more only two exchanged."""
+
+
+def exchanged(table: Table, model: ActuatedModel) -> tuple[tuple[str, ...], float] | None:
+    """The order in which the columns of the actuators fit far better, and how many times better.
+
+    A model that knows how the actuators stand round the axis errs where two columns are exchanged.
+    The error is the geometric mean of the components', for a pressure may show in one alone.
+    None where no other order fits 1.5 times better, and for a model without symmetry.
+
+    Examples
+    --------
+    >>> from ecm import read_table
+    >>> table = read_table("examples/soft_arm.csv", meta={"mechanism": {"length_m": 0.1}})
+    >>> print(exchanged(table, ActuatedModel()))
+    None
+    """
+    names, low = table.actuation_columns, replace(model, degree=_LEAST_DEGREE)
+    terms = ActuatedTerms(1.0, tuple(map(_kind, names)), low.degree, low.order, low.symmetry)
+    if model.symmetry == "general" or 3 * len(table) < terms.count():
+        return None
+    plain = table.drop(*amount_columns(table.columns))
+
+    def error(order: tuple[str, ...]) -> float:
+        columns = {name: table[other] for name, other in zip(names, order, strict=True)}
+        own = plain.with_columns(columns)
+        fitted = low.fit_map(own, "spread").base
+        left = fitted.predict(own.matrix((*POSE, *names))) - own.wrenches
+        return float(np.exp(np.mean(np.log(left.std(axis=0) + 1e-300))))
+
+    if len(names) <= _ALL_ORDERS:
+        orders = list(itertools.permutations(names))
+    else:
+        swaps = [(names[i], names[j]) for j in range(len(names)) for i in range(j + 1)]
+        orders = [tuple({a: b, b: a}.get(name, name) for name in names) for a, b in swaps]
+    kinds = [_kind(name) for name in names]
+    orders = [order for order in orders if [_kind(name) for name in order] == kinds]
+    errors = {order: error(order) for order in orders}
+    best = min(orders, key=lambda order: errors[order])
+    better = errors[names] / errors[best]
+    return (best, better) if better > _EXCHANGED else None
+
+
 def _name(degree: int, order: int, body: Body) -> str:
     suffix = "" if body == "alike" else f"-{body}"
     return f"actuated{degree}{suffix}" + ("" if order == _ORDER else f":{order}")
@@ -742,29 +807,15 @@ class ActuatedModel(ModelSpecification):
                 f"{table.source}: {self.name} needs the actuators' columns, pressure_1_Pa, "
                 "pressure_2_Pa, ...; without them take another model (ecm fit --model choose)"
             )
-        inputs = (*POSE, *actuation)
-        rows, wrenches = table.matrix(inputs), table.matrix(WRENCH)
-        kinds = tuple(map(_kind, actuation))
-        terms = ActuatedTerms(
-            length_of(table, self.name), kinds, self.degree, self.order, self.symmetry
-        )
-        largest = np.abs(rows[:, 6:]).max(axis=0)
-        alike = np.array(kinds)[:, None] == np.array(kinds)
-        input_scale = np.where(alike, largest, 0.0).max(axis=1)
-        if not input_scale.all():
-            name = actuation[int(np.argmin(input_scale))]
+        rows, wrenches = table.matrix((*POSE, *actuation)), table.matrix(WRENCH)
+        base = self.empty_map(rows, length_of(table, self.name), actuation)
+        terms = base.terms
+        if not base.input_scale.all():
+            name = actuation[int(np.argmin(base.input_scale))]
             raise InputError(
                 f"{table.source}: {name} is 0 in every row, and so are all of its kind; give rows "
                 "under load, or leave these columns out"
             )
-        base = ActuatedMap(
-            terms,
-            np.asarray(terms.of_pose.frame(np.ascontiguousarray(rows[:, :6]))),
-            input_scale,
-            np.zeros(terms.count()),
-            np.zeros(len(terms.pure())),
-            actuation,
-        )
         amounts, of = _measured_amounts(table, actuation)
         equations = len(table) * (6 + len(of))
         if equations < terms.count() + (len(base.pure_J) if of else 0):
@@ -797,6 +848,20 @@ class ActuatedModel(ModelSpecification):
                 fitted, covariance = cast(ActuatedMap, result.base), result.covariance
                 variance = result.residual_variance
         return FittedMap(fitted, noise, covariance, variance)
+
+    def empty_map(self, rows: F, length_m: float, actuators: tuple[str, ...]) -> ActuatedMap:
+        """The map whose coefficients are all 0, in the scales of rows (N, 6 + m)."""
+        kinds = tuple(map(_kind, actuators))
+        terms = ActuatedTerms(length_m, kinds, self.degree, self.order, self.symmetry)
+        alike = np.array(kinds)[:, None] == np.array(kinds)
+        return ActuatedMap(
+            terms,
+            np.asarray(terms.of_pose.frame(np.ascontiguousarray(rows[:, :6]))),
+            np.where(alike, np.abs(rows[:, 6:]).max(axis=0), 0.0).max(axis=1),
+            np.zeros(terms.count()),
+            np.zeros(len(terms.pure())),
+            actuators,
+        )
 
     @staticmethod
     def layout(n: int, m: int) -> Layout:
