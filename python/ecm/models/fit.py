@@ -153,7 +153,7 @@ def _refuse_exchanged(table: Table, specification: ActuatedModel) -> None:
 
 def refuse_unused_inputs(table: Table, specification: ModelSpecification) -> None:
     """Raise InputError where inputs of actuators vary that the model does not take."""
-    takes = specification.any_columns or isinstance(specification, ActuatedModel)
+    takes = specification.any_columns or specification.takes_inputs
     varying = () if takes else unused_inputs(None, table)
     if varying:
         raise InputError(
