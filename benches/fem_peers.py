@@ -369,6 +369,45 @@ def equal_error() -> list[Run]:
     return found
 
 
+def actuation(pairs: int = 7) -> None:
+    """Processor time of one case with actuators over the same body and wrench without any."""
+    mesh = chambered("standard")
+    wrench = 0.3 * WRENCH[None]
+    law = {"young_modulus_Pa": YOUNG_PA, "poisson_ratio": POISSON}
+    faces = {"base_nodes": mesh.base_nodes, "top_nodes": mesh.top_nodes}
+    tendon = {"base_m": [[0.0, 0.03, 0.0]], "platform_m": [[LENGTH_M, 0.03, 0.0]]}
+    guides = [[0.25 * k * LENGTH_M, 0.03, 0.0] for k in (1, 2, 3)]
+    pressures = [4e4, 1e4, 0.0]
+    plain = Mesh.from_arrays(mesh.nodes_m, mesh.tetrahedra, **faces)
+    cases: dict[str, tuple[Mesh, list[float], list[bool]]] = {
+        "three pressures": (mesh, pressures, []),
+        "three given volumes": (mesh, [4e-7, 1e-7, 0.0], [True] * 3),
+        "a guided tendon": (plain.with_tendon("t", **tendon, body_m=guides), [2.0], []),
+        "a winding": (
+            plain.with_winding("outside", angle_rad=0.1, stiffness_N_m=2e3),
+            [],
+            [],
+        ),
+    }
+    base = Fem(plain, **law)
+    for name, (body, inputs, given) in cases.items():
+        fem = Fem(body, **law)
+        load = np.concatenate([wrench[0], inputs])[None]
+        ratios = []
+        for _ in range(pairs):
+            start = time.process_time()
+            own = fem.solve_wrenches(load, given=given, threads=1)
+            middle = time.process_time()
+            other = base.solve_wrenches(wrench, threads=1)
+            ratios.append((middle - start) / (time.process_time() - middle))
+        if own.status != ["solved"]:
+            raise RuntimeError(f"{name}: {own.status}")
+        print(
+            f"{name:20} {np.median(ratios):.2f} times the case without, {own.iterations[0]} Newton "
+            f"iterations in place of {other.iterations[0]}"
+        )
+
+
 def plot(runs: list[Run], path: Path) -> None:
     """Error against processor time."""
     import matplotlib  # noqa: PLC0415 - not all peers are installed
@@ -404,7 +443,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--plot", type=Path)
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--actuation", action="store_true", help="pressures and tendons only")
     options = parser.parse_args()
+    if options.actuation:
+        actuation()
+        return
     print("On the same mesh:")
     runs = same_mesh()
     print("At 1 % in translation and rotation:")

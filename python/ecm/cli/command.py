@@ -31,6 +31,7 @@ from dataclasses import dataclass, replace
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
+from types import UnionType
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 import typer
@@ -129,6 +130,8 @@ class _Option:
         """As typer wants it."""
         word, text = (self.word, self.text) if self.text else _SHARED.get(self.name, ("", ""))
         default, kind, limits = _value(self.default), _value(self.annotation), []
+        if get_origin(kind) is UnionType:  # of one name or several: an option is repeated
+            kind = next((one for one in get_args(kind) if get_origin(one) is list), kind)
         if get_origin(kind) is Annotated:
             kind, *limits = get_args(kind)
         if get_origin(kind) is list and default == ():

@@ -26,15 +26,6 @@ from ecm.io.csv import BadRows
 from ecm.io.table import Need, Table, check_description, read_table
 from ecm.report.page import Report, require_report
 
-_UNITS = (["SI"], ["mm", "deg", "N", "N m"])
-_TRIED: tuple[dict[str, Any], ...] = (
-    {},
-    {"axis": "x"},
-    *({"units": units} for units in _UNITS),
-    *({"axis": "x", "units": units} for units in _UNITS),
-)
-"""What a log may leave open, by the options of `ecm import` that say it."""
-
 
 def refuse_models(paths: Sequence[Path]) -> None:
     """Raise InputError where a model is given in place of a table, with the right order."""
@@ -49,31 +40,59 @@ def refuse_models(paths: Sequence[Path]) -> None:
         raise InputError(f"{path} is a model, expected a table of measurements", remedy=remedy)
 
 
-def way_in(paths: Sequence[Path]) -> Remedy | None:
-    """Return what to type for files that cannot be read as a table; None where nothing is known.
+def way_in(path: Path) -> Remedy | None:
+    """Return the import that makes a table to fit of a log; None where nothing is known.
 
     Parameters
     ----------
-    paths
-        The files that were given as tables.
+    path
+        The file, or the folder of a bag, that was given as a table.
     """
-    if len(paths) != 1:
-        return None
-    from ecm.logs.importing import import_log, read_log  # noqa: PLC0415 - a sixth of the start
+    from ecm.logs.importing import answered, read_log  # noqa: PLC0415 - a sixth of the start
 
-    (path,) = paths
-    try:
-        log = read_log(path, ())
-    except (EcmError, OSError, ValueError):
+    found = answered(path, {}, whole=True) or answered(path, {})
+    if found is None:
+        with suppress(EcmError, OSError, ValueError):
+            (only,) = read_log(path, ()).log.columns
+            return Remedy(
+                f"a model needs a pose and a wrench in each row, and here is only '{only}': bring "
+                "what belongs together into the columns of one file"
+            )
         return None
-    for options in _TRIED:
-        try:
-            table = import_log(log, **options).table
-        except (EcmError, OSError, ValueError):
-            continue
-        if table.pose_columns and table.wrench_columns:
-            return _import_of(path, options, table)
-    return None
+    answer, imported = found
+    of = {"pose": imported.table.pose_columns, "wrench": imported.table.wrench_columns}
+    lacking = " or a ".join(kind for kind in of if not of[kind])
+    if lacking and all(
+        imported.meta.origin[name] == name for names in of.values() for name in names
+    ):
+        return None  # a table already
+    first = "import it, since it is a log of another program"
+    last = ""
+    if lacking:
+        first = (
+            f"no column may be a {lacking}, without which no model can be fitted: record it in the "
+            "same rows"
+        )
+        last = "what there is becomes a table by"
+    words = "; ".join(filter(None, (first, answer.words, last)))
+    out = path.with_name(f"{path.stem}-table.csv")
+    command = ["ecm", "import", str(path), *import_options(answer.options), "--out", str(out)]
+    return Remedy(words, shlex.join(command))
+
+
+def import_options(options: Mapping[str, Any]) -> list[str]:
+    """Options of `import_log` as they are typed."""
+    words = []
+    for name, value in options.items():
+        if isinstance(value, Mapping):
+            words += [word for item in value.items() for word in ("--map", "=".join(item))]
+        elif name == "topics":
+            words += [word for topic in value for word in ("--topic", topic)]
+        elif value is True:
+            words.append(f"--{name.replace('_', '-')}")
+        else:
+            words += [f"--{name}", value if isinstance(value, str) else ",".join(value)]
+    return words
 
 
 def _is_model(path: Path) -> bool:
@@ -85,22 +104,6 @@ def _is_model(path: Path) -> bool:
     except (OSError, ValueError):
         return False
     return isinstance(document, dict) and "training" in document
-
-
-def _import_of(path: Path, options: dict[str, Any], table: Table) -> Remedy:
-    """The command that makes a table of a log."""
-    words, more = ["import it, since it is a log of another program"], []
-    if "axis" in options:
-        axis = "z" if all(name.endswith("_rad") for name in table.pose_columns) else "x"
-        more += ["--axis", axis]
-        words.append(f"its axis is taken as {axis} (x is along the mechanism, y and z across it)")
-    if "units" in options:
-        more += ["--units", ",".join(options["units"])]
-        words.append(f"its numbers without a unit are taken as {', '.join(options['units'])}")
-    out = path.with_name(f"{path.stem}-table.csv")
-    return Remedy(
-        "; ".join(words), shlex.join(["ecm", "import", str(path), *more, "--out", str(out)])
-    )
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
@@ -294,11 +297,14 @@ class Session(Console):
                     need=need,
                     progress=tell,
                 )
-        except BadRows as error:
-            error.remedy = Remedy(error.remedy.words, "AGAIN --skip-bad-rows")
-            raise
         except InputError as error:
-            error.remedy = error.remedy or way_in(paths)
+            named = [path for path in paths if str(error).startswith(f"{path}: ")]
+            rows = isinstance(error, BadRows) and not error.most
+            imports = error.remedy is None or error.remedy.command.startswith("ecm import ")
+            if named and not rows and (imports or isinstance(error, BadRows)):
+                error.remedy = way_in(named[0]) or error.remedy
+            if isinstance(error, BadRows) and not error.remedy.command:
+                error.remedy = Remedy(error.remedy.words, "AGAIN --skip-bad-rows")
             raise
         for warning in brief(table.warnings, paths):
             self.warn(warning)

@@ -131,9 +131,11 @@ _SHOWN = 10
 class BadRows(InputError):
     """Rows that cannot be read, and that may be left out."""
 
-    def __init__(self, message: str, *, remedy: Remedy) -> None:
+    def __init__(self, message: str, *, remedy: Remedy, most: bool = False) -> None:
         super().__init__(message, remedy=remedy)
         self.remedy: Remedy = remedy
+        self.most = most
+        """Whether these are most rows: then the file may be no table."""
 
 
 class RowError(NamedTuple):
@@ -189,7 +191,8 @@ class RowErrors:
         table = "data (rows are counted from 0)" if in_memory else "file"
         skip = "as_table(..., skip_bad_rows=True)" if in_memory else "--skip-bad-rows"
         words = f"correct the {table}, or leave {them} out with {skip} (which records it)"
-        return BadRows(self.summary(), remedy=Remedy(words))
+        most = 2 * rows > len(self.numbers)
+        return BadRows(self.summary(), remedy=Remedy(words), most=most)
 
 
 _BLOCK = 4096

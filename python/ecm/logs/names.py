@@ -35,7 +35,7 @@ QUANTITIES = {
     "position": Quantity(
         "length",
         "pos position p u d disp displ displacement deflection translation trans location loc "
-        "coordinate extension stroke elongation weg verschiebung",
+        "coordinate extension stroke elongation travel crosshead weg verschiebung",
         standard=POSE[:3],
     ),
     "force": Quantity("force", "f force load kraft", standard=WRENCH[:3]),
@@ -75,6 +75,8 @@ QUANTITIES = {
         "time", "t time timestamp stamp timestamps elapsed zeit clock", "", ("time_s",)
     ),
     "temperature": Quantity("temperature", "temp temperature", "", ("temperature_degC",)),
+    "strain": Quantity("strain", "strain stretch dehnung"),
+    "stress": Quantity("stress", "stress"),
 }
 
 
@@ -122,6 +124,15 @@ class Named:
         return next((guess.part for guess in self.guesses if guess.quantity == quantity), "")
 
 
+_MATERIAL = {"%": Unit("%", "strain", 0.01)} | {
+    word: Unit(word, dimension, factor)
+    for dimension, words in (
+        ("strain", {"pct": 0.01, "percent": 0.01, "mm/mm": 1.0, "m/m": 1.0, "in/in": 1.0}),
+        ("stress", {"pa": 1.0, "kpa": 1e3, "mpa": 1e6, "gpa": 1e9, "psi": 6894.757293168}),
+    )
+    for word, factor in words.items()
+}
+"""Units of strains and stresses, which alone are no pose and no wrench."""
 _AXES = ("x", "y", "z")
 _QUANTITIES: dict[str, list[str]] = {}
 for _quantity, _row in QUANTITIES.items():
@@ -237,9 +248,10 @@ def read_name(name: str, unit_word: str = "") -> Named:
     if comma is not None and find_unit(comma[2]) is not None:
         name, unit = comma[1], unit or find_unit(comma[2])
     tokens = _tokens(name)
+    material = _of_material(tokens, unit_word)
     last = tokens[-1] if len(tokens) > 1 else ""
-    if is_other_unit(unit_word) or is_other_unit(last):
-        return Named(())
+    if material is not None or is_other_unit(unit_word) or is_other_unit(last):
+        return material or Named((), Unit(unit_word or last, "other"))
     for size in (2, 1):
         found = find_unit("".join(tokens[-size:])) if len(tokens) > size else None
         if found is None or _NOT_MEASURED.intersection(tokens[:-size]):
@@ -268,6 +280,20 @@ def _sure(name: str, unit_word: str) -> Named | None:
     if chamber is None or chamber[2] not in _OF_CHAMBERS["pressure"]:
         return None
     return Named((Guess("standard", f"pressure_{chamber[1]}_Pa"),), find_unit(chamber[2]))
+
+
+def _of_material(tokens: Sequence[str], unit_word: str) -> Named | None:
+    """The strain or stress that words and unit tell; None for anything else."""
+    for kind in ("strain", "stress"):
+        known = set(QUANTITIES[kind].words.split())
+        if not known.intersection(tokens) or _NOT_MEASURED.intersection(tokens):
+            continue
+        for word in (unit_word, *("".join(tokens[-size:]) for size in (2, 1))):
+            unit = _MATERIAL.get(word.strip().lower())
+            if unit is not None and unit.dimension == kind:
+                return Named((Guess(kind),), unit)
+        return None if unit_word else Named((Guess(kind),))
+    return None
 
 
 def trailing_units(name: str) -> tuple[str, dict[str, Unit]]:

@@ -21,7 +21,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import Any, Literal, get_args
+from typing import Any, Literal, cast, get_args
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -33,6 +33,7 @@ from ecm.io.columns import POSE, WRENCH, amount_columns
 from ecm.io.events import Progress
 from ecm.io.settings import setting
 from ecm.io.table import Table
+from ecm.models.errors_in_variables import AllRows, fit_with_pose_noise
 from ecm.models.layout import Layout, array, items, number, one_of, record, text
 from ecm.models.maps import EnergyMap, EnergyTerms, SixAxisMap
 from ecm.models.noise_estimate import declared_or_fitted
@@ -47,7 +48,7 @@ _LEAST_DEGREE, _MOST_DEGREE, _ORDER, _MOST_ORDER = 3, 6, 3, 4
 _PURE_ORDER = 5
 """Order of f: a chamber swells more than in proportion."""
 _WEIGHED = 2
-"""Fits with the weights of the fit before: the noise of the pose acts through K."""
+"""Fits with amounts weighed by what the fit before left."""
 _LEAST_SHARE = 1e-4
 """Least error of a measured amount over its spread."""
 _CONJUGATE = {"volume": "pressure", "length": "tension"}
@@ -556,6 +557,45 @@ def _slope(a: F, product: tuple[int, ...], by: tuple[int, ...]) -> F:
     return factor * _power(a, tuple(powers))
 
 
+_EXCHANGED = 1.5
+"""Least fall of the error by which columns of actuators count as exchanged."""
+_ALL_ORDERS = 4
+"""Number of actuators up to which every order is tried; of more only two exchanged."""
+
+
+def exchanged(table: Table, model: ActuatedModel) -> tuple[tuple[str, ...], float] | None:
+    """The order in which the columns of the actuators fit far better, and how many times better.
+
+    A model that knows how the actuators stand round the axis errs where two columns are exchanged.
+    The error is the geometric mean of the components', for a pressure may show in one alone.
+    None where no other order fits 1.5 times better, and for a model without symmetry.
+    """
+    names, low = table.actuation_columns, replace(model, degree=_LEAST_DEGREE)
+    terms = ActuatedTerms(1.0, tuple(map(_kind, names)), low.degree, low.order, low.symmetry)
+    if model.symmetry == "general" or 3 * len(table) < terms.count():
+        return None
+    plain = table.drop(*amount_columns(table.columns))
+
+    def error(order: tuple[str, ...]) -> float:
+        columns = {name: table[other] for name, other in zip(names, order, strict=True)}
+        own = plain.with_columns(columns)
+        fitted = low.fit_map(own, "spread").base
+        left = fitted.predict(own.matrix((*POSE, *names))) - own.wrenches
+        return float(np.exp(np.mean(np.log(left.std(axis=0) + 1e-300))))
+
+    if len(names) <= _ALL_ORDERS:
+        orders = list(itertools.permutations(names))
+    else:
+        swaps = [(names[i], names[j]) for j in range(len(names)) for i in range(j + 1)]
+        orders = [tuple({a: b, b: a}.get(name, name) for name in names) for a, b in swaps]
+    kinds = [_kind(name) for name in names]
+    orders = [order for order in orders if [_kind(name) for name in order] == kinds]
+    errors = {order: error(order) for order in orders}
+    best = min(orders, key=lambda order: errors[order])
+    better = errors[names] / errors[best]
+    return (best, better) if better > _EXCHANGED else None
+
+
 def _name(degree: int, order: int, body: Body) -> str:
     suffix = "" if body == "alike" else f"-{body}"
     return f"actuated{degree}{suffix}" + ("" if order == _ORDER else f":{order}")
@@ -616,36 +656,22 @@ class ActuatedModel(ModelSpecification):
     def fit_map(
         self, table: Table, weights: Weights, progress: Progress | None = None
     ) -> FittedMap:
-        """Least squares by the declared noise of wrench and pose, else by the spreads."""
+        """Errors in variables by the declared noise of wrench and pose, else by the spreads."""
         actuation = table.actuation_columns
         if not actuation:
             raise InputError(
                 f"{table.source}: {self.name} needs the actuators' columns, pressure_1_Pa, "
                 "pressure_2_Pa, ...; without them take another model (ecm fit --model choose)"
             )
-        inputs = (*POSE, *actuation)
-        rows, wrenches = table.matrix(inputs), table.matrix(WRENCH)
-        kinds = tuple(map(_kind, actuation))
-        terms = ActuatedTerms(
-            length_of(table, self.name), kinds, self.degree, self.order, self.symmetry
-        )
-        largest = np.abs(rows[:, 6:]).max(axis=0)
-        alike = np.array(kinds)[:, None] == np.array(kinds)
-        input_scale = np.where(alike, largest, 0.0).max(axis=1)
-        if not input_scale.all():
-            name = actuation[int(np.argmin(input_scale))]
+        rows, wrenches = table.matrix((*POSE, *actuation)), table.matrix(WRENCH)
+        base = self.empty_map(rows, length_of(table, self.name), actuation)
+        terms = base.terms
+        if not base.input_scale.all():
+            name = actuation[int(np.argmin(base.input_scale))]
             raise InputError(
                 f"{table.source}: {name} is 0 in every row, and so are all of its kind; give rows "
                 "under load, or leave these columns out"
             )
-        base = ActuatedMap(
-            terms,
-            np.asarray(terms.of_pose.frame(np.ascontiguousarray(rows[:, :6]))),
-            input_scale,
-            np.zeros(terms.count()),
-            np.zeros(len(terms.pure())),
-            actuation,
-        )
         amounts, of = _measured_amounts(table, actuation)
         equations = len(table) * (6 + len(of))
         if equations < terms.count() + (len(base.pure_J) if of else 0):
@@ -661,13 +687,37 @@ class ActuatedModel(ModelSpecification):
         noise = declared_or_fitted(fitted, table)
         if weights == "spread" or noise.source != "declared":
             return FittedMap(fitted, noise, variance * covariance)
-        for _ in range(_WEIGHED):
-            whitener = whiteners(noise.covariance(Rows(table, fitted)))
+        for _ in range(_WEIGHED if of else 1):
             # Nothing is known of an amount's noise but what the fit before left.
             left = amounts - fitted.amounts(rows)[:, of] if of else amounts
             sd = np.maximum(left.std(axis=0), _LEAST_SHARE * spreads[1])
-            fitted, covariance, variance = _fitted(base, rows, wrenches, whitener, amounts, sd, of)
+
+            def solve(poses: F, moved: F, noisy: F, sd: F = sd) -> tuple[ActuatedMap, F, float]:
+                at = np.hstack([poses, rows[:, 6:]])
+                return _fitted(base, at, moved, whiteners(noisy), amounts, sd, of)
+
+            # By the weights alone first: from the fit by spreads poses may run away.
+            whitener = noise.covariance(Rows(table, fitted))
+            fitted, covariance, variance = solve(rows[:, :6], wrenches, whitener)
+            result = fit_with_pose_noise(table, fitted, noise, AllRows(solve), progress=progress)
+            if result.converged:
+                fitted, covariance = cast(ActuatedMap, result.base), result.covariance
+                variance = result.residual_variance
         return FittedMap(fitted, noise, covariance, variance)
+
+    def empty_map(self, rows: F, length_m: float, actuators: tuple[str, ...]) -> ActuatedMap:
+        """The map whose coefficients are all 0, in the scales of rows (N, 6 + m)."""
+        kinds = tuple(map(_kind, actuators))
+        terms = ActuatedTerms(length_m, kinds, self.degree, self.order, self.symmetry)
+        alike = np.array(kinds)[:, None] == np.array(kinds)
+        return ActuatedMap(
+            terms,
+            np.asarray(terms.of_pose.frame(np.ascontiguousarray(rows[:, :6]))),
+            np.where(alike, np.abs(rows[:, 6:]).max(axis=0), 0.0).max(axis=1),
+            np.zeros(terms.count()),
+            np.zeros(len(terms.pure())),
+            actuators,
+        )
 
     @staticmethod
     def layout(n: int, m: int) -> Layout:

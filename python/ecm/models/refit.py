@@ -15,6 +15,7 @@ import numpy as np
 
 from ecm.effects.protocol import Effect
 from ecm.errors import ComputationError, EcmError, InputError, Remedy
+from ecm.io.arguments import listed
 from ecm.io.arrays import B, F
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.events import Progress
@@ -363,9 +364,9 @@ def refit(
     table: TableLike,
     *,
     meta: MetaLike = None,
-    add: Sequence[str | Effect] = (),
-    remove: Sequence[str] = (),
-    freeze: Sequence[str] = (),
+    add: str | Effect | Sequence[str | Effect] = (),
+    remove: str | Sequence[str] = (),
+    freeze: str | Sequence[str] = (),
     progress: Progress | None = None,
 ) -> Model:
     """Fit a model again to a table, with an effect more or less.
@@ -379,11 +380,11 @@ def refit(
     meta
         Description of the data, as a dict of what the TOML beside it would hold, or that file.
     add
-        Effects, or their ids, that the model lacks.
+        Effects, or their ids, that the model lacks; or one alone.
     remove
-        Ids of effects that it has and shall not have.
+        Ids of effects that it has and shall not have; or one alone.
     freeze
-        Ids of effects whose values are kept.
+        Ids of effects whose values are kept; or one alone.
     progress
         Called with the part that is done, the whole, and the step that begins.
 
@@ -409,7 +410,7 @@ def refit(
     >>> wrenches[:, 1] += 0.05 * time_s
     >>> rows = np.column_stack([poses, wrenches, time_s]).T
     >>> table = ecm.as_table(dict(zip([*POSE, *WRENCH, "time_s"], rows)))
-    >>> model = ecm.refit(ecm.fit(table, "linear"), table, add=["fts_drift"])
+    >>> model = ecm.refit(ecm.fit(table, "linear"), table, add="fts_drift")
     >>> print(model.fit_report().splitlines()[3])
         fy_rate = 0.05 +- 0.016 N/s
     """
@@ -418,6 +419,7 @@ def refit(
             "refit: nothing to change; give add, remove or freeze "
             "(--add EFFECT, --remove EFFECT, --freeze NAME)"
         )
+    add, remove, freeze = listed(add), listed(remove), listed(freeze)
     changed = as_model(model, table).remove(*remove).add(*add).freeze(*freeze)
     with naming_wild_readings(table):
         fitted = changed.fit(table, progress=progress)

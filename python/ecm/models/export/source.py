@@ -16,6 +16,7 @@ from ecm._native import export_model, seal_model
 from ecm.errors import ComputationError, InputError, Remedy
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.printed import Printed
 from ecm.models.actuated import ActuatedMap
 from ecm.models.control_loop import ControlLoop, LoopSettings
 from ecm.models.controller import AdaptSettings
@@ -206,8 +207,8 @@ def without(ids: Sequence[str], then: str) -> Remedy:
     )
 
 
-@dataclass(frozen=True)
-class Exported:
+@dataclass(frozen=True, repr=False)
+class Exported(Printed):
     """An exported model: what a target gives, and what `export_files` says of it.
 
     Examples
@@ -234,6 +235,9 @@ class Exported:
     """Change of the model by the form that the target can hold, over the noise."""
     lost: Mapping[str, str] = field(default_factory=dict)
     """Effects beyond the noise that the files lack: words by id."""
+
+    def __str__(self) -> str:
+        return "\n".join([f"{len(self.files)} files: {', '.join(self.files)}", *self.notes])
 
 
 @dataclass(frozen=True)

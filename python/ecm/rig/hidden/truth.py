@@ -16,6 +16,7 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
+from ecm.io.printed import Printed
 from ecm.io.table import Table, read_table
 from ecm.io.toml import did_you_mean
 from ecm.rig.physics import TRUE_EFFECTS
@@ -110,16 +111,20 @@ class Hidden:
         impossible: tuple[str, ...] = (),
         *,
         streamed: bool = False,
+        driven: bool = False,
     ) -> Hidden:
         """`random` becomes an id that is not `taken`, and a strength where none was given.
 
         Without a requested strength it may become `none`; not any more where an effect was drawn
         already that was `impossible` with the plan. `streamed`: a raw stream shows what moves.
+        `driven`: there are actuators, in which something may act.
         """
         if self.effect != "random":
             return self
         possible = {
-            name for name, kind in TRUE_EFFECTS.items() if streamed or not kind.only_in_motion
+            name
+            for name, kind in TRUE_EFFECTS.items()
+            if (streamed or not kind.only_in_motion) and (driven or not kind.of_actuators)
         }
         possible -= set(taken)
         left = sorted(possible - set(impossible))
@@ -207,8 +212,8 @@ def score(truth: Sequence[str], answer: Sequence[Sequence[str]]) -> dict[str, An
     }
 
 
-@dataclass(frozen=True)
-class Revealed:
+@dataclass(frozen=True, repr=False)
+class Revealed(Printed):
     """An opened truth, and the score of an answer where there is one.
 
     Examples
@@ -233,6 +238,9 @@ class Revealed:
         if self.score is not None:
             document |= {"verdict": self.verdict, "score": self.score}
         return document
+
+    def __str__(self) -> str:
+        return self.text()
 
     def text(self) -> str:
         """A few plain lines."""
