@@ -215,6 +215,24 @@ def test_inputs_of_each_kind_are_moved_among_themselves() -> None:
     np.testing.assert_array_equal(again.amounts(rows), own.amounts(rows))
 
 
+def test_tensions_and_shortenings_are_inputs_and_amounts_like_pressures(
+    train: Table, model: Model
+) -> None:
+    """The same arm with its chambers called tendons, some of whose lengths were read."""
+    names = {old: f"tension_{i}_N" for i, old in enumerate(PRESSURES, 1)}
+    names |= {VOLUMES[0]: "length_1_m", VOLUMES[2]: "length_3_m"}
+    columns = {names.get(name, name): train[name] for name in train.columns}
+    del columns[VOLUMES[1]]
+    tendons = ecm.as_table(columns, meta=ARM)
+    fitted = ecm.fit_model(tendons, "actuated4")
+    assert fitted.actuated.actuators == ("tension_1_N", "tension_2_N", "tension_3_N")
+    left = fitted.predict(tendons) - model.predict(train)
+    assert (left.std(axis=0) < 2e-3 * train.wrenches.std(axis=0)).all()
+    rows = inputs_of(fitted.base, tendons)
+    amounts = fitted.actuated.amounts(rows)
+    np.testing.assert_allclose(amounts[:, 2], train[VOLUMES[2]], atol=2e-8)
+
+
 def test_a_file_with_one_input_scale_is_read(model: Model, fresh: Table) -> None:
     document = model.actuated.document()
     document["parameters"]["scale"] = document["parameters"]["scale"][:3]
@@ -300,6 +318,32 @@ def test_inputs_for_a_pose_stay_within_their_limits(model: Model, fresh: Table) 
     assert np.abs(more).max() > np.abs(left).max()
     with pytest.raises(InputError, match=r"limits has shape \(2, 2\)"):
         model.actuation_for(row[:6], limits=[(0.0, 1.0)] * 2)
+
+
+def test_the_stiffness_that_can_be_had_at_a_pose_holds_it(model: Model) -> None:
+    """The surroundings guide the arm along its axis: three chambers are more than are needed."""
+    pose, limits = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0]), [(0.0, 2e4)] * 3
+    tolerance = np.array([np.inf, 0.02, 0.02, 1e-3, 1e-3, 1e-3])
+    (low, soft), (high, stiff) = model.stiffness_range(
+        pose, limits=limits, along="y_m", tolerance=tolerance
+    )
+    assert low < high - 3.0
+    for value, a in ((low, soft), (high, stiff)):
+        assert (np.abs(model.predict(pose, a)) <= tolerance + 1e-5).all()
+        assert ((a >= 0.0) & (a <= 2e4)).all()
+        own = model.stiffness(model.with_actuation(pose, a)[None])[0, 1, 1]
+        assert value == pytest.approx(own, rel=1e-9)
+    # None of many others that hold it is softer or stiffer.
+    some = np.random.default_rng(0).uniform(0.0, 2e4, (4000, 3))
+    rows = model.with_actuation(pose, some)
+    holding = (np.abs(model.predict(rows)) <= tolerance).all(axis=1)
+    own = model.stiffness(rows[holding])[:, 1, 1]
+    assert holding.sum() > 20
+    assert low - 1e-6 <= own.min() <= own.max() <= high + 1e-6
+    with pytest.raises(ComputationError, match=r"no inputs within the limits hold the pose: f"):
+        model.stiffness_range(np.array([0.1, 0.01, 0, 0, 0, 0]), limits=limits, along="y_m")
+    with pytest.raises(InputError, match="along = 'y'"):
+        model.stiffness_range(pose, limits=limits, along="y")
 
 
 def test_a_file_gives_the_same_model_back(model: Model, fresh: Table, tmp_path: Path) -> None:
