@@ -22,8 +22,10 @@ from ecm.cli.console import Console
 from ecm.cli.interrupt import NOTHING_WRITTEN
 from ecm.errors import ComputationError, EcmError, InputError, Refusal, Remedy, exit_code, remedy_of
 from ecm.io.cache import is_device, write_json
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.csv import BadRows
 from ecm.io.table import Need, Table, check_description, read_table
+from ecm.io.toml import IMPORT
 from ecm.report.blocks import CodeBlock, Section
 from ecm.report.page import Report, require_report
 
@@ -94,6 +96,16 @@ def import_options(options: Mapping[str, Any]) -> list[str]:
         else:
             words += [f"--{name}", value if isinstance(value, str) else ",".join(value)]
     return words
+
+
+def _is_table(path: Path) -> bool:
+    """Whether the first line of a file names standard columns of a pose and of a wrench."""
+    try:
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            names = {name.strip() for name in file.readline().split(",")}
+    except OSError:
+        return False
+    return not names.isdisjoint(POSE) and not names.isdisjoint(WRENCH)
 
 
 def _is_model(path: Path) -> bool:
@@ -311,11 +323,11 @@ class Session(Console):
                     progress=tell,
                 )
         except InputError as error:
-            named = [path for path in paths if str(error).startswith(f"{path}: ")]
-            rows = isinstance(error, BadRows) and not error.most
-            imports = error.remedy is None or error.remedy.command.startswith("ecm import ")
-            if named and not rows and (imports or isinstance(error, BadRows)):
-                error.remedy = way_in(named[0]) or error.remedy
+            few = isinstance(error, BadRows) and not error.most
+            own = error.remedy is not None and error.remedy.command != IMPORT
+            logs = (path for path in paths if not _is_table(path))
+            if (not own or isinstance(error, BadRows)) and not few and (log := next(logs, None)):
+                error.remedy = way_in(log) or error.remedy
             if isinstance(error, BadRows) and not error.remedy.command:
                 error.remedy = Remedy(error.remedy.words, "AGAIN --leave-out")
             raise
