@@ -82,6 +82,8 @@ COLUMN_GUIDE = (
         ("pressure_1_Pa",), "Pa", "gauge pressure in chamber 1, 2, ... (docs/actuation.md)"
     ),
     ColumnGuide(("volume_1_m3",), "m3", "change of the volume of chamber 1, 2, ... from rest"),
+    ColumnGuide(("tension_1_N",), "N", "tension of tendon 1, 2, ... (docs/actuation.md)"),
+    ColumnGuide(("length_1_m",), "m", "length of tendon 1, 2, ... wound in from rest"),
     ColumnGuide(("action",), "", "of a plan: what to do", "`measure`, `home`, `remount:90`, ..."),
 )
 """In the order of the page."""

@@ -98,7 +98,11 @@ def balanced(sets: Sequence[Set]) -> list[Set]:
 def hideable(source: str) -> tuple[str, ...]:
     """Ids that a source can hide and the library can name."""
     known = {effect.id for effect in all_effects()}
-    at_rest = [name for name, kind in TRUE_EFFECTS.items() if not kind.only_in_motion]
+    at_rest = [
+        name
+        for name, kind in TRUE_EFFECTS.items()
+        if not (kind.only_in_motion or kind.of_actuators)
+    ]
     own = ROD_EFFECTS if source == "rod" else at_rest
     return tuple(sorted(id for id in own if id in known and id not in NOT_TO_BE_NAMED))
 

@@ -134,6 +134,17 @@ class Mesh:
     @property
     def chambers(self) -> list[tuple[str, _I]]:
         """Name and nodes of each chamber's wall."""
+    def with_tendon(
+        self,
+        name: str,
+        *,
+        base_m: Sequence[Sequence[float]] = ...,
+        body_m: Sequence[Sequence[float]] = ...,
+        platform_m: Sequence[Sequence[float]] = ...,
+    ) -> Mesh:
+        """With a tendon, straight between points of the base, of the body, then of the platform."""
+    def with_winding(self, surface: str, *, angle_rad: float, stiffness_N_m: float) -> Mesh:
+        """With threads bonded to a chamber's wall, another named surface or "outside"."""
     @staticmethod
     def from_arrays(nodes_m: _F, tetrahedra: _I, *, base_nodes: _I, top_nodes: _I) -> Mesh:
         """(N, 3) and (M, 10) arrays, node numbers of the two faces."""
@@ -168,13 +179,13 @@ class FemResults:
     def wrenches(self) -> _F: ...
     @property
     def loads(self) -> _F:
-        """(N, 6 + m): wrench and pressures, as the solver takes them."""
+        """(N, 6 + m): wrench and inputs (pressures, Pa, then tensions, N), as the solver takes them."""
     @property
-    def volumes_m3(self) -> _F:
-        """(N, m): change of each chamber's volume from the undeformed body."""
+    def amounts(self) -> _F:
+        """(N, m): change of each chamber's volume, m^3, then shortening of each tendon, m."""
     @property
     def actuation_jacobians(self) -> tuple[_F, _F]:
-        """G = dh/da, (N, 6, m), m^2 and m^3; C = dq/da, (N, m, m), m^3/Pa; at fixed pose."""
+        """G = dh/da, (N, 6, m), and C = dq/da, (N, m, m), at fixed pose and other inputs."""
     @property
     def energy_J(self) -> _F: ...
     @property
@@ -246,12 +257,18 @@ class Fem:
         """Solves one load and writes displacement, stretch, stress for ParaView."""
     @property
     def actuators(self) -> list[str]:
-        """Names of the chambers, in the order of their pressures."""
+        """Names of the actuators in the order of their inputs: the chambers, then the tendons."""
     def rest_stiffness(self) -> _F: ...
     def solve_wrenches(
-        self, wrenches: _F, *, threads: int = 0, progress: _Progress = None
+        self,
+        wrenches: _F,
+        *,
+        given: Sequence[bool] | None = None,
+        threads: int = 0,
+        progress: _Progress = None,
     ) -> FemResults:
-        """Equilibria under wrenches (N, 6), or (N, 6 + m) with a gauge pressure per chamber, Pa."""
+        """Equilibria under wrenches (N, 6), or (N, 6 + m) with an input per actuator: Pa, then N.
+        given (m,): of which of them the amount stands there, m^3 and m."""
     def solve_each(
         self,
         wrenches: _F,
@@ -267,8 +284,15 @@ class Fem:
         """Poses (N, 6) that a warm start predicts; nothing is solved."""
     def fit_warm_start(self, wrenches: _F, fields: NDArray[np.float32]) -> WarmStart | None:
         """A warm start fitted to states and their wrenches; None when there are too few."""
-    def solve_poses(self, poses: _F, *, threads: int = 0, progress: _Progress = None) -> FemResults:
-        """Wrenches that hold poses (N, 6), or (N, 6 + m) with a gauge pressure per chamber, Pa."""
+    def solve_poses(
+        self,
+        poses: _F,
+        *,
+        given: Sequence[bool] | None = None,
+        threads: int = 0,
+        progress: _Progress = None,
+    ) -> FemResults:
+        """Wrenches that hold poses (N, 6), or (N, 6 + m) as in solve_wrenches."""
 
 def rod_poses(
     wrenches: _F,

@@ -42,6 +42,7 @@ from blind_parts.workers import run_all
 from ecm.designs import follow_up_plan
 from ecm.diagnosis import diagnose, find_missing
 from ecm.effects import Rows, all_effects, get_effect
+from ecm.effects.registry import effects_of_actuators
 from ecm.io.columns import WRENCH
 from ecm.regression.noise import declared_noise
 from ecm.rig.physics import TRUE_EFFECTS
@@ -372,7 +373,7 @@ def test_the_same_seed_gives_the_same_table(folder: Path) -> None:
 
 # --- sets and scores ----------------------------------------------------------------------------
 def test_thirty_effects_can_be_hidden_and_named() -> None:
-    known = {effect.id for effect in all_effects()}
+    known = {effect.id for effect in (*all_effects(), *effects_of_actuators())}
     assert len(set(hideable("rig")) | set(hideable("rod"))) >= 30
     assert set(EFFECTS) | set(TRUE_EFFECTS) <= known
     assert len(STRANGE) >= 5

@@ -420,7 +420,7 @@ def test_effects_of_installed_packages_are_known(
     assert "no module named fan" in done.err
 
 
-@pytest.mark.parametrize("what", ["config", "rig", "data"])
+@pytest.mark.parametrize("what", ["config", "arm", "rig", "data"])
 def test_new_writes_a_file_once(
     what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
 ) -> None:

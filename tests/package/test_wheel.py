@@ -30,7 +30,7 @@ def test_the_wheel_installs_and_identifies_without_rust(
     with ZipFile(wheel) as archive:
         files = set(archive.namelist())
     templates = {path.name for path in (ROOT / "python/ecm/io/templates").glob("*.*")}
-    assert {"rig.toml", "config.toml", "data.toml", "data.csv"} <= templates
+    assert {"rig.toml", "config.toml", "arm.toml", "data.toml", "data.csv"} <= templates
     assert {f"ecm/io/templates/{name}" for name in templates} <= files
     assert {f"ecm/models/export/templates/control/control.{end}" for end in ("c", "rs")} <= files
 

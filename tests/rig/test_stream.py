@@ -153,7 +153,9 @@ def test_what_is_hidden_at_rest_is_in_the_stream_too(tmp_path: Path) -> None:
     assert "time_skew" not in found.answer[0]
 
 
-AT_REST = sorted(name for name, kind in TRUE_EFFECTS.items() if not kind.only_in_motion)
+AT_REST = sorted(
+    name for name, kind in TRUE_EFFECTS.items() if not (kind.only_in_motion or kind.of_actuators)
+)
 OTHERWISE = {
     # effect: share of it by which the stream may differ from the readings at rest, and why.
     "fts_hysteresis": 0.3,  # at rest it follows commanded poses, in the stream those reached

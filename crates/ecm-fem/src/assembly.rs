@@ -14,7 +14,8 @@ use crate::chamber::face_volume;
 use crate::element::matrix::Element;
 use crate::pattern::{ENTRIES, NONE, Pattern};
 use crate::platform::Platform;
-use crate::solve::Beside;
+use crate::solve::State;
+use crate::tensor::{Mat3, product, skew};
 
 /// Sums of one pass over the elements; reused without allocation.
 #[derive(Debug)]
@@ -31,14 +32,17 @@ pub struct Sums {
     pub platform: [[f64; 6]; 6],
     /// Share of the body's dead force that acts; 1 but on the way to a load.
     pub dead_share: f64,
-    /// Gauge pressure in each chamber, Pa.
-    pub actuation: Vec<f64>,
-    /// Volume of each chamber, m³.
-    pub chamber_m3: Vec<f64>,
-    /// Its derivative by displacement component, m², chamber after chamber.
-    pub chamber_gradient: Vec<Vec<f64>>,
-    /// Its derivative by (δr, δφ) of the caps on the platform.
-    pub cap_gradient: Vec<[f64; 6]>,
+    /// Input of each actuator: gauge pressure of a chamber, Pa, tension of a tendon, N.
+    pub inputs: Vec<f64>,
+    /// Amount of each actuator (see [`Body::amounts`]).
+    pub amounts: Vec<f64>,
+    /// Its derivative by displacement component, actuator after actuator.
+    pub amount_gradient: Vec<Vec<f64>>,
+    /// Its derivative by (δr, δφ) of what is fixed to the platform beside the nodes: caps of
+    /// chambers, points of tendons.
+    pub rigid_gradient: Vec<[f64; 6]>,
+    /// The same with the nodes that move with the platform.
+    pub amount_by_platform: Vec<[f64; 6]>,
     /// Softening of condensed pressures in the tangent, 0 near a solution (see `condensed_pressure`).
     pub softening: f64,
     /// Stored energy, J.
@@ -51,7 +55,7 @@ impl Sums {
     /// Allocates for one pass.
     pub fn new(body: &Body, pattern: &Pattern) -> Self {
         let n = body.mesh.nodes_m().len();
-        let chambers = body.chambers.count();
+        let actuators = body.actuators();
         Self {
             tangent: vec![0.0; pattern.symbolic.entries()],
             force: vec![0.0; 3 * n],
@@ -59,17 +63,18 @@ impl Sums {
             coupling: vec![[0.0; 6]; pattern.unknowns],
             platform: [[0.0; 6]; 6],
             dead_share: 1.0,
-            actuation: vec![0.0; chambers],
-            chamber_m3: vec![0.0; chambers],
-            chamber_gradient: vec![vec![0.0; 3 * n]; chambers],
-            cap_gradient: vec![[0.0; 6]; chambers],
+            inputs: vec![0.0; actuators],
+            amounts: vec![0.0; actuators],
+            amount_gradient: vec![vec![0.0; 3 * n]; actuators],
+            rigid_gradient: vec![[0.0; 6]; actuators],
+            amount_by_platform: vec![[0.0; 6]; actuators],
             softening: 0.0,
             energy_J: 0.0,
             smallest_jacobian: f64::INFINITY,
         }
     }
 
-    /// Forces and tangent at `field`, whose platform nodes are on `platform`.
+    /// Forces and tangent at a state whose platform nodes are on its platform.
     ///
     /// # Errors
     /// [`Inverted`] when det F ≤ 0 at a quadrature point.
@@ -77,12 +82,18 @@ impl Sums {
         &mut self,
         body: &Body,
         pattern: &Pattern,
-        field: &Field,
-        platform: &Platform,
+        state: &State,
     ) -> Result<(), Inverted> {
+        let (field, platform) = (&state.field, &state.platform);
         let arm = |node| platform.arm(&body.mesh, node);
+        let actuators = self.inputs.len();
+        self.inputs.copy_from_slice(&state.inputs[..actuators]);
+        self.amounts.fill(0.0);
+        self.amount_gradient.iter_mut().for_each(|g| g.fill(0.0));
+        self.platform = [[0.0; 6]; 6];
         self.add_caps(body, platform);
         let mut wall = body.chambers.faces.iter().peekable();
+        let mut wound = body.wound.iter().peekable();
         self.tangent.fill(0.0);
         for (force, dead) in self.force.iter_mut().zip(&body.dead_force_N) {
             *force = -self.dead_share * dead;
@@ -99,13 +110,18 @@ impl Sums {
             while let Some(face) = wall.next_if(|face| face.element == e) {
                 let nodes = face.local.map(|k| tet[k]);
                 let volume = face_volume(&nodes.map(|node| body.place_m(field, node)));
-                self.chamber_m3[face.chamber] += volume.volume_m3;
+                self.amounts[face.chamber] += volume.volume_m3;
                 for (node, gradient) in nodes.iter().zip(volume.gradient) {
                     for k in 0..3 {
-                        self.chamber_gradient[face.chamber][3 * node + k] += gradient[k];
+                        self.amount_gradient[face.chamber][3 * node + k] += gradient[k];
                     }
                 }
-                element.add_pressure(&face.local, &volume, self.actuation[face.chamber]);
+                element.add_pressure(&face.local, &volume, self.inputs[face.chamber]);
+            }
+            while let Some(face) = wound.next_if(|face| face.element == e) {
+                let threads = face.at(&face.local.map(|k| body.place_m(field, tet[k])));
+                self.energy_J += threads.energy_J;
+                element.add_face(&face.local, &threads.force, |a, b| threads.stiffness[a][b]);
             }
             for a in 0..10 {
                 for i in 0..3 {
@@ -123,32 +139,97 @@ impl Sums {
                 self.couple(pattern, &element, tet, &arm);
             }
         }
+        self.add_tendons(body, pattern, field, platform);
+        for (k, gradient) in self.amount_gradient.iter().enumerate() {
+            let of_nodes = platform
+                .wrench(&body.mesh, &pattern.platform_nodes, gradient)
+                .0;
+            self.amount_by_platform[k] =
+                std::array::from_fn(|i| of_nodes[i] + self.rigid_gradient[k][i]);
+        }
         Ok(())
     }
 
-    /// Sets what acts beside the load; says whether it acted already.
-    pub fn set_beside(&mut self, beside: &Beside) -> bool {
-        let chambers = self.actuation.len();
-        let same =
-            self.dead_share == beside.weight && self.actuation == beside.actuation[..chambers];
-        self.dead_share = beside.weight;
-        self.actuation
-            .copy_from_slice(&beside.actuation[..chambers]);
-        same
-    }
-
-    /// What the chambers' caps on the platform add; all else of the platform is set to nothing.
+    /// What the chambers' caps on the platform add.
     fn add_caps(&mut self, body: &Body, platform: &Platform) {
-        self.platform = [[0.0; 6]; 6];
         for chamber in 0..body.chambers.count() {
-            let pressure = self.actuation[chamber];
             let (gradient, tangent) = body.chambers.of_cap(chamber, platform);
-            self.chamber_m3[chamber] = body.chambers.of_caps_m3(chamber, platform);
-            self.chamber_gradient[chamber].fill(0.0);
-            self.cap_gradient[chamber] = gradient;
+            self.amounts[chamber] = body.chambers.of_caps_m3(chamber, platform);
+            self.rigid_gradient[chamber] = gradient;
             for i in 0..6 {
                 for j in 0..6 {
-                    self.platform[i][j] -= pressure * tangent[i][j];
+                    self.platform[i][j] -= self.inputs[chamber] * tangent[i][j];
+                }
+            }
+        }
+    }
+
+    /// Forces and stiffness of the tendons (see [`crate::tendon`]).
+    fn add_tendons(&mut self, body: &Body, pattern: &Pattern, field: &Field, platform: &Platform) {
+        let first = body.chambers.count();
+        self.rigid_gradient[first..].fill([0.0; 6]);
+        let arm_of = |node: usize| {
+            let moves = pattern.platform_nodes.binary_search(&node).is_ok();
+            moves.then(|| platform.arm(&body.mesh, node))
+        };
+        for (segment, scatter) in body.tendons.segments.iter().zip(&pattern.scatter_segments) {
+            let k = first + segment.tendon;
+            let tension = self.inputs[k];
+            let stretch = segment.stretch(|node| body.place_m(field, node), platform);
+            let n = stretch.along;
+            self.amounts[k] -= stretch.length_m;
+            for &(node, weight) in &segment.nodes {
+                for i in 0..3 {
+                    self.amount_gradient[k][3 * node + i] -= weight * n[i];
+                    self.force[3 * node + i] += tension * weight * n[i];
+                }
+            }
+            let moment = crate::tensor::cross(stretch.arm_m, n);
+            for i in 0..3 {
+                self.rigid_gradient[k][i] -= segment.on_platform * n[i];
+                self.rigid_gradient[k][3 + i] -= moment[i];
+            }
+            let pull = n.map(|v| tension * v);
+            let geometric = product(&skew(pull), &skew(stretch.arm_m));
+            for i in 0..3 {
+                for j in 0..3 {
+                    self.platform[3 + i][3 + j] += geometric[i][j];
+                }
+            }
+            // ∂(T n)/∂(x₂ − x₁), and by (δr, δφ).
+            let across: Mat3 = std::array::from_fn(|i| {
+                std::array::from_fn(|j| {
+                    let same = f64::from(u8::from(i == j));
+                    tension / stretch.length_m * (same - n[i] * n[j])
+                })
+            });
+            let by_platform = segment.by_platform(&stretch, arm_of);
+            let turned: [[f64; 6]; 3] = std::array::from_fn(|i| {
+                std::array::from_fn(|j| (0..3).map(|m| across[i][m] * by_platform[m][j]).sum())
+            });
+            for i in 0..6 {
+                for j in 0..6 {
+                    self.platform[i][j] += (0..3)
+                        .map(|m| by_platform[m][i] * turned[m][j])
+                        .sum::<f64>();
+                }
+            }
+            let mut places = scatter.iter();
+            for (row, &(node, weight)) in segment.nodes.iter().enumerate() {
+                for i in 0..3 {
+                    let unknown = pattern.of_displacement[3 * node + i];
+                    if unknown != NONE {
+                        let target = &mut self.coupling[unknown as usize];
+                        (0..6).for_each(|j| target[j] += weight * turned[i][j]);
+                    }
+                    let before = segment.nodes[..row].iter();
+                    let columns = before.flat_map(|(_, w)| (0..3).map(move |j| (*w, j)));
+                    let own = (0..=i).map(|j| (weight, j));
+                    for ((other, j), place) in columns.chain(own).zip(&mut places) {
+                        if *place != NONE {
+                            self.tangent[*place as usize] += weight * other * across[i][j];
+                        }
+                    }
                 }
             }
         }

@@ -5,7 +5,10 @@ use crate::chamber::Chambers;
 use crate::element::{Rule, tet10};
 use crate::material::Material;
 use crate::mesh::Mesh;
+use crate::platform::Platform;
+use crate::tendon::Tendons;
 use crate::tensor::Mat3;
+use crate::winding::{WoundFace, wound_faces};
 
 /// Shape functions per element, padded so that loops over them run in vector registers.
 pub(crate) const PAD: usize = 12;
@@ -55,6 +58,10 @@ pub struct Body {
     pub dead_force_N: Vec<f64>,
     /// Closed chambers, one actuator each.
     pub(crate) chambers: Chambers,
+    /// Tendons, one actuator each, behind the chambers.
+    pub(crate) tendons: Tendons,
+    /// Faces with threads on them, sorted by element.
+    pub(crate) wound: Vec<WoundFace>,
 }
 
 /// Displacements (3 per node, m) and scaled pressures: P2/P1 one per node, used at corners;
@@ -79,8 +86,10 @@ impl Body {
         modulus_scale: Vec<f64>,
         rule: Rule,
         formulation: Formulation,
+        tendons: Tendons,
     ) -> Result<Self, FemError> {
         let chambers = Chambers::new(&mesh)?;
+        let wound = wound_faces(&mesh)?;
         let mut points = Vec::with_capacity(mesh.tetrahedra().len() * rule.points().len());
         for tet in mesh.tetrahedra() {
             let x = tet.map(|i| mesh.nodes_m()[i]);
@@ -111,6 +120,8 @@ impl Body {
             pressure_unit_Pa,
             dead_force_N,
             chambers,
+            tendons,
+            wound,
         })
     }
 
@@ -118,6 +129,20 @@ impl Body {
     pub(crate) fn place_m(&self, field: &Field, node: usize) -> [f64; 3] {
         let x = self.mesh.nodes_m()[node];
         [0, 1, 2].map(|k| x[k] + field.displacement[3 * node + k])
+    }
+
+    /// Number of actuators: chambers, then tendons.
+    pub(crate) fn actuators(&self) -> usize {
+        self.chambers.count() + self.tendons.count()
+    }
+
+    /// Amount of each actuator: volume of a chamber, m³, and minus the length of a tendon, m.
+    pub(crate) fn amounts(&self, field: &Field, platform: &Platform) -> Vec<f64> {
+        let at = |node| self.place_m(field, node);
+        let mut amounts = self.chambers.volumes_m3(&self.mesh, at, platform);
+        let lengths = self.tendons.lengths_m(at, platform);
+        amounts.extend(lengths.into_iter().map(|length| -length));
+        amounts
     }
 
     /// Condensed pressures per element; 0 where the pressure is an unknown.

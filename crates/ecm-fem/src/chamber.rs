@@ -213,7 +213,7 @@ fn solid_angle(point: [f64; 3], triangle: &[[f64; 3]; 3]) -> f64 {
 }
 
 /// Faces that belong to one element only, by local nodes.
-fn outer_faces(mesh: &Mesh) -> Vec<(usize, [usize; 6])> {
+pub(crate) fn outer_faces(mesh: &Mesh) -> Vec<(usize, [usize; 6])> {
     let mut seen: BTreeMap<[usize; 3], Option<(usize, [usize; 6])>> = BTreeMap::new();
     for (e, tet) in mesh.tetrahedra().iter().enumerate() {
         for local in FACES {

@@ -70,6 +70,23 @@ pub enum FemError {
         /// What was found and what was expected.
         problem: String,
     },
+    /// A tendon that is none.
+    #[error("tendon `{name}`: {problem}")]
+    Tendon {
+        /// Its name.
+        name: String,
+        /// What was found and what was expected.
+        problem: String,
+    },
+    /// A winding without a surface to lie on.
+    #[error(
+        "winding on `{surface}`: the mesh has no such surface with faces along x; name a chamber, a \
+         surface `winding...` of the mesh file, or \"outside\""
+    )]
+    Winding {
+        /// Name of the surface.
+        surface: String,
+    },
     /// An inverted or flat element.
     #[error(
         "{count} of {total} tetrahedra are inverted or flat, the first is {element} at \
@@ -163,9 +180,7 @@ pub enum FemError {
         status: &'static str,
     },
     /// Wrenches and poses in one batch.
-    #[error(
-        "load {row} is a {found}, load 0 is a {first}; solve wrenches and poses in two batches"
-    )]
+    #[error("load {row} is a {found}, load 0 is a {first}; solve them in two batches")]
     MixedLoads {
         /// The first load of the other kind.
         row: usize,

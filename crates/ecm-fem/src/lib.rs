@@ -63,12 +63,14 @@ mod rod;
 mod rod_inverse;
 mod solve;
 mod stress;
+mod tendon;
 pub mod tensor;
+mod winding;
 
 pub use body::{Body, Field, Formulation};
 pub use error::FemError;
 pub use material::{Fibre, Gent, Material, MooneyRivlin, NeoHookean, Ogden, Response, Yeoh};
-pub use mesh::{ChamberShape, Chambered, Mesh, Profile, Quality};
+pub use mesh::{ChamberShape, Chambered, Mesh, OUTSIDE, Profile, Quality, Tendon, Winding};
 pub use ordering_cost::{Ordering, OrderingCost};
 pub use pattern::Constraint;
 pub use result::{Actuator, CREASE, CaseResult, Reason, Status};

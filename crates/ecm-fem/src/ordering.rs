@@ -16,7 +16,7 @@ pub struct Graph {
 
 impl Graph {
     /// Graph of `n` nodes connected by the node lists of the elements.
-    pub fn new<'a>(n: usize, elements: impl Iterator<Item = &'a [usize; 10]> + Clone) -> Self {
+    pub fn new<'a>(n: usize, elements: impl Iterator<Item = &'a [usize]>) -> Self {
         let mut lists: Vec<Vec<u32>> = vec![Vec::new(); n];
         for tet in elements {
             for &a in tet {

@@ -1,7 +1,6 @@
 //! Cost of a fill-reducing order: nested dissection compared with approximate minimum degree.
 
 use crate::assembly::Sums;
-use crate::platform::Platform;
 use crate::{Fem, FemError};
 use faer::Par;
 use faer::Side;
@@ -44,8 +43,7 @@ impl Fem {
         let unknowns = pattern.unknowns;
         let fail = |reason: String| FemError::Factorisation { unknowns, reason };
         let mut sums = Sums::new(body, pattern);
-        let platform = Platform::at_rest(body.mesh.length_m());
-        sums.assemble(body, pattern, &body.rest(), &platform)
+        sums.assemble(body, pattern, &self.rest())
             .map_err(|_| fail("an element is inverted at rest".into()))?;
         // Upper triangle by columns: without reordering faer reads only this triangle.
         let mut columns: Vec<Vec<(usize, f64)>> = vec![Vec::new(); unknowns];

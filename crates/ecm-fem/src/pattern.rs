@@ -4,6 +4,7 @@ use crate::FemError;
 use crate::factor::Symbolic;
 use crate::mesh::Mesh;
 use crate::ordering::{Graph, nested_dissection};
+use crate::tendon::Segment;
 
 /// Marks a degree of freedom that is not an unknown.
 pub const NONE: u32 = u32::MAX;
@@ -35,6 +36,8 @@ pub struct Pattern {
     pub pressures: usize,
     /// Element × entry: index into the values of the lower triangle, or [`NONE`].
     pub scatter: Vec<u32>,
+    /// The same for the lower triangle of each tendon's segment, row by row: node, then component.
+    pub scatter_segments: Vec<Vec<u32>>,
     /// Nodes on the platform.
     pub platform_nodes: Vec<usize>,
     /// Per element: does it touch the platform?
@@ -72,7 +75,7 @@ impl Pattern {
     }
 
     /// `constraints`: one entry per displacement component `3 node + i`; `with_pressure`: an unknown
-    /// at every corner.
+    /// at every corner; `segments` of tendons connect nodes beside the elements.
     ///
     /// # Errors
     /// A factorisation too large for the memory.
@@ -80,6 +83,7 @@ impl Pattern {
         mesh: &Mesh,
         constraints: &[Constraint],
         with_pressure: bool,
+        segments: &[Segment],
     ) -> Result<Self, FemError> {
         let nodes = mesh.nodes_m().len();
         let tets = mesh.tetrahedra();
@@ -97,7 +101,11 @@ impl Pattern {
                     + usize::from(is_corner[i])
             })
             .collect();
-        let graph = Graph::new(nodes, tets.iter());
+        let linked: Vec<Vec<usize>> = (segments.iter())
+            .map(|s| s.nodes.iter().map(|(node, _)| *node).collect())
+            .collect();
+        let elements = tets.iter().map(|t| t.as_slice());
+        let graph = Graph::new(nodes, elements.chain(linked.iter().map(Vec::as_slice)));
         let order = nested_dissection(mesh.nodes_m(), &weight, &graph);
         let mut of_displacement = vec![NONE; 3 * nodes];
         let mut of_pressure = vec![NONE; nodes];
@@ -124,14 +132,22 @@ impl Pattern {
                 }
             })
         };
+        let of_segment = |linked: &[usize]| -> Vec<u32> {
+            let components = linked
+                .iter()
+                .flat_map(|node| (0..3).map(move |k| 3 * node + k));
+            components.map(|c| of_displacement[c]).collect()
+        };
         let mut columns: Vec<Vec<u32>> = vec![Vec::new(); unknowns];
-        for tet in tets {
-            let mut g: Vec<u32> = local(tet).into_iter().filter(|&d| d != NONE).collect();
+        let mut connect = |unknowns: &[u32]| {
+            let mut g: Vec<u32> = (unknowns.iter().copied()).filter(|&d| d != NONE).collect();
             g.sort_unstable();
             for (j, &column) in g.iter().enumerate() {
                 columns[column as usize].extend(&g[j..]);
             }
-        }
+        };
+        tets.iter().for_each(|tet| connect(&local(tet)));
+        linked.iter().for_each(|nodes| connect(&of_segment(nodes)));
         let mut col_ptr = vec![0usize];
         let mut row_idx: Vec<usize> = Vec::new();
         for list in &mut columns {
@@ -147,19 +163,29 @@ impl Pattern {
                 reason: format!("{} entries cannot be numbered", row_idx.len()),
             });
         }
+        let entry = |a: u32, b: u32| {
+            let (r, c) = (a.max(b), a.min(b));
+            if r == NONE {
+                return NONE;
+            }
+            let (start, end) = (col_ptr[c as usize], col_ptr[c as usize + 1]);
+            let at = row_idx[start..end].partition_point(|&x| x < r as usize);
+            (start + at) as u32
+        };
         let mut scatter = Vec::with_capacity(tets.len() * ENTRIES);
         for tet in tets {
             let g = local(tet);
-            scatter.extend(entries().map(|(r, c)| {
-                let (r, c) = (g[r].max(g[c]), g[r].min(g[c]));
-                if r == NONE {
-                    return NONE;
-                }
-                let (start, end) = (col_ptr[c as usize], col_ptr[c as usize + 1]);
-                let at = row_idx[start..end].partition_point(|&x| x < r as usize);
-                (start + at) as u32
-            }));
+            scatter.extend(entries().map(|(r, c)| entry(g[r], g[c])));
         }
+        let scatter_segments = (linked.iter())
+            .map(|nodes| {
+                let g = of_segment(nodes);
+                (0..g.len())
+                    .flat_map(|r| (0..=r).map(move |c| (r, c)))
+                    .map(|(r, c)| entry(g[r], g[c]))
+                    .collect()
+            })
+            .collect();
         let platform_nodes: Vec<usize> = (0..nodes)
             .filter(|&i| (0..3).any(|k| constraints[3 * i + k] == Constraint::Platform))
             .collect();
@@ -174,6 +200,7 @@ impl Pattern {
             unknowns,
             pressures,
             scatter,
+            scatter_segments,
             platform_nodes,
             touches_platform,
             symbolic,

@@ -161,7 +161,7 @@ fn swelling_error(divisions: usize, layers: usize, stretch: f64) -> f64 {
     let pressure = sphere_pressure_Pa(stretch, inner, outer);
     let body = Fem::with_prescribed(mesh, neo(0.5), Settings::default(), &held)
         .unwrap()
-        .with_pressures(&[pressure])
+        .with_actuation(&[pressure])
         .unwrap();
     let still = vec![0.0; 3 * nodes.len()];
     let result = body.solve_prescribed(&still, Watch::default()).unwrap();

@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use ecm_fem::output::vtu;
 use ecm_fem::{
     Case, CaseResult, ChamberShape, Chambered, Formulation, Load, MOST_ACTUATORS, Outcome, Quality,
-    Rod, Settings, Status, Watch, material,
+    Rod, Settings, Status, Tendon, Watch, Winding, material,
 };
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -133,6 +133,40 @@ impl Mesh {
     fn with_chamber(&self, name: &str, nodes: PyReadonlyArray1<'_, i64>) -> PyResult<Self> {
         let nodes = nodes.as_array().iter().map(|&n| n as usize).collect();
         (self.0.clone().with_chamber(name, nodes))
+            .map(Self)
+            .map_err(fem_error)
+    }
+
+    /// With a tendon: straight between points of the base, of the body, then of the platform.
+    #[pyo3(signature = (name, *, base_m = Vec::new(), body_m = Vec::new(), platform_m = Vec::new()))]
+    fn with_tendon(
+        &self,
+        name: &str,
+        base_m: Vec<[f64; 3]>,
+        body_m: Vec<[f64; 3]>,
+        platform_m: Vec<[f64; 3]>,
+    ) -> PyResult<Self> {
+        let tendon = Tendon {
+            name: name.into(),
+            base_m,
+            body_m,
+            platform_m,
+        };
+        (self.0.clone().with_tendon(tendon))
+            .map(Self)
+            .map_err(fem_error)
+    }
+
+    /// With threads bonded to a surface, at +-angle from the direction round it.
+    #[pyo3(signature = (surface, *, angle_rad, stiffness_N_m))]
+    #[allow(non_snake_case)]
+    fn with_winding(&self, surface: &str, angle_rad: f64, stiffness_N_m: f64) -> PyResult<Self> {
+        let winding = Winding {
+            surface: surface.into(),
+            angle_rad,
+            stiffness_N_m,
+        };
+        (self.0.clone().with_winding(winding))
             .map(Self)
             .map_err(fem_error)
     }
@@ -306,10 +340,9 @@ impl FemResults {
         self.matrix(py, width, row)
     }
 
-    /// Change of each chamber's volume from the undeformed body, (N, m).
+    /// Change of each chamber's volume, and shortening of each tendon, from the undeformed body, (N, m).
     #[getter]
-    #[pyo3(name = "volumes_m3")]
-    fn volumes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    fn amounts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         self.matrix(py, self.actuators(), |r| {
             r.actuators.iter().map(|a| a.amount).collect()
         })
@@ -464,6 +497,7 @@ fn loads(
     name: &str,
     array: &PyReadonlyArray2<'_, f64>,
     load: fn([f64; 6]) -> Load,
+    given: &[bool],
 ) -> PyResult<Vec<Case>> {
     let (values, _, width) = matrix(array);
     if !(6..=6 + MOST_ACTUATORS).contains(&width) {
@@ -473,7 +507,9 @@ fn loads(
         .map(|row| {
             let (own, actuation) = row.split_at(6);
             let own = std::array::from_fn(|k| own[k]);
-            Case::new(load(own), actuation).map_err(fem_error)
+            Case::new(load(own), actuation)
+                .map(|case| case.with_amounts(given))
+                .map_err(fem_error)
         })
         .collect()
 }
@@ -559,10 +595,10 @@ impl Fem {
         Ok(FemResults(vec![result], Vec::new()))
     }
 
-    /// Names of the chambers, in the order of their pressures.
+    /// Names of the actuators in the order of their inputs: the chambers, then the tendons.
     #[getter]
     fn actuators(&self) -> Vec<String> {
-        self.0.actuators().to_vec()
+        self.0.actuators()
     }
 
     /// K at rest.
@@ -571,16 +607,19 @@ impl Fem {
         from_rows(py, &k.map_err(fem_error)?)
     }
 
-    /// Equilibria under dead wrenches.
-    #[pyo3(signature = (wrenches, *, threads = 0, progress = None))]
+    /// Equilibria under dead wrenches. `given`: of which actuators the amount stands in place of the
+    /// input.
+    #[pyo3(signature = (wrenches, *, given = None, threads = 0, progress = None))]
     fn solve_wrenches(
         &self,
         py: Python<'_>,
         wrenches: PyReadonlyArray2<'_, f64>,
+        given: Option<Vec<bool>>,
         threads: usize,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<FemResults> {
-        let loads = loads("wrenches", &wrenches, Load::Wrench)?;
+        let given = given.unwrap_or_default();
+        let loads = loads("wrenches", &wrenches, Load::Wrench, &given)?;
         self.solve(py, loads, threads, progress)
     }
 
@@ -596,7 +635,7 @@ impl Fem {
         progress: Option<Py<PyAny>>,
         finished: Option<Py<PyAny>>,
     ) -> PyResult<FemResults> {
-        let loads = loads("wrenches", &wrenches, Load::Wrench)?;
+        let loads = loads("wrenches", &wrenches, Load::Wrench, &[])?;
         let queue: Mutex<Vec<(usize, Outcome)>> = Mutex::new(Vec::new());
         let wanted = finished.is_some();
         let store = |row: usize, outcome: &Outcome| {
@@ -632,7 +671,7 @@ impl Fem {
         wrenches: PyReadonlyArray2<'py, f64>,
         warm_start: &WarmStart,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let loads = loads("wrenches", &wrenches, Load::Wrench)?;
+        let loads = loads("wrenches", &wrenches, Load::Wrench, &[])?;
         let poses = run_task(py, 0, None, |task| {
             self.0.predict_poses(&loads, &warm_start.0, watch(task))
         })?;
@@ -646,7 +685,7 @@ impl Fem {
         wrenches: PyReadonlyArray2<'_, f64>,
         fields: PyReadonlyArray2<'_, f32>,
     ) -> PyResult<Option<WarmStart>> {
-        let loads = loads("wrenches", &wrenches, Load::Wrench)?;
+        let loads = loads("wrenches", &wrenches, Load::Wrench, &[])?;
         let fields: Vec<Vec<f32>> = (fields.as_array().rows().into_iter())
             .map(|row| row.to_vec())
             .collect();
@@ -659,15 +698,17 @@ impl Fem {
     }
 
     /// Wrenches that hold poses.
-    #[pyo3(signature = (poses, *, threads = 0, progress = None))]
+    #[pyo3(signature = (poses, *, given = None, threads = 0, progress = None))]
     fn solve_poses(
         &self,
         py: Python<'_>,
         poses: PyReadonlyArray2<'_, f64>,
+        given: Option<Vec<bool>>,
         threads: usize,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<FemResults> {
-        let loads = loads("poses", &poses, Load::Pose)?;
+        let given = given.unwrap_or_default();
+        let loads = loads("poses", &poses, Load::Pose, &given)?;
         self.solve(py, loads, threads, progress)
     }
 }

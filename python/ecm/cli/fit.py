@@ -24,6 +24,7 @@ from ecm.models import (
     learning_curve,
     parse_model,
 )
+from ecm.models.fit import refuse_unused_inputs
 from ecm.models.fit_summary import fit_summary
 from ecm.models.refit import refit as refit_model
 from ecm.models.refit import refit_summary, refuse_worse
@@ -74,6 +75,8 @@ def fit(
         session.warn(wrong.sentence(), wrong=True)
     choice = _chosen(pcr, table, session) if model == "choose" else None
     specification = choice.best if choice else _named(model, pcr, table, session)
+    if not force:
+        refuse_unused_inputs(table, specification)
     name = specification.alias if choice else model
     with session.working(f"fitting {name} to {len(table)} rows") as tell:
         # --force was asked for above, before a choice that takes minutes.

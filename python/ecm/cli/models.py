@@ -16,7 +16,6 @@ import numpy as np
 
 from ecm.cli.session import Session, check_output_directory
 from ecm.comparison import compare as compare_model
-from ecm.comparison.reference_models import FEM_REMEDY
 from ecm.comparison.result import comparison_report
 from ecm.diagnosis.check import excitation_sentences, never_excited
 from ecm.effects import load_installed
@@ -154,8 +153,7 @@ def compare(session: Session, model: str, data: list[Path]) -> None:
     warnings = [*result.warnings, *table.warnings]
     constant = never_excited(table)
     session.write_json({**document, "never_excited": list(constant), "warnings": warnings})
-    fem = FEM_REMEDY.filled(session.files_of(model=model, data=data))
-    report = comparison_report(result, warnings, fem)
+    report = comparison_report(result, warnings, session.files_of(model=model, data=data))
     session.write_report(report)
     # Where the model fails is for the eye: the page draws it.
     told = report.sections[: 1 if result.references is None else 2]

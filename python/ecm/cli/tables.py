@@ -187,21 +187,21 @@ def _print(result: Check, session: Session) -> None:
     session.write_report(Report("Check of a table", result.source, sections, warnings))
 
 
-_FILES = {"config": "config.toml", "rig": "rig.toml", "data": "data.csv"}
+_FILES = {"config": "config.toml", "arm": "arm.toml", "rig": "rig.toml", "data": "data.csv"}
 
 
 def new(
     session: Session,
-    what: Literal["config", "rig", "data"],
+    what: Literal["config", "arm", "rig", "data"],
     *,
     out: Path | None = None,
     dof: Literal["1", "3", "6"] = "6",
 ) -> None:
-    """Write a commented file to begin from: config.toml, rig.toml, or data.csv with data.toml.
+    """Write a commented file to begin from: config.toml, arm.toml (with chambers), rig.toml, or data.csv.
 
     Parameters
     ----------
-    what : config|rig|data
+    what : config|arm|rig|data
         Which file.
     out : FILE
         Instead of the usual name.

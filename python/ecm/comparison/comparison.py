@@ -19,7 +19,7 @@ from ecm.models.prediction import beyond_reach
 from ecm.regression.f_test import FTest, lack_of_fit
 from ecm.regression.folds import HOW, RowsUsed, repeat_cells, row_groups, spread_rows
 from ecm.regression.noise import Noise
-from ecm.regression.rows import Rows
+from ecm.regression.rows import Rows, inputs_of, taken_by
 
 if TYPE_CHECKING:
     from ecm.io.table import MetaLike, TableLike
@@ -90,11 +90,12 @@ def compare(
     ['fx_N']
     """
     model = as_model(model, table)
-    lacking = [name for name in (*model.inputs, *model.outputs) if not table.has(name)]
+    taken = taken_by(model.base)
+    lacking = [name for name in (*taken, *model.outputs) if not table.has(name)]
     if lacking:
         raise InputError(
             f"{table.source}: no column {lacking[0]}, which the model {model.name} needs; "
-            f"it has inputs {', '.join(model.inputs)} and outputs {', '.join(model.outputs)}"
+            f"it has inputs {', '.join(taken)} and outputs {', '.join(model.outputs)}"
         )
     steps = Steps(STEPS, progress)
     steps.begin("errors")
@@ -200,4 +201,4 @@ def _root(value: float) -> float:
 
 
 def _outside(model: Model, rows: Rows, scored: B) -> int:
-    return int(model.extrapolates(np.ascontiguousarray(rows.poses[scored])).sum())
+    return int(model.extrapolates(inputs_of(rows.base, rows.table)[scored]).sum())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -31,14 +31,16 @@ from ecm.io.columns import unit_of
 from ecm.io.events import Progress, Steps
 from ecm.io.extras import require
 from ecm.models.file import was_trained_on
+from ecm.models.fit import remedy_of_inputs
 from ecm.models.joint_fit import base_columns
 from ecm.models.learned import LEARNED
+from ecm.models.measured_poses import beyond_inputs
 from ecm.models.pose_error import PoseError, pose_error
 from ecm.models.refit import FAR_BEYOND_NOISE, base_and_error, is_far_behind
 from ecm.regression.f_test import FTest
 from ecm.regression.folds import RowsUsed, without_zero_readings
 from ecm.regression.noise import Noise
-from ecm.regression.rows import Rows
+from ecm.regression.rows import Rows, unused_inputs
 from ecm.report import figures as draw
 from ecm.report.blocks import (
     Block,
@@ -173,6 +175,11 @@ class Comparison(Shown):
         made = self.compared
         return fit_reference_models(made.model, made.table.subsample(made.chosen), self.noise)
 
+    @property
+    def unused_inputs(self) -> tuple[str, ...]:
+        """Inputs of actuators that vary in the table and that the model does not take."""
+        return unused_inputs(self.compared.model.base, self.compared.table)
+
     @cached_property
     def pose_error(self) -> PoseError:
         """Errors of the pose that the errors of the wrench stand for, dp = K^-1 dh, of all rows."""
@@ -219,7 +226,8 @@ class Comparison(Shown):
     def blocks(self) -> list[Block]:
         """Return one sentence, the error of each component, and the same as pose error."""
         pose = TextBlock(self.pose_error.sentence())
-        return [TextBlock(self.sentence(), strong=True), _errors(self)[0], pose, *_rows(self)]
+        said = [TextBlock(self.sentence(), strong=True), *_unused(self, {})]
+        return [*said, _errors(self)[0], pose, *_rows(self)]
 
     def report(self) -> Report:
         """Return what terminal, notebook and page show: `print(result.report().text())`."""
@@ -341,6 +349,7 @@ class Comparison(Shown):
             "missing": self.missing,
             "structure": asdict(self.structure),
             "outside_domain": self.outside_domain,
+            "unused_inputs": list(self.unused_inputs),
             "where": self.where().to_dict(),
             "warnings": list(self.warnings),
             **({} if self.rows_used is None else {"rows_used": self.rows_used.to_dict()}),
@@ -357,7 +366,7 @@ _MEANING = {
 
 
 def comparison_report(
-    result: Comparison, warnings: Sequence[str] = (), fem: Remedy = FEM_REMEDY
+    result: Comparison, warnings: Sequence[str] = (), files: Mapping[str, str] | None = None
 ) -> Report:
     """Return errors of each component, reference models, and residuals in units of the noise.
 
@@ -367,12 +376,13 @@ def comparison_report(
         The comparison.
     warnings
         About the data.
-    fem
-        How the FEM of a body is made that did not run yet.
+    files
+        Names of the files in what the report advises.
     """
     table, figures = _errors(result)
     blocks = [
         TextBlock(result.sentence(), strong=True),
+        *_unused(result, files or {}),
         *workspace_blocks(result),
         table,
         *_lack_of_fit(result),
@@ -380,6 +390,7 @@ def comparison_report(
         *_pose_error(result),
         *_rows(result),
     ]
+    fem = FEM_REMEDY.filled(files or {})
     references = reference_blocks(result.references, fem, assumed=result.noise.is_assumed)
     sections = [
         Section("Compare", blocks),
@@ -389,12 +400,27 @@ def comparison_report(
     return Report(f"{result.model} against measurements", f"{result.rows} rows", sections, warnings)
 
 
+def _unused(result: Comparison, files: Mapping[str, str]) -> list[Block]:
+    """The inputs of actuators that are not in the model, and how to fit one that has them."""
+    names, table = result.unused_inputs, result.compared.table
+    if not names:
+        return []
+    advice = remedy_of_inputs(table, "with_inputs.json").filled(files)
+    words = (
+        f"{', '.join(names)} {'vary' if len(names) > 1 else 'varies'}, and {result.model} does not "
+        f"take {'them' if len(names) > 1 else 'it'}: what the inputs of actuators do to the wrench "
+        f"is counted as its error. {Remedy(advice.words)}"
+    )
+    return [CodeBlock(words, advice.command)]
+
+
 def _rows(result: Comparison) -> list[Block]:
     """How many rows lie beyond those of the fit, and which ones of a large table are used."""
     blocks: list[Block] = []
     if result.outside_domain:
-        beyond = f"{result.outside_domain} of {result.rows} rows lie outside the poses of the fit."
-        blocks.append(TextBlock(beyond))
+        made = result.compared
+        beyond = f"{result.outside_domain} of {result.rows} rows lie outside the poses of the fit"
+        blocks.append(TextBlock(f"{beyond}{beyond_inputs(made.model, made.table)}."))
     if result.rows_used is not None:
         blocks.append(TextBlock(result.rows_used.sentence()))
     return blocks

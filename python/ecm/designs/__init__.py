@@ -11,6 +11,7 @@ from ecm.designs.plans import (
     can_be_run,
     diagnosable_plan,
     follow_up_plan,
+    offsets_from_free,
     paper_plan,
     plain_plan,
 )
@@ -35,6 +36,7 @@ __all__ = [
     "diagnosable_plan",
     "follow_up_plan",
     "nominal_model",
+    "offsets_from_free",
     "optimal_design",
     "paper_plan",
     "plain_plan",

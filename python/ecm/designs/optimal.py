@@ -221,6 +221,11 @@ def _distance_scale(poses: F, settings: DesignSettings) -> tuple[F, F]:
         width = np.where(high > low, high - low, np.inf)
         return 2.0 / width, 0.5 * (low + high)
     of_radian = settings.metres_per_radian
+    if other := [name for name in settings.columns if not name.endswith(("_m", "_rad"))]:
+        raise InputError(
+            f"metres_per_radian: {', '.join(other)} is neither a length nor an angle; leave "
+            "metres_per_radian out, so that every column counts by its range"
+        )
     lengths = [of_radian if name.endswith("_rad") else 1.0 for name in settings.columns]
     return np.asarray(lengths), np.zeros(len(lengths))
 

@@ -3,6 +3,10 @@
 Columns of the candidates are copied, except those of measurements. The order is random, so that a
 drift over time is no trend over the workspace.
 
+Of a driven mechanism the robot does not know where it will be at a row's pressures. The plan then
+has six columns offset_x_m, ... beside the expected pose: the robot follows the mechanism to its
+free pose, and goes on from there by the offset.
+
 A follow-up visits poses of the diagnosed data again, under their own pose_id and in a run of its
 own, so that both tables together are one campaign; a sweep also stops on the straight lines to
 them. A session joins several experiments, "a + b", in one plan: each part is a run, and those that
@@ -25,8 +29,12 @@ from ecm.effects.experiments import session_of
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import F, I
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import POSE, WRENCH, amount_columns
+from ecm.io.se3 import rotation, rotation_vector, transpose
 from ecm.io.table import Table
+from ecm.models.actuated import ActuatedMap
+from ecm.regression.rows import inputs_of
+from ecm.rig.plan import POSE_OFFSETS
 
 DWELLS_S = tuple(_native.DWELLS_S)
 """Rest before a reading in a diagnosable campaign: relaxation shows in their difference."""
@@ -34,6 +42,35 @@ _DWELL_S = 2.0
 _ADDED = ("kind", "approach", "dwell_s", "run", "action")
 _MEASURED = (*WRENCH, *(f"sd_{name}" for name in WRENCH), "time_s", "repeat")
 """Columns of a measurement, which a plan does not copy."""
+
+
+def offsets_from_free(plan: Table, base: ActuatedMap) -> Table:
+    """The plan with the offset of each pose from the free pose at the row's pressures.
+
+    Parameters
+    ----------
+    plan
+        Poses (m, rad) and the inputs of the actuators.
+    base
+        Nominal map, which gives the free poses.
+
+    Returns
+    -------
+    Table
+        With offset_x_m, ... offset_theta_z_rad: a shift and a turn in base axes; 0 at checks.
+
+    Raises
+    ------
+    ComputationError
+        The map has no free pose at some row's inputs.
+    """
+    rows = inputs_of(base, plan)
+    free = np.stack([base.free_pose(row[6:])[0] for row in rows])
+    turn = rotation(rows[:, 3:6]) @ transpose(rotation(free[:, 3:]))
+    offsets = np.hstack([rows[:, :3] - free[:, :3], rotation_vector(turn)])
+    if plan.has("action"):
+        offsets[plan.text("action") != "measure"] = 0.0
+    return plan.with_columns(dict(zip(POSE_OFFSETS, offsets.T, strict=True)))
 
 
 @dataclass(frozen=True)
@@ -215,13 +252,15 @@ def _of_candidates(candidates: Table, visits: Sequence[_Visit]) -> Table:
         size = np.ptp(candidates.poses, axis=0)
         away = (candidates.poses - rest) / np.where(size > 0.0, size, 1.0)
         taken = np.where(measured, rows, (away**2).sum(axis=1).argmin())
-    left_out = (*_MEASURED, *_ADDED)
+    left_out = (*_MEASURED, *amount_columns(candidates.columns), *_ADDED)
     columns = {
         name: column[taken] for name, column in candidates.columns.items() if name not in left_out
     }
     if not measured.all():
         for j, name in enumerate(POSE):
             columns[name] = np.where(measured, columns[name], rest[j])
+        for name in candidates.actuation_columns:
+            columns[name] = np.where(measured, columns[name], 0.0)
     ids = np.where(measured, _ids_of(candidates)[taken], -1.0)
     return _plan(candidates, columns, ids, visits, 0.0)
 
@@ -267,13 +306,14 @@ def follow_up_plan(data: Table, experiment: str) -> Table:
             f"{experiment!r} is done by hand, no campaign can drive it. Do it, write what came of "
             "it into the data's TOML, and run diagnose again."
         )
-    poses, ids = _distinct(data)
+    rows, ids = _distinct(data)
+    poses = rows[:, :6]
     visits: list[_Visit] = []
     for run, recipe in enumerate(recipe for recipe in RECIPES if recipe in driven):
         own = [_Visit("unload"), _Visit("home"), *RECIPES[recipe](poses, ids), _Visit("home")]
         visits += [replace(visit, run=run) for visit in own]
     visits.append(replace(visits[-1], action="unload"))
-    return _of_poses(data, poses, ids, _relative_remounts(visits))
+    return _of_poses(data, rows, ids, _relative_remounts(visits))
 
 
 def can_be_run(experiment: str) -> bool:
@@ -293,8 +333,9 @@ def can_be_run(experiment: str) -> bool:
 
 
 def _distinct(data: Table) -> tuple[F, I]:
-    """Mean measured pose of each pose_id, in order of the first visit, and the ids."""
+    """Mean measured pose and inputs of each pose_id, in order of the first visit, and the ids."""
     measured = data.measured()
+    rows = measured.matrix((*POSE, *measured.actuation_columns))
     own = (
         measured.column("pose_id").astype(np.int64)
         if measured.has("pose_id")
@@ -302,7 +343,7 @@ def _distinct(data: Table) -> tuple[F, I]:
     )
     ids, first = np.unique(own, return_index=True)
     ids = ids[np.argsort(first)]
-    return np.stack([measured.poses[own == i].mean(axis=0) for i in ids]), ids
+    return np.stack([rows[own == i].mean(axis=0) for i in ids]), ids
 
 
 def _spread_out(poses: F, count: int) -> list[int]:
@@ -464,10 +505,11 @@ def _pose_ids(visits: list[_Visit], ids: I) -> list[int]:
     return pose_ids
 
 
-def _of_poses(data: Table, poses: F, ids: I, visits: list[_Visit]) -> Table:
-    """Table of a plan of distinct poses of the data, its run after theirs."""
-    length = data.meta.mechanism.get("length_m", float(np.median(poses[:, 0])))
-    home = np.array([float(length), 0.0, 0.0, 0.0, 0.0, 0.0])
-    at = np.stack([home if v.pose < 0 else home + v.share * (poses[v.pose] - home) for v in visits])
+def _of_poses(data: Table, rows: F, ids: I, visits: list[_Visit]) -> Table:
+    """Table of a plan of distinct poses and inputs of the data, its run after theirs."""
+    home = np.zeros(rows.shape[1])
+    home[0] = data.meta.mechanism.get("length_m", float(np.median(rows[:, 0])))
+    at = np.stack([home if v.pose < 0 else home + v.share * (rows[v.pose] - home) for v in visits])
+    names = (*POSE, *data.actuation_columns)
     run = float(data.column("run").max()) + 1.0 if data.has("run") else 1.0
-    return _plan(data, dict(zip(POSE, at.T, strict=True)), _pose_ids(visits, ids), visits, run)
+    return _plan(data, dict(zip(names, at.T, strict=True)), _pose_ids(visits, ids), visits, run)

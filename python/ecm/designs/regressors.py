@@ -35,15 +35,19 @@ from ecm.models import (
     Model,
     PolynomialModel,
     StiffnessMap,
+    fit_model,
     parse_model,
     physics_map,
     surrogate_of,
 )
+from ecm.models.actuated import ActuatedModel
 from ecm.models.maps import EnergyTerms
 from ecm.regression.noise import Noise, declared_noise, whiteners
+from ecm.regression.rows import actuators_of
 from ecm.rig.instruments import Camera, ForceTorqueSensor
 from ecm.rig.settings import RigSettings
 
+_NOMINAL_ACTUATED = "actuated4"
 _MIN_POSES = 100
 """Number of simulated poses from which a physics map can be fitted and tested."""
 
@@ -55,7 +59,7 @@ class NominalModel:
     Parameters
     ----------
     base
-        Map from (N, 6) poses to (N, 6) wrenches.
+        Map from (N, 6) poses, or (N, 6 + m) with the inputs of actuators, to (N, 6) wrenches.
     noise
         Noise of one row.
     meta
@@ -78,12 +82,13 @@ class NominalModel:
     meta: Meta
 
     def rows(self, poses: F) -> Rows:
-        """Rows at (N, 6) poses, their wrenches predicted."""
+        """Rows at (N, 6) poses, or (N, 6 + m), their wrenches predicted."""
         return Rows(self.table(poses), self.base)
 
     def table(self, poses: F) -> Table:
-        """A table of (N, 6) poses with the nominal wrenches."""
-        columns = dict(zip(POSE, np.asarray(poses, dtype=np.float64).T.copy(), strict=True))
+        """A table of (N, 6) poses, or (N, 6 + m), with the nominal wrenches."""
+        names = (*POSE, *actuators_of(self.base))[: np.shape(poses)[1]]
+        columns = dict(zip(names, np.asarray(poses, dtype=np.float64).T.copy(), strict=True))
         wrenches = self.base.predict(np.ascontiguousarray(poses))
         columns |= dict(zip(WRENCH, wrenches.T.copy(), strict=True))
         return Table(columns, self.meta, "nominal")
@@ -178,6 +183,8 @@ def nominal_model(
     if model is not None:
         return NominalModel(model.base, noise, meta.with_length(model.base.length_m))
     length = candidates.meta.length_m
+    if candidates.actuation_columns and candidates.wrench_columns == WRENCH and length is not None:
+        return NominalModel(fit_model(candidates, _NOMINAL_ACTUATED).base, noise, meta)
     if candidates.wrench_columns == WRENCH and length is not None:
         return NominalModel(_fitted_map(candidates, length, known=body is not None), noise, meta)
     if body is not None:
@@ -312,8 +319,8 @@ class DesignSettings(Checked):
     in the rest; maximin: largest smallest distance, in coordinates normalised to [-1, 1] or in
     metres with `metres_per_radian`."""
     model: str = setting("cubic")
-    """`poly:D`, `linear`, `quadratic`, `cubic`, `energyD` with its length, or `physics` with a
-    nominal model."""
+    """`poly:D`, `linear`, `quadratic`, `cubic`, `energyD` or `actuatedD` with its length, or
+    `physics` with a nominal model."""
     length_m: float | None = setting(None, above=0.0)
     """Length of the mechanism in m, for energies; by default that of the nominal model."""
     effects: tuple[Effect, ...] = setting((), any_size=True)
@@ -379,7 +386,7 @@ def polynomial_degree(model: str) -> int | None:
     specification = parse_model(model)
     if isinstance(specification, PolynomialModel):
         return specification.degree
-    if isinstance(specification, EnergyModel):
+    if isinstance(specification, (EnergyModel, ActuatedModel)):
         return None
     raise InputError(f"model {model!r}: designs are for polynomials, energies and physics")
 
@@ -447,6 +454,11 @@ def model_columns(poses: F, settings: DesignSettings, base: NominalModel | None)
             "in the candidates' TOML"
         )
     energy = parse_model(model)
+    if isinstance(energy, ActuatedModel):
+        empty = energy.empty_map(poses, length_m, settings.columns[6:])
+        if not empty.input_scale.all():
+            raise InputError(f"model {model!r}: {settings.columns[6:]} are 0 in every candidate")
+        return empty.columns(poses)
     if not isinstance(energy, EnergyModel):
         raise InputError(f"model {model!r}: expected an energy or physics")
     return energy.terms(length_m).regressor(poses, np.array([length_m, 1.0]))

@@ -138,12 +138,12 @@ def _distinct(
     return list(kept.values())
 
 
-Answer = Literal["fits", "numbers", "form", "effect", "table", "noise"]
+Answer = Literal["fits", "inputs", "numbers", "form", "effect", "table", "noise"]
 Reason = Literal["", "rows", "weak"]
 _MOST_ROWS = 1000
 """Rows that a refit of the same kind uses."""
 _FAR = 2.0
-"""A reading may leave so many times the error of a base fitted to the rows."""
+"""A reading, or a model without inputs, may leave so many times the error of a fitted base."""
 _OF_ITS_OWN = 1.5
 """A reading may leave so many times the error of the model on the rows that it was fitted to."""
 _SCALED = 0.25
@@ -182,8 +182,9 @@ class GivenModel:
 
     name: str
     answer: Answer
-    """It fits; its numbers are wrong; its form is too plain; an effect is missing; the table is
-    stated wrongly; or it errs beyond the noise, of which nothing shows the reason."""
+    """It fits; inputs of actuators are not in it; its numbers are wrong; its form is too plain; an
+    effect is missing; the table is stated wrongly; or it errs beyond the noise, of which nothing
+    shows the reason."""
     gate: StructureTest
     """Test of its residual as it stands."""
     as_given: Errors
@@ -207,6 +208,8 @@ class GivenModel:
     reason: Reason = ""
     """Why a base that is no richer shows nothing: `rows` that are unlike all others count less in
     it, or what the model lacks is too `weak`; empty where it shows it, or is richer."""
+    unused_inputs: tuple[str, ...] = field(default=(), metadata={"optional": True})
+    """Inputs of actuators that vary in these rows, and that it does not take."""
     remedy: Remedy | None = field(default=None, metadata={"optional": True})
     """The command that mends the model's form or its numbers; None where that is not the answer."""
 
@@ -243,6 +246,9 @@ class GivenModel:
         """Return what to do, after a space; empty where nothing is to be done to the model."""
         if self.answer in ("fits", "table", "noise"):
             return ""
+        if self.answer == "inputs":
+            names = ", ".join(self.unused_inputs)
+            return f" What the model lacks are the inputs {names}: fit one that takes them."
         if self.refitted is None:
             return {
                 "effect": " An effect is missing.",
@@ -302,7 +308,7 @@ def judge_given_model(
         answer=answer,
         gate=judged.result.structure,
         as_given=judged.as_given,
-        refitted=judged.refitted if missing else None,
+        refitted=judged.refitted if missing and answer != "inputs" else None,
         with_effects=judged.errors_of(judged.refits[1]) if missing else None,
         base=decision.problem.base.name,
         base_errors=judged.base_errors,
@@ -310,6 +316,7 @@ def judge_given_model(
         scale=judged.scale if answer == "numbers" else None,
         statement=statement,
         neighbours_alike=judged.result.neighbours_alike,
+        unused_inputs=judged.result.unused_inputs if answer == "inputs" else (),
         reason=judged.reason if answer in ("numbers", "effect") else "",
         remedy=_remedy(model, decision.problem, answer, judged.reason),
     )
@@ -440,6 +447,17 @@ class _Judged:
         return self.missing and not self.fits_again and shown
 
     @cached_property
+    def lacks_inputs(self) -> bool:
+        """Whether it does not take inputs of actuators, and a base that does errs less."""
+        problem = self.decision.problem
+        if not self.result.unused_inputs:
+            return False
+        own = problem.size / max(problem.size - len(problem.base.coefficients), 1)
+        given, base = self.as_given.rmse, self.base_errors.rmse
+        far = any(given[name] > _FAR * np.sqrt(own) * base[name] for name in given)
+        return far or self.missing
+
+    @cached_property
     def reason(self) -> Reason:
         """Why a base that is no richer than the model shows nothing."""
         problem = self.decision.problem
@@ -456,6 +474,7 @@ class _Judged:
         beyond = over_noise > NEAR_NOISE and self.result.excess_low > 0.0
         rules: tuple[tuple[bool, Answer], ...] = (
             (unknown is not None and unknown.slow_noise is not None, "fits"),
+            (self.lacks_inputs, "inputs"),
             (self.same_form and not none, "effect"),
             (not self.missing and self.far_off, "noise" if none else "effect"),
             (not self.missing, "noise" if beyond else "fits"),
@@ -498,7 +517,7 @@ def _remedy(model: Model, problem: Problem, answer: Answer, reason: str) -> Reme
     """The command that mends what is wrong with the model; None where an effect is missing."""
     if reason == "rows":
         return Remedy("look at the rows that are unlike all others", "ecm check DATA")
-    if answer == "form":
+    if answer in ("form", "inputs"):
         name = problem.base.name
         return Remedy("change the model first", f"ecm fit DATA --model {name} --out OUT")
     if answer == "numbers":

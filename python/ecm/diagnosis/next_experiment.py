@@ -34,7 +34,7 @@ from ecm.diagnosis.settings import FORM_SHARE, REFUTED_BY, REFUTED_SHARE
 from ecm.diagnosis.summary import to_json
 from ecm.effects import Effect, Rows, all_effects
 from ecm.effects.experiments import SEPARATOR, Experiment, get_experiment
-from ecm.effects.registry import with_shape
+from ecm.effects.registry import effects_of_actuators, with_shape
 from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, TEXT, WRENCH
@@ -106,7 +106,8 @@ def predicted_table(plan: Table, base: NominalModel, rig: RigSettings | None = N
     gravity = np.asarray(base.meta.scene.gravity_m_s2)
     wrenches[:, :3] -= of("dead_weight_kg")[:, None] * gravity
     climate = Climate.build(settings, 0, timeline.end_s, timeline.heating)
-    columns: dict[str, Any] = dict(zip(POSE, poses.T.copy(), strict=True))
+    names = (*POSE, *plan.actuation_columns)
+    columns: dict[str, Any] = dict(zip(names, poses.T.copy(), strict=True))
     columns |= dict(zip(base.base.outputs, wrenches.T.copy(), strict=True))
     columns |= {name: of(name) for name in ("pose_id", "run", "repeat", "time_s", "dwell_s")}
     columns |= {name: of(name, object) for name in ("approach", "kind")}
@@ -494,7 +495,7 @@ def _offered(
     problem: Problem, groups: Sequence[ConfusionClass]
 ) -> dict[Experiment, list[Discrimination]]:
     """Return the experiments for the members, one for each campaign, and what each would tell."""
-    known = {effect.id: effect for effect in all_effects()}
+    known = {effect.id: effect for effect in (*all_effects(), *effects_of_actuators())}
     ids = dict.fromkeys(id for group in groups for id in group.shapes if id in known)
     # Named for a pair of members, then what separates a member from effects outside its class.
     names = [name for id in ids for other, name in known[id].rivals.items() if other in ids]
@@ -558,7 +559,8 @@ class _Choice:
 
     def _named(self, experiment: Experiment) -> set[str]:
         """Return the pairs of members for which the catalogue names this experiment."""
-        rivals = {effect.id: effect.rivals for effect in all_effects()}
+        every = (*all_effects(), *effects_of_actuators())
+        rivals = {effect.id: effect.rivals for effect in every}
         return {
             f"{id} or {other}"
             for group in self.groups

@@ -379,14 +379,16 @@ def find_missing(
 
 def _with_family(decision: Decision) -> Decision:
     """Return the decision with the family in place of `unknown`, where one is sure."""
-    if decision.unknown is None or decision.misread:
+    unknown = decision.unknown
+    of_runs = unknown is not None and unknown.variables == ("run",)
+    if unknown is None or decision.misread or of_runs:
         return decision
     family = find_family(decision.problem)
     if family is None:
         return decision
     first = [family.column] if family.column else []
-    variables = tuple(dict.fromkeys([*first, *decision.unknown.variables]))
-    unknown = replace(decision.unknown, template=family.draft, variables=variables)
+    variables = tuple(dict.fromkeys([*first, *unknown.variables]))
+    unknown = replace(unknown, template=family.draft, variables=variables)
     return replace(decision, verdict="family", unknown=unknown, family=family)
 
 

@@ -14,7 +14,7 @@ from ecm.effects import with_shape
 from ecm.effects.material import StrainStiffening
 from ecm.errors import Remedy
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.table import Table
 from ecm.models.joint_fit import FittedEffect, JointFit
 from ecm.models.refit import FAR_BEYOND_NOISE
@@ -159,6 +159,19 @@ class Summary:
 
 def _missing(document: Mapping[str, Any]) -> str:
     """What is missing, its size, and the fall of the error on which the name rests."""
+    model = document["model"]
+    if model["answer"] != "inputs":
+        return _missing_beside(document)
+    names = ", ".join(model["unused_inputs"])
+    given, base = model["as_given"]["rmse"], model["base_errors"]["rmse"]
+    worst = max(given, key=lambda name: given[name] / max(base[name], 1e-300))
+    errs = f"{given[worst]:.3g} {unit_of(worst)} in {worst}, {model['base']} {base[worst]:.3g}"
+    more = "" if document["verdict"] == "none" else f"; beside that {_missing_beside(document)}"
+    return f"the model does not take {names}: {model['name']} errs {errs}{more}"
+
+
+def _missing_beside(document: Mapping[str, Any]) -> str:
+    """The same against the base."""
     if document["verdict"] in ("named", "ambiguous"):
         sizes = {item["id"]: _sized(item) for item in document["effects"]}
         causes = " and ".join(_cause(members, sizes) for members in document["answer"])
@@ -232,7 +245,8 @@ def _error(errors: Mapping[str, Any]) -> str:
 
 def _add(document: Mapping[str, Any]) -> str:
     """The command that puts it into the model that was given, or the one that mends the model."""
-    addition = document.get("addition")
+    without_inputs = document["model"]["answer"] == "inputs"
+    addition = None if without_inputs else document.get("addition")
     if addition is not None:
         remedy = addition["remedy"] or {"command": "", "words": _NOTHING}
         command = remedy["command"] or remedy["words"]
@@ -243,7 +257,7 @@ def _add(document: Mapping[str, Any]) -> str:
             "" if after is None else f"   (this model {before:.2f} -> {after:.2f} times the noise)"
         )
         return f"{command}{brings}"
-    if document["verdict"] in ("named", "ambiguous"):
+    if document["verdict"] in ("named", "ambiguous") and not without_inputs:
         return "nothing: the model has it already; refit it to these rows"
     remedy = document["model"].get("remedy")
     if remedy is not None:
@@ -282,7 +296,9 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
 def _of_unknown(unknown: Mapping[str, Any]) -> Iterator[str]:
     if "slow_noise" in unknown:
         yield "a pause, or the same motion again or at another speed"
-    if unknown.get("variables"):
+    if unknown.get("variables") == ["run"]:
+        yield "record in a column what was set or changed between the runs: a pressure, a weight"
+    elif unknown.get("variables"):
         alone = ", then ".join(unknown["variables"][:2])
         yield f"measure again and vary {alone} alone: the residual follows it"
 

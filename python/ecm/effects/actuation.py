@@ -1,12 +1,14 @@
-"""Actuators that do not do what the table says: the pressure in a chamber is not the one recorded.
+"""Actuators that do not do what the table says: what acts is not the pressure or tension recorded.
 
-Each acts through G = dh/da: a pressure that is wrong by da changes the wrench by G da. The shape is
-the actuator, or all of them alike.
+Each acts through G = dh/da: an input that is wrong by da changes the wrench by G da. The shape is
+the actuator, or all of its kind alike.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -23,16 +25,25 @@ from ecm.effects.protocol import (
 from ecm.effects.relaxation import time_constants
 from ecm.io.arrays import F
 from ecm.io.table import Table
-from ecm.regression.approach import before_each, row_before
+from ecm.regression.approach import before_each, row_before, values_before
 from ecm.regression.rows import Rows, actuators_of
 
 ALL = "all"
 
 
-def _needs_actuators(table: Table) -> Missing | None:
-    if table.actuation_columns:
-        return None
-    return Missing("no column of an actuator", "pressure_1_Pa, ...", absent=True)
+def _needs(kind: str) -> Callable[[Table], Missing | None]:
+    """Whether a table has inputs of a kind, such as `pressure`."""
+
+    def missing(table: Table) -> Missing | None:
+        if any(name.startswith(kind) for name in table.actuation_columns):
+            return None
+        unit = {"pressure": "Pa", "tension": "N"}[kind]
+        return Missing(f"no {kind} of an actuator", f"{kind}_1_{unit}, ...", absent=True)
+
+    return missing
+
+
+_needs_pressures, _needs_tensions = _needs("pressure"), _needs("tension")
 
 
 @dataclass(frozen=True)
@@ -42,6 +53,8 @@ class _OfActuator(LinearEffect):
     actuator: str = ALL
 
     kind = "time"
+    acts_on: ClassVar[str] = "pressure"
+    """Kind of the inputs that it changes."""
 
     def change(self, rows: Rows, inputs: F) -> F:
         """(N, m) change of each input per unit of the parameter, for inputs (N, m)."""
@@ -53,13 +66,18 @@ class _OfActuator(LinearEffect):
         if not names:
             return np.zeros((len(rows), 6, 1))
         change = self.change(rows, rows.table.matrix(names))
-        if self.actuator != ALL:
-            change = change * [name == self.actuator for name in names]
+        change = change * [name in self._concerned(names) for name in names]
         return np.asarray(rows.actuation_jacobian @ np.nan_to_num(change)[:, :, None])
 
+    def _concerned(self, names: Sequence[str]) -> list[str]:
+        """The actuators among these whose input it changes."""
+        own = [name for name in names if name.startswith(self.acts_on)]
+        return own if self.actuator == ALL else [self.actuator]
+
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """All actuators alike, then each."""
-        return (self, *(type(self)(name) for name in table.actuation_columns))
+        """All actuators of its kind alike, then each."""
+        names = self._concerned(table.actuation_columns)
+        return (self, *(type(self)(name) for name in names if len(names) > 1))
 
 
 class PressureOffset(_OfActuator):
@@ -70,7 +88,7 @@ class PressureOffset(_OfActuator):
     physics = "The pressure in a chamber is off by a constant: a regulator or a gauge with a zero."
     parameters = (Parameter("offset", "Pa", 100.0),)
     signature = "the wrench of a constant pressure in that chamber, also at no pressure"
-    requires = (needs_full, _needs_actuators)
+    requires = (needs_full, _needs_pressures)
     outside = LookAlike("anything that bends the body at rest", "open the chambers to the air")
 
     def change(self, rows: Rows, inputs: F) -> F:
@@ -86,7 +104,7 @@ class PressureGain(_OfActuator):
     physics = "The pressure in a chamber is off by a share of itself: a gauge with a wrong gain."
     parameters = (Parameter("share", "1", 0.01),)
     signature = "grows with the pressure of that chamber"
-    requires = (needs_full, _needs_actuators)
+    requires = (needs_full, _needs_pressures)
     outside = LookAlike("a chamber of another cross-section", "measure its volume at two pressures")
 
     def change(self, rows: Rows, inputs: F) -> F:
@@ -103,12 +121,13 @@ class PressureCrossTalk(_OfActuator):
     )
     parameters = (Parameter("share", "1", 0.01),)
     signature = "grows with the pressure of the other chambers"
-    requires = (needs_full, _needs_actuators, needs_columns("pressure_2_Pa"))
+    requires = (needs_full, _needs_pressures, needs_columns("pressure_2_Pa"))
 
     def change(self, rows: Rows, inputs: F) -> F:
-        """The mean of the others."""
-        others = inputs.sum(axis=1, keepdims=True) - inputs
-        return np.asarray(others / max(inputs.shape[1] - 1, 1))
+        """The mean of the other pressures."""
+        own = np.array([name.startswith(self.acts_on) for name in actuators_of(rows.base)])
+        others = (inputs * own).sum(axis=1, keepdims=True) - inputs
+        return np.asarray(others / max(own.sum() - 1, 1))
 
 
 class PressureHysteresis(_OfActuator):
@@ -118,7 +137,7 @@ class PressureHysteresis(_OfActuator):
     physics = "A chamber that was filled from below acts as at less pressure than one let down."
     parameters = (Parameter("pressure", "Pa", 100.0),)
     signature = "changes its sign with the direction of the last change of pressure"
-    requires = (needs_full, _needs_actuators, needs_columns("time_s"))
+    requires = (needs_full, _needs_pressures, needs_columns("time_s"))
     needs = "pressure_1_Pa and time_s, and rows whose pressure comes from below and from above"
     outside = LookAlike("a regulator with a dead band", "read the pressure in the chamber itself")
 
@@ -134,7 +153,7 @@ class ChamberLeak(_OfActuator):
     physics = "A chamber leaks during the dwell: its pressure falls by a share of itself a second."
     parameters = (Parameter("rate", "1/s", 1e-3),)
     signature = "grows with pressure and dwell"
-    requires = (needs_full, _needs_actuators, needs_columns("dwell_s"))
+    requires = (needs_full, _needs_pressures, needs_columns("dwell_s"))
     needs = "pressure_1_Pa, and dwell_s that varies"
 
     def change(self, rows: Rows, inputs: F) -> F:
@@ -153,7 +172,7 @@ class RegulatorLag(_OfActuator):
     physics = "The pressure follows what was asked for with a time constant: tubes and a valve."
     parameters = (Parameter("share", "1", 0.05),)
     signature = "follows the last change of pressure and dies out with the time since then"
-    requires = (needs_full, _needs_actuators, needs_columns("time_s"))
+    requires = (needs_full, _needs_pressures, needs_columns("time_s"))
     needs = "pressure_1_Pa and time_s, and rows at unlike times after a change of pressure"
 
     def change(self, rows: Rows, inputs: F) -> F:
@@ -166,7 +185,8 @@ class RegulatorLag(_OfActuator):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Without a time, then with some time constants, of all actuators and of each."""
         times = (0.0, *time_constants(table)[::3]) if table.has("time_s") else (0.0,)
-        names = (ALL, *table.actuation_columns)
+        own = self._concerned(table.actuation_columns)
+        names = (ALL, *(own if len(own) > 1 else ()))
         return tuple(RegulatorLag(name, tau) for name in names for tau in times)
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
@@ -187,9 +207,57 @@ def _since_change_s(table: Table) -> F:
 
 
 def _before(rows: Rows, inputs: F) -> F:
-    """(N, m) inputs of the row before in time; the same for the first of a run."""
-    before = before_each(inputs, row_before(rows.table))
+    """(N, m) inputs where the row was approached from; the same where that is unknown.
+
+    At the rest pose, `initial`, nothing acts.
+    """
+    names = actuators_of(rows.base)
+    before = values_before(rows.table, names, np.zeros(len(names)))
     return np.where(np.isfinite(before), before, inputs)
+
+
+class CapstanFriction(_OfActuator):
+    """A tendon loses tension along the bent body."""
+
+    id = "capstan_friction"
+    acts_on = "tension"
+    physics = (
+        "A tendon rubs where the body is bent: what acts at its end is less than at the winch by a "
+        "share that grows with the bend (capstan), and more after it was let out."
+    )
+    parameters = (Parameter("friction", "1/rad", 0.05),)
+    signature = "grows with tension times bend, and changes its sign when the tendon is let out"
+    requires = (needs_full, _needs_tensions)
+    needs = "tension_1_N, and approach or time_s to know whether the tendon was let out"
+    outside = LookAlike("a load cell with a wrong gain", "read the tension at both ends")
+
+    def change(self, rows: Rows, inputs: F) -> F:
+        """Minus the tension times the bend; plus where the tension was lowered."""
+        bend = np.linalg.norm(rows.rotation_vectors[:, 1:], axis=1)
+        known = rows.table.has("approach") or rows.table.has("time_s")
+        let_out = inputs < _before(rows, inputs) if known else np.zeros(inputs.shape, bool)
+        return np.where(let_out, 1.0, -1.0) * inputs * bend[:, None]
+
+
+class TendonStretch(_OfActuator):
+    """The winch stands still while the pose changes."""
+
+    id = "tendon_stretch"
+    acts_on = "tension"
+    physics = (
+        "The winch stands still while the robot moves the body: the tendon stretches, and what "
+        "acts differs from the recorded tension by its stiffness times the change of its way."
+    )
+    parameters = (Parameter("stiffness", "N/m", 50.0),)
+    signature = "follows the length of the tendon's way through the body"
+    requires = (needs_full, _needs_tensions)
+    needs = "tension_1_N"
+    outside = LookAlike("a stiff fibre along the tendon", "let the winch follow the tension")
+
+    def change(self, rows: Rows, inputs: F) -> F:
+        """Minus the shortening that the base gives to each tendon."""
+        base: Any = rows.base
+        return np.asarray(-base.amounts(np.hstack([rows.poses, inputs])))
 
 
 ACTUATED = (
@@ -199,5 +267,7 @@ ACTUATED = (
     PressureHysteresis(),
     ChamberLeak(),
     RegulatorLag(),
+    CapstanFriction(),
+    TendonStretch(),
 )
 """Effects of tables with actuators."""

@@ -52,7 +52,7 @@ CaseProgress = Callable[[int, int], object] | None
 
 ARRAYS = (
     "loads",
-    "volumes_m3",
+    "amounts",
     "poses",
     "stiffness",
     "energy_J",
@@ -328,6 +328,10 @@ class Workspace(Checked):
     """Lower limits of the box of gauge pressures, Pa: of all chambers, or one for each."""
     pressure_max_Pa: tuple[float, ...] = setting((0.0,), any_size=True)
     """Upper limits of the same."""
+    tension_min_N: tuple[float, ...] = setting((0.0,), any_size=True, low=0.0)
+    """Lower limits of the box of tensions, N: of all tendons, or one for each."""
+    tension_max_N: tuple[float, ...] = setting((0.0,), any_size=True, low=0.0)
+    """Upper limits of the same."""
     full_box: bool = setting(False)
     """Keep every stable pose of the box; no screen, no limits."""
     screen_margin: float = setting(1.2, above=0.0)
@@ -341,21 +345,26 @@ class Workspace(Checked):
             raise InputError("wrench_min must be below wrench_max in each component")
 
     def box(self, mechanism: Mechanism) -> tuple[F, F]:
-        """Corners (6 + m,) of the wrenches and of the pressures of a mechanism's m chambers."""
-        chambers = mechanism.chambers
+        """Corners (6 + m,) of the wrenches and of the inputs of a mechanism's m actuators."""
+        tendons = len(mechanism.actuators) - mechanism.chambers
         corners = []
         for name, wrench in (("min", self.wrench_min), ("max", self.wrench_max)):
-            given = getattr(self, f"pressure_{name}_Pa")
-            if len(given) not in (1, chambers) and chambers > 0:
-                raise InputError(
-                    f"pressure_{name}_Pa has {len(given)} numbers, the mechanism {chambers} "
-                    "chambers: give one number for all, or one for each"
-                )
-            each = given * chambers if len(given) == 1 else given[:chambers]
-            corners.append(np.array([*wrench, *each], dtype=np.float64))
+            corner = list(wrench)
+            for key, count, bodies in (
+                (f"pressure_{name}_Pa", mechanism.chambers, "chambers"),
+                (f"tension_{name}_N", tendons, "tendons"),
+            ):
+                given = getattr(self, key)
+                if len(given) not in (1, count) and count > 0:
+                    raise InputError(
+                        f"{key} has {len(given)} numbers, the mechanism {count} {bodies}: give one "
+                        "number for all, or one for each"
+                    )
+                corner += given * count if len(given) == 1 else given[:count]
+            corners.append(np.array(corner, dtype=np.float64))
         low, high = corners
         if (high < low).any():
-            raise InputError("pressure_min_Pa must not be above pressure_max_Pa")
+            raise InputError("[workspace]: a lower limit of pressure or tension is above the upper")
         return low, high
 
 
@@ -449,9 +458,10 @@ class Simulated(Printed):
     """
 
     loads: F
-    """(N, 6 + m), N and N m, and the gauge pressure of each of m chambers in Pa."""
-    volumes_m3: F
-    """(N, m), change of each chamber's volume from the undeformed body."""
+    """(N, 6 + m), N and N m, the gauge pressure of each chamber in Pa, the tension of each tendon
+    in N."""
+    amounts: F
+    """(N, m), change of each chamber's volume, m³, and shortening of each tendon, m."""
     poses: F
     """(N, 6), m and rad."""
     stiffness: F
@@ -485,7 +495,7 @@ class Simulated(Printed):
 
     @property
     def actuation(self) -> F:
-        """(N, m), gauge pressure of each chamber, Pa."""
+        """(N, m), gauge pressure of each chamber, Pa, then tension of each tendon, N."""
         return self.loads[:, 6:]
 
     def __repr__(self) -> str:
@@ -497,10 +507,9 @@ class Simulated(Printed):
         solved = np.array([word == "solved" for word in self.status], dtype=np.bool_)
         columns: dict[str, F] = dict(zip(POSE, self.poses[solved].T, strict=True))
         columns |= dict(zip(WRENCH, self.wrenches[solved].T, strict=True))
-        for number, (pressure, volume) in enumerate(
-            zip(self.actuation[solved].T, self.volumes_m3[solved].T, strict=True), 1
-        ):
-            columns |= {f"pressure_{number}_Pa": pressure, f"volume_{number}_m3": volume}
+        names = zip(self.mechanism.actuators, self.mechanism.amounts, strict=True)
+        for k, (given, amount) in enumerate(names):
+            columns |= {given: self.actuation[solved, k], amount: self.amounts[solved, k]}
         for name in ("energy_J", "largest_stretch", "smallest_jacobian"):
             columns[name] = getattr(self, name)[solved]
         return Table(columns, Meta(mechanism=self.mechanism.to_dict()), source)
@@ -631,6 +640,9 @@ def solve_wrenches(
     wrenches: ArrayLike,
     *,
     pressures_Pa: ArrayLike | None = None,
+    tensions_N: ArrayLike | None = None,
+    volumes_m3: ArrayLike | None = None,
+    lengths_m: ArrayLike | None = None,
     threads: int = 0,
     progress: Progress = None,
 ) -> Simulated:
@@ -644,7 +656,12 @@ def solve_wrenches(
         (N, 6) dead loads on the platform: force in N, moment in N m, in base axes at the top
         frame's origin.
     pressures_Pa
-        (N, m) gauge pressures in the m chambers of the mechanism, Pa; default: none.
+        (N, c) gauge pressures in the c chambers of the mechanism, Pa; default: none.
+    tensions_N
+        (N, t) tensions of its t tendons, N; default: none.
+    volumes_m3, lengths_m
+        In place of pressures or tensions: change of the chambers' volumes, and by how much the
+        tendons are wound in, from the undeformed body. A tendon that is let out is slack.
     threads
         0: all cores. The result does not depend on it.
     progress
@@ -675,19 +692,28 @@ def solve_wrenches(
     """
     _check_mechanism("solve_wrenches", mechanism)
     loads = _six_columns("solve_wrenches", wrenches)
-    shape = (len(loads), mechanism.chambers)
-    pressures = np.zeros(shape) if pressures_Pa is None else _pressures(pressures_Pa, shape)
-    loads = np.hstack([loads, pressures])
+    chambers, actuators = mechanism.chambers, len(mechanism.actuators)
+    parts, given = [loads], []
+    for count, bodies, choices in (
+        (chambers, "chamber", {"pressures_Pa": pressures_Pa, "volumes_m3": volumes_m3}),
+        (actuators - chambers, "tendon", {"tensions_N": tensions_N, "lengths_m": lengths_m}),
+    ):
+        part, of_amounts = _of_actuators((len(loads), count), bodies, choices)
+        parts.append(part)
+        given += [of_amounts] * count
+    loads = np.hstack(parts)
 
     def report(done: int, total: int) -> None:
         if progress is not None:
             progress(done, total, "solving")
 
-    results = mechanism.fem().solve_wrenches(loads, threads=threads, progress=report)
+    fem = mechanism.fem()
+    results = fem.solve_wrenches(loads, given=given, threads=threads, progress=report)
     status = tuple(results.status)
     lost = np.array([word != "solved" for word in status], dtype=np.bool_)
     arrays = {name: np.array(getattr(results, name)) for name in ARRAYS}
-    arrays["loads"] = loads  # those of the solver differ by its residual
+    # Those of the solver differ by its residual; inputs that it found stay.
+    arrays["loads"][:, : len(WRENCH)] = loads[:, : len(WRENCH)]
     for name, values in arrays.items():
         if name not in ("loads", "iterations"):
             values[lost] = np.nan
@@ -712,14 +738,23 @@ def _check_mechanism(name: str, mechanism: object) -> None:
         )
 
 
-def _pressures(values: ArrayLike, shape: tuple[int, int]) -> F:
-    pressures = np.asarray(values, dtype=np.float64)
-    if pressures.shape != shape or not np.isfinite(pressures).all():
+def _of_actuators(
+    shape: tuple[int, int], bodies: str, choices: dict[str, ArrayLike | None]
+) -> tuple[F, bool]:
+    """Inputs of chambers or tendons, or their amounts, and whether it is the latter."""
+    given = [(name, values) for name, values in choices.items() if values is not None]
+    if len(given) > 1:
+        raise InputError(f"solve_wrenches: found both {' and '.join(choices)}: give one of them")
+    if not given:
+        return np.zeros(shape), False
+    name, values = given[0]
+    found = np.asarray(values, dtype=np.float64)
+    if found.shape != shape or not np.isfinite(found).all():
         raise InputError(
-            f"solve_wrenches: pressures_Pa has shape {pressures.shape}, expected {shape} finite "
-            "numbers: a row for each wrench, a column for each chamber"
+            f"solve_wrenches: {name} has shape {found.shape}, expected {shape} finite numbers: a "
+            f"row for each wrench, a column for each {bodies}"
         )
-    return pressures
+    return found, name == list(choices)[1]
 
 
 def _check_number(name: str, n: object) -> None:

@@ -206,8 +206,8 @@ STANDARD = (
     *VELOCITY,
     *SPREAD,
 )
-_ACTUATION = re.compile(r"(?P<kind>pressure)_(?P<number>[1-9][0-9]*)_Pa")
-_AMOUNT = re.compile(r"(?P<kind>volume)_(?P<number>[1-9][0-9]*)_m3")
+_ACTUATION = re.compile(r"(?:(?P<chamber>pressure)|tension)_(?P<number>[1-9]\d*)_(?(chamber)Pa|N)")
+_AMOUNT = re.compile(r"(?:(?P<chamber>volume)|length)_(?P<number>[1-9]\d*)_(?(chamber)m3|m)")
 _TENDON = re.compile(r"tendon[1-9][0-9]*_N")
 _SHORT = tuple(name.rsplit("_", 1)[0] for name in (*WRENCH, *POSE))
 STIFFNESS = tuple(f"k_{force}_{coordinate}" for force in _SHORT[:6] for coordinate in _SHORT[6:])
@@ -235,30 +235,34 @@ def is_standard(name: str) -> bool:
 
 
 def actuation_columns(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the actuator inputs among column names, by number.
+    """Return the actuator inputs among column names: pressures, then tensions, by number.
 
     Examples
     --------
-    >>> actuation_columns(["pressure_2_Pa", "x_m", "pressure_1_Pa", "pressure_bar"])
-    ('pressure_1_Pa', 'pressure_2_Pa')
+    >>> actuation_columns(["tension_1_N", "pressure_2_Pa", "x_m", "pressure_1_Pa", "pressure_bar"])
+    ('pressure_1_Pa', 'pressure_2_Pa', 'tension_1_N')
     """
     return _by_number(_ACTUATION, names)
 
 
 def amount_columns(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the volume changes of chambers among column names, by number.
+    """Return volume changes of chambers, then shortenings of tendons, among column names.
 
     Examples
     --------
-    >>> amount_columns(["volume_1_m3", "x_m"])
-    ('volume_1_m3',)
+    >>> amount_columns(["length_1_m", "volume_1_m3", "x_m"])
+    ('volume_1_m3', 'length_1_m')
     """
     return _by_number(_AMOUNT, names)
 
 
 def _by_number(pattern: re.Pattern[str], names: Iterable[str]) -> tuple[str, ...]:
     found = [match for name in names if (match := pattern.fullmatch(name))]
-    return tuple(match[0] for match in sorted(found, key=lambda match: int(match["number"])))
+
+    def place(match: re.Match[str]) -> tuple[bool, int]:
+        return match["chamber"] is None, int(match["number"])
+
+    return tuple(match[0] for match in sorted(found, key=place))
 
 
 def likely_name(name: str) -> str | None:

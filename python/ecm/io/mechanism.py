@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -184,6 +184,38 @@ SOLVER_VERSION = 4
 
 
 @dataclass(frozen=True)
+class Tendon(Checked):
+    """A thread that is pulled, straight between its points in the undeformed body, base frame, m.
+
+    Examples
+    --------
+    >>> Tendon(base_m=((0.0, 0.02, 0.0),), platform_m=((0.1, 0.02, 0.0),)).points
+    2
+    """
+
+    base_m: tuple[tuple[float, ...], ...] = setting((), any_size=True)
+    """Points that the base carries, first to last."""
+    body_m: tuple[tuple[float, ...], ...] = setting((), any_size=True)
+    """Points within the body, behind those of the base."""
+    platform_m: tuple[tuple[float, ...], ...] = setting((), any_size=True)
+    """Points that the platform carries, last."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for field in fields(self):
+            for point in getattr(self, field.name):
+                if len(point) != 3:
+                    raise InputError(f"{field.name}: found {list(point)}, expected [x, y, z] in m")
+        if self.points < 2:
+            raise InputError(f"a tendon has {self.points} points: expected 2 or more")
+
+    @property
+    def points(self) -> int:
+        """Number of points."""
+        return len(self.base_m) + len(self.body_m) + len(self.platform_m)
+
+
+@dataclass(frozen=True)
 class Mechanism(Checked):
     """An elastic body between two rigid plates. The default is the neck of the paper.
 
@@ -229,6 +261,20 @@ class Mechanism(Checked):
     """Radius of a channel along the axis; 0: none."""
     end_wall_m: float = setting(0.0, low=0.0)
     """Wall at both ends; 0: base and platform close the chambers."""
+    tendon_count: int = setting(0, low=0, high=12)
+    """Number of tendons round the axis, the first towards y."""
+    tendon_offset_m: float = setting(0.0, low=0.0)
+    """Their distance from the axis."""
+    tendon_guides: int = setting(0, low=0, high=100)
+    """Points of the body that each of them passes; 0: free between base and platform."""
+    tendons: tuple[Tendon, ...] = setting((), any_size=True)
+    """Tendons along points of their own."""
+    winding_stiffness_N_m: float = setting(0.0, low=0.0)
+    """E A of a thread over the distance of the threads, N/m; 0: no winding."""
+    winding_angle_rad: float = setting(0.0, low=0.0, high=0.5 * math.pi)
+    """Angle of the two families of threads from the direction round the surface; 0: rings."""
+    winding_on: str = setting("chambers")
+    """Where the threads lie: chambers, outside, or a surface of the mesh file."""
     young_modulus_Pa: float = setting(0.65e6, low=0.0)
     """E at small strain; 0: unknown."""
     poisson_ratio: float = setting(0.49, low=0.0, high=0.5)
@@ -259,6 +305,8 @@ class Mechanism(Checked):
         if 0.0 < self.young_modulus_Pa < _LOWEST_MODULUS_PA:
             modulus = self.young_modulus_Pa
             raise InputError(f"young_modulus_Pa = {modulus}: looks like MPa; give Pa (0.65e6)")
+        if self.tendon_count and not self.tendon_offset_m > 0.0:
+            raise InputError("tendon_count needs tendon_offset_m: their distance from the axis, m")
         if self.builtin:
             self._check_dimensions()
 
@@ -340,6 +388,9 @@ class Mechanism(Checked):
                 del table["young_modulus_Pa"], table["poisson_ratio"]
             elif isinstance(value, Path):
                 table["mesh"] = str(value)
+            elif field.name == "tendons":
+                if value:
+                    table["tendons"] = [asdict(tendon) for tendon in value]
             elif value and (field.name in always or value != field.default):
                 table[field.name] = value
         return table
@@ -365,8 +416,51 @@ class Mechanism(Checked):
             return len(self.mesh().chambers)
         return self.chamber_count if self.builtin == "chambered" else 0
 
+    @property
+    def actuators(self) -> tuple[str, ...]:
+        """Columns of the inputs: pressure_1_Pa, ... of chambers, tension_1_N, ... of tendons."""
+        tendons = self.tendon_count + len(self.tendons)
+        return (
+            *(f"pressure_{k + 1}_Pa" for k in range(self.chambers)),
+            *(f"tension_{k + 1}_N" for k in range(tendons)),
+        )
+
+    @property
+    def amounts(self) -> tuple[str, ...]:
+        """Columns of what the inputs do work on: volume_1_m3, ..., length_1_m, ... wound in."""
+        return tuple(
+            name.replace("pressure", "volume").replace("Pa", "m3")
+            if name.startswith("pressure")
+            else name.replace("tension", "length").replace("_N", "_m")
+            for name in self.actuators
+        )
+
     def mesh(self) -> Mesh:
         """Return the tetrahedra of the body; InputError where only its length is known."""
+        mesh = self._body()
+        for number, tendon in enumerate((*self._round_the_axis(), *self.tendons), 1):
+            points = {field.name: getattr(tendon, field.name) for field in fields(tendon)}
+            mesh = mesh.with_tendon(f"tendon_{number}", **points)
+        if self.winding_stiffness_N_m > 0.0:
+            chambers = [name for name, _ in mesh.chambers]
+            for surface in chambers if self.winding_on == "chambers" else [self.winding_on]:
+                mesh = mesh.with_winding(
+                    surface,
+                    angle_rad=self.winding_angle_rad,
+                    stiffness_N_m=self.winding_stiffness_N_m,
+                )
+        return mesh
+
+    def _round_the_axis(self) -> Iterator[Tendon]:
+        """Tendons parallel to the axis, at equal angles."""
+        for k in range(self.tendon_count):
+            angle = 2.0 * math.pi * k / self.tendon_count
+            y, z = self.tendon_offset_m * math.cos(angle), self.tendon_offset_m * math.sin(angle)
+            steps = self.tendon_guides + 1
+            at = [(self.length_m * i / steps, y, z) for i in range(steps + 1)]
+            yield Tendon((at[0],), tuple(at[1:-1]), (at[-1],))
+
+    def _body(self) -> Mesh:
         if self.mesh_file is not None:
             return read_mesh(self.mesh_file, self.quality)
         if not self.builtin or self.radius_m <= 0.0:
@@ -449,9 +543,15 @@ class Mechanism(Checked):
     def key(self) -> str:
         """Return a hash of solver version, shape and material; of a mesh file its content."""
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "mesh_file"}
-        if self.builtin != "chambered":  # so that what was solved of the others stays valid
-            for name in set(_DIMENSIONS["chambered"]) - {"radius_m"}:
-                del values[name]
+        # So that what was solved of bodies without actuators stays valid.
+        values = {
+            name: value
+            for name, value in values.items()
+            if not name.startswith(_OF_ACTUATORS) or value != _DEFAULTS[name]
+        }
+        values["tendons"] = [asdict(tendon) for tendon in self.tendons]
+        if not self.tendons:
+            del values["tendons"]
         values["solver"] = SOLVER_VERSION
         if self.material is not None:
             values["material"] = self.material.to_dict()
@@ -460,6 +560,9 @@ class Mechanism(Checked):
             content = hashlib.sha256(mesh_bytes(self.mesh_file)).hexdigest()
         return hash_of(values, content)
 
+
+_DEFAULTS = {field.name: field.default for field in fields(Mechanism)}
+_OF_ACTUATORS = ("chamber", "channel", "end_wall", "tendon", "winding")
 
 MECHANISM_KEYS = (*(f.name for f in fields(Mechanism) if f.name != "mesh_file"), "mesh")
 """Keys that `[mechanism]` may hold."""

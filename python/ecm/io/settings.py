@@ -22,7 +22,7 @@ from functools import cache
 from itertools import pairwise
 from numbers import Real
 from pathlib import Path
-from typing import Any, TypeVar, Union, get_args, get_origin
+from typing import Any, TypeVar, Union, cast, get_args, get_origin
 
 from ecm.errors import InputError, shown
 from ecm.io.arguments import check_type, hints_of
@@ -210,6 +210,8 @@ def _converted(value: Any, hint: Any, place: str) -> Any:
         if options[-1] is not Ellipsis and len(value) != len(options):
             raise InputError(f"{place} has {len(value)} entries: expected {len(options)}")
         return tuple(_converted(v, options[0], f"{place}[{i}]") for i, v in enumerate(value))
+    if is_dataclass(hint):
+        return read_settings(cast("type", hint), value, place)
     accepted, words = _KINDS[hint]
     fits = isinstance(value, accepted) and (hint is bool or not isinstance(value, bool))
     if not fits or (hint is int and not float(value).is_integer()):

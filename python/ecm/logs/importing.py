@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ecm.errors import EcmError, InputError, Remedy, shortened
 from ecm.io.arguments import check_arguments, listed
 from ecm.io.cache import write_atomically
-from ecm.io.columns import POSE, given_units
+from ecm.io.columns import POSE
 from ecm.io.csv import BadRows, check_names, write_csv
 from ecm.io.description import FileMeta, Meta, as_meta, row_ranges, shown_ranges
 from ecm.io.events import Progress
@@ -39,7 +39,7 @@ from ecm.logs.containers import (
 )
 from ecm.logs.log import Log, log_of_object
 from ecm.logs.mapping import propose
-from ecm.logs.names import read_name
+from ecm.logs.names import given_units, read_name
 from ecm.logs.questions import Answer, Question
 from ecm.logs.sources import (
     ColumnMap,

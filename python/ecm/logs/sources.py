@@ -30,12 +30,12 @@ from numpy.typing import NDArray
 from ecm._native import rotation_matrices, rotation_vectors
 from ecm.errors import InputError
 from ecm.io.arrays import B, F
-from ecm.io.columns import MAY_BE_EMPTY, POSE, WHOLE, WRENCH, Unit, find_unit, is_standard
+from ecm.io.columns import MAY_BE_EMPTY, POSE, WHOLE, WRENCH, Unit, is_standard
 from ecm.io.description import shown_ranges
 from ecm.io.frames import ORDERS, quaternions_of, vectors_of
 from ecm.io.toml import did_you_mean
 from ecm.logs.log import Log
-from ecm.logs.names import Named, trailing_units
+from ecm.logs.names import Named, find_unit, trailing_units
 from ecm.logs.questions import Answer, Question, ranges
 
 COUNT = {
@@ -190,8 +190,9 @@ def _shorter(values: F) -> F:
 
 
 _SI = {"length": "m", "angle": "rad", "force": "N", "torque": "Nm", "time": "s",
-       "temperature": "degC"}  # fmt: skip
-_USUAL = {"length": "mm", "angle": "deg", "force": "gf", "torque": "N mm", "temperature": "K"}
+       "temperature": "degC", "pressure": "Pa", "volume": "m3"}  # fmt: skip
+_USUAL = {"length": "mm", "angle": "deg", "force": "gf", "torque": "N mm", "temperature": "K",
+          "pressure": "bar", "volume": "ml"}  # fmt: skip
 """The other likely unit, for the question."""
 _BENCH = {"length": "mm", "angle": "deg", "force": "N", "torque": "N m"}
 """The units of most benches, where SI would be out of range."""

@@ -5,12 +5,13 @@
 q the mid-frame coordinates, U_k a polynomial of degree D - (order of k) in them, f a polynomial of
 the inputs alone, which only the volumes tell. Then
 
-    h = dPi/dp,  q_i = -dPi/da_i (volume change of chamber i),  K = dh/dp,  G = dh/da,  C = dq/da.
+    h = dPi/dp,  q_i = -dPi/da_i,  K = dh/dp,  G = dh/da,  C = dq/da.
 
-n equal chambers round the axis: turning the body by 2 pi / n, mirroring it at the plane of the axis
-and chamber 1, and turning it end for end move the chambers among each other and leave Pi as it is.
-Each orbit of products has one polynomial, the sum over those elements that keep its first product;
-the others follow from it.
+An input is a pressure or a tension; its amount q_i is the volume change of the chamber, or the
+shortening of the tendon. n equal actuators round the axis: turning the body by 2 pi / n, mirroring
+it at the plane of the axis and actuator 1, and turning it end for end move those of each kind among
+each other and leave Pi as it is. Each orbit of products has one polynomial, the sum over those
+elements that keep its first product; the others follow from it.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import Any, Literal, get_args
+from typing import Any, Literal, cast, get_args
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -32,6 +33,7 @@ from ecm.io.columns import POSE, WRENCH, amount_columns
 from ecm.io.events import Progress
 from ecm.io.settings import setting
 from ecm.io.table import Table
+from ecm.models.errors_in_variables import AllRows, fit_with_pose_noise
 from ecm.models.layout import Layout, array, items, number, one_of, record, text
 from ecm.models.maps import EnergyMap, EnergyTerms, SixAxisMap
 from ecm.models.noise_estimate import declared_or_fitted
@@ -40,15 +42,19 @@ from ecm.regression.noise import whiteners
 from ecm.regression.rows import Rows
 
 Body = Literal["alike", "revolution", "general"]
-"""alike: equal chambers round the axis, both ends alike; revolution: the ends may differ; general:
+"""alike: equal actuators round the axis, both ends alike; revolution: the ends may differ; general:
 no symmetry."""
 _LEAST_DEGREE, _MOST_DEGREE, _ORDER, _MOST_ORDER = 3, 6, 3, 4
 _PURE_ORDER = 5
 """Order of f: a chamber swells more than in proportion."""
 _WEIGHED = 2
-"""Fits with the weights of the fit before: the noise of the pose acts through K."""
+"""Fits with amounts weighed by what the fit before left."""
 _LEAST_SHARE = 1e-4
-"""Least error of a measured volume over its spread."""
+"""Least error of a measured amount over its spread."""
+_CONJUGATE = {"volume": "pressure", "length": "tension"}
+"""Kind of the input that an amount belongs to."""
+_ROUNDING = 1e-13
+"""Share of the largest coefficient below which one is the rounding of the symmetry."""
 _SINGULAR = 1e-10
 """Least singular value over the largest: below it a direction of the coefficients is unknown."""
 
@@ -70,13 +76,14 @@ class ActuatedTerms:
 
     Examples
     --------
-    >>> terms = ActuatedTerms(0.1, 3, degree=4, order=1)
+    >>> terms = ActuatedTerms(0.1, ("pressure",) * 3, degree=4, order=1)
     >>> [(orbit.products, orbit.expansions[0].shape[1]) for orbit in terms.orbits()]
     [(((0, 0, 0),), 28), (((1, 0, 0), (0, 1, 0), (0, 0, 1)), 26)]
     """
 
     length_m: float
-    actuators: int
+    kinds: tuple[str, ...]
+    """Kind of each actuator; those of one kind stand round the axis in this order."""
     degree: int
     order: int
     body: Body = "alike"
@@ -88,11 +95,11 @@ class ActuatedTerms:
 
     def orbits(self) -> tuple[_Orbit, ...]:
         """Orbits of the products, the constant one first."""
-        return _orbits(self.actuators, self.degree, self.order, self.body)
+        return _orbits(self.kinds, self.degree, self.order, self.body)
 
     def pure(self) -> tuple[tuple[tuple[int, ...], ...], ...]:
         """Orbits of the products in the polynomial of the inputs alone."""
-        return _product_orbits(self.actuators, _PURE_ORDER, self.body)[1:]
+        return _product_orbits(self.kinds, _PURE_ORDER, self.body)[1:]
 
     def count(self) -> int:
         """Number of coefficients."""
@@ -126,42 +133,46 @@ def _monomials(q: F, powers: I) -> F:
     return np.asarray(np.prod(q[:, None, :] ** powers[None], axis=2))
 
 
-def _elements(actuators: int, body: Body) -> list[tuple[F, tuple[int, ...]]]:
-    """Matrices (6, 6) on q, and the chamber that comes in the place of each, of the group."""
-    identity = tuple(range(actuators))
+def _elements(kinds: tuple[str, ...], body: Body) -> list[tuple[F, tuple[int, ...]]]:
+    """Matrices (6, 6) on q, and the actuator that comes in the place of each, of the group."""
     if body == "general":
-        return [(np.eye(6), identity)]
-    mirrored = tuple((-k) % actuators for k in identity)
+        return [(np.eye(6), tuple(range(len(kinds))))]
+    rings = [[k for k, own in enumerate(kinds) if own == kind] for kind in dict.fromkeys(kinds)]
+    turns = math.gcd(*map(len, rings))
+
+    def places(turn: int, sign: int) -> tuple[int, ...]:
+        moved = list(range(len(kinds)))
+        for ring in rings:
+            for k, own in enumerate(ring):
+                moved[own] = ring[(sign * k + turn * len(ring) // turns) % len(ring)]
+        return tuple(moved)
+
     mirror = np.diag([1.0, 1.0, -1.0, -1.0, -1.0, 1.0])
     ends = np.diag([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
     found: list[tuple[Any, tuple[int, ...]]] = []
-    for turn in range(actuators):
-        angle = 2.0 * np.pi * turn / actuators
+    for turn in range(turns):
+        angle = 2.0 * np.pi * turn / turns
         turned = np.eye(3)
         turned[1:, 1:] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
         matrix = np.kron(np.eye(2), turned)
-        places = tuple((k + turn) % actuators for k in identity)
-        for flips in itertools.product(
-            (False, True), (False, True) if body == "alike" else (False,)
-        ):
-            own, moved = matrix, places
-            for flip, change in zip(flips, (mirror, ends), strict=False):
-                if flip:
-                    own, moved = np.asarray(own @ change), tuple(moved[k] for k in mirrored)
-            found.append((own, moved))
+        for change in (np.eye(6), ends) if body == "alike" else (np.eye(6),):
+            # Turning end for end goes about the axis of actuator 1.
+            sign = -1 if change is ends else 1
+            found.append((matrix @ change, places(turn, sign)))
+            found.append((matrix @ mirror @ change, places(turn, -sign)))
     return found
 
 
 @cache
 def _product_orbits(
-    actuators: int, order: int, body: Body
+    kinds: tuple[str, ...], order: int, body: Body
 ) -> tuple[tuple[tuple[int, ...], ...], ...]:
     """Products up to an order that the group moves into each other, by order."""
-    places = {moved for _, moved in _elements(actuators, body)}
+    places = {moved for _, moved in _elements(kinds, body)}
     orbits: list[tuple[tuple[int, ...], ...]] = []
     for size in range(order + 1):
-        chosen = itertools.combinations_with_replacement(range(actuators), size)
-        left = {tuple(own.count(k) for k in range(actuators)) for own in chosen}
+        chosen = itertools.combinations_with_replacement(range(len(kinds)), size)
+        left = {tuple(own.count(k) for k in range(len(kinds))) for own in chosen}
         while left:
             members = {_moved(max(left), place) for place in places}
             orbits.append(tuple(sorted(members, reverse=True)))
@@ -170,12 +181,12 @@ def _product_orbits(
 
 
 @cache
-def _orbits(actuators: int, degree: int, order: int, body: Body) -> tuple[_Orbit, ...]:
-    group = _elements(actuators, body)
+def _orbits(kinds: tuple[str, ...], degree: int, order: int, body: Body) -> tuple[_Orbit, ...]:
+    group = _elements(kinds, body)
     powers = exponents(degree)
     actions = [_action(matrix, powers) for matrix, _ in group]
     orbits: list[_Orbit] = []
-    for members in _product_orbits(actuators, order, body):
+    for members in _product_orbits(kinds, order, body):
         moved = [_moved(members[0], places) for _, places in group]
         keeping = [own for own, other in zip(actions, moved, strict=True) if other == members[0]]
         low = powers.sum(axis=1) <= max(degree - sum(members[0]), 1)
@@ -186,7 +197,7 @@ def _orbits(actuators: int, degree: int, order: int, body: Body) -> tuple[_Orbit
 
 
 def _moved(product: tuple[int, ...], places: tuple[int, ...]) -> tuple[int, ...]:
-    """The product after chamber k has come to places[k]."""
+    """The product after actuator k has come to places[k]."""
     moved = [0] * len(product)
     for k, power in enumerate(product):
         moved[places[k]] = power
@@ -229,19 +240,22 @@ class ActuatedMap(SixAxisMap):
     Parameters
     ----------
     terms
-        Length (m), actuators, degree, order and symmetry.
+        Length (m), kinds of the actuators, degree, order and symmetry.
     scale
-        (3,) of length (m), angle (rad) and input (Pa) that make the variables dimensionless.
+        (2,) of length (m) and angle (rad) that make the pose dimensionless.
+    input_scale
+        (m,) of each input, Pa or N; those of one kind have the same one.
     coefficients
         (k,) J, by orbit.
     pure_J
-        (o,) coefficients of the polynomial of the inputs alone; zero where no volume was measured.
+        (o,) coefficients of the polynomial of the inputs alone; zero where no amount was measured.
     actuators
         Their columns: behind the six of the pose.
     """
 
     terms: ActuatedTerms
     scale: F
+    input_scale: F
     coefficients: F
     pure_J: F
     actuators: tuple[str, ...]
@@ -259,10 +273,13 @@ class ActuatedMap(SixAxisMap):
         return self.terms.length_m
 
     @cached_property
-    def _parts(self) -> list[tuple[tuple[int, ...], EnergyMap]]:
-        """Each product with its polynomial of q as an energy."""
+    def parts(self) -> list[tuple[tuple[int, ...], EnergyMap]]:
+        """Powers (m,) of the inputs over `input_scale`, and the energy of the pose beside them.
+
+        The potential is the sum of the products, but for the polynomial of the inputs alone.
+        """
         return [
-            (product, self.terms.of_pose.map(self.scale[:2], expansion @ own))
+            (product, self.terms.of_pose.map(self.scale, expansion @ own))
             for product, expansion, own in self.terms.split(self.coefficients)
         ]
 
@@ -270,36 +287,36 @@ class ActuatedMap(SixAxisMap):
         """Poses (N, 6) and dimensionless inputs (N, m) of rows (N, 6 + m), or of poses alone."""
         at = np.ascontiguousarray(rows[:, :6])
         if rows.shape[1] == at.shape[1]:
-            return at, np.zeros((len(at), self.terms.actuators))
-        return at, rows[:, 6:] / self.scale[2]
+            return at, np.zeros((len(at), len(self.actuators)))
+        return at, rows[:, 6:] / self.input_scale
 
     def predict(self, poses: F) -> F:
         """(N, 6 + m) poses and inputs to (N, 6) wrenches."""
         at, a = self._split(poses)
-        return np.asarray(sum(_power(a, k)[:, None] * u.predict(at) for k, u in self._parts))
+        return np.asarray(sum(_power(a, k)[:, None] * u.predict(at) for k, u in self.parts))
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         """(N, 6, 6) K = dh/dp at the inputs."""
         at, a = self._split(poses)
         found = np.zeros((len(at), 6, 6))
-        for product, energy in self._parts:
+        for product, energy in self.parts:
             found += _power(a, product)[:, None, None] * energy.stiffness(at, kind)
         return found
 
     def actuation_jacobian(self, poses: F) -> F:
-        """(N, 6, m) G = dh/da at fixed pose, m^2 and m^3."""
+        """(N, 6, m) G = dh/da at fixed pose: m^2 and m^3 by a pressure, 1 and m by a tension."""
         at, a = self._split(poses)
-        found = np.zeros((len(at), 6, self.terms.actuators))
-        for product, energy in self._parts:
+        found = np.zeros((len(at), 6, len(self.actuators)))
+        for product, energy in self.parts:
             wrench = energy.predict(at)
-            for i in range(self.terms.actuators):
-                found[:, :, i] += _slope(a, product, (i,))[:, None] * wrench / self.scale[2]
-        return found
+            for i in range(len(self.actuators)):
+                found[:, :, i] += _slope(a, product, (i,))[:, None] * wrench
+        return found / self.input_scale
 
     def columns(self, poses: F) -> F:
         """(N, 6, k) wrench of each coefficient."""
         at, a = self._split(poses)
-        regressor = self.terms.of_pose.regressor(at, self.scale[:2])
+        regressor = self.terms.of_pose.regressor(at, self.scale)
         return self._combined(
             lambda product, expansion: _power(a, product)[:, None, None] * (regressor @ expansion)
         )
@@ -312,15 +329,15 @@ class ActuatedMap(SixAxisMap):
         ]
         return np.asarray(np.concatenate(parts, axis=-1), dtype=np.float64)
 
-    def volume_columns(self, poses: F) -> tuple[F, F]:
-        """(N, m, k) and (N, m, o) volume change of each coefficient, and of each of `pure_J`."""
+    def amount_columns(self, poses: F) -> tuple[F, F]:
+        """(N, m, k) and (N, m, o) amounts q of each coefficient, and of each of `pure_J`."""
         at, a = self._split(poses)
-        q = mid_frame(at, self.terms.length_m) / np.repeat(self.scale[:2], 3)
+        q = mid_frame(at, self.terms.length_m) / np.repeat(self.scale, 3)
         monomials = _monomials(q, exponents(self.terms.degree))
 
         def slopes(product: tuple[int, ...]) -> F:
-            by_input = [_slope(a, product, (i,)) for i in range(self.terms.actuators)]
-            return np.asarray(-np.stack(by_input, axis=1) / self.scale[2], dtype=np.float64)
+            by_input = [_slope(a, product, (i,)) for i in range(len(self.actuators))]
+            return np.asarray(-np.stack(by_input, axis=1) / self.input_scale, dtype=np.float64)
 
         columns = self._combined(
             lambda product, expansion: (
@@ -330,23 +347,23 @@ class ActuatedMap(SixAxisMap):
         pure = [sum(slopes(product) for product in orbit) for orbit in self.terms.pure()]
         return columns, np.stack(pure, axis=2)
 
-    def volumes_m3(self, poses: F) -> F:
-        """(N, m) volume change of each chamber at poses and inputs (N, 6 + m)."""
-        columns, pure = self.volume_columns(poses)
+    def amounts(self, poses: F) -> F:
+        """(N, m) q at poses and inputs (N, 6 + m): volume changes in m^3, shortenings in m."""
+        columns, pure = self.amount_columns(poses)
         return np.asarray(columns @ self.coefficients + pure @ self.pure_J)
 
-    def volume_jacobian(self, poses: F) -> F:
-        """(N, m, m), C = dq/da at fixed pose, m^3/Pa."""
+    def amount_jacobian(self, poses: F) -> F:
+        """(N, m, m), C = dq/da at fixed pose, m^3/Pa by pressures."""
         at, a = self._split(poses)
-        m = self.terms.actuators
-        parts = [(product, energy.model.energy_J(at)) for product, energy in self._parts]
+        m = len(self.actuators)
+        parts = [(product, energy.model.energy_J(at)) for product, energy in self.parts]
         for orbit, value in zip(self.terms.pure(), self.pure_J, strict=True):
             parts += [(product, np.full(len(at), value)) for product in orbit]
         found = np.zeros((len(at), m, m))
         for product, value in parts:
             for i, j in itertools.product(range(m), repeat=2):
-                found[:, i, j] -= _slope(a, product, (i, j)) * value / self.scale[2] ** 2
-        return found
+                found[:, i, j] -= _slope(a, product, (i, j)) * value
+        return found / np.outer(self.input_scale, self.input_scale)
 
     def with_coefficients(self, coefficients: F) -> ActuatedMap:
         """The same terms with other coefficients (k,)."""
@@ -361,11 +378,28 @@ class ActuatedMap(SixAxisMap):
                 "degree": self.terms.degree,
                 "order": self.terms.order,
                 "symmetry": self.terms.body,
-                "scale": self.scale.tolist(),
+                "scale": [*self.scale.tolist(), *self.input_scale.tolist()],
                 "coefficients_J": self.coefficients.tolist(),
                 "pure_J": self.pure_J.tolist(),
             },
         )
+
+    def written_out(self) -> dict[str, Any]:
+        """What the exported code is made of: `parts` beside each product, without symmetry."""
+        coefficients = np.array([energy.coefficients for _, energy in self.parts])
+        # Symmetry makes most of them 0, but for rounding.
+        coefficients[np.abs(coefficients) < _ROUNDING * np.abs(coefficients).max()] = 0.0
+        parts = zip(self.parts, coefficients, strict=True)
+        return {
+            "inputs": [*self.inputs, *self.actuators],
+            "degree": self.terms.degree,
+            "scale": self.scale.tolist(),
+            "input_scale": self.input_scale.tolist(),
+            "parts": [
+                {"powers": list(product), "coefficients_J": own.tolist()}
+                for (product, _), own in parts
+            ],
+        }
 
     @staticmethod
     def from_document(document: dict[str, Any]) -> ActuatedMap:
@@ -374,7 +408,7 @@ class ActuatedMap(SixAxisMap):
         actuators = tuple(own["actuators"])
         terms = ActuatedTerms(
             float(document["length_m"]),
-            len(actuators),
+            tuple(map(_kind, actuators)),
             int(own["degree"]),
             int(own["order"]),
             own["symmetry"],
@@ -388,15 +422,21 @@ class ActuatedMap(SixAxisMap):
                 f"coefficients has {len(coefficients)} numbers and pure_J {len(constants)}, "
                 f"expected {terms.count()} and {len(terms.pure())}"
             )
-        return ActuatedMap(terms, scale, coefficients, constants, actuators)
+        if len(scale) not in (3, 2 + len(actuators)):
+            raise InputError(
+                f"scale has {len(scale)} numbers, expected length, angle and those of the "
+                f"{len(actuators)} inputs, or one for all of them"
+            )
+        inputs = np.broadcast_to(scale[2:], len(actuators))
+        return ActuatedMap(terms, scale[:2], inputs, coefficients, constants, actuators)
 
     def at(self, inputs: F) -> EnergyMap:
         """The energy of the pose alone at constant inputs (m,), for exports and controllers."""
-        a = np.asarray(inputs, dtype=np.float64)[None] / self.scale[2]
+        a = np.asarray(inputs, dtype=np.float64)[None] / self.input_scale
         coefficients = sum(
-            _power(a, product)[0] * energy.coefficients for product, energy in self._parts
+            _power(a, product)[0] * energy.coefficients for product, energy in self.parts
         )
-        return self.terms.of_pose.map(self.scale[:2], np.asarray(coefficients))
+        return self.terms.of_pose.map(self.scale, np.asarray(coefficients))
 
     def free_pose(
         self, inputs: F, wrench: F | None = None, *, start: F | None = None
@@ -470,13 +510,13 @@ class ActuatedMap(SixAxisMap):
         """
         goal = np.zeros(6) if wrench is None else np.asarray(wrench, dtype=np.float64)
         bounds = np.asarray(limits, dtype=np.float64)
-        if bounds.shape != (self.terms.actuators, 2) or (bounds[:, 0] >= bounds[:, 1]).any():
+        if bounds.shape != (len(self.actuators), 2) or (bounds[:, 0] >= bounds[:, 1]).any():
             raise InputError(
                 f"actuation_for: limits has shape {bounds.shape}, expected least and largest input "
-                f"of each of the {self.terms.actuators} actuators"
+                f"of each of the {len(self.actuators)} actuators"
             )
         unit = np.repeat([1.0, 1.0 / self.terms.length_m], 3)
-        scale = self.scale[2]
+        scale = self.input_scale
 
         def row(a: F) -> F:
             return np.concatenate([np.asarray(pose, dtype=np.float64), a * scale])[None]
@@ -497,6 +537,10 @@ class ActuatedMap(SixAxisMap):
         return found.x * scale, self.predict(row(found.x))[0] - goal
 
 
+def _kind(name: str) -> str:
+    return name.partition("_")[0]
+
+
 def _power(a: F, product: tuple[int, ...]) -> F:
     """(N,) values of a product of inputs (N, m)."""
     return np.asarray(np.prod(a ** np.array(product), axis=1))
@@ -513,6 +557,45 @@ def _slope(a: F, product: tuple[int, ...], by: tuple[int, ...]) -> F:
     return factor * _power(a, tuple(powers))
 
 
+_EXCHANGED = 1.5
+"""Least fall of the error by which columns of actuators count as exchanged."""
+_ALL_ORDERS = 4
+"""Number of actuators up to which every order is tried; of more only two exchanged."""
+
+
+def exchanged(table: Table, model: ActuatedModel) -> tuple[tuple[str, ...], float] | None:
+    """The order in which the columns of the actuators fit far better, and how many times better.
+
+    A model that knows how the actuators stand round the axis errs where two columns are exchanged.
+    The error is the geometric mean of the components', for a pressure may show in one alone.
+    None where no other order fits 1.5 times better, and for a model without symmetry.
+    """
+    names, low = table.actuation_columns, replace(model, degree=_LEAST_DEGREE)
+    terms = ActuatedTerms(1.0, tuple(map(_kind, names)), low.degree, low.order, low.symmetry)
+    if model.symmetry == "general" or 3 * len(table) < terms.count():
+        return None
+    plain = table.drop(*amount_columns(table.columns))
+
+    def error(order: tuple[str, ...]) -> float:
+        columns = {name: table[other] for name, other in zip(names, order, strict=True)}
+        own = plain.with_columns(columns)
+        fitted = low.fit_map(own, "spread").base
+        left = fitted.predict(own.matrix((*POSE, *names))) - own.wrenches
+        return float(np.exp(np.mean(np.log(left.std(axis=0) + 1e-300))))
+
+    if len(names) <= _ALL_ORDERS:
+        orders = list(itertools.permutations(names))
+    else:
+        swaps = [(names[i], names[j]) for j in range(len(names)) for i in range(j + 1)]
+        orders = [tuple({a: b, b: a}.get(name, name) for name in names) for a, b in swaps]
+    kinds = [_kind(name) for name in names]
+    orders = [order for order in orders if [_kind(name) for name in order] == kinds]
+    errors = {order: error(order) for order in orders}
+    best = min(orders, key=lambda order: errors[order])
+    better = errors[names] / errors[best]
+    return (best, better) if better > _EXCHANGED else None
+
+
 def _name(degree: int, order: int, body: Body) -> str:
     suffix = "" if body == "alike" else f"-{body}"
     return f"actuated{degree}{suffix}" + ("" if order == _ORDER else f":{order}")
@@ -523,14 +606,15 @@ class ActuatedModel(ModelSpecification):
     """A polynomial energy of pose and actuation; short name `actuatedD`.
 
     Columns pressure_1_Pa, pressure_2_Pa, ... are inputs beside the pose. Where the volumes of the
-    chambers were measured (volume_1_m3, ...), they are more data on the same coefficients.
+    chambers were measured (volume_1_m3, ...), they are more data on the same coefficients; so are
+    the shortenings of tendons.
 
     Parameters
     ----------
     degree
         Degree of the energy without actuation; each input takes one away.
     symmetry
-        `alike`: equal chambers round the axis and both ends alike. `revolution`: the ends may
+        `alike`: equal actuators round the axis and both ends alike. `revolution`: the ends may
         differ. `general`: no symmetry.
     order
         Largest power of the inputs.
@@ -572,52 +656,68 @@ class ActuatedModel(ModelSpecification):
     def fit_map(
         self, table: Table, weights: Weights, progress: Progress | None = None
     ) -> FittedMap:
-        """Least squares by the declared noise of wrench and pose, else by the spreads."""
+        """Errors in variables by the declared noise of wrench and pose, else by the spreads."""
         actuation = table.actuation_columns
         if not actuation:
             raise InputError(
                 f"{table.source}: {self.name} needs the actuators' columns, pressure_1_Pa, "
                 "pressure_2_Pa, ...; without them take another model (ecm fit --model choose)"
             )
-        inputs = (*POSE, *actuation)
-        rows, wrenches = table.matrix(inputs), table.matrix(WRENCH)
-        terms = ActuatedTerms(
-            length_of(table, self.name), len(actuation), self.degree, self.order, self.symmetry
-        )
-        scale = np.append(
-            terms.of_pose.frame(np.ascontiguousarray(rows[:, :6])),
-            np.abs(rows[:, 6:]).max(),
-        )
-        if scale[2] == 0.0:
-            raise InputError(f"{table.source}: every pressure is 0; give rows under pressure")
-        pure = len(terms.pure())
-        base = ActuatedMap(terms, scale, np.zeros(terms.count()), np.zeros(pure), actuation)
-        volumes = amount_columns(table.columns)
-        if len(volumes) not in (0, len(actuation)):
+        rows, wrenches = table.matrix((*POSE, *actuation)), table.matrix(WRENCH)
+        base = self.empty_map(rows, length_of(table, self.name), actuation)
+        terms = base.terms
+        if not base.input_scale.all():
+            name = actuation[int(np.argmin(base.input_scale))]
             raise InputError(
-                f"{table.source}: {len(volumes)} volume columns beside {len(actuation)} pressures: "
-                "give the volume of each chamber, or of none"
+                f"{table.source}: {name} is 0 in every row, and so are all of its kind; give rows "
+                "under load, or leave these columns out"
             )
-        equations = len(table) * (6 + len(volumes))
-        if equations < terms.count() + (pure if volumes else 0):
+        amounts, of = _measured_amounts(table, actuation)
+        equations = len(table) * (6 + len(of))
+        if equations < terms.count() + (len(base.pure_J) if of else 0):
             raise InputError(
                 f"{table.source}: {self.name} has {terms.count()} coefficients, {len(table)} rows "
                 f"give {equations} equations: give more rows, or take a lower degree"
             )
-        measured = table.matrix(volumes) if volumes else np.zeros((len(table), 0))
-        spreads = [_spread(values) for values in (wrenches, measured)]
+        spreads = [_spread(values) for values in (wrenches, amounts)]
         whitener = np.broadcast_to(np.diag(1.0 / spreads[0]), (len(table), 6, 6))
-        fitted, covariance, variance = _fitted(base, rows, wrenches, whitener, measured, spreads[1])
+        fitted, covariance, variance = _fitted(
+            base, rows, wrenches, whitener, amounts, spreads[1], of
+        )
         noise = declared_or_fitted(fitted, table)
         if weights == "spread" or noise.source != "declared":
             return FittedMap(fitted, noise, variance * covariance)
-        for _ in range(_WEIGHED):
-            whitener = whiteners(noise.covariance(Rows(table, fitted)))
-            # Nothing is known of a volume's noise but what the fit before left.
-            left = measured - fitted.volumes_m3(rows) if volumes else measured
+        for _ in range(_WEIGHED if of else 1):
+            # Nothing is known of an amount's noise but what the fit before left.
+            left = amounts - fitted.amounts(rows)[:, of] if of else amounts
             sd = np.maximum(left.std(axis=0), _LEAST_SHARE * spreads[1])
-            fitted, covariance, variance = _fitted(base, rows, wrenches, whitener, measured, sd)
+
+            def solve(poses: F, moved: F, noisy: F, sd: F = sd) -> tuple[ActuatedMap, F, float]:
+                at = np.hstack([poses, rows[:, 6:]])
+                return _fitted(base, at, moved, whiteners(noisy), amounts, sd, of)
+
+            # By the weights alone first: from the fit by spreads poses may run away.
+            whitener = noise.covariance(Rows(table, fitted))
+            fitted, covariance, variance = solve(rows[:, :6], wrenches, whitener)
+            result = fit_with_pose_noise(table, fitted, noise, AllRows(solve), progress=progress)
+            if result.converged:
+                fitted, covariance = cast(ActuatedMap, result.base), result.covariance
+                variance = result.residual_variance
         return FittedMap(fitted, noise, covariance, variance)
+
+    def empty_map(self, rows: F, length_m: float, actuators: tuple[str, ...]) -> ActuatedMap:
+        """The map whose coefficients are all 0, in the scales of rows (N, 6 + m)."""
+        kinds = tuple(map(_kind, actuators))
+        terms = ActuatedTerms(length_m, kinds, self.degree, self.order, self.symmetry)
+        alike = np.array(kinds)[:, None] == np.array(kinds)
+        return ActuatedMap(
+            terms,
+            np.asarray(terms.of_pose.frame(np.ascontiguousarray(rows[:, :6]))),
+            np.where(alike, np.abs(rows[:, 6:]).max(axis=0), 0.0).max(axis=1),
+            np.zeros(terms.count()),
+            np.zeros(len(terms.pure())),
+            actuators,
+        )
 
     @staticmethod
     def layout(n: int, m: int) -> Layout:
@@ -631,7 +731,7 @@ class ActuatedModel(ModelSpecification):
                         "degree": number(positive=True),
                         "order": number(positive=True),
                         "symmetry": one_of(*get_args(Body)),
-                        "scale": array(3, positive=True),
+                        "scale": array(None, positive=True),
                         "coefficients_J": array(None),
                         "pure_J": array(None),
                     }
@@ -643,6 +743,23 @@ class ActuatedModel(ModelSpecification):
     map_from_document = staticmethod(ActuatedMap.from_document)
 
 
+def _measured_amounts(table: Table, actuation: tuple[str, ...]) -> tuple[F, list[int]]:
+    """(N, v) amounts that were measured, and the actuator of each."""
+    inputs = [(_kind(name), name.split("_")[1]) for name in actuation]
+    names = amount_columns(table.columns)
+    of = []
+    for name in names:
+        kind, number_ = name.split("_")[:2]
+        own = (_CONJUGATE[kind], number_)
+        if own not in inputs:
+            raise InputError(
+                f"{table.source}: {name} has no {own[0]}_{number_} beside it; add that column, or "
+                f"leave {name} out"
+            )
+        of.append(inputs.index(own))
+    return table.matrix(names) if names else np.zeros((len(table), 0)), of
+
+
 def _spread(values: F) -> F:
     """(m,) standard deviations of the columns; of a constant one that of the others."""
     spread = values.std(axis=0)
@@ -650,7 +767,13 @@ def _spread(values: F) -> F:
 
 
 def _fitted(
-    base: ActuatedMap, rows: F, wrenches: F, whitener: F, volumes: F, volume_sd: F
+    base: ActuatedMap,
+    rows: F,
+    wrenches: F,
+    whitener: F,
+    amounts: F,
+    amount_sd: F,
+    of: list[int],
 ) -> tuple[ActuatedMap, F, float]:
     """Map, covariance (k, k) for unit noise and whitened residual square per degree of freedom.
 
@@ -660,17 +783,17 @@ def _fitted(
         (N, 6 + m) poses and inputs.
     wrenches, whitener
         (N, 6) and (N, 6, 6).
-    volumes, volume_sd
-        (N, m) and (m,); (N, 0) and (0,) where none was measured.
+    amounts, amount_sd, of
+        (N, v), (v,), and the v actuators whose amounts they are.
     """
     k = len(base.coefficients)
     design = (whitener @ base.columns(rows)).reshape(-1, k)
     target = np.einsum("nij,nj->ni", whitener, wrenches).ravel()
-    if volumes.size:
-        columns = np.concatenate(base.volume_columns(rows), axis=2) / volume_sd[:, None]
+    if of:
+        columns = np.concatenate(base.amount_columns(rows), axis=2)[:, of] / amount_sd[:, None]
         design = np.hstack([design, np.zeros((len(design), len(base.pure_J)))])
         design = np.vstack([design, columns.reshape(-1, design.shape[1])])
-        target = np.append(target, (volumes / volume_sd).ravel())
+        target = np.append(target, (amounts / amount_sd).ravel())
     size = np.linalg.norm(design, axis=0)
     size[size == 0.0] = 1.0
     u, s, vt = np.linalg.svd(design / size, full_matrices=False)
@@ -681,5 +804,5 @@ def _fitted(
     left = target - design @ solution
     variance = float(left @ left) / max(len(target) - int(known.sum()), 1)
     covariance = (inverse @ inverse.T) / np.outer(size, size)
-    pure = solution[k:] if volumes.size else base.pure_J
+    pure = solution[k:] if of else base.pure_J
     return replace(base, coefficients=solution[:k], pure_J=pure), covariance[:k, :k], variance

@@ -184,7 +184,9 @@ class EvaluatedModel:
 
     def at_actuation(self: ModelT, actuation: F) -> ModelT:
         """The model at constant inputs (m,), Pa: one of the pose alone, which can be exported."""
-        return replace(self, base=self.actuated.at(actuation), covariance=None)
+        poses = [row[:6] for row in self.training.get("poses", ())]
+        training = {**self.training, "poses": poses}
+        return replace(self, base=self.actuated.at(actuation), covariance=None, training=training)
 
     def actuation_jacobian(self, poses: F, actuation: F) -> F:
         """(N, 6, m), or (6, m) of one pose: G = dh/da at fixed pose, m^2 and m^3."""

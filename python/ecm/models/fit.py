@@ -15,7 +15,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.conventions import wrong_convention
 from ecm.io.events import Progress
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
-from ecm.models.actuated import ActuatedModel
+from ecm.models.actuated import ActuatedMap, ActuatedModel, exchanged
 from ecm.models.energy import EnergyModel
 from ecm.models.errors import error_over_noise
 from ecm.models.expression import FunctionModel
@@ -31,7 +31,7 @@ from ecm.models.pose_error import error_of_report
 from ecm.models.registry import parse_model
 from ecm.models.specification import CHOOSE, FittedMap, ModelSpecification, Weights
 from ecm.regression.folds import spread_rows
-from ecm.regression.rows import inputs_of
+from ecm.regression.rows import inputs_of, taken_by, unused_inputs
 
 if TYPE_CHECKING:
     from ecm.models.model import Model
@@ -111,34 +111,67 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
             f"{', '.join(table.pose_columns) or 'none'}",
             remedy=CHOOSE,
         )
-    if not (force or specification.any_columns or isinstance(specification, ActuatedModel)):
-        _refuse_unused_pressures(table, specification)
+    if not force:
+        refuse_unused_inputs(table, specification)
     wrong = None if force else wrong_convention(table, refuse=True)
     try:
         fitted = fit_rows(table, specification, weights, progress)
     except ModelError as unfit:  # more coefficients than equations, or columns that never vary
         raise InputError(f"{table.source}: {unfit}", remedy=CHOOSE) from None
+    if isinstance(specification, ActuatedModel) and not force:
+        _refuse_exchanged(table, specification)
     if zero_at_home or stable:
         fitted = constrained(fitted, zero_at_home=zero_at_home, stable=stable)
     part = replace(fitted, base=measured_part(fitted.base, table))
     known: dict[str, Any] = {"pose_error": error_of_report(part, table.measured())}
     if wrong is not None:
         known["misread"] = {"sentence": wrong.sentence()}
-    known["poses"] = sample_of(table, fitted.inputs)
+    known["poses"] = sample_of(table, taken_by(fitted.base))
     return replace(fitted, training={**fitted.training, **known})
 
 
-def _refuse_unused_pressures(table: Table, specification: ModelSpecification) -> None:
-    """Raise InputError where pressures vary that the model does not take."""
-    varying = [name for name in table.actuation_columns if np.ptp(table.column(name)) > 0.0]
+def _refuse_exchanged(table: Table, specification: ActuatedModel) -> None:
+    """Raise InputError where the columns of the actuators stand in another order than they act."""
+    found = exchanged(table, specification)
+    if found is None:
+        return
+    order, better = found
+    own = [(a, b) for a, b in zip(table.actuation_columns, order, strict=True) if a != b]
+    columns = "\n".join(f'{name} = "{other}"' for name, other in own)
+    raise InputError(
+        f"{table.source}: chambers swapped: with {', '.join(order)} in the place of "
+        f"{', '.join(table.actuation_columns)} an energy errs {better:.2g} times less. --force "
+        "(force=True in Python) takes the table as it is.",
+        remedy=Remedy(
+            f"name the columns in the TOML beside the table:\n[columns]\n{columns}\nThen fit it "
+            "again",
+            f"ecm fit DATA --model {specification.name} --out OUT",
+            force=True,
+        ),
+    )
+
+
+def refuse_unused_inputs(table: Table, specification: ModelSpecification) -> None:
+    """Raise InputError where inputs of actuators vary that the model does not take."""
+    takes = specification.any_columns or isinstance(specification, ActuatedModel)
+    varying = () if takes else unused_inputs(None, table)
     if varying:
         raise InputError(
             f"{table.source}: {', '.join(varying)} vary, and {specification.name} does not take "
-            "them: the wrench of a pressure would be an error of the model",
-            remedy=Remedy(
-                "fit an energy of pose and pressures", "ecm fit DATA --model actuated4 --out OUT"
-            ),
+            "them: what they do to the wrench would be an error of the model",
+            remedy=remedy_of_inputs(table),
         )
+
+
+def remedy_of_inputs(table: Table, out: str = "OUT") -> Remedy:
+    """How a model is fitted that takes the inputs of actuators of a table."""
+    name = "actuated4" if _has_energy_of_inputs(table) else "choose"
+    return Remedy("fit a model that takes them", f"ecm fit DATA --model {name} --out {out}")
+
+
+def _has_energy_of_inputs(table: Table) -> bool:
+    whole = table.has(*POSE, *WRENCH) and table.meta.length_m is not None
+    return whole and bool(table.actuation_columns)
 
 
 def _specification(model: Any, parameters: Mapping[str, Any] | None) -> ModelSpecification:
@@ -284,6 +317,8 @@ def _above(rows: F, floor: float, start: F, covariance: F) -> F:
 
 _ENERGY = (4, 5, 6)
 _POLYNOMIAL = (1, 2, 3)
+_ACTUATED = (3, 4, 5)
+"""Degrees of an energy of pose and actuation."""
 _HALF = 0.5
 """Coefficients over equations from which a higher degree must be far better."""
 _MOST = 0.8
@@ -292,7 +327,12 @@ _FAR_BETTER = 0.1
 
 
 def symmetric_energy(table: Table) -> StiffnessMap:
-    """The symmetric energy of the degree that the rows can carry."""
+    """The symmetric energy of the degree that the rows can carry.
+
+    Of a table with actuators an energy of pose and inputs.
+    """
+    if _has_energy_of_inputs(table):
+        return _by_degree(table, [ActuatedModel(degree) for degree in _ACTUATED])
     return _by_degree(table, [EnergyModel(degree) for degree in _ENERGY])
 
 
@@ -317,6 +357,8 @@ def next_degree(base: StiffnessMap, table: Table) -> StiffnessMap | None:
     if isinstance(whole, EnergyMap) and whole.model.degree < _ENERGY[-1]:
         symmetry = cast(Symmetry, whole.model.symmetry)
         model = EnergyModel(whole.model.degree + 1, symmetry, tuple(whole.model.groups))
+    elif isinstance(base, ActuatedMap) and base.terms.degree < _ACTUATED[-1]:
+        model = ActuatedModel(base.terms.degree + 1, base.terms.body, base.terms.order)
     elif (
         isinstance(base, PolynomialMap)
         and base.model.degree < _POLYNOMIAL[-1]
@@ -328,7 +370,7 @@ def next_degree(base: StiffnessMap, table: Table) -> StiffnessMap | None:
     measured = table.measured()
     try:
         higher = measured_part(fit_rows(measured, model).base, measured)
-    except ModelError:
+    except (ModelError, InputError):
         return None
     equations = len(measured) * len(higher.outputs)
     return higher if len(higher.coefficients) <= _HALF * equations else None
@@ -354,12 +396,17 @@ def _by_degree(table: Table, models: Sequence[ModelSpecification]) -> StiffnessM
 def _score(base: StiffnessMap, measured: Table) -> float:
     """Generalised cross-validation error, sum over components in their spread.
 
-    A component that never varies has none, whatever the rounding of its mean makes of it.
+    A component that never varies has none, whatever the rounding of its mean makes of it. Of a
+    driven body it is the product over components instead: the noise of the stiff axis is a large
+    share of its spread, and would hide what the small moments of the pressures tell.
     """
     truth, poses = measured.matrix(base.outputs), inputs_of(base, measured)
     n, k = truth.size, len(base.coefficients)
     spread = np.where(np.ptp(truth, axis=0) > 1e-12, truth.std(axis=0), np.inf)
-    square = float((((truth - base.predict(poses)) / spread) ** 2).sum())
+    squares = (((truth - base.predict(poses)) / spread) ** 2).mean(axis=0)
+    if isinstance(base, ActuatedMap):
+        return float(np.exp(np.log(squares[squares > 0.0]).mean())) / (1.0 - min(k / n, 0.999)) ** 2
+    square = float(squares.sum()) * len(truth)
     return square / n / (1.0 - min(k / n, 0.999)) ** 2
 
 
@@ -383,8 +430,8 @@ def choose_base(model: Model, table: Table) -> StiffnessMap:
         return measured_part(free, table)
     body = table.meta.elastic_body()
     six = table.has(*POSE, *WRENCH) or is_partial(table)
-    if table.actuation_columns and table.has(*POSE, *WRENCH) and table.meta.length_m is not None:
-        return _by_degree(table, [ActuatedModel(degree) for degree in (3, 4, 5)])
+    if _has_energy_of_inputs(table):
+        return symmetric_energy(table)
     if six and body is not None:
         return measured_part(fit_model(table, "physics", force=True).base, table)
     if six and table.meta.length_m is not None:

@@ -224,7 +224,17 @@ _FIT = record(
 )
 
 
-def _training(n: int, m: int) -> Layout:
+def _either(first: Layout, other: Layout) -> Layout:
+    def check(value: Any, place: str) -> None:
+        try:
+            first(value, place)
+        except InputError:
+            other(value, place)
+
+    return check
+
+
+def _training(n: int, m: int, taken: int) -> Layout:
     sentence = or_null(record({"sentence": text}, others=True))
     return record(
         {},
@@ -235,7 +245,7 @@ def _training(n: int, m: int) -> Layout:
             "source": or_null(text),
             "effect_sizes": named(number()),
             "effect_shares": named(number()),
-            "poses": array(None, n),
+            "poses": _either(array(None, n), array(None, taken)),
             "smallest_taken": flag,
             "mean_stiffness": array(m, n),
             "pose_error": sentence,
@@ -272,7 +282,7 @@ def check_document(document: Mapping[str, Any], own: Layout) -> None:
             "noise": residual if of_components else _NOISE,
             "effects": items(_EFFECT),
             "covariance": anything,
-            "training": _training(n, m),
+            "training": _training(n, m, n + len(_actuators(document))),
             "domain": _domain(document["inputs"]),
         },
         {
@@ -284,6 +294,11 @@ def check_document(document: Mapping[str, Any], own: Layout) -> None:
         },
         others=True,
     )(document, "")
+
+
+def _actuators(document: Mapping[str, Any]) -> list[str]:
+    parameters = document.get("parameters")
+    return parameters.get("actuators", []) if isinstance(parameters, dict) else []
 
 
 def check_covariance(document: Mapping[str, Any], count: int) -> None:

@@ -3,6 +3,7 @@
 A fit keeps some hundred of its rows' poses in the model file. Export, control loop, the linear part
 for MuJoCo and `inside` all take their poses from here: measured rows, and mixes of near ones, in
 mid-frame coordinates, in which equal loads lie on straight lines as far as the mechanism is linear.
+The inputs of a map's actuators stand behind its poses, and count as coordinates of their own.
 Older files hold none: their poses are those that loads bend the model to inside its domain.
 """
 
@@ -22,12 +23,13 @@ from ecm.io.columns import POSE, WRENCH, same_unit
 from ecm.io.description import Meta
 from ecm.io.settings import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
 from ecm.io.table import Table
+from ecm.models.actuated import ActuatedMap
 from ecm.models.errors import worst_over
 from ecm.models.evaluation import EvaluatedModel
 from ecm.models.maps import EnergyMap, EnergyTerms, PolynomialMap, StiffnessMap, Symmetry
 from ecm.models.physics.map import PhysicsMap
 from ecm.regression.folds import spread_rows
-from ecm.regression.rows import is_whole
+from ecm.regression.rows import is_whole, taken_by
 
 _MOST_STORED = 200
 """Poses that a model file holds, beside those at the ends of each coordinate."""
@@ -58,7 +60,7 @@ def sample_of(table: Table, inputs: Sequence[str]) -> list[list[float]]:
     poses = poses[np.isfinite(poses).all(axis=1)]
     if len(poses) <= _MOST_STORED:
         return _rounded(poses)
-    seen = [poses, coordinates(poses, 0.0)] if tuple(inputs) == POSE else [poses]
+    seen = [poses, coordinates(poses, 0.0)] if tuple(inputs[:6]) == POSE else [poses]
     ends = [x.argmin(axis=0) for x in seen] + [x.argmax(axis=0) for x in seen]
     alone = Table(dict(zip(inputs, poses.T, strict=True)), Meta(), "poses")
     chosen = np.union1d(spread_rows(alone, _MOST_STORED), np.concatenate(ends))
@@ -85,7 +87,7 @@ def has_measured_poses(model: EvaluatedModel) -> bool:
 
 
 def measured_poses(model: EvaluatedModel) -> F:
-    """(N, n) poses that the model was measured at, some hundred of all.
+    """(N, n) poses that the model was measured at, some hundred of all, with actuators' inputs.
 
     Examples
     --------
@@ -110,7 +112,7 @@ def near_poses(model: EvaluatedModel, count: int, *, around: float = 0.0) -> F:
         return np.repeat(rows, count, axis=0)
     length, turns = model.known_length_m or 0.0, model.base.inputs == POSE
     q = coordinates(rows, length) if turns else rows
-    extents = _extents(q, model.base.inputs)
+    extents = _extents(q, taken_by(model.base))
     near = _nearest(q / extents)
     most = _MOST_LOAD * _loads(model, rows).max(axis=0)
     random = np.random.default_rng(_SEED)
@@ -144,12 +146,12 @@ def noise_sd(model: EvaluatedModel) -> F:
 
 
 def coordinates(poses: F, length_m: float) -> F:
-    """(N, 6) mid-frame coordinates q = (c, theta) of poses (N, 6)."""
-    return mid_frame(np.ascontiguousarray(poses), length_m)
+    """(N, 6 + m) mid-frame coordinates q = (c, theta) of poses (N, 6 + m); m inputs stay."""
+    return np.hstack([mid_frame(np.ascontiguousarray(poses[:, :6]), length_m), poses[:, 6:]])
 
 
 def poses_of(q: F, length_m: float) -> F:
-    """(N, 6) poses of mid-frame coordinates (N, 6).
+    """(N, 6 + m) poses of mid-frame coordinates (N, 6 + m); m inputs stay.
 
     Examples
     --------
@@ -157,7 +159,7 @@ def poses_of(q: F, length_m: float) -> F:
     >>> bool(np.allclose(poses_of(coordinates(poses, 0.1), 0.1), poses))
     True
     """
-    half = rotation_matrices(np.ascontiguousarray(0.5 * q[:, 3:]))
+    half = rotation_matrices(np.ascontiguousarray(0.5 * q[:, 3:6]))
     position = np.einsum("nij,nj->ni", half, q[:, :3] + np.array([length_m, 0.0, 0.0]))
     return np.hstack([position, q[:, 3:]])
 
@@ -225,7 +227,9 @@ def reach_of(model: EvaluatedModel, base: StiffnessMap) -> Reach | None:
     """
     if not has_measured_poses(model):
         return None
-    return Reach.of(_coordinates_of(base, measured_poses(model)), base.inputs)
+    names = taken_by(base)
+    rows = measured_poses(model)[:, : len(names)]
+    return Reach.of(_coordinates_of(base, rows), names[: rows.shape[1]])
 
 
 def are_inside(model: EvaluatedModel, poses: F) -> B:
@@ -243,15 +247,31 @@ def are_inside(model: EvaluatedModel, poses: F) -> B:
     """
     reach = reach_of(model, model.base)
     if reach is not None:
-        return reach.contains(_coordinates_of(model.base, poses))
+        behind = np.zeros((len(poses), len(taken_by(model.base))))
+        behind[:, : poses.shape[1]] = poses
+        return reach.contains(_coordinates_of(model.base, behind)[:, : len(reach.low)])
     everywhere = (-np.inf, np.inf)
     low, high = np.array([model.domain.get(name, everywhere) for name in model.base.inputs]).T
+    poses = poses[:, : len(low)]
     return np.asarray(((low <= poses) & (poses <= high)).all(axis=1))
+
+
+def beyond_inputs(model: EvaluatedModel, table: Table) -> str:
+    """What to say of actuators' inputs that go beyond those of the fit; empty where none does."""
+    rows, said = measured_poses(model), []
+    for place, name in enumerate(taken_by(model.base)[: rows.shape[1]]):
+        if name in table.actuation_columns:
+            known, own = rows[:, place], table.measured().column(name)
+            more = 0.5 * (_MARGIN - 1.0) * np.ptp(known)
+            if own.max() > known.max() + more or own.min() < known.min() - more:
+                ranges = [f"{x.min():.4g} to {x.max():.4g}" for x in (own, known)]
+                said.append(f"{name} is {ranges[0]}, fitted {ranges[1]}")
+    return "".join(f"; {words}" for words in said)
 
 
 def _coordinates_of(base: StiffnessMap, poses: F) -> F:
     """(N, n) mid-frame coordinates of poses where a map is an energy, else the poses."""
-    if isinstance(base, EnergyMap | PhysicsMap):
+    if isinstance(base, EnergyMap | PhysicsMap | ActuatedMap):
         return coordinates(poses, base.length_m or 0.0)
     return poses
 
@@ -259,7 +279,7 @@ def _coordinates_of(base: StiffnessMap, poses: F) -> F:
 def largest_coordinates(model: EvaluatedModel) -> F:
     """(2,) largest |c| (m) and |theta| (rad) of the mid frame over the measured poses."""
     q = coordinates(measured_poses(model), model.known_length_m or 0.0)
-    return np.array([np.linalg.norm(part, axis=1).max() for part in (q[:, :3], q[:, 3:])])
+    return np.array([np.linalg.norm(part, axis=1).max() for part in (q[:, :3], q[:, 3:6])])
 
 
 def _extents(q: F, inputs: Sequence[str]) -> F:

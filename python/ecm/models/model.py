@@ -42,7 +42,7 @@ from ecm.models.time_effects import needed_by_steps, time_effects
 from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import HOW, RowsUsed, spread_rows, without_zero_readings
 from ecm.regression.noise import Noise
-from ecm.regression.rows import is_whole
+from ecm.regression.rows import is_whole, taken_by
 from ecm.report import figures
 from ecm.report.blocks import Block, Cell, CodeBlock, FigureBlock, Section, TableBlock, TextBlock
 from ecm.report.page import Report, Shown
@@ -175,9 +175,9 @@ class Model(Shown, EvaluatedModel):
         """(N,) whether the model is asked beyond its measured poses.
 
         There `inside` of the exported model is 0. A file that holds no measured poses has the range
-        of each pose column.
+        of each pose column. Inputs of actuators stand behind the pose; without any they are 0.
         """
-        return ~are_inside(self, rows_of_poses(poses, self.base)[:, : len(self.inputs)])
+        return ~are_inside(self, rows_of_poses(poses, self.base))
 
     def controller(self) -> Controller:
         """Return the model in steps of any length: wrench and tangent with effects of time.
@@ -228,7 +228,7 @@ class Model(Shown, EvaluatedModel):
         >>> model.measured_at({"y_m": [0.0, 0.004]}).training["poses"]
         [[0.0], [0.004]]
         """
-        poses = sample_of(table, self.inputs)
+        poses = sample_of(table, taken_by(self.base))
         return replace(self, training={**self.training, "poses": poses})
 
     def add(self, *effects: str | Effect) -> Model:
@@ -444,7 +444,7 @@ class Model(Shown, EvaluatedModel):
         table, freeze_base = without_zero_readings(table), self.base_frozen
         described = file.fitted_to(table, self.inputs)
         training = described["training"]
-        training["poses"] = sample_of(table, self.inputs)
+        training["poses"] = sample_of(table, taken_by(self.base))
         same_rows = was_trained_on(self.training, table)
         if len(table) > most_rows:
             total, table = len(table), table.subsample(spread_rows(table, most_rows))

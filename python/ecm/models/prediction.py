@@ -17,6 +17,7 @@ from ecm.io.arrays import F
 from ecm.io.columns import STIFFNESS
 from ecm.io.events import Progress
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
+from ecm.models.measured_poses import beyond_inputs
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
 from ecm.regression.rows import actuators_of, inputs_of
@@ -247,10 +248,10 @@ def beyond_reach(model: Model, poses: F) -> list[str]:
 
 
 def _outside(model: Model, table: Table) -> list[str]:
-    outside = model.extrapolates(table.matrix(model.inputs))
+    outside = model.extrapolates(inputs_of(model.base, table))
     if not outside.any():
         return []
     return [
         f"{int(outside.sum())} of {len(table)} poses are outside what the model was trained on: "
-        "there it extrapolates"
+        f"there it extrapolates{beyond_inputs(model, table)}"
     ]

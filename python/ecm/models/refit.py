@@ -16,7 +16,7 @@ import numpy as np
 from ecm.effects.protocol import Effect
 from ecm.errors import ComputationError, EcmError, InputError, Remedy
 from ecm.io.arguments import listed
-from ecm.io.arrays import F
+from ecm.io.arrays import B, F
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.events import Progress
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
@@ -245,11 +245,11 @@ def _stiffness_moves(fitted: Model, table: Table, before: Model) -> list[str]:
         f"{new[i, j]:.4g} +- {own[0, i, j]:.2g}, which these rows do not determine"
         for i, j in places[:1]
     ]
-    return reasons + _lost_signs(alone, fitted, old, new)
+    return reasons + _lost_signs(fitted, old, new, old > _SD * wide * known[0])
 
 
-def _lost_signs(alone: Model, fitted: Model, old: F, new: F) -> list[str]:
-    """Directions in which the stiffness at rest was positive and is not any more."""
+def _lost_signs(fitted: Model, old: F, new: F, positive: B) -> list[str]:
+    """Directions in which the stiffness at rest was surely positive and is not any more."""
     pairs = [
         (i, j)
         for j, name in enumerate(fitted.inputs)
@@ -257,7 +257,7 @@ def _lost_signs(alone: Model, fitted: Model, old: F, new: F) -> list[str]:
         if name in POSE
         and output in WRENCH
         and POSE.index(name) == WRENCH.index(output)
-        and old[i, j] > 0.0
+        and positive[i, j]
     ]
     if not pairs:
         return []

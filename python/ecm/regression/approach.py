@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ecm.io.arrays import B, F, I
+from ecm.io.columns import POSE
 from ecm.io.table import Table
 
 
@@ -15,20 +18,33 @@ def pose_before(table: Table, rest_pose: F) -> F:
     `approach` it is the row before in time, of the same run. The rows of a thinned table keep the
     poses before them in the whole one.
     """
+    return values_before(table, POSE, rest_pose)
+
+
+def values_before(table: Table, names: Sequence[str], rest: F) -> F:
+    """(N, k) columns at what each row was approached from, as `pose_before`; `rest` (k,) at rest.
+
+    Examples
+    --------
+    >>> from ecm import as_table
+    >>> columns = {"pressure_1_Pa": [0.0, 5e3], "time_s": [0.0, 9.0], "x_m": [0.1, 0.1]}
+    >>> values_before(as_table(columns), ["pressure_1_Pa"], np.zeros(1))[:, 0]
+    array([nan,  0.])
+    """
     if table.sampled_from is not None:
-        return pose_before(table.sampled_from, rest_pose)[table.sampled_rows]
-    poses = table.poses
+        return values_before(table.sampled_from, names, rest)[table.sampled_rows]
+    values = table.matrix(names)
     if not table.has("approach"):
-        return before_each(poses, row_before(table, table.text("kind") != "unloaded"))
-    before = np.full_like(poses, np.nan)
+        return before_each(values, row_before(table, table.text("kind") != "unloaded"))
+    before = np.full_like(values, np.nan)
     approach = table.text("approach")
-    named = _mean_poses(table)
+    named = _mean_values(table, values)
     kind = table.text("kind")
     for i, name in enumerate(approach):
         if kind[i] not in ("", "pose"):
             continue
         if name == "initial":
-            before[i] = rest_pose
+            before[i] = rest
         elif name in named:
             before[i] = named[name]
     return before
@@ -143,11 +159,10 @@ def times_beside(table: Table, at_s: float, count: int, round_: int) -> tuple[fl
     return tuple(float(0.5 * (time[i - 1] + time[i])) for i in beside)
 
 
-def _mean_poses(table: Table) -> dict[str, F]:
+def _mean_values(table: Table, poses: F) -> dict[str, F]:
     if not table.has("pose_id"):
         return {}
     ids = table.column("pose_id")
-    poses = table.poses
     result = {}
     # Sorted once: a comparison with each id would take the square of the number of rows.
     order = np.argsort(ids, kind="stable")

@@ -15,7 +15,7 @@ from ecm.errors import InputError, ModelError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
-from ecm.regression.approach import pose_before
+from ecm.regression.approach import order_of_visits, pose_before
 
 _DIGITS = 1e-5
 """Least rounding of a column that a file holds, over its largest value: five digits."""
@@ -197,6 +197,27 @@ def actuators_of(base: Any) -> tuple[str, ...]:
     return tuple(getattr(base, "actuators", ()))
 
 
+def taken_by(base: Any) -> tuple[str, ...]:
+    """Columns that a map takes: of the pose, and behind them those of its actuators."""
+    return (*base.inputs, *actuators_of(base))
+
+
+def unused_inputs(base: Any, table: Table) -> tuple[str, ...]:
+    """Inputs of actuators that vary in a table, and that a map, if there is one, does not take.
+
+    Examples
+    --------
+    >>> from ecm import as_table, fit_model
+    >>> table = as_table({"x_m": [0.0, 0.1, 0.2], "fx_N": [0.0, 1.0, 2.0]})
+    >>> other = table.with_columns({"pressure_1_Pa": [0.0, 1e5, 2e5]})
+    >>> unused_inputs(fit_model(table, "linear").base, other)
+    ('pressure_1_Pa',)
+    """
+    taken = () if base is None else taken_by(base)
+    own = [name for name in table.actuation_columns if name not in taken]
+    return tuple(name for name in own if np.ptp(table.column(name)) > 0.0)
+
+
 def inputs_of(base: Any, table: Table) -> F:
     """(N, n + a) what a map takes of a table: pose columns, and those of its actuators.
 
@@ -207,7 +228,7 @@ def inputs_of(base: Any, table: Table) -> F:
     >>> inputs_of(fit_model(table, "linear").base, table).shape
     (3, 1)
     """
-    return np.ascontiguousarray(table.matrix((*base.inputs, *actuators_of(base))))
+    return np.ascontiguousarray(table.matrix(taken_by(base)))
 
 
 def columns_of(base: Any, poses: F) -> dict[str, F]:
@@ -220,7 +241,7 @@ def columns_of(base: Any, poses: F) -> dict[str, F]:
     >>> columns_of(fit_model(table, "linear").base, np.array([[0.05]]))
     {'x_m': array([0.05])}
     """
-    columns = dict(zip((*base.inputs, *actuators_of(base)), poses.T, strict=False))
+    columns = dict(zip(taken_by(base), poses.T, strict=False))
     return columns | {
         name: np.zeros(len(poses)) for name in actuators_of(base) if name not in columns
     }
@@ -308,6 +329,25 @@ class Rows:
     def wrench(self) -> F:
         """(N, m) base wrench at the measured poses."""
         return self.predict(self.poses)
+
+    @cached_property
+    def of_pose(self) -> B:
+        """(n,) which of the base's inputs are of the pose: a polynomial may take actuators'."""
+        return np.array([name in POSE for name in self.base.inputs])
+
+    @cached_property
+    def material_wrench(self) -> F:
+        """(N, m) base wrench without what inputs of actuators push.
+
+        Where a base takes such inputs as columns, that is its wrench against the first pose of the
+        run at the same inputs: gas has no memory, and no modulus.
+        """
+        if self.of_pose.all():
+            return self.wrench
+        start, timed = self.poses.copy(), self.table.has("time_s")
+        for order in order_of_visits(self.table) if timed else [np.arange(len(self))]:
+            start[np.ix_(order, self.of_pose)] = start[order[0], self.of_pose]
+        return self.wrench - self.predict(start)
 
     @cached_property
     def sensor_load(self) -> F:

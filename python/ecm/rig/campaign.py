@@ -24,6 +24,7 @@ from ecm.rig.elastic import (
     Progress,
     SolvedPoses,
     Source,
+    free_cached,
     grading,
     solve_cached,
     unique_poses,
@@ -34,7 +35,9 @@ from ecm.rig.hidden.truth import NOTHING, Hidden
 from ecm.rig.instruments import Camera, ForceTorqueSensor, Window
 from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.physics.sensor import SensorWarmUp
-from ecm.rig.plan import Visits, reachable, requests, rest_pose, split_by_limits
+from ecm.rig.physics.supply import regulators
+from ecm.rig.physics.true_effect import SENSOR_SCALE
+from ecm.rig.plan import Visits, followed, reachable, requests, rest_pose, split_by_limits
 from ecm.rig.plant import Plant, visits_of
 from ecm.rig.raw_stream import RawStream
 from ecm.rig.readings import Reading, table_of
@@ -81,13 +84,21 @@ class Campaign:
         self.seed = seed
         self.base_columns = base_columns
         """(N, 6) poses to the (N, 6, k) change of the wrench per base parameter; None: E alone."""
-        length = source.length_m
-        remaining, self.skipped = split_by_limits(
-            requests(plan, settings.rig, length), settings.rig, length
+        length, actuators = source.length_m, len(plan.actuation_columns)
+        if actuators and (settings.rig.mode == "robot" or settings.rig.stream_Hz):
+            raise InputError(
+                f"{plan.source}: the arm and the raw stream know no actuators yet; set [rig] mode "
+                '= "quasi_static" and stream_Hz = 0'
+            )
+        remaining, lost, free = followed(
+            requests(plan, settings.rig, length), partial(free_cached, source, folder=folder)
         )
+        remaining, self.skipped = split_by_limits(remaining, settings.rig, length, lost)
         commanded = [r.pose for r in remaining if r.action.name == "measure"]
-        poses, _ = unique_poses(np.stack([rest_pose(length), *commanded]))
+        poses, _ = unique_poses(np.stack([rest_pose(length, actuators), *commanded]))
         solved = solve_cached(source, poses, UNIFORM, folder, progress)
+        if free is not None:
+            solved = solved.joined(free)
         if solved.status[0] != "solved":
             raise InputError(
                 f"[mechanism]: FEM ends `{solved.status[0]}` at the rest pose; check its figures"
@@ -108,12 +119,18 @@ class Campaign:
             wander=table.drift_wander,
         )
         elastic = Elastic(solved, source.surrogate(solved))
-        self.plant = Plant(settings, elastic, length, offset=offset).put(warm_up)
+        driven = plan.actuation_columns
+        plant = Plant(settings, elastic, length, offset=offset, actuators=driven)
+        self.plant = plant.put(warm_up)
+        if actuators:
+            for effect in regulators(table, float(poses[:, 6:].max())):
+                self.plant = self.plant.put(effect)
         self.visits = self._visits(solved)
         self.injected: list[InjectedEffect] = []
         self._hide = self._hidden(
             hide, partial(grading, source, solved, folder=folder, progress=progress)
         )
+        self.visits = self._following(self.visits)
         self.frames: Calibration | None = None
         """Calibrated frames, where the true ones are not known."""
         if settings.instrument.frames == "calibrated":
@@ -216,11 +233,12 @@ class Campaign:
     def _hidden(self, hide: Sequence[Hidden], graded: Callable[[str], Grading]) -> list[Hidden]:
         """Puts what is drawn into the plant; `random` is drawn again where it cannot be."""
         draws, streamed = stream(self.seed, "hidden effect"), self.settings.rig.stream_Hz > 0.0
+        driven = bool(self.plan.actuation_columns)
         named = tuple(h.effect for h in hide if h.effect != "random")
         drawn: list[Hidden] = []
         for hidden in hide:
             taken = (*named, *(h.effect for h in drawn))
-            drawn.append(hidden.drawn(draws, taken, streamed=streamed))
+            drawn.append(hidden.drawn(draws, taken, streamed=streamed, driven=driven))
         self._grade(drawn, graded)
         for i, hidden in enumerate(hide):
             impossible: tuple[str, ...] = ()
@@ -233,7 +251,9 @@ class Campaign:
                         raise
                     impossible = (*impossible, drawn[i].effect)
                     taken = tuple(h.effect for k, h in enumerate(drawn) if k != i)
-                    drawn[i] = hidden.drawn(draws, (*named, *taken), impossible, streamed=streamed)
+                    drawn[i] = hidden.drawn(
+                        draws, (*named, *taken), impossible, streamed=streamed, driven=driven
+                    )
                     self._grade(drawn, graded)
                     continue
                 self.plant = self.plant.put(effect.truth)
@@ -256,7 +276,33 @@ class Campaign:
         errors = np.stack(
             [size * stream(self.seed, "robot", *v.serial).standard_normal(6) for v in visits]
         )
-        reached = displaced(np.stack([v.pose for v in visits]), errors)
+        reached = displaced(np.stack([v.pose[:6] for v in visits]), errors)
         heating = self.timeline.heating
         self._air = Climate.build(self.settings, self.seed, self.timeline.end_s, heating)
         return visits_of(visits, reached, nearest, self._air)
+
+    def _following(self, visits: Visits) -> Visits:
+        """The visits from the free poses of the mechanism as its actuators really drive it.
+
+        The robot takes a pose for free where the wrench is below free_N: it is off by K^-1 w.
+        """
+        starts = {i: v.free.tobytes() for i, v in enumerate(visits) if v.free is not None}
+        own = list(starts)
+        if not own:
+            return visits
+        solved = self.plant.elastic.solved
+        index = {pose.tobytes(): i for i, pose in enumerate(solved.poses)}
+        slopes = solved.stiffness[[index[start] for start in starts.values()]]
+        more = (self.plant.acting(visits) - visits.inputs)[own]
+        size = self.settings.rig.free_N * SENSOR_SCALE
+        left = np.stack(
+            [
+                size * stream(self.seed, "follow", *visits.rows[i].serial).standard_normal(6)
+                for i in own
+            ]
+        )
+        wrench = left - np.einsum("nij,nj->ni", slopes[:, :, 6:], more)
+        shift = np.linalg.solve(slopes[:, :, :6], wrench[:, :, None])[:, :, 0]
+        reached = visits.reached.copy()
+        reached[own] += shift
+        return replace(visits, reached=reached)

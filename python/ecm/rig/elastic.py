@@ -17,8 +17,8 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from ecm._native import EnergyModel
-from ecm.errors import ComputationError
+from ecm._native import EnergyModel, FemResults
+from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F, I
 from ecm.io.cache import array_key, read_arrays, write_arrays
 from ecm.io.mechanism import Material, Mechanism
@@ -39,7 +39,7 @@ class FemSource:
         return self._mechanism.key()
 
     def solve(self, poses: F, grade: str, progress: Progress = None) -> SolvedPoses:
-        """FEM wrench and K at each pose, with the modulus graded over the cross-section."""
+        """FEM wrench, K and G at each pose, with the modulus graded over the cross-section."""
         fem = changed(self._mechanism, grade).fem(
             element_modulus_scale=modulus_grade(self._mechanism, grade)
         )
@@ -50,13 +50,30 @@ class FemSource:
                 progress(done, total, word)
 
         results = fem.solve_poses(poses, threads=self._threads, progress=report)
-        return SolvedPoses(poses, results.wrenches, results.stiffness, tuple(results.status))
+        return SolvedPoses(poses, results.wrenches, _slopes(results), tuple(results.status))
+
+    def free_poses(self, inputs: F) -> SolvedPoses:
+        """The pose that the body takes without a load at each row of inputs (k, m)."""
+        loads = np.hstack([np.zeros((len(inputs), 6)), inputs])
+        results = self._mechanism.fem().solve_wrenches(loads, threads=self._threads)
+        rows = np.hstack([results.poses, inputs])
+        return SolvedPoses(
+            rows, np.zeros_like(rows[:, :6]), _slopes(results), tuple(results.status)
+        )
 
     def surrogate(self, solved: SolvedPoses) -> Smooth | None:
         """A symmetric energy of the loaded poses: it gives curvature, never the value."""
-        if sum(s == "solved" for s in solved.status) < ENOUGH_FOR_SURROGATE:
+        few = sum(s == "solved" for s in solved.status) < ENOUGH_FOR_SURROGATE
+        if few or self._mechanism.actuators:  # no energy of the pose alone goes through them
             return None
         return fitted_energy(*solved.loaded, self.length_m)[0]
+
+
+def _slopes(results: FemResults) -> F:
+    """(N, 6, 6) K, or (N, 6, 6 + m) with G behind it."""
+    if not results.actuation_jacobians[0].shape[-1]:
+        return results.stiffness
+    return np.concatenate([results.stiffness, results.actuation_jacobians[0]], axis=2)
 
 
 def changed(mechanism: Mechanism, grade: str) -> Mechanism:
@@ -153,7 +170,7 @@ class Source(Protocol):
         ...
 
     def surrogate(self, solved: SolvedPoses) -> Smooth | None:
-        """A smooth map fitted to solved poses; None where they are too few."""
+        """A smooth map fitted to solved poses; None where they are too few, or inputs vary."""
         ...
 
 
@@ -168,6 +185,9 @@ class Smooth(Protocol):
 class SolvedPoses:
     """Solutions at (N, 6) poses; `status` other than "solved" marks rows not to be visited.
 
+    Of a mechanism with m actuators the poses are (N, 6 + m) with their inputs behind, and the
+    stiffness is (N, 6, 6 + m), K and G.
+
     Examples
     --------
     >>> SolvedPoses(np.zeros((1, 6)), np.zeros((1, 6)), np.zeros((1, 6, 6)), ("solved",)).status
@@ -178,6 +198,15 @@ class SolvedPoses:
     wrenches: F
     stiffness: F
     status: tuple[str, ...]
+
+    def joined(self, others: SolvedPoses) -> SolvedPoses:
+        """These solutions, then the others."""
+        return SolvedPoses(
+            np.concatenate([self.poses, others.poses]),
+            np.concatenate([self.wrenches, others.wrenches]),
+            np.concatenate([self.stiffness, others.stiffness]),
+            self.status + others.status,
+        )
 
     @property
     def loaded(self) -> tuple[F, F]:
@@ -193,7 +222,7 @@ class SolvedPoses:
 
 
 class Elastic:
-    """h(p) and K(p) near the solved poses."""
+    """h(p) and K(p) near the solved poses, which may have the actuators' inputs behind them."""
 
     def __init__(self, solved: SolvedPoses, smooth: Smooth | None = None) -> None:
         self.solved = solved
@@ -206,11 +235,11 @@ class Elastic:
     @property
     def rest_stiffness(self) -> F:
         """K (6, 6) of the mechanism at rest."""
-        stiffness: F = self.solved.stiffness[REST_INDEX]
+        stiffness: F = self.solved.stiffness[REST_INDEX, :, :6]
         return stiffness
 
     def wrench(self, nearest: I, poses: F) -> F:
-        """h at (N, 6) poses, each near the solved pose of that index (N,)."""
+        """h at (N, 6) or (N, 6 + m), each near the solved pose of that index (N,)."""
         step = poses - self.solved.poses[nearest]
         h: F = self.solved.wrenches[nearest] + np.einsum(
             "nij,nj->ni", self.solved.stiffness[nearest], step
@@ -244,7 +273,7 @@ class Elastic:
 
     def stiffness(self, nearest: I, poses: F) -> F:
         """K = dh/dp at the poses: (N, 6, 6)."""
-        stiffness: F = self.solved.stiffness[nearest]
+        stiffness: F = self.solved.stiffness[nearest][:, :, :6]
         if self.smooth is not None:
             stiffness = stiffness + self.smooth.stiffness(poses) - self._slope[nearest]
         return stiffness
@@ -267,24 +296,39 @@ def solve_cached(
     source: Source, poses: F, grade: str, folder: Path | None, progress: Progress = None
 ) -> SolvedPoses:
     """`source.solve`, stored on disk under a hash of the mechanism and the poses."""
+    name = f"anchors-1|{source.key()}|{grade}|{CONTRAST}"
+    return _kept(folder, name, poses, lambda: source.solve(poses, grade, progress))
+
+
+def free_cached(source: Source, inputs: F, folder: Path | None) -> SolvedPoses:
+    """`source.free_poses`, stored on disk in the same way."""
+    solve = getattr(source, "free_poses", None)
+    if solve is None:
+        raise InputError(
+            "the plan's columns offset_x_m, ... start at the free poses of a driven mechanism, and "
+            "this source has no method free_poses(inputs); add it, or take the columns out"
+        )
+    return _kept(folder, f"free-1|{source.key()}", inputs, lambda: solve(inputs))
+
+
+def _kept(folder: Path | None, name: str, rows: F, solve: Callable[[], SolvedPoses]) -> SolvedPoses:
+    """What `solve` gives for the rows, read from the folder where it is there."""
     path = None
     if folder is not None:
-        name = array_key(f"anchors-1|{source.key()}|{grade}|{CONTRAST}", poses)
-        path = folder / f"anchors-{name[:32]}.npz"
+        path = folder / f"anchors-{array_key(name, rows)[:32]}.npz"
         stored = read_arrays(path)
         if stored is not None:
             status = tuple(str(s) for s in stored["status"])
+            poses = stored.get("poses", rows)
             return SolvedPoses(poses, stored["wrenches"], stored["stiffness"], status)
-    solved = source.solve(poses, grade, progress)
+    solved = solve()
     if path is not None:
-        write_arrays(
-            path,
-            {
-                "wrenches": solved.wrenches,
-                "stiffness": solved.stiffness,
-                "status": np.asarray(solved.status),
-            },
-        )
+        arrays = {
+            "wrenches": solved.wrenches,
+            "stiffness": solved.stiffness,
+            "status": np.asarray(solved.status),
+        }
+        write_arrays(path, arrays if solved.poses is rows else arrays | {"poses": solved.poses})
     return solved
 
 
@@ -302,7 +346,8 @@ def grading(
     )
     return Grading(
         np.where(solved[:, None], graded.wrenches - plain.wrenches, 0.0) / CONTRAST,
-        np.where(solved[:, None, None], graded.stiffness - plain.stiffness, 0.0) / CONTRAST,
+        np.where(solved[:, None, None], graded.stiffness - plain.stiffness, 0.0)[:, :, :6]
+        / CONTRAST,
     )
 
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
-from ecm.io.se3 import rotation, transpose, turn_wrench, wrench_adjoint
+from ecm.io.columns import POSE as POSE_COLUMNS
+from ecm.io.se3 import displaced, rotation, transpose, turn_wrench, wrench_adjoint
 from ecm.io.table import Table
 from ecm.io.toml import did_you_mean
 from ecm.rig.elastic import SolvedPoses
@@ -22,6 +23,8 @@ from ecm.rig.settings import Procedure, RigSettings
 
 HOME = "initial"
 """`approach` of a pose that is driven to from the rest pose."""
+POSE_OFFSETS = tuple(f"offset_{name}" for name in POSE_COLUMNS)
+"""Columns of a plan: the way from the free pose at the row's pressures, in base axes."""
 
 
 ARGUMENT_UNITS = {
@@ -81,17 +84,21 @@ class Request:
     """Counted from 0."""
     action: Action
     pose: F
-    """Commanded, (6,)."""
+    """Commanded (6,), or (6 + m,) with the inputs of the actuators."""
     pose_id: int
     approach: str
     """`initial`, a pose_id, or empty where the plan leaves it to the rig."""
     dwell_s: float
     run: int
+    offset: F | None = None
+    """Way (6,) from the free pose at the row's inputs, where the robot follows the mechanism."""
+    free: F | None = None
+    """That free pose with the inputs (6 + m,), once it is solved."""
 
 
-def rest_pose(length_m: float) -> F:
-    """Top frame of the undeformed mechanism."""
-    return np.array([length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
+def rest_pose(length_m: float, actuators: int = 0) -> F:
+    """Top frame of the undeformed mechanism, with the inputs of its actuators: 0."""
+    return np.array([length_m, 0.0, 0.0, 0.0, 0.0, 0.0] + [0.0] * actuators)
 
 
 def requests(plan: Table, procedure: Procedure, length_m: float) -> list[Request]:
@@ -113,7 +120,11 @@ def requests(plan: Table, procedure: Procedure, length_m: float) -> list[Request
     runs = plan.column("run") if plan.has("run") else np.zeros(count)
     actions = [_action(words[i], kinds[i], f"{where} row {i + 1}") for i in range(count)]
     moves = np.asarray([a.name == "measure" for a in actions])
-    poses = np.where(moves[:, None], plan.poses, rest_pose(length_m))
+    driven = plan.actuation_columns
+    rows = plan.matrix((*POSE_COLUMNS, *driven))
+    poses = np.where(moves[:, None], rows, rest_pose(length_m, len(driven)))
+    follows = bool(driven) and plan.has(*POSE_OFFSETS)
+    offsets = plan.matrix(POSE_OFFSETS) if follows else np.zeros((count, 6))
     ids = _pose_ids(plan, poses)
     known = set(ids[moves].tolist())
     result = []
@@ -135,9 +146,42 @@ def requests(plan: Table, procedure: Procedure, length_m: float) -> list[Request
                 approach=approach,
                 dwell_s=procedure.dwell_s if math.isnan(wait) else wait,
                 run=int(runs[i]),
+                offset=offsets[i] if follows and moves[i] else None,
             )
         )
     return result
+
+
+def followed(
+    requests: list[Request], free: Callable[[F], SolvedPoses]
+) -> tuple[list[Request], list[Skipped], SolvedPoses | None]:
+    """Requests whose poses start at the free pose at their inputs, and those free poses.
+
+    free: the poses that the mechanism takes without a load at inputs (k, m).
+    """
+    own = [r for r in requests if r.offset is not None]
+    if not own:
+        return requests, [], None
+    inputs = np.unique(np.stack([r.pose[6:] for r in own]), axis=0)
+    solved = free(inputs)
+    place = {row.tobytes(): i for i, row in enumerate(inputs)}
+
+    def follow(request: Request) -> Request:
+        if request.offset is None:
+            return request
+        row = solved.poses[place[request.pose[6:].tobytes()]]
+        pose = displaced(row[None, :6], request.offset[None])[0]
+        return replace(request, pose=np.concatenate([pose, row[6:]]), free=row)
+
+    def reason(request: Request) -> str:
+        if request.offset is None:
+            return ""
+        status = solved.status[place[request.pose[6:].tobytes()]]
+        found = f"the mechanism has no free pose at these pressures ({status})"
+        return "" if status == "solved" else found
+
+    remaining, skipped = _without(requests, [], reason)
+    return [follow(request) for request in remaining], skipped, solved
 
 
 def _pose_ids(plan: Table, poses: F) -> I:
@@ -182,7 +226,7 @@ class Visit:
     row: int
     """Row of the plan; -1 for a visit that the rig adds."""
     pose: F
-    """Commanded pose (6,)."""
+    """Commanded pose (6,), or (6 + m,) with the inputs of the actuators."""
     pose_id: int
     repeat: int
     run: int
@@ -194,12 +238,16 @@ class Visit:
     """Duration of the last leg."""
     dwell_s: float
     way: F
-    """Way points (k, 6) since the visit before, ending at `pose`."""
+    """Way points (k, 6), or (k, 6 + m), since the visit before, ending at `pose`."""
     rested: bool
     """The history of the mechanism restarts."""
     mount_rad: float
     payload_on: bool
     dead_weight_kg: float
+    free: F | None = None
+    """The free pose with the inputs (6 + m,) from which the robot went on to `pose`."""
+    set_s: float = 0.0
+    """When the actuators were last set to something else."""
 
     @property
     def serial(self) -> tuple[str, int, int]:
@@ -253,6 +301,16 @@ class Visits:
         return np.asarray([getattr(visit, name) for visit in self.rows], dtype=np.float64)
 
     @property
+    def inputs(self) -> F:
+        """What the actuators were set to, (N, m)."""
+        return np.stack([visit.pose[6:] for visit in self.rows])
+
+    @property
+    def states(self) -> F:
+        """What is reached, (N, 6), or (N, 6 + m) with what the actuators were set to."""
+        return np.hstack([self.reached, self.inputs])
+
+    @property
     def arrivals_m(self) -> F:
         """Last translation (N, 3) of the way to each visit; in a motion, also what it came by."""
         steps = np.zeros((len(self), 3))
@@ -274,13 +332,16 @@ class Skipped:
 
 
 def split_by_limits(
-    requests: list[Request], procedure: Procedure, length_m: float
+    requests: list[Request],
+    procedure: Procedure,
+    length_m: float,
+    skipped: Sequence[Skipped] = (),
 ) -> tuple[list[Request], list[Skipped]]:
     """Split requests into poses within the rig's limits and the others with the reason."""
     rest = rest_pose(length_m)
 
     def reason(request: Request) -> str:
-        turn = float(np.linalg.norm(request.pose[3:]))
+        turn = float(np.linalg.norm(request.pose[3:6]))
         shift = float(np.linalg.norm(request.pose[:3] - rest[:3])) / length_m
         if turn > procedure.rotation_limit_rad:
             return (
@@ -294,7 +355,7 @@ def split_by_limits(
             )
         return ""
 
-    return _without(requests, [], reason)
+    return _without(requests, list(skipped), reason)
 
 
 def _without(
@@ -329,9 +390,9 @@ def reachable(
     )
     limits = np.asarray(instrument.fts_range) - reserve
     sensor_from_top = np.linalg.inv(wrench_adjoint(instrument.top_from_sensor))
-    back = transpose(rotation(solved.poses[:, 3:]))
+    back = transpose(rotation(solved.poses[:, 3:6]))
     felt = turn_wrench(back, solved.wrenches) @ sensor_from_top.T
-    leds = Optics(instrument).visible(solved.poses).sum(axis=1)
+    leds = Optics(instrument).visible(solved.poses[:, :6]).sum(axis=1)
 
     def reason(request: Request) -> str:
         i = index[request.pose.tobytes()]

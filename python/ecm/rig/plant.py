@@ -31,6 +31,7 @@ from ecm.rig.physics.true_effect import (
     PlatformLoad,
     SensorFrame,
     SensorReading,
+    Supply,
 )
 from ecm.rig.plan import AT_HOME, POSE, Visit, Visits, rest_pose
 from ecm.rig.settings import RigSettings
@@ -60,6 +61,8 @@ class Plant:
     gradings: Mapping[str, Grading] = field(default_factory=dict)
     """Further FEM solutions, by the name of their grade."""
     physics: Physics = field(default_factory=Physics)
+    actuators: tuple[str, ...] = ()
+    """Columns of the actuators."""
     offset: F = field(default_factory=lambda: np.zeros(6))
     """Constant zero of the sensor (6,), sensor axes."""
     calibrated_top_from_sensor: F | None = None
@@ -112,9 +115,13 @@ class Plant:
         wrenches: F = readings @ (self.top_from_sensor if known is None else known).T
         return wrenches
 
+    def acting(self, visits: Visits) -> F:
+        """What acts in the actuators (N, m), from what they were set to."""
+        return self._conditions(visits).inputs
+
     def _conditions(self, visits: Visits) -> Conditions:
         loaded = visits.of_kind(POSE, AT_HOME)
-        return Conditions(
+        at = Conditions(
             length_m=self.length_m,
             poses=np.where(loaded[:, None], visits.reached, rest_pose(self.length_m)),
             nearest=visits.nearest,
@@ -128,6 +135,9 @@ class Plant:
             dwell_s=visits.numbers("dwell_s"),
             arrival_m=visits.arrivals_m,
             ways=tuple(visit.way for visit in visits),
+            inputs=visits.inputs,
+            actuators=self.actuators,
+            since_set_s=visits.time_s - visits.numbers("set_s"),
             rested=tuple(visit.rested for visit in visits),
             moving=visits.moving,
             leg_s=partial(travel_s, procedure=self.settings.rig),
@@ -139,6 +149,14 @@ class Plant:
             camera=Optics(self.settings.instrument),
             memory=visits.memory,
         )
+        if not at.inputs.size:
+            return at
+        step = self.settings.plant.regulator_step_Pa
+        stepped = [name.startswith("pressure") and step > 0.0 for name in self.actuators]
+        acting = np.where(stepped, np.round(at.inputs / (step or 1.0)) * step, at.inputs)
+        for supply in self.physics.of(Supply):
+            acting = supply.acting(acting, at)
+        return replace(at, inputs=acting)
 
     def _declared_errors(self, sensor: F, visits: Visits) -> F:
         """Readings with what the rig file says of this sensor: gain, cross-talk, thermal drift."""
@@ -186,7 +204,7 @@ class Plant:
     def _mechanism(self, at: Conditions) -> F:
         """Wrench (N, 6) of the mechanism on the platform, base axes."""
         physics = self.physics
-        solved = self.elastic.solved.poses[at.nearest]
+        solved = self.elastic.solved.poses[at.nearest][:, :6]
         factor = np.ones(len(at.poses))
         for material in physics.of(MaterialFactor):
             factor = factor * material.factor(at)
@@ -200,7 +218,7 @@ class Plant:
                 body = part.body_pose(poses, at)
                 passed.append((part, poses, body))
                 poses = body
-            h = self.elastic.wrench(at.nearest, poses)
+            h = self.elastic.wrench(at.nearest, np.hstack([poses, at.inputs]))
             for variation in physics.of(BodyVariation):
                 h = h + variation.wrench(poses - solved, at)
             h = factor[:, None] * h + memory
@@ -283,7 +301,8 @@ def residual(plant: Plant, visits: Visits) -> F:
     truth = plant.truth(visits)
     measured = wrench_in_base(plant, visits, truth.sensor, truth.pose_seen)
     rows = visits.at_poses
-    elastic = plant.elastic.wrench(visits.nearest[rows], truth.pose_seen[rows])
+    seen = np.hstack([truth.pose_seen, visits.inputs])[rows]
+    elastic = plant.elastic.wrench(visits.nearest[rows], seen)
     difference: F = measured[rows] - elastic
     return difference
 

@@ -288,6 +288,8 @@ def table_of(campaign: CampaignState, readings: list[Reading], truth_sha256: str
     columns["leds_visible"] = optics.visible(poses[rows]).sum(axis=1).astype(np.float64)
     columns |= dict(zip(POSE_NAMES, poses[rows].T.copy(), strict=True))
     columns |= dict(zip(WRENCH_NAMES, wrenches[rows].T.copy(), strict=True))
+    inputs = campaign.visits.inputs[rows]
+    columns |= dict(zip(campaign.plan.actuation_columns, inputs.T.copy(), strict=True))
     columns["temperature_degC"] = np.asarray([readings[i].temperature_degC for i in rows])
     columns["sensor_temperature_degC"] = warm[rows]
     names = (f"sd_{name}" for name in (*POSE_NAMES, *WRENCH_NAMES))

@@ -120,6 +120,10 @@ class Procedure:
     """Poses between two unloaded readings; 0: only at both ends."""
     offset_window_s: float = setting(60.0, low=1e-2, high=1e5)
     """Time over which an unloaded reading is averaged, s."""
+    follow_s: float = setting(5.0, low=0.0, high=1e5)
+    """Time in which the robot follows a driven mechanism to its free pose, s."""
+    free_N: float = setting(0.02, low=0.0, high=100.0)
+    """Force at which a driven mechanism counts as free, with 0.033 N m per N, N."""
     unload_s: float = setting(60.0, low=0.0, high=1e5)
     """Time to free the sensor, and to connect it again, s."""
     handling_s: float = setting(600.0, low=0.0, high=1e6)
@@ -259,6 +263,16 @@ class PlantTable:
     """Mass of the target, also on the zeroed sensor, kg."""
     marker_centre_m: tuple[float, ...] = setting((0.01, 0.0, 0.04), low=-1.0, high=1.0)
     """Centre of the target in the top frame, m."""
+    regulator_offset_Pa: float = setting(0.0, low=-1e6, high=1e6)
+    """Zero of all pressure regulators, Pa."""
+    regulator_gain: float = setting(0.0, low=-0.5, high=0.5)
+    """Error of all regulators as a share of the largest pressure; it bends."""
+    regulator_lag_s: float = setting(0.0, low=0.0, high=1e4)
+    """Time constant in which a pressure follows, s."""
+    regulator_step_Pa: float = setting(0.0, low=0.0, high=1e6)
+    """Smallest step of a regulator, Pa; 0: none."""
+    chamber_leak_per_s: float = setting(0.0, low=0.0, high=1.0)
+    """Share of its pressure that each chamber loses in the first second, 1/s."""
     gravity_m_s2: tuple[float, ...] = setting((-9.81, 0.0, 0.0), low=-100.0, high=100.0)
     """Gravity in base axes, m/s^2."""
 

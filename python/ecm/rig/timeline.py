@@ -130,10 +130,10 @@ def timeline_of(requests: Iterable[Request], procedure: Procedure, length_m: flo
 
 
 def travel_s(way: F, procedure: Procedure) -> float:
-    """Duration of a leg (6,) by the cubic timing law."""
+    """Duration of a leg (6,), or (6 + m,), by the cubic timing law."""
     return 1.5 * max(
         float(np.linalg.norm(way[:3])) / procedure.speed_m_s,
-        float(np.linalg.norm(way[3:])) / procedure.speed_rad_s,
+        float(np.linalg.norm(way[3:6])) / procedure.speed_rad_s,
     )
 
 
@@ -145,6 +145,7 @@ class _Rig:
         self._rest = rest_pose(length_m)
         self._timeline = Timeline()
         self._clock = 0.0
+        self._set_s = 0.0
         self._at = self._rest
         self._way = [self._rest]
         self._last_id = HOME
@@ -162,6 +163,8 @@ class _Rig:
         self._poses = {r.pose_id: r.pose for r in requests if r.action.name == "measure"}
         if requests:
             self._run = requests[0].run
+            self._at = self._rest = rest_pose(self._rest[0], len(requests[0].pose) - 6)
+            self._way = [self._rest]
         self._offset()
         previous = self._run
         for request in requests:
@@ -239,6 +242,11 @@ class _Rig:
         elif source != self._last_id:
             self._go_home()
             self._go(self._poses[int(source)])
+        if request.offset is not None and source == HOME:
+            # Force control: the robot goes where the driven mechanism goes, then perturbs it.
+            if request.free is not None:
+                self._go(request.free)
+            self._clock += self._procedure.follow_s
         travel = self._go(request.pose)
         self._clock += request.dwell_s
         self._read(
@@ -248,6 +256,7 @@ class _Rig:
             dwell_s=request.dwell_s,
             approach=source,
             travel_s=travel,
+            free=request.free,
         )
         self._last_id = str(request.pose_id)
         self._poses_since_offset += 1
@@ -270,6 +279,8 @@ class _Rig:
 
     def _go(self, pose: F) -> float:
         duration = travel_s(pose - self._at, self._procedure)
+        if (pose[6:] != self._at[6:]).any():
+            self._set_s = self._clock
         self._clock += duration
         self._at = pose
         self._way.append(pose)
@@ -285,6 +296,7 @@ class _Rig:
         approach: str = HOME,
         travel_s: float = 0.0,
         dead_weight_kg: float = 0.0,
+        free: F | None = None,
     ) -> None:
         pose_id = -1 if request is None else request.pose_id
         repeat = self._seen.get((kind, pose_id), 0)
@@ -307,6 +319,8 @@ class _Rig:
                 mount_rad=self._mount,
                 payload_on=self._payload,
                 dead_weight_kg=dead_weight_kg,
+                free=free,
+                set_s=self._set_s,
             )
         )
         self._clock += window_s

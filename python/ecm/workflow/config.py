@@ -49,9 +49,9 @@ class SelectTable(Checked):
     thresholds: tuple[float, ...] = setting((0.0, 0.1, 0.5), low=0.0, any_size=True)
     """PCR drops singular values of the normalised regressor below these."""
     energy_degrees: tuple[int, ...] = setting(
-        (4, 6), low=ENERGY_DEGREES[0], high=ENERGY_DEGREES[1], any_size=True
+        (4, 6), low=ENERGY_DEGREES[0] - 1, high=ENERGY_DEGREES[1], any_size=True
     )
-    """Symmetric energy models."""
+    """Symmetric energy models; 3 where there are actuators."""
     energy_poses: tuple[int, ...] = setting((20, 50, 200), low=5, any_size=True)
     """Numbers of poses that they are trained on."""
 
@@ -104,13 +104,20 @@ class Config:
                 f"{where}[design] n = {self.design.n}: expected at most the {pairs} training "
                 "pairs of [simulate] (n - n_test)"
             )
+        lowest = min(self.select.energy_degrees, default=ENERGY_DEGREES[0])
+        if lowest < ENERGY_DEGREES[0] and not self.mechanism.actuators:
+            raise InputError(
+                f"{where}[select] energy_degrees holds {lowest}: expected {ENERGY_DEGREES[0]} to "
+                f"{ENERGY_DEGREES[1]}; degree {lowest} is for mechanisms with actuators"
+            )
         degree = max(self.select.degrees)
-        needed = math.comb(degree + 6, 6)
+        inputs = 6 + len(self.mechanism.actuators)
+        needed = math.comb(degree + inputs, inputs)
         for name, count in (("[simulate] n - n_test", pairs), ("[design] n", self.design.n)):
             if count < needed:
                 raise InputError(
                     f"{where}{name} = {count}: expected at least {needed}, the "
-                    f"coefficients of [select] degrees {degree}"
+                    f"coefficients of [select] degrees {degree} in {inputs} inputs"
                 )
 
 

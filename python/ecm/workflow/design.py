@@ -16,6 +16,7 @@ from ecm.designs import (
     design_sizes,
     diagnosable_plan,
     nominal_model,
+    offsets_from_free,
     optimal_design,
     paper_plan,
     plain_plan,
@@ -23,11 +24,13 @@ from ecm.designs import (
 )
 from ecm.diagnosis.next_experiment import Identifiability, identifiability
 from ecm.effects import Effect, all_effects
+from ecm.effects.registry import effects_of_actuators
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments, check_type
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models import Model
+from ecm.models.actuated import ActuatedMap
 from ecm.report import figures as draw
 from ecm.report.blocks import Block, Cell, FigureBlock, Section, TableBlock, TextBlock, number
 from ecm.report.page import Report, Shown
@@ -279,7 +282,9 @@ def design(
     console = console or Silent()
     # Free polynomials absorb the effects.
     check_type("model", search.get("model"), str | None)
-    model = search.pop("model", None) or ("energy4" if effects else "cubic")
+    driven = candidates.actuation_columns
+    usual = "actuated4" if driven else "energy4" if effects else "cubic"
+    model = search.pop("model", None) or usual
     threads, seed = search.get("threads", 0), search.get("seed", 0)
     weighted = base is not None or rig is not None or model == "physics" or bool(effects)
     nominal = None
@@ -293,9 +298,9 @@ def design(
             threads=threads,
             progress=console.progress("physics base") if physics else None,
         )
-    elif preset == "diagnosable":
+    elif preset == "diagnosable" or driven:
         nominal = _free_nominal(candidates, threads, console)
-    names = candidates.pose_columns
+    names = (*candidates.pose_columns, *driven)
     poses = candidates.matrix(names)
     rows = {key: search.pop(key) for key in ("include", "exclude", "measured") if key in search}
     settings = DesignSettings(
@@ -309,15 +314,19 @@ def design(
     progress = console.progress("design")
     chosen = optimal_design(poses, n, settings, base=weights, progress=progress, **rows)
     plan = _PLANS[preset](candidates, chosen, seed=seed)
+    if nominal is not None and isinstance(nominal.base, ActuatedMap):
+        plan = offsets_from_free(plan, nominal.base)
     testable: list[Identifiability] = []
     if preset == "diagnosable" and nominal is not None:
-        testable = identifiability(plan, nominal, effects or all_effects(), rig=rig)
+        listed = (*all_effects(), *(effects_of_actuators() if driven else ()))
+        testable = identifiability(plan, nominal, effects or listed, rig=rig)
     sizes: list[Size] = []
     if how_many:
         smaller = DesignSettings(
             criterion="d" if settings.criterion == "maximin" else settings.criterion,
             model=model,
             length_m=settings.length_m,
+            columns=names,
             iterations=60,
             seed=seed,
             threads=threads,

@@ -16,12 +16,21 @@ import numpy as np
 
 from ecm import _native
 from ecm.comparison import Comparison, compare
-from ecm.designs import Design, DesignSettings, diagnosable_plan, optimal_design, paper_plan
+from ecm.designs import (
+    Design,
+    DesignSettings,
+    diagnosable_plan,
+    nominal_model,
+    offsets_from_free,
+    optimal_design,
+    paper_plan,
+)
 from ecm.errors import MissingExtra
 from ecm.fem.simulate import Simulated, simulate
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import F, I
 from ecm.io.cache import write_json
+from ecm.io.columns import POSE
 from ecm.io.table import Table, read_table
 from ecm.models import (
     Model,
@@ -32,12 +41,14 @@ from ecm.models import (
     load_model,
     physics_map,
 )
+from ecm.models.actuated import ActuatedMap
 from ecm.models.physics.map import reach_of
 from ecm.regression.blas import one_blas_thread
 from ecm.report.page import Report, require_report
 from ecm.rig import HiddenTable, RigSettings, fem_source
 from ecm.rig.arm.campaign import RobotCampaign, first_pose_trace, require_arm
 from ecm.rig.arm.trips import read_summary
+from ecm.rig.plan import rest_pose
 from ecm.rig.readings import robot_path
 from ecm.workflow import paper as steps
 from ecm.workflow.config import Config, read_config
@@ -125,7 +136,7 @@ def identify(
     with job.step("measure", f"3 Measure and identify: {_RIGS[config.rig.rig.mode]}"):
         candidates = pairs.table().select(train)
         tables = measure_designs(job, candidates, designs)
-        physics = build_physics(job, pairs)
+        physics = None if _driven(job) else build_physics(job, pairs)
         identify_models(job, tables, physics)
     with job.step("loop", "4 The loop: an effect is hidden in the rig, and found again"):
         find_hidden_effect(job, candidates, physics)
@@ -154,7 +165,21 @@ def _check(job: Job) -> None:
 
 
 def _rows(pairs: Simulated, rows: I) -> tuple[F, F]:
-    return pairs.poses[rows], pairs.wrenches[rows]
+    """Poses, with the actuators' inputs behind them where there are some, and wrenches."""
+    return np.hstack([pairs.poses, pairs.actuation])[rows], pairs.wrenches[rows]
+
+
+def _driven(job: Job) -> tuple[str, ...]:
+    """Columns of the mechanism's actuators."""
+    return job.config.mechanism.actuators
+
+
+def _from_free(job: Job, plan: Table, candidates: Table) -> Table:
+    """The plan of a driven mechanism as offsets from its free poses."""
+    if not _driven(job):
+        return plan
+    base = nominal_model(candidates).base
+    return offsets_from_free(plan, base) if isinstance(base, ActuatedMap) else plan
 
 
 def _without_hidden(rig: RigSettings) -> RigSettings:
@@ -207,6 +232,7 @@ def select(job: Job, train: tuple[F, F], test: tuple[F, F]) -> dict[str, Design]
         train,
         test,
         length_m=job.config.mechanism.length_m,
+        actuators=_driven(job),
         degrees=settings.energy_degrees,
         counts=[count for count in settings.energy_poses if count <= len(train[0])],
         seed=job.seed,
@@ -246,12 +272,20 @@ def select(job: Job, train: tuple[F, F], test: tuple[F, F]) -> dict[str, Design]
 
 def _design(job: Job, poses: F, name: str, **search: Any) -> Design:
     """Return a design for the job's highest degree; it is kept as the stage of that name."""
-    settings = job.config.design
+    settings, driven = job.config.design, _driven(job)
     model = f"poly:{job.config.select.degrees[-1]}"
+    if driven:
+        model = f"actuated{job.config.select.energy_degrees[-1]}"
 
     def compute() -> Mapping[str, Any]:
         search_settings = DesignSettings(
-            model=model, starts=settings.starts, seed=job.seed, threads=job.threads, **search
+            model=model,
+            length_m=job.config.mechanism.length_m,
+            columns=(*POSE, *driven),
+            starts=settings.starts,
+            seed=job.seed,
+            threads=job.threads,
+            **search,
         )
         progress = job.console.progress(name)
         return dict(vars(optimal_design(poses, settings.n, search_settings, progress=progress)))
@@ -267,7 +301,7 @@ def measure_designs(job: Job, candidates: Table, designs: dict[str, Design]) -> 
     rig = _without_hidden(job.config.rig)
     tables, rows = {}, {}
     for name, design in designs.items():
-        plan = paper_plan(candidates, design, seed=job.seed)
+        plan = _from_free(job, paper_plan(candidates, design, seed=job.seed), candidates)
         plan.write(job.out / f"plan-{name}.csv")
         tables[name] = job.measure(plan, f"measured-{name}", rig)
         count = len(tables[name].measured())
@@ -301,7 +335,7 @@ def build_physics(job: Job, pairs: Simulated) -> PhysicsMap:
     )
 
 
-def identify_models(job: Job, tables: dict[str, Table], physics: PhysicsMap) -> None:
+def identify_models(job: Job, tables: dict[str, Table], physics: PhysicsMap | None) -> None:
     """Models of the measurements; writes `model.json` and `model-cubic.json`."""
     settings, step = job.config.select, job.summary["identify"]
     degree = settings.degrees[-1]
@@ -312,11 +346,11 @@ def identify_models(job: Job, tables: dict[str, Table], physics: PhysicsMap) -> 
         job.figures[f"predicted_{name}"] = arrays["predicted"]
     cubic = fit_model(tables["d"], PolynomialModel(degree, pcr=0.1))
     cubic.save(job.out / "model-cubic.json")
-    poses = np.concatenate([table.measured().poses for table in tables.values()])
-    share = steps.symmetric_share(cubic.stiffness(poses))
+    poses = np.concatenate([table.measured().matrix(cubic.inputs) for table in tables.values()])
+    share = steps.symmetric_share(cubic.stiffness(poses)[:, :, :6])
     job.figures["symmetric_share"] = share
-    rest = np.array([[job.config.mechanism.length_m, 0.0, 0.0, 0.0, 0.0, 0.0]])
-    stiffness = cubic.stiffness(rest)[0]
+    rest = rest_pose(job.config.mechanism.length_m, len(cubic.inputs) - 6)[None]
+    stiffness = cubic.stiffness(rest)[0, :, :6]
     models, floor, best, result = _model_table(job, tables, cubic, physics)
     model, maps = result.compared.model, result.where()
     model.save(job.out / "model.json")
@@ -340,18 +374,24 @@ def identify_models(job: Job, tables: dict[str, Table], physics: PhysicsMap) -> 
 
 
 def _model_table(
-    job: Job, tables: dict[str, Table], cubic: Model, physics: PhysicsMap
+    job: Job, tables: dict[str, Table], cubic: Model, physics: PhysicsMap | None
 ) -> tuple[list[dict[str, Any]], list[float], int, Comparison]:
     """Models trained on the D-optimal design, on the poses of the other one."""
     train, test = tables["d"].measured(), tables["maximin"].measured()
     few = train.select(np.random.default_rng([job.seed, 6]).permutation(len(train))[:20])
+    low, high = ("energy4", "energy6")
+    if _driven(job):
+        degrees = job.config.select.energy_degrees
+        low, high = (f"actuated{degree}" for degree in (degrees[0], degrees[-1]))
     candidates = [
         (f"degree {job.config.select.degrees[-1]} polynomial, b = 0.1", cubic, len(train)),
-        ("energy4", fit_model(few, "energy4"), len(few)),
-        ("energy4", fit_model(train, "energy4"), len(train)),
-        ("energy6", fit_model(train, "energy6"), len(train)),
-        ("physics, E and nu free", fit_model(few, PhysicsModel(base=physics)), len(few)),
+        (low, fit_model(few, low), len(few)),
+        (low, fit_model(train, low), len(train)),
+        (high, fit_model(train, high), len(train)),
     ]
+    if physics is not None:
+        own = fit_model(few, PhysicsModel(base=physics))
+        candidates.append(("physics, E and nu free", own, len(few)))
     compared = [compare(model, test) for _, model, _ in candidates]
     rows = [
         {
@@ -372,7 +412,7 @@ def _model_table(
 # --- 4 the loop --------------------------------------------------------------
 
 
-def find_hidden_effect(job: Job, candidates: Table, physics: PhysicsMap) -> None:
+def find_hidden_effect(job: Job, candidates: Table, physics: PhysicsMap | None) -> None:
     """Step 4: measure with the hidden effect, diagnose, refit; writes `model-loop.json`."""
     # Half as many poses, each visited twice: what the first campaign cost in robot time.
     settings = DesignSettings(
@@ -381,8 +421,9 @@ def find_hidden_effect(job: Job, candidates: Table, physics: PhysicsMap) -> None
         threads=job.threads,
         iterations=_ITERATIONS["maximin"],
     )
-    design = optimal_design(candidates.poses, max(20, job.config.design.n // 2), settings)
-    plan = diagnosable_plan(candidates, design, seed=job.seed)
+    rows = candidates.matrix((*POSE, *_driven(job)))
+    design = optimal_design(rows, max(20, job.config.design.n // 2), settings)
+    plan = _from_free(job, diagnosable_plan(candidates, design, seed=job.seed), candidates)
     plan.write(job.out / "plan-loop.csv")
     data = job.measure(plan, _LOOP, job.config.rig)
     run_loop(job, data, physics).save(job.out / "model-loop.json")
@@ -392,7 +433,9 @@ def measure_times(job: Job, pairs: Simulated, rows: I) -> dict[str, Any]:
     """Fig. 11: the model against the FEM; kept as a stage, since a time is taken once."""
     model = load_model(job.out / "model-cubic.json")
     times = job.stage("times-of-calls", rows).run(
-        lambda: steps.evaluation_times(model, job.config.mechanism, *_rows(pairs, rows))
+        lambda: steps.evaluation_times(
+            model, job.config.mechanism, _rows(pairs, rows)[0], pairs.loads[rows]
+        )
     )
     job.show(speed_section(times))
     return times

@@ -21,8 +21,10 @@ from ecm.rig import reveal
 from ecm.workflow.job import Job
 
 
-def run_loop(job: Job, data: Table, physics: PhysicsMap) -> Model:
+def run_loop(job: Job, data: Table, physics: PhysicsMap | None) -> Model:
     """Fit the physics base, find what it lacks, add it, refit; then open the sealed truth.
+
+    Of a driven mechanism the base is an energy of pose and actuation.
 
     Parameters
     ----------
@@ -31,7 +33,7 @@ def run_loop(job: Job, data: Table, physics: PhysicsMap) -> Model:
     data
         The measured table, as read from a file: its truth, where one was sealed, is beside it.
     physics
-        Map of the body.
+        Map of the body; None of a driven mechanism.
 
     Returns
     -------
@@ -39,7 +41,10 @@ def run_loop(job: Job, data: Table, physics: PhysicsMap) -> Model:
         The model with what it lacked.
     """
     seed = job.seed
-    model = fit_model(data, PhysicsModel(base=physics, threads=job.threads))
+    if physics is None:
+        model = fit_model(data, f"actuated{job.config.select.energy_degrees[-1]}")
+    else:
+        model = fit_model(data, PhysicsModel(base=physics, threads=job.threads))
     before = compare(model, data, seed=seed)
     diagnosis = diagnose(model, data, seed=seed).to_dict()
     answer = diagnosis["answer"]

@@ -21,10 +21,12 @@ from numpy.typing import NDArray
 
 from ecm._native import EnergyModel, PolynomialModel
 from ecm.io.arrays import F, I
-from ecm.io.columns import WRENCH
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Meta
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
-from ecm.models import Model
+from ecm.models import Model, fit_model
+from ecm.models.actuated import ActuatedTerms
 
 TABLE_II_DEGREE: dict[int, tuple[tuple[float, ...], float]] = {
     1: ((22.7, 5.1, 5.5, 0.4, 0.2, 0.2), 18.0),
@@ -154,22 +156,36 @@ def energy_learning(
     degrees: Sequence[int],
     counts: Sequence[int],
     seed: int,
+    actuators: tuple[str, ...] = (),
     draws: int = 8,
 ) -> list[dict[str, Any]]:
-    """Median RMSE over random draws of symmetric energy models trained on few poses."""
+    """Median RMSE over random draws of symmetric energy models trained on few poses.
+
+    Of poses (N, 6 + m) with the inputs of m actuators the energies are `actuatedD`; those with more
+    coefficients than equations are left out.
+    """
     rows = []
+    kind = "actuated" if actuators else "energy"
     for degree, count in product(degrees, counts):
         errors = []
+        if actuators:
+            kinds = tuple(name.partition("_")[0] for name in actuators)
+            if ActuatedTerms(length_m, kinds, degree, 3).count() > 6 * min(count, len(train[0])):
+                continue
         for draw in range(draws):
             rng = np.random.default_rng([seed, 5, degree, count, draw])
             take = rng.choice(len(train[0]), size=min(count, len(train[0])), replace=False)
-            model = EnergyModel.fit(
-                train[0][take], train[1][take], length_m=length_m, degree=degree
-            )
+            own = train[0][take], train[1][take]
+            if actuators:
+                columns = dict(zip((*POSE, *actuators, *WRENCH), np.hstack(own).T, strict=True))
+                table = Table(columns, Meta(mechanism={"length_m": length_m}), "simulated pairs")
+                model: Any = fit_model(table, f"actuated{degree}").base
+            else:
+                model = EnergyModel.fit(*own, length_m=length_m, degree=degree)
             errors.append(rmse(model.predict(test[0]), test[1]))
         rows.append(
             {
-                "model": f"energy{degree}",
+                "model": f"{kind}{degree}",
                 "coefficients": len(model.coefficients),
                 "poses": count,
                 "rmse": np.median(errors, axis=0).tolist(),
@@ -212,7 +228,10 @@ def table_three(
         figures[name] holds `observed`, `predicted`, `e_rel` of the model trained on `name`.
     """
     measured = {name: table.measured() for name, table in designs.items()}
-    pairs = {name: (table.poses, table.wrenches) for name, table in measured.items()}
+    pairs = {
+        name: (table.matrix((*POSE, *table.actuation_columns)), table.wrenches)
+        for name, table in measured.items()
+    }
     first, second = designs
     rows = []
     figures: dict[str, dict[str, F]] = {}
@@ -257,17 +276,19 @@ def against_equation_11(stiffness: F) -> list[dict[str, Any]]:
     return rows
 
 
-def evaluation_times(model: Model, mechanism: Mechanism, poses: F, wrenches: F) -> dict[str, Any]:
+def evaluation_times(model: Model, mechanism: Mechanism, poses: F, loads: F) -> dict[str, Any]:
     """Seconds of one evaluation of model and FEM for the same pairs, one by one (Fig. 11).
+
+    Poses and loads are (N, 6), or (N, 6 + m) with the actuators' inputs.
 
     A pose a call through `Model.predict` and `Model.wrench_and_stiffness`, the mean of many calls:
     a single one after a FEM solve would tell how long the processor takes to fetch the program.
     """
     fem = mechanism.fem()
     fem_s = []
-    for wrench in wrenches:
+    for load in loads:
         start = time.perf_counter()
-        fem.solve_wrenches(wrench[None, :], threads=1)
+        fem.solve_wrenches(load[None, :], threads=1)
         fem_s.append(time.perf_counter() - start)
     model_s = [_seconds_a_call(model.predict, pose) for pose in poses]
     both_s = [_seconds_a_call(model.wrench_and_stiffness, pose) for pose in poses]

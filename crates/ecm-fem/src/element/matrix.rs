@@ -167,15 +167,28 @@ impl Element {
 
     /// Force and stiffness of a gauge pressure, Pa, on one face.
     pub fn add_pressure(&mut self, local: &[usize; 6], of: &FaceVolume, pressure_Pa: f64) {
+        let force = of.gradient.map(|g| g.map(|v| -pressure_Pa * v));
+        self.add_face(local, &force, |a, b| {
+            skew(of.turn[a][b].map(|v| -pressure_Pa * v))
+        });
+    }
+
+    /// Force by node and stiffness by pair of nodes of one face.
+    pub fn add_face(
+        &mut self,
+        local: &[usize; 6],
+        force: &[[f64; 3]; 6],
+        stiffness: impl Fn(usize, usize) -> Mat3,
+    ) {
         for (a, &la) in local.iter().enumerate() {
             for i in 0..3 {
-                self.force[i][la] -= pressure_Pa * of.gradient[a][i];
+                self.force[i][la] += force[a][i];
             }
             for (b, &lb) in local.iter().enumerate().filter(|(_, lb)| **lb >= la) {
-                let turn = skew(of.turn[a][b]);
+                let block = stiffness(a, b);
                 for i in 0..3 {
                     for k in 0..3 {
-                        self.stiffness[la][i][k][lb] -= pressure_Pa * turn[i][k];
+                        self.stiffness[la][i][k][lb] += block[i][k];
                     }
                 }
             }

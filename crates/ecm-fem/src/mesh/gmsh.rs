@@ -291,10 +291,10 @@ fn build(words: &Words, mut file: File) -> Result<Mesh, FemError> {
         list.dedup();
         faces.push(list);
     }
-    let mut chambers: Vec<(String, Vec<usize>)> = (file.faces.into_iter())
-        .filter(|(name, _)| name.starts_with("chamber"))
+    let mut named: Vec<(String, Vec<usize>)> = (file.faces.into_iter())
+        .filter(|(name, _)| name.starts_with("chamber") || name.starts_with("winding"))
         .collect();
-    for (_, list) in &mut chambers {
+    for (_, list) in &mut named {
         list.sort_unstable();
         list.dedup();
     }
@@ -313,7 +313,7 @@ fn build(words: &Words, mut file: File) -> Result<Mesh, FemError> {
             let middle = quadratic::mid_nodes_of_faces(&tets, list);
             list.extend(middle);
         }
-        for (_, list) in &mut chambers {
+        for (_, list) in &mut named {
             let middle = quadratic::mid_nodes_of_faces(&tets, list);
             list.extend(middle);
         }
@@ -322,5 +322,10 @@ fn build(words: &Words, mut file: File) -> Result<Mesh, FemError> {
     let top = faces.pop().unwrap_or_default();
     let base = faces.pop().unwrap_or_default();
     let mesh = Mesh::new(file.nodes, tets, base, top)?;
-    (chambers.into_iter()).try_fold(mesh, |mesh, (name, nodes)| mesh.with_chamber(&name, nodes))
+    (named.into_iter()).try_fold(mesh, |mesh, (name, nodes)| {
+        match name.starts_with("chamber") {
+            true => mesh.with_chamber(&name, nodes),
+            false => mesh.with_surface(&name, nodes),
+        }
+    })
 }

@@ -38,6 +38,38 @@ pub struct Mesh {
     volume_m3: f64,
     /// Name and sorted nodes of each chamber's wall.
     chambers: Vec<(String, Vec<usize>)>,
+    /// Name and sorted nodes of other surfaces, for windings.
+    surfaces: Vec<(String, Vec<usize>)>,
+    tendons: Vec<Tendon>,
+    windings: Vec<Winding>,
+}
+
+/// The surface of [`Mesh::with_winding`] that looks away from the axis, chambers left out.
+pub const OUTSIDE: &str = "outside";
+
+/// A thread that is pulled: straight between points of the base, then of the body, then of the
+/// platform, all in the undeformed body in the base frame.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Tendon {
+    /// Its name.
+    pub name: String,
+    /// Points that the base carries, m.
+    pub base_m: Vec<[f64; 3]>,
+    /// Points within the body, m.
+    pub body_m: Vec<[f64; 3]>,
+    /// Points that the platform carries, m.
+    pub platform_m: Vec<[f64; 3]>,
+}
+
+/// Threads bonded to a surface, at ±angle from the direction round it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Winding {
+    /// Name of a chamber or of another surface of the mesh, or [`OUTSIDE`].
+    pub surface: String,
+    /// Angle from the direction round the surface, rad; 0: rings.
+    pub angle_rad: f64,
+    /// E A of a thread over the distance of the threads, N/m, both families together.
+    pub stiffness_N_m: f64,
 }
 
 impl Mesh {
@@ -62,6 +94,9 @@ impl Mesh {
             length_m: 0.0,
             volume_m3: 0.0,
             chambers: Vec::new(),
+            surfaces: Vec::new(),
+            tendons: Vec::new(),
+            windings: Vec::new(),
         };
         if mesh.has_no_faces() {
             return Err(FemError::MissingFace {
@@ -133,6 +168,9 @@ impl Mesh {
             length_m,
             volume_m3: 0.0,
             chambers: Vec::new(),
+            surfaces: Vec::new(),
+            tendons: Vec::new(),
+            windings: Vec::new(),
         };
         mesh.check()?;
         Ok(mesh)
@@ -255,26 +293,116 @@ impl Mesh {
     ///
     /// # Errors
     /// A node that does not exist; a name that is taken.
-    pub fn with_chamber(mut self, name: &str, mut nodes: Vec<usize>) -> Result<Self, FemError> {
-        let count = self.nodes_m.len();
-        if let Some((index, &node)) = nodes.iter().enumerate().find(|(_, n)| **n >= count) {
-            return Err(FemError::NoSuchNode {
-                what: "chamber entry",
-                index,
-                node,
-                nodes: count,
-            });
-        }
+    pub fn with_chamber(mut self, name: &str, nodes: Vec<usize>) -> Result<Self, FemError> {
+        let nodes = self.checked_nodes("chamber entry", nodes)?;
         if self.chambers.iter().any(|(known, _)| known == name) {
             return Err(FemError::Chamber {
                 name: name.into(),
                 problem: "two chambers have this name".into(),
             });
         }
-        nodes.sort_unstable();
-        nodes.dedup();
         self.chambers.push((name.into(), nodes));
         Ok(self)
+    }
+
+    /// With a name for a surface that holds all of `nodes`, for a winding.
+    ///
+    /// # Errors
+    /// A node that does not exist.
+    pub fn with_surface(mut self, name: &str, nodes: Vec<usize>) -> Result<Self, FemError> {
+        let nodes = self.checked_nodes("surface entry", nodes)?;
+        self.surfaces.push((name.into(), nodes));
+        Ok(self)
+    }
+
+    /// With a tendon; tendons follow the chambers in the order of the actuators.
+    ///
+    /// # Errors
+    /// A point that is not finite; a name that is taken.
+    pub fn with_tendon(mut self, tendon: Tendon) -> Result<Self, FemError> {
+        let refused = |problem: &str| FemError::Tendon {
+            name: tendon.name.clone(),
+            problem: problem.into(),
+        };
+        let points = [&tendon.base_m, &tendon.body_m, &tendon.platform_m];
+        if points
+            .iter()
+            .copied()
+            .flatten()
+            .flatten()
+            .any(|v| !v.is_finite())
+        {
+            return Err(refused("a point is not finite"));
+        }
+        if self.tendons.iter().any(|known| known.name == tendon.name) {
+            return Err(refused("two tendons have this name"));
+        }
+        self.tendons.push(tendon);
+        Ok(self)
+    }
+
+    /// With threads round a surface.
+    ///
+    /// # Errors
+    /// No surface of that name; an angle beyond π/2; a stiffness that is not positive.
+    pub fn with_winding(mut self, winding: Winding) -> Result<Self, FemError> {
+        if winding.surface != OUTSIDE && self.surface(&winding.surface).is_none() {
+            return Err(FemError::Winding {
+                surface: winding.surface,
+            });
+        }
+        let refused = |name, value, expected| {
+            Err(FemError::Parameter {
+                name,
+                value,
+                expected,
+            })
+        };
+        let (angle, k) = (winding.angle_rad, winding.stiffness_N_m);
+        if !(0.0..=std::f64::consts::FRAC_PI_2).contains(&angle) {
+            return refused("the angle of a winding", angle, "0 to pi / 2, in rad");
+        }
+        if !(k.is_finite() && k > 0.0) {
+            return refused("the stiffness of a winding", k, "a positive number in N/m");
+        }
+        self.windings.push(winding);
+        Ok(self)
+    }
+
+    fn checked_nodes(
+        &self,
+        what: &'static str,
+        mut nodes: Vec<usize>,
+    ) -> Result<Vec<usize>, FemError> {
+        let count = self.nodes_m.len();
+        if let Some((index, &node)) = nodes.iter().enumerate().find(|(_, n)| **n >= count) {
+            return Err(FemError::NoSuchNode {
+                what,
+                index,
+                node,
+                nodes: count,
+            });
+        }
+        nodes.sort_unstable();
+        nodes.dedup();
+        Ok(nodes)
+    }
+
+    /// Sorted nodes of a chamber's wall or of another named surface.
+    pub fn surface(&self, name: &str) -> Option<&[usize]> {
+        let mut all = self.chambers.iter().chain(&self.surfaces);
+        all.find(|(known, _)| known == name)
+            .map(|(_, nodes)| nodes.as_slice())
+    }
+
+    /// The tendons, in the order of the actuators behind the chambers.
+    pub fn tendons(&self) -> &[Tendon] {
+        &self.tendons
+    }
+
+    /// The windings.
+    pub fn windings(&self) -> &[Winding] {
+        &self.windings
     }
 
     /// Name and sorted nodes of each chamber's wall, in the order of the actuators.

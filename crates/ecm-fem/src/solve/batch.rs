@@ -75,8 +75,9 @@ impl Fem {
         let points = self.points(loads, watch);
         let order = farthest_first(&points, watch);
         let mut outcomes: Vec<Option<Outcome>> = vec![None; loads.len()];
+        let amounts = loads.first().map_or(0, |case| case.amounts);
         let mut warm_start = match loads.first().map(|case| case.load) {
-            Some(Load::Pose(_)) => self.linear_start(watch),
+            Some(Load::Pose(_)) => self.linear_start(amounts, watch),
             _ => None,
         };
         let mut done = 0;
@@ -98,8 +99,14 @@ impl Fem {
                         Load::Pose(_) => Load::Pose(outcome.result.pose),
                     };
                     // Short of the whole load the actuation was as short.
-                    let actuation = outcome.result.actuators.iter().map(|a| a.input);
-                    Case::new(load, &actuation.collect::<Vec<_>>()).unwrap_or(loads[i])
+                    let mut case = Case { load, ..loads[i] };
+                    for (k, actuator) in outcome.result.actuators.iter().enumerate() {
+                        case.actuation[k] = match case.amounts >> k & 1 {
+                            0 => actuator.input,
+                            _ => actuator.amount,
+                        };
+                    }
+                    case
                 };
                 let loads: Vec<Case> = states.iter().map(equilibrium).collect();
                 let fields: Vec<&[f32]> = states.iter().map(|s| s.1.field.as_slice()).collect();
@@ -218,6 +225,10 @@ impl Fem {
             if found != first {
                 return Err(FemError::MixedLoads { row, found, first });
             }
+            if case.amounts != cases[0].amounts {
+                let (found, first) = ("case of other given amounts", "case of given amounts");
+                return Err(FemError::MixedLoads { row, found, first });
+            }
             self.check_case(row, case)?;
         }
         Ok(cases)
@@ -266,10 +277,15 @@ impl Fem {
                 field: Vec::new(),
             };
         }
-        let (result, state) = match warm_start {
+        let (mut result, mut state) = match warm_start {
             Some(warm_start) => self.solve_from_warm_start(work, load, warm_start, watch),
             None => self.follow_from_rest(work, load, watch),
         };
+        let mut load = *load;
+        while let Some(other) = self.slackened(&load, &result) {
+            load = other;
+            (result, state) = self.follow_from_rest(work, &load, watch);
+        }
         let field = self.flatten(&state);
         Outcome { result, field }
     }
@@ -299,12 +315,12 @@ impl Fem {
         points
     }
 
-    /// Mid-frame coordinates (c / L, θ) of a load's pose, and pressures over the shear modulus; for a
+    /// Mid-frame coordinates (c / L, θ) of a load's pose, and what is given of the actuators over its unit; for a
     /// wrench, of the pose that a Cosserat rod with this body's stiffness at rest takes. States are
     /// nearly linear in these coordinates, but not in wrenches.
     pub(super) fn point(&self, case: &Case, watch: Watch) -> Vec<f64> {
-        let chambers = self.body.chambers.count();
-        let none = || vec![f64::NAN; 6 + chambers];
+        let actuators = self.body.actuators();
+        let none = || vec![f64::NAN; 6 + actuators];
         if watch.cancelled() {
             return none();
         }
@@ -322,10 +338,11 @@ impl Fem {
         };
         let q = ecm_se3::mid_frame::coordinates(&pose, length);
         let of_pose = (0..6).map(|k| if k < 3 { q[k] / length } else { q[k] });
-        let modulus = self.body.material.shear_modulus_Pa();
-        of_pose
-            .chain(case.actuation[..chambers].iter().map(|a| a / modulus))
-            .collect()
+        let of_actuator = |k: usize| match case.amounts >> k & 1 {
+            0 => case.actuation[k] / self.input_unit(k),
+            _ => case.actuation[k] / self.amount_unit(k),
+        };
+        of_pose.chain((0..actuators).map(of_actuator)).collect()
     }
 }
 

@@ -42,7 +42,7 @@ impl BentFrame {
 }
 
 impl Fem {
-    /// State vector: pose, v at the free nodes and pressures. Single precision is enough for an
+    /// State vector: pose, v at the free nodes, pressures and inputs of the actuators. Single precision is enough for an
     /// initial guess.
     pub(super) fn flatten(&self, state: &State) -> Vec<f32> {
         let mut out: Vec<f32> = state.platform.pose().iter().map(|&p| p as f32).collect();
@@ -63,6 +63,8 @@ impl Fem {
                 .filter(|(i, _)| self.has_pressure(*i))
                 .map(|(_, &p)| p as f32),
         );
+        let inputs = 0..self.body.actuators();
+        out.extend(inputs.map(|k| (state.inputs[k] / self.input_unit(k)) as f32));
         out
     }
 
@@ -94,6 +96,9 @@ impl Fem {
             if self.has_pressure(i) {
                 *p = values.next().unwrap_or_default();
             }
+        }
+        for k in 0..self.body.actuators() {
+            state.inputs[k] = values.next().unwrap_or_default() * self.input_unit(k);
         }
         self.place_platform_nodes(&mut state);
         state

@@ -12,7 +12,7 @@
 use super::load_path::{LoadPath, Reached};
 use super::newton::{Failure, Workspace};
 use super::stability::Instability;
-use super::{Fem, Load, State, Watch};
+use super::{Actuation, Fem, Load, MOST_ACTUATORS, State, Watch};
 use crate::pattern::NONE;
 use crate::platform::{Platform, step_size};
 
@@ -50,6 +50,7 @@ const MOST_ITERATIONS: usize = 8;
 struct Step {
     unknowns: Vec<f64>,
     platform: [f64; 6],
+    inputs: Actuation,
 }
 
 impl Fem {
@@ -145,7 +146,7 @@ impl Fem {
             return Err(Failure::Diverged);
         }
         let (load, beside) = path.at(*share);
-        work.sums.set_beside(&beside);
+        work.set_beside(state, &beside);
         if !work.ready {
             self.tangent(work, state, &load)?;
         }
@@ -182,7 +183,7 @@ impl Fem {
                 return Err(Failure::Cancelled);
             }
             let (load, beside) = path.at(*share);
-            work.sums.set_beside(&beside);
+            work.set_beside(state, &beside);
             self.assemble(work, state)?;
             let target = match &load {
                 Load::Pose(p) => Some(Platform::from_pose(p)),
@@ -201,6 +202,7 @@ impl Fem {
                 .step(work, &gap, target.is_some())
                 .ok_or(Failure::Diverged)?;
             let unknowns = work.columns[6 * self.pattern.unknowns..].to_vec();
+            let inputs = work.input_step;
             let rate = self.load_rate(work, state, path)?;
             let more = -unknowns[fastest] / rate.unknowns[fastest];
             let sum = |a: &f64, b: &f64| a + more * b;
@@ -211,6 +213,7 @@ impl Fem {
                     .map(|(a, b)| sum(a, b))
                     .collect(),
                 platform: std::array::from_fn(|k| sum(&platform[k], &rate.platform[k])),
+                inputs: std::array::from_fn(|k| sum(&inputs[k], &rate.inputs[k])),
             };
             let most = free().map(|(_, &u)| correction.unknowns[u as usize].abs());
             if !(more.is_finite() && most.fold(0.0, f64::max) <= size) {
@@ -232,13 +235,18 @@ impl Fem {
         let rate = path.beside_rate();
         let mut force = self.body.dead_force_N.clone();
         force.iter_mut().for_each(|f| *f *= rate.weight);
-        let mut of_caps = [0.0; 6];
-        for (c, gradient) in work.sums.chamber_gradient.iter().enumerate() {
-            let pressure = rate.actuation[c];
-            for (f, g) in force.iter_mut().zip(gradient) {
-                *f += pressure * g;
+        let mut rigid = [0.0; 6];
+        let mut gaps = [0.0; MOST_ACTUATORS];
+        for (c, gradient) in work.sums.amount_gradient.iter().enumerate() {
+            let input = rate.actuation[c];
+            if rate.amounts >> c & 1 == 1 {
+                gaps[c] = input;
+                continue;
             }
-            (0..6).for_each(|k| of_caps[k] += pressure * work.sums.cap_gradient[c][k]);
+            for (f, g) in force.iter_mut().zip(gradient) {
+                *f += input * g;
+            }
+            (0..6).for_each(|k| rigid[k] += input * work.sums.rigid_gradient[c][k]);
         }
         self.pattern
             .of_unknowns(|component| -force[component], &mut work.residual);
@@ -247,15 +255,22 @@ impl Fem {
         if !held {
             let nodes = &self.pattern.platform_nodes;
             let (of_force, _) = state.platform.wrench(&self.body.mesh, nodes, &force);
-            (0..6).for_each(|k| gap[k] += of_force[k] + of_caps[k]);
+            (0..6).for_each(|k| gap[k] += of_force[k] + rigid[k]);
         }
+        work.amount_gap = gaps;
         let platform = self.step(work, &gap, held).ok_or(Failure::Diverged)?;
         let unknowns = work.columns[6 * self.pattern.unknowns..].to_vec();
-        Ok(Step { unknowns, platform })
+        let inputs = work.input_step;
+        Ok(Step {
+            unknowns,
+            platform,
+            inputs,
+        })
     }
 
     fn advance(&self, work: &mut Workspace, state: &mut State, step: &Step, share: f64) {
         work.columns[6 * self.pattern.unknowns..].copy_from_slice(&step.unknowns);
+        work.input_step = step.inputs;
         self.move_by(work, state, &step.platform, share);
         std::mem::swap(state, &mut work.trial);
     }

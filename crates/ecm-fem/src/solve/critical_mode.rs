@@ -6,7 +6,7 @@
 //! K_s to its smallest eigenvalue with δu = −K_ff⁻¹ K_f6 δ in the body.
 
 use super::newton::Workspace;
-use super::{Fem, State};
+use super::{Fem, MOST_ACTUATORS, State};
 use crate::pattern::NONE;
 use crate::tensor::cross;
 use nalgebra::{Matrix6, Schur};
@@ -37,10 +37,7 @@ impl Fem {
     /// which the workspace was computed. Where there is no mode the platform is taken.
     pub(super) fn gives_way_within(&self, work: &mut Workspace, state: &State) -> bool {
         let n = self.pattern.unknowns;
-        let six = &work.columns[..6 * n];
-        let k_s = self
-            .condensed(&work.sums, &work.balance, six, &work.pivots)
-            .0;
+        let k_s = self.condensed(work);
         let length = self.body.mesh.length_m();
         let s = |i: usize| if i < 3 { length } else { 1.0 };
         let scaled = Matrix6::from_fn(|i, j| k_s[i][j] * s(i) * s(j));
@@ -52,6 +49,7 @@ impl Fem {
         };
         let delta: [f64; 6] = std::array::from_fn(|k| mode[k] * s(k));
         work.residual.fill(0.0);
+        work.amount_gap = [0.0; MOST_ACTUATORS];
         if self.step(work, &delta, true).is_none() {
             return false;
         }

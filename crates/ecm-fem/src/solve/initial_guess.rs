@@ -122,7 +122,7 @@ impl Fem {
         state: &mut State,
         (load, beside): (Load, Beside),
     ) -> bool {
-        work.sums.set_beside(&beside);
+        work.set_beside(state, &beside);
         self.tangent(work, state, &load).is_ok() && work.balance.inner_instabilities == 0
     }
 }

@@ -9,7 +9,10 @@ use crate::result::CaseResult;
 pub(crate) struct Beside {
     /// Share of the body's dead force.
     pub weight: f64,
+    /// Inputs, or amounts where `amounts` says so.
     pub actuation: Actuation,
+    /// Bit k: of actuator k the amount is given.
+    pub amounts: u32,
 }
 
 /// From one load to another in proportion; the weight of the body and the actuation may grow beside.
@@ -31,6 +34,7 @@ impl LoadPath {
                 Beside {
                     weight: self.weight[1],
                     actuation: self.end.actuation,
+                    amounts: self.end.amounts,
                 },
             );
         }
@@ -47,7 +51,13 @@ impl LoadPath {
             }
             _ => self.end.load,
         };
-        (load, Beside { weight, actuation })
+        let amounts = self.end.amounts;
+        let beside = Beside {
+            weight,
+            actuation,
+            amounts,
+        };
+        (load, beside)
     }
 
     /// Change of the wrench, or of the pose as (δr, δφ), over the whole way.
@@ -67,6 +77,7 @@ impl LoadPath {
         Beside {
             weight: self.weight[1] - self.weight[0],
             actuation: std::array::from_fn(|k| to[k] - from[k]),
+            amounts: self.end.amounts,
         }
     }
 }

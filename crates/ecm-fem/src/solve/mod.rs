@@ -1,5 +1,6 @@
 //! Load cases: Newton, load stepping, batches.
 
+mod actuation;
 mod batch;
 mod bent_frame;
 mod branch;
@@ -20,7 +21,6 @@ mod tests;
 mod warm_start;
 
 pub use batch::{Finished, Outcome};
-pub(crate) use load_path::Beside;
 pub use newton::Timing;
 pub use prescribed::PrescribedResult;
 pub use settings::Settings;
@@ -32,7 +32,9 @@ use crate::mesh::Mesh;
 use crate::pattern::{Constraint, Pattern};
 use crate::platform::Platform;
 use crate::result::{CaseResult, Status};
+use crate::tendon::Tendons;
 use crate::{FemError, tensor};
+use load_path::Beside;
 use newton::Workspace;
 use own_weight::OwnWeight;
 use std::sync::OnceLock;
@@ -66,7 +68,8 @@ impl Load {
 /// Most actuators of a body.
 pub const MOST_ACTUATORS: usize = 16;
 
-/// Input of each actuator, zeros behind the last: gauge pressure of a chamber, Pa.
+/// What is given of each actuator, zeros behind the last: gauge pressure of a chamber, Pa, tension
+/// of a tendon, N, or their amounts.
 pub(crate) type Actuation = [f64; MOST_ACTUATORS];
 
 /// A load on the platform with the actuation beside it; a [`Load`] alone has none.
@@ -76,6 +79,8 @@ pub struct Case {
     pub load: Load,
     actuation: Actuation,
     actuators: usize,
+    /// Bit k: of actuator k the amount is given.
+    amounts: u32,
 }
 
 impl From<Load> for Case {
@@ -84,6 +89,7 @@ impl From<Load> for Case {
             load,
             actuation: [0.0; MOST_ACTUATORS],
             actuators: 0,
+            amounts: 0,
         }
     }
 }
@@ -95,10 +101,10 @@ impl From<&Load> for Case {
 }
 
 impl Case {
-    /// A load with a gauge pressure in each chamber of the body, Pa.
+    /// A load with a gauge pressure in each chamber of the body, Pa, then a tension of each tendon, N.
     ///
     /// # Errors
-    /// More pressures than [`MOST_ACTUATORS`].
+    /// More inputs than [`MOST_ACTUATORS`].
     pub fn new(load: Load, actuation: &[f64]) -> Result<Self, FemError> {
         let mut case = Self::from(load);
         case.actuators = actuation.len();
@@ -107,6 +113,17 @@ impl Case {
             None => return Err(wrong_actuation(actuation.len(), MOST_ACTUATORS)),
         }
         Ok(case)
+    }
+
+    /// With the amount given in place of the input where `given` says so: change of a chamber's
+    /// volume, m³, or shortening of a tendon, m, from the undeformed body. A tendon that would have
+    /// to push is slack.
+    #[must_use]
+    pub fn with_amounts(mut self, given: &[bool]) -> Self {
+        self.amounts = (given.iter().take(self.actuators).enumerate())
+            .map(|(k, given)| u32::from(*given) << k)
+            .sum();
+        self
     }
 }
 
@@ -117,6 +134,7 @@ impl Case {
             load,
             actuation: beside.actuation,
             actuators: self.actuators,
+            amounts: beside.amounts,
         }
     }
 }
@@ -126,7 +144,7 @@ fn wrong_actuation(found: usize, expected: usize) -> FemError {
         what: "actuation",
         found,
         expected,
-        why: "one gauge pressure per chamber",
+        why: "one gauge pressure per chamber, then one tension per tendon",
     }
 }
 
@@ -148,9 +166,11 @@ impl Watch<'_> {
 
 /// State of a body and its platform.
 #[derive(Debug, Clone, PartialEq)]
-struct State {
-    field: Field,
-    platform: Platform,
+pub(crate) struct State {
+    pub field: Field,
+    pub platform: Platform,
+    /// Inputs of the actuators.
+    pub inputs: Actuation,
 }
 
 /// A body clamped at its base with a rigid platform on top, ready to solve load cases.
@@ -163,10 +183,10 @@ pub struct Fem {
     /// Result without load, computed when first needed.
     at_rest: OnceLock<CaseResult>,
     own_weight: OwnWeight,
-    /// Volume of each chamber of the undeformed body, m³.
-    chamber_m3: Vec<f64>,
-    /// Pressure in each chamber of a body without platform, Pa.
-    pressures_Pa: Vec<f64>,
+    /// Amounts of the undeformed body (see [`Body::amounts`]).
+    amounts_at_rest: Vec<f64>,
+    /// Inputs of the actuators of a body without platform.
+    inputs: Actuation,
 }
 
 impl Fem {
@@ -246,20 +266,24 @@ impl Fem {
                 expected: "a positive number; check lengths in m and moduli in Pa",
             });
         }
-        let pattern = Pattern::new(&mesh, constraints, mixed)?;
+        let tendons = Tendons::new(&mesh)?;
+        let pattern = Pattern::new(&mesh, constraints, mixed, &tendons.segments)?;
         let body = Body::new(
             mesh,
             material,
             modulus_scale,
             settings.rule,
             settings.formulation,
+            tendons,
         )?;
         let rest = Platform::at_rest(body.mesh.length_m());
-        let at = |node: usize| body.mesh.nodes_m()[node];
-        let chamber_m3 = body.chambers.volumes_m3(&body.mesh, at, &rest);
+        let amounts_at_rest = body.amounts(&body.rest(), &rest);
+        if amounts_at_rest.len() > MOST_ACTUATORS {
+            return Err(wrong_actuation(amounts_at_rest.len(), MOST_ACTUATORS));
+        }
         Ok(Self {
-            pressures_Pa: vec![0.0; chamber_m3.len()],
-            chamber_m3,
+            inputs: [0.0; MOST_ACTUATORS],
+            amounts_at_rest,
             body,
             pattern,
             settings,
@@ -329,12 +353,19 @@ impl Fem {
 
     /// Volume of each chamber of the undeformed body, m³.
     pub fn chamber_volumes_m3(&self) -> &[f64] {
-        &self.chamber_m3
+        &self.amounts_at_rest[..self.body.chambers.count()]
     }
 
-    /// Names of the actuators: the chambers, in the order of their pressures.
-    pub fn actuators(&self) -> &[String] {
-        &self.body.chambers.names
+    /// Length of each tendon at the undeformed body, m.
+    pub fn tendon_lengths_m(&self) -> Vec<f64> {
+        let tendons = &self.amounts_at_rest[self.body.chambers.count()..];
+        tendons.iter().map(|amount| -amount).collect()
+    }
+
+    /// Names of the actuators in the order of their inputs: the chambers, then the tendons.
+    pub fn actuators(&self) -> Vec<String> {
+        let (chambers, tendons) = (&self.body.chambers.names, &self.body.tendons.names);
+        chambers.iter().chain(tendons).cloned().collect()
     }
 
     /// One load case from rest with its displacements and pressures.
@@ -378,21 +409,31 @@ impl Fem {
         &self.body
     }
 
-    fn rest(&self) -> State {
+    pub(crate) fn rest(&self) -> State {
         State {
             field: self.body.rest(),
             platform: Platform::at_rest(self.body.mesh.length_m()),
+            inputs: [0.0; MOST_ACTUATORS],
         }
     }
 
     fn check_case(&self, index: usize, case: &Case) -> Result<(), FemError> {
-        let (found, expected) = (case.actuators, self.body.chambers.count());
+        let (found, expected) = (case.actuators, self.body.actuators());
         if found != 0 && found != expected {
             return Err(wrong_actuation(found, expected));
         }
         if let Some(&value) = case.actuation.iter().find(|a| !a.is_finite()) {
-            let what = "a pressure of row";
+            let what = "an input of row";
             return Err(FemError::NotFinite { what, index, value });
+        }
+        let tensions = self.body.chambers.count()..expected;
+        let pushes = |k: &usize| case.amounts >> k & 1 == 0 && case.actuation[*k] < 0.0;
+        if let Some(k) = tensions.into_iter().find(pushes) {
+            return Err(FemError::Parameter {
+                name: "the tension of a tendon",
+                value: case.actuation[k],
+                expected: "0 or more: a tendon only pulls",
+            });
         }
         let load = &case.load;
         if let Some(&value) = load.values().iter().find(|v| !v.is_finite()) {

@@ -1,6 +1,7 @@
 //! Newton's method on nodes, pressures and platform together.
 
-use super::{Fem, Load, State, Watch};
+use super::actuation::Border;
+use super::{Actuation, Fem, Load, MOST_ACTUATORS, State, Watch};
 use crate::assembly::Sums;
 use crate::factor::Factor;
 use crate::pattern::NONE;
@@ -36,6 +37,15 @@ pub(super) struct Workspace {
     pub ready: bool,
     pub balance: Balance,
     pub timing: Timing,
+    /// Bit k: of actuator k the amount is given.
+    pub given: u32,
+    /// The given amounts, and inputs of the other actuators.
+    pub targets: Actuation,
+    /// What is missing of the given amounts.
+    pub amount_gap: Actuation,
+    /// Step of their inputs.
+    pub input_step: Actuation,
+    pub border: Border,
 }
 
 /// Equilibrium of the platform at a state.
@@ -79,6 +89,11 @@ impl Workspace {
             ready: false,
             balance: Balance::default(),
             timing: Timing::default(),
+            given: 0,
+            targets: [0.0; MOST_ACTUATORS],
+            amount_gap: [0.0; MOST_ACTUATORS],
+            input_step: [0.0; MOST_ACTUATORS],
+            border: Border::default(),
         }
     }
 }
@@ -199,9 +214,7 @@ impl Fem {
     pub(super) fn assemble(&self, work: &mut Workspace, state: &State) -> Result<(), Failure> {
         let start = Instant::now();
         work.ready = false;
-        let outcome = work
-            .sums
-            .assemble(&self.body, &self.pattern, &state.field, &state.platform);
+        let outcome = work.sums.assemble(&self.body, &self.pattern, state);
         work.timing.assembly_s += start.elapsed().as_secs_f64();
         outcome.map_err(|_| Failure::Inverted)
     }
@@ -235,9 +248,10 @@ impl Fem {
             state
                 .platform
                 .wrench(mesh, &self.pattern.platform_nodes, &work.sums.force);
-        for (pressure, gradient) in work.sums.actuation.iter().zip(&work.sums.cap_gradient) {
-            (0..6).for_each(|k| wrench[k] -= pressure * gradient[k]);
+        for (input, gradient) in work.sums.inputs.iter().zip(&work.sums.rigid_gradient) {
+            (0..6).for_each(|k| wrench[k] -= input * gradient[k]);
         }
+        work.amount_gap = self.amount_gap(work);
         work.balance.wrench = wrench;
         work.balance.geometric = geometric;
         let length = mesh.length_m();
@@ -256,6 +270,9 @@ impl Fem {
             };
             square += g * g;
         }
+        for (k, missing) in work.amount_gap.iter().enumerate() {
+            square += (missing * self.input_unit(k) / length).powi(2);
+        }
         work.balance.residual = square.sqrt() / self.force_unit_N;
         gap
     }
@@ -269,7 +286,6 @@ impl Fem {
             .factor
             .factorise(symbolic, &work.sums.tangent)
             .map_err(|_| Failure::Diverged)?;
-        work.balance.inner_instabilities = negative.saturating_sub(self.pattern.pressures);
         let middle = Instant::now();
         for k in 0..6 {
             for (entry, row) in work.columns[k * n..(k + 1) * n]
@@ -282,6 +298,9 @@ impl Fem {
         let columns = MatMut::from_column_major_slice_mut(&mut work.columns[..6 * n], n, 6);
         work.factor.forward(symbolic, columns);
         work.factor.pivots(symbolic, &mut work.pivots);
+        work.border = self.border(work);
+        let taken = self.pattern.pressures + self.taken_by_multipliers(&work.border);
+        work.balance.inner_instabilities = negative.saturating_sub(taken);
         work.timing.factor_s += (middle - start).as_secs_f64();
         work.timing.solve_s += middle.elapsed().as_secs_f64();
         work.timing.factorisations += 1;
@@ -298,7 +317,7 @@ impl Fem {
     ) -> Option<[f64; 6]> {
         let n = self.pattern.unknowns;
         let start = Instant::now();
-        let (six, last) = work.columns.split_at_mut(6 * n);
+        let last = &mut work.columns[6 * n..];
         for (entry, r) in last.iter_mut().zip(&work.residual) {
             *entry = -r;
         }
@@ -306,23 +325,24 @@ impl Fem {
             &self.pattern.symbolic,
             MatMut::from_column_major_slice_mut(last, n, 1),
         );
-        let delta = if pose_given {
-            *gap
-        } else {
+        let mut right = *gap;
+        if !pose_given {
             // (K_66 − K_6f K_ff⁻¹ K_f6) δ = gap − K_6f y with y = −K_ff⁻¹ r.
-            let mut right = *gap;
             for (k, value) in right.iter_mut().enumerate() {
-                let column = &six[k * n..(k + 1) * n];
-                *value -= (0..n)
-                    .map(|i| column[i] * last[i] / work.pivots[i])
-                    .sum::<f64>();
+                *value -= work.along(&work.columns[k * n..(k + 1) * n], &work.columns[6 * n..]);
             }
-            self.condensed(&work.sums, &work.balance, six, &work.pivots)
-                .solve(&right)?
-        };
+        }
+        let (delta, inputs) = self.bordered_step(work, &right, &work.amount_gap, pose_given)?;
+        work.input_step = inputs;
+        let (six, last) = work.columns.split_at_mut(6 * n);
         for (k, d) in delta.iter().enumerate() {
             for (entry, z) in last.iter_mut().zip(&six[k * n..(k + 1) * n]) {
                 *entry -= d * z;
+            }
+        }
+        for (&k, column) in work.border.of.iter().zip(&work.border.columns) {
+            for (entry, z) in last.iter_mut().zip(column) {
+                *entry += inputs[k] * z;
             }
         }
         for (entry, pivot) in last.iter_mut().zip(&work.pivots) {
@@ -347,6 +367,7 @@ impl Fem {
         let step = &work.columns[6 * self.pattern.unknowns..];
         let trial = &mut work.trial;
         trial.platform = state.platform.moved(platform_step, share);
+        trial.inputs = std::array::from_fn(|k| state.inputs[k] + share * work.input_step[k]);
         let displacement = trial
             .field
             .displacement

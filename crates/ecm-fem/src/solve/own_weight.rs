@@ -40,8 +40,10 @@ impl Fem {
             Load::Wrench(_) => &self.own_weight.free,
             Load::Pose(_) => &self.own_weight.held,
         };
-        let loaded = match known.get() {
-            Some(loaded) => loaded,
+        // Bodies whose amounts are held sag less; these are few, and not kept.
+        let kept = case.amounts == 0;
+        let (result, state) = match known.get().filter(|_| kept) {
+            Some(loaded) => loaded.clone(),
             None => {
                 let start = self.at_rest_of(case);
                 let path = LoadPath {
@@ -54,14 +56,16 @@ impl Fem {
                 if loaded.0.status == Status::Cancelled {
                     return Err(Box::new(loaded.0));
                 }
-                known.get_or_init(|| loaded)
+                match kept {
+                    true => known.get_or_init(|| loaded).clone(),
+                    false => loaded,
+                }
             }
         };
-        let (result, state) = loaded;
         if result.status == Status::Solved {
             return Ok(PathStart {
-                state: state.clone(),
-                result: Some(result.clone()),
+                state,
+                result: Some(result),
                 reached: 0.0,
                 step,
             });
@@ -77,10 +81,14 @@ impl Fem {
 
     /// No wrench or the pose at rest, and no actuation.
     fn at_rest_of(&self, case: &Case) -> Case {
-        Case::from(match case.load {
+        let load = match case.load {
             Load::Wrench(_) => Load::Wrench([0.0; 6]),
             Load::Pose(_) => Load::Pose(self.rest().platform.pose()),
-        })
+        };
+        Case {
+            amounts: case.amounts,
+            ..Case::from(load)
+        }
     }
 
     /// The proportional path to a case under the whole weight.

@@ -172,8 +172,7 @@ impl Fem {
         most: (usize, usize),
         watch: Watch,
     ) -> (Attempt, usize) {
-        // The forces in `work` belong to the share before.
-        work.ready &= work.sums.set_beside(&beside);
+        work.set_beside(state, &beside);
         match self.newton(work, state, &load, most, watch) {
             Ok(n) if self.is_collapsed(state) => (Attempt::Failed(Failure::Collapsed), n),
             Ok(n) => match self.report(work, state, &load) {

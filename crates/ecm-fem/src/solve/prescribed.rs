@@ -65,14 +65,14 @@ impl Fem {
         Ok(self)
     }
 
-    /// With a gauge pressure in each chamber, Pa.
+    /// With a gauge pressure in each chamber, Pa, then a tension of each tendon, N.
     ///
     /// # Errors
-    /// Another number of pressures than of chambers, or one that is not finite.
-    pub fn with_pressures(mut self, pressures_Pa: &[f64]) -> Result<Self, FemError> {
-        let case = Case::new(Load::Wrench([0.0; 6]), pressures_Pa)?;
+    /// Another number of inputs than of actuators, or one that is not finite.
+    pub fn with_actuation(mut self, inputs: &[f64]) -> Result<Self, FemError> {
+        let case = Case::new(Load::Wrench([0.0; 6]), inputs)?;
         self.check_case(0, &case)?;
-        self.pressures_Pa = pressures_Pa.to_vec();
+        self.inputs = case.actuation;
         Ok(self)
     }
 
@@ -96,9 +96,7 @@ impl Fem {
         let status = loop {
             let next = f64::min(1.0, reached + step);
             work.sums.dead_share = next;
-            for (now, full) in work.sums.actuation.iter_mut().zip(&self.pressures_Pa) {
-                *now = next * full;
-            }
+            state.inputs = self.inputs.map(|full| next * full);
             work.ready = false;
             for (component, &unknown) in self.pattern.of_displacement.iter().enumerate() {
                 if unknown == NONE {

@@ -7,7 +7,6 @@ use crate::result::{Actuator, CaseResult, Status};
 use crate::tensor::{product, symmetric_eigenvalues, transpose};
 use ecm_se3::stiffness::{StiffnessKind, convert};
 use ecm_se3::{Pose, Wrench};
-use faer::mat::MatMut;
 
 /// Extremes of the principal stretches over all quadrature points.
 struct Strain {
@@ -27,10 +26,7 @@ impl Fem {
         state: &State,
         load: &Load,
     ) -> (CaseResult, Option<Instability>) {
-        let six = &work.columns[..6 * self.pattern.unknowns];
-        let k_s = self
-            .condensed(&work.sums, &work.balance, six, &work.pivots)
-            .0;
+        let k_s = self.condensed(work);
         let spectrum = Spectrum::of(&k_s, self.body.mesh.length_m());
         let inner_instabilities = work.balance.inner_instabilities;
         let instability = spectrum.instability(load, inner_instabilities);
@@ -62,46 +58,26 @@ impl Fem {
             factorisations: 0,
             load_steps: 0,
             residual: work.balance.residual,
-            actuators: self.actuators_at(work, state),
+            actuators: self.actuators_at(work),
         };
         (result, instability)
     }
 
-    /// Volume change, ∂h/∂P and ∂q/∂P of each chamber, by the factor at the state.
-    fn actuators_at(&self, work: &mut Workspace, state: &State) -> Vec<Actuator> {
-        let (n, mesh) = (self.pattern.unknowns, &self.body.mesh);
-        // L⁻¹ ∂V/∂u of each chamber.
-        let mut columns = vec![vec![0.0; n]; self.body.chambers.count()];
-        for (column, gradient) in columns.iter_mut().zip(&work.sums.chamber_gradient) {
-            self.pattern
-                .of_unknowns(|component| gradient[component], column);
-            let column = MatMut::from_column_major_slice_mut(column, n, 1);
-            work.factor.forward(&self.pattern.symbolic, column);
-        }
-        let along =
-            |a: &[f64], b: &[f64]| -> f64 { (0..n).map(|i| a[i] * b[i] / work.pivots[i]).sum() };
-        (0..self.body.chambers.count())
-            .map(|c| {
-                let nodes = &self.pattern.platform_nodes;
-                let of_nodes = (state.platform)
-                    .wrench(mesh, nodes, &work.sums.chamber_gradient[c])
-                    .0;
-                // h = ∂U/∂p − P ∂V/∂p, and the body gives way: K_6f K_ff⁻¹ ∂V/∂u.
-                let on_wrench = std::array::from_fn(|k| {
-                    along(&work.columns[k * n..(k + 1) * n], &columns[c])
-                        - of_nodes[k]
-                        - work.sums.cap_gradient[c][k]
-                });
-                Actuator {
-                    input: work.sums.actuation[c],
-                    amount: work.sums.chamber_m3[c] - self.chamber_m3[c],
-                    on_wrench,
-                    on_amounts: (0..self.body.chambers.count())
-                        .map(|other| along(&columns[c], &columns[other]))
-                        .collect(),
-                }
-            })
-            .collect()
+    /// Input, amount, G and C of each actuator, by the factor at the state.
+    fn actuators_at(&self, work: &mut Workspace) -> Vec<Actuator> {
+        let columns: Vec<Vec<f64>> = (0..self.body.actuators())
+            .map(|k| self.amount_column(work, k))
+            .collect();
+        let of = |(k, column): (usize, &Vec<f64>)| Actuator {
+            input: work.sums.inputs[k],
+            amount: work.sums.amounts[k] - self.amounts_at_rest[k],
+            on_wrench: self.on_wrench(work, k, column),
+            on_amounts: columns
+                .iter()
+                .map(|other| work.along(column, other))
+                .collect(),
+        };
+        columns.iter().enumerate().map(of).collect()
     }
 
     fn strain(&self, state: &State) -> Strain {

@@ -51,8 +51,7 @@ fn deformed(fem: &Fem) -> super::State {
 
 fn sums_at(fem: &Fem, state: &super::State) -> Sums {
     let mut sums = Sums::new(&fem.body, &fem.pattern);
-    sums.assemble(&fem.body, &fem.pattern, &state.field, &state.platform)
-        .unwrap();
+    sums.assemble(&fem.body, &fem.pattern, state).unwrap();
     sums
 }
 

@@ -15,7 +15,7 @@ neck. They are round figures by judgement, with the reason in the effect's file;
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from ecm.io.arrays import F
 from ecm.io.se3 import rotation, transpose, turn_wrench
 from ecm.rig.hidden.truth import Hidden
 from ecm.rig.physics import TRUE_EFFECTS
-from ecm.rig.physics.true_effect import RigScale, TrueEffect
+from ecm.rig.physics.true_effect import RigScale, Supply, TrueEffect
 from ecm.rig.plan import rest_pose
 from ecm.rig.plant import Plant, residual, row_covariance
 from ecm.rig.raw_stream import RawStream
@@ -134,6 +134,9 @@ def measure(unit: str, rig: RigScale) -> float:
         "1/N or 1/(N m)": 1.0 / force,
         "N/m": lateral,
         "rad/(N m)": 1.0 / bending,
+        "Pa": rig.largest_input,
+        "1/s": 1.0,
+        "1/rad": 1.0,
     }[unit]
 
 
@@ -168,7 +171,7 @@ def scale_of(campaign: CampaignState) -> RigScale:
     plant, visits = campaign.plant, campaign.visits
     rows = visits.at_poses
     reached = visits.reached[rows]
-    h = plant.elastic.wrench(visits.nearest[rows], reached)
+    h = plant.elastic.wrench(visits.nearest[rows], visits.states[rows])
     moved = reached - rest_pose(plant.length_m)
     turn = rotation(reached[:, 3:])
     in_sensor = turn_wrench(transpose(turn), h) @ np.linalg.inv(plant.top_from_sensor).T
@@ -184,6 +187,8 @@ def scale_of(campaign: CampaignState) -> RigScale:
         loads=tuple(np.abs(in_sensor).max(axis=0).tolist()),
         ranges=campaign.settings.instrument.fts_range,
         rest_stiffness=tuple(np.diag(plant.elastic.rest_stiffness).tolist()),
+        actuators=visits.inputs.shape[1],
+        largest_input=float(visits.inputs.max(initial=0.0)),
     )
 
 
@@ -191,10 +196,10 @@ def whitener_of(campaign: CampaignState) -> Whitener:
     """Whitens rows of poses and takes out what the base absorbs."""
     plant, visits = campaign.plant, campaign.visits
     rows = visits.at_poses
-    reached = visits.reached[rows]
-    base = plant.elastic.wrench(visits.nearest[rows], reached)[:, :, None]
+    base = plant.elastic.wrench(visits.nearest[rows], visits.states[rows])[:, :, None]
     if campaign.base_columns is not None:
-        base = np.concatenate([base, campaign.base_columns(reached)], axis=2)
+        own = campaign.base_columns(visits.states[rows])
+        base = np.concatenate([base, own], axis=2)
     return Whitener(row_covariance(plant, visits), base)
 
 
@@ -249,6 +254,16 @@ def inject(hide: Hidden, campaign: CampaignState, raw: RawStream | None = None) 
             "stream"
         )
     scale = scale_of(campaign)
+    if issubclass(kind, Supply):
+        names = campaign.plan.actuation_columns
+        count = sum(name.startswith(kind.acts_on) for name in names)
+        if not count:
+            column = "tension_1_N" if kind.acts_on == "tension" else "pressure_1_Pa"
+            raise CannotHide(
+                f"{option}: it acts in an actuator, and this plan has no {kind.acts_on}. Plan with "
+                f"columns {column}, ..."
+            )
+        scale = replace(scale, actuators=count)
     first = kind.draw(stream(campaign.seed, "hidden shape", hide.effect), scale)
     if hide.shape:
         truth = first.with_parameters(dict(hide.shape)).afterwards()

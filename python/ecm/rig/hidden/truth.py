@@ -111,16 +111,20 @@ class Hidden:
         impossible: tuple[str, ...] = (),
         *,
         streamed: bool = False,
+        driven: bool = False,
     ) -> Hidden:
         """`random` becomes an id that is not `taken`, and a strength where none was given.
 
         Without a requested strength it may become `none`; not any more where an effect was drawn
         already that was `impossible` with the plan. `streamed`: a raw stream shows what moves.
+        `driven`: there are actuators, in which something may act.
         """
         if self.effect != "random":
             return self
         possible = {
-            name for name, kind in TRUE_EFFECTS.items() if streamed or not kind.only_in_motion
+            name
+            for name, kind in TRUE_EFFECTS.items()
+            if (streamed or not kind.only_in_motion) and (driven or not kind.of_actuators)
         }
         possible -= set(taken)
         left = sorted(possible - set(impossible))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeVar
 
-from ecm.rig.physics import body, camera, load, material, sensor  # noqa: F401
+from ecm.rig.physics import body, camera, load, material, sensor, supply  # noqa: F401
 from ecm.rig.physics.true_effect import TRUE_EFFECTS, Conditions, TrueEffect
 
 __all__ = ["TRUE_EFFECTS", "Conditions", "Physics", "TrueEffect"]

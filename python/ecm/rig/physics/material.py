@@ -174,7 +174,7 @@ class Relaxation(MaterialFactor, MaterialMemory):
         for i, ((time, travel, dwell), h) in enumerate(
             zip(now, at.elastic_wrenches(), strict=True)
         ):
-            way = at.ways[i]
+            way = at.ways[i][:, :6]
             departures = [time - travel - dwell]
             for start, end in zip(way[-3::-1], way[-2:0:-1], strict=True):
                 departures.append(departures[-1] - at.leg_s(end - start))
@@ -295,7 +295,7 @@ class Hysteresis(MaterialMemory):
         for i, (points, restart) in enumerate(legs):
             if restart:
                 z = np.zeros(6)
-            for start, end in itertools.pairwise(points):
+            for start, end in itertools.pairwise(points[:, :6]):
                 z = self._along(z, (end - start) * metric)
             states[i] = z
         return states

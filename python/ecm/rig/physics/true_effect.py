@@ -51,6 +51,9 @@ class RigScale:
     """Range of the sensor, N and N m."""
     rest_stiffness: tuple[float, ...] = (24585.0, 3461.0, 3468.0, 4.0, 16.0, 16.0)
     """Diagonal of K of the mechanism at rest, N/m and N m/rad."""
+    actuators: int = 3
+    largest_input: float = 2e4
+    """Of all actuators, Pa."""
 
 
 class LedCamera(Protocol):
@@ -96,8 +99,15 @@ class Conditions:
     dwell_s: F = field(default_factory=_no_rows, metadata=_PER_VISIT)
     arrival_m: F = field(default_factory=_no_rows, metadata=_PER_VISIT)
     """Last translation of the way to each visit."""
+    inputs: F = field(default_factory=_no_rows, metadata=_PER_VISIT)
+    """What acts in the actuators, (N, m); to a stage of the supply what they were set to."""
+    actuators: tuple[str, ...] = ()
+    """Columns of the actuators, such as pressure_1_Pa."""
+    since_set_s: F = field(default_factory=_no_rows, metadata=_PER_VISIT)
+    """Time since the actuators were set to something else."""
     ways: tuple[F, ...] = ()
-    """Way points (k, 6) of each visit, from the one before on; always of all visits."""
+    """Way points (k, 6), or (k, 6 + m) with what the actuators were set to, of each visit, from the
+    one before on; always of all visits."""
     rested: tuple[bool, ...] = ()
     """Whether the mechanism's history starts again with that way; always of all visits."""
     moving: bool = False
@@ -149,14 +159,14 @@ class Conditions:
     def elastic_wrenches(self) -> F:
         """Wrenches (N, 6) of the elastic mechanism at the true poses."""
         assert self.elastic is not None
-        return self.elastic.wrench(self.nearest, self.poses)
+        return self.elastic.wrench(self.nearest, np.hstack([self.poses, self.inputs]))
 
     def per_way(self, wrenches: Callable[[F, F], F]) -> list[F]:
         """For each visit `wrenches` of its way points (k, 6) and of the elastic wrenches there."""
         assert self.elastic is not None
         points = np.concatenate(self.ways)
         ends = np.cumsum([len(way) for way in self.ways], dtype=np.int64)
-        return np.split(wrenches(points, self.elastic.at_points(points)), ends[:-1])
+        return np.split(wrenches(points[:, :6], self.elastic.at_points(points)), ends[:-1])
 
 
 @dataclass(frozen=True)
@@ -193,6 +203,8 @@ class TrueEffect:
     """Further FEM solutions of the mechanism that the effect needs."""
     only_in_motion: ClassVar[bool] = False
     """Only the raw stream shows it."""
+    of_actuators: ClassVar[bool] = False
+    """It acts in an actuator."""
     follows_the_way: ClassVar[bool] = False
     """It depends on the wrenches at all way points, not only at the visits."""
 
@@ -241,6 +253,18 @@ class TrueEffect:
 
 
 # --- the stages, in the order in which the plant applies them ----------------------------------
+
+
+class Supply(TrueEffect):
+    """Stage 0: an actuator does something else than what it was set to."""
+
+    of_actuators: ClassVar[bool] = True
+    acts_on: ClassVar[str] = "pressure"
+    """Kind of the actuators in which it acts: pressure or tension."""
+
+    def acting(self, inputs: F, at: Conditions) -> F:
+        """What acts (N, m), from what the stage before gives; `at.inputs` is what was set."""
+        raise NotImplementedError
 
 
 class BodyPose(TrueEffect):

@@ -1,0 +1,136 @@
+"""The fourth blind benchmark of docs/discovery.md: driven arms, and effects of their actuation.
+
+    python benches/blind_fourth.py --out build/fourth [--sets 96] [--seed 1 2]
+
+Every set is a file in a folder named by a hash of the code; one that is there is not run again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections import Counter
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+# Before numpy is imported, here and in the workers.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("RAYON_NUM_THREADS", "1")
+
+from blind_parts.command import parser_of, run_sets, write_table
+from blind_parts.fourth import HIDDEN, SWAPPED, FourthSet, fourth_sets, fourth_table, solved
+from blind_parts.workers import run_all
+from ecm.diagnosis import diagnose
+from ecm.errors import EcmError
+from ecm.io.cache import write_atomically
+from ecm.models import fit_model
+from ecm.rig import score
+
+_OUTCOMES = ("right", "part", "unsaid", "wrong name", "wrong class", "alarm", "refused")
+_GOALS = {"named at s = 1": 0.9, "wrong name": 0.01, "nothing hidden": 0.985}
+
+
+def run_one(case: FourthSet, folder: Path) -> None:
+    """Diagnose a set and write its file; in whichever process."""
+    table = fourth_table(case, folder.parent)
+    began = time.process_time()
+    try:
+        found = diagnose(fit_model(table, "actuated4"), table)
+        verdict, answer = found.verdict, [list(members) for members in found.answer]
+        said = found.sentence()
+    except EcmError as error:
+        verdict, answer, said = "refused", [], str(error)
+        if SWAPPED in said:
+            answer = [[SWAPPED]]
+    result = {"set": case.to_dict(), "verdict": verdict, "answer": answer, "said": said}
+    result["outcome"] = outcome(case, verdict, answer)
+    result["seconds"] = time.process_time() - began
+    write_atomically(_file(case, folder), json.dumps(result))
+
+
+def outcome(case: FourthSet, verdict: str, answer: list[list[str]]) -> str:
+    """right: every hidden effect in a class of at most three, and no class left over; part: some of
+    them and no other; unsaid: no name; of nothing hidden an alarm."""
+    if not answer:
+        return verdict if verdict == "refused" else "unsaid" if case.names else "right"
+    if not case.names:
+        return "alarm"
+    scored = score(list(case.names), answer)
+    if scored["correct"]:
+        return "right"
+    if not scored["wrong"]:
+        return "part"
+    return "wrong name" if any(len(one) == 1 for one in scored["wrong"]) else "wrong class"
+
+
+def _file(case: FourthSet, folder: Path) -> Path:
+    return folder / f"{case.seed}-{case.index:04d}.json"
+
+
+def _solve(folder: Path, cases: list[FourthSet], workers: int) -> None:
+    """Solve the bodies of the sets, before several processes ask for them."""
+    bodies = sorted({case.body for case in cases})
+    run_all(bodies, partial(_solve_one, folder=folder), workers=workers)
+
+
+def _solve_one(body: int, folder: Path) -> None:
+    solved(body, folder)
+
+
+def table_text(results: list[dict[str, Any]]) -> str:
+    """Markdown: the goals, a line for each effect, pairs, and each set that is not right."""
+
+    def share(own: list[dict[str, Any]], what: str) -> float:
+        return sum(r["outcome"] == what for r in own) / max(len(own), 1)
+
+    hidden = [r for r in results if r["set"]["names"]]
+    nothing = [r for r in results if not r["set"]["names"]]
+    at_one = [r for r in hidden if r["set"]["strength"] == 1.0]
+    lines = ["| figure | sets | goal | value |", "|---|---|---|---|"]
+    figures = {
+        "named at s = 1": (at_one, "right"),
+        "wrong name": (hidden, "wrong name"),
+        "nothing hidden": (nothing, "right"),
+    }
+    for name, (own, what) in figures.items():
+        sign = "<=" if name == "wrong name" else ">="
+        lines.append(f"| {name} | {len(own)} | {sign} {_GOALS[name]:g} | {share(own, what):.3f} |")
+    lines += ["", "| hidden | sets | " + " | ".join(_OUTCOMES) + " |"]
+    lines.append("|---" * (len(_OUTCOMES) + 2) + "|")
+    groups: list[tuple[str, list[dict[str, Any]]]] = [("nothing", nothing)]
+    for name in (*HIDDEN, SWAPPED):
+        groups.append((name, [r for r in hidden if r["set"]["names"] == [name]]))
+    groups.append(("pairs", [r for r in hidden if len(r["set"]["names"]) == 2]))
+    groups.append(("all", results))
+    for what, own in groups:
+        counts = Counter(r["outcome"] for r in own)
+        shown = " | ".join(str(counts[key] or "") for key in _OUTCOMES)
+        lines.append(f"| {what} | {len(own)} | {shown} |")
+    lines.append("")
+    for r in results:
+        if r["outcome"] != "right":
+            case = r["set"]
+            answer = " + ".join("|".join(members) for members in r["answer"])
+            lines.append(
+                f"- {case['index']} {' + '.join(case['names']) or 'nothing'} at "
+                f"{case['strength']:g} (arm {case['body']}, {case['poses']} poses): "
+                f"{r['outcome']}: {r['verdict']} {answer}"
+            )
+    return "\n".join(lines) + "\n"
+
+
+def main() -> int:
+    """Run what is missing, then print and write the table."""
+    given = parser_of(__doc__, 96).parse_args()
+    cases = [case for seed in given.seed for case in fourth_sets(given.sets, seed)]
+    solve = partial(_solve, cases=cases, workers=given.workers)
+    found = run_sets(given, cases, run_one, _file, solve)
+    write_table(given, table_text(found), len(found), len(cases))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,229 @@
+"""What acts in an actuator in place of what it was set to: regulators, tubes, chambers.
+
+Largest sizes: a regulator that is off by more than a third of what it gives would be changed, and
+so would a chamber that loses a tenth of its pressure a second.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from ecm.io.arrays import F
+from ecm.io.se3 import rotation
+from ecm.rig.physics.true_effect import Conditions, Limit, Random, RigScale, Supply, random_sign
+
+if TYPE_CHECKING:
+    from ecm.rig.settings import PlantTable
+
+_EVERY = -1
+
+
+def _one_or_all(random: Random, rig: RigScale) -> int:
+    return int(random.integers(_EVERY, rig.actuators))
+
+
+_WARM_K = 30.0
+"""Warming in which the zero of a regulator doubles."""
+_BEND = 0.3
+"""How much more a gain is at half of the largest pressure than at the ends, as a share."""
+
+
+@dataclass(frozen=True)
+class OfActuator(Supply):
+    """The change of one actuator, or of all alike."""
+
+    actuator: int = _EVERY
+    """Number from 0 among those of its kind; -1: all."""
+
+    def acting(self, inputs: F, at: Conditions) -> F:
+        own = np.flatnonzero([name.startswith(self.acts_on) for name in at.actuators])
+        mine = own if self.actuator == _EVERY else own[self.actuator : self.actuator + 1]
+        acts = inputs.copy()
+        acts[:, mine] = self.given(inputs, at)[:, mine]
+        return acts
+
+    def given(self, inputs: F, at: Conditions) -> F:
+        """What acts (N, m) where every actuator is concerned."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Zero(OfActuator):
+    """A regulator's zero that grows as it warms: a -> a + s (1 + (T - T0) / 30 K)."""
+
+    effect: ClassVar[str] = "pressure_offset"
+    name: ClassVar[str] = "regulator zero"
+    unit: ClassVar[str] = "Pa"
+    limit: ClassVar[Limit] = Limit(0.3, "poses at several pressures")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Zero:
+        return cls(random_sign(random), _one_or_all(random, rig))
+
+    def given(self, inputs: F, at: Conditions) -> F:
+        warm = at.temperature_degC - at.temperature_degC.mean()
+        return np.asarray(inputs + self.size * (1.0 + warm / _WARM_K)[:, None])
+
+
+@dataclass(frozen=True)
+class Gain(OfActuator):
+    """A characteristic that bends: a -> a + s a (1 + 0.3 (4 u (1 - u) - 0.5)), u = a / largest."""
+
+    largest: float = 1.0
+    """Largest input of the plan."""
+
+    effect: ClassVar[str] = "pressure_gain"
+    name: ClassVar[str] = "regulator gain"
+    unit: ClassVar[str] = "1"
+    limit: ClassVar[Limit] = Limit(0.3, "poses at several pressures")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Gain:
+        return cls(random_sign(random), _one_or_all(random, rig), rig.largest_input or 1.0)
+
+    def given(self, inputs: F, at: Conditions) -> F:
+        u = np.clip(inputs / self.largest, 0.0, 1.0)
+        return inputs * (1.0 + self.size * (1.0 + _BEND * (4.0 * u * (1.0 - u) - 0.5)))
+
+
+@dataclass(frozen=True)
+class Supplied(OfActuator):
+    """One supply: what flows into the others moves a chamber with the root of their pressure."""
+
+    largest: float = 1.0
+
+    effect: ClassVar[str] = "pressure_cross_talk"
+    name: ClassVar[str] = "shared supply"
+    unit: ClassVar[str] = "1"
+    limit: ClassVar[Limit] = Limit(0.3, "poses with unlike pressures")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Supplied:
+        return cls(random_sign(random), _one_or_all(random, rig), rig.largest_input or 1.0)
+
+    def given(self, inputs: F, at: Conditions) -> F:
+        own = np.array([name.startswith(self.acts_on) for name in at.actuators])
+        others = np.clip((inputs * own).sum(axis=1, keepdims=True) - inputs, 0.0, None)
+        others /= max(own.sum() - 1, 1)
+        return np.asarray(inputs + self.size * self.largest * (others / self.largest) ** 0.8)
+
+
+@dataclass(frozen=True)
+class Play(OfActuator):
+    """A valve with play: the pressure stays until it is asked for more than `size` beyond it."""
+
+    effect: ClassVar[str] = "pressure_hysteresis"
+    name: ClassVar[str] = "play of a valve"
+    unit: ClassVar[str] = "Pa"
+    limit: ClassVar[Limit] = Limit(0.3, "pressures approached from below and from above")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Play:
+        return cls(1.0, _one_or_all(random, rig))
+
+    def given(self, inputs: F, at: Conditions) -> F:
+        return at.from_all(self._states)
+
+    def _states(self, whole: Conditions) -> F:
+        state = np.zeros(whole.inputs.shape[1])
+        states = np.zeros_like(whole.inputs)
+        for i, way in enumerate(whole.ways):
+            for asked in way[:, 6:]:
+                state = np.clip(state, asked - self.size, asked + self.size)
+            states[i] = state
+        return states
+
+
+@dataclass(frozen=True)
+class Leak(OfActuator):
+    """Outflow through a hole: the root of the pressure falls in proportion to time.
+
+    a -> a (1 - r t / 2)^2 with t the time since the pressure was set; `size` is r.
+    """
+
+    effect: ClassVar[str] = "chamber_leak"
+    name: ClassVar[str] = "outflow"
+    unit: ClassVar[str] = "1/s"
+    limit: ClassVar[Limit] = Limit(0.1, "several dwells, from 2 to 60 s")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Leak:
+        return cls(1e-3, _one_or_all(random, rig))
+
+    def given(self, inputs: F, at: Conditions) -> F:
+        root = 1.0 - 0.5 * self.size * at.since_set_s
+        return inputs * (np.clip(root, 0.0, None) ** 2)[:, None]
+
+
+@dataclass(frozen=True)
+class Lag(OfActuator):
+    """A chamber behind a tube: a part of each change comes with a time constant.
+
+    `size` is the part of the last change that is still to come just after it.
+    """
+
+    time_s: float = 3.0
+
+    effect: ClassVar[str] = "regulator_lag"
+    name: ClassVar[str] = "lag of a tube"
+    unit: ClassVar[str] = "1"
+    limit: ClassVar[Limit] = Limit(1.0, "several dwells, from 2 to 60 s")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Lag:
+        return cls(0.1, _one_or_all(random, rig), time_s=float(random.uniform(6.0, 20.0)))
+
+    def given(self, inputs: F, at: Conditions) -> F:
+        left = np.exp(-at.since_set_s / self.time_s)
+        return inputs - self.size * left[:, None] * at.from_all(_last_changes)
+
+
+@dataclass(frozen=True)
+class Capstan(OfActuator):
+    """A tendon round a bent body: T -> T exp(-m b), or exp(m b) where it was let out.
+
+    b is the turn of the platform's axis beside a turn of 0.1 rad in the guides; `size` is m.
+    """
+
+    effect: ClassVar[str] = "capstan_friction"
+    name: ClassVar[str] = "capstan"
+    unit: ClassVar[str] = "1/rad"
+    limit: ClassVar[Limit] = Limit(1.0, "tensions approached from below and from above")
+    acts_on: ClassVar[str] = "tension"
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Capstan:
+        return cls(0.1, _one_or_all(random, rig))
+
+    def given(self, inputs: F, at: Conditions) -> F:
+        tilt = np.arccos(np.clip(rotation(at.poses[:, 3:])[:, 0, 0], -1.0, 1.0))
+        way = np.where(at.from_all(_last_changes) < 0.0, -1.0, 1.0)
+        return np.asarray(inputs * np.exp(-self.size * (0.1 + tilt)[:, None] * way))
+
+
+def _last_changes(whole: Conditions) -> F:
+    """(N, m) last change of what the actuators were set to."""
+    changes = np.zeros_like(whole.inputs)
+    last = np.zeros(whole.inputs.shape[1])
+    for i, way in enumerate(whole.ways):
+        for step in np.diff(way[:, 6:], axis=0):
+            last = step if step.any() else last
+        changes[i] = last
+    return changes
+
+
+def regulators(table: PlantTable, largest: float) -> list[Supply]:
+    """What the rig file says of all regulators and chambers; the largest input of the plan."""
+    effects: list[Supply] = []
+    if table.regulator_offset_Pa:
+        effects.append(Zero(table.regulator_offset_Pa))
+    if table.regulator_gain:
+        effects.append(Gain(table.regulator_gain, largest=largest))
+    if table.chamber_leak_per_s:
+        effects.append(Leak(table.chamber_leak_per_s))
+    if table.regulator_lag_s:
+        effects.append(Lag(1.0, time_s=table.regulator_lag_s))
+    return effects

@@ -1,0 +1,155 @@
+"""The rig with a driven mechanism: it follows it, perturbs it, and its regulators are not ideal."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ecm.errors import InputError
+from ecm.io.arrays import B
+from ecm.io.columns import POSE
+from ecm.io.table import Table
+from ecm.rig import Campaign, CampaignOptions, Hidden, RigSettings, run_campaign
+from ecm.rig.hidden.inject import whitener_of
+from ecm.rig.physics import TRUE_EFFECTS
+from ecm.rig.physics.true_effect import Supply
+from ecm.rig.plan import POSE_OFFSETS
+from ecm.rig.plant import residual
+from support.driven import PRESSURES, DrivenArm, arm_model, arm_plan, small_rig
+from support.stand_in import StandIn, plan_of, some_poses
+
+OF_CHAMBERS = sorted(
+    name
+    for name, kind in TRUE_EFFECTS.items()
+    if issubclass(kind, Supply) and kind.acts_on == "pressure"
+)
+
+
+@pytest.fixture(scope="module")
+def plan() -> Table:
+    return arm_plan()
+
+
+def campaign(plan: Table, hide: str = "", strength: float = 1.0, **plant: float) -> Campaign:
+    """On the small rig, beside what an energy can take in."""
+    hidden = [Hidden(hide, strength)] if hide else []
+    columns = arm_model().actuated.columns
+    return Campaign(
+        plan, small_rig(**plant), DrivenArm(), hide=hidden, seed=3, base_columns=columns
+    )
+
+
+def initial(of: Campaign) -> B:
+    """Which visits come from the rest pose."""
+    return np.array([visit.approach == "initial" for visit in of.visits])
+
+
+def test_the_table_holds_the_pressures_and_the_poses_that_were_reached(plan: Table) -> None:
+    table = campaign(plan).run()
+    rows = table.measured()
+    assert table.actuation_columns == PRESSURES
+    assert not table.matrix(PRESSURES)[table.text("kind") != "pose"].any()
+    left = arm_model().predict(rows.poses, rows.matrix(PRESSURES)) - rows.wrenches
+    assert (left.std(axis=0) < 0.12 * rows.wrenches.std(axis=0)).all()
+    measured = plan.select(np.flatnonzero(plan.text("action") == "measure"))
+    assert np.abs(rows.poses[:, :3] - measured.poses[:, :3]).max() < 1e-3
+    assert not set(POSE_OFFSETS) & set(table.columns)
+
+
+@pytest.mark.parametrize("offset_Pa", [0.0, 1500.0])
+def test_the_robot_follows_the_mechanism_until_the_wrench_vanishes(
+    plan: Table, offset_Pa: float
+) -> None:
+    """Without an offset in the plan the wrench stays small, whatever acts in the chambers."""
+    exact = plan.with_columns(dict.fromkeys(POSE_OFFSETS, np.zeros(len(plan))))
+    settings = small_rig(regulator_offset_Pa=offset_Pa)
+    still = replace(settings, rig=replace(settings.rig, pose_error_m=0.0, pose_error_rad=0.0))
+    free = Campaign(exact, still, DrivenArm(), seed=3)
+    rows = free.visits.at_poses & initial(free)
+    table = free.run()
+    read = table.select(
+        np.flatnonzero((table.text("kind") == "pose") & (table["approach"] == "initial"))
+    )
+    assert np.abs(read.wrenches[:, :3]).max() < 0.12
+    moved = np.abs(free.visits.reached - np.stack([v.pose[:6] for v in free.visits]))[rows]
+    assert (moved[:, 0].mean() > 1.5e-5) == (offset_Pa > 0.0)
+
+
+def test_a_pressure_that_is_not_the_one_set_acts_on_the_wrench(plan: Table) -> None:
+    quiet = campaign(plan)
+    rows = quiet.visits.at_poses
+    asked = quiet.visits.inputs[rows]
+    np.testing.assert_array_equal(quiet.plant.acting(quiet.visits)[rows], asked)
+    for setting, size in {
+        "regulator_offset_Pa": 300.0,
+        "regulator_gain": 0.03,
+        "regulator_lag_s": 4.0,
+        "regulator_step_Pa": 500.0,
+        "chamber_leak_per_s": 2e-3,
+    }.items():
+        off = campaign(plan, **{setting: size})
+        acts = off.plant.acting(off.visits)[rows]
+        assert 0.0 < np.abs(acts - asked).max() < 1e4, setting
+        left = residual(off.plant, off.visits) - residual(quiet.plant, quiet.visits)
+        assert np.abs(left).max() > 1e-4, setting
+
+
+def test_lag_and_leak_follow_the_time_since_the_pressure_was_set(plan: Table) -> None:
+    lag, leak = campaign(plan, regulator_lag_s=4.0), campaign(plan, chamber_leak_per_s=2e-3)
+    rows = lag.visits.at_poses & initial(lag)
+    since = lag.visits.time_s[rows] - lag.visits.numbers("set_s")[rows]
+    dwell = lag.visits.numbers("dwell_s")[rows]
+    # Beside the dwell: following, the way from there, and half a window.
+    assert (since - dwell > 5.0).all()
+    missing = np.abs(lag.plant.acting(lag.visits) - lag.visits.inputs)[rows].max(axis=1)
+    assert missing[dwell > 20.0].max() < 0.1 * missing[dwell < 5.0].max()
+    share = 1.0 - leak.plant.acting(leak.visits)[rows] / np.maximum(leak.visits.inputs[rows], 1.0)
+    on = leak.visits.inputs[rows] > 1e3
+    np.testing.assert_allclose(share[on].max(), 1.0 - (1.0 - 1e-3 * since.max()) ** 2, rtol=0.3)
+
+
+def test_a_valve_with_play_depends_on_the_side(plan: Table) -> None:
+    hidden = campaign(plan, "pressure_hysteresis")
+    less = hidden.plant.acting(hidden.visits) - hidden.visits.inputs
+    size = hidden.injected[0].size
+    assert less.min() == pytest.approx(-size)
+    beyond = hidden.visits.at_poses & ~initial(hidden)
+    assert less[beyond].max() == pytest.approx(size)
+
+
+@pytest.mark.parametrize("effect", OF_CHAMBERS)
+def test_the_wanted_strength_is_reached(effect: str, plan: Table) -> None:
+    plain = campaign(plan)
+    hidden = campaign(plan, effect, 2.0)
+    # Calibrated before the robot follows what the effect moves; a second reading is beside it.
+    left = residual(hidden.plant, plain.visits) - residual(plain.plant, plain.visits)
+    assert whitener_of(plain).strength(left) == pytest.approx(2.0, rel=0.05)
+
+
+def test_refusals() -> None:
+    with pytest.raises(InputError, match="it acts in an actuator, and this plan has no pressure"):
+        Campaign(
+            plan_of(some_poses(30)), RigSettings(), StandIn(), hide=[Hidden("chamber_leak", 1)]
+        )
+    robot = RigSettings.from_dict({"rig": {"mode": "robot"}})
+    with pytest.raises(InputError, match="know no actuators yet"):
+        Campaign(arm_plan(4), robot, DrivenArm())
+
+    class NoFree(DrivenArm):
+        free_poses = None  # type: ignore[assignment]
+
+    with pytest.raises(InputError, match=r"no method free_poses\(inputs\)"):
+        Campaign(arm_plan(4), small_rig(), NoFree())
+
+
+def test_without_offsets_the_poses_of_the_plan_are_driven_to() -> None:
+    plain = arm_plan(6, offsets=False)
+    options = CampaignOptions(source=DrivenArm())
+    table = run_campaign(plain, small_rig(), options=options, seed=1)
+    rows = table.measured()
+    ids = plain.column("pose_id")
+    for pose, number in zip(rows.poses, rows.column("pose_id"), strict=True):
+        expected = plain.matrix(POSE)[ids == number][0]
+        assert np.abs(pose - expected)[:3].max() < 1e-3
