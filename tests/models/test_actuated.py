@@ -392,7 +392,7 @@ def test_choose_takes_the_actuated_energy(train: Table) -> None:
     assert chosen.best.name == "actuated4"
 
 
-def test_what_does_not_fit_is_said(train: Table, model: Model, tmp_path: Path) -> None:
+def test_what_does_not_fit_is_said(train: Table, model: Model) -> None:
     with pytest.raises(InputError, match="needs the actuators' columns, pressure_1_Pa"):
         ecm.fit_model(train.drop(*PRESSURES), "actuated4")
     with pytest.raises(InputError, match="volume_1_m3 has no pressure_1 beside it"):

@@ -47,13 +47,12 @@ def fit(
     force: bool = False,
     **options: Any,
 ) -> None:
-    """Fit a model to a table and write its file.
+    """Fit a model to a table and write its file (docs/models.md).
 
     Parameters
     ----------
     model : NAME
-        choose, poly:D, linear .. cubic, energyD, actuatedD, physics, rod, a TOML, a file of
-        actuatedD (docs/models.md).
+        choose, poly:D, energyD, physics, TOML or file.
     pcr : B
         B, B/sqrtN, rank:R or press (poly).
     zero_at_home
@@ -111,6 +110,8 @@ def fit(
             rows = table if before is not None else table.measured()
             refuse_worse(fitted, rows, before=before, held_out=held_out)
     fitted.save(out)
+    if session.report is not None:
+        session.write_report(fitted.report(table.measured()))
     session.print(f"{out}: model {fitted.name if add else name}")
 
 
@@ -183,4 +184,6 @@ def refit(
         with session.working("errors of both models"), saved_by_force(out):
             refuse_worse(fitted, table, before=None if remove else before)
     fitted.save(out)
+    if session.report is not None:
+        session.write_report(fitted.report(table.measured()))
     session.print(f"{out}: written")

@@ -706,13 +706,6 @@ def exchanged(table: Table, model: ActuatedModel) -> tuple[tuple[str, ...], floa
     A model that knows how the actuators stand round the axis errs where two columns are exchanged.
     The error is the geometric mean of the components', for a pressure may show in one alone.
     None where no other order fits 1.5 times better, and for a model without symmetry.
-
-    Examples
-    --------
-    >>> from ecm import read_table
-    >>> table = read_table("examples/soft_arm.csv", meta={"mechanism": {"length_m": 0.1}})
-    >>> print(exchanged(table, ActuatedModel()))
-    None
     """
     names, low = table.actuation_columns, replace(model, degree=_LEAST_DEGREE)
     terms = ActuatedTerms(1.0, tuple(map(_kind, names)), low.degree, low.order, low.symmetry)
