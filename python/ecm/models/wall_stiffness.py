@@ -41,12 +41,17 @@ class WallStiffness(ModelSpecification):
     Examples
     --------
     >>> import ecm
-    >>> table = ecm.read_table("examples/soft_arm.csv", meta={"mechanism": {"length_m": 0.1}})
-    >>> stated = ecm.fit(table, "actuated3").actuated
-    >>> softer = table.with_columns({name: 0.8 * table[name] for name in table.wrench_columns})
-    >>> softer = softer.with_columns({n: 0.8 * table[n] for n in table.actuation_columns})
-    >>> few = softer.select(range(8))
-    >>> WallStiffness(stated).factors(few, "spread").round(2)
+    >>> from ecm.io.columns import POSE
+    >>> from ecm.models.actuated import ActuatedTerms
+    >>> terms = ActuatedTerms(0.1, ("pressure",), degree=3, order=1)
+    >>> own, none = np.ones(terms.count()), np.zeros(len(terms.pure()))
+    >>> stated = ActuatedMap(terms, np.ones(2), np.ones(1), own, none, ("pressure_1_Pa",))
+    >>> poses = 0.1 * np.random.default_rng(0).standard_normal((8, 6))
+    >>> a = np.arange(1.0, 9.0)
+    >>> softer = 0.8 * stated.predict(np.column_stack([poses, a / 0.8]))
+    >>> names = (*POSE, *WRENCH, "pressure_1_Pa")
+    >>> rows = ecm.as_table(dict(zip(names, np.column_stack([poses, softer, a]).T, strict=True)))
+    >>> WallStiffness(stated).factors(rows, "spread").round(2)
     array([0.8, 1. ])
     """
 
