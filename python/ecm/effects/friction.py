@@ -213,8 +213,8 @@ class SealFriction(LinearEffect):
     id = "seal_friction"
     physics = "Friction of a seal or sheath grows with the input of an actuator."
     outside = LookAlike(
-        "anything that lags behind the motion by more at more pressure: a throttle, a regulator",
-        "the same strokes at a third of the speed, at two pressures",
+        "anything that lags behind the motion by more at more pressure: a long tube, a regulator",
+        "the same motion at a third of the speed, at two pressures",
     )
     signature = "changes its sign with the direction of motion, and grows with the input"
     needs = "time (time_s), motion both ways, and pressure_1_Pa that varies"
