@@ -118,8 +118,6 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
         fitted = fit_rows(table, specification, weights, progress)
     except ModelError as unfit:  # more coefficients than equations, or columns that never vary
         raise InputError(f"{table.source}: {unfit}", remedy=CHOOSE) from None
-    if isinstance(specification, ActuatedModel) and not force:
-        _refuse_exchanged(table, specification)
     if zero_at_home or stable:
         fitted = constrained(fitted, zero_at_home=zero_at_home, stable=stable)
     part = replace(fitted, base=measured_part(fitted.base, table))
@@ -152,7 +150,9 @@ def _refuse_exchanged(table: Table, specification: ActuatedModel) -> None:
 
 
 def refuse_unused_inputs(table: Table, specification: ModelSpecification) -> None:
-    """Raise InputError where inputs of actuators vary that the model does not take."""
+    """Raise InputError where inputs vary that the model does not take, or stand exchanged."""
+    if isinstance(specification, ActuatedModel):
+        _refuse_exchanged(table, specification)
     takes = specification.any_columns or isinstance(specification, ActuatedModel)
     varying = () if takes else unused_inputs(None, table)
     if varying:
