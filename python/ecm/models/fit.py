@@ -326,13 +326,26 @@ _FAR_BETTER = 0.1
 """Its error over that of the lower degrees: these would leave structure that has no other name."""
 
 
+def _energy_of_inputs(table: Table, given: StiffnessMap | None = None) -> StiffnessMap:
+    """The energy of pose and actuation of the degree that the rows can carry.
+
+    What a given model of this kind does not lack is not to be named: its terms stay.
+    """
+    usual = ActuatedModel()
+    least, body, order = _ACTUATED[0], usual.symmetry, usual.order
+    if isinstance(given, ActuatedMap):
+        least, body, order = given.terms.degree, given.terms.body, given.terms.order
+    degrees = [degree for degree in _ACTUATED if degree >= least] or [least]
+    return _by_degree(table, [ActuatedModel(degree, body, order) for degree in degrees])
+
+
 def symmetric_energy(table: Table) -> StiffnessMap:
     """The symmetric energy of the degree that the rows can carry.
 
     Of a table with actuators an energy of pose and inputs.
     """
     if _has_energy_of_inputs(table):
-        return _by_degree(table, [ActuatedModel(degree) for degree in _ACTUATED])
+        return _energy_of_inputs(table)
     return _by_degree(table, [EnergyModel(degree) for degree in _ENERGY])
 
 
@@ -431,7 +444,7 @@ def choose_base(model: Model, table: Table) -> StiffnessMap:
     body = table.meta.elastic_body()
     six = table.has(*POSE, *WRENCH) or is_partial(table)
     if _has_energy_of_inputs(table):
-        return symmetric_energy(table)
+        return _energy_of_inputs(table, base)
     if six and body is not None:
         return measured_part(fit_model(table, "physics", force=True).base, table)
     if six and table.meta.length_m is not None:
