@@ -27,6 +27,7 @@ import subprocess
 import tempfile
 import time
 import warnings
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -84,8 +85,23 @@ def _run(solver: str, mesh: Mesh, cpu_s: float, newton: int, pose: F) -> Run:
     return Run(solver, len(mesh.nodes_m), cpu_s, newton, pose.tolist(), t, w)
 
 
-def ours(mesh: Mesh, element: str) -> Run:
+def chambered(quality: str) -> Mesh:
+    """A body with three closed chambers, of the reference length and radius."""
+    return Mesh.chambered(
+        length_m=LENGTH_M,
+        radius_m=RADIUS_M,
+        chamber_count=3,
+        chamber_inner_m=0.012,
+        chamber_outer_m=0.027,
+        chamber_angle_rad=0.0,
+        end_wall_m=0.015,
+        quality=quality,
+    )
+
+
+def ours(mesh: Mesh, element: str, pressures_Pa: Sequence[float] = ()) -> Run:
     """This solver, set-up included."""
+    load = np.concatenate([WRENCH, pressures_Pa])[None]
     best = np.inf
     for _ in range(3):
         start = time.process_time()
@@ -95,7 +111,7 @@ def ours(mesh: Mesh, element: str) -> Run:
             poisson_ratio=POISSON,
             element=element,  # type: ignore[arg-type]
         )
-        found = fem.solve_wrenches(WRENCH[None], threads=1)
+        found = fem.solve_wrenches(load, threads=1)
         best = min(best, time.process_time() - start)
     if found.status != ["solved"]:
         raise RuntimeError(f"ours {element}: {found.status}")
@@ -225,12 +241,17 @@ def _skew(v: F) -> F:
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
-def calculix(mesh: Mesh, rotation: F, tolerance: float | None = None) -> Run:
-    """CalculiX C3D10; `rotation` is the rotation vector for which the moment is converted."""
+def calculix(
+    mesh: Mesh, rotation: F, tolerance: float | None = None, pressures_Pa: Sequence[float] = ()
+) -> Run:
+    """CalculiX C3D10; `rotation` is the rotation vector for which the moment is converted.
+
+    Pressures are its face loads (*DLOAD), which follow the wall where *STEP has NLGEOM.
+    """
     moment = left_jacobians(rotation[None])[0].T @ WRENCH[3:]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "neck.inp").write_text(_deck(mesh, WRENCH[:3], moment, tolerance))
+        (folder / "neck.inp").write_text(_deck(mesh, WRENCH[:3], moment, tolerance, pressures_Pa))
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         done = subprocess.run(
             ["ccx", "neck"],
@@ -254,7 +275,13 @@ def calculix(mesh: Mesh, rotation: F, tolerance: float | None = None) -> Run:
     return _run("CalculiX C3D10", mesh, cpu, newton, pose)
 
 
-def _deck(mesh: Mesh, force: F, moment: F, tolerance: float | None) -> str:
+_FACES = ((0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 2, 3))
+"""Corners of the faces P1 to P4 of C3D10."""
+
+
+def _deck(
+    mesh: Mesh, force: F, moment: F, tolerance: float | None, pressures_Pa: Sequence[float]
+) -> str:
     # Millimetres, N and MPa: in SI units CalculiX does not converge beyond 22 % of the load.
     # CalculiX reads twenty characters of a number: twelve digits leave room for an exponent.
     x, tets = 1e3 * np.asarray(mesh.nodes_m), np.asarray(mesh.tetrahedra)
@@ -281,6 +308,12 @@ def _deck(mesh: Mesh, force: F, moment: F, tolerance: float | None) -> str:
     lines += ["*CLOAD"]
     lines += [f"{ref}, {k + 1}, {force[k]:.12g}" for k in range(3)]
     lines += [f"{rot}, {k + 1}, {1e3 * moment[k]:.12g}" for k in range(3)]
+    for (_, wall), pressure in zip(mesh.chambers, pressures_Pa, strict=bool(pressures_Pa)):
+        on_wall = np.isin(tets, wall)
+        lines += ["*DLOAD"] if pressure else []
+        for label, corners in enumerate(_FACES, 1):
+            loaded = np.flatnonzero(on_wall[:, corners].all(axis=1)) if pressure else []
+            lines += [f"{e + 1}, P{label}, {1e-6 * pressure:.12g}" for e in loaded]
     lines += ["*NODE PRINT, NSET=REF, FREQUENCY=1000", "U"]
     lines += ["*NODE PRINT, NSET=ROT, FREQUENCY=1000", "U", "*END STEP", ""]
     return "\n".join(lines)
@@ -336,6 +369,45 @@ def equal_error() -> list[Run]:
     return found
 
 
+def actuation(pairs: int = 7) -> None:
+    """Processor time of one case with actuators over the same body and wrench without any."""
+    mesh = chambered("standard")
+    wrench = 0.3 * WRENCH[None]
+    law = {"young_modulus_Pa": YOUNG_PA, "poisson_ratio": POISSON}
+    faces = {"base_nodes": mesh.base_nodes, "top_nodes": mesh.top_nodes}
+    tendon = {"base_m": [[0.0, 0.03, 0.0]], "platform_m": [[LENGTH_M, 0.03, 0.0]]}
+    guides = [[0.25 * k * LENGTH_M, 0.03, 0.0] for k in (1, 2, 3)]
+    pressures = [4e4, 1e4, 0.0]
+    plain = Mesh.from_arrays(mesh.nodes_m, mesh.tetrahedra, **faces)
+    cases: dict[str, tuple[Mesh, list[float], list[bool]]] = {
+        "three pressures": (mesh, pressures, []),
+        "three given volumes": (mesh, [4e-7, 1e-7, 0.0], [True] * 3),
+        "a guided tendon": (plain.with_tendon("t", **tendon, body_m=guides), [2.0], []),
+        "a winding": (
+            plain.with_winding("outside", angle_rad=0.1, stiffness_N_m=2e3),
+            [],
+            [],
+        ),
+    }
+    base = Fem(plain, **law)
+    for name, (body, inputs, given) in cases.items():
+        fem = Fem(body, **law)
+        load = np.concatenate([wrench[0], inputs])[None]
+        ratios = []
+        for _ in range(pairs):
+            start = time.process_time()
+            own = fem.solve_wrenches(load, given=given, threads=1)
+            middle = time.process_time()
+            other = base.solve_wrenches(wrench, threads=1)
+            ratios.append((middle - start) / (time.process_time() - middle))
+        if own.status != ["solved"]:
+            raise RuntimeError(f"{name}: {own.status}")
+        print(
+            f"{name:20} {np.median(ratios):.2f} times the case without, {own.iterations[0]} Newton "
+            f"iterations in place of {other.iterations[0]}"
+        )
+
+
 def plot(runs: list[Run], path: Path) -> None:
     """Error against processor time."""
     import matplotlib  # noqa: PLC0415 - not all peers are installed
@@ -371,7 +443,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--plot", type=Path)
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--actuation", action="store_true", help="pressures and tendons only")
     options = parser.parse_args()
+    if options.actuation:
+        actuation()
+        return
     print("On the same mesh:")
     runs = same_mesh()
     print("At 1 % in translation and rotation:")

@@ -3,7 +3,8 @@
     python benches/real_data.py --data FOLDER [--only NAME] [--without RULE ...]
 
 FOLDER holds the tables as they were published, each with its SOURCE.md. With --without rules of the
-diagnosis are left out (`blind_parts/ablation.py`).
+diagnosis are left out (`blind_parts/ablation.py`). With --pressures only the piston under seven
+pressures: models of 1, 3, 5 and 7 bar that predict 2, 4 and 6.
 """
 
 from __future__ import annotations
@@ -11,13 +12,14 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from blind_parts.ablation import RULES, without
-from ecm import diagnose, fit_model
+from ecm import diagnose, fit_model, import_log, refit
 from ecm.errors import EcmError
-from ecm.io.table import Table
+from ecm.io.table import Table, read_table
 
 _GRAM_FORCE_CM = 9.80665e-5
 """N m."""
@@ -55,6 +57,40 @@ def tables(folder: Path) -> Iterator[tuple[str, Table]]:
         yield f"rubber, {name}", Table(pull, source=name)
 
 
+def across_pressures(folder: Path) -> None:
+    """Print a line for each model of four pressures: its errors on three others."""
+    names = {"time_s": "column_1:ms", "x_m": "column_5:mm", "fx_N": "column_7:N"}
+    names["pressure_1_Pa"] = "column_6:bar"
+    with TemporaryDirectory() as place:
+        files = {}
+        for bar in range(1, 8):
+            log = folder / "pneumatic_piston" / f"circle_{bar}bar.tsv"
+            files[bar] = Path(place) / f"{bar}.csv"
+            import_log(log, columns=names).write(files[bar])
+        fitted, fresh = (
+            read_table([files[bar] for bar in bars]).drop("column_2", "column_3", "column_4")
+            for bars in ((1, 3, 5, 7), (2, 4, 6))
+        )
+    # Neighbours of a sample differ by noise alone: a third difference takes out what moves.
+    force = fresh.column("fx_N")
+    noise = float(np.median(np.abs(np.diff(force, 3))) / 0.6745 / np.sqrt(20.0))
+    spread = float(force.std())
+    without = fitted.drop("pressure_1_Pa")
+    models = {"linear, without the pressure": (fit_model(without, "linear"), without)}
+    models |= {name: (fit_model(fitted, name), fitted) for name in ("linear", "quadratic", "cubic")}
+    rubbing = refit(models["linear"][0], fitted, add=["seal_friction"])
+    models["linear + seal_friction"] = rubbing, fitted
+    print(f"noise {noise:.3g} N, spread {spread:.3g} N")
+    print("| model | error at 2, 4, 6 bar, N | % of the spread | over the noise | missing |")
+    print("|---|---|---|---|---|")
+    for name, (model, rows) in models.items():
+        left = force - model.predict(fresh)[:, 0]
+        error = float(np.sqrt((left**2).mean()))
+        said = diagnose(model, rows).summary().missing.partition("; probability")[0]
+        shares = f"{error:.3g} | {100.0 * error / spread:.3g} | {error / noise:.3g}"
+        print(f"| {name} | {shares} | {said} |", flush=True)
+
+
 def main() -> None:
     """Print a line for each table and model."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -62,7 +98,11 @@ def main() -> None:
     parser.add_argument("--models", nargs="+", default=["linear", "cubic"])
     parser.add_argument("--only", default="", help="tables with this in their name")
     parser.add_argument("--without", nargs="+", choices=RULES, default=[])
+    parser.add_argument("--pressures", action="store_true", help="only the piston, all pressures")
     given = parser.parse_args()
+    if given.pressures:
+        across_pressures(given.data)
+        return
     print("| data | rows | model | error | said |\n|---|---|---|---|---|")
     for name, table in tables(given.data):
         if given.only not in name:

@@ -19,6 +19,15 @@ _LOGS = {
     "machine.csv": "Time,Displacement,Force\n(s),(mm),(N)\n",
     "machine_kN.csv": "Time (s),Extension (mm),Load (kN)\n",
     "no_units.csv": "ux,Fx\n",
+    "instron.csv": "Instrument,5944\n\nTime (s),Extension (mm),Load (N)\n",
+    "strain.csv": "Tensile strain (%),Load (N)\n",
+    "material.csv": "Strain (mm/mm),Stress (MPa)\n",
+    "torsion.csv": "Elapsed Time (s),Axial Rotation (deg),Axial Torque (N.m)\n",
+    "gauge.csv": "t,LVDT (mm),Load cell (N)\n",
+    "twice.csv": "Displacement (mm),Extension (mm),Force (N)\n",
+    "volts.csv": "time [s],x [mm],Force (V)\n",
+    "no_names.csv": "",
+    "unknown_names.csv": "a,b\n",
 }
 
 
@@ -45,7 +54,7 @@ def typed(run: Run, err: str) -> str:
 
 def log(name: str) -> None:
     head = _LOGS[name]
-    columns = head.splitlines()[0].count(",") + 1
+    columns = (head.splitlines() or [",,"])[-1].count(",") + 1
     steps = np.linspace(0.0, 20.0, 30)
     rows = [",".join(f"{value:.4f}" for value in [k * 0.1, x, 2.0 * x][-columns:])
             for k, x in enumerate(steps)]  # fmt: skip
@@ -79,8 +88,74 @@ def test_a_model_in_the_place_of_the_table_is_told(ecm_command: Run) -> None:
         assert ecm_command(*advised(done.err)).code == 0
 
 
-def test_what_no_import_understands_has_no_advice(ecm_command: Run) -> None:
-    Path("words.csv").write_text("a,b\n1,2\n3,4\n", encoding="utf-8")
-    done = ecm_command("fit", "words.csv", "--out", "model.json")
+def test_a_strain_becomes_a_displacement_by_the_gauge_length(ecm_command: Run) -> None:
+    for name, column, worth, factor in (
+        ("strain.csv", "x_m=Tensile strain (%)", "80 mm", 0.8e-3),
+        ("material.csv", "fx_N=Stress (MPa)", "20 mm2", 20.0),
+        ("volts.csv", "fx_N=Force (V)", "12.5 N", 12.5),
+    ):
+        log(name)
+        words = ("import", name, "--axis", "x", "--map", f"{column}:{worth}", "--out", "t.csv")
+        done = ecm_command(*words)
+        assert done.code == 0, done.err
+        assert f"* {factor:g}" in done.out
+    refused = ecm_command("import", "strain.csv", "--map", "x_m=Tensile strain (%):80 kPa")
+    assert refused.code == 2
+    assert "is no unit, nor what one of the column is worth" in refused.err
+
+
+def test_an_import_that_is_refused_ends_in_one_that_works(ecm_command: Run) -> None:
+    for name in ("twice.csv", "machine.csv", "no_names.csv", "no_units.csv"):
+        log(name)
+        done = ecm_command("import", name)
+        assert done.code == 2
+        assert ecm_command(*advised(done.err)).code == 0
+
+
+def test_published_logs_are_answered_with_an_import_that_works(
+    shared_data: Path, ecm_command: Run, folder: Path
+) -> None:
+    logs = [
+        *(shared_data / "finger_joint").glob("*.csv"),
+        shared_data / "finger_joint" / "imu_raw" / "03IMU.txt",
+        shared_data / "nist_load_cell" / "load_cell.csv",
+        shared_data / "pneumatic_piston" / "circle_1bar.tsv",
+        *(shared_data / "viscoelastic_shear").glob("*_relaxation*.csv"),
+        shared_data / "rubber" / "Treloar_1944" / "UT" / "stress_stretch.txt",
+    ]
+    assert len(logs) == 11
+    for path in logs:
+        shutil.copy(path, path.name)
+        done = ecm_command("fit", path.name, "--model", "linear", "--out", "model.json")
+        assert done.code == 2
+        table = typed(ecm_command, done.err)
+        assert ecm_command("fit", table, "--model", "linear", "--out", "model.json").code == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("colours.csv", "name,colour\na,red\nb,blue\n", "Remove the column"),
+        ("stress.txt", "0.1\n0.2\n0.4\n", "a model needs a pose and a wrench in each row"),
+    ],
+)
+def test_what_no_import_understands_has_no_command(
+    name: str, text: str, words: str, ecm_command: Run
+) -> None:
+    Path(name).write_text(text, encoding="utf-8")
+    done = ecm_command("fit", name, "--out", "model.json")
     assert done.code == 2
+    assert words.lower() in done.err.lower()
     assert "ecm import" not in done.err
+
+
+def test_a_log_without_a_force_is_told_that_no_model_can_be_fitted(ecm_command: Run) -> None:
+    Path("poses.csv").write_text("x [mm],time [s]\n1,0\n2,1\n4,2\n", encoding="utf-8")
+    done = ecm_command("fit", "poses.csv", "--out", "model.json")
+    assert done.code == 2
+    assert "No column may be a wrench, without which no model can be fitted" in done.err
+    table = typed(ecm_command, done.err)
+    again = ecm_command("fit", table, "--out", "model.json")
+    assert again.code == 2
+    assert "so no model can be fitted" in again.err
+    assert "ecm import" not in again.err

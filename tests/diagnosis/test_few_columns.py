@@ -12,11 +12,11 @@ import ecm
 from ecm.diagnosis.check import lines_by_reason
 from ecm.diagnosis.procedure import find_missing
 from ecm.effects import effects_for, get_effect, with_shape
-from ecm.effects.relaxation import StressRelaxation
+from ecm.effects.relaxation import StressRelaxation, play
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.models import load_model
-from ecm.regression.rows import derived_columns
+from ecm.regression.rows import Rows, derived_columns
 from support.campaigns import campaign
 from support.one_angle import NOISE_NM, bouc_wen, one_angle, spring
 
@@ -397,3 +397,85 @@ def test_a_second_load_that_is_measured_well_is_a_cause(sd: float, digits: int |
     assert derived_columns(table, ("x_m",), ("fx_N",)) == ("force_lbf",)
     found = ecm.diagnose(ecm.fit(table, "linear"), table)
     assert found.answer == (("unused_column:load_N",),), found.sentence()
+
+
+def piston(growth: float, seed: int = 0) -> ecm.Table:
+    """Strokes of a piston at four pressures, each a run; the regulator gives more on the way in.
+
+    `growth` is that of the friction, N/bar.
+    """
+    random, parts = np.random.default_rng(seed), []
+    for run, bar in enumerate((1.0, 3.0, 5.0, 7.0)):
+        time = np.arange(0.0, 40.0, 0.05)
+        x = 0.02 + 0.02 * np.sin(2.0 * np.pi * time / 8.0)
+        way = np.sign(np.gradient(x))
+        pressure = bar + 0.03 * way + 0.005 * random.standard_normal(len(time))
+        path = (x - x[0])[:, None]
+        slipping = (path - play(path, 4e-4))[:, 0] / 4e-4
+        force = 50.0 * pressure + 40.0 * x + (6.0 + growth * (bar - 4.0)) * slipping
+        force += 0.3 * random.standard_normal(len(time))
+        columns = {"time_s": time + 100.0 * run, "x_m": x, "fx_N": force}
+        parts.append({**columns, "pressure_1_Pa": 1e5 * pressure, "run": np.full(len(time), run)})
+    joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    return ecm.as_table(joined, meta={"file": {"kind": "continuous"}})
+
+
+def test_friction_that_grows_with_pressure_is_named_and_taken_away() -> None:
+    """The pressure under it moves with the stroke, so that a relaxing pressure would fit as well.
+
+    Gas has no memory: what relaxes is the material's part alone.
+    """
+    table = piston(0.7)
+    model = ecm.fit(table, "linear")
+    found = ecm.diagnose(model, table)
+    assert found.answer == (("seal_friction",),)
+    (effect,) = found.effects
+    np.testing.assert_allclose(effect.values, [3.2, 0.7e-5], rtol=0.1)
+    assert found.summary().add.startswith("ecm refit MODEL DATA --add seal_friction")
+    better = ecm.refit(model, table, add=["seal_friction"])
+    before, left = (table["fx_N"] - one.predict(table)[:, 0] for one in (model, better))
+    assert left.std() < 0.7
+    assert before.std() > 5.0
+    again = ecm.diagnose(better, table)
+    assert "seal_friction" not in {id for members in again.answer for id in members}
+
+
+def test_friction_alike_at_every_pressure_is_no_friction_of_a_seal() -> None:
+    table = piston(0.0)
+    found = find_missing(ecm.fit(table, "linear"), table)
+    assert found.answer == (("hysteresis",),)
+
+
+def test_the_materials_part_of_a_wrench_is_without_what_the_gas_pushes() -> None:
+    table = piston(0.0)
+    rows = Rows(table, ecm.fit(table, "linear").base)
+    assert np.ptp(rows.wrench) > 250.0
+    assert np.ptp(rows.material_wrench) < 20.0
+    # Without a time the first row is the reference, and without inputs nothing is taken away.
+    assert np.ptp(Rows(table.drop("time_s"), rows.base).material_wrench) < 20.0
+    plain = Rows(table, ecm.fit(table.drop("pressure_1_Pa"), "linear").base)
+    np.testing.assert_array_equal(plain.material_wrench, plain.wrench)
+
+
+def test_a_stiffness_that_was_never_surely_positive_is_not_lost() -> None:
+    """A piston has none: friction gave a slope of a line that the rows do not tell from zero."""
+    table = piston(0.7, seed=3)
+    pushed = table.with_columns({"fx_N": table["fx_N"] - 42.0 * table["x_m"]})
+    model = ecm.fit(pushed, "linear")
+    assert "seal_friction" in {
+        item.id for item in ecm.refit(model, pushed, add=["seal_friction"]).effects
+    }
+
+
+def test_without_the_pressure_each_run_is_said_to_have_a_force_of_its_own() -> None:
+    """The pressures rise from file to file, as a drift would; but nothing drifts within one."""
+    table = piston(0.7).drop("pressure_1_Pa")
+    found = ecm.diagnose(ecm.fit(table, "linear"), table)
+    assert found.verdict == "unknown"
+    assert "each run has a wrench of its own, which no column tells" in found.summary().missing
+    assert found.summary().next.startswith("record in a column what was set or changed between")
+    # A drift goes on within the runs: it is named.
+    time, run = table["time_s"], table["run"]
+    drifting = table.with_columns({"fx_N": table["fx_N"] - 100.0 * run + 0.5 * time})
+    again = ecm.diagnose(ecm.fit(drifting, "linear"), drifting)
+    assert {"fts_drift", "growing_load"} & {id for members in again.answer for id in members}

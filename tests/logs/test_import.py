@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 import ecm
 from ecm import import_log
+from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.frames import Frames
@@ -392,7 +393,7 @@ def test_a_missing_extra_is_named(
 ) -> None:
     (tmp_path / name).write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(600))
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(ecm.MissingExtra, match=r"ecm-stiffness\[logs\]"):
+    with pytest.raises(ecm.MissingExtra, match=r"\(extra logs\)"):
         import_log(tmp_path / name)
 
 
@@ -457,3 +458,22 @@ def test_the_time_of_an_import_grows_with_the_columns_not_with_their_square(
     seconds(10)
     # 16 times as many columns take 16 times as long, or 256 times where it is the square.
     assert seconds(8000) < 60.0 * seconds(500)
+
+
+def test_pressures_come_in_their_units(tmp_path: Path) -> None:
+    path = tmp_path / "piston.tsv"
+    path.write_text("0\t1.5\t2.5\t100\n10\t1.6\t2.6\t101\n", encoding="utf-8")
+    map_ = {"time_s": "column_1:ms", "x_m": "column_2:mm", "fx_N": "column_4:N"}
+    table = import_log(path, columns=map_ | {"pressure_1_Pa": "column_3:bar"}).table
+    np.testing.assert_allclose(table["pressure_1_Pa"], [2.5e5, 2.6e5])
+    with pytest.raises(InputError, match=r"column_3: 2.5 to 2.6, in Pa or in bar\?") as asked:
+        import_log(path, columns=map_ | {"pressure_1_Pa": "column_3"})
+    assert '--units "bar"' in str(asked.value)
+    said = import_log(path, columns=map_ | {"pressure_1_Pa": "column_3"}, units=["psi"]).table
+    assert said["pressure_1_Pa"][0] == pytest.approx(17236.89, rel=1e-6)
+    one = np.arange(1.0, 4.0)
+    by_name = import_log({"x [mm]": one, "Fx [N]": one, "Pressure 2 (kPa)": 3.0 * one}).table
+    assert by_name["pressure_2_Pa"].tolist() == [3e3, 6e3, 9e3]
+    # One without a number may be that of the room.
+    alone = import_log({"x [mm]": one, "Fx [N]": one, "Pressure (kPa)": 3.0 * one}).table
+    assert not alone.actuation_columns

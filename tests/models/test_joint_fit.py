@@ -184,8 +184,8 @@ def test_an_addition_is_tested_at_once_and_can_be_undone_by_name() -> None:
     assert fall == pytest.approx(before.chi2 - after.chi2, abs=0.06)
     assert "6 parameters more" in useless
     assert "BIC falls by -" in useless
-    assert repr(second) == second.fit_report()
-    assert gained in repr(second)
+    assert str(second) == second.fit_report()
+    assert gained in str(second)
     assert second.undo() is first
     assert second.undo("physics").effects == ()
     with pytest.raises(InputError, match="nothing to undo: cubic"):
@@ -255,7 +255,7 @@ def test_several_at_once_and_the_report_keeps_physics_and_instruments_apart() ->
     assert "mass = " in text
     assert " kg" in text
     pairs = {frozenset(pair[:2]) for pair in fitted.correlations}
-    assert any("base.1" in pair for pair in pairs), pairs
+    assert any("factor" in pair for pair in pairs), pairs
     assert all(abs(pair[2]) <= 1.0 + 1e-9 for pair in fitted.correlations)
 
 

@@ -5,9 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ecm import check, compare, cross_validate, diagnose, fit, import_log, refit
 from ecm.errors import InputError
-from ecm.models import CrossValidation, EnergyModel, LearningCurve, ModelChoice, PolynomialModel
+from ecm.models import (
+    CrossValidation,
+    EnergyModel,
+    Expression,
+    LearningCurve,
+    Model,
+    ModelChoice,
+    PolynomialModel,
+)
+from ecm.rig.hidden.truth import Revealed
 from support.campaigns import campaign, model
+from support.neck import ROOT
 
 CURVE = LearningCurve(
     "energy4", (10, 20), np.array([1.6, np.inf]), np.ones(2), np.full(2, 2.0), None, None
@@ -38,8 +49,9 @@ def test_results_become_data_frames() -> None:
     assert held_out.to_pandas().loc["fx_N"].tolist() == [0.5, 10.0]
     fitted = model().add("payload").fit(campaign("payload", 1.0, 0))
     frame = fitted.to_pandas()
-    assert frame["value"].tolist() == fitted.effects[0].values.tolist()
-    assert frame["effect"].tolist() == ["payload"] * len(frame)
+    assert frame["value"].tolist() == [*fitted.base.coefficients, *fitted.effects[0].values]
+    assert frame["effect"].tolist() == ["base"] + ["payload"] * (len(frame) - 1)
+    assert len(model().to_pandas()) == len(model().base.coefficients)
 
 
 def test_results_draw_themselves() -> None:
@@ -49,7 +61,100 @@ def test_results_draw_themselves() -> None:
     assert tuple(lines[1].x) == (10, 20)
     with pytest.raises(InputError, match="no history"):
         model().plot()
+    table = campaign("payload", 1.0, 0)
+    traces = model().plot(table).data
+    assert [trace.name for trace in traces] == ["measured"] * 6 + ["modelled"] * 6
+    np.testing.assert_allclose(traces[1].y, table["fy_N"], rtol=1e-3)
+    np.testing.assert_allclose(traces[1].x, traces[7].x)
     fitted = model().add("payload").fit(campaign("payload", 1.0, 0))
     fitted_rows, held_out = fitted.plot().data
     assert tuple(fitted_rows.y) == tuple(record.train for record in fitted.history)
     assert tuple(held_out.x) == tuple(record.name for record in fitted.history)
+
+
+def one_column(**more: float) -> Model:
+    x = np.linspace(-0.01, 0.01, 9)
+    return fit({"x_m": x, "fx_N": 2000.0 * x + 0.1 * np.cos(9 * x * 1e3), **more}, "cubic")
+
+
+def test_parameters_have_names_values_errors_and_bounds() -> None:
+    params = one_column().params
+    assert list(params) == ["fx_N:1", "fx_N:x", "fx_N:x^2", "fx_N:x^3"]
+    slope = params["fx_N:x"]
+    assert slope.value == pytest.approx(20.0, abs=0.2)
+    assert slope.sd is not None
+    assert 0.0 < slope.sd < 1.0
+    fitted = model().add("payload").fit(campaign("payload", 1.0, 0))
+    mass = fitted.params["payload.mass"]
+    assert (mass.effect, mass.unit, mass.vary) == ("payload", "kg", True)
+    assert mass.value == fitted.effects[0].values[0]
+    assert not fitted.freeze("payload").params["payload.mass"].vary
+    spring = Expression("fx_N = k * x_m + c", k=(1e3, 0.0, 1e4), c={"value": 0.0, "vary": False})
+    own = fit({"x_m": [0.0, 0.01, 0.02, 0.03], "fx_N": [0.1, 20.2, 39.9, 60.1]}, spring)
+    assert (own.params["k"].min, own.params["k"].max) == (0.0, 1e4)
+    assert not own.params["c"].vary
+
+
+def test_a_body_has_its_modulus_and_ratio_by_name() -> None:
+    params = fit(ROOT / "examples" / "neck_measured.csv", "physics").params
+    assert list(params) == ["young_modulus_Pa", "poisson_ratio"]
+    assert params["poisson_ratio"].max <= 0.5
+    for name, own in params.items():
+        assert own.sd is not None
+        assert 0.0 < own.sd < 0.01 * own.value, name
+
+
+def test_results_are_one_line_at_a_prompt_and_whole_in_a_notebook() -> None:
+    x = np.linspace(-0.01, 0.01, 30)
+    table = {"x_m": x, "fx_N": 2000.0 * x + 0.01 * np.sin(5e3 * x)}
+    fitted = fit(table, "linear")
+    results = [
+        fitted,
+        compare(fitted, table),
+        diagnose(fitted, table, effects=[]),
+        check(table),
+        import_log(table),
+        cross_validate(table, "linear"),
+        CHOICE,
+        CURVE,
+        Revealed(effects=(), seed=0),
+    ]
+    for result in results:
+        assert "\n" not in repr(result)
+        assert len(repr(result)) < 250
+        html = result._repr_html_() or ""
+        assert html.strip()
+        for tag in ("figure", "table", "div"):
+            assert html.count(f"<{tag}") == html.count(f"</{tag}>"), type(result)
+    assert repr(fitted) == "<Model poly:1: fx_N of x_m, 2 parameters>"
+    assert "fx_N:x" in (fitted._repr_html_() or "")
+    assert str(fitted) == fitted.fit_report()
+
+
+def test_a_model_of_one_column_takes_a_number_and_a_row_of_numbers() -> None:
+    fitted = one_column()
+    x = np.linspace(-0.01, 0.01, 5)
+    rows = fitted.predict(x[:, None])
+    for given in (x, x.tolist(), tuple(x)):
+        np.testing.assert_array_equal(fitted.predict(given), rows)
+    np.testing.assert_array_equal(fitted.predict(0.005), fitted.predict(np.array([0.005])))
+    assert fitted.stiffness(x).shape == (5, 1, 1)
+    assert fitted.stiffness(0.005).shape == (1, 1)
+    assert fitted.wrench_and_stiffness(x)[1].shape == (5, 1, 1)
+    assert fitted.extrapolates(x * 2).tolist() == [True, False, False, False, True]
+    sd = fitted.predict_sd(x)
+    assert sd is not None
+    assert sd.shape == (5, 1)
+    with pytest.raises(InputError, match=r"of shape \(5,\): expected \(N, 6\)"):
+        model().predict(x)
+
+
+def test_one_name_needs_no_list() -> None:
+    table = campaign("payload", 1.0, 0)
+    alone = refit(model(), table, add="payload")
+    assert alone.params == refit(model(), table, add=["payload"]).params
+    assert refit(alone, table, remove="payload").effects == ()
+    np.testing.assert_array_equal(table.matrix("fx_N"), table.matrix(["fx_N"]))
+    log = {"x": [0.0, 20.0, 30.0], "Fx": [0.0, 1.0, 2.0]}
+    imported = import_log(log, units="mm,N").table
+    np.testing.assert_array_equal(imported["x_m"], import_log(log, units=["mm", "N"]).table["x_m"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -34,9 +35,15 @@ def test_the_rigs_example_is_valid() -> None:
 
 
 def test_what_ecm_new_writes_is_valid(tmp_path: Path) -> None:
-    for name in ("config.toml", "rig.toml", "data.csv", "data.toml"):
+    for name in ("config.toml", "arm.toml", "rig.toml", "data.csv", "data.toml"):
         (tmp_path / name).write_text(template(name), encoding="utf-8")
     assert read_config(tmp_path / "config.toml").mechanism == Mechanism()
+    arm = (tmp_path / "arm.toml").read_text(encoding="utf-8")
+    assert len(read_config(tmp_path / "arm.toml").mechanism.actuators) == 3
+    # Its lines on windings and tendons are valid settings, too.
+    arm = re.sub(r"(?m)^# (\w+ = )", r"\1", arm)
+    (tmp_path / "arm.toml").write_text(arm, encoding="utf-8")
+    assert read_config(tmp_path / "arm.toml").mechanism.actuators[-1] == "tension_3_N"
     read_rig(tmp_path / "rig.toml")
     table = read_table(tmp_path / "data.csv", need="fit")
     assert len(table) == 20
@@ -65,7 +72,7 @@ def test_what_ecm_new_writes_is_valid(tmp_path: Path) -> None:
         ({"select": {"thresholds": [-0.1]}}, "expected at least 0"),
         (
             {"select": {"energy_degrees": [7]}},
-            "energy_degrees[0] = 7: expected a number from 4 to 6",
+            "energy_degrees[0] = 7: expected a number from 3 to 6",
         ),
         ({"workspace": {"rotation_limit_rad": 45.0}}, "in rad, not degrees"),
         ({"workspace": {"wrench_min": [1.0]}}, "wrench_min has 1 entries: expected a list of 6"),

@@ -129,6 +129,7 @@ impl PoseModel {
         match Model::from_document(&document)? {
             Model::Energy(model) => Ok(Self::Energy(*model)),
             Model::Polynomial(model) => Ok(Self::Polynomial(PosePolynomial::new(*model)?)),
+            Model::Actuated(_) => Err(kind("actuated", "a polynomial, energy or physics")),
         }
     }
 

@@ -22,18 +22,12 @@ from ecm.cli.console import Console
 from ecm.cli.interrupt import NOTHING_WRITTEN
 from ecm.errors import ComputationError, EcmError, InputError, Refusal, Remedy, exit_code, remedy_of
 from ecm.io.cache import is_device, write_json
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.csv import BadRows
 from ecm.io.table import Need, Table, check_description, read_table
+from ecm.io.toml import IMPORT
+from ecm.report.blocks import CodeBlock, Section
 from ecm.report.page import Report, require_report
-
-_UNITS = (["SI"], ["mm", "deg", "N", "N m"])
-_TRIED: tuple[dict[str, Any], ...] = (
-    {},
-    {"axis": "x"},
-    *({"units": units} for units in _UNITS),
-    *({"axis": "x", "units": units} for units in _UNITS),
-)
-"""What a log may leave open, by the options of `ecm import` that say it."""
 
 
 def refuse_models(paths: Sequence[Path]) -> None:
@@ -49,31 +43,69 @@ def refuse_models(paths: Sequence[Path]) -> None:
         raise InputError(f"{path} is a model, expected a table of measurements", remedy=remedy)
 
 
-def way_in(paths: Sequence[Path]) -> Remedy | None:
-    """Return what to type for files that cannot be read as a table; None where nothing is known.
+def way_in(path: Path) -> Remedy | None:
+    """Return the import that makes a table to fit of a log; None where nothing is known.
 
     Parameters
     ----------
-    paths
-        The files that were given as tables.
+    path
+        The file, or the folder of a bag, that was given as a table.
     """
-    if len(paths) != 1:
-        return None
-    from ecm.logs.importing import import_log, read_log  # noqa: PLC0415 - a sixth of the start
+    from ecm.logs.importing import answered, read_log  # noqa: PLC0415 - a sixth of the start
 
-    (path,) = paths
-    try:
-        log = read_log(path, ())
-    except (EcmError, OSError, ValueError):
+    found = answered(path, {}, whole=True) or answered(path, {})
+    if found is None:
+        with suppress(EcmError, OSError, ValueError):
+            (only,) = read_log(path, ()).log.columns
+            return Remedy(
+                f"a model needs a pose and a wrench in each row, and here is only '{only}': bring "
+                "what belongs together into the columns of one file"
+            )
         return None
-    for options in _TRIED:
-        try:
-            table = import_log(log, **options).table
-        except (EcmError, OSError, ValueError):
-            continue
-        if table.pose_columns and table.wrench_columns:
-            return _import_of(path, options, table)
-    return None
+    answer, imported = found
+    of = {"pose": imported.table.pose_columns, "wrench": imported.table.wrench_columns}
+    lacking = " or a ".join(kind for kind in of if not of[kind])
+    if lacking and all(
+        imported.meta.origin[name] == name for names in of.values() for name in names
+    ):
+        return None  # a table already
+    first = "import it, since it is a log of another program"
+    last = ""
+    if lacking:
+        first = (
+            f"no column may be a {lacking}, without which no model can be fitted: record it in the "
+            "same rows"
+        )
+        last = "what there is becomes a table by"
+    words = "; ".join(filter(None, (first, answer.words, last)))
+    out = path.with_name(f"{path.stem}-table.csv")
+    command = ["ecm", "import", str(path), *import_options(answer.options), "--out", str(out)]
+    return Remedy(words, shlex.join(command))
+
+
+def import_options(options: Mapping[str, Any]) -> list[str]:
+    """Options of `import_log` as they are typed."""
+    words = []
+    for name, value in options.items():
+        if isinstance(value, Mapping):
+            words += [word for item in value.items() for word in ("--map", "=".join(item))]
+        elif name == "topics":
+            words += [word for topic in value for word in ("--topic", topic)]
+        elif value is True:
+            words.append(f"--{name.replace('_', '-')}")
+        else:
+            words += [f"--{name}", value if isinstance(value, str) else ",".join(value)]
+    return words
+
+
+def _is_table(path: Path) -> bool:
+    """Whether the first line of a file names standard columns of a pose and of a wrench."""
+    try:
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            names = {name.strip() for name in file.readline().split(",")}
+    except OSError:
+        return False
+    return not names.isdisjoint(POSE) and not names.isdisjoint(WRENCH)
 
 
 def _is_model(path: Path) -> bool:
@@ -85,22 +117,6 @@ def _is_model(path: Path) -> bool:
     except (OSError, ValueError):
         return False
     return isinstance(document, dict) and "training" in document
-
-
-def _import_of(path: Path, options: dict[str, Any], table: Table) -> Remedy:
-    """The command that makes a table of a log."""
-    words, more = ["import it, since it is a log of another program"], []
-    if "axis" in options:
-        axis = "z" if all(name.endswith("_rad") for name in table.pose_columns) else "x"
-        more += ["--axis", axis]
-        words.append(f"its axis is taken as {axis} (x is along the mechanism, y and z across it)")
-    if "units" in options:
-        more += ["--units", ",".join(options["units"])]
-        words.append(f"its numbers without a unit are taken as {', '.join(options['units'])}")
-    out = path.with_name(f"{path.stem}-table.csv")
-    return Remedy(
-        "; ".join(words), shlex.join(["ecm", "import", str(path), *more, "--out", str(out)])
-    )
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
@@ -204,7 +220,7 @@ class Session(Console):
     ----------
     meta : FILE
         Description, if not NAME.toml.
-    skip_bad_rows
+    skip_bad_rows : --leave-out
         Leave bad rows out; record them.
     json : FILE
         Write the result as JSON.
@@ -233,11 +249,15 @@ class Session(Console):
         self.meta, self.skip_bad_rows = meta, skip_bad_rows
         self.json, self.report = _stream(json), _stream(report)
         self.seed, self.threads = seed, threads
+        self.reported = False
+        """Whether the page of --report is written."""
+        self._said: list[str] = []
         self._before: dict[Path, tuple[int, int] | None] = {}
         """The files that are to be written, as they were."""
 
     def print(self, text: str = "") -> None:
         """Print a line of the result; on stderr where stdout gets --json or --report."""
+        self._said.append(text)
         to_stdout = _STDOUT in (self.json, self.report)
         if to_stdout:
             self.note(text)
@@ -246,9 +266,17 @@ class Session(Console):
 
     def write_report(self, report: Report) -> None:
         """Write the page of --report, where it is asked for."""
+        self.reported = True
         if self.report is not None:
             with self.working("writing the report"):
                 report.write(self.report)
+
+    def report_said(self) -> None:
+        """Write what was printed as the page of --report, where the command wrote none."""
+        if not self.reported:
+            words = CodeBlock(shlex.join(["ecm", *command.typed]), "\n".join(self._said))
+            title = f"ecm {command.typed[0]}" if command.typed else "ecm"
+            self.write_report(Report(title, "", [Section("Result", [words])]))
 
     def show(self, report: Report) -> None:
         """Print a report in lines of the terminal's width; into a file each line is whole."""
@@ -294,11 +322,14 @@ class Session(Console):
                     need=need,
                     progress=tell,
                 )
-        except BadRows as error:
-            error.remedy = Remedy(error.remedy.words, "AGAIN --skip-bad-rows")
-            raise
         except InputError as error:
-            error.remedy = error.remedy or way_in(paths)
+            few = isinstance(error, BadRows) and not error.most
+            own = error.remedy is not None and error.remedy.command != IMPORT
+            logs = (path for path in paths if not _is_table(path))
+            if (not own or isinstance(error, BadRows)) and not few and (log := next(logs, None)):
+                error.remedy = way_in(log) or error.remedy
+            if isinstance(error, BadRows) and not error.remedy.command:
+                error.remedy = Remedy(error.remedy.words, "AGAIN --leave-out")
             raise
         for warning in brief(table.warnings, paths):
             self.warn(warning)
@@ -332,6 +363,7 @@ def run_command(
             require_report()
         try:
             work(session, **options)
+            session.report_said()
         except EcmError as error:
             if isinstance(error, Refusal) and error.remedy is not None:
                 error.remedy = error.remedy.filled(session.files_of(**options))

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from ecm.cli.session import Session
+from ecm.cli.session import Session, import_options
 from ecm.diagnosis.check import Check, lines_by_reason
 from ecm.diagnosis.check import check as check_table
 from ecm.effects import load_installed
@@ -17,9 +18,11 @@ from ecm.io.interrupts import uninterrupted
 from ecm.io.sanity import record_leave_out
 from ecm.io.templates import NEXT_STEP, data_template, description_template, template
 from ecm.logs import import_log as import_any
-from ecm.logs.importing import read_log
+from ecm.logs.importing import answered, read_log
 from ecm.logs.page import import_report
-from ecm.report.blocks import columns
+from ecm.logs.questions import Question
+from ecm.report.blocks import CodeBlock, Section, TableBlock, TextBlock, columns
+from ecm.report.page import Report
 
 
 def import_log(
@@ -68,17 +71,20 @@ def import_log(
             "give it with --meta to copy what it says."
         )
     session.check_output(out, beside)
+    said = {**options, "columns": _pairs(columns), "units": units.split(","), "meta": meta}
+    read: Any = log
     try:
         with session.working(f"reading {log}") as tell:
-            imported = import_any(
-                read_log(log, topics, tell).without(ignore),
-                columns=_pairs(columns),
-                units=[word for word in units.split(",") if word.strip()],
-                meta=meta,
-                **options,
-            )
+            read = read_log(log, topics, tell).without(ignore)
+            imported = import_any(read, **said)
     except BadRows as error:
         error.remedy = Remedy(error.remedy.words, "AGAIN --leave-out")
+        raise
+    except Question as error:
+        found = answered(read, said)
+        if found is not None and not (topics and "topics" in found[0].options):
+            again = shlex.join(import_options(found[0].options))
+            error.remedy = Remedy(f"for example, {found[0].words}", f"AGAIN {again}")
         raise
     session.print(str(imported))
     for warning in imported.table.warnings:
@@ -166,28 +172,37 @@ def _print(result: Check, session: Session) -> None:
         session.print(sentence)
     testable = ", ".join(result.testable) or "none"
     session.print(f"\nTestable effects ({len(result.testable)}): {testable}")
-    if result.not_testable:
+    lines = lines_by_reason(result.not_testable)
+    if lines:
         session.print("Not testable with these columns:")
-        for line in lines_by_reason(result.not_testable):
+        for line in lines:
             session.print(line)
+    sections = [
+        Section("Table", [TextBlock(sentence) for sentence in result.sentences()]),
+        Section("Columns", [TableBlock("", rows[0], rows[1:])]),
+        Section(f"Testable effects ({len(result.testable)})", [TextBlock(testable)]),
+        Section("Not testable with these columns", [CodeBlock("", "\n".join(lines) or "none")]),
+    ]
+    warnings = result.warnings
+    session.write_report(Report("Check of a table", result.source, sections, warnings))
 
 
-_FILES = {"config": "config.toml", "rig": "rig.toml", "data": "data.csv"}
+_FILES = {"config": "config.toml", "arm": "arm.toml", "rig": "rig.toml", "data": "data.csv"}
 
 
 def new(
     session: Session,
-    what: Literal["config", "rig", "data"],
+    what: Literal["config", "arm", "rig", "data"],
     *,
     out: Path | None = None,
     dof: Literal["1", "3", "6"] = "6",
 ) -> None:
-    """Write a commented file to begin from: config.toml, rig.toml, or data.csv with data.toml.
+    """Write a commented file to begin from: config.toml, arm.toml, rig.toml, or data.csv.
 
     Parameters
     ----------
-    what : config|rig|data
-        Which file.
+    what : config|arm|rig|data
+        Which file: the paper's neck, a driven arm, the simulated rig, or a table.
     out : FILE
         Instead of the usual name.
     dof : 1|3|6

@@ -25,13 +25,14 @@ from ecm.designs.regressors import (
 from ecm.errors import DesignError, InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import LARGEST, F, I
+from ecm.io.printed import Printed
 
 Progress = Callable[[int, int], object] | None
 _DEFAULT = DesignSettings()
 
 
-@dataclass(frozen=True)
-class Design:
+@dataclass(frozen=True, repr=False)
+class Design(Printed):
     """Chosen rows of the candidates and how good they are.
 
     Parameters
@@ -62,6 +63,9 @@ class Design:
     bound: float
     efficiency: float
     status: str
+
+    def __str__(self) -> str:
+        return self.sentence()
 
     def sentence(self) -> str:
         """The design in one line."""

@@ -29,6 +29,7 @@ from ecm.diagnosis.search import (
     rank,
     search,
     squares_by_row,
+    surpasses_its_plain_form,
     without,
 )
 from ecm.diagnosis.settings import (
@@ -270,16 +271,22 @@ def confusion_class(
             shaped = bool(problem.untestable[rival.id].forms)
             if loss < (_LOST_BY_SHAPES if shaped else _LOST_BY_ONE) * one.gain:
                 return True
+        form = rival.effect.plain_form()
+        if form is not None and form.id == item.id and loss >= least:
+            return False  # its own sign explains nothing: it is this effect
         return loss < least or (
             loss < FORM_SHARE * total and separability(problem, item, rival, one.others) < SEPARABLE
         )
 
     nearest = one.rivals((), is_member)
+    plain = item.effect.plain_form()
+    if plain is not None and surpasses_its_plain_form(problem, chosen, item):
+        # They are of one form: what the form may leave says nothing about which of them it is.
+        nearest.pop(plain.id, None)
     near = [id for id, loss in nearest.items() if loss < least]
     # Rivals that only look alike, and lose in BIC: a long list names nothing.
     alike_only = [id for id in nearest if id not in near][: max(0, most - 1 - len(near))]
     members = [item.id, *near, *alike_only]
-    plain = item.effect.plain_form()
     offered = {c.id for c in problem.offered} - {other.id for other in chosen}
     if plain is None or plain.id in members or plain.id not in offered:
         return members
@@ -301,7 +308,10 @@ def widened_class(
     The truth may be an effect that no library holds; then the nearest names look like it.
     """
     one = _Chosen(problem, chosen, item)
-    nearest = one.rivals(members, lambda _, loss: loss < near_share * one.gain)
+    plain = item.effect.plain_form()
+    surpassed = plain is not None and surpasses_its_plain_form(problem, chosen, item)
+    known = [*members, plain.id] if plain is not None and surpassed else members
+    nearest = one.rivals(known, lambda _, loss: loss < near_share * one.gain)
     return [*members, *list(nearest)[: max(0, MOST_IN_CLASS - len(members))]]
 
 

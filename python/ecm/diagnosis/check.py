@@ -15,6 +15,7 @@ from ecm.effects.protocol import missing_length
 from ecm.io.columns import KINDS, POSE, TEXT, WRENCH, is_standard
 from ecm.io.conventions import WrongConvention, wrong_convention
 from ecm.io.events import Progress, Steps
+from ecm.io.printed import Printed
 from ecm.io.sanity import SuspectRows, doubts, likely_continuous, suspect_rows, whole_turns
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.regression.correlation import correlation_time
@@ -92,8 +93,8 @@ def lines_by_reason(listed: Sequence[NotTestable]) -> list[str]:
     return lines
 
 
-@dataclass(frozen=True)
-class Check:
+@dataclass(frozen=True, repr=False)
+class Check(Printed):
     """What a table holds and what it can test; `print` shows it in plain words."""
 
     source: str

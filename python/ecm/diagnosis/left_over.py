@@ -18,10 +18,10 @@ from scipy import special
 
 from ecm.comparison.residuals import covariates, dependence_variables, factors, features
 from ecm.comparison.structure import LEAST_STRENGTH
-from ecm.diagnosis.problem import Candidate, Problem
+from ecm.diagnosis.problem import ABSORBED_SHARE, Candidate, Problem
 from ecm.diagnosis.search import Estimate, best_shapes, bounded_estimate, delta_chi2
 from ecm.diagnosis.statements import WrongStatement
-from ecm.io.arrays import B, F
+from ecm.io.arrays import B, F, rest_of
 from ecm.io.columns import JOINTS, unit_of
 from ecm.regression.approach import row_before
 from ecm.regression.correlation import SlowNoise, speeds
@@ -312,6 +312,43 @@ def _memory(problem: Problem) -> Iterator[Pattern]:
             said = f"it follows the {words} of the reading before"
             strength = float(np.sqrt(explained / problem.size))
             yield Pattern("time_s", said, test.p, strength, explained=explained)
+
+
+_MOST_RUNS = 12
+
+
+def runs_apart(problem: Problem, effects: Sequence[Candidate]) -> Pattern | None:
+    """Return a wrench of its own for each run, where that explains more than some effects do.
+
+    What drifts from run to run does so within them as well: the effects must err there by more
+    than nothing would. Squares are over chance by the BIC of so many constants.
+    """
+    table = problem.table
+    if not table.has("run") or not 2 <= len(np.unique(table.column("run"))) <= _MOST_RUNS:
+        return None
+    run = table.column("run")
+    own = (run[:, None] == np.unique(run)[1:]).astype(np.float64)
+    own -= own.mean(axis=0)
+    columns = np.einsum("nij,nq->niqj", problem.whitener, own)
+    flat = columns.reshape(*problem.response.shape, -1)
+    every, base = (block.reshape(-1, block.shape[2]) for block in (flat, problem.base_block))
+    left = (rest_of(base, every) ** 2).sum(axis=0)
+    if (left < (1.0 - ABSORBED_SHARE) * (every**2).sum(axis=0)).any():
+        return None  # an input of the base is a level of each run
+    test, beside = (
+        Beside.of(response, flat, problem.base_block, problem.weights).omnibus_test()
+        for response in (problem.response, residual_after(problem, effects))
+    )
+    explained = test.explained / problem.scale - test.dof * np.log(problem.size)
+    named = delta_chi2(problem, effects)
+    if not (np.isfinite(test.F) and explained > named and beside.rest > test.rest):
+        return None
+    words = (
+        "each run has a wrench of its own, which no column tells: something was set or changed "
+        "between the runs"
+    )
+    strength = float(np.sqrt(explained / problem.size))
+    return Pattern("run", words, test.p, strength, explained=explained)
 
 
 _MOST_TERMS = 3

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 OUTLIER_CHANCE = 1e-4
 """Rows less likely than this under the noise count less."""
-_ABSORBED_SHARE = 0.9
+ABSORBED_SHARE = 0.9
 """An effect of which a base absorbs more cannot be tested."""
 _ABSORBED_BY_PHYSICS = 0.995
 """The same for a physics base: its one or two coefficients absorb nothing by chance."""
@@ -217,7 +217,7 @@ def _not_absorbed(
     every: Sequence[ScoreColumns], projection: Projection, base: StiffnessMap
 ) -> tuple[list[ScoreColumns], dict[str, Missing]]:
     """Return the columns that the base does not absorb, and why the others are left out."""
-    most, record = _ABSORBED_SHARE, "[mechanism], so that the physics model is the base"
+    most, record = ABSORBED_SHARE, "[mechanism], so that the physics model is the base"
     if base.kind == "physics":
         most, record = (
             _ABSORBED_BY_PHYSICS,
@@ -230,7 +230,7 @@ def _not_absorbed(
     shares = projection.absorbed_by_each([item.columns for item in every])
     for item, share in zip(every, shares, strict=True):
         own = getattr(item.effect, "most_absorbed", None)
-        if share <= (own or (_ABSORBED_SHARE if item.imitates else most)):
+        if share <= (own or (ABSORBED_SHARE if item.imitates else most)):
             kept.append(item)
         elif not item.imitates:
             absorbed[item.id] = Missing(f"the base absorbs it ({100.0 * share:.0f} %)", record)

@@ -53,6 +53,7 @@ from ecm.diagnosis.statements import (
 from ecm.diagnosis.verdict import Decision, Verdict, classify, said_instead, verdict
 from ecm.effects import Effect
 from ecm.errors import ModelError
+from ecm.io.arguments import listed
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import takes_table
 from ecm.models.fit import choose_base, energy_of_unlike_ends, next_degree, symmetric_energy
@@ -258,7 +259,7 @@ def diagnose(
     *,
     meta: MetaLike = None,
     seed: int = 0,
-    effects: Sequence[str | Effect] | None = None,
+    effects: str | Effect | Sequence[str | Effect] | None = None,
     noise: Noise | None = None,
     settings: DiagnosisSettings = DEFAULTS,
     stages: Stages = STAGES,
@@ -277,7 +278,7 @@ def diagnose(
     seed
         Seed of the random generator of the bootstraps.
     effects
-        Ids or effects to test; default: all that are registered.
+        Ids or effects to test, or one alone; default: all that are registered.
     noise
         Noise of the rows, where it is known better than the table tells.
     settings
@@ -311,7 +312,7 @@ def diagnose(
             model,
             table,
             seed=seed,
-            effects=effects,
+            effects=None if effects is None else listed(effects),
             noise=noise,
             settings=settings,
             stages=stages,
@@ -378,14 +379,16 @@ def find_missing(
 
 def _with_family(decision: Decision) -> Decision:
     """Return the decision with the family in place of `unknown`, where one is sure."""
-    if decision.unknown is None or decision.misread:
+    unknown = decision.unknown
+    of_runs = unknown is not None and unknown.variables == ("run",)
+    if unknown is None or decision.misread or of_runs:
         return decision
     family = find_family(decision.problem)
     if family is None:
         return decision
     first = [family.column] if family.column else []
-    variables = tuple(dict.fromkeys([*first, *decision.unknown.variables]))
-    unknown = replace(decision.unknown, template=family.draft, variables=variables)
+    variables = tuple(dict.fromkeys([*first, *unknown.variables]))
+    unknown = replace(unknown, template=family.draft, variables=variables)
     return replace(decision, verdict="family", unknown=unknown, family=family)
 
 

@@ -228,7 +228,7 @@ class OutsideCause:
     """What would tell it apart."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Diagnosis(Shown):
     """What is missing, what this rests on, and what cannot be told.
 

@@ -303,16 +303,40 @@ def explains_more_than_its_plain_form(
     problem: Problem, chosen: Sequence[Candidate], item: Candidate
 ) -> bool:
     """Whether the effect explains more than its plain form in its place, by the least BIC."""
+    found = _beyond_plain_form(problem, chosen, item)
+    return found is None or found[0] > 0.0
+
+
+def surpasses_its_plain_form(
+    problem: Problem, chosen: Sequence[Candidate], item: Candidate
+) -> bool:
+    """Whether its own sign also explains most of what its plain form, in its place, leaves.
+
+    A form that is not quite the truth's is alike with and without that sign.
+    """
+    found = _beyond_plain_form(problem, chosen, item)
+    return found is not None and found[0] > 0.0 and found[1] > _MOST_OF_IT
+
+
+def _beyond_plain_form(
+    problem: Problem, chosen: Sequence[Candidate], item: Candidate
+) -> tuple[float, float] | None:
+    """Fall of BIC beyond the least against the plain form, and its share of what that leaves."""
     plain = item.effect.plain_form()
     if plain is None:
-        return True
+        return None
     wider, (other,) = with_more(problem, (plain,))
     others = without(chosen, item)
-    gain = delta_chi2(wider, (*others, item)) - delta_chi2(wider, (*others, other))
+    known = delta_chi2(wider, (*others, other))
+    gain = delta_chi2(wider, (*others, item)) - known
     price = np.log(problem.size) * max(0, item.parameters - other.parameters)
-    return bool(gain > problem.settings.least_bic + price)
+    left = problem.squares_beside_base / problem.scale - known
+    share = gain / max(left - problem.size, 1e-300)
+    return gain - price - problem.settings.least_bic, share
 
 
+_MOST_OF_IT = 0.5
+"""Share of what a plain form leaves beyond the noise that an effect's own sign must explain."""
 _SLACK = 1e-9
 
 

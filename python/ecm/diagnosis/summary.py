@@ -296,7 +296,9 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
 def _of_unknown(unknown: Mapping[str, Any]) -> Iterator[str]:
     if "slow_noise" in unknown:
         yield "a pause, or the same motion again or at another speed"
-    if unknown.get("variables"):
+    if unknown.get("variables") == ["run"]:
+        yield "record in a column what was set or changed between the runs: a pressure, a weight"
+    elif unknown.get("variables"):
         alone = ", then ".join(unknown["variables"][:2])
         yield f"measure again and vary {alone} alone: the residual follows it"
 

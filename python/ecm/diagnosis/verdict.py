@@ -29,6 +29,7 @@ from ecm.diagnosis.left_over import (
     describe_residual,
     find_pattern,
     residual_after,
+    runs_apart,
 )
 from ecm.diagnosis.preparation import Prepared
 from ecm.diagnosis.problem import Problem
@@ -178,6 +179,9 @@ def _pattern_instead(
     """
     if not accepted.effects:
         return None if still else white(problem)
+    runs = runs_apart(problem, accepted.effects)
+    if runs is not None:
+        return runs
     pattern = white(problem)
     if pattern is None or pattern.explained <= delta_chi2(problem, accepted.effects):
         return None

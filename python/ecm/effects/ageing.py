@@ -91,7 +91,7 @@ class TemperatureModulus(LinearEffect):
         """-(T - T0) h."""
         temperature = rows.table.column("temperature_degC")
         zero = temperature.mean() if self.reference_degC is None else self.reference_degC
-        return np.asarray(-((temperature - zero)[:, None] * rows.wrench)[:, :, None])
+        return np.asarray(-((temperature - zero)[:, None] * rows.material_wrench)[:, :, None])
 
 
 class Ageing(LinearEffect):
@@ -115,7 +115,7 @@ class Ageing(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """t h."""
-        return np.asarray((rows.time_s()[:, None] * rows.wrench)[:, :, None])
+        return np.asarray((rows.time_s()[:, None] * rows.material_wrench)[:, :, None])
 
 
 @dataclass(eq=False)
@@ -194,12 +194,12 @@ class MullinsSoftening(LinearEffect):
             lost = np.tanh(below / max(width, 1e-300))
         else:
             lost = below / np.maximum(below + width, 1e-300)
-        return np.asarray(-(lost[:, None] * rows.wrench)[:, :, None])
+        return np.asarray(-(lost[:, None] * rows.material_wrench)[:, :, None])
 
     def _size(self, rows: Rows) -> F:
         """(N,) the measure of load: a force, the energy, the largest tilt and twist, or reach."""
         if self.load_width is not None:
-            return _load(rows.wrench, rows.base.outputs)
+            return _load(rows.material_wrench, rows.base.outputs)
         away = rows.poses - rows.rest_pose
         if self.measure == "energy":
             return np.asarray(0.5 * np.abs((away * rows.wrench).sum(axis=1)))

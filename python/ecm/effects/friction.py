@@ -202,6 +202,79 @@ class Hysteresis(LinearEffect):
         return wrench_of(rows.poses, friction * k / metric)[:, :, None]
 
 
+@dataclass(eq=False)
+class SealFriction(LinearEffect):
+    """(c + g a) z / y along pairs of columns: springs that slip, as of `hysteresis`.
+
+    What presses the sliding faces together is the input a of an actuator: the pressure behind a
+    seal, the tension in a sheath. Both c and g lose work.
+    """
+
+    id = "seal_friction"
+    physics = "Friction of a seal or sheath grows with the input of an actuator."
+    outside = LookAlike(
+        "anything that lags behind the motion by more at more pressure: a throttle, a regulator",
+        "the same strokes at a third of the speed, at two pressures",
+    )
+    signature = "changes its sign with the direction of motion, and grows with the input"
+    needs = "time (time_s), motion both ways, and pressure_1_Pa that varies"
+    kind = "time"
+    rivals = {"hysteresis": "both_sides", "viscous_damping": "two_speeds"}
+
+    of: str = ""
+    """Pairs of columns (`ecm.effects.pairs`) along which springs slip."""
+    slip: str = ""
+    """Path to the slip of each pose column of the pairs, m or rad."""
+    by: str = ""
+    """Column of the input."""
+
+    def __post_init__(self) -> None:
+        constant = per_pair(self.of, "friction", lower=0.0)
+        growth = [
+            replace(one, name=f"{one.name}_growth", unit=f"{one.unit}/{unit}", scale=scale)
+            for one in constant
+            for unit, scale in [("Pa", 1e-5 * one.scale) if "Pa" in self.by else ("N", 0.1)]
+        ]
+        self.parameters = (*constant, *growth)
+        if self.by:
+            self.physics = f"Friction of a seal or sheath grows with {self.by}."
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs an input that varies, and motion both ways."""
+        if not any(np.ptp(table.column(name)) > 0.0 for name in table.actuation_columns):
+            return Missing("no input of an actuator varies", "pressure_1_Pa at two pressures")
+        return needs_both_ways(table)
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Springs of each path, by each input that varies."""
+        plain = Hysteresis(of="").variants(table)
+        return tuple(
+            SealFriction(str(form.shape["of"]), str(form.shape["slip"]), name)
+            for name in table.actuation_columns
+            if np.ptp(table.column(name)) > 0.0
+            for form in plain
+        )
+
+    def plain_form(self) -> Effect:
+        """Friction that is alike at every input."""
+        return self._springs
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Paths to the slip between this one and its neighbours."""
+        others = self._springs.refined(table, round_)
+        return tuple(replace(self, slip=str(other.shape["slip"])) for other in others)
+
+    @property
+    def _springs(self) -> Hysteresis:
+        return Hysteresis(of=self.of, slip=self.slip)
+
+    def columns(self, rows: Rows) -> F:
+        """(N, m, 2 k) the springs' forces, and these times the input."""
+        springs = self._springs.columns(rows)
+        a = rows.table.column(self.by)[:, None, None]
+        return np.concatenate([springs, a * springs], axis=2)
+
+
 def _paths(table: Table) -> list[float]:
     """Paths to the slip in m: a spring that never slips would be a stiffness."""
     poses = table.measured().poses
@@ -212,3 +285,5 @@ def _paths(table: Table) -> list[float]:
 
 EFFECTS = (Hysteresis(),)
 FEW = (Hysteresis(of=""),)
+ACTUATED_FEW = (SealFriction(),)
+"""Effects of tables with actuators and fewer than the twelve columns."""

@@ -127,12 +127,13 @@ def _of_losing_loops(table: Table, found: Sequence[str]) -> list[str]:
 
 
 def _beside_poses_and_loads(table: Table, outputs: Sequence[str]) -> F:
-    """(N, m) what smooth functions of the pose and the user's own columns leave of the wrench."""
+    """(N, m) what functions of the pose, of inputs and of own columns leave of the wrench."""
     poses = table.matrix(tuple(spans(table)))
     poses = (poses - poses.mean(axis=0)) / poses.std(axis=0)
     k = poses.shape[1]
     copies = derived_columns(table, table.pose_columns, table.wrench_columns)
-    own = [np.nan_to_num(table.column(name)) for name in table.covariates if name not in copies]
+    names = (*table.actuation_columns, *table.covariates)
+    own = [np.nan_to_num(table.column(name)) for name in names if name not in copies]
     columns = [np.ones(len(table)), *poses.T, *(poses**3).T]
     columns += [poses[:, i] * poses[:, j] for i in range(k) for j in range(i, k)]
     columns += [u - u.mean() for u in own if float(np.ptp(u)) > 0.0]

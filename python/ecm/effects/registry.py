@@ -62,7 +62,9 @@ _ALONG = {effect.id: effect for effect in _listed("FEW")}
 _FEW_ONLY = tuple(_ALONG[id] for id in _ALONG if all(id != effect.id for effect in _CATALOGUE))
 """Effects of tables of few columns; of larger ones each own column alone (`effects_of`)."""
 _ACTUATED = _listed("ACTUATED")
-"""Effects of tables with actuators."""
+"""Effects of tables with actuators,"""
+_ACTUATED_FEW = _listed("ACTUATED_FEW")
+"""and of those of fewer columns."""
 _UNUSED = unused_column.FEW[0]
 _own: dict[str, Effect] = {}
 
@@ -91,7 +93,7 @@ def effects_of_actuators() -> tuple[Effect, ...]:
     >>> effects_of_actuators()[0].id
     'pressure_offset'
     """
-    return _ACTUATED
+    return (*_ACTUATED, *_ACTUATED_FEW)
 
 
 def get_effect(id: str) -> Effect:
@@ -117,7 +119,8 @@ def get_effect(id: str) -> Effect:
     >>> get_effect("payload").parameters[0].unit
     'kg'
     """
-    known = {effect.id: effect for effect in (*all_effects(), *_FEW_ONLY, *_ACTUATED)}
+    every = (*all_effects(), *_FEW_ONLY, *effects_of_actuators())
+    known = {effect.id: effect for effect in every}
     if id in known:
         return known[id]
     stem, _, column = id.partition(":")
@@ -226,7 +229,8 @@ def effects_of(table: Table, given: Sequence[Effect] | None = None) -> tuple[Eff
     """
     effects = effects_for((*table.pose_columns, *table.wrench_columns), given)
     if given is None and table.actuation_columns:
-        effects = (*effects, *_ACTUATED)
+        more = _ACTUATED if is_full(table.columns) else _ACTUATED_FEW
+        effects = (*effects, *more)
     plain = [effect for effect in effects if effect is not _UNUSED]
     if given is not None and len(plain) == len(effects):
         return effects

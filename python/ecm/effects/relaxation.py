@@ -271,7 +271,7 @@ class StressRelaxation(LinearEffect):
         if not self.overstress:
             dwell = rows.table.column("dwell_s")
             rests = np.where(np.isfinite(dwell), dwell, np.inf)[:, None] / np.asarray(taus)
-            return np.asarray(np.exp(-rests)[:, None, :] * rows.wrench[:, :, None])
+            return np.asarray(np.exp(-rests)[:, None, :] * rows.material_wrench[:, :, None])
         if self.frame == "middle":
             if self.overstress == "linear":
                 driven = mid_frame(rows.poses, rows.length_m) * rest_stiffness(rows).along
@@ -279,7 +279,7 @@ class StressRelaxation(LinearEffect):
                 driven = generalised(rows.poses, rows.wrench)
             forces = [hereditary(rows.table, driven, tau) for tau in taus]
             return np.stack([wrench_of(rows.poses, force) for force in forces], axis=2)
-        driven = rows.wrench
+        driven = rows.material_wrench
         if self.overstress == "linear":
             driven = _from_rest(rows) @ rows.stiffness.mean(axis=0).T
         made = np.stack([hereditary(rows.table, driven, tau) for tau in taus], axis=2)
@@ -330,7 +330,7 @@ def _from_rest(rows: Rows) -> F:
     deflection = np.zeros_like(rows.poses)
     for order in order_of_visits(rows.table):
         deflection[order] = rows.poses[order] - rows.poses[order[0]]
-    return deflection
+    return deflection * rows.of_pose
 
 
 def over_visits(rows: Rows, tau_s: float, frame: str = "") -> F:

@@ -16,6 +16,7 @@ from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F
 from ecm.io.events import Progress, Steps
 from ecm.io.mechanism import MODELS, TESTS, WITH_TERMS, Material
+from ecm.io.printed import Printed
 from ecm.io.toml import did_you_mean, read_text
 
 _STRESS_UNITS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6}
@@ -106,8 +107,8 @@ def _numbers(cells: Sequence[str]) -> list[float] | None:
         return None
 
 
-@dataclass(frozen=True)
-class MaterialFit:
+@dataclass(frozen=True, repr=False)
+class MaterialFit(Printed):
     """A material identified from tests, and what is known about its errors."""
 
     material: Material
@@ -123,6 +124,15 @@ class MaterialFit:
     covered: tuple[float, float]
     """Uniaxial stretches that the tests cover; an equibiaxial one at l counts as l^-2."""
     warnings: tuple[str, ...]
+
+    def __str__(self) -> str:
+        pairs = zip(self.names, self.values, self.sd, strict=True)
+        misfit = ", ".join(f"{mode} {share:.1%}" for mode, share in self.rms.items())
+        return "\n".join(
+            [f"{self.material.model}: misfit {misfit}"]
+            + [f"{name} = {value:.5g} +- {sd:.2g}" for name, value, sd in pairs]
+            + list(self.warnings)
+        )
 
 
 _LONGER = 6

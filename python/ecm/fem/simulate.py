@@ -39,6 +39,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.extras import DaskClient
 from ecm.io.mechanism import Mechanism
+from ecm.io.printed import Printed
 from ecm.io.settings import Checked, setting
 from ecm.io.table import Table
 
@@ -443,7 +444,7 @@ _CASES_WITHOUT_PAIR = 1280  # after so many FEM cases without a pair the workspa
 
 
 @dataclass(frozen=True, repr=False)
-class Simulated:
+class Simulated(Printed):
     """Wrench-pose pairs by FEM, in the order of the wrenches.
 
     The result of `simulate`, and of `solve_wrenches`, where a wrench that has no stable pose keeps

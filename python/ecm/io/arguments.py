@@ -83,6 +83,17 @@ def hints_of(annotated: Any) -> dict[str, Any]:
     return _hints[annotated]
 
 
+def listed(given: Any) -> list[Any]:
+    """A list of what may be given alone, such as a name.
+
+    Examples
+    --------
+    >>> listed("payload"), listed(["payload", "fts_drift"]), listed(())
+    (['payload'], ['payload', 'fts_drift'], [])
+    """
+    return list(given) if _is_sequence(given) else [given]
+
+
 def check_type(name: str, value: Any, hint: Any) -> None:
     """Raise InputError where a value does not fit an annotation."""
     if not _fits(value, hint):
@@ -99,7 +110,7 @@ def _fits(value: Any, hint: Any) -> bool:  # noqa: PLR0911 - one return a kind o
     if origin in (Any, object) or isinstance(hint, str):
         return True
     if origin is np.ndarray:
-        return _is_array(value)
+        return is_array(value)
     if origin in (Union, types.UnionType):
         return any(_fits(value, option) for option in options)
     if origin is Literal:
@@ -127,7 +138,8 @@ def _is_sequence(value: Any) -> bool:
     return isinstance(value, Sequence) and not isinstance(value, (str, bytes))
 
 
-def _is_array(value: Any) -> bool:
+def is_array(value: Any) -> bool:
+    """Whether a value is an array of numbers, or numbers that make one."""
     if isinstance(value, (str, bytes, Mapping)) or value is None:
         return False
     try:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ecm.errors import InputError
-from ecm.io.arguments import check_arguments
+from ecm.io.arguments import check_arguments, is_array, listed
 from ecm.io.arrays import B, F, I
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, TEXT, WRENCH, actuation_columns, close_name, is_standard
@@ -201,9 +201,9 @@ class Table:
             return self.columns[name].astype(object)
         return np.full(len(self), "", dtype=object)
 
-    def matrix(self, names: Sequence[str]) -> F:
-        """Return these columns as (N, len(names))."""
-        return np.column_stack([self.column(name) for name in names]).astype(np.float64)
+    def matrix(self, names: str | Sequence[str]) -> F:
+        """Return these columns, or one alone, as (N, len(names))."""
+        return np.column_stack([self.column(name) for name in listed(names)]).astype(np.float64)
 
     @property
     def poses(self) -> F:
@@ -518,7 +518,7 @@ def takes_table(
     name
         The argument that becomes a Table.
     or_array
-        Whether an array, such as poses (N, 6), stays what it is.
+        Whether numbers, such as poses (N, 6), become an array instead.
 
     Examples
     --------
@@ -537,8 +537,10 @@ def takes_table(
             given = parameters.bind(*args, **kwargs)
             check_arguments(function, given.arguments)
             data, meta = given.arguments[name], given.arguments.get("meta")
-            if not (or_array and isinstance(data, np.ndarray) and data.dtype.names is None):
-                given.arguments[name] = as_table(data, meta=meta, need=need)
+            array = or_array and is_array(data) and not hasattr(data, "columns")
+            given.arguments[name] = (
+                np.asarray(data) if array else as_table(data, meta=meta, need=need)
+            )
             return function(*given.args, **given.kwargs)
 
         return at_the_door

@@ -12,6 +12,7 @@ from ecm.errors import InputError
 from ecm.io.events import Progress
 from ecm.io.extras import read_parquet, readable, require
 from ecm.logs.log import Log, Stream, join_streams, log_of_arrays
+from ecm.logs.questions import Answer, Question
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _DEEPEST = 6
@@ -249,7 +250,12 @@ def _check_one_of_each(streams: Sequence[Stream], path: Path) -> None:
     for kind in ("wrench", "pose", "joints"):
         names = [s.name for s in streams if s.kind == kind]
         if len(names) > 1:
-            raise InputError(
+            others = [s.name for s in streams if s.kind != kind]
+            raise Question(
                 f"{path}: {len(names)} streams hold a {kind.removesuffix('s')}: "
-                f"{', '.join(names)}. Which one is meant? Give --topic for each that is used."
+                f"{', '.join(names)}. Which one is meant? Give --topic for each that is used.",
+                *(
+                    Answer({"topics": [name, *others]}, f"its {kind} is taken from {name}")
+                    for name in names
+                ),
             )

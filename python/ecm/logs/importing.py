@@ -14,15 +14,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.errors import InputError, Remedy, shortened
-from ecm.io.arguments import check_arguments
+from ecm.errors import EcmError, InputError, Remedy, shortened
+from ecm.io.arguments import check_arguments, listed
 from ecm.io.cache import write_atomically
-from ecm.io.columns import POSE, given_units
+from ecm.io.columns import POSE
 from ecm.io.csv import BadRows, check_names, write_csv
 from ecm.io.description import FileMeta, Meta, as_meta, row_ranges, shown_ranges
 from ecm.io.events import Progress
 from ecm.io.frames import ORDERS
 from ecm.io.interrupts import uninterrupted
+from ecm.io.printed import Printed
 from ecm.io.sanity import order_warning, samples_s
 from ecm.io.table import MetaLike, Table, as_table
 from ecm.io.toml import did_you_mean, refuse_pipe
@@ -38,7 +39,8 @@ from ecm.logs.containers import (
 )
 from ecm.logs.log import Log, log_of_object
 from ecm.logs.mapping import propose
-from ecm.logs.names import read_name
+from ecm.logs.names import given_units, read_name
+from ecm.logs.questions import Answer, Question
 from ecm.logs.sources import (
     ColumnMap,
     UserChoices,
@@ -59,8 +61,8 @@ _MOST_WORDS = 8
 """Words of a column that tells experiments apart that are listed with their numbers."""
 
 
-@dataclass(frozen=True)
-class ImportedLog:
+@dataclass(frozen=True, repr=False)
+class ImportedLog(Printed):
     """A log as a measurement table, and what was understood.
 
     Parameters
@@ -89,6 +91,8 @@ class ImportedLog:
     meta: Meta
     source: str
     notes: tuple[str, ...]
+    missing: tuple[Answer, ...] = ()
+    """What else may be the pose or the wrench that no name tells (questions.py)."""
 
     @property
     def table(self) -> Table:
@@ -138,9 +142,9 @@ def import_log(  # noqa: PLR0913 - one for each question that a log may raise
     *,
     columns: Mapping[str, str] | None = None,
     rotation: str = "",
-    units: Sequence[str] = (),
+    units: str | Sequence[str] = (),
     axis: str = "",
-    topics: Sequence[str] = (),
+    topics: str | Sequence[str] = (),
     group: str = "",
     meta: MetaLike = None,
     leave_out: bool = False,
@@ -159,11 +163,11 @@ def import_log(  # noqa: PLR0913 - one for each question that a log may raise
         or `xyz`, `grood-suntay-right` or `-left`; with `:COLUMN,COLUMN,...` where names do not
         tell its columns.
     units
-        Units of columns that state none: `["SI"]`, or words such as `["mm", "deg", "N mm"]`.
+        Units of columns that state none: `"SI"`, or words such as `"mm,deg,N mm"`, also as a list.
     axis
         Axis of columns without one in their name: x, y or z.
     topics
-        Topics of a bag with several poses or wrenches.
+        Topics of a bag with several poses or wrenches, or one alone.
     group
         Column of the log whose equal values, numbers or words, are one experiment: the rows of one
         stay together when rows are held out.
@@ -190,15 +194,16 @@ def import_log(  # noqa: PLR0913 - one for each question that a log may raise
     Examples
     --------
     >>> angles = {"flexion": [0.0, 10.0], "adduction": [0.0, 0.0], "internal": [0.0, 0.0]}
-    >>> log = import_log(angles, rotation="grood-suntay-left", units=["deg"])
+    >>> log = import_log(angles, rotation="grood-suntay-left", units="deg")
     >>> log.table["theta_x_rad"].round(4)
     array([ 0.    , -0.1745])
     """
     check_arguments(import_log, locals())
-    raw, source, digest = log if isinstance(log, ReadLog) else read_log(log, topics)
+    raw, source, digest = log if isinstance(log, ReadLog) else read_log(log, listed(topics))
+    usual = [word for given in listed(units) for word in given.split(",") if word.strip()]
     if axis not in ("", "x", "y", "z"):
         raise InputError(f"--axis {axis}: expected x, y or z")
-    choices = UserChoices(dict(columns or {}), rotation, given_units(units), axis)
+    choices = UserChoices(dict(columns or {}), rotation, given_units(usual), axis)
     raw, grouped_by = _with_group(raw, group, source) if group else (raw, "")
     mapped = propose(raw, choices, source)
     given = as_meta(meta)
@@ -247,7 +252,83 @@ def import_log(  # noqa: PLR0913 - one for each question that a log may raise
     every = (*raw.notes, *notes, *time_notes)
     origin = {"source": source, "sha256": digest} | words | {"notes": list(every)}
     described = replace(given, file=_file(table, given.file), leave_out=left, origin=origin)
-    return ImportedLog(table, described, source, every)
+    return ImportedLog(table, described, source, every, mapped.missing)
+
+
+_MOST_TRIED = 24
+"""Imports that are tried for a log that leaves questions open."""
+
+
+def answered(
+    log: Any, options: Mapping[str, Any], *, whole: bool = False
+) -> tuple[Answer, ImportedLog] | None:
+    """Return what makes a table of a log whose names or units leave questions open.
+
+    Parameters
+    ----------
+    log
+        As `import_log` takes it.
+    options
+        What the user said: options of `import_log`.
+    whole
+        Whether the table must have a pose and a wrench.
+
+    Returns
+    -------
+    tuple
+        The options to add with what they take for granted, and what they import; None where
+        nothing is known.
+
+    Examples
+    --------
+    >>> found, imported = answered({"ux": [0.0, 20.0], "load": [0.0, 3.0]}, {})
+    >>> found.options
+    {'axis': 'x', 'units': ['mm', 'N']}
+    """
+    reads: dict[tuple[str, ...], ReadLog] = {}
+    ways = [Answer()]
+    for _ in range(_MOST_TRIED):
+        if not ways:
+            break
+        way = ways.pop(0)
+        said = _merged(options, way.options)
+        topics = tuple(said.pop("topics", ()))
+        try:
+            if not isinstance(log, ReadLog) and topics not in reads:
+                reads[topics] = read_log(log, topics)
+            imported = import_log(reads.get(topics, log), **said)
+            table = imported.table
+        except Question as question:
+            answers = question.answers
+        except BadRows:
+            answers = (Answer({"leave_out": True}, "rows that are no measurement are left out"),)
+        except (EcmError, OSError, ValueError):
+            continue
+        else:
+            if not whole or (table.pose_columns and table.wrench_columns):
+                units = ", ".join(way.options.get("units", ()))
+                words = f"numbers without a unit are taken as {units}" if units else ""
+                return Answer(way.options, _joined(way.words, words)), imported
+            answers = imported.missing
+        # Depth first: what follows from the likeliest answer comes before the next answer.
+        ways[:0] = [
+            Answer(_merged(way.options, answer.options), _joined(way.words, answer.words))
+            for answer in answers
+        ]
+    return None
+
+
+def _joined(*words: str) -> str:
+    return "; ".join(filter(None, words))
+
+
+def _merged(options: Mapping[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of `import_log` and more of them; columns and units are added."""
+    merged = {**options, **more}
+    for name in {"columns", "units"} & options.keys() & more.keys():
+        both = options[name], more[name]
+        merged[name] = {**both[0], **both[1]} if name == "columns" else [*both[0], *both[1]]
+    return merged
 
 
 def _with_group(log: Log, group: str, source: str) -> tuple[Log, str]:

@@ -12,6 +12,7 @@ from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH, Unit, is_standard, likely_name
 from ecm.logs.log import Log, unique_names
 from ecm.logs.names import QUANTITIES, Guess, Named, read_name, trailing_units
+from ecm.logs.questions import Answer, Question, missing, named_as
 from ecm.logs.sources import (
     COUNT,
     ColumnMap,
@@ -55,9 +56,14 @@ def rotation_of(
         word = _word(kind, columns, named, source)
     elif groups:
         shown = " or ".join(f"{kind} ({', '.join(names)})" for kind, names in groups.items())
-        raise InputError(
-            f"{source}: the rotation may be {shown}. Say which with --rotation WORD:COLUMN,..."
-        )
+        raise Question(
+            f"{source}: the rotation may be {shown}. Say which with --rotation WORD:COLUMN,...",
+            *(
+                Answer({"rotation": f"{QUANTITIES[kind].rotation[0]}:{','.join(names)}"},
+                       f"{', '.join(names)} are taken as {QUANTITIES[kind].rotation[0]}")
+                for kind, names in groups.items()
+            ),
+        )  # fmt: skip
     else:
         return None
     if COUNT.get(word, 3) != 3:
@@ -83,9 +89,13 @@ def _word(kind: str, columns: Sequence[str], named: Mapping[str, Named], source:
     if len(words) == 1 or (kind == "matrix" and len(parts) == 18):
         return words[0]
     first, second = words
-    raise InputError(
+    raise Question(
         f"{source}: {', '.join(columns)} may be {QUANTITIES[kind].question}. Say which: "
-        f"--rotation {first} or --rotation {second}"
+        f"--rotation {first} or --rotation {second}",
+        *(
+            Answer({"rotation": word}, f"{', '.join(columns)} are taken as {word}")
+            for word in words
+        ),
     )
 
 
@@ -167,25 +177,44 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
             continue
         if len(standards) > 1:
             first, second = sorted(standards)[:2]
-            raise InputError(
+            raise Question(
                 f"{source}: column '{name}' may be {first} or {second}. Say which: "
-                f"--map {first}={name} or --map {second}={name}"
+                f"--map {first}={name} or --map {second}={name}",
+                *(named_as(standard, name) for standard in _likely(standards, sure, rotation)),
             )
         if guesses and not standards and guesses[0].quantity in _WITHOUT_AXIS:
-            _ask_axis(name, guesses[0], source)
+            _ask_axis(name, guesses[0], source, sure)
         for standard in standards - choices.columns.keys():
             if standard in found:
-                raise InputError(
-                    f"{source}: columns '{found[standard].column}' and '{name}' may both be "
+                first = found[standard].column
+                raise Question(
+                    f"{source}: columns '{first}' and '{name}' may both be "
                     f'{standard}. Say which: --map "{standard}={name}" or '
-                    f'--map "{standard}={found[standard].column}"'
+                    f'--map "{standard}={first}"',
+                    named_as(standard, first),
+                    named_as(standard, name),
                 )
             found[standard] = Source(name, stated_unit(name, standard, own, choices))
             used.add(name)
     ask_units(found, log, source)
     left = [name for name in named if name not in used]
     own_names = unique_names(map(_own_name, left), taken=found)
-    return ColumnMap(found, rotation, dict(zip(left, own_names, strict=True)), tuple(notes))
+    known = {*found, *used, *(POSE[3:] if rotation is not None else ())}
+    return ColumnMap(
+        found,
+        rotation,
+        dict(zip(left, own_names, strict=True)),
+        tuple(notes),
+        missing(log, named, known),
+    )
+
+
+def _likely(
+    standards: Collection[str], sure: Collection[str], rotation: RotationSource | None
+) -> list[str]:
+    """The likeliest first: the time, and of tx what the log lacks, a pose or a wrench."""
+    posed = rotation is not None or not {"position", "rotvec"}.isdisjoint(sure)
+    return sorted(standards, key=lambda name: (name != "time_s", (name in POSE) == posed, name))
 
 
 def _doubtful(guesses: Sequence[Guess], standards: set[str]) -> set[str]:
@@ -287,14 +316,20 @@ def _settled(
     return left
 
 
-def _ask_axis(name: str, guess: Guess, source: str) -> None:
+def _ask_axis(name: str, guess: Guess, source: str, sure: Collection[str]) -> None:
     if guess.part == "":
+        turns = "position" not in sure and not {"rotation", "torque"}.isdisjoint(sure)
+        axis = "z" if turns else "x"
         what = "displacement" if guess.quantity == "position" else guess.quantity
         along_x = QUANTITIES[guess.quantity].standard[0]
-        raise InputError(
+        raise Question(
             f"{source}: column '{name}' is a {what} without an axis: along (or about) the "
             "mechanism's own axis, which is x, or across it? Say --axis x, or --axis y or z; where "
-            f'several have none, each by itself: --map "{along_x}={name}"'
+            f'several have none, each by itself: --map "{along_x}={name}"',
+            Answer(
+                {"axis": axis},
+                f"its axis is taken as {axis} (x is along the mechanism, y and z across it)",
+            ),
         )
 
 

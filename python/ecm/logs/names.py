@@ -7,10 +7,12 @@ that tells two quantities gets both: who asks decides by what else the log holds
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from ecm.io.columns import POSE, WRENCH, Unit, find_unit, is_other_unit, is_standard
+from ecm.io import columns
+from ecm.io.columns import POSE, WRENCH, Unit, is_other_unit, is_standard
 
 
 class Quantity(NamedTuple):
@@ -33,7 +35,7 @@ QUANTITIES = {
     "position": Quantity(
         "length",
         "pos position p u d disp displ displacement deflection translation trans location loc "
-        "coordinate extension stroke elongation weg verschiebung",
+        "coordinate extension stroke elongation travel crosshead weg verschiebung",
         standard=POSE[:3],
     ),
     "force": Quantity("force", "f force load kraft", standard=WRENCH[:3]),
@@ -73,6 +75,8 @@ QUANTITIES = {
         "time", "t time timestamp stamp timestamps elapsed zeit clock", "", ("time_s",)
     ),
     "temperature": Quantity("temperature", "temp temperature", "", ("temperature_degC",)),
+    "strain": Quantity("strain", "strain stretch dehnung"),
+    "stress": Quantity("stress", "stress"),
 }
 
 
@@ -120,6 +124,15 @@ class Named:
         return next((guess.part for guess in self.guesses if guess.quantity == quantity), "")
 
 
+_MATERIAL = {"%": Unit("%", "strain", 0.01)} | {
+    word: Unit(word, dimension, factor)
+    for dimension, words in (
+        ("strain", {"pct": 0.01, "percent": 0.01, "mm/mm": 1.0, "m/m": 1.0, "in/in": 1.0}),
+        ("stress", {"pa": 1.0, "kpa": 1e3, "mpa": 1e6, "gpa": 1e9, "psi": 6894.757293168}),
+    )
+    for word, factor in words.items()
+}
+"""Units of strains and stresses, which alone are no pose and no wrench."""
 _AXES = ("x", "y", "z")
 _QUANTITIES: dict[str, list[str]] = {}
 for _quantity, _row in QUANTITIES.items():
@@ -161,6 +174,47 @@ _NOT_MEASURED = frozenset(
 """Words of numbers that belong to a pose or wrench but are no reading of it."""
 
 
+_OF_CHAMBERS = {
+    "pressure": {"pa": 1.0, "kpa": 1e3, "mpa": 1e6, "mbar": 100.0, "bar": 1e5, "psi": 6894.757293},
+    "volume": {"m3": 1.0, "cm3": 1e-6, "mm3": 1e-9, "l": 1e-3, "ml": 1e-6, "µl": 1e-9, "ul": 1e-9},
+}
+"""Units of pressures and volumes, which only chambers have."""
+_CHAMBER = re.compile(r"(?:p|pressure|druck)[\s_.-]*([1-9][0-9]*)[\s_]*[\s_\[(]([a-z]+)[\])]?")
+
+
+def find_unit(word: str) -> Unit | None:
+    """Return the unit of a word, also of a pressure or a volume; None for no unit.
+
+    Examples
+    --------
+    >>> find_unit("bar"), find_unit("N mm").factor
+    (Unit(word='bar', dimension='pressure', factor=100000.0, offset=0.0), 0.001)
+    """
+    return columns.find_unit(word) or _of_chambers(word)
+
+
+def _of_chambers(word: str) -> Unit | None:
+    bare = word.strip(" []()")
+    small = bare.lower().replace("³", "3").replace("^", "")
+    dimension = next((name for name, own in _OF_CHAMBERS.items() if small in own), "")
+    return Unit(bare, dimension, _OF_CHAMBERS[dimension][small]) if dimension else None
+
+
+def given_units(words: Sequence[str]) -> dict[str, Unit]:
+    """Return the unit of each dimension, as `ecm.io.columns.given_units`, also of chambers.
+
+    Examples
+    --------
+    >>> given_units(["mm", "bar"])["pressure"].factor
+    100000.0
+    """
+    own = [unit for word in words if (unit := _of_chambers(word)) is not None]
+    others = columns.given_units([word for word in words if _of_chambers(word) is None])
+    si = ("Pa", "m3") if any(word.strip().upper() == "SI" for word in words) else ()
+    stated = [unit for word in si if (unit := _of_chambers(word)) is not None] + own
+    return others | {unit.dimension: unit for unit in stated}
+
+
 def read_name(name: str, unit_word: str = "") -> Named:
     """Return what a column's name may mean.
 
@@ -180,9 +234,11 @@ def read_name(name: str, unit_word: str = "") -> Named:
     ['position', 'torque']
     >>> read_name("Force X (V)").guesses, read_name("Force X limit").guesses
     ((), ())
+    >>> read_name("P1 [kPa]").guesses[0].part
+    'pressure_1_Pa'
     """
-    if is_standard(name):
-        return Named((Guess("standard", name),))
+    if (sure := _sure(name, unit_word)) is not None:
+        return sure
     unit = find_unit(unit_word) if unit_word else None
     bracket = re.fullmatch(r"(.*?)[\s_]*[\[(]\s*([^\[\]()]*?)\s*[\])]\s*", name)
     if bracket is not None and bracket[1]:
@@ -192,9 +248,10 @@ def read_name(name: str, unit_word: str = "") -> Named:
     if comma is not None and find_unit(comma[2]) is not None:
         name, unit = comma[1], unit or find_unit(comma[2])
     tokens = _tokens(name)
+    material = _of_material(tokens, unit_word)
     last = tokens[-1] if len(tokens) > 1 else ""
-    if is_other_unit(unit_word) or is_other_unit(last):
-        return Named(())
+    if material is not None or is_other_unit(unit_word) or is_other_unit(last):
+        return material or Named((), Unit(unit_word or last, "other"))
     for size in (2, 1):
         found = find_unit("".join(tokens[-size:])) if len(tokens) > size else None
         if found is None or _NOT_MEASURED.intersection(tokens[:-size]):
@@ -213,6 +270,30 @@ def read_name(name: str, unit_word: str = "") -> Named:
     if unit is not None:
         guesses = tuple(r for r in guesses if r.dimension == unit.dimension)
     return Named(guesses, unit)
+
+
+def _sure(name: str, unit_word: str) -> Named | None:
+    """What a name of this project means, and a numbered pressure with its unit."""
+    if is_standard(name):
+        return Named((Guess("standard", name),))
+    chamber = _CHAMBER.fullmatch(f"{name} {unit_word}".strip().lower())
+    if chamber is None or chamber[2] not in _OF_CHAMBERS["pressure"]:
+        return None
+    return Named((Guess("standard", f"pressure_{chamber[1]}_Pa"),), find_unit(chamber[2]))
+
+
+def _of_material(tokens: Sequence[str], unit_word: str) -> Named | None:
+    """The strain or stress that words and unit tell; None for anything else."""
+    for kind in ("strain", "stress"):
+        known = set(QUANTITIES[kind].words.split())
+        if not known.intersection(tokens) or _NOT_MEASURED.intersection(tokens):
+            continue
+        for word in (unit_word, *("".join(tokens[-size:]) for size in (2, 1))):
+            unit = _MATERIAL.get(word.strip().lower())
+            if unit is not None and unit.dimension == kind:
+                return Named((Guess(kind),), unit)
+        return None if unit_word else Named((Guess(kind),))
+    return None
 
 
 def trailing_units(name: str) -> tuple[str, dict[str, Unit]]:

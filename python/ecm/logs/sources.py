@@ -30,12 +30,13 @@ from numpy.typing import NDArray
 from ecm._native import rotation_matrices, rotation_vectors
 from ecm.errors import InputError
 from ecm.io.arrays import B, F
-from ecm.io.columns import MAY_BE_EMPTY, POSE, WHOLE, WRENCH, Unit, find_unit, is_standard
+from ecm.io.columns import MAY_BE_EMPTY, POSE, WHOLE, WRENCH, Unit, is_standard
 from ecm.io.description import shown_ranges
 from ecm.io.frames import ORDERS, quaternions_of, vectors_of
 from ecm.io.toml import did_you_mean
 from ecm.logs.log import Log
-from ecm.logs.names import Named, trailing_units
+from ecm.logs.names import Named, find_unit, trailing_units
+from ecm.logs.questions import Answer, Question, ranges
 
 COUNT = {
     "rotvec": 3, "wxyz": 4, "xyzw": 4, "rows": 9, "columns": 9,
@@ -189,9 +190,12 @@ def _shorter(values: F) -> F:
 
 
 _SI = {"length": "m", "angle": "rad", "force": "N", "torque": "Nm", "time": "s",
-       "temperature": "degC"}  # fmt: skip
-_USUAL = {"length": "mm", "angle": "deg", "force": "gf", "torque": "N mm", "temperature": "K"}
+       "temperature": "degC", "pressure": "Pa", "volume": "m3"}  # fmt: skip
+_USUAL = {"length": "mm", "angle": "deg", "force": "gf", "torque": "N mm", "temperature": "K",
+          "pressure": "bar", "volume": "ml"}  # fmt: skip
 """The other likely unit, for the question."""
+_BENCH = {"length": "mm", "angle": "deg", "force": "N", "torque": "N m"}
+"""The units of most benches, where SI would be out of range."""
 
 
 @dataclass(frozen=True)
@@ -239,6 +243,8 @@ class ColumnMap:
     rotation: RotationSource | None
     own: Mapping[str, str]
     notes: tuple[str, ...] = ()
+    missing: tuple[Answer, ...] = ()
+    """What else may be the pose or the wrench that was not found."""
 
 
 @dataclass(frozen=True)
@@ -279,9 +285,12 @@ def chosen_source(
     if not is_standard(standard) and not standard.isidentifier():
         raise InputError(f"--map {standard}={choice}: '{standard}' is no column name")
     if colon:
-        unit = find_unit(word)
+        unit = find_unit(word) or _worth(word, named[column])
         if unit is None:
-            raise InputError(f"--map {standard}={choice}: '{word}' is no unit")
+            raise InputError(
+                f"--map {standard}={choice}: '{word}' is no unit, nor what one of the column is "
+                "worth, such as 12.5 N of a volt, 50 mm of a strain, 100 mm2 of a stress"
+            )
         dimension = _dimension(standard)
         if dimension and unit.dimension != dimension:
             raise InputError(
@@ -290,6 +299,30 @@ def chosen_source(
             )
         return Source(column, unit)
     return Source(column, stated_unit(column, standard, named[column], choices))
+
+
+_WORTH = re.compile(r"(?P<size>[+-]?\d+\.?\d*(?:[eE][+-]?\d+)?)\s*(?P<unit>[A-Za-zµ°].*)")
+_AREA = re.compile(r"(?P<length>m|cm|mm|in)(?:\^?2|²)")
+
+
+def _worth(word: str, named: Named) -> Unit | None:
+    """The unit of what one of a column is worth: `50 mm` of a strain, `12.5 N` of a volt.
+
+    An area times a stress is a force. Strain and stress count in their own unit, % or MPa.
+    """
+    found = _WORTH.fullmatch(word.strip())
+    if found is None:
+        return None
+    own = 1.0 if named.unit is None else named.unit.factor
+    kinds = {guess.quantity for guess in named.guesses}
+    area = _AREA.fullmatch(found["unit"])
+    length = find_unit(area["length"] if area is not None else found["unit"])
+    if length is None or (area is not None and "stress" not in kinds):
+        return None
+    factor = float(found["size"]) * (own if kinds & {"strain", "stress"} else 1.0)
+    if area is not None:
+        return Unit(word, "force", factor * length.factor**2)
+    return Unit(word, length.dimension, factor * length.factor)
 
 
 def known_column(name: str, log: Log, option: str, *, or_text: bool = False) -> str:
@@ -360,15 +393,17 @@ def ask_units(found: Mapping[str, Source], log: Log, source: str) -> None:
         extent = f"{known.min():.4g} to {known.max():.4g}" if len(known) else "no numbers"
         lines.append(f"  {column}: {extent}, in {first} or in {second}?")
     other = ",".join(words.values())
-    raise InputError(
+    usual = [word for dimension, word in _BENCH.items() if dimension in words]
+    raise Question(
         f"{source}: no unit is stated for {len(without)} column(s):\n"
         + "\n".join(lines[:12])
         + f'\nSay it once for all: --units SI (m, rad, N, N m), or e.g. --units "{other}"; '
-        "for one column --map NAME=COLUMN:UNIT."
+        "for one column --map NAME=COLUMN:UNIT.",
+        Answer({"units": ["SI"]}),
+        Answer({"units": usual}),
     )
 
 
-_MOST_SHOWN = 20
 _EPOCH_S = 1e8
 """Larger times count from an epoch; the table's begin at 0."""
 
@@ -397,24 +432,20 @@ def standard_columns(
     for name in log.text:
         notes.append(f"column '{name}' is text and was left aside")
     if not any(name in found for name in (*POSE, *WRENCH)):
-        raise InputError(
-            f"{source}: no pose and no wrench was found by name. Its columns:\n{_ranges(log)}\n"
+        raise Question(
+            f"{source}: no pose and no wrench was found by name. Its columns:\n{ranges(log)}\n"
             "Name what is one: --map NAME=COLUMN:UNIT, for example --map theta_z_rad=COLUMN:deg "
-            f"(names: {', '.join((*POSE, *WRENCH))}, time_s)"
+            f"(names: {', '.join((*POSE, *WRENCH))}, time_s)",
+            *mapped.missing,
         )
     for what, group in (("pose", POSE), ("wrench", WRENCH)):
         if not any(name in found for name in group):
-            notes.append(f"no {what} was found by name: say --map NAME=COLUMN:UNIT, for example "
+            notes.append(f"no {what} was found by name, without which no model can be fitted: say "
+                         "--map NAME=COLUMN:UNIT, for example "
                          f"--map {group[0]}=COLUMN:{'mm' if what == 'pose' else 'N'}")  # fmt: skip
     order = {name: i for i, name in enumerate(("time_s", "run", *POSE, *WRENCH))}
     names = sorted(found, key=lambda name: order.get(name, len(order)))
     return {name: found[name] for name in names}, words, notes, usable
-
-
-def _ranges(log: Log) -> str:
-    """The first columns with their smallest and largest number, a line each."""
-    lines = [f"  {n}: {np.nanmin(v):.4g} to {np.nanmax(v):.4g}" for n, v in log.columns.items()]
-    return "\n".join(lines[:_MOST_SHOWN]) + ("\n  ..." if len(lines) > _MOST_SHOWN else "")
 
 
 def _words(entry: Source) -> str:

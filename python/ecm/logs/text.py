@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from ecm.errors import InputError, shown
 from ecm.io.arrays import F
-from ecm.io.columns import find_unit, is_other_unit
+from ecm.io.columns import is_other_unit
 from ecm.io.csv import RawTable, grouped_names, number_of, read_lines
 from ecm.io.events import Progress
 from ecm.logs.log import Log, seconds_of_dates, unique_names
+from ecm.logs.names import find_unit
 
 _REMARKS = frozenset({"comment", "comments", "kommentar", "note", "notes", "remark", "remarks"})
 """Names of a last column that has no cells in most rows, as LabVIEW writes it."""

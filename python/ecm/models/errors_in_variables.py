@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -34,6 +34,7 @@ from ecm.io.table import Table
 from ecm.models.maps import Solved, StiffnessMap
 from ecm.regression.blocks import in_blocks, triangles_of_folds, without_each
 from ecm.regression.noise import Noise, whiteners
+from ecm.regression.rows import columns_of, inputs_of
 
 Solve = Callable[[F, F, F], Solved]
 """Generalised least squares of all rows: poses, wrenches, covariance (N, m, m)."""
@@ -219,6 +220,8 @@ class _NoisyRows:
     """(N, n) measured poses."""
     wrenches: F
     """(N, m)."""
+    driven: F
+    """(N, a) inputs of actuators behind the pose, which are taken as exact."""
     poses: F
     """(N, n) most likely true poses."""
     shift: F
@@ -229,19 +232,18 @@ class _NoisyRows:
         """Each pose where it was measured."""
         measured = table.matrix(base.inputs)
         wrenches = np.ascontiguousarray(table.matrix(base.outputs))
-        return _NoisyRows(table, base.inputs, measured, wrenches, measured, np.zeros_like(measured))
+        driven = inputs_of(base, table)[:, len(base.inputs) :]
+        still = np.zeros_like(measured)
+        return _NoisyRows(table, base.inputs, measured, wrenches, driven, measured, still)
 
     def of_rows(self, rows: slice | I) -> _NoisyRows:
         """Some of the rows."""
-        return _NoisyRows(
-            self.table,
-            self.inputs,
-            *(array[rows] for array in (self.measured, self.wrenches, self.poses, self.shift)),
-        )
+        arrays = (self.measured, self.wrenches, self.driven, self.poses, self.shift)
+        return _NoisyRows(self.table, self.inputs, *(array[rows] for array in arrays))
 
     def under(self, base: StiffnessMap) -> Rows:
         """Rows of the true poses under a map."""
-        columns = dict(zip(self.inputs, self.poses.T, strict=True))
+        columns = columns_of(base, np.hstack([self.poses, self.driven]))
         return Rows(Table(columns, self.table.meta, self.table.source), base)
 
     def reduced(self, base: StiffnessMap, noise: Noise, family: LinearFit, frame: Any) -> Any:
@@ -260,7 +262,7 @@ class _NoisyRows:
 
         found = in_blocks(len(self.measured), of_block)
         shift, poses = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
-        return _NoisyRows(self.table, self.inputs, self.measured, self.wrenches, poses, shift)
+        return replace(self, poses=poses, shift=shift)
 
 
 def _pose_shift(rows: Rows, wrenches: F, shift: F, noise: Noise) -> F:

@@ -44,6 +44,9 @@ class EvaluatedModel:
     >>> model: EvaluatedModel = ecm.fit({"x_m": x, "fx_N": 2000.0 * x}, "linear")
     >>> model.stiffness(np.array([0.005])).round(6)
     array([[2000.]])
+    >>> model.predict(0.005).round(6), model.predict([0.005, -0.005]).round(6)
+    (array([10.]), array([[ 10.],
+           [-10.]]))
     """
 
     base: StiffnessMap
@@ -108,7 +111,8 @@ class EvaluatedModel:
     ) -> F:
         """(N, m) wrench, N and N m, at poses (N, n), or expected readings of a table.
 
-        One pose (n,) gives one wrench (m,). A table's rows have time, temperature and approach, so
+        One pose (n,) gives one wrench (m,). A model of one pose column takes a number for one pose,
+        and (N,) for N poses. A table's rows have time, temperature and approach, so
         that all effects act; bare poses get the base map and the effects of physics that need the
         pose alone.
 
@@ -130,7 +134,7 @@ class EvaluatedModel:
             return np.ascontiguousarray(found[..., self.base.places])
         if isinstance(data, np.ndarray):
             found = self._at_poses(rows_of_poses(data, self.base))
-            return found if data.ndim != 1 else np.asarray(found[0])
+            return np.asarray(found[0]) if is_one_pose(data, self.base) else found
         rows = Rows(data, self.base)
         lacking = self.left_out(data)
         for id, why in lacking.items():
@@ -201,6 +205,23 @@ class EvaluatedModel:
     ) -> tuple[F, F]:
         """Inputs (m,) within limits that hold a pose against a wrench, and what is left (6,)."""
         return self.actuated.actuation_for(pose, wrench, limits=limits)
+
+    def stiffness_range(
+        self,
+        pose: F,
+        wrench: F | None = None,
+        *,
+        limits: Sequence[tuple[float, float]],
+        along: str | F,
+        tolerance: float | F = 0.0,
+    ) -> tuple[tuple[float, F], tuple[float, F]]:
+        """Least and largest stiffness along a direction at a held pose, each with its inputs.
+
+        Parameters and errors are those of `ActuatedMap.stiffness_range`.
+        """
+        return self.actuated.stiffness_range(
+            pose, wrench, limits=limits, along=along, tolerance=tolerance
+        )
 
     def left_out(self, table: Table) -> dict[str, Missing]:
         """Effects of the model whose columns a table lacks, by id.
@@ -273,7 +294,7 @@ class EvaluatedModel:
         rows = rows_of_poses(poses, self.base)
         acting = self.acting_at_poses
         found = self._changed_stiffness(rows, kind) if acting else self.base.stiffness(rows, kind)
-        return found if np.ndim(poses) != 1 else np.asarray(found[0])
+        return np.asarray(found[0]) if is_one_pose(poses, self.base) else found
 
     def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
         """`predict` and `stiffness` of poses (N, n) or of one pose (n,), in one call.
@@ -292,7 +313,7 @@ class EvaluatedModel:
             wrench, stiffness = self._at_poses(rows), self._changed_stiffness(rows, kind)
         else:
             wrench, stiffness = self.base.wrench_and_stiffness(rows, kind)
-        return (wrench, stiffness) if np.ndim(poses) != 1 else (wrench[0], stiffness[0])
+        return (wrench[0], stiffness[0]) if is_one_pose(poses, self.base) else (wrench, stiffness)
 
     def _changed_stiffness(self, poses: F, kind: str) -> F:
         """(N, m, n) of the base and the effects, by central differences."""
@@ -330,8 +351,14 @@ class EvaluatedModel:
         return Rows(Table(columns_of(self.base, poses), meta, "poses"), self.base)
 
 
+def is_one_pose(poses: F, base: StiffnessMap) -> bool:
+    """Whether an array is one pose (n,) of a map: of one column also a number, but not (N,)."""
+    one_column = len(base.inputs) + len(actuators_of(base)) == 1
+    return np.ndim(poses) == 0 or (np.ndim(poses) == 1 and not (one_column and np.size(poses) != 1))
+
+
 def rows_of_poses(poses: F, base: StiffnessMap) -> F:
-    """(N, n) of poses (N, n), or (1, n) of one pose (n,).
+    """(N, n) of poses (N, n), or (1, n) of one pose (n,); of one column also of (N,) or a number.
 
     With the inputs of actuators behind them where the map has some.
     """
@@ -340,9 +367,9 @@ def rows_of_poses(poses: F, base: StiffnessMap) -> F:
         rows = np.ascontiguousarray(poses, dtype=np.float64)
     except (TypeError, ValueError):
         rows = np.zeros((0, 0, 0))
-    if np.ndim(poses) == 1 and rows.ndim == 1:
-        rows = rows[None]
     n = len(inputs)
+    if np.ndim(poses) < 2 and rows.ndim == 1:
+        rows = rows.reshape((-1, 1) if n + len(actuators) == 1 else (1, -1))
     fits = rows.ndim == 2 and rows.shape[1] in (n, n + len(actuators))
     if not fits or isinstance(poses, str | bytes | Mapping):
         shape = getattr(poses, "shape", None)

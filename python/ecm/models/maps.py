@@ -63,6 +63,10 @@ class StiffnessMap(BaseMap, Protocol):
         """(k,) numbers that a refit may change."""
 
     @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """(k,) names of the coefficients, with the unit where they have one."""
+
+    @property
     def error(self) -> F:
         """(m,) root mean square error of the map itself; zero where it is fitted to data."""
 
@@ -109,6 +113,11 @@ class MapDefaults:
     def length_m(self) -> float | None:
         """None: not needed."""
         return None
+
+    @property
+    def parameter_names(self: StiffnessMap) -> tuple[str, ...]:
+        """(k,) numbers from 1: they mean nothing by themselves."""
+        return tuple(f"base.{j + 1}" for j in range(len(self.coefficients)))
 
     @property
     def error(self) -> F:
@@ -186,6 +195,20 @@ class PolynomialMap(MapDefaults):
     def coefficients(self) -> F:
         """(k,) all coefficients, output by output."""
         return np.asarray(self.model.coefficients.T.ravel())
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """(k,) `fx_N:x^2`: the output, in whose unit it is, and the term; each x from -1 to 1."""
+        short = [name.rpartition("_")[0] for name in self.inputs]
+        terms = [
+            " ".join(
+                f"{name}^{power}" if power > 1 else name
+                for name, power in zip(short, powers, strict=True)
+                if power
+            )
+            for powers in self.document()["terms"]
+        ]
+        return tuple(f"{output}:{term or 1}" for output in self.outputs for term in terms)
 
     def predict(self, poses: F) -> F:
         """(N, n) poses to (N, m) wrenches."""

@@ -15,9 +15,10 @@ from ecm.effects.protocol import missing_length
 from ecm.errors import EcmError, InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import Progress, Steps
 from ecm.io.extras import require
-from ecm.io.table import Table, TableLike, takes_table
+from ecm.io.table import Table, TableLike, as_table, takes_table
 from ecm.models import file
 from ecm.models.controller import Controller
 from ecm.models.errors import FitRecord, rms
@@ -34,7 +35,7 @@ from ecm.models.joint_fit import (
 )
 from ecm.models.measured_poses import are_inside, folded, sample_of
 from ecm.models.noise_estimate import noise_for
-from ecm.models.parameters import ParametrisedMap
+from ecm.models.parameters import FittedParameter, ParametrisedMap
 from ecm.models.pose_error import error_of_report
 from ecm.models.registry import map_from_document
 from ecm.models.time_effects import needed_by_steps, time_effects
@@ -43,9 +44,12 @@ from ecm.regression.folds import HOW, RowsUsed, spread_rows, without_zero_readin
 from ecm.regression.noise import Noise
 from ecm.regression.rows import is_whole, taken_by
 from ecm.report import figures
+from ecm.report.blocks import Block, Cell, CodeBlock, FigureBlock, Section, TableBlock, TextBlock
+from ecm.report.page import Report, Shown
 
 _LARGE_CORRELATION = 0.3
 _MOST_PAIRS = 12
+_MOST_SHOWN = 20
 _NOISE, _FORM, _ALL, _RECORD = "noise", "form of {}", "all values together", "errors"
 """Steps of a fit with effects."""
 _SAID_OF_A_FIT = ("misread", "prior", "pose_error", "rows_used")
@@ -53,10 +57,10 @@ _SAID_OF_A_FIT = ("misread", "prior", "pose_error", "rows_used")
 
 
 @dataclass(frozen=True, repr=False)
-class Model(EvaluatedModel):
+class Model(Shown, EvaluatedModel):
     """A base map with effects: h(p) of the base plus the corrections of the effects.
 
-    `fit_model` and `load_model` make one; it prints itself as its fit report.
+    `fit_model` and `load_model` make one; it prints its fit report, and a notebook shows `params`.
 
     Examples
     --------
@@ -83,9 +87,89 @@ class Model(EvaluatedModel):
     changed: bool = False
     """Whether an effect was added, removed or frozen since the last fit."""
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         """The fit report."""
         return self.fit_report()
+
+    def __repr__(self) -> str:
+        """What it maps, in one line."""
+        columns = f"{', '.join(self.outputs)} of {', '.join(self.inputs)}"
+        columns = "wrench of pose" if is_whole(self.base) else columns
+        error = f", error {self.history[-1].held_out:.3g} times the noise" if self.history else ""
+        return f"<Model {self.name}: {columns}, {len(self.params)} parameters{error}>"
+
+    def blocks(self) -> list[Block]:
+        """Return what a notebook shows: the parameters, and the history of fits."""
+        params = list(self.params.items())
+        rows: list[list[Cell]] = [
+            [name, f"{own.value:.5g}", own.sd, own.unit, _finite(own.min), _finite(own.max)]
+            for name, own in params[:_MOST_SHOWN]
+        ]
+        caption = "Parameters."
+        caption += f" The first {_MOST_SHOWN} of {len(params)}." if params[_MOST_SHOWN:] else ""
+        header = ("parameter", "value", "sd", "unit", "min", "max")
+        blocks: list[Block] = [TextBlock(repr(self)[1:-1], strong=True)]
+        blocks += [TableBlock(caption, header, rows)] if rows else []
+        if self.history:
+            fits: list[list[Cell]] = [[one.name, one.train, one.held_out] for one in self.history]
+            of_fits = ("model", "fitted rows", "held-out rows")
+            blocks.append(TableBlock("Error over the noise, of each fit.", of_fits, fits))
+        said = (self.training.get(name) for name in _SAID_OF_A_FIT)
+        return blocks + [TextBlock(part["sentence"]) for part in said if part is not None]
+
+    def report(self, table: Table) -> Report:
+        """Return the parameters, measured and modelled over displacement, and the fit report."""
+        figure = FigureBlock(
+            "Measured and modelled wrench over displacement."
+            + figures.drawn_sentence(table.matrix(self.outputs)),
+            self._over_displacement(table),
+        )
+        sections = [
+            Section("Model", self.blocks()),
+            Section("Measured and modelled", [figure]),
+            Section("Fit report", [CodeBlock("", self.fit_report())]),
+        ]
+        return Report(f"Model {self.name}", f"{table.source}: {len(table)} rows", sections)
+
+    @property
+    def params(self) -> dict[str, FittedParameter]:
+        """Value, standard deviation and bounds of each parameter, by name.
+
+        Those of an effect are called `EFFECT.PARAMETER`. A physics base has `young_modulus_Pa` and
+        `poisson_ratio`, an expression its own; `fx_N:x^2` of a polynomial is in N and belongs to x
+        scaled to -1 to 1.
+
+        Examples
+        --------
+        >>> import ecm
+        >>> y = np.linspace(-0.01, 0.01, 9)
+        >>> model = ecm.fit({"y_m": y, "fy_N": 3000.0 * y}, "linear")
+        >>> list(model.params), round(model.params["fy_N:y"].value, 6)
+        (['fy_N:1', 'fy_N:y'], 30.0)
+        """
+        base, k = self.base, len(self.base.coefficients)
+        low, high = base.bounds or (np.full(k, -np.inf), np.full(k, np.inf))
+        sd = np.full(k, np.nan)
+        if self.covariance is not None:
+            sd = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        fitted = zip(base.parameter_names, base.coefficients, low, high, sd, strict=True)
+        found = {
+            name: FittedParameter.at(value, (least, most), error, vary=not self.base_frozen)
+            for name, value, least, most, error in fitted
+        }
+        if isinstance(base, ParametrisedMap):  # those that are held, too
+            held = {name: own for name, own in base.parameters.items() if not own.vary}
+            found |= {
+                name: FittedParameter.at(base.values[name], (own.min, own.max), np.nan, vary=False)
+                for name, own in held.items()
+            }
+        for item in self.effects:
+            for own, value, error in item.listed:
+                found[f"{item.id}.{own.name}"] = FittedParameter.at(
+                    value, (own.lower, own.upper), error,
+                    vary=not item.frozen, unit=own.unit, effect=item.id,
+                )  # fmt: skip
+        return found
 
     def extrapolates(self, poses: F) -> B:
         """(N,) whether the model is asked beyond its measured poses.
@@ -218,16 +302,30 @@ class Model(EvaluatedModel):
         lines += [f"  {part['sentence']}" for part in said if part is not None]
         return "\n".join(lines)
 
-    def plot(self) -> Any:
-        """Return a plotly figure of the errors in the history of fits.
+    def plot(self, data: TableLike | None = None) -> Any:
+        """Return a plotly figure: measured and modelled wrench over the displacement.
+
+        Parameters
+        ----------
+        data
+            Measured rows, as a table, a data frame, a dict or a file. Each component is drawn over
+            its own coordinate, fx over x, or else over the one that varies most. Without data: the
+            errors in the history of fits.
 
         Raises
         ------
         InputError
-            Before the first fit with `fit`.
+            Without data before the first fit with `fit`.
+        MissingExtra
+            Where plotly is not installed.
         """
+        if data is not None:
+            return figures.plotly_figure(self._over_displacement(as_table(data, need="fit")))
         if not self.history:
-            raise InputError("the model has no history of fits to plot: call fit(table) first")
+            raise InputError(
+                "the model has no history of fits to plot: give the data, plot(table), or call "
+                "fit(table) first"
+            )
         errors: dict[str, Sequence[float]] = {
             "fitted rows": [record.train for record in self.history],
             "held-out rows": [record.held_out for record in self.history],
@@ -235,16 +333,32 @@ class Model(EvaluatedModel):
         names = [record.name for record in self.history]
         return figures.plotly_figure(figures.bars(errors, names, y_title="error / noise"))
 
+    def _over_displacement(self, table: Table) -> dict[str, Any]:
+        """Measured and modelled wrench of each row, a panel for each component."""
+        measured = table.matrix(self.outputs)
+        modelled = self.predict(table, skip_untestable=True)
+        poses = table.matrix(self.inputs)
+        spread = poses.std(axis=0)
+        places = []
+        for output in self.outputs:
+            own = POSE[WRENCH.index(output)]
+            at = self.inputs.index(own) if own in self.inputs else -1
+            places.append(at if at >= 0 and spread[at] > 0.0 else int(np.argmax(spread)))
+        titles = [self.inputs[at] for at in places]
+        curve = len(self.inputs) == 1 and not self.effects
+        return figures.measured_and_modelled(
+            poses[:, places], measured, modelled, titles, self.outputs, is_curve=curve
+        )
+
     def to_pandas(self) -> Any:
-        """Return a DataFrame with a row for each fitted parameter of the effects."""
+        """Return a DataFrame with a row for each parameter (`params`)."""
         rows = [
-            (item.id, parameter.name, value, sd, parameter.unit, item.frozen)
-            for item in self.effects
-            for parameter, value, sd in item.listed
+            {"effect": own.effect, "parameter": name.removeprefix(f"{own.effect}.")}
+            | {key: getattr(own, key) for key in ("value", "sd", "min", "max", "unit")}
+            | {"frozen": not own.vary}
+            for name, own in self.params.items()
         ]
-        columns = ["effect", "parameter", "value", "sd", "unit", "frozen"]
-        pandas = require("pandas", "data", "Model.to_pandas")
-        return pandas.DataFrame(rows, columns=columns)
+        return require("pandas", "data", "Model.to_pandas").DataFrame(rows)
 
     def remove(self, *ids: str) -> Model:
         """The model without these effects; the others keep their values until `fit`."""
@@ -437,8 +551,7 @@ def _correlations(fit: JointFit, base_frozen: bool) -> tuple[tuple[str, str, flo
         for parameter in item.effect.parameters
     ]
     base = 0 if base_frozen else len(fit.base.coefficients)
-    own_names = fit.base.parameter_names if isinstance(fit.base, ParametrisedMap) else ()
-    names = [*(own_names or (f"base.{j + 1}" for j in range(base)))][:base] + own
+    names = [*fit.base.parameter_names[:base], *own]
     sd = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))
     matrix = fit.covariance / np.outer(sd, sd)
     pairs = [
@@ -448,6 +561,10 @@ def _correlations(fit: JointFit, base_frozen: bool) -> tuple[tuple[str, str, flo
         if abs(matrix[i, j]) > _LARGE_CORRELATION
     ]
     return tuple(sorted(pairs, key=lambda pair: -abs(pair[2]))[:_MOST_PAIRS])
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
 
 
 def _ranges(document: Any) -> dict[str, tuple[float, float]]:

@@ -91,6 +91,40 @@ class Parameter:
         )
 
 
+@dataclass(frozen=True)
+class FittedParameter(Parameter):
+    """A parameter of a fitted model: `Model.params`.
+
+    Parameters
+    ----------
+    value
+        As fitted.
+    sd
+        Standard deviation of the fit; None where it is not known.
+    vary
+        Whether a refit changes it.
+    unit
+        Its unit; empty where the name has it, or there is none.
+    effect
+        The id of its effect, or `base`.
+
+    Examples
+    --------
+    >>> FittedParameter(0.03, sd=0.0002, unit="N m", effect="hysteresis").sd
+    0.0002
+    """
+
+    unit: str = ""
+    effect: str = "base"
+
+    @staticmethod
+    def at(value: float, bounds: tuple[float, float], sd: float, **more: Any) -> FittedParameter:
+        """A parameter within bounds, or at one of them up to rounding."""
+        low, high = min(bounds[0], value), max(bounds[1], value)
+        known = float(sd) if 0.0 < sd < math.inf else None
+        return FittedParameter(float(value), float(low), float(high), known, **more)
+
+
 def _is_number(value: Any) -> bool:
     known = isinstance(value, int | float | np.integer | np.floating)
     return known and not isinstance(value, bool) and not math.isnan(value)

@@ -78,6 +78,11 @@ class MeasuredMap(MapDefaults):
         return self.whole.coefficients
 
     @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """(k,) of the whole map."""
+        return self.whole.parameter_names
+
+    @property
     def error(self) -> F:
         """(m,) own error of these columns."""
         return np.asarray(self.whole.error[self.places])

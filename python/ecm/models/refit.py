@@ -15,7 +15,8 @@ import numpy as np
 
 from ecm.effects.protocol import Effect
 from ecm.errors import ComputationError, EcmError, InputError, Remedy
-from ecm.io.arrays import F
+from ecm.io.arguments import listed
+from ecm.io.arrays import B, F
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.events import Progress
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
@@ -244,11 +245,11 @@ def _stiffness_moves(fitted: Model, table: Table, before: Model) -> list[str]:
         f"{new[i, j]:.4g} +- {own[0, i, j]:.2g}, which these rows do not determine"
         for i, j in places[:1]
     ]
-    return reasons + _lost_signs(alone, fitted, old, new)
+    return reasons + _lost_signs(fitted, old, new, old > _SD * wide * known[0])
 
 
-def _lost_signs(alone: Model, fitted: Model, old: F, new: F) -> list[str]:
-    """Directions in which the stiffness at rest was positive and is not any more."""
+def _lost_signs(fitted: Model, old: F, new: F, positive: B) -> list[str]:
+    """Directions in which the stiffness at rest was surely positive and is not any more."""
     pairs = [
         (i, j)
         for j, name in enumerate(fitted.inputs)
@@ -256,7 +257,7 @@ def _lost_signs(alone: Model, fitted: Model, old: F, new: F) -> list[str]:
         if name in POSE
         and output in WRENCH
         and POSE.index(name) == WRENCH.index(output)
-        and old[i, j] > 0.0
+        and positive[i, j]
     ]
     if not pairs:
         return []
@@ -363,9 +364,9 @@ def refit(
     table: TableLike,
     *,
     meta: MetaLike = None,
-    add: Sequence[str | Effect] = (),
-    remove: Sequence[str] = (),
-    freeze: Sequence[str] = (),
+    add: str | Effect | Sequence[str | Effect] = (),
+    remove: str | Sequence[str] = (),
+    freeze: str | Sequence[str] = (),
     progress: Progress | None = None,
 ) -> Model:
     """Fit a model again to a table, with an effect more or less.
@@ -379,11 +380,11 @@ def refit(
     meta
         Description of the data, as a dict of what the TOML beside it would hold, or that file.
     add
-        Effects, or their ids, that the model lacks.
+        Effects, or their ids, that the model lacks. One alone needs no list.
     remove
-        Ids of effects that it has and shall not have.
+        Ids of effects that it has and shall not have. One alone needs no list.
     freeze
-        Ids of effects whose values are kept.
+        Ids of effects whose values are kept. One alone needs no list.
     progress
         Called with the part that is done, the whole, and the step that begins.
 
@@ -409,7 +410,7 @@ def refit(
     >>> wrenches[:, 1] += 0.05 * time_s
     >>> rows = np.column_stack([poses, wrenches, time_s]).T
     >>> table = ecm.as_table(dict(zip([*POSE, *WRENCH, "time_s"], rows)))
-    >>> model = ecm.refit(ecm.fit(table, "linear"), table, add=["fts_drift"])
+    >>> model = ecm.refit(ecm.fit(table, "linear"), table, add="fts_drift")
     >>> print(model.fit_report().splitlines()[3])
         fy_rate = 0.05 +- 0.016 N/s
     """
@@ -418,6 +419,7 @@ def refit(
             "refit: nothing to change; give add, remove or freeze "
             "(--add EFFECT, --remove EFFECT, --freeze NAME)"
         )
+    add, remove, freeze = listed(add), listed(remove), listed(freeze)
     changed = as_model(model, table).remove(*remove).add(*add).freeze(*freeze)
     with naming_wild_readings(table):
         fitted = changed.fit(table, progress=progress)

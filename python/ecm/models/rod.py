@@ -68,6 +68,11 @@ class _Backbone(SixAxisMap):
         """The parameters."""
         return self.parameters
 
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """(k,) names with their units."""
+        return self.names
+
     def with_coefficients(self, coefficients: F) -> Any:
         """The same map with other parameters."""
         return replace(self, parameters=np.asarray(coefficients, dtype=np.float64))

@@ -20,6 +20,7 @@ from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import Progress
 from ecm.io.extras import require
+from ecm.io.printed import Printed
 from ecm.io.settings import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.actuated import ActuatedModel
@@ -40,8 +41,8 @@ Told = Callable[[float, float], object] | None
 """Called with the part that is done, and the whole."""
 
 
-@dataclass(frozen=True)
-class CrossValidation:
+@dataclass(frozen=True, repr=False)
+class CrossValidation(Printed):
     """Root mean square error on rows that the fit has not seen.
 
     Examples
@@ -180,8 +181,8 @@ def random_folds(table: Table, groups: I, folds: int, seed: int) -> I:
     return np.asarray(of_group[groups])
 
 
-@dataclass(frozen=True)
-class ModelChoice:
+@dataclass(frozen=True, repr=False)
+class ModelChoice(Printed):
     """Cross-validation error of each candidate, and which one to take.
 
     Examples
@@ -340,8 +341,8 @@ def choose_model(
 _TESTED, _ALIKE = 0.25, 0.05
 
 
-@dataclass(frozen=True)
-class LearningCurve:
+@dataclass(frozen=True, repr=False)
+class LearningCurve(Printed):
     """Held-out error against the number of poses.
 
     Examples

@@ -15,7 +15,7 @@ from ecm.errors import InputError, ModelError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
-from ecm.regression.approach import pose_before
+from ecm.regression.approach import order_of_visits, pose_before
 
 _DIGITS = 1e-5
 """Least rounding of a column that a file holds, over its largest value: five digits."""
@@ -329,6 +329,25 @@ class Rows:
     def wrench(self) -> F:
         """(N, m) base wrench at the measured poses."""
         return self.predict(self.poses)
+
+    @cached_property
+    def of_pose(self) -> B:
+        """(n,) which of the base's inputs are of the pose: a polynomial may take actuators'."""
+        return np.array([name in POSE for name in self.base.inputs])
+
+    @cached_property
+    def material_wrench(self) -> F:
+        """(N, m) base wrench without what inputs of actuators push.
+
+        Where a base takes such inputs as columns, that is its wrench against the first pose of the
+        run at the same inputs: gas has no memory, and no modulus.
+        """
+        if self.of_pose.all():
+            return self.wrench
+        start, timed = self.poses.copy(), self.table.has("time_s")
+        for order in order_of_visits(self.table) if timed else [np.arange(len(self))]:
+            start[np.ix_(order, self.of_pose)] = start[order[0], self.of_pose]
+        return self.wrench - self.predict(start)
 
     @cached_property
     def sensor_load(self) -> F:

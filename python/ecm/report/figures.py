@@ -255,6 +255,49 @@ def actual_predicted(observed: F, predicted: F, labels: Sequence[str]) -> dict[s
     return {"data": [*exact, *measured], "layout": layout}
 
 
+def measured_and_modelled(
+    over: F,
+    measured: F,
+    modelled: F,
+    x_titles: Sequence[str],
+    outputs: Sequence[str],
+    *,
+    is_curve: bool,
+) -> dict[str, Any]:
+    """Draw measured points and what the model gives there, a panel for each component.
+
+    Parameters
+    ----------
+    over
+        (N, m) coordinate that each component is drawn over.
+    measured, modelled
+        (N, m) wrenches.
+    x_titles, outputs
+        (m,) names of the coordinates and of the components.
+    is_curve
+        Whether the model has one wrench at each place: then it is a line.
+    """
+    n = len(outputs)
+    rows = drawn_rows(measured - modelled)
+    order = rows[np.argsort(over[rows, 0], kind="stable")] if is_curve else rows
+    layout = _panels(n, list(x_titles), list(outputs), height=260 * -(-n // 3) + 120)
+    layout["legend"] |= {"y": 1.06}
+    looks: list[dict[str, Any]] = [
+        {"mode": "markers", "marker": {"size": 6 - k, "symbol": symbol, "color": COLOURS[k]}}
+        for k, symbol in enumerate(("circle-open", "cross-thin-open"))
+    ]
+    if is_curve:
+        looks[1] = {"mode": "lines", "line": {"color": COLOURS[1]}}
+    data = []
+    given = (("measured", measured, rows), ("modelled", modelled, order))
+    for (name, values, places), drawn in zip(given, looks, strict=True):
+        points = list(zip(over[places].T, values[places].T, strict=True))
+        template = "row %{customdata}<br>%{x:.4g}: %{y:.4g}<extra>" + name + "</extra>"
+        numbers = (places + 1).tolist()
+        data += panel_traces(points, numbers, name=name, hovertemplate=template, **drawn)
+    return {"data": data, "layout": layout}
+
+
 def histogram(
     series: Mapping[str, Any], *, x_title: str, y_title: str, log: bool = False, bins: int = 40
 ) -> dict[str, Any]:

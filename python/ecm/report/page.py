@@ -19,6 +19,7 @@ from typing import Any
 from ecm.errors import MissingExtra
 from ecm.io.cache import write_atomically
 from ecm.io.extras import require
+from ecm.io.printed import Printed
 from ecm.report.blocks import Block, FigureBlock, MechanismBlock, Section, TableBlock, text_of
 
 WEB = Path(__file__).parent / "web"
@@ -120,7 +121,7 @@ class Report:
         )
 
 
-class Shown:
+class Shown(Printed):
     """A result that prints, and that a notebook shows, by the first blocks of its report."""
 
     def blocks(self) -> list[Block]:

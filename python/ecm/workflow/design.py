@@ -126,7 +126,7 @@ Preset = Literal["paper", "diagnosable"]
 _PLANS = {"paper": paper_plan, "diagnosable": diagnosable_plan, None: plain_plan}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PlannedDesign(Shown):
     """A design as a plan, with what is known about it before anything is measured.
 

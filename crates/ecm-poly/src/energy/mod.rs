@@ -4,11 +4,13 @@ pub mod invariants;
 pub mod plan;
 
 #[cfg(feature = "alloc")]
+pub mod actuated;
+#[cfg(feature = "alloc")]
 mod bulk;
 #[cfg(feature = "alloc")]
 mod evaluator;
 #[cfg(feature = "alloc")]
-mod expansion;
+pub(crate) mod expansion;
 #[cfg(feature = "std")]
 pub mod fit;
 #[cfg(feature = "alloc")]
@@ -26,6 +28,8 @@ pub mod tables;
 #[cfg(feature = "alloc")]
 pub mod terms;
 
+#[cfg(feature = "alloc")]
+pub use actuated::ActuatedModel;
 #[cfg(feature = "std")]
 pub use fit::EnergyFit;
 #[cfg(feature = "alloc")]

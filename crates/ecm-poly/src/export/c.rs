@@ -6,14 +6,14 @@ use std::vec::Vec;
 
 use serde_json::{Map, Value};
 
+use crate::energy::expansion::Expansion;
 use crate::energy::invariants::Symmetry;
-use crate::energy::model::EnergyModel;
 use crate::error::ModelError;
 use crate::export::golden::Golden;
 use crate::export::history::History;
 use crate::export::model::{Model, columns, identifier};
 use crate::export::reach::{Reach, inside_words, within};
-use crate::export::terms::{Terms, half_turn_squared, inverse_factorial, turns};
+use crate::export::terms::{Terms, half_turn_squared, inverse_factorial, most_step, turns};
 use crate::export::{Precision, SourceFile, filled, list};
 use crate::normalise::unit_slope;
 use crate::polynomial_model::PolynomialModel;
@@ -49,15 +49,15 @@ pub fn export_with_effects(
     let name = identifier(name)?;
     let model = Model::from_document(document)?;
     let line = model.shape() == (1, 1);
-    if effects.is_some() && !line && matches!(model, Model::Polynomial(_)) {
+    if effects.is_some() && !line && !matches!(model, Model::Energy(_)) {
         return Err(ModelError::Setting {
             name: "model",
-            found: "a polynomial with effects of time".to_string(),
+            found: "a polynomial, or a model with actuators, and effects of time".to_string(),
             expected: "an energy, or one column to one: fit one, or remove the effects of time",
         });
     }
     let (n, m) = model.shape();
-    let reach = Reach::from_document(document, n)?;
+    let reach = Reach::of_model(document, &model)?;
     let text = |key: &str| {
         document
             .get(key)
@@ -70,21 +70,34 @@ pub fn export_with_effects(
         Model::Polynomial(model) => (include_str!("templates/polynomial.h"), polynomial(model)?),
         Model::Energy(model) => (
             include_str!("templates/energy.h"),
-            energy(model, precision)?,
+            energy(
+                model.symmetry(),
+                model.length_m(),
+                &model.tables()?.expansion(),
+                precision,
+            ),
+        ),
+        Model::Actuated(model) => (
+            include_str!("templates/energy.h"),
+            energy(
+                Symmetry::General,
+                model.length_m(),
+                &model.expansion()?,
+                precision,
+            ),
         ),
     };
-    let stack = (numbers * precision.size() + 400)
+    let (inputs, outputs) = (columns(document, "inputs")?, columns(document, "outputs")?);
+    let step = most_step(&model, &inputs, &outputs);
+    let own = step.as_ref().map_or(0, |_| n * m + n + 60); // of free_pose, which calls the others
+    let stack = ((numbers + own) * precision.size() + 400)
         .next_multiple_of(16)
         .to_string();
     let guard = format!("ECM_EXPORT_{}_H", name.to_uppercase());
     let title = format!("{name}: {} model of an elastic mechanism", text("kind"));
     let sizes = [n.to_string(), m.to_string(), (n * m).to_string()];
     let half_turn = half_turn_squared(precision);
-    let (sum, inputs, outputs) = (
-        text("sha256"),
-        columns(document, "inputs")?,
-        columns(document, "outputs")?,
-    );
+    let sum = text("sha256");
     let turns = turns(&inputs);
     let common = [
         ("NAME", name.as_str()),
@@ -100,7 +113,25 @@ pub fn export_with_effects(
         ("NM", &sizes[2]),
         ("TURNS", &turns),
         ("HALFTURN", &half_turn),
+        ("ACTUATORS", &n.saturating_sub(6).to_string()),
     ];
+    let free = step.map(|step| {
+        let code = include_str!("templates/free_pose.c");
+        let step = list(step.iter().map(|&x| self::real(x)));
+        [
+            filled(
+                code,
+                &[("MOSTSTEP", &step), ("SETTLED", precision.settled())],
+            ),
+            include_str!("templates/free_pose.h").to_string(),
+            include_str!("templates/free_pose_check.c").to_string(),
+        ]
+    });
+    let called = match &free {
+        Some(_) => "        wrong += free_pose_wrong(@NAME@_golden_p[i], @NAME@_golden_h[i]);\n",
+        None => "",
+    };
+    let [free_code, free_header, free_check] = free.unwrap_or_default();
     let golden = Golden::within(&model, reach.as_ref(), precision)?;
     let mut golden = golden_header(&golden, &name, (n, m), &turns);
     let steps = match effects {
@@ -112,17 +143,26 @@ pub fn export_with_effects(
         }
         None => Steps::default(),
     };
+    let more = match &model {
+        Model::Actuated(_) => include_str!("templates/actuated_words.txt"),
+        _ => ",\n * K = dh/dp (6 x 6, row by row).",
+    };
     let inside = [
+        ("BEHINDPOSE", more.trim_end()),
         (
             "WITHIN",
             &*within(&model, reach.as_ref(), WITHIN, self::real),
         ),
         ("INSIDEWORDS", inside_words(&model, reach.as_ref())),
+        ("FREEPOSE", &free_code),
+        ("FREEPOSEAPI", &free_header),
+        ("FREEPOSECHECK", &free_check),
+        ("FREEPOSECALL", called),
     ];
     let with_steps = |template: &str| {
         let template = filled(template, &steps.keys());
         let template = filled(&template, &inside);
-        filled(&filled(&template, &[("PARTIAL", PARTIAL)]), &common)
+        filled(&template, &common)
     };
     let file = |suffix: &str, text: String| SourceFile {
         path: format!("{name}{suffix}"),
@@ -135,9 +175,6 @@ pub fn export_with_effects(
         file("_check.c", with_steps(include_str!("templates/check.c"))),
     ])
 }
-
-/// K = dh/dp of a force to q and its derivative, in the words of `templates/energy.c`.
-const PARTIAL: &str = include_str!("templates/stiffness.c");
 
 /// The inputs of the steps as lines of a comment.
 fn input_table(effects: &Effects<f64>) -> String {
@@ -258,44 +295,43 @@ fn history_tables(history: &History, name: &str, (n, m): (usize, usize)) -> Stri
 }
 
 /// The source, and how many floating-point numbers a call keeps.
-fn energy(model: &EnergyModel, precision: Precision) -> Result<(String, usize), ModelError> {
-    let tables = model.tables::<f64>()?;
+fn energy(
+    symmetry: Symmetry,
+    length_m: f64,
+    sums: &Expansion<f64>,
+    precision: Precision,
+) -> (String, usize) {
     let count = match precision {
         Precision::Single => 7,
         Precision::Double => 13,
     };
     let series = |k: u32| list((0..count).map(|j| real(inverse_factorial(2 * j + k))));
-    let symmetry = match tables.symmetry() {
+    let symmetry = match symmetry {
         Symmetry::General => include_str!("templates/symmetry_general.c"),
         _ => include_str!("templates/symmetry_revolution.c"),
     };
+    let products = &sums.products;
+    let of_slopes = sums.columns[usize::from(sums.ends[0])..].iter().max();
     let text = filled(
         include_str!("templates/energy.c"),
         &[
-            ("MONOMIALS", &tables.products().len().to_string()),
+            ("MONOMIALS", &products.len().to_string()),
+            ("OFSLOPES", &of_slopes.unwrap_or(&0).to_string()),
             ("SERIES", &count.to_string()),
-            ("ENTRIES", &tables.columns().len().to_string()),
-            ("LENGTH", &format!("{:e}", tables.length_m())),
-            (
-                "PARENTS",
-                &list(tables.products().iter().map(|p| p.0.to_string())),
-            ),
-            (
-                "VARIABLES",
-                &list(tables.products().iter().map(|p| p.1.to_string())),
-            ),
-            ("ENDS", &list(tables.ends().iter().map(u16::to_string))),
-            (
-                "COLUMNS",
-                &list(tables.columns().iter().map(u16::to_string)),
-            ),
-            ("WEIGHTS", &list(tables.weights().iter().map(|&w| real(w)))),
+            ("ROWS", &sums.ends.len().to_string()),
+            ("ENTRIES", &sums.columns.len().to_string()),
+            ("LENGTH", &format!("{length_m:e}")),
+            ("PARENTS", &list(products.iter().map(|p| p.0.to_string()))),
+            ("VARIABLES", &list(products.iter().map(|p| p.1.to_string()))),
+            ("ENDS", &list(sums.ends.iter().map(u16::to_string))),
+            ("COLUMNS", &list(sums.columns.iter().map(u16::to_string))),
+            ("WEIGHTS", &list(sums.weights.iter().map(|&w| real(w)))),
             ("SERIES6", &series(6)),
             ("SERIES7", &series(7)),
             ("SYMMETRY", symmetry),
         ],
     );
-    Ok((text, tables.products().len() + 300))
+    (text, products.len() + 340)
 }
 
 /// As [`energy`].
@@ -335,12 +371,13 @@ fn golden_header(golden: &Golden, name: &str, (n, m): (usize, usize), turns: &st
         list(lines)
     };
     let guard = format!("ECM_EXPORT_{}_GOLDEN_H", name.to_uppercase());
-    let [h, k] = golden.tolerance.map(|t| cast(t, name));
+    let h = cast(golden.tolerance, name);
+    let columns = list(golden.jacobian_tolerance.iter().map(|&t| cast(t, name)));
     format!(
         "/* What the model says at {count} poses. */\n#ifndef {guard}\n#define {guard}\n\n\
          #include \"{name}.h\"\n\nenum {{ {name}_golden_count = {count} }};\n\n\
          static const {name}_real {name}_golden_h_tolerance = {h};\n\
-         static const {name}_real {name}_golden_k_tolerance = {k};\n\
+         static const {name}_real {name}_golden_k_tolerance[{n}] = {{{columns}}};\n\
          static const uint8_t {name}_golden_turns[{n}] = {{{turns}}};\n\
          static const {name}_real {name}_golden_p[{count}][{n}] = {{{points}}};\n\
          static const {name}_real {name}_golden_h[{count}][{m}] = {{{values}}};\n\

@@ -18,8 +18,10 @@ pub struct Golden {
     pub values: Vec<Vec<f64>>,
     /// (count, m n).
     pub jacobians: Vec<Vec<f64>>,
-    /// Largest difference due to rounding, of values and of Jacobians.
-    pub tolerance: [f64; 2],
+    /// Largest difference of values due to rounding.
+    pub tolerance: f64,
+    /// The same of each column of the Jacobians, (n,): of newtons by metre and by pascal.
+    pub jacobian_tolerance: Vec<f64>,
 }
 
 const COUNT: usize = 16;
@@ -40,7 +42,8 @@ impl Golden {
             points: Vec::new(),
             values: Vec::new(),
             jacobians: Vec::new(),
-            tolerance: [0.0; 2],
+            tolerance: 1e-12,
+            jacobian_tolerance: std::vec![1e-300; model.shape().0],
         };
         for i in 0..COUNT {
             let mut point = match reach {
@@ -51,9 +54,14 @@ impl Golden {
                 point.iter_mut().for_each(|x| *x = f64::from(*x as f32));
             }
             let (value, jacobian) = model.value_and_jacobian(&point)?;
-            let largest = |v: &[f64]| v.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-            golden.tolerance[0] = golden.tolerance[0].max(largest(&value));
-            golden.tolerance[1] = golden.tolerance[1].max(largest(&jacobian));
+            for x in &value {
+                golden.tolerance = golden.tolerance.max(x.abs());
+            }
+            let n = point.len();
+            for (j, x) in jacobian.iter().enumerate() {
+                let most = &mut golden.jacobian_tolerance[j % n];
+                *most = most.max(x.abs());
+            }
             golden.points.push(point);
             golden.values.push(value);
             golden.jacobians.push(jacobian);
@@ -62,7 +70,11 @@ impl Golden {
             Precision::Single => 3e-4,
             Precision::Double => 1e-11,
         };
-        golden.tolerance = golden.tolerance.map(|size| size.max(1e-12) * share);
+        golden.tolerance *= share;
+        golden
+            .jacobian_tolerance
+            .iter_mut()
+            .for_each(|size| *size *= share);
         Ok(golden)
     }
 }
@@ -81,13 +93,19 @@ fn point_in(model: &Model, reach: &Reach, i: usize) -> Vec<f64> {
     let at = reach.point(|k| wave(i, k));
     match model {
         Model::Polynomial(_) => at,
-        Model::Energy(model) => {
-            let theta = [at[3], at[4], at[5]];
-            let c = [at[0] + model.length_m(), at[1], at[2]];
-            let r = apply(&half_rotation(&theta), &c);
-            std::vec![r[0], r[1], r[2], theta[0], theta[1], theta[2]]
-        }
+        Model::Energy(model) => in_base(at, model.length_m()),
+        Model::Actuated(model) => in_base(at, model.length_m()),
     }
+}
+
+/// A row of mid-frame coordinates and what stands behind them as one of a pose.
+fn in_base(mut row: Vec<f64>, length_m: f64) -> Vec<f64> {
+    let r = apply(
+        &half_rotation(&[row[3], row[4], row[5]]),
+        &[row[0] + length_m, row[1], row[2]],
+    );
+    row[..3].copy_from_slice(&r);
+    row
 }
 
 /// Point i.
@@ -99,19 +117,19 @@ fn point(model: &Model, i: usize) -> Vec<f64> {
                 0.5 * (lower + upper) + 0.5 * (upper - lower) * wave(i, k)
             })
             .collect(),
-        Model::Energy(model) => {
-            // Inside the ball |c| < l, |θ| < α of the training data; never beyond π.
-            let [length, angle] = model.scale();
-            let part = |k: usize, size: f64| wave(i, k) * size / 3.0_f64.sqrt();
-            let angle = angle.min(3.0);
-            let theta = [part(3, angle), part(4, angle), part(5, angle)];
-            let c = [
-                model.length_m() + part(0, length),
-                part(1, length),
-                part(2, length),
-            ];
-            let r = apply(&half_rotation(&theta), &c);
-            std::vec![r[0], r[1], r[2], theta[0], theta[1], theta[2]]
+        Model::Energy(model) => ball(i, model.scale(), model.length_m()),
+        Model::Actuated(model) => {
+            let mut row = ball(i, model.scale(), model.length_m());
+            let inputs = model.input_scale().iter().enumerate();
+            row.extend(inputs.map(|(k, scale)| 0.5 * scale * (1.0 + wave(i, 6 + k))));
+            row
         }
     }
+}
+
+/// Pose i inside the ball |c| < l, |θ| < α of the training data; never beyond π.
+fn ball(i: usize, [length, angle]: [f64; 2], length_m: f64) -> Vec<f64> {
+    let part = |k: usize, size: f64| wave(i, k) * size / 3.0_f64.sqrt();
+    let size = |k: usize| if k < 3 { length } else { angle.min(3.0) };
+    in_base((0..6).map(|k| part(k, size(k))).collect(), length_m)
 }

@@ -56,6 +56,14 @@ impl Precision {
         }
     }
 
+    /// Newton's last step over the largest one: the error after it is of its square.
+    pub(crate) fn settled(self) -> &'static str {
+        match self {
+            Precision::Single => "1e-3",
+            Precision::Double => "1e-7",
+        }
+    }
+
     /// The nearest number of the type.
     pub(crate) fn rounded(self, x: f64) -> f64 {
         match self {

@@ -29,13 +29,16 @@ pub fn inside_words(model: &Model, reach: Option<&Reach>) -> &'static str {
         (Some(_), Model::Energy(_)) => {
             "p lies in the box and the ellipsoid of the measured poses, in mid-frame coordinates"
         }
+        (Some(_), Model::Actuated(_)) => {
+            "p lies in the box and the ellipsoid of the measured rows: mid-frame coordinates and inputs"
+        }
         (Some(_), Model::Polynomial(_)) => {
             "p lies in the box and the ellipsoid of the measured inputs"
         }
         (None, Model::Energy(_)) => {
             "|c| and |theta| of the mid frame are at most 1.01 times those of the training data"
         }
-        (None, Model::Polynomial(_)) => "every input is in the range of the training data",
+        (None, _) => "every input is in the range of the training data",
     }
 }
 
@@ -62,6 +65,7 @@ pub fn within(
             let [c, theta] = model.reach_squared().map(number);
             filled(of_range, &[("CSQUARED", &c), ("THETASQUARED", &theta)])
         }
+        (None, Model::Actuated(_)) => String::new(),
         (None, Model::Polynomial(model)) => filled(
             of_box,
             &[
@@ -76,6 +80,25 @@ pub fn within(
 const SHARE: f64 = 0.98;
 
 impl Reach {
+    /// The `reach` of a model's document; None where it has none.
+    ///
+    /// # Errors
+    /// As [`Reach::from_document`]; none beside actuators, whose ranges nothing else tells.
+    pub fn of_model(
+        document: &Map<String, Value>,
+        model: &Model,
+    ) -> Result<Option<Self>, ModelError> {
+        let reach = Self::from_document(document, model.shape().0)?;
+        match (&reach, model) {
+            (None, Model::Actuated(_)) => Err(ModelError::Setting {
+                name: "reach",
+                found: "none".into(),
+                expected: "one of poses and inputs: fit again, so that the file holds its rows",
+            }),
+            _ => Ok(reach),
+        }
+    }
+
     /// The `reach` of a document of n inputs; None where it has none.
     ///
     /// # Errors

@@ -12,6 +12,7 @@ use ecm_se3::Real;
 use serde_json::{Map, Value};
 
 use crate::cubic::Cubic;
+use crate::energy::actuated::ActuatedModel;
 use crate::energy::invariants::Symmetry;
 use crate::energy::model::EnergyModel;
 use crate::error::ModelError;
@@ -20,7 +21,7 @@ use crate::export::history::History;
 use crate::export::model::{Model, columns, identifier};
 use crate::export::reach::{Reach, inside_words, within};
 use crate::export::source;
-use crate::export::terms::{Terms, half_turn_squared, turns};
+use crate::export::terms::{Terms, half_turn_squared, most_step, turns};
 use crate::export::{Precision, SourceFile, filled};
 use crate::normalise::unit_slope;
 use crate::polynomial_model::PolynomialModel;
@@ -55,15 +56,15 @@ pub fn export_with_effects(
     let model = Model::from_document(document)?;
     let real = precision.in_rust();
     let plain = matches!(&model, Model::Polynomial(p) if !is_cubic(p));
-    if effects.is_some() && plain {
+    if effects.is_some() && (plain || matches!(model, Model::Actuated(_))) {
         return Err(ModelError::Setting {
             name: "model",
-            found: "a polynomial with effects of time".to_string(),
+            found: "a polynomial, or a model with actuators, and effects of time".to_string(),
             expected: "an energy, or a cubic from six to six columns: fit one, or remove the effects",
         });
     }
     let (n, m) = model.shape();
-    let reach = Reach::from_document(document, n)?;
+    let reach = Reach::of_model(document, &model)?;
     let (inputs, outputs) = (columns(document, "inputs")?, columns(document, "outputs")?);
     let sum = document.get("sha256").and_then(Value::as_str).unwrap_or("");
     let (body, numbers) = match (&model, precision) {
@@ -74,8 +75,12 @@ pub fn export_with_effects(
         (Model::Polynomial(model), Precision::Single) => (cubic::<f32>(model)?, 150),
         (Model::Energy(model), Precision::Double) => energy::<f64>(model)?,
         (Model::Energy(model), Precision::Single) => energy::<f32>(model)?,
+        (Model::Actuated(model), Precision::Double) => actuated::<f64>(model)?,
+        (Model::Actuated(model), Precision::Single) => actuated::<f32>(model)?,
     };
-    let stack = (numbers * precision.size() + 600)
+    let step = most_step(&model, &inputs, &outputs);
+    let own = step.as_ref().map_or(0, |_| n * m + n + 60); // of free_pose, which calls the others
+    let stack = ((numbers + own) * precision.size() + 600)
         .next_multiple_of(16)
         .to_string();
     let common = [
@@ -91,6 +96,7 @@ pub fn export_with_effects(
         ("NM", &(n * m).to_string()),
         ("TURNS", &turns(&inputs)),
         ("HALFTURN", &half_turn_squared(precision)),
+        ("ACTUATORS", &n.saturating_sub(6).to_string()),
     ];
     let golden = Golden::within(&model, reach.as_ref(), precision)?;
     let (steps, history) = match effects {
@@ -107,15 +113,31 @@ pub fn export_with_effects(
         number(precision.rounded(x))
     });
     let words = inside_words(&model, reach.as_ref());
+    let free = step.map(|step| {
+        let step = list(step.iter().map(|&x| number(precision.rounded(x))));
+        let keys = [("MOSTSTEP", &*step), ("SETTLED", precision.settled())];
+        filled(include_str!("templates/free_pose.rs.txt"), &keys)
+    });
+    let (called, used) = match &free {
+        Some(_) => (
+            include_str!("templates/free_pose_test.rs.txt"),
+            "free_pose, ",
+        ),
+        None => ("", ""),
+    };
     let body = filled(
         &body,
         &[
+            ("FREEPOSE", free.as_deref().unwrap_or("")),
             ("STEPPER", &steps),
             ("WITHIN", &within),
             ("INSIDEWORDS", words),
         ],
     );
-    let golden = filled(&golden_test(&golden), &[("HISTORY", &history)]);
+    let golden = filled(
+        &golden_test(&golden, called),
+        &[("HISTORY", &*history), ("FREEPOSEUSE", used)],
+    );
     let file = |path: &str, text: String| SourceFile {
         path: path.to_string(),
         text,
@@ -166,6 +188,29 @@ fn energy<R: Real>(model: &EnergyModel) -> Result<(String, usize), ModelError> {
         ],
     );
     Ok((text, memory + 560))
+}
+
+/// As [`energy`].
+fn actuated<R: Real>(model: &ActuatedModel) -> Result<(String, usize), ModelError> {
+    let sums = model.expansion::<R>()?;
+    let pairs = sums.products.iter();
+    let text = filled(
+        include_str!("templates/actuated.rs.txt"),
+        &[
+            ("LENGTH", &number(R::from_f64(model.length_m()))),
+            ("MONOMIALS", &sums.products.len().to_string()),
+            (
+                "PRODUCTS",
+                &list(pairs.map(|p| format!("({}, {})", p.0, p.1))),
+            ),
+            ("ROWS", &sums.ends.len().to_string()),
+            ("ENDS", &list(sums.ends.iter().map(u16::to_string))),
+            ("ENTRIES", &sums.columns.len().to_string()),
+            ("COLUMNS", &list(sums.columns.iter().map(u16::to_string))),
+            ("WEIGHTS", &list(sums.weights.iter().map(|&w| number(w)))),
+        ],
+    );
+    Ok((text, sums.products.len() + 700))
 }
 
 /// Words that Rust or its test harness keeps: no crate can have these names.
@@ -323,7 +368,7 @@ fn history_test(history: &History) -> String {
     )
 }
 
-fn golden_test(golden: &Golden) -> String {
+fn golden_test(golden: &Golden, called: &str) -> String {
     let table = |rows: &[Vec<f64>]| {
         list(
             rows.iter()
@@ -333,12 +378,16 @@ fn golden_test(golden: &Golden) -> String {
     filled(
         include_str!("templates/golden.rs.txt"),
         &[
+            ("FREEPOSECALL", called),
             ("COUNT", &golden.points.len().to_string()),
             ("POINTS", &table(&golden.points)),
             ("VALUES", &table(&golden.values)),
             ("JACOBIANS", &table(&golden.jacobians)),
-            ("TOLERANCE_H", &number(golden.tolerance[0])),
-            ("TOLERANCE_K", &number(golden.tolerance[1])),
+            ("TOLERANCE_H", &number(golden.tolerance)),
+            (
+                "TOLERANCE_K",
+                &list(golden.jacobian_tolerance.iter().map(|&t| number(t))),
+            ),
         ],
     )
 }

@@ -8,6 +8,7 @@ use ecm_se3::Real;
 
 use crate::error::ModelError;
 use crate::export::Precision;
+use crate::export::model::Model;
 use crate::normalise::unit_slope;
 use crate::polynomial_model::PolynomialModel;
 
@@ -62,6 +63,31 @@ pub fn turns(inputs: &str) -> String {
     each.map(|turn| format!("{turn}"))
         .collect::<Vec<_>>()
         .join(", ")
+}
+
+/// Largest step of each coordinate of the pose when a free pose is sought: what the model may mean.
+/// None of a model without actuators behind the six columns of the pose.
+pub fn most_step(model: &Model, inputs: &str, outputs: &str) -> Option<Vec<f64>> {
+    const POSE: &str = "x_m, y_m, z_m, theta_x_rad, theta_y_rad, theta_z_rad, ";
+    const WRENCH: &str = "fx_N, fy_N, fz_N, tau_x_Nm, tau_y_Nm, tau_z_Nm";
+    if !inputs.starts_with(POSE) || outputs != WRENCH {
+        return None;
+    }
+    match model {
+        Model::Polynomial(model) => {
+            let ends = model.lower().iter().zip(model.upper());
+            Some(
+                ends.take(6)
+                    .map(|(low, high)| (high - low).max(1e-9))
+                    .collect(),
+            )
+        }
+        Model::Energy(_) => None,
+        Model::Actuated(model) => {
+            let length = 0.3 * model.length_m();
+            Some([[length; 3], [0.3; 3]].as_flattened().to_vec())
+        }
+    }
 }
 
 /// 1 / k!

@@ -7,13 +7,14 @@ use alloc::vec::Vec;
 
 use serde_json::{Map, Value};
 
+use crate::energy::actuated::ActuatedModel;
 use crate::energy::groups::Group;
 use crate::energy::invariants::Symmetry;
 use crate::energy::model::EnergyModel;
 use crate::error::ModelError;
 use crate::polynomial_model::PolynomialModel;
 
-/// A model of either family.
+/// A model of one of the families.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum Model {
@@ -21,6 +22,8 @@ pub enum Model {
     Polynomial(Box<PolynomialModel>),
     /// An energy; of kind `physics` with its factor multiplied in.
     Energy(Box<EnergyModel>),
+    /// An energy of pose and actuation, written as its `parts`.
+    Actuated(Box<ActuatedModel>),
 }
 
 impl Model {
@@ -35,6 +38,9 @@ impl Model {
                 .map(|model| Model::Polynomial(Box::new(model)));
         }
         let kind = document.get("kind").and_then(Value::as_str).unwrap_or("");
+        if kind == "actuated" {
+            return actuated(document, degree).map(|model| Model::Actuated(Box::new(model)));
+        }
         if !matches!(kind, "energy" | "physics") {
             return Err(ModelError::Setting {
                 name: "kind",
@@ -81,13 +87,15 @@ impl Model {
         match self {
             Model::Polynomial(model) => (model.inputs(), model.outputs()),
             Model::Energy(_) => (6, 6),
+            Model::Actuated(model) => (6 + model.actuators(), 6),
         }
     }
 
-    /// h and ∂h/∂p of one point.
+    /// h and ∂h/∂p of one point: pose, and inputs of actuators behind it.
     pub fn value_and_jacobian(&self, point: &[f64]) -> Result<(Vec<f64>, Vec<f64>), ModelError> {
         match self {
             Model::Polynomial(model) => Ok((model.predict(point)?, model.jacobian(point)?)),
+            Model::Actuated(model) => model.value_and_jacobian(point),
             Model::Energy(model) => {
                 let pose = core::array::from_fn(|i| point.get(i).copied().unwrap_or(f64::NAN));
                 let k = model.stiffness(&[pose], ecm_se3::stiffness::StiffnessKind::Partial)?;
@@ -99,6 +107,27 @@ impl Model {
             }
         }
     }
+}
+
+/// An energy of pose and actuation, from `scale`, `input_scale`, and `powers` and `coefficients_J` of
+/// each of its `parts`.
+fn actuated(document: &Map<String, Value>, degree: usize) -> Result<ActuatedModel, ModelError> {
+    let scale = numbers(document.get("scale"));
+    let parts = document.get("parts").and_then(Value::as_array);
+    let parts: Vec<(Vec<u8>, Vec<f64>)> = (parts.into_iter().flatten())
+        .map(|part| {
+            let powers = numbers(part.get("powers"));
+            let powers = powers.iter().map(|&e| e as u8).collect();
+            (powers, numbers(part.get("coefficients_J")))
+        })
+        .collect();
+    ActuatedModel::new(
+        (document.get("length_m").and_then(Value::as_f64)).unwrap_or(f64::NAN),
+        degree,
+        [0, 1].map(|i| scale.get(i).copied().unwrap_or(f64::NAN)),
+        &numbers(document.get("input_scale")),
+        &parts,
+    )
 }
 
 /// All numbers of a nested list, row by row.

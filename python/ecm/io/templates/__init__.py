@@ -6,6 +6,7 @@ from importlib.resources import files
 
 NEXT_STEP = {
     "config": "Next: ecm identify {path} --out DIR",
+    "arm": "Next: ecm identify {path} --out DIR",
     "rig": "Next: ecm campaign PLAN.csv --rig {path} --out data.csv",
     "data": "Next: put your rows in, then: ecm check {path}",
 }

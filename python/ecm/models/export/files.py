@@ -30,7 +30,7 @@ from ecm.models.export.source import Exported, Precision, Source, Target, withou
 from ecm.models.measured_poses import folded, has_measured_poses, measured_poses
 from ecm.models.model import Model
 from ecm.models.time_effects import time_effects
-from ecm.regression.rows import actuators_of, is_whole
+from ecm.regression.rows import actuators_of, is_whole, taken_by
 
 
 def c(source: Source) -> Exported:
@@ -53,7 +53,7 @@ def rust(source: Source) -> Exported:
 
 def _code(source: Source, language: Literal["c", "rust"], next_step: str) -> Exported:
     written: dict[str, str | bytes] = dict(source.code(language, source.precision))
-    if not source.whole:
+    if not source.whole or source.actuators:
         return Exported(written, next_step=next_step)
     poses = source.poses()
     try:
@@ -169,7 +169,7 @@ TARGETS: dict[str, Target] = {
 """Every target; a new one is one more line here and one in the help of the command."""
 
 
-_WITH_CODE = ("polynomial", "energy", "physics")
+_WITH_CODE = ("polynomial", "energy", "physics", "actuated")
 """Kinds of maps that `ecm._native.export_model` writes as """
 _EXPORTED = "Wrench and stiffness of an elastic mechanism"
 """Begins the description of exported crates."""
@@ -260,11 +260,6 @@ def export_files(
         raise InputError(
             f"name {name!r}: expected a lower-case letter, then at most 39 of a-z, 0-9 and _"
         )
-    if actuators_of(model.base):
-        raise InputError(
-            f"{model.name}: an export has no inputs for actuators yet: give the model at constant "
-            "ones, model.at_actuation([1e4, 0.0, 0.0])"
-        )
     chosen = TARGETS[target]
     if name in chosen.taken:
         raise InputError(f"name {name!r}: --to {target} uses it itself; choose another one")
@@ -275,12 +270,23 @@ def export_files(
     inside, notes, folding = _mechanism_alone(model)
     if not has_measured_poses(model):
         notes.append(_NO_POSES)
-    if adapt is not None and (target not in ("c", "rust") or not is_whole(model.base)):
+    actuated = bool(actuators_of(model.base))
+    if actuated and not _has_rows_of_inputs(model):
+        raise InputError(
+            f"{model.name}: the model file holds no rows with the inputs of its actuators, so that "
+            "nothing tells where it was measured",
+            remedy=Remedy(
+                "judge it at the rows of its table",
+                f"ecm export MODEL --to {target} --out OUT --name {name} --data DATA",
+            ),
+        )
+    follows = target in ("c", "rust") and is_whole(model.base) and not actuated
+    if adapt is not None and not follows:
         raise InputError(
             "adapt: parameters follow readings in C and Rust, with a model of all six pose and "
-            "wrench columns; leave it out here"
+            "wrench columns and no actuators; leave it out here"
         )
-    timed = time_effects(model, chosen.language)
+    timed = time_effects(model, "none" if actuated else chosen.language)
     lost = dict(zip(timed.lost, timed.lost_sentences(), strict=True))
     given = chosen.write(Source(model, inside, timed, name, precision, loop, adapt))
     return replace(
@@ -291,6 +297,12 @@ def export_files(
         folded=tuple(sorted(item.id for item in model.acting_at_poses)),
         lost=lost,
     )
+
+
+def _has_rows_of_inputs(model: Model) -> bool:
+    """Whether the rows in the model file have the inputs of actuators; older ones have not."""
+    stored = model.training.get("poses") or [()]
+    return len(stored[0]) == len(taken_by(model.base))
 
 
 def _refuse_what_changed(model: Model, exported: Exported, to: str, name: str) -> None:
@@ -363,6 +375,12 @@ def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
     has_code = kind in _WITH_CODE
     if not acting and has_code:
         return bare, [], 0.0
+    if actuators_of(model.base):
+        raise InputError(
+            f"{model.name}: effects on the pose are folded into a map of the pose alone, which has "
+            "no inputs for actuators",
+            remedy=without(acting, ", and export that"),
+        )
     whole = is_whole(model.base)
     few = len(model.inputs) < len(POSE)
     if not (has_code or few or (whole and model.known_length_m)):

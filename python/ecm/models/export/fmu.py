@@ -16,6 +16,7 @@ import numpy as np
 from ecm.errors import ComputationError, InputError
 from ecm.models.export.source import LINUX, WINDOWS, Exported, Source, shared_library
 from ecm.models.measured_poses import measured_poses
+from ecm.regression.rows import taken_by
 
 _UNITS = {
     "m": '<BaseUnit m="1"/>',
@@ -23,6 +24,7 @@ _UNITS = {
     "N": '<BaseUnit kg="1" m="1" s="-2"/>',
     "Nm": '<BaseUnit kg="1" m="2" s="-2"/>',
     "s": '<BaseUnit s="1"/>',
+    "Pa": '<BaseUnit kg="1" m="-1" s="-2"/>',
     "degC": '<BaseUnit K="1" offset="273.15"/>',
 }
 _CONDITIONS = ("temperature_degC", "age_s")
@@ -61,7 +63,7 @@ def fmu(source: Source) -> Exported:
     values = {
         "TOKEN": token,
         "MARK": f"0x{token[:15]}u",
-        "N": str(len(source.inside.inputs)),
+        "N": str(len(taken_by(source.inside.base))),
         "M": str(len(outputs)),
         "START": ", ".join(f"{x:.17g}" for x in start.values()),
     }
@@ -97,7 +99,7 @@ def fmu(source: Source) -> Exported:
 
 
 def _inputs(source: Source) -> dict[str, float]:
-    """Start of each input: the pose, then what effects of time follow."""
+    """Start of each input: the pose, then actuators, then what effects of time follow."""
     model = source.inside
     if source.whole and model.known_length_m is not None:
         start = model.rest_pose("an FMU")[0]
@@ -105,10 +107,11 @@ def _inputs(source: Source) -> dict[str, float]:
         start = measured_poses(source.model)[0]
     else:
         start = np.array([0.5 * sum(model.domain.get(name, (0.0, 0.0))) for name in model.inputs])
-    for name in (*model.inputs, *model.outputs):
+    taken = taken_by(model.base)
+    for name in (*taken, *model.outputs):
         if _unit(name) not in _UNITS:
             raise InputError(f"--to fmu: column {name} has no unit of {', '.join(_UNITS)}")
-    inputs = dict(zip(model.inputs, map(float, start), strict=True))
+    inputs = dict.fromkeys(taken, 0.0) | dict(zip(taken, map(float, start), strict=False))
     if source.has_state:
         reference = float(source.timed.document.get("reference_degc", 0.0))
         inputs |= dict(zip(_CONDITIONS, (reference, 0.0), strict=True))

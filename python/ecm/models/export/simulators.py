@@ -91,7 +91,7 @@ _COMPARED = 500
 
 def mujoco(source: Source) -> Exported:
     """The plugin with its build script, two scenes, and the linear part without a plugin."""
-    source.need_whole("mujoco")
+    source.need_whole("mujoco", with_actuators=source.whole)
     name = source.name
     rest = _at_rest(source.inside)
     lost = _lost(source.inside, rest, source.poses(_COMPARED))
@@ -111,11 +111,14 @@ def mujoco(source: Source) -> Exported:
         "TENDONS": linear_tendons(name, rest.pose[0], rest.wrench, rest.stiffness, step),
         "LINEAR": linear_tendons(name, rest.pose[0], rest.wrench, rest.stiffness),
         "LOST": "\n".join(f"  {line}" for line in lost),
+        "INPUTCOUNT": str(len(source.actuators)),
+        "INPUTNAMES": "".join(f'"{name}_{column}", ' for column in source.actuators),
+        "ACTUATORS": _inputs(source, poses),
     }
     written: dict[str, str | bytes] = dict(source.code())
     written |= {
         f"{name}.xml": source.template("mujoco/linear.xml", values),
-        f"{name}_plugin.cc": source.template("mujoco/plugin.cc"),
+        f"{name}_plugin.cc": source.template("mujoco/plugin.cc", values),
         f"{name}_plugin.xml": source.template("mujoco/plugin.xml", values),
         f"{name}_free.xml": source.template("mujoco/free.xml", values),
         f"{name}_build.sh": source.template("mujoco/build.sh"),
@@ -128,8 +131,30 @@ def mujoco(source: Source) -> Exported:
         f"{name}.xml, the linear part without a plugin:",
         *lost,
     )
+    if source.actuators:
+        listed = ", ".join(f"{name}_{column}" for column in source.actuators)
+        notes = (
+            f"Inputs: controls of the actuators {listed}, which do no force themselves; with a "
+            "dyntype of MuJoCo their activations, so that a valve may lag. Without the plugin, and "
+            "in the tendons, they are 0.",
+            *notes,
+        )
     build = f"sh @OUT@/{name}_build.sh python   (the Python that has mujoco)"
     return Exported(written, notes, next_step=build)
+
+
+def _inputs(source: Source, poses: F) -> str:
+    """MJCF of one control for each input, with its measured range."""
+    if not source.actuators:
+        return ""
+    low, high = np.minimum(poses[:, 6:].min(axis=0), 0.0), poses[:, 6:].max(axis=0)
+    ranges = zip(source.actuators, low, high, strict=True)
+    lines = "".join(
+        f'\n    <general name="{source.name}_{column}" site="{source.name}_top" '
+        f'gear="0 0 0 0 0 0" ctrllimited="true" ctrlrange="{low:.9g} {high:.9g}"/>'
+        for column, low, high in ranges
+    )
+    return f"\n  <actuator>{lines}\n  </actuator>"
 
 
 @dataclass(frozen=True)
@@ -167,7 +192,7 @@ def largest_step(
     excess = 0.5 * (stiffness + stiffness.transpose(0, 2, 1))
     if implicit is not None:
         excess = excess - 2.0 * implicit
-    turned = left_jacobians(np.ascontiguousarray(poses[:, 3:]))
+    turned = left_jacobians(np.ascontiguousarray(poses[:, 3:6]))
     mass = np.zeros((len(poses), 6, 6))
     mass[:, :3, :3] = mass_kg * np.eye(3)
     mass[:, 3:, 3:] = inertia_kg_m2 * turned.transpose(0, 2, 1) @ turned
@@ -189,7 +214,7 @@ def _below(step: float) -> float:
 def _lost(model: Model, rest: _Rest, poses: F) -> list[str]:
     """What the linear part leaves out, in words."""
     exact = model.base.predict(poses)
-    linear = rest.wrench + (poses - rest.pose) @ rest.stiffness
+    linear = rest.wrench + (poses[:, :6] - rest.pose) @ rest.stiffness
     share = np.sqrt(((linear - exact) ** 2).mean(axis=0) / (exact**2).mean(axis=0))
     listed = ", ".join(
         f"{column.rsplit('_', 1)[0]} {100 * s:.0f} %"

@@ -15,12 +15,15 @@ from typing import Literal
 from ecm._native import export_model, seal_model
 from ecm.errors import ComputationError, InputError, Remedy
 from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.printed import Printed
+from ecm.models.actuated import ActuatedMap
 from ecm.models.control_loop import ControlLoop, LoopSettings
 from ecm.models.controller import AdaptSettings
 from ecm.models.measured_poses import poses_like_measured, reach_of
 from ecm.models.model import Model
 from ecm.models.time_effects import TimeEffects
-from ecm.regression.rows import is_whole
+from ecm.regression.rows import is_whole, taken_by
 
 _FLAGS = ("-std=c99", "-O2", "-s", "-shared", "-fvisibility=hidden")
 LINUX = (("cc",), ("gcc",), ("clang",))
@@ -125,6 +128,8 @@ class Source:
     ) -> dict[str, str]:
         """Source code of the model by its path."""
         document = self.inside.document()
+        if isinstance(self.inside.base, ActuatedMap):
+            document |= self.inside.base.written_out()
         reach = reach_of(self.model, self.inside.base)
         sealed = seal_model(
             json.dumps(document if reach is None else {**document, "reach": reach.document()})
@@ -146,9 +151,24 @@ class Source:
             )
         )
 
-    def need_whole(self, target: str) -> None:
-        """Raise InputError for a model without all six pose and wrench columns."""
-        if not self.whole:
+    @property
+    def actuators(self) -> tuple[str, ...]:
+        """Columns of the inputs that stand behind the six of the pose."""
+        taken = taken_by(self.inside.base)
+        return taken[len(POSE) :] if taken[: len(POSE)] == POSE else ()
+
+    def need_whole(self, target: str, *, with_actuators: bool = False) -> None:
+        """Raise InputError for a model without all six pose and wrench columns, or with more."""
+        taken = taken_by(self.inside.base)
+        if self.actuators and not with_actuators:
+            others = "c, rust or fmu"
+            if self.whole:
+                others += ", mujoco, or the model at constant inputs, model.at_actuation([...])"
+            raise InputError(
+                f"--to {target} has no inputs for {', '.join(self.actuators)}: export to {others}",
+                remedy=Remedy("export it with its inputs", "ecm export MODEL --to c --out OUT"),
+            )
+        if taken[: len(POSE)] != POSE or self.inside.outputs != WRENCH:
             remedy = Remedy("export it to c", "ecm export MODEL --to c --out OUT")
             if self.timed.lost:  # what c refuses as well
                 remedy = without(list(self.timed.lost), ", and export it to c")
@@ -187,8 +207,8 @@ def without(ids: Sequence[str], then: str) -> Remedy:
     )
 
 
-@dataclass(frozen=True)
-class Exported:
+@dataclass(frozen=True, repr=False)
+class Exported(Printed):
     """An exported model: what a target gives, and what `export_files` says of it.
 
     Examples
@@ -215,6 +235,9 @@ class Exported:
     """Change of the model by the form that the target can hold, over the noise."""
     lost: Mapping[str, str] = field(default_factory=dict)
     """Effects beyond the noise that the files lack: words by id."""
+
+    def __str__(self) -> str:
+        return "\n".join([f"{len(self.files)} files: {', '.join(self.files)}", *self.notes])
 
 
 @dataclass(frozen=True)

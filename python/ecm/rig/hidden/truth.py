@@ -16,6 +16,7 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
+from ecm.io.printed import Printed
 from ecm.io.table import Table, read_table
 from ecm.io.toml import did_you_mean
 from ecm.rig.physics import TRUE_EFFECTS
@@ -211,8 +212,8 @@ def score(truth: Sequence[str], answer: Sequence[Sequence[str]]) -> dict[str, An
     }
 
 
-@dataclass(frozen=True)
-class Revealed:
+@dataclass(frozen=True, repr=False)
+class Revealed(Printed):
     """An opened truth, and the score of an answer where there is one.
 
     Examples
@@ -237,6 +238,9 @@ class Revealed:
         if self.score is not None:
             document |= {"verdict": self.verdict, "score": self.score}
         return document
+
+    def __str__(self) -> str:
+        return self.text()
 
     def text(self) -> str:
         """A few plain lines."""

@@ -23,7 +23,7 @@ from typing import IO, Any
 from urllib.parse import parse_qs
 
 from ecm.errors import EcmError, InputError, Refusal
-from ecm.io.arguments import check_arguments
+from ecm.io.arguments import check_arguments, listed
 from ecm.io.extras import require
 from ecm.report.page import WEB
 from ecm.workflow.app.jobs import Busy, Jobs
@@ -431,7 +431,7 @@ _HOST = "127.0.0.1"
 
 def serve(
     folder: str | Path,
-    tables: Sequence[str | Path] = (),
+    tables: str | Path | Sequence[str | Path] = (),
     *,
     model: str | None = None,
     port: int = 0,
@@ -445,7 +445,7 @@ def serve(
     folder
         The session folder; one that is there goes on where it was.
     tables
-        Tables of a new session.
+        Tables of a new session, or one alone.
     model
         Name of a model that is fitted to them, when their check leaves no warning open.
     port
@@ -470,7 +470,7 @@ def serve(
     ecm.errors.InputError: missing.csv: no such file
     """
     check_arguments(serve, locals())
-    given = [Path(table) for table in tables]
+    given = [Path(table) for table in listed(tables)]
     for table in given:
         if not table.is_file():
             raise InputError(f"{table}: no such file")

@@ -9,13 +9,13 @@
 typedef @NAME@_real real;
 #define R(x) ((real)(x))
 
-enum { MONOMIALS = @MONOMIALS@, SERIES = @SERIES@ };
+enum { INPUTS = @N@, MONOMIALS = @MONOMIALS@, OFSLOPES = @OFSLOPES@, SERIES = @SERIES@ };
 
 static const real length_m = R(@LENGTH@);
 static const real half_turn_squared = R(@HALFTURN@);
 static const uint16_t parent_of[MONOMIALS] = {@PARENTS@};
 static const uint8_t variable_of[MONOMIALS] = {@VARIABLES@};
-static const uint16_t row_end[28] = {@ENDS@};
+static const uint16_t row_end[@ROWS@] = {@ENDS@};
 static const uint16_t column_of[@ENTRIES@] = {@COLUMNS@};
 static const real weight_of[@ENTRIES@] = {@WEIGHTS@};
 /* 1/(2j + k)! of the functions c_6 and c_7; 1/k! of c_0 ... c_5. */
@@ -29,7 +29,7 @@ typedef struct {
     real a[9];       /* base from mid frame */
     real w[9];       /* J(theta/2)/2 */
     real inverse[9]; /* J(theta)^-1 */
-    real q[6];
+    real q[INPUTS];  /* mid-frame coordinates, then the inputs of actuators */
     real refused;    /* 0, or NaN where p is not finite or |theta| > pi */
 } frame_t;
 
@@ -144,27 +144,40 @@ static void prepare(const real *p, frame_t *f)
         f->q[3 + i] = f->theta[i];
     }
     f->q[0] = c[0] - length_m;
+    for (int32_t i = 6; i < INPUTS; i++) {
+        f->q[i] = p[i];
+        f->refused += p[i] - p[i];
+    }
 }
 
 @SYMMETRY@
 
-static void monomials_at(const real *q, real *m)
+/* All monomials of U, or the first ones, which its slopes and curvatures need */
+static void monomials_at(const real *q, int32_t count, real *m)
 {
-    real v[6];
+    real v[INPUTS];
     variables(q, v);
     m[0] = R(1);
-    for (int32_t t = 0; t < MONOMIALS; t++) {
+    for (int32_t t = 0; t < count; t++) {
         m[t + 1] = m[parent_of[t]] * v[variable_of[t]];
     }
 }
 
 static real row(int32_t i, const real *m)
 {
-    real sum = R(0);
-    for (int32_t e = i > 0 ? row_end[i - 1] : 0; e < row_end[i]; e++) {
-        sum += weight_of[e] * m[column_of[e]];
+    const int32_t end = row_end[i];
+    int32_t e = i > 0 ? row_end[i - 1] : 0;
+    real a = R(0), b = R(0), c = R(0), d = R(0); /* additions need not wait for each other */
+    for (; e + 3 < end; e += 4) {
+        a += weight_of[e] * m[column_of[e]];
+        b += weight_of[e + 1] * m[column_of[e + 1]];
+        c += weight_of[e + 2] * m[column_of[e + 2]];
+        d += weight_of[e + 3] * m[column_of[e + 3]];
     }
-    return sum;
+    for (; e < end; e++) {
+        a += weight_of[e] * m[column_of[e]];
+    }
+    return (a + b) + (c + d);
 }
 
 /* h from Q = dU/dq: f = A Q_c, tau = J^-T (Q_theta - W' (r x f)) */
@@ -228,38 +241,10 @@ static void torque_derivative(const frame_t *f, const real *tau, real *d)
     }
 }
 
-real @NAME@_energy(const real p[6])
+/* Q = dU/dq and dQ/dq */
+static void forces_at(const real *q, const real *m, real *force, real *u)
 {
-    frame_t f;
-    real m[MONOMIALS + 1];
-    prepare(p, &f);
-    monomials_at(f.q, m);
-    return row(0, m) + f.refused;
-}
-
-void @NAME@_value(const real p[6], real h[6])
-{
-    frame_t f;
-    real m[MONOMIALS + 1], slope[6], force[6];
-    prepare(p, &f);
-    monomials_at(f.q, m);
-    for (int32_t i = 0; i < 6; i++) {
-        slope[i] = row(1 + i, m);
-    }
-    gradient(f.q, slope, force);
-    wrench_of(&f, force, h);
-    for (int32_t i = 0; i < 6; i++) {
-        h[i] += f.refused;
-    }
-}
-
-void @NAME@_value_and_stiffness(const real p[6], real h[6], real k[36])
-{
-    frame_t f;
-    real m[MONOMIALS + 1], slope[6], force[6], bend[36], u[36];
-    real cc[9], ct[9], g[9], t1[9], t2[9], cc_g[9], across[9], mixed[9], bent[9], form[9], d[9];
-    prepare(p, &f);
-    monomials_at(f.q, m);
+    real slope[6], bend[36];
     for (int32_t i = 0; i < 6; i++) {
         slope[i] = row(1 + i, m);
     }
@@ -269,23 +254,128 @@ void @NAME@_value_and_stiffness(const real p[6], real h[6], real k[36])
             bend[6 * j + i] = bend[6 * i + j];
         }
     }
-    gradient(f.q, slope, force);
-    wrench_of(&f, force, h);
-    curvature(f.q, slope, bend, u);
-@PARTIAL@
+    gradient(q, slope, force);
+    curvature(q, slope, bend, u);
+}
+
+/* h of the six sums from row i, the slopes of an energy */
+static void wrench_at(int32_t i, const frame_t *f, const real *m, real *h)
+{
+    real slope[6], force[6];
+    for (int32_t j = 0; j < 6; j++) {
+        slope[j] = row(i + j, m);
+    }
+    gradient(f->q, slope, force);
+    wrench_of(f, force, h);
+}
+
+/* Wrench h of the force Q to q, and K = dh/dp at dQ/dq = u */
+static void carried(const frame_t *f, const real *force, const real *u, real *h, real *k)
+{
+    real cc[9], ct[9], g[9], t1[9], t2[9], cc_g[9], across[9], mixed[9], bent[9], form[9], d[9];
+    wrench_of(f, force, h);
+    /* G = A' [r]x W */
+    skew(f->r, t1);
+    product(t1, f->w, t2);
+    transposed_product(f->a, t2, g);
+    for (int32_t i = 0; i < 3; i++) {
+        for (int32_t j = 0; j < 3; j++) {
+            cc[3 * i + j] = u[6 * i + j];
+            ct[3 * i + j] = u[6 * i + 3 + j];
+        }
+    }
+    /* H_rr = A U_cc A' */
+    product(f->a, cc, t1);
+    for (int32_t i = 0; i < 3; i++) {
+        for (int32_t j = 0; j < 3; j++) {
+            k[6 * i + j] = t1[3 * i] * f->a[3 * j] + t1[3 * i + 1] * f->a[3 * j + 1] +
+                           t1[3 * i + 2] * f->a[3 * j + 2];
+        }
+    }
+    /* H_rt = A (U_cc G + U_ct) - [f]x W */
+    product(cc, g, cc_g);
+    for (int32_t i = 0; i < 9; i++) {
+        t1[i] = cc_g[i] + ct[i];
+    }
+    product(f->a, t1, across);
+    skew(h, t1);
+    product(t1, f->w, t2);
+    for (int32_t i = 0; i < 9; i++) {
+        across[i] -= t2[i];
+    }
+    /* H_tt = U_tt + U_tc G + G' U_ct + G' U_cc G + d2(Q_c . A' r)/dtheta2, less D for K */
+    transposed_product(ct, g, mixed);
+    transposed_product(g, cc_g, bent);
+    form_hessian(f, force, form);
+    torque_derivative(f, h + 3, d);
+    for (int32_t i = 0; i < 3; i++) {
+        for (int32_t j = 0; j < 3; j++) {
+            k[6 * i + 3 + j] = across[3 * i + j];
+            t1[3 * i + j] = u[6 * (3 + i) + 3 + j] + mixed[3 * i + j] + mixed[3 * j + i] +
+                            R(0.5) * (bent[3 * i + j] + bent[3 * j + i]) +
+                            R(0.25) * form[3 * i + j] - d[3 * i + j];
+        }
+    }
+    /* Lower rows J^-T (H_tr, H_tt - D) */
+    transposed_product(f->inverse, t1, t2);
+    for (int32_t i = 0; i < 3; i++) {
+        for (int32_t j = 0; j < 3; j++) {
+            k[6 * (3 + i) + 3 + j] = t2[3 * i + j];
+            k[6 * (3 + i) + j] = f->inverse[i] * across[3 * j] +
+                                 f->inverse[3 + i] * across[3 * j + 1] +
+                                 f->inverse[6 + i] * across[3 * j + 2];
+        }
+    }
+}
+
+real @NAME@_energy(const real p[@N@])
+{
+    frame_t f;
+    real m[MONOMIALS + 1];
+    prepare(p, &f);
+    monomials_at(f.q, MONOMIALS, m);
+    return row(0, m) + f.refused;
+}
+
+void @NAME@_value(const real p[@N@], real h[6])
+{
+    frame_t f;
+    real m[OFSLOPES + 1];
+    prepare(p, &f);
+    monomials_at(f.q, OFSLOPES, m);
+    wrench_at(1, &f, m, h);
     for (int32_t i = 0; i < 6; i++) {
         h[i] += f.refused;
     }
-    for (int32_t i = 0; i < 36; i++) {
-        k[i] += f.refused;
+}
+
+void @NAME@_value_and_stiffness(const real p[@N@], real h[6], real k[@NM@])
+{
+    frame_t f;
+    real m[OFSLOPES + 1], force[6], u[36], partial[36];
+    prepare(p, &f);
+    monomials_at(f.q, OFSLOPES, m);
+    forces_at(f.q, m, force, u);
+    carried(&f, force, u, h, partial);
+    for (int32_t i = 0; i < 6; i++) {
+        h[i] += f.refused;
+        for (int32_t j = 0; j < 6; j++) {
+            k[INPUTS * i + j] = partial[6 * i + j] + f.refused;
+        }
+    }
+    for (int32_t j = 6; j < INPUTS; j++) {
+        wrench_at(28 + 6 * (j - 6), &f, m, force);
+        for (int32_t i = 0; i < 6; i++) {
+            k[INPUTS * i + j] = force[i] + f.refused;
+        }
     }
 }
 
 @WITHIN@
-int32_t @NAME@_inside(const real p[6])
+int32_t @NAME@_inside(const real p[@N@])
 {
     frame_t f;
     prepare(p, &f);
     return within(f.q) & (int32_t)(f.refused <= R(0));
 }
-@STEPPER@
+@FREEPOSE@@STEPPER@

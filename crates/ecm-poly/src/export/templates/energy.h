@@ -1,7 +1,6 @@
 /* @TITLE@
  *
- * Pose p = (x, y, z, theta_x, theta_y, theta_z) in m and rad, wrench h in N and N m,
- * K = dh/dp (6 x 6, row by row). Model file sha256 @SUM@.
+ * Pose p = (x, y, z, theta_x, theta_y, theta_z) in m and rad, wrench h in N and N m@BEHINDPOSE@ Model file sha256 @SUM@.
  * h and K (and U) are NaN where p is not finite or |theta| > pi.
  *
  * Reentrant: nothing static is written, so that tasks and interrupts may call at the same time.
@@ -22,12 +21,12 @@ extern "C" {
 typedef @REAL@ @NAME@_real;
 
 /* U in J */
-@NAME@_real @NAME@_energy(const @NAME@_real p[6]);
-void @NAME@_value(const @NAME@_real p[6], @NAME@_real h[6]);
-void @NAME@_value_and_stiffness(const @NAME@_real p[6], @NAME@_real h[6], @NAME@_real k[36]);
+@NAME@_real @NAME@_energy(const @NAME@_real p[@N@]);
+void @NAME@_value(const @NAME@_real p[@N@], @NAME@_real h[6]);
+void @NAME@_value_and_stiffness(const @NAME@_real p[@N@], @NAME@_real h[6], @NAME@_real k[@NM@]);
 /* 1 where @INSIDEWORDS@, else 0 */
-int32_t @NAME@_inside(const @NAME@_real p[6]);
-@STEPPERAPI@
+int32_t @NAME@_inside(const @NAME@_real p[@N@]);
+@FREEPOSEAPI@@STEPPERAPI@
 #ifdef __cplusplus
 }
 #endif

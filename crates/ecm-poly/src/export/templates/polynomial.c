@@ -89,4 +89,4 @@ int32_t @NAME@_inside(const real p[INPUTS])
 {
     return within(p) & (int32_t)(refused(p) <= R(0));
 }
-@STEPPER@
+@FREEPOSE@@STEPPER@

@@ -1,8 +1,8 @@
 /* @TITLE@
  *
  * Inputs @INPUTS@; outputs @OUTPUTS@;
- * stiffness = d(outputs)/d(inputs), row by row. Model file sha256 @SUM@.
- * Outputs and stiffness are NaN where an input is not finite, or rotation vectors pass half a turn.
+ * k = d(outputs)/d(inputs), @M@ x @N@ row by row. Model file sha256 @SUM@.
+ * h and k are NaN where an input is not finite, or rotation vectors pass half a turn.
  *
  * Reentrant: nothing static is written, so that tasks and interrupts may call at the same time.
  * Time: neither loops nor branches depend on p. With @REAL@ in hardware every call takes the same
@@ -27,7 +27,7 @@ void @NAME@_value(const @NAME@_real p[@N@], @NAME@_real h[@M@]);
 void @NAME@_value_and_stiffness(const @NAME@_real p[@N@], @NAME@_real h[@M@], @NAME@_real k[@NM@]);
 /* 1 where @INSIDEWORDS@, else 0 */
 int32_t @NAME@_inside(const @NAME@_real p[@N@]);
-@STEPPERAPI@
+@FREEPOSEAPI@@STEPPERAPI@
 #ifdef __cplusplus
 }
 #endif

@@ -25,31 +25,12 @@ typedef struct {
 
 @DECAY@
 
-/* Wrench h of the force Q to q, and K = dh/dp at dQ/dq = u */
-static void carried(const frame_t *at, const real *force, const real *u, real *h, real *k)
-{
-    const frame_t f = *at;
-    real cc[9], ct[9], g[9], t1[9], t2[9], cc_g[9], across[9], mixed[9], bent[9], form[9], d[9];
-    wrench_of(&f, force, h);
-@PARTIAL@
-}
-
 static int32_t find_here(const real *p, here_t *here)
 {
-    real m[MONOMIALS + 1], slope[6], bend[36], sum, product = R(0);
+    real m[OFSLOPES + 1], sum, product = R(0);
     prepare(p, &here->frame);
-    monomials_at(here->frame.q, m);
-    for (int32_t i = 0; i < 6; i++) {
-        slope[i] = row(1 + i, m);
-    }
-    for (int32_t i = 0, next = 7; i < 6; i++) {
-        for (int32_t j = i; j < 6; j++) {
-            bend[6 * i + j] = row(next++, m);
-            bend[6 * j + i] = bend[6 * i + j];
-        }
-    }
-    gradient(here->frame.q, slope, here->force);
-    curvature(here->frame.q, slope, bend, here->u);
+    monomials_at(here->frame.q, OFSLOPES, m);
+    forces_at(here->frame.q, m, here->force, here->u);
     wrench_of(&here->frame, here->force, here->h);
     sum = here->frame.refused;
     for (int32_t i = 0; i < 6; i++) {

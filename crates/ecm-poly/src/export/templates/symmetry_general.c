@@ -1,7 +1,7 @@
-/* The variables are q = (c, theta) themselves. */
+/* The variables are q = (c, theta), and the inputs of actuators, themselves. */
 static void variables(const real *q, real *v)
 {
-    for (int32_t i = 0; i < 6; i++) {
+    for (int32_t i = 0; i < INPUTS; i++) {
         v[i] = q[i];
     }
 }

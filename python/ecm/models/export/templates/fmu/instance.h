@@ -1,10 +1,10 @@
 /* The model @NAME@ as an instance of a co-simulation, for both versions of FMI.
  *
- * The inputs are the pose (and temperature and age where the model has effects of time), the outputs
- * its wrench. What is read always belongs to the inputs as they are set. With effects of time a step
- * takes the way from the pose of the step before to the inputs as straight and even; inputs that are
- * changed after a step and read before the next one count as a sudden move, which the next step
- * takes back.
+ * The inputs are the pose, those of actuators behind it, and temperature and age where the model has
+ * effects of time; the outputs its wrench. What is read always belongs to the inputs as they are set.
+ * With effects of time a step takes the way from the pose of the step before to the inputs as straight
+ * and even; inputs that are changed after a step and read before the next one count as a sudden move,
+ * which the next step takes back.
  */
 #include <stddef.h>
 #include <stdint.h>

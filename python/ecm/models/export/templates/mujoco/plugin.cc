@@ -6,6 +6,8 @@
 //
 // tendons = N: the fixed tendons @NAME@_mode_0 .. N-1 already carry the linear part, which the plugin
 // then leaves to them: tendons and plugin together are the whole model, whatever the joints are.
+// Actuators of the mechanism are MuJoCo's, named @NAME@_ and the column of the input: its value is their
+// activation where they have one (dyntype), else their control, within its range.
 // Effects of time: the state is MuJoCo's plugin_state, so that reset, copies and saved states hold it.
 // temperature_degC and age_s are inputs of these effects (empty: nothing changes).
 #include <cmath>
@@ -22,11 +24,14 @@
 namespace {
 
 constexpr int kMostTendons = 6;
+constexpr int kInputs = @INPUTCOUNT@;
+const char* const kInputNames[] = {@INPUTNAMES@nullptr};
 
 struct Instance {
   int top = -1, base = -1;
   int tendon_count = 0;
   int tendons[kMostTendons];
+  int inputs[kInputs + 1];
   // Pose and time of the last compute: advance is called when they are gone.
   double pose[6] = {}, time = 0;
 #if HAS_STATE
@@ -84,6 +89,10 @@ int Init(const mjModel* m, mjData* d, int instance) {
     found.tendons[k] = mj_name2id(m, mjOBJ_TENDON, name);
     if (found.tendons[k] < 0) return Fail("config tendons: no tendon ", name);
   }
+  for (int k = 0; k < kInputs; k++) {
+    found.inputs[k] = mj_name2id(m, mjOBJ_ACTUATOR, kInputNames[k]);
+    if (found.inputs[k] < 0) return Fail("no actuator ", kInputNames[k]);
+  }
 #if HAS_STATE
   if (Number(m, instance, "temperature_degC", &found.inputs.temperature_degC) < 0 ||
       Number(m, instance, "age_s", &found.inputs.age_s) < 0) {
@@ -118,10 +127,18 @@ void FindPose(const mjData* d, const Instance& at, mjtNum pose[6]) {
   mju_quat2Vel(pose + 3, quaternion, 1);
 }
 
+mjtNum Input(const mjModel* m, const mjData* d, int actuator) {
+  if (m->actuator_actadr[actuator] >= 0) return d->act[m->actuator_actadr[actuator]];
+  if (!m->actuator_ctrllimited[actuator]) return d->ctrl[actuator];
+  const mjtNum* range = m->actuator_ctrlrange + 2 * actuator;
+  return mju_clip(d->ctrl[actuator], range[0], range[1]);
+}
+
 // The wrench that holds the platform at `pose`; plain zero where the model means nothing.
-void FindWrench(const mjData* d, int address, const Instance& at, const mjtNum pose[6],
+void FindWrench(const mjModel* m, const mjData* d, int address, const Instance& at, const mjtNum pose[6],
                 mjtNum h[6]) {
 #if HAS_STATE
+  (void)m;
   double k[36];
   Kept kept;
   std::memcpy(&kept, d->plugin_state + address, sizeof kept);
@@ -131,8 +148,11 @@ void FindWrench(const mjData* d, int address, const Instance& at, const mjtNum p
   }
   @NAME@_step(&kept.state, pose, d->time - kept.time, &at.inputs, h, k);
 #else
-  (void)d, (void)address, (void)at;
-  @NAME@_value(pose, h);
+  (void)address;
+  mjtNum row[6 + kInputs];
+  mju_copy(row, pose, 6);
+  for (int k = 0; k < kInputs; k++) row[6 + k] = Input(m, d, at.inputs[k]);
+  @NAME@_value(row, h);
 #endif
 }
 
@@ -142,7 +162,7 @@ void Compute(const mjModel* m, mjData* d, int instance, int capability) {
   mjtNum h[6], force[3], torque[3];
   FindPose(d, *at, at->pose);
   at->time = d->time;
-  FindWrench(d, m->plugin_stateadr[instance], *at, at->pose, h);
+  FindWrench(m, d, m->plugin_stateadr[instance], *at, at->pose, h);
   if (!std::isfinite(h[0] + h[1] + h[2] + h[3] + h[4] + h[5])) {
     mj_warning(d, mjWARN_BADQPOS, 0);  // half a turn, or no number: no force
     return;

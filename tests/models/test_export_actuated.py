@@ -1,0 +1,218 @@
+"""Exports of models with actuators: their inputs stand behind the pose, and G behind K."""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import ecm
+from ecm.errors import InputError
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import Table
+from ecm.models import Model
+from ecm.models.export import TARGETS, export_files
+from ecm.models.measured_poses import are_inside
+from ecm.regression.rows import taken_by
+from support.cortex_m import WARNINGS
+from support.exports import HEAD, done, written
+from support.fmu import Instance
+from support.neck import ROOT
+from support.programs import need_linux, need_program
+
+F = NDArray[np.float64]
+PRESSURES = ("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa")
+
+
+@pytest.fixture(scope="module")
+def table() -> Table:
+    """100 rows by FEM of an arm with three chambers."""
+    return ecm.read_table(ROOT / "examples" / "soft_arm.csv", meta={"mechanism": {"length_m": 0.1}})
+
+
+@pytest.fixture(scope="module")
+def model(table: Table) -> Model:
+    return ecm.fit_model(table.select(np.arange(60)), "actuated4")
+
+
+@pytest.fixture(scope="module")
+def rows(table: Table) -> F:
+    """(40, 9) poses and pressures that were not fitted."""
+    return table.select(np.arange(60, 100)).matrix((*POSE, *PRESSURES))
+
+
+def called(folder: Path, kind: Any = ctypes.c_double) -> Callable[..., tuple[int, list[F]]]:
+    """Calls a function of `arm.c` in a folder with arrays; what it leaves in them."""
+    library = folder / "arm.so"
+    source = folder / "arm.c"
+    built = done(
+        need_program("gcc", "cc"), *WARNINGS, "-O2", "-shared", "-fPIC", source, "-o", library
+    )
+    assert built.returncode == 0, built.stderr
+    functions = ctypes.CDLL(str(library))
+
+    def call(name: str, *arrays: F) -> tuple[int, list[F]]:
+        given = [(kind * array.size)(*array.ravel()) for array in arrays]
+        said = getattr(functions, f"arm_{name}")(*given)
+        return said, [np.array(array) for array in given]
+
+    return call
+
+
+@pytest.mark.parametrize("precision", ["double", "single"])
+@pytest.mark.parametrize("name", ["actuated4", "quadratic"])
+def test_c_is_the_model_with_its_inputs(
+    table: Table, rows: F, name: str, precision: str, tmp_path: Path
+) -> None:
+    model = ecm.fit_model(table.select(np.arange(60)), name)
+    folder = written(model, tmp_path, "c", precision, name="arm")
+    check = tmp_path / "check"
+    gcc = need_program("gcc", "cc")
+    built = done(gcc, *WARNINGS, "-O2", tmp_path / "arm.c", tmp_path / "arm_check.c", "-o", check)
+    assert (built.returncode, built.stderr) == (0, "")
+    assert done(check).returncode == 0
+    share, kind = (1e-10, ctypes.c_double) if precision == "double" else (1e-4, ctypes.c_float)
+    call = called(folder, kind)
+    for row in rows:
+        _, (_, h, k) = call("value_and_stiffness", row, np.zeros(6), np.zeros(54))
+        expected = model.predict(row[None])[0]
+        np.testing.assert_allclose(h, expected, atol=share * np.abs(expected).max())
+        slopes = k.reshape(6, 9)
+        step = 1e-6 * np.array([0.1] * 3 + [1.0] * 3 + [2e4] * 3)
+        differences = [
+            (model.predict((row + d)[None])[0] - model.predict((row - d)[None])[0]) / (2 * d.max())
+            for d in np.diag(step)
+        ]
+        for found, column in zip(slopes.T, differences, strict=True):
+            np.testing.assert_allclose(found, column, atol=max(share, 1e-5) * np.abs(column).max())
+        said, _ = call("inside", row)
+        assert said == are_inside(model, row[None])[0]
+    assert call("inside", [*rows[0, :8], 1e6] * np.ones(9))[0] == 0
+    _, (_, h) = call("value", [*rows[0, :8], np.nan] * np.ones(9), np.zeros(6))
+    assert np.isnan(h).all()
+
+
+def test_free_pose_in_c_is_that_of_the_model(model: Model, rows: F, tmp_path: Path) -> None:
+    call = called(written(model, tmp_path, "c", name="arm"))
+    rest, wrench = np.array([0.1, 0, 0, 0, 0, 0]), np.array([0.3, 0.1, -0.1, 0.0, 0.005, 0.0])
+    for pressures in rows[:10, 6:]:
+        for load in (np.zeros(6), wrench):
+            count, (*_, pose) = call("free_pose", pressures, load, rest)
+            assert 0 < count < 8
+            np.testing.assert_allclose(pose, model.free_pose(pressures, load)[0], atol=1e-9)
+            again, _ = call("free_pose", pressures, load, pose)
+            assert again == 1
+    # Where there is none the pose stays.
+    count, (*_, pose) = call("free_pose", rows[0, 6:], np.array([1e9, 0, 0, 0, 0, 0]), rest)
+    assert count == 0
+    np.testing.assert_array_equal(pose, rest)
+
+
+@pytest.mark.parametrize("precision", ["double", "single"])
+@pytest.mark.parametrize("name", ["actuated4", "linear"])
+def test_the_crate_gives_the_golden_vectors(
+    table: Table, name: str, precision: str, tmp_path: Path
+) -> None:
+    cargo = need_program("cargo")
+    folder = written(ecm.fit_model(table, name), tmp_path, "rust", precision, name="arm")
+    tested = done(cargo, "test", "--release", "--offline", "--manifest-path", folder / "Cargo.toml")
+    assert tested.returncode == 0, tested.stdout + tested.stderr
+    assert "golden_vectors ... ok" in tested.stdout
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_an_fmu_has_the_pressures_for_inputs(
+    model: Model, rows: F, version: int, tmp_path: Path
+) -> None:
+    need_linux()
+    need_program("gcc", "cc")
+    folder = written(model, tmp_path, "fmu", name="arm")
+    fmu = Instance(folder / f"arm_fmi{version}.fmu", tmp_path / "fmu")
+    names = (*POSE, *PRESSURES)
+    assert tuple(fmu.variables("input")) == names
+    assert fmu.enter() == 0
+    for row in rows[:5]:
+        fmu.set(names, row)
+        np.testing.assert_allclose(fmu.get(WRENCH), model.predict(row[None])[0], rtol=1e-9)
+        g = [fmu.derivative(WRENCH, PRESSURES, seed) for seed in np.eye(3)]
+        expected = model.actuation_jacobian(row[:6], row[6:])
+        np.testing.assert_allclose(np.array(g).T, expected, rtol=1e-9, atol=1e-15)
+
+
+def test_a_free_body_of_mujoco_comes_to_rest_at_the_free_pose(model: Model, tmp_path: Path) -> None:
+    mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed (extra robot)")
+    need_program("g++", "c++")
+    folder = written(model, tmp_path, "mujoco", name="arm", loop=HEAD)
+    built = done("sh", folder / "arm_build.sh", sys.executable)
+    assert (built.returncode, built.stderr) == (0, "")
+    mujoco.mj_loadPluginLibrary(built.stdout.strip())
+    for file in ("arm_free.xml", "arm_plugin.xml"):
+        text = (folder / file).read_text()
+        lags = text.replace("<general name=", '<general dyntype="filter" dynprm="0.02" name=')
+        for words in (text, lags):  # the control itself, and one behind a valve
+            scene = mujoco.MjModel.from_xml_string(words)
+            scene.opt.gravity[:] = 0.0
+            scene.dof_damping[:] = np.repeat([3.0, 3e-3], 3)
+            data, pressures = mujoco.MjData(scene), np.array([9e3, 2e3, 0.0])
+            data.ctrl[:] = pressures
+            mujoco.mj_step(scene, data, int(4.0 / scene.opt.timestep))
+            pose, _ = model.free_pose(pressures)
+            np.testing.assert_allclose(data.site("arm_top").xpos, pose[:3], atol=1e-6)
+    wrong = text.replace("arm_pressure_2_Pa", "other")
+    with pytest.raises(ValueError, match="no actuator arm_pressure_2_Pa"):
+        mujoco.MjModel.from_xml_string(wrong)
+
+
+def test_a_target_without_such_inputs_says_which_has_them(model: Model, table: Table) -> None:
+    for target in sorted(set(TARGETS) - {"c", "rust", "fmu", "mujoco"}):
+        with pytest.raises(InputError, match="no inputs for pressure_1_Pa") as refusal:
+            export_files(model, target, "arm")
+        assert "at_actuation" in str(refusal.value)
+        assert refusal.value.remedy is not None
+        export_files(model.at_actuation(np.array([1e4, 0.0, 0.0])), target, "arm")
+    with pytest.raises(InputError, match="no inputs for pressure_1_Pa"):
+        export_files(ecm.fit_model(table, "linear"), "mujoco", "arm")
+
+
+def test_rows_of_a_table_tell_where_the_export_is_inside(model: Model, table: Table) -> None:
+    low = table.select(np.flatnonzero(table.column("pressure_1_Pa") < 8e3))
+    judged = model.measured_at(low)
+    names = taken_by(model.base)
+    assert are_inside(judged, low.matrix(names)).all()
+    beyond = low.matrix(names)[:1]
+    beyond[0, 6] += 1e4
+    assert not are_inside(judged, beyond).any()
+    sources = [export_files(one, "c", "arm").files["arm.c"] for one in (judged, model)]
+    assert sources[0] != sources[1]
+    # Rows of older files have no pressures: then there is nothing to judge by.
+    poses = [row[:6] for row in model.training["poses"]]
+    old = replace(model, training={**model.training, "poses": poses})
+    with pytest.raises(InputError, match="no rows with the inputs") as refusal:
+        export_files(old, "c", "arm")
+    assert refusal.value.remedy is not None
+    assert "--data DATA" in refusal.value.remedy.command
+
+
+def test_the_example_moves_the_tip_better_than_its_linear_part(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    need_program("cc")
+    monkeypatch.syspath_prepend(ROOT / "examples")
+    arm = importlib.import_module("arm_controller")
+    monkeypatch.setattr(arm, "END_S", 0.8)
+    plant = arm.exported("wound_arm_other.csv", "actuated5", None, tmp_path)
+    exact = arm.exported("wound_arm.csv", "actuated4", 60, tmp_path)
+    away = {
+        kind: arm.run(plant, arm.Controller(model, reads_pose=False))
+        for kind, model in (("linear", arm.linear(exact)), ("exact", exact))
+    }
+    assert away["exact"][-100:].max() < 2e-4  # 0.2 mm, of 8
+    assert away["exact"].max() < 0.2 * away["linear"].max()
