@@ -7,6 +7,8 @@ result, not an error.
 from __future__ import annotations
 
 import re
+import shlex
+import sys
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -156,16 +158,36 @@ class MissingExtra(InputError):
 
     Examples
     --------
-    >>> print(MissingExtra("pyarrow", "data", "Reading a.parquet"))
-    Reading a.parquet needs the package pyarrow, which is not installed. \
-Install it with: pip install 'ecm-stiffness[data]'
+    >>> missing = MissingExtra("pyarrow", "data", "Reading a.parquet")
+    >>> print(missing.message)
+    Reading a.parquet needs the package pyarrow, which is not installed (extra data)
+    >>> missing.remedy.command.partition(" -m ")[2]
+    "pip install 'pandas>=2.2' 'pyarrow>=15'"
     """
 
     def __init__(self, package: str, extra: str, purpose: str) -> None:
         super().__init__(
-            f"{purpose} needs the package {package}, which is not installed. "
-            f"Install it with: pip install 'ecm-stiffness[{extra}]'"
+            f"{purpose} needs the package {package}, which is not installed (extra {extra})",
+            remedy=Remedy("install what it needs", _installs(extra)),
         )
+
+
+def _installs(extra: str) -> str:
+    """The command that installs the packages of an extra, into the Python that runs.
+
+    By their names, it works from a checkout, from a wheel and from an index alike.
+    """
+    from importlib.metadata import PackageNotFoundError, requires  # noqa: PLC0415 - takes long
+
+    try:
+        stated = requires("ecm-stiffness") or []
+    except PackageNotFoundError:  # run from its folder
+        stated = []
+    pairs = (line.partition(";") for line in stated)
+    of_extra = re.compile(rf"\bextra == ['\"]{re.escape(extra)}['\"]")
+    found = [package.strip() for package, _, when in pairs if of_extra.search(when)]
+    packages = found or [f"ecm-stiffness[{extra}]"]
+    return shlex.join([sys.executable or "python", "-m", "pip", "install", *packages])
 
 
 def shown(value: object) -> str:

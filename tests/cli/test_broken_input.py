@@ -72,7 +72,7 @@ CASES = (
     # --- tables -------------------------------------------------------------
     fit("no pose column", without(*[n for n in neck_columns(2) if n.endswith(("_m", "_rad"))]),
         "no pose column", "expected at least one of x_m", "[columns]"),
-    fit("NaN", cell(7, 6, "nan"), "line 7, column 'fx_N'", "found 'nan'", "--skip-bad-rows"),
+    fit("NaN", cell(7, 6, "nan"), "line 7, column 'fx_N'", "found 'nan'", "--leave-out"),
     fit("infinite", cell(3, 0, "-inf"), "line 3, column 'x_m'", "a finite number"),
     fit("empty cell", cell(9, 2, ""), "line 9, column 'z_m'", "an empty cell"),
     fit("text in a number", cell(12, 11, "n/a"), "line 12, column 'tau_z_Nm'", "found 'n/a'",

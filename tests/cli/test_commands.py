@@ -137,6 +137,77 @@ def test_help_is_one_screen(name: str, ecm_command: Command) -> None:
     ).replace("DATA...", "").replace("k_fx_x ...", "").replace("}...", ""), done.out
 
 
+def test_the_commands_stand_in_three_groups(ecm_command: Command) -> None:
+    lines = ecm_command("--help").out.splitlines()
+    titles = [line for line in lines if line.endswith(":") and not line.startswith(" ")]
+    assert titles == ["Your data:", "Before you measure:", "Simulated rig:"]
+
+
+def test_no_option_that_the_documentation_uses_is_hidden() -> None:
+    pages = [*(ROOT / "docs").rglob("*.md"), ROOT / "README.md", *ROOT.glob("examples/*.toml")]
+    used = set()
+    for page in pages:
+        text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+        for name, options in re.findall(r"\becm ([a-z]+(?: fit)?)( [^\n`|]*)", text):
+            used |= {(name.split()[0], one) for one in re.findall(r"(?<!\S)--[a-z-]+", options)}
+    assert len(used) > 50
+    hidden = set()
+    for name in REGISTRY:
+        parser = load_command(name)
+        for param in getattr(parser, "commands", {"fit": parser})["fit"].params:
+            hidden |= {(name, one) for one in param.opts if getattr(param, "hidden", False)}
+    assert used & hidden == set()
+
+
+def test_the_shell_completes_commands_and_options() -> None:
+    for line, word, found in (
+        ("ecm fi", 1, ["fit"]),
+        ("ecm fit --le", 2, ["--leave-out"]),
+        ("ecm export --pre", 2, ["--precision"]),
+    ):
+        asked = {"_ECM_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(word)}
+        code = "from ecm.cli import main; main()"
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            check=True, capture_output=True, text=True, env=os.environ | asked,
+        )  # fmt: skip
+        assert done.stdout.split() == found, done.stderr
+
+
+def test_rows_are_left_out_by_one_name_and_the_old_one_is_taken(
+    tmp_path: Path, ecm_command: Command
+) -> None:
+    x = np.linspace(-0.01, 0.01, 12)
+    text = csv_text({"x_m": x, "fx_N": 2000.0 * x}).replace("20.0\n", "nan\n", 1)
+    (tmp_path / "d.csv").write_text(text)
+    for name in ("--leave-out", "--skip-bad-rows"):
+        done = ecm_command(
+            "fit", tmp_path / "d.csv", name, "--model", "linear", "--out", tmp_path / "m.json"
+        )
+        assert done.code == 0, done.err
+    for command in ("fit", "compare", "check", "import"):
+        help_text = ecm_command(command, "--help").out
+        assert "--leave-out" in help_text
+        assert "--skip-bad-rows" not in help_text
+
+
+def test_every_result_has_a_page(tmp_path: Path, ecm_command: Command) -> None:
+    assert {name for name in REGISTRY if "report" not in REGISTRY[name].common} == {"app", "new"}
+    x = np.linspace(-0.01, 0.01, 30)
+    data, model, page = (tmp_path / name for name in ("d.csv", "m.json", "page.html"))
+    data.write_text(csv_text({"x_m": x, "fx_N": 2000.0 * x + 1e-3 * np.cos(1e5 * x)}))
+    for words, said in (
+        (("check", data), "Testable effects"),
+        (("fit", data, "--model", "cubic", "--out", model), "Measured and modelled"),
+        (("predict", model, data, "--out", tmp_path / "p.csv"), "predicted columns"),
+        (("effects", "payload"), "payload"),
+    ):
+        page.unlink(missing_ok=True)
+        done = ecm_command(*words, "--report", page)
+        assert done.code == 0, done.err
+        assert said in page.read_text(encoding="utf-8")
+
+
 def test_version_and_no_arguments(ecm_command: Command) -> None:
     assert ecm_command("--version").out == f"ecm {__version__}\n"
     assert "Usage: ecm" in ecm_command().err + ecm_command().out

@@ -141,11 +141,11 @@ def test_a_new_command_is_a_function_and_a_line_of_the_registry(
     exec(f"from __future__ import annotations\n{ROWS}", vars(file))
     monkeypatch.setitem(sys.modules, "ecm.cli.rows", file)
     made = Command(
-        line="How many rows a table has.", work="rows.rows", common="tables",
+        line="How many rows a table has.", group="Rows", work="rows.rows", common="tables",
         of="models.refit.refit", passed="freeze remove",
     )  # fmt: skip
     monkeypatch.setitem(app.COMMANDS, "rows", made)
-    assert "rows      How many rows a table has." in ecm_command("--help").out
+    assert "Rows:\n  rows      How many rows a table has.\n" in ecm_command("--help").out
     page = ecm_command("rows", "--help").out
     assert "Usage: ecm rows [OPTIONS] {DATA...}\n\n  Count the rows of a table.\n" in page
     for words in ("--most N ", "--word WORD ", "--freeze NAME ", "--remove <str> "):

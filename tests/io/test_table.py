@@ -89,7 +89,7 @@ def test_a_bad_cell_is_named_by_line_and_column(
     name = (*POSE, *WRENCH)[column]
     assert f"line {line}, column '{name}': found {found}, expected a" in message
     assert "1 bad place" in message
-    assert "--skip-bad-rows" in message
+    assert "--leave-out" in message
 
 
 def test_the_first_ten_places_and_the_count(tmp_path: Path) -> None:
@@ -443,7 +443,7 @@ def test_a_table_becomes_a_data_frame(monkeypatch: pytest.MonkeyPatch) -> None:
         raise ImportError(module)
 
     monkeypatch.setattr("ecm.io.extras.import_module", absent)
-    with pytest.raises(MissingExtra, match=r"pandas.*ecm-stiffness\[data\]"):
+    with pytest.raises(MissingExtra, match=r"pandas.*\(extra data\)"):
         table.to_pandas()
 
 
@@ -468,7 +468,7 @@ def test_parquet_needs_the_extra_or_reads(tmp_path: Path) -> None:
     path = tmp_path / "t.parquet"
     rows = {"y_m": [0.0, 0.1], "fy_N": [0.0, 30.0], "dwell_s": [None, 2.0]}
     if find_spec("pyarrow") is None:
-        with pytest.raises(MissingExtra, match=r"pip install 'ecm-stiffness\[data\]'"):
+        with pytest.raises(MissingExtra, match=r"pip install .*pandas"):
             read_table(path)
         return
     arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")

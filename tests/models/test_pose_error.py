@@ -172,7 +172,7 @@ def test_every_face_says_the_same(
     assert own["sentence"] in done.out
     opened = ecm.load_model(model)
     assert opened.training["pose_error"] == own
-    assert own["sentence"] in repr(opened)
+    assert own["sentence"] in str(opened)
     done = ecm_command("compare", model, neck_csv, "--json", found, "--report", page)
     said = json.loads(found.read_text(encoding="utf-8"))["pose_error"]
     assert said["position_mm"]["median"] == pytest.approx(own["position_mm"]["median"], rel=1e-9)

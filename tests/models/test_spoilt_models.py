@@ -60,7 +60,7 @@ def calls(model: Model) -> Iterator[tuple[str, Callable[[], Any]]]:
     yield "stiffness_sd", lambda: model.stiffness_sd(poses)
     yield "leverage", lambda: model.leverage(poses)
     yield "extrapolates", lambda: model.extrapolates(poses)
-    yield "report", lambda: repr(model) and None
+    yield "report", lambda: str(model) and None
     yield "document", lambda: json.dumps(model.document(), allow_nan=False) and None
 
 

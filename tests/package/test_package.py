@@ -14,6 +14,7 @@ import pytest
 
 import ecm
 from ecm.cli.app import COMMANDS
+from ecm.io.toml import read_toml
 from support.neck import ROOT, csv_text, neck_columns
 
 
@@ -152,4 +153,8 @@ def test_a_step_is_one_line_and_its_error_comes_out_whole() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     demo = makefile[makefile.index("\n$(VENV)/.demo:") :].split("\n\n")[0]
     assert "--group build --group demo" in demo
+    project = read_toml(ROOT / "pyproject.toml", "project")
+    # The page and the pictures come right after the demo.
+    extras = project["project"]["optional-dependencies"]
+    assert {*extras["app"], *extras["report"]} <= {*project["dependency-groups"]["demo"]}
     assert "--group dev" not in demo

@@ -103,7 +103,7 @@ def test_a_compiler_is_asked_for_where_no_controller_is_kept_and_before_any_work
 
 def test_a_missing_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(MissingExtra, match=r"ecm-stiffness\[robot\]"):
+    with pytest.raises(MissingExtra, match=r"\(extra robot\)"):
         mujoco()
 
 

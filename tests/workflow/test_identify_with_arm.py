@@ -63,7 +63,7 @@ def test_a_job_that_cannot_drive_the_arm_says_so_before_any_work(
     out = tmp_path / ("out" if command == "identify" else "out.csv")
     done = ecm_command(command, job, "--rig", ROOT / "examples" / "robot.toml", "--out", out)
     assert done.code != 0
-    assert ("ecm-stiffness[robot]" if missing == "mujoco" else "C compiler") in done.err
+    assert ("(extra robot)" if missing == "mujoco" else "C compiler") in done.err
     assert not (tmp_path / "out" / "stages").exists()
     assert not list(tmp_path.glob("out*.csv"))
 

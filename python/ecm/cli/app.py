@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import groupby
 from typing import Annotated, Any
 
 import typer
@@ -11,45 +12,25 @@ from typer.main import get_command
 from ecm._native import __version__
 from ecm.cli.command import Command, new_application, parsed
 
+PLAN, RIG = "Before you measure", "Simulated rig"
 COMMANDS = {
-    "identify": Command(
-        line="Simulate, select, measure, identify: mesh to report.",
-        work="jobs.identify", common="report seed threads",
-    ),
-    "simulate": Command(
-        line="Wrenches to poses by FEM.",
-        work="fem.simulate", of="fem.simulate.simulate", passed="scheduler", common="seed threads",
-    ),
-    "fit": Command(
-        line="A model of measured or simulated pairs.",
-        work="fit.fit", of="models.fit.fit_model", passed="zero_at_home stable weights",
-        common="tables seed",
-    ),
-    "predict": Command(
-        line="A model's wrench and stiffness at given poses.",
-        work="models.predict", of="models.prediction.predict", passed="leverage", common="tables",
-    ),
-    "design": Command(
-        line="The poses worth measuring, as a plan.",
-        work="jobs.design", of="workflow.design.design designs.regressors.DesignSettings",
-        passed="criterion how_many share metres_per_radian replicates ridge starts iterations "
-        "time_limit_s",
-        common="tables report seed",
-        hide="share metres_per_radian replicates ridge search starts iterations time_limit_s "
-        "meta skip_bad_rows quiet",
-    ),
-    "campaign": Command(
-        line="A simulated rig measures a plan.",
-        work="jobs.campaign", of="rig.run.run_campaign", passed="overwrite",
-        common="seed threads",
-    ),
     "import": Command(
         line="A log of any kind as a table.",
         work="tables.import_log", of="logs.importing.import_log",
         passed="rotation axis group leave_out", common="report",
     ),
     "check": Command(
-        line="Columns, units, what will be testable.", work="tables.check", common="tables",
+        line="Columns, units, what will be testable.", work="tables.check", common="tables report",
+    ),
+    "fit": Command(
+        line="A model of measured or simulated pairs.",
+        work="fit.fit", of="models.fit.fit_model", passed="zero_at_home stable weights",
+        common="tables report seed",
+    ),
+    "predict": Command(
+        line="A model's wrench and stiffness at given poses.",
+        work="models.predict", of="models.prediction.predict", passed="leverage",
+        common="tables report",
     ),
     "compare": Command(
         line="Noise floor, excess error, where.",
@@ -60,32 +41,65 @@ COMMANDS = {
     ),
     "refit": Command(
         line="Add or remove an effect and fit again.",
-        work="fit.refit", of="models.refit.refit", passed="add remove freeze", common="tables",
+        work="fit.refit", of="models.refit.refit", passed="add remove freeze",
+        common="tables report",
     ),
-    "reveal": Command(line="Open a sealed truth and score an answer.", work="jobs.reveal"),
-    "effects": Command(line="The physical effects that can be named.", work="effects.effects"),
-    "material": Command(
-        line="A material from tests.",
-        work="fem.fit", of="fem.material_fit.fit_material", passed="model use poisson_ratio",
+    "effects": Command(
+        line="The physical effects that can be named.", work="effects.effects", common="report",
     ),
     "export": Command(
         line="A model as C or Rust for a controller.",
         work="models.export", of="models.export.files.export", passed="name precision force",
-        common="tables", hide="meta skip_bad_rows",
+        common="tables report", hide="meta skip_bad_rows",
     ),
     "app": Command(
         line="The whole loop in a browser.",
         work="jobs.serve", of="workflow.app.server.serve", passed="model port demo",
     ),
-    "new": Command(line="A config, rig or data file to begin from.", work="tables.new"),
+    "simulate": Command(
+        line="Wrenches to poses by FEM.", group=PLAN,
+        work="fem.simulate", of="fem.simulate.simulate", passed="scheduler",
+        common="report seed threads",
+    ),
+    "design": Command(
+        line="The poses worth measuring, as a plan.", group=PLAN,
+        work="jobs.design", of="workflow.design.design designs.regressors.DesignSettings",
+        passed="criterion how_many share metres_per_radian replicates ridge starts iterations "
+        "time_limit_s",
+        common="tables report seed",
+        hide="share metres_per_radian replicates ridge search starts time_limit_s "
+        "meta skip_bad_rows quiet seed",
+    ),
+    "material": Command(
+        line="A material from tests.", group=PLAN,
+        work="fem.fit", of="fem.material_fit.fit_material", passed="model use poisson_ratio",
+        common="report",
+    ),
+    "new": Command(line="A config, rig or data file to begin from.", group=PLAN, work="tables.new"),
+    "campaign": Command(
+        line="A simulated rig measures a plan.", group=RIG,
+        work="jobs.campaign", of="rig.run.run_campaign", passed="overwrite",
+        common="report seed threads",
+    ),
+    "identify": Command(
+        line="Simulate, select, measure, identify: mesh to report.", group=RIG,
+        work="jobs.identify", common="report seed threads",
+    ),
+    "reveal": Command(
+        line="Open a sealed truth and score an answer.", group=RIG, work="jobs.reveal",
+        common="report",
+    ),
 }  # fmt: skip
 """Every command, with its line of `ecm --help`."""
-
 MOVED = {
     "head": "is an example of the repository now: in a copy of "
     "https://github.com/ecm-stiffness/ecm type `python examples/head --out DIR` (docs/head.md)",
 }
 """Commands of earlier versions, and where their work is done now."""
+
+
+OLD_NAMES = {"skip-bad-rows": "leave-out"}
+"""Names of options of earlier versions, which are still taken; `check` has both."""
 
 
 class _Commands(TyperGroup):
@@ -107,12 +121,13 @@ class _Commands(TyperGroup):
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         # One line, so that all commands fit on one screen.
-        formatter.write("Options: --version, --help (also of each command)\n")
+        formatter.write("Options: --version, --install-completion, --help (also of commands)\n")
         self.format_commands(ctx, formatter)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, command.line) for name, command in COMMANDS.items()])
+        for title, names in groupby(COMMANDS, lambda name: COMMANDS[name].group):
+            lines = "".join(f"  {name:<8}  {COMMANDS[name].line}\n" for name in names)
+            formatter.write(f"{title}:\n{lines}")
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         if args and args[0] in MOVED:
@@ -126,7 +141,8 @@ class _Commands(TyperGroup):
 
 def load_command(name: str) -> Any:
     """Return the parser of one command; of `material` a group with its one command."""
-    command, made = COMMANDS[name], new_application()
+    command = COMMANDS[name]
+    made = new_application(old_names={} if name == "check" else OLD_NAMES)
     grouped = name == "material"
     made.command("fit" if grouped else name, short_help=command.line)(parsed(command))
     if grouped:
@@ -135,7 +151,9 @@ def load_command(name: str) -> Any:
 
 
 _HELP = "Stiffness of continuum mechanisms: from a mesh to a model and its effects."
-app = new_application(name="ecm", cls=_Commands, help=_HELP, no_args_is_help=True)
+app = new_application(
+    name="ecm", cls=_Commands, help=_HELP, no_args_is_help=True, add_completion=True
+)
 
 
 def _version(asked: bool) -> None:

@@ -26,7 +26,7 @@ import ast
 import builtins
 import inspect
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from importlib import import_module
 from itertools import pairwise
@@ -48,6 +48,7 @@ _SHARED = {
 """Words of the help for the files of many commands."""
 
 _PACKAGE = Path(__file__).parents[1]
+NO_NAMES: Mapping[str, str] = {}
 typed: tuple[str, ...] = ()
 """The words after `ecm` of the command at work, for a remedy that repeats it."""
 
@@ -58,6 +59,8 @@ class Command:
 
     line: str
     """What it does, for `ecm --help`."""
+    group: str = "Your data"
+    """The title that it stands below there."""
     work: str
     """Its function, below `ecm.cli`."""
     of: str = ""
@@ -71,14 +74,15 @@ class Command:
     """More options that the help leaves out, so that it is one screen."""
 
 
-def new_application(**options: Any) -> typer.Typer:
-    """Return a typer application with plain help and errors."""
+def new_application(*, old_names: Mapping[str, str] = NO_NAMES, **options: Any) -> typer.Typer:
+    """Return a typer application with plain help and errors, which takes old names of options."""
+    settings: dict[str, Any] = {"help_option_names": ["--help", "-h"], "max_content_width": 80}
+    settings["token_normalize_func"] = lambda name: old_names.get(name, name)
     return typer.Typer(
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
-        add_completion=False,
-        context_settings={"help_option_names": ["--help", "-h"], "max_content_width": 80},
-        **options,
+        context_settings=settings,
+        **({"add_completion": False} | options),
     )
 
 
@@ -96,6 +100,9 @@ def parsed(command: Command) -> Callable[..., None]:
     hidden = {*command.hide.split(), *({"seed", "threads"} - set(command.common.split()))}
     del own["session"]
     shared = [option for name, option in of_all.items() if name not in absent]
+    if "leave_out" in own:  # it records for good what the common one leaves out once
+        hidden.add("skip_bad_rows")
+        shared = [replace(o, word="") if o.name == "skip_bad_rows" else o for o in shared]
 
     def run(**values: Any) -> None:
         common = {option.name: values.pop(option.name) for option in shared}

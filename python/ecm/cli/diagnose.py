@@ -60,6 +60,7 @@ def diagnose(
     summary = Summary.of(document)
     document["summary"] = asdict(summary)
     session.write_json(document)
+    session.reported = True
     if session.report is not None:
         with session.working("writing the report"):
             diagnosis_report(document, *_compared(opened, table, result)).write(session.report)

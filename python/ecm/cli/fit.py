@@ -45,12 +45,12 @@ def fit(
     force: bool = False,
     **options: Any,
 ) -> None:
-    """Fit a model to a table and write its file.
+    """Fit a model to a table and write its file (docs/models.md).
 
     Parameters
     ----------
     model : NAME
-        choose, poly:D, linear .. cubic, energyD, physics, rod, a TOML (docs/models.md).
+        choose, poly:D, energyD, physics or TOML.
     pcr : B
         B, B/sqrtN, rank:R or press (poly).
     zero_at_home
@@ -108,6 +108,8 @@ def fit(
             rows = table if before is not None else table.measured()
             refuse_worse(fitted, rows, before=before, held_out=held_out)
     fitted.save(out)
+    if session.report is not None:
+        session.write_report(fitted.report(table.measured()))
     session.print(f"{out}: model {fitted.name if add else name}")
 
 
@@ -178,4 +180,6 @@ def refit(
         with session.working("errors of both models"), saved_by_force(out):
             refuse_worse(fitted, table, before=None if remove else before)
     fitted.save(out)
+    if session.report is not None:
+        session.write_report(fitted.report(table.measured()))
     session.print(f"{out}: written")

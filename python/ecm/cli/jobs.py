@@ -50,6 +50,7 @@ def identify(session: Session, config: Path, *, out: Path, rig: Path | None = No
         job, out, seed=session.seed, threads=session.threads, console=session
     )
     session.write_json(summary)
+    session.reported = True
     if session.report is not None:
         write_atomically(session.report, (out / "report.html").read_bytes())
 
@@ -99,6 +100,8 @@ def design(
         Rig file: its noise and times.
     how_many
         Also the expected error for each n up to N.
+    iterations : N
+        Of the search; 0: all it needs.
     time_limit_s : --time-limit S
         Seconds of the search; with a limit another run may give another design.
     """

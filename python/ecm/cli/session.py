@@ -22,8 +22,11 @@ from ecm.cli.console import Console
 from ecm.cli.interrupt import NOTHING_WRITTEN
 from ecm.errors import ComputationError, EcmError, InputError, Refusal, Remedy, exit_code, remedy_of
 from ecm.io.cache import is_device, write_json
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.csv import BadRows
 from ecm.io.table import Need, Table, check_description, read_table
+from ecm.io.toml import IMPORT
+from ecm.report.blocks import CodeBlock, Section
 from ecm.report.page import Report, require_report
 
 
@@ -93,6 +96,16 @@ def import_options(options: Mapping[str, Any]) -> list[str]:
         else:
             words += [f"--{name}", value if isinstance(value, str) else ",".join(value)]
     return words
+
+
+def _is_table(path: Path) -> bool:
+    """Whether the first line of a file names standard columns of a pose and of a wrench."""
+    try:
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            names = {name.strip() for name in file.readline().split(",")}
+    except OSError:
+        return False
+    return not names.isdisjoint(POSE) and not names.isdisjoint(WRENCH)
 
 
 def _is_model(path: Path) -> bool:
@@ -207,7 +220,7 @@ class Session(Console):
     ----------
     meta : FILE
         Description, if not NAME.toml.
-    skip_bad_rows
+    skip_bad_rows : --leave-out
         Leave bad rows out; record them.
     json : FILE
         Write the result as JSON.
@@ -236,11 +249,15 @@ class Session(Console):
         self.meta, self.skip_bad_rows = meta, skip_bad_rows
         self.json, self.report = _stream(json), _stream(report)
         self.seed, self.threads = seed, threads
+        self.reported = False
+        """Whether the page of --report is written."""
+        self._said: list[str] = []
         self._before: dict[Path, tuple[int, int] | None] = {}
         """The files that are to be written, as they were."""
 
     def print(self, text: str = "") -> None:
         """Print a line of the result; on stderr where stdout gets --json or --report."""
+        self._said.append(text)
         to_stdout = _STDOUT in (self.json, self.report)
         if to_stdout:
             self.note(text)
@@ -249,9 +266,17 @@ class Session(Console):
 
     def write_report(self, report: Report) -> None:
         """Write the page of --report, where it is asked for."""
+        self.reported = True
         if self.report is not None:
             with self.working("writing the report"):
                 report.write(self.report)
+
+    def report_said(self) -> None:
+        """Write what was printed as the page of --report, where the command wrote none."""
+        if not self.reported:
+            words = CodeBlock(shlex.join(["ecm", *command.typed]), "\n".join(self._said))
+            title = f"ecm {command.typed[0]}" if command.typed else "ecm"
+            self.write_report(Report(title, "", [Section("Result", [words])]))
 
     def show(self, report: Report) -> None:
         """Print a report in lines of the terminal's width; into a file each line is whole."""
@@ -298,13 +323,13 @@ class Session(Console):
                     progress=tell,
                 )
         except InputError as error:
-            named = [path for path in paths if str(error).startswith(f"{path}: ")]
-            rows = isinstance(error, BadRows) and not error.most
-            imports = error.remedy is None or error.remedy.command.startswith("ecm import ")
-            if named and not rows and (imports or isinstance(error, BadRows)):
-                error.remedy = way_in(named[0]) or error.remedy
+            few = isinstance(error, BadRows) and not error.most
+            own = error.remedy is not None and error.remedy.command != IMPORT
+            logs = (path for path in paths if not _is_table(path))
+            if (not own or isinstance(error, BadRows)) and not few and (log := next(logs, None)):
+                error.remedy = way_in(log) or error.remedy
             if isinstance(error, BadRows) and not error.remedy.command:
-                error.remedy = Remedy(error.remedy.words, "AGAIN --skip-bad-rows")
+                error.remedy = Remedy(error.remedy.words, "AGAIN --leave-out")
             raise
         for warning in brief(table.warnings, paths):
             self.warn(warning)
@@ -338,6 +363,7 @@ def run_command(
             require_report()
         try:
             work(session, **options)
+            session.report_said()
         except EcmError as error:
             if isinstance(error, Refusal) and error.remedy is not None:
                 error.remedy = error.remedy.filled(session.files_of(**options))

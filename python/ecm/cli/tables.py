@@ -21,7 +21,8 @@ from ecm.logs import import_log as import_any
 from ecm.logs.importing import answered, read_log
 from ecm.logs.page import import_report
 from ecm.logs.questions import Question
-from ecm.report.blocks import columns
+from ecm.report.blocks import CodeBlock, Section, TableBlock, TextBlock, columns
+from ecm.report.page import Report
 
 
 def import_log(
@@ -171,10 +172,19 @@ def _print(result: Check, session: Session) -> None:
         session.print(sentence)
     testable = ", ".join(result.testable) or "none"
     session.print(f"\nTestable effects ({len(result.testable)}): {testable}")
-    if result.not_testable:
+    lines = lines_by_reason(result.not_testable)
+    if lines:
         session.print("Not testable with these columns:")
-        for line in lines_by_reason(result.not_testable):
+        for line in lines:
             session.print(line)
+    sections = [
+        Section("Table", [TextBlock(sentence) for sentence in result.sentences()]),
+        Section("Columns", [TableBlock("", rows[0], rows[1:])]),
+        Section(f"Testable effects ({len(result.testable)})", [TextBlock(testable)]),
+        Section("Not testable with these columns", [CodeBlock("", "\n".join(lines) or "none")]),
+    ]
+    warnings = result.warnings
+    session.write_report(Report("Check of a table", result.source, sections, warnings))
 
 
 _FILES = {"config": "config.toml", "arm": "arm.toml", "rig": "rig.toml", "data": "data.csv"}
@@ -187,12 +197,12 @@ def new(
     out: Path | None = None,
     dof: Literal["1", "3", "6"] = "6",
 ) -> None:
-    """Write a commented file to begin from: config.toml, arm.toml (with chambers), rig.toml, or data.csv.
+    """Write a commented file to begin from: config.toml, arm.toml, rig.toml, or data.csv.
 
     Parameters
     ----------
     what : config|arm|rig|data
-        Which file.
+        Which file: the paper's neck, a driven arm, the simulated rig, or a table.
     out : FILE
         Instead of the usual name.
     dof : 1|3|6

@@ -236,7 +236,7 @@ class CapstanFriction(_OfActuator):
         bend = np.linalg.norm(rows.rotation_vectors[:, 1:], axis=1)
         known = rows.table.has("approach") or rows.table.has("time_s")
         let_out = inputs < _before(rows, inputs) if known else np.zeros(inputs.shape, bool)
-        return np.where(let_out, 1.0, -1.0) * inputs * bend[:, None]
+        return np.asarray(np.where(let_out, 1.0, -1.0) * inputs * bend[:, None])
 
 
 class TendonStretch(_OfActuator):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import math
-import shlex
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,7 +20,7 @@ from ecm.errors import InputError, Remedy, shortened
 from ecm.io.cache import atomic
 from ecm.io.columns import TEXT, WHOLE, is_standard
 from ecm.io.events import Progress
-from ecm.io.toml import read_text
+from ecm.io.toml import IMPORT, read_text
 
 Cells = Sequence[Any] | NDArray[Any]
 
@@ -189,7 +188,7 @@ class RowErrors:
         them = "this row" if rows == 1 else f"these {rows} rows"
         in_memory = self.word == "row" and len(self.numbers) > 0 and self.numbers[0] == 0
         table = "data (rows are counted from 0)" if in_memory else "file"
-        skip = "as_table(..., skip_bad_rows=True)" if in_memory else "--skip-bad-rows"
+        skip = "as_table(..., skip_bad_rows=True)" if in_memory else "--leave-out"
         words = f"correct the {table}, or leave {them} out with {skip} (which records it)"
         most = 2 * rows > len(self.numbers)
         return BadRows(self.summary(), remedy=Remedy(words), most=most)
@@ -265,10 +264,7 @@ def _read(
         raise InputError(
             f"{path}: the columns are separated by {separators}, expected commas (and a decimal "
             "point)",
-            remedy=Remedy(
-                "import it, which writes a table",
-                f"ecm import {shlex.quote(str(path))} --out table.csv",
-            ),
+            remedy=Remedy("import it, which writes a table", IMPORT),
         )
     quoted = partial(_filled_lines, path=path)
     kinds = [name in text or i in text for i, name in enumerate(names, 1)]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import json
-import shlex
 import sys
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
@@ -36,6 +35,10 @@ def parse_toml(text: str, where: str, what: str) -> dict[str, Any]:
     return document
 
 
+IMPORT = "ecm import DATA --out table.csv"
+"""The command that makes a table of a log."""
+
+
 def read_text(path: Path, what: str) -> str:
     """Read a UTF-8 text file; InputError for a missing, unreadable or binary one."""
     try:
@@ -59,7 +62,7 @@ def read_text(path: Path, what: str) -> str:
         words, command = "save it again as UTF-8", ""
         if what.startswith("table"):
             words += ", or import it as a log, whose letters may be those of Windows"
-            command = f"ecm import {shlex.quote(str(path))} --out table.csv"
+            command = IMPORT
         raise InputError(message, remedy=Remedy(words, command)) from None
 
 

@@ -205,13 +205,19 @@ class ControlLoop:
     def sentences(self) -> tuple[str, ...]:
         """What the loop can bear, in words."""
         w, delay = self.gains.bandwidth_rad_s, 1e3 * self.gains.delay_steps * self.gains.dt_s
-        chosen = " (chosen here; state yours: --mass, --inertia)" if self.own_mass else ""
+        first = (
+            f"No mass of the platform was stated: the loop is for {self.mass_kg:.3g} kg, by the "
+            "mechanism's own frequency. State yours, or its gains do not fit: --mass KG --inertia "
+            "KGM2."
+        )
+        chosen = (first,) if self.own_mass else ()
         stated = (
-            f"{self.mass_kg:.3g} kg and {self.inertia_kg_m2:.3g} kg m2{chosen}, a step of "
+            f"{self.mass_kg:.3g} kg and {self.inertia_kg_m2:.3g} kg m2, a step of "
             f"{1e3 * self.gains.dt_s:.3g} ms and a delay of at most {delay:.3g} ms"
         )
         if not self.holds.any():
             return (
+                *chosen,
                 f"No control loop: with {stated} no gain holds any of {len(self.poses)} poses. "
                 "A shorter delay, a heavier platform or a mechanism farther from buckling helps.",
             )
@@ -229,7 +235,7 @@ class ControlLoop:
             f"Through the loop noise of 0.01 mm and 0.1 mrad in each reading of the pose becomes "
             f"{force:.2g} N and {torque:.2g} N m (rms) of the wrench."
         )
-        return poses, margins, noise
+        return *chosen, poses, margins, noise
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""

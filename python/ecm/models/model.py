@@ -44,8 +44,8 @@ from ecm.regression.folds import HOW, RowsUsed, spread_rows, without_zero_readin
 from ecm.regression.noise import Noise
 from ecm.regression.rows import is_whole, taken_by
 from ecm.report import figures
-from ecm.report.blocks import Block, Cell, TableBlock, TextBlock
-from ecm.report.page import Shown
+from ecm.report.blocks import Block, Cell, CodeBlock, FigureBlock, Section, TableBlock, TextBlock
+from ecm.report.page import Report, Shown
 
 _LARGE_CORRELATION = 0.3
 _MOST_PAIRS = 12
@@ -116,6 +116,20 @@ class Model(Shown, EvaluatedModel):
             blocks.append(TableBlock("Error over the noise, of each fit.", of_fits, fits))
         said = (self.training.get(name) for name in _SAID_OF_A_FIT)
         return blocks + [TextBlock(part["sentence"]) for part in said if part is not None]
+
+    def report(self, table: Table) -> Report:
+        """Return the parameters, measured and modelled over displacement, and the fit report."""
+        figure = FigureBlock(
+            "Measured and modelled wrench over displacement."
+            + figures.drawn_sentence(table.matrix(self.outputs)),
+            self._over_displacement(table),
+        )
+        sections = [
+            Section("Model", self.blocks()),
+            Section("Measured and modelled", [figure]),
+            Section("Fit report", [CodeBlock("", self.fit_report())]),
+        ]
+        return Report(f"Model {self.name}", f"{table.source}: {len(table)} rows", sections)
 
     @property
     def params(self) -> dict[str, FittedParameter]:

@@ -380,11 +380,11 @@ def refit(
     meta
         Description of the data, as a dict of what the TOML beside it would hold, or that file.
     add
-        Effects, or their ids, that the model lacks; or one alone.
+        Effects, or their ids, that the model lacks. One alone needs no list.
     remove
-        Ids of effects that it has and shall not have; or one alone.
+        Ids of effects that it has and shall not have. One alone needs no list.
     freeze
-        Ids of effects whose values are kept; or one alone.
+        Ids of effects whose values are kept. One alone needs no list.
     progress
         Called with the part that is done, the whole, and the step that begins.
 

@@ -169,6 +169,8 @@ def _request(program: str = "", verb: str = "", *words: str, files: Files) -> di
     given, rest = [], iter(words)
     for word in rest:
         name = word.removeprefix("--").replace("-", "_")
+        if (verb, name) == ("check", "leave_out"):  # which would change a file of the user's
+            name = "skip_bad_rows"
         if word in _OWN:
             next(rest, "")
         elif not word.startswith("--") or name not in known:
