@@ -197,7 +197,7 @@ def new(
     out: Path | None = None,
     dof: Literal["1", "3", "6"] = "6",
 ) -> None:
-    """Write a commented file to begin from: config.toml, arm.toml (with chambers), rig.toml, or data.csv.
+    """Write a commented file: config.toml, arm.toml (with chambers), rig.toml, or data.csv.
 
     Parameters
     ----------
