@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -53,7 +53,7 @@ class _OfActuator(LinearEffect):
     actuator: str = ALL
 
     kind = "time"
-    acts_on: ClassVar[str] = "pressure"
+    acts_on = "pressure"
     """Kind of the inputs that it changes."""
 
     def change(self, rows: Rows, inputs: F) -> F:

@@ -694,7 +694,7 @@ def _slope(a: F, product: tuple[int, ...], by: tuple[int, ...]) -> F:
     return factor * _power(a, tuple(powers))
 
 
-_EXCHANGED = 1.5
+_EXCHANGED = 1.2
 """Least fall of the error by which columns of actuators count as exchanged."""
 _ALL_ORDERS = 4
 """Number of actuators up to which every order is tried; of more only two exchanged."""
@@ -705,7 +705,7 @@ def exchanged(table: Table, model: ActuatedModel) -> tuple[tuple[str, ...], floa
 
     A model that knows how the actuators stand round the axis errs where two columns are exchanged.
     The error is the geometric mean of the components', for a pressure may show in one alone.
-    None where no other order fits 1.5 times better, and for a model without symmetry.
+    None where no other order fits 1.2 times better, and for a model without symmetry.
     """
     names, low = table.actuation_columns, replace(model, degree=_LEAST_DEGREE)
     terms = ActuatedTerms(1.0, tuple(map(_kind, names)), low.degree, low.order, low.symmetry)
