@@ -87,7 +87,7 @@ class Campaign:
         length, actuators = source.length_m, len(plan.actuation_columns)
         if actuators and (settings.rig.mode == "robot" or settings.rig.stream_Hz):
             raise InputError(
-                f"{plan.source}: the arm and the raw stream know no actuators yet; set [rig] mode "
+                f"{plan.source}: the arm and the raw stream have no actuators yet; set [rig] mode "
                 '= "quasi_static" and stream_Hz = 0'
             )
         remaining, lost, free = followed(
