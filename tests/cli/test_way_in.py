@@ -99,7 +99,7 @@ def test_a_strain_becomes_a_displacement_by_the_gauge_length(ecm_command: Run) -
         done = ecm_command(*words)
         assert done.code == 0, done.err
         assert f"* {factor:g}" in done.out
-    refused = ecm_command("import", "strain.csv", "--map", "x_m=Tensile strain (%):80 kPa")
+    refused = ecm_command("import", "strain.csv", "--map", "x_m=Tensile strain (%):80 V")
     assert refused.code == 2
     assert "is no unit, nor what one of the column is worth" in refused.err
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +17,10 @@ from ecm.io.table import Table
 from ecm.models import Model
 from ecm.models.actuated import ActuatedMap, ActuatedModel, ActuatedTerms
 from ecm.models.selection import choose_model
+from ecm.models.wall_stiffness import WallStiffness
 from ecm.regression.rows import inputs_of
 from ecm.workflow.config import read_config
-from support.neck import ROOT
+from support.neck import ROOT, Done
 
 PRESSURES = ("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa")
 VOLUMES = ("volume_1_m3", "volume_2_m3", "volume_3_m3")
@@ -352,6 +354,37 @@ def test_a_file_gives_the_same_model_back(model: Model, fresh: Table, tmp_path: 
     np.testing.assert_array_equal(again.predict(fresh), model.predict(fresh))
     assert again.actuated.actuators == PRESSURES
     assert again.name == "actuated4"
+
+
+def test_a_few_rows_tell_the_modulus_and_the_gain_of_a_stated_body(
+    model: Model, table: Table, tmp_path: Path, ecm_command: Callable[..., Done]
+) -> None:
+    """A body of 0.8 times the modulus, whose chambers push by a tenth more than is recorded."""
+    softer = {name: 0.8 * table[name] for name in WRENCH}
+    softer |= {name: 0.8 / 1.1 * table[name] for name in PRESSURES}
+    real = table.with_columns(softer).drop(*VOLUMES)
+    few, others = real.select(np.arange(60, 68)), real.select(np.arange(68, 100))
+    stated = WallStiffness(model.actuated)
+    np.testing.assert_allclose(stated.factors(few), [0.8, 1.1], rtol=5e-3)
+    fitted = ecm.fit_model(few, stated)
+    assert share_of_spread(fitted, others).max() < 0.01
+    assert share_of_spread(ecm.fit_model(few, "actuated3"), others).max() > 0.05
+    # A body k times as stiff under k times the inputs: twice the modulus is twice K at rest.
+    at_rest = np.array([[0.1, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    np.testing.assert_allclose(
+        fitted.stiffness(at_rest), 0.8 * model.stiffness(at_rest), rtol=5e-3, atol=1e-3
+    )
+    # From the command line the file of the stated body is the model.
+    model.save(tmp_path / "stated.json")
+    few.write(tmp_path / "few.csv")
+    (tmp_path / "few.toml").write_text("[mechanism]\nlength_m = 0.1\n", encoding="utf-8")
+    files = [tmp_path / name for name in ("few.csv", "stated.json", "real.json")]
+    done = ecm_command("fit", files[0], "--model", files[1], "--out", files[2])
+    assert done.code == 0, done.err
+    again = ecm.load_model(files[2]).predict(others)
+    np.testing.assert_allclose(again, fitted.predict(others), rtol=1e-5, atol=1e-6)
+    with pytest.raises(InputError, match="the table has the inputs none, and no pressure_1_Pa"):
+        ecm.fit_model(few.drop(*PRESSURES), stated)
 
 
 def test_choose_takes_the_actuated_energy(train: Table) -> None:

@@ -101,7 +101,7 @@ def design(
     how_many
         Also the expected error for each n up to N.
     iterations : N
-        Of the search; 0: all it needs.
+        Steps of the search; 0: all.
     time_limit_s : --time-limit S
         Seconds of the search; with a limit another run may give another design.
     """

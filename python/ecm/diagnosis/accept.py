@@ -213,7 +213,9 @@ class _Chosen:
         """Return the evidence with that of the class."""
         plain = self.item.effect.plain_form()
         known = plain is None or (plain.id != self.item.id and plain.id in members)
-        seen = known or explains_more_than_its_plain_form(self.problem, self.chosen, self.item)
+        seen = known or bool(
+            explains_more_than_its_plain_form(self.problem, self.chosen, self.item)
+        )
         share = _share(winners, members)
         return replace(alone, chosen_share=share, own_seen=seen, winners=winners)
 

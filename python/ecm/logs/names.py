@@ -124,15 +124,6 @@ class Named:
         return next((guess.part for guess in self.guesses if guess.quantity == quantity), "")
 
 
-_MATERIAL = {"%": Unit("%", "strain", 0.01)} | {
-    word: Unit(word, dimension, factor)
-    for dimension, words in (
-        ("strain", {"pct": 0.01, "percent": 0.01, "mm/mm": 1.0, "m/m": 1.0, "in/in": 1.0}),
-        ("stress", {"pa": 1.0, "kpa": 1e3, "mpa": 1e6, "gpa": 1e9, "psi": 6894.757293168}),
-    )
-    for word, factor in words.items()
-}
-"""Units of strains and stresses, which alone are no pose and no wrench."""
 _AXES = ("x", "y", "z")
 _QUANTITIES: dict[str, list[str]] = {}
 for _quantity, _row in QUANTITIES.items():
@@ -178,7 +169,8 @@ _OF_CHAMBERS = {
     "pressure": {"pa": 1.0, "kpa": 1e3, "mpa": 1e6, "mbar": 100.0, "bar": 1e5, "psi": 6894.757293},
     "volume": {"m3": 1.0, "cm3": 1e-6, "mm3": 1e-9, "l": 1e-3, "ml": 1e-6, "µl": 1e-9, "ul": 1e-9},
 }
-"""Units of pressures and volumes, which only chambers have."""
+"""Units of pressures and volumes: of chambers, and of a stress."""
+_STRAINS = {"%": 0.01, "pct": 0.01, "percent": 0.01, "mm/mm": 1.0, "m/m": 1.0, "in/in": 1.0}
 _CHAMBER = re.compile(r"(?:p|pressure|druck)[\s_.-]*([1-9][0-9]*)[\s_]*[\s_\[(]([a-z]+)[\])]?")
 
 
@@ -289,9 +281,10 @@ def _of_material(tokens: Sequence[str], unit_word: str) -> Named | None:
         if not known.intersection(tokens) or _NOT_MEASURED.intersection(tokens):
             continue
         for word in (unit_word, *("".join(tokens[-size:]) for size in (2, 1))):
-            unit = _MATERIAL.get(word.strip().lower())
-            if unit is not None and unit.dimension == kind:
-                return Named((Guess(kind),), unit)
+            small = word.strip().lower()
+            factor = (_STRAINS if kind == "strain" else _OF_CHAMBERS["pressure"]).get(small)
+            if factor is not None:
+                return Named((Guess(kind),), Unit(word, kind, factor))
         return None if unit_word else Named((Guess(kind),))
     return None
 

@@ -768,6 +768,7 @@ class ActuatedModel(ModelSpecification):
 
     kind = "actuated"
     weighted = True
+    takes_inputs = True
     usage = (
         f"actuatedD with D from {_LEAST_DEGREE} to {_MOST_DEGREE}, alone or with -revolution or "
         f"-general, then with :ORDER from 1 to {_MOST_ORDER}"

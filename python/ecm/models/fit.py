@@ -153,7 +153,7 @@ def refuse_unused_inputs(table: Table, specification: ModelSpecification) -> Non
     """Raise InputError where inputs vary that the model does not take, or stand exchanged."""
     if isinstance(specification, ActuatedModel):
         _refuse_exchanged(table, specification)
-    takes = specification.any_columns or isinstance(specification, ActuatedModel)
+    takes = specification.any_columns or specification.takes_inputs
     varying = () if takes else unused_inputs(None, table)
     if varying:
         raise InputError(
