@@ -33,7 +33,7 @@ BODIES = 24
 _ATTEMPTS = 30
 _ROWS = 110
 _LARGEST_TURN_RAD = 0.8
-STRENGTHS = (1.0, 3.0)
+STRENGTHS = (1.0, 1.5)
 SWAPPED = "chambers swapped"
 HIDDEN = (
     "pressure_offset", "pressure_gain", "pressure_cross_talk", "pressure_hysteresis",

@@ -134,13 +134,13 @@ def test_refusals() -> None:
             plan_of(some_poses(30)), RigSettings(), StandIn(), hide=[Hidden("chamber_leak", 1)]
         )
     robot = RigSettings.from_dict({"rig": {"mode": "robot"}})
-    with pytest.raises(InputError, match="know no actuators yet"):
+    with pytest.raises(InputError, match="have no actuators yet"):
         Campaign(arm_plan(4), robot, DrivenArm())
 
     class NoFree(DrivenArm):
         free_poses = None  # type: ignore[assignment]
 
-    with pytest.raises(InputError, match=r"no method free_poses\(inputs\)"):
+    with pytest.raises(InputError, match=r"no free_poses\(inputs\)"):
         Campaign(arm_plan(4), small_rig(), NoFree())
 
 

@@ -223,7 +223,7 @@ def _distance_scale(poses: F, settings: DesignSettings) -> tuple[F, F]:
     of_radian = settings.metres_per_radian
     if other := [name for name in settings.columns if not name.endswith(("_m", "_rad"))]:
         raise InputError(
-            f"metres_per_radian: {', '.join(other)} is neither a length nor an angle; leave "
+            f"metres_per_radian: {', '.join(other)} is no length and no angle; leave "
             "metres_per_radian out, so that every column counts by its range"
         )
     lengths = [of_radian if name.endswith("_rad") else 1.0 for name in settings.columns]

@@ -228,8 +228,10 @@ class CapstanFriction(_OfActuator):
     parameters = (Parameter("friction", "1/rad", 0.05),)
     signature = "grows with tension times bend, and changes its sign when the tendon is let out"
     requires = (needs_full, _needs_tensions)
-    needs = "tension_1_N, and approach or time_s to know whether the tendon was let out"
-    outside = LookAlike("a load cell with a wrong gain", "read the tension at both ends")
+    needs = "tension_1_N, and approach or time_s to tell whether the tendon was let out"
+    outside = LookAlike(
+        "a sensor of the tension with a wrong gain", "read the tension at both ends"
+    )
 
     def change(self, rows: Rows, inputs: F) -> F:
         """Minus the tension times the bend; plus where the tension was lowered."""
@@ -252,7 +254,7 @@ class TendonStretch(_OfActuator):
     signature = "follows the length of the tendon's way through the body"
     requires = (needs_full, _needs_tensions)
     needs = "tension_1_N"
-    outside = LookAlike("a stiff fibre along the tendon", "let the winch follow the tension")
+    outside = LookAlike("a stiff part along the tendon", "let the winch follow the tension")
 
     def change(self, rows: Rows, inputs: F) -> F:
         """Minus the shortening that the base gives to each tendon."""

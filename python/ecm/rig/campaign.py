@@ -35,13 +35,13 @@ from ecm.rig.hidden.truth import NOTHING, Hidden
 from ecm.rig.instruments import Camera, ForceTorqueSensor, Window
 from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.physics.sensor import SensorWarmUp
-from ecm.rig.physics.supply import regulators
-from ecm.rig.physics.true_effect import SENSOR_SCALE
+from ecm.rig.physics.supply import Gain, Lag, Leak, Zero
+from ecm.rig.physics.true_effect import SENSOR_SCALE, Supply
 from ecm.rig.plan import Visits, followed, reachable, requests, rest_pose, split_by_limits
 from ecm.rig.plant import Plant, visits_of
 from ecm.rig.raw_stream import RawStream
 from ecm.rig.readings import Reading, table_of
-from ecm.rig.settings import RigSettings
+from ecm.rig.settings import PlantTable, RigSettings
 from ecm.rig.timeline import Climate, Timeline, stream, timeline_of
 
 
@@ -87,7 +87,7 @@ class Campaign:
         length, actuators = source.length_m, len(plan.actuation_columns)
         if actuators and (settings.rig.mode == "robot" or settings.rig.stream_Hz):
             raise InputError(
-                f"{plan.source}: the arm and the raw stream know no actuators yet; set [rig] mode "
+                f"{plan.source}: the arm and the raw stream have no actuators yet; set [rig] mode "
                 '= "quasi_static" and stream_Hz = 0'
             )
         remaining, lost, free = followed(
@@ -123,7 +123,7 @@ class Campaign:
         plant = Plant(settings, elastic, length, offset=offset, actuators=driven)
         self.plant = plant.put(warm_up)
         if actuators:
-            for effect in regulators(table, float(poses[:, 6:].max())):
+            for effect in _regulators(table, float(poses[:, 6:].max())):
                 self.plant = self.plant.put(effect)
         self.visits = self._visits(solved)
         self.injected: list[InjectedEffect] = []
@@ -306,3 +306,17 @@ class Campaign:
         reached = visits.reached.copy()
         reached[own] += shift
         return replace(visits, reached=reached)
+
+
+def _regulators(table: PlantTable, largest: float) -> list[Supply]:
+    """What the rig file says of all regulators and chambers; the largest input of the plan."""
+    effects: list[Supply] = []
+    if table.regulator_offset_Pa:
+        effects.append(Zero(table.regulator_offset_Pa))
+    if table.regulator_gain:
+        effects.append(Gain(table.regulator_gain, largest=largest))
+    if table.chamber_leak_per_s:
+        effects.append(Leak(table.chamber_leak_per_s))
+    if table.regulator_lag_s:
+        effects.append(Lag(1.0, time_s=table.regulator_lag_s))
+    return effects

@@ -306,7 +306,7 @@ def free_cached(source: Source, inputs: F, folder: Path | None) -> SolvedPoses:
     if solve is None:
         raise InputError(
             "the plan's columns offset_x_m, ... start at the free poses of a driven mechanism, and "
-            "this source has no method free_poses(inputs); add it, or take the columns out"
+            "this source has no free_poses(inputs); add it, or take the columns out"
         )
     return _kept(folder, f"free-1|{source.key()}", inputs, lambda: solve(inputs))
 

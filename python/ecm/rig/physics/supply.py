@@ -7,16 +7,13 @@ so would a chamber that loses a tenth of its pressure a second.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ecm.io.arrays import F
 from ecm.io.se3 import rotation
 from ecm.rig.physics.true_effect import Conditions, Limit, Random, RigScale, Supply, random_sign
-
-if TYPE_CHECKING:
-    from ecm.rig.settings import PlantTable
 
 _EVERY = -1
 
@@ -213,17 +210,3 @@ def _last_changes(whole: Conditions) -> F:
             last = step if step.any() else last
         changes[i] = last
     return changes
-
-
-def regulators(table: PlantTable, largest: float) -> list[Supply]:
-    """What the rig file says of all regulators and chambers; the largest input of the plan."""
-    effects: list[Supply] = []
-    if table.regulator_offset_Pa:
-        effects.append(Zero(table.regulator_offset_Pa))
-    if table.regulator_gain:
-        effects.append(Gain(table.regulator_gain, largest=largest))
-    if table.chamber_leak_per_s:
-        effects.append(Leak(table.chamber_leak_per_s))
-    if table.regulator_lag_s:
-        effects.append(Lag(1.0, time_s=table.regulator_lag_s))
-    return effects

@@ -53,7 +53,7 @@ class RigScale:
     """Diagonal of K of the mechanism at rest, N/m and N m/rad."""
     actuators: int = 3
     largest_input: float = 2e4
-    """Of all actuators, Pa."""
+    """Largest input of all actuators, Pa."""
 
 
 class LedCamera(Protocol):
