@@ -52,7 +52,10 @@ pub fn export_with_effects(
     if effects.is_some() && !line && !matches!(model, Model::Energy(_)) {
         return Err(ModelError::Setting {
             name: "model",
-            found: "a polynomial, or a model with actuators, and effects of time".to_string(),
+            found: match model {
+                Model::Actuated(_) => "a model with actuators and effects of time".to_string(),
+                _ => "a polynomial with effects of time".to_string(),
+            },
             expected: "an energy, or one column to one: fit one, or remove the effects of time",
         });
     }
@@ -68,15 +71,14 @@ pub fn export_with_effects(
     let real = precision.in_c();
     let (header, (source, numbers)) = match &model {
         Model::Polynomial(model) => (include_str!("templates/polynomial.h"), polynomial(model)?),
-        Model::Energy(model) => (
-            include_str!("templates/energy.h"),
-            energy(
-                model.symmetry(),
-                model.length_m(),
-                &model.tables()?.expansion(),
-                precision,
-            ),
-        ),
+        Model::Energy(model) => {
+            let tables = model.tables()?;
+            let (symmetry, length) = (tables.symmetry(), tables.length_m());
+            (
+                include_str!("templates/energy.h"),
+                energy(symmetry, length, &tables.expansion(), precision),
+            )
+        }
         Model::Actuated(model) => (
             include_str!("templates/energy.h"),
             energy(

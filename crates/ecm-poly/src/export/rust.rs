@@ -59,7 +59,10 @@ pub fn export_with_effects(
     if effects.is_some() && (plain || matches!(model, Model::Actuated(_))) {
         return Err(ModelError::Setting {
             name: "model",
-            found: "a polynomial, or a model with actuators, and effects of time".to_string(),
+            found: match model {
+                Model::Actuated(_) => "a model with actuators and effects of time".to_string(),
+                _ => "a polynomial with effects of time".to_string(),
+            },
             expected: "an energy, or a cubic from six to six columns: fit one, or remove the effects",
         });
     }
