@@ -7,7 +7,9 @@ the array it returns) and Rust (its example `speed`) take turns on one
 thread, and the least time of each counts, so that a busy machine spoils the ratios least. Each goal
 is printed with what was found. Then all leave-one-out curves (every rank, six outputs, 200 rows)
 against the closed form in numpy, one pose a call through the public `Model`, and the ratio of that
-to FEM (the paper's Fig. 11).
+to FEM (the paper's Fig. 11). Last, exported C with gcc -O2: h, K and G of an energy of pose and
+three pressures (actuated4 of examples/soft_arm.csv) over h and K of an energy of degree 6, and a
+free pose.
 """
 
 from __future__ import annotations
@@ -36,7 +38,9 @@ from numpy.typing import NDArray
 from ecm import _native
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.mechanism import Mechanism
-from ecm.models import EnergyMap, Model, PhysicsMap, PolynomialMap
+from ecm.io.table import read_table
+from ecm.models import EnergyMap, Model, PhysicsMap, PolynomialMap, fit_model
+from ecm.models.export import export
 
 F = NDArray[np.float64]
 ROWS = 1000
@@ -169,6 +173,62 @@ def fem_ratio(models: dict[str, Model]) -> list[str]:
     ]
 
 
+EXPORTED = """
+#include "arm.h"
+#include "arm_golden.h"
+#include "neck.h"
+#include "neck_golden.h"
+
+void arm_all(int32_t n, double *h, double *k)
+{
+    for (int32_t i = 0; i < n; i++) arm_value_and_stiffness(arm_golden_p[i % 16], h, k);
+}
+
+void neck_all(int32_t n, double *h, double *k)
+{
+    for (int32_t i = 0; i < n; i++) neck_value_and_stiffness(neck_golden_p[i % 16], h, k);
+}
+
+void free_all(int32_t n, double *h, double *k)
+{
+    for (int32_t i = 0; i < n; i++) {
+        double pose[6] = {0.1, 0, 0, 0, 0, 0}, none[6] = {0};
+        h[i % 6] = k[i % 36] = arm_free_pose(arm_golden_p[i % 16] + 6, none, pose);
+    }
+}
+"""
+
+
+def exported_speeds(energy6: Model, seconds: float) -> list[str]:
+    """The exported C of a model with pressures beside that of an energy of degree 6."""
+    arm = read_table(ROOT / "examples" / "soft_arm.csv", meta={"mechanism": {"length_m": 0.1}})
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        export(fit_model(arm.select(np.arange(60)), "actuated4"), "c", folder, name="arm")
+        export(energy6, "c", folder, name="neck")
+        (folder / "calls.c").write_text(EXPORTED, encoding="utf-8")
+        sources = ["arm.c", "neck.c", "calls.c"]
+        subprocess.run(
+            ["gcc", "-O2", "-shared", "-fPIC", *sources, "-o", "all.so"], cwd=folder, check=True
+        )
+        c = ctypes.CDLL(str(folder / "all.so"))
+        places = [ctypes.c_void_p(a.ctypes.data) for a in (np.empty(6), np.empty(54))]
+        best = least(
+            {
+                "arm": lambda: c.arm_all(ROWS, *places),
+                "neck": lambda: c.neck_all(ROWS, *places),
+                "free": lambda: c.free_all(ROWS, *places),
+            },
+            seconds,
+        )
+    ns = {name: 1e9 * s / ROWS for name, s in best.items()}
+    return [
+        f"exported C: h, K and G of actuated4 {ns['arm']:.0f} ns, {ns['arm'] / ns['neck']:.2f} of "
+        "h and K of energy6 (at most 2); free pose from rest "
+        f"{1e-3 * ns['free']:.1f} us (at most 20)"
+    ]
+
+
 def aligned(shape: tuple[int, ...], kind: type[np.floating] = np.float64) -> NDArray[Any]:
     """Zeros at a multiple of 64 bytes."""
     size = int(np.prod(shape)) * np.dtype(kind).itemsize
@@ -267,8 +327,8 @@ def main() -> None:
     print("\n| one pose a call, public `Model` | us | at most |\n|---|---|---|")
     for name, us in calls_us.items():
         print(f"| {name} | {us:.2f} | {3 if name.endswith(' h') else 5} |")
-    if not arguments.no_fem:
-        print("\n".join(fem_ratio(models)))
+    fem = [] if arguments.no_fem else fem_ratio(models)
+    print("\n".join([*exported_speeds(models["energy6"], arguments.seconds / 2), *fem]))
     if arguments.json is not None:
         document = {"ns_a_row": rows, "leave_one_out_s": curves, "us_a_call": calls_us}
         arguments.json.write_text(json.dumps(document, indent=1), encoding="utf-8")

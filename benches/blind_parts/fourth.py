@@ -40,7 +40,14 @@ HIDDEN = (
     "chamber_leak", "regulator_lag",
 )  # fmt: skip
 _RIG = {
-    "instrument": {"force_noise_N": 0.03, "torque_noise_Nm": 1e-3},
+    "instrument": {
+        "force_noise_N": 0.03,
+        "torque_noise_Nm": 1e-3,
+        "camera_error_m": 5e-6,
+        "camera_error_rad": 5e-5,
+        "camera_jitter_m": 5e-6,
+        "camera_jitter_rad": 2e-5,
+    },
     "plant": {"offset_N": 0.1, "offset_Nm": 4e-3, "drift_N": 0.02},
 }
 _LOADS = np.array([[-2, -1.5, -1.5, -0.05, -0.06, -0.06], [4, 1.5, 1.5, 0.05, 0.06, 0.06]])

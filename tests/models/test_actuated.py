@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +17,10 @@ from ecm.io.table import Table
 from ecm.models import Model
 from ecm.models.actuated import ActuatedMap, ActuatedModel, ActuatedTerms
 from ecm.models.selection import choose_model
+from ecm.models.wall_stiffness import WallStiffness
 from ecm.regression.rows import inputs_of
 from ecm.workflow.config import read_config
-from support.neck import ROOT
+from support.neck import ROOT, Done
 
 PRESSURES = ("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa")
 VOLUMES = ("volume_1_m3", "volume_2_m3", "volume_3_m3")
@@ -215,6 +217,24 @@ def test_inputs_of_each_kind_are_moved_among_themselves() -> None:
     np.testing.assert_array_equal(again.amounts(rows), own.amounts(rows))
 
 
+def test_tensions_and_shortenings_are_inputs_and_amounts_like_pressures(
+    train: Table, model: Model
+) -> None:
+    """The same arm with its chambers called tendons, some of whose lengths were read."""
+    names = {old: f"tension_{i}_N" for i, old in enumerate(PRESSURES, 1)}
+    names |= {VOLUMES[0]: "length_1_m", VOLUMES[2]: "length_3_m"}
+    columns = {names.get(name, name): train[name] for name in train.columns}
+    del columns[VOLUMES[1]]
+    tendons = ecm.as_table(columns, meta=ARM)
+    fitted = ecm.fit_model(tendons, "actuated4")
+    assert fitted.actuated.actuators == ("tension_1_N", "tension_2_N", "tension_3_N")
+    left = fitted.predict(tendons) - model.predict(train)
+    assert (left.std(axis=0) < 2e-3 * train.wrenches.std(axis=0)).all()
+    rows = inputs_of(fitted.base, tendons)
+    amounts = fitted.actuated.amounts(rows)
+    np.testing.assert_allclose(amounts[:, 2], train[VOLUMES[2]], atol=2e-8)
+
+
 def test_a_file_with_one_input_scale_is_read(model: Model, fresh: Table) -> None:
     document = model.actuated.document()
     document["parameters"]["scale"] = document["parameters"]["scale"][:3]
@@ -302,6 +322,32 @@ def test_inputs_for_a_pose_stay_within_their_limits(model: Model, fresh: Table) 
         model.actuation_for(row[:6], limits=[(0.0, 1.0)] * 2)
 
 
+def test_the_stiffness_that_can_be_had_at_a_pose_holds_it(model: Model) -> None:
+    """The surroundings guide the arm along its axis: three chambers are more than are needed."""
+    pose, limits = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0]), [(0.0, 2e4)] * 3
+    tolerance = np.array([np.inf, 0.02, 0.02, 1e-3, 1e-3, 1e-3])
+    (low, soft), (high, stiff) = model.stiffness_range(
+        pose, limits=limits, along="y_m", tolerance=tolerance
+    )
+    assert low < high - 3.0
+    for value, a in ((low, soft), (high, stiff)):
+        assert (np.abs(model.predict(pose, a)) <= tolerance + 1e-5).all()
+        assert ((a >= 0.0) & (a <= 2e4)).all()
+        own = model.stiffness(model.with_actuation(pose, a)[None])[0, 1, 1]
+        assert value == pytest.approx(own, rel=1e-9)
+    # None of many others that hold it is softer or stiffer.
+    some = np.random.default_rng(0).uniform(0.0, 2e4, (4000, 3))
+    rows = model.with_actuation(pose, some)
+    holding = (np.abs(model.predict(rows)) <= tolerance).all(axis=1)
+    own = model.stiffness(rows[holding])[:, 1, 1]
+    assert holding.sum() > 20
+    assert low - 1e-6 <= own.min() <= own.max() <= high + 1e-6
+    with pytest.raises(ComputationError, match=r"no inputs within the limits hold the pose: f"):
+        model.stiffness_range(np.array([0.1, 0.01, 0, 0, 0, 0]), limits=limits, along="y_m")
+    with pytest.raises(InputError, match="along = 'y'"):
+        model.stiffness_range(pose, limits=limits, along="y")
+
+
 def test_a_file_gives_the_same_model_back(model: Model, fresh: Table, tmp_path: Path) -> None:
     model.save(tmp_path / "arm.json")
     again = ecm.load_model(tmp_path / "arm.json")
@@ -310,12 +356,43 @@ def test_a_file_gives_the_same_model_back(model: Model, fresh: Table, tmp_path: 
     assert again.name == "actuated4"
 
 
+def test_a_few_rows_tell_the_modulus_and_the_gain_of_a_stated_body(
+    model: Model, table: Table, tmp_path: Path, ecm_command: Callable[..., Done]
+) -> None:
+    """A body of 0.8 times the modulus, whose chambers push by a tenth more than is recorded."""
+    softer = {name: 0.8 * table[name] for name in WRENCH}
+    softer |= {name: 0.8 / 1.1 * table[name] for name in PRESSURES}
+    real = table.with_columns(softer).drop(*VOLUMES)
+    few, others = real.select(np.arange(60, 68)), real.select(np.arange(68, 100))
+    stated = WallStiffness(model.actuated)
+    np.testing.assert_allclose(stated.factors(few), [0.8, 1.1], rtol=5e-3)
+    fitted = ecm.fit_model(few, stated)
+    assert share_of_spread(fitted, others).max() < 0.01
+    assert share_of_spread(ecm.fit_model(few, "actuated3"), others).max() > 0.05
+    # A body k times as stiff under k times the inputs: twice the modulus is twice K at rest.
+    at_rest = np.array([[0.1, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    np.testing.assert_allclose(
+        fitted.stiffness(at_rest), 0.8 * model.stiffness(at_rest), rtol=5e-3, atol=1e-3
+    )
+    # From the command line the file of the stated body is the model.
+    model.save(tmp_path / "stated.json")
+    few.write(tmp_path / "few.csv")
+    (tmp_path / "few.toml").write_text("[mechanism]\nlength_m = 0.1\n", encoding="utf-8")
+    files = [tmp_path / name for name in ("few.csv", "stated.json", "real.json")]
+    done = ecm_command("fit", files[0], "--model", files[1], "--out", files[2])
+    assert done.code == 0, done.err
+    again = ecm.load_model(files[2]).predict(others)
+    np.testing.assert_allclose(again, fitted.predict(others), rtol=1e-5, atol=1e-6)
+    with pytest.raises(InputError, match="the table has the inputs none, and no pressure_1_Pa"):
+        ecm.fit_model(few.drop(*PRESSURES), stated)
+
+
 def test_choose_takes_the_actuated_energy(train: Table) -> None:
     chosen = choose_model(train, ["linear", "actuated3", "actuated4"], folds=5)
     assert chosen.best.name == "actuated4"
 
 
-def test_what_does_not_fit_is_said(train: Table, model: Model, tmp_path: Path) -> None:
+def test_what_does_not_fit_is_said(train: Table, model: Model) -> None:
     with pytest.raises(InputError, match="needs the actuators' columns, pressure_1_Pa"):
         ecm.fit_model(train.drop(*PRESSURES), "actuated4")
     with pytest.raises(InputError, match="volume_1_m3 has no pressure_1 beside it"):
@@ -332,8 +409,6 @@ def test_what_does_not_fit_is_said(train: Table, model: Model, tmp_path: Path) -
     assert "--model actuated4" in refused.value.remedy.command
     with pytest.raises(InputError, match=r"expected \(N, 6\) and \(N, 3\)"):
         model.predict(np.zeros((2, 6)), np.zeros((2, 2)))
-    with pytest.raises(InputError, match="no inputs for actuators yet"):
-        ecm.export(model, "c", tmp_path)
 
 
 def test_at_constant_inputs_it_is_an_energy_of_the_pose(model: Model, fresh: Table) -> None:

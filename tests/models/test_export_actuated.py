@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import importlib
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -198,3 +199,20 @@ def test_rows_of_a_table_tell_where_the_export_is_inside(model: Model, table: Ta
         export_files(old, "c", "arm")
     assert refusal.value.remedy is not None
     assert "--data DATA" in refusal.value.remedy.command
+
+
+def test_the_example_moves_the_tip_better_than_its_linear_part(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    need_program("cc")
+    monkeypatch.syspath_prepend(ROOT / "examples")
+    arm = importlib.import_module("arm_controller")
+    monkeypatch.setattr(arm, "END_S", 0.8)
+    plant = arm.exported("wound_arm_other.csv", "actuated5", None, tmp_path)
+    exact = arm.exported("wound_arm.csv", "actuated4", 60, tmp_path)
+    away = {
+        kind: arm.run(plant, arm.Controller(model, reads_pose=False))
+        for kind, model in (("linear", arm.linear(exact)), ("exact", exact))
+    }
+    assert away["exact"][-100:].max() < 2e-4  # 0.2 mm, of 8
+    assert away["exact"].max() < 0.2 * away["linear"].max()

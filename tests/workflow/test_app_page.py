@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import socket
 import subprocess
@@ -18,11 +19,13 @@ import numpy as np
 import pytest
 import uvicorn
 
+import ecm
 from ecm.effects import get_effect, unregister
 from ecm.io.columns import POSE, WRENCH
+from ecm.models import load_model
 from ecm.workflow.app.server import App, application, begin
 from support.chromium import Page, open_chromium
-from support.neck import LENGTH_M, STIFFNESS, csv_text, neck_rows
+from support.neck import LENGTH_M, ROOT, STIFFNESS, csv_text, neck_rows
 
 pytestmark = pytest.mark.browser
 HOSTILE = "<img src=x onerror=document.title=1><b>own</b>"
@@ -584,3 +587,40 @@ def test_a_refused_request_has_its_button_and_experiments_a_field(
         steps = _state(page)["steps"]
         assert [step["verb"] for step in steps if step["verb"] == "fit"] == ["fit"]
     assert all("400 (Bad Request)" in problem for problem in page.problems())
+
+
+def test_a_slider_of_each_actuator_moves_the_body(page: Page, tmp_path: Path) -> None:
+    data = tmp_path / "arm.csv"
+    data.write_text((ROOT / "examples" / "soft_arm.csv").read_text(), encoding="utf-8")
+    (tmp_path / "arm.toml").write_text("[mechanism]\nlength_m = 0.1\n", encoding="utf-8")
+    with served_by_the_command(data, "--session", tmp_path / "session") as address:
+        page.open(address)
+        page.click("#to-model")
+        page.until("!!document.querySelector('[name=kind][value=actuated4]:checked')")
+        assert page.js("document.querySelector('[name=kind][value=energy4]').disabled")
+        page.click("#fit")
+        page.until("document.querySelectorAll('.slider input[type=range]').length === 3")
+        said = "document.querySelector('#at-inputs').textContent"
+        before = page.js(said)
+        page.js(
+            "(slider => { slider.value = slider.max; slider.dispatchEvent(new Event('input')); })"
+            "(document.querySelector('#pressure_2_Pa'))"
+        )
+        after = page.until(f"{said} !== {json.dumps(before)} && {said}")
+        model = load_model(next((tmp_path / "session").glob("model-*.json")))
+        most = ecm.read_table(data).column("pressure_2_Pa").max()
+        place = 1e3 * model.free_pose(np.array([0.0, most, 0.0]))[0][:3]
+        shown = re.search(r"rest at (\S+), (\S+), (\S+) mm", after)
+        assert shown is not None
+        np.testing.assert_allclose([float(x) for x in shown.groups()], place, atol=6e-3)
+        for width in (1280, 390):
+            for dark in (False, True):
+                page.size(width, 900, dark=dark)
+                page.until(_DRAWN)
+                page.box("#at-inputs")
+                assert page.js("document.documentElement.scrollWidth <= innerWidth")
+                page.screenshot(tmp_path / f"{width}-{dark}.png", whole=False)
+        page.size(1280, 900)
+        assert page.js(said) == after  # also where the page was drawn again
+        assert not page.problems()
+        assert not page.unnamed()

@@ -72,7 +72,7 @@ def test_what_ecm_new_writes_is_valid(tmp_path: Path) -> None:
         ({"select": {"thresholds": [-0.1]}}, "expected at least 0"),
         (
             {"select": {"energy_degrees": [7]}},
-            "energy_degrees[0] = 7: expected a number from 4 to 6",
+            "energy_degrees[0] = 7: expected a number from 3 to 6",
         ),
         ({"workspace": {"rotation_limit_rad": 45.0}}, "in rad, not degrees"),
         ({"workspace": {"wrench_min": [1.0]}}, "wrench_min has 1 entries: expected a list of 6"),

@@ -18,13 +18,15 @@ import pytest
 from ecm.errors import InputError
 from ecm.fem.simulate import simulate
 from ecm.io.cache import file_sha256
-from ecm.io.table import Table
+from ecm.io.table import Table, read_table
+from ecm.models import load_model
 from ecm.rig import RigSettings
+from ecm.rig.plan import POSE_OFFSETS
 from ecm.workflow.config import Config, DesignTable, SelectTable
 from ecm.workflow.identify import select
 from ecm.workflow.job import Console, Job, Silent
-from support.jobs import QUICK, copy_fem, identify, identify_command
-from support.neck import Done
+from support.jobs import QUICK, copy_fem, identify, identify_command, identify_with_kept_fem
+from support.neck import ROOT, Done
 from support.report_pages import open_page
 
 
@@ -97,6 +99,41 @@ def wait_for(condition: Callable[[], bool]) -> None:
     while not condition():
         assert time.monotonic() < end, "nothing was kept in two minutes"
         time.sleep(0.05)
+
+
+SMALLER_ARM = {
+    "length_m = 0.1": "length_m = 0.05",
+    "n = 100": "n = 24",
+    "n_test = 20": "n_test = 4",
+    "degrees = [1, 2]": "degrees = [1]",
+    "energy_poses = [20, 40, 80]": "energy_poses = [12]",
+    "n = 56": "n = 18",
+}
+
+
+def test_an_arm_with_chambers_goes_the_whole_way(tmp_path: Path) -> None:
+    """examples/soft_arm.toml with a shorter arm and fewer of everything."""
+    text = (ROOT / "examples" / "soft_arm.toml").read_text()
+    for old, new in SMALLER_ARM.items():
+        assert text.count(f"\n{old}\n") == 1, old
+        text = text.replace(f"\n{old}\n", f"\n{new}\n")
+    config, out = tmp_path / "arm.toml", tmp_path / "out"
+    config.write_text(text)
+    identify_with_kept_fem(config, out, "--threads", "2", "--quiet")
+    summary = json.loads((out / "summary.json").read_text())
+    assert [row["model"] for row in summary["select"]["energy"]] == ["actuated3"]
+    assert all(0.5 < d["efficiency"] <= 1.0 for d in summary["select"]["designs"].values())
+    plan = read_table(out / "plan-d.csv", need="predict")
+    assert plan.actuation_columns == ("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa")
+    assert np.abs(plan.matrix(POSE_OFFSETS)).max() > 1e-3
+    models = {row["model"]: row for row in summary["identify"]["models"]}
+    polynomial = models["degree 1 polynomial, b = 0.1"]
+    assert models["actuated3"]["whitened_rms"] < 0.3 * polynomial["whitened_rms"]
+    assert models["actuated3"]["whitened_rms"] < 2.0
+    model = load_model(out / "model.json")
+    assert model.name.startswith("actuated")
+    assert summary["loop"]["score"]["truth"] == ["pressure_gain"]
+    assert (out / "report.html").exists()
 
 
 class Stops(Silent):

@@ -22,6 +22,7 @@ from ecm.models import (
     choose_model,
     fit_model,
     learning_curve,
+    load_model,
     parse_model,
 )
 from ecm.models.fit import refuse_unused_inputs
@@ -29,6 +30,7 @@ from ecm.models.fit_summary import fit_summary
 from ecm.models.refit import refit as refit_model
 from ecm.models.refit import refit_summary, refuse_worse
 from ecm.models.selection import default_candidates
+from ecm.models.wall_stiffness import WallStiffness
 
 _SIZES = (5, 10, 20, 30, 50, 75, 100, 150, 200, 300, 500, 700, 1000, 1500)
 
@@ -50,7 +52,7 @@ def fit(
     Parameters
     ----------
     model : NAME
-        choose, poly:D, energyD, physics or TOML.
+        choose, poly:D, energyD, physics, TOML or file.
     pcr : B
         B, B/sqrtN, rank:R or press (poly).
     zero_at_home
@@ -129,6 +131,8 @@ def _chosen(pcr: str | None, table: Table, session: Session) -> ModelChoice:
 
 def _named(name: str, pcr: str | None, table: Table, session: Session) -> ModelSpecification:
     """Specification of --model NAME; the physics of a body is built under a progress bar."""
+    if name.lower().endswith(".json"):
+        return WallStiffness(load_model(name).actuated)
     own = read_own(name) if is_toml(name) else None
     if isinstance(own, Expression):
         return parse_model(own, pcr=pcr)

@@ -197,12 +197,12 @@ def new(
     out: Path | None = None,
     dof: Literal["1", "3", "6"] = "6",
 ) -> None:
-    """Write a commented file: config.toml, arm.toml (with chambers), rig.toml, or data.csv.
+    """Write a commented file to begin from: config.toml, arm.toml, rig.toml, or data.csv.
 
     Parameters
     ----------
     what : config|arm|rig|data
-        Which file.
+        Which file: the paper's neck, a driven arm, the simulated rig, or a table.
     out : FILE
         Instead of the usual name.
     dof : 1|3|6

@@ -63,6 +63,25 @@ def offsets_from_free(plan: Table, base: ActuatedMap) -> Table:
     ------
     ComputationError
         The map has no free pose at some row's inputs.
+
+    Examples
+    --------
+    A spring of 1000 N/m that a pressure pushes with 1 cm2:
+
+    >>> from ecm import Table, fit
+    >>> from ecm.io.description import Meta
+    >>> rng = np.random.default_rng(1)
+    >>> columns = {name: rng.uniform(-0.01, 0.01, 80) for name in POSE}
+    >>> columns["pressure_1_Pa"] = rng.uniform(0.0, 1e4, 80)
+    >>> for force, name in zip(WRENCH, POSE):
+    ...     columns[force] = columns[name] * (1e3 if name.endswith("_m") else 1.0)
+    >>> columns["fx_N"] = columns["fx_N"] - 1e-4 * columns["pressure_1_Pa"]
+    >>> columns["x_m"] = columns["x_m"] + 0.1
+    >>> rows = Table(columns, Meta(mechanism={"length_m": 0.1}))
+    >>> model = fit(rows, "actuated3-general:1", force=True)
+    >>> offsets = offsets_from_free(rows, model.actuated)["offset_x_m"]
+    >>> bool(np.allclose(offsets, columns["fx_N"] / 1e3, atol=1e-5))
+    True
     """
     rows = inputs_of(base, plan)
     free = np.stack([base.free_pose(row[6:])[0] for row in rows])

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -53,7 +53,7 @@ class _OfActuator(LinearEffect):
     actuator: str = ALL
 
     kind = "time"
-    acts_on: ClassVar[str] = "pressure"
+    acts_on = "pressure"
     """Kind of the inputs that it changes."""
 
     def change(self, rows: Rows, inputs: F) -> F:
@@ -236,7 +236,7 @@ class CapstanFriction(_OfActuator):
         bend = np.linalg.norm(rows.rotation_vectors[:, 1:], axis=1)
         known = rows.table.has("approach") or rows.table.has("time_s")
         let_out = inputs < _before(rows, inputs) if known else np.zeros(inputs.shape, bool)
-        return np.where(let_out, 1.0, -1.0) * inputs * bend[:, None]
+        return np.asarray(np.where(let_out, 1.0, -1.0) * inputs * bend[:, None])
 
 
 class TendonStretch(_OfActuator):

@@ -249,7 +249,7 @@ class SealFriction(LinearEffect):
         """Springs of each path, by each input that varies."""
         plain = Hysteresis(of="").variants(table)
         return tuple(
-            SealFriction(form.shape["of"], form.shape["slip"], name)
+            SealFriction(str(form.shape["of"]), str(form.shape["slip"]), name)
             for name in table.actuation_columns
             if np.ptp(table.column(name)) > 0.0
             for form in plain
@@ -262,7 +262,7 @@ class SealFriction(LinearEffect):
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Paths to the slip between this one and its neighbours."""
         others = self._springs.refined(table, round_)
-        return tuple(replace(self, slip=other.shape["slip"]) for other in others)
+        return tuple(replace(self, slip=str(other.shape["slip"])) for other in others)
 
     @property
     def _springs(self) -> Hysteresis:
@@ -286,4 +286,4 @@ def _paths(table: Table) -> list[float]:
 EFFECTS = (Hysteresis(),)
 FEW = (Hysteresis(of=""),)
 ACTUATED_FEW = (SealFriction(),)
-"""Of tables with actuators and fewer than the twelve columns."""
+"""Effects of tables with actuators and fewer than the twelve columns."""

@@ -24,7 +24,7 @@ from functools import cache, cached_property
 from typing import Any, Literal, cast, get_args
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import Bounds, NonlinearConstraint, least_squares, minimize
 
 from ecm._native import mid_frame
 from ecm.errors import ComputationError, InputError
@@ -53,6 +53,10 @@ _LEAST_SHARE = 1e-4
 """Least error of a measured amount over its spread."""
 _CONJUGATE = {"volume": "pressure", "length": "tension"}
 """Kind of the input that an amount belongs to."""
+_STARTS = (0.5, 0.0, 1.0)
+"""Starts between the limits of the inputs of a search."""
+_HELD_N = 1e-5
+"""Largest force, and moment over the length, by which an inequality may be missed."""
 _ROUNDING = 1e-13
 """Share of the largest coefficient below which one is the rounding of the symmetry."""
 _SINGULAR = 1e-10
@@ -508,33 +512,166 @@ class ActuatedMap(SixAxisMap):
             The inputs, and the wrench that is still needed at the pose beside them, N and N m.
             Forces and moments over the length count alike.
         """
-        goal = np.zeros(6) if wrench is None else np.asarray(wrench, dtype=np.float64)
-        bounds = np.asarray(limits, dtype=np.float64)
-        if bounds.shape != (len(self.actuators), 2) or (bounds[:, 0] >= bounds[:, 1]).any():
-            raise InputError(
-                f"actuation_for: limits has shape {bounds.shape}, expected least and largest input "
-                f"of each of the {len(self.actuators)} actuators"
-            )
-        unit = np.repeat([1.0, 1.0 / self.terms.length_m], 3)
-        scale = self.input_scale
+        held = _Held(self, pose, wrench, limits, "actuation_for")
+        a = held.nearest(held.bounds.mean(axis=1))
+        return a * self.input_scale, held.left(a)
 
-        def row(a: F) -> F:
-            return np.concatenate([np.asarray(pose, dtype=np.float64), a * scale])[None]
+    def stiffness_range(
+        self,
+        pose: F,
+        wrench: F | None = None,
+        *,
+        limits: Sequence[tuple[float, float]],
+        along: str | F,
+        tolerance: float | F = 0.0,
+    ) -> tuple[tuple[float, F], tuple[float, F]]:
+        """Least and largest stiffness that inputs give which hold a pose against a wrench.
+
+        Parameters
+        ----------
+        pose
+            (6,), m and rad.
+        wrench
+            (6,) on the platform; default none.
+        limits
+            Least and largest input of each actuator.
+        along
+            A pose column such as `y_m`, or a direction d (6,) in m and rad: the stiffness is d'Kd.
+        tolerance
+            (6,), N and N m, or one number for all: by how much the wrench may be off. Infinite
+            where the surroundings take it.
+
+        Returns
+        -------
+        tuple
+            The least stiffness and its inputs (m,), and the largest with its own. By SLSQP from
+            several starts.
+
+        Raises
+        ------
+        ComputationError
+            No inputs within the limits hold the pose.
+        """
+        held = _Held(self, pose, wrench, limits, "stiffness_range")
+        d = np.asarray([name == along for name in POSE] if isinstance(along, str) else along, float)
+        tolerances = np.broadcast_to(np.asarray(tolerance, dtype=np.float64), 6)
+        if d.shape != (6,) or not d.any() or not (tolerances >= 0.0).all():
+            raise InputError(
+                f"stiffness_range: along = {along!r}, tolerance = {tolerance!r}: expected one of "
+                f"{', '.join(POSE)} or a direction (6,), and 0 or more"
+            )
+        ends = [held.extreme(sign, d, tolerances) for sign in (1.0, -1.0)]
+        return ends[0], ends[1]
+
+
+@dataclass(frozen=True)
+class _Held:
+    """A pose that is held against a wrench by inputs within limits, over `input_scale`."""
+
+    base: ActuatedMap
+    pose: F
+    wrench: F | None
+    limits: Sequence[tuple[float, float]]
+    caller: str
+
+    @cached_property
+    def bounds(self) -> F:
+        """(m, 2) dimensionless."""
+        bounds, m = np.asarray(self.limits, dtype=np.float64), len(self.base.actuators)
+        if bounds.shape != (m, 2) or (bounds[:, 0] >= bounds[:, 1]).any():
+            raise InputError(
+                f"{self.caller}: limits has shape {bounds.shape}, expected least and largest input "
+                f"of each of the {m} actuators"
+            )
+        return bounds / self.base.input_scale[:, None]
+
+    @cached_property
+    def unit(self) -> F:
+        """(6,) that make moments count as forces, over the length."""
+        return np.repeat([1.0, 1.0 / self.base.terms.length_m], 3)
+
+    def row(self, a: F) -> F:
+        """(1, 6 + m)."""
+        pose = np.asarray(self.pose, dtype=np.float64)
+        return np.concatenate([pose, a * self.base.input_scale])[None]
+
+    def left(self, a: F) -> F:
+        """(6,) wrench that is still needed, N and N m."""
+        goal = np.zeros(6) if self.wrench is None else np.asarray(self.wrench, dtype=np.float64)
+        return np.asarray(self.base.predict(self.row(a))[0] - goal)
+
+    def slope(self, a: F) -> F:
+        """(6, m) its derivative."""
+        return np.asarray(self.base.actuation_jacobian(self.row(a))[0] * self.base.input_scale)
+
+    def nearest(self, start: F, weights: F | None = None) -> F:
+        """(m,) inputs of least squares of what is left."""
+        unit = self.unit if weights is None else weights
 
         def left(a: F) -> F:
-            return np.asarray((self.predict(row(a))[0] - goal) * unit)
+            return self.left(a) * unit
 
         def slope(a: F) -> F:
-            return np.asarray(self.actuation_jacobian(row(a))[0] * scale * unit[:, None])
+            return self.slope(a) * unit[:, None]
 
-        found = least_squares(
-            left,
-            bounds.mean(axis=1) / scale,
-            jac=slope,
-            bounds=tuple(bounds.T / scale),
-            x_scale="jac",
-        )
-        return found.x * scale, self.predict(row(found.x))[0] - goal
+        found = least_squares(left, start, jac=slope, bounds=tuple(self.bounds.T), x_scale="jac")
+        return np.asarray(found.x)
+
+    def extreme(self, sign: float, d: F, tolerance: F) -> tuple[float, F]:
+        """The least (sign 1) or largest (-1) stiffness d'Kd, and its inputs in their own units."""
+        at = np.asarray(self.pose, dtype=np.float64)[None]
+        parts = [(product, float(d @ u.stiffness(at)[0] @ d)) for product, u in self.base.parts]
+        size = max(abs(value) for _, value in parts)
+        m = len(self.bounds)
+
+        def stiffness(a: F) -> float:
+            return float(sum(_power(a[None], product)[0] * value for product, value in parts))
+
+        def worth(a: F) -> float:
+            return sign * stiffness(a) / size
+
+        def rise(a: F) -> F:
+            slopes = [
+                sum(_slope(a[None], product, (i,))[0] * value for product, value in parts)
+                for i in range(m)
+            ]
+            return np.asarray(slopes) * sign / size
+
+        free = np.isinf(tolerance)
+        unit, within = self.unit[~free], (tolerance * self.unit)[~free]
+
+        def room(a: F) -> F:
+            off = self.left(a)[~free] * unit
+            return np.concatenate([within - off, within + off])
+
+        def room_slope(a: F) -> F:
+            slope = self.slope(a)[~free] * unit[:, None]
+            return np.vstack([-slope, slope])
+
+        bounds: Any = Bounds(*self.bounds.T)
+        limits: Any = [NonlinearConstraint(room, 0.0, np.inf, jac=room_slope)] * (not free.all())
+        best: tuple[float, F] | None = None
+        worst = np.full(6, np.inf)
+        for share in _STARTS:
+            start = self.bounds @ np.array([1.0 - share, share])
+            start = self.nearest(start, np.where(free, 0.0, self.unit))
+            found = minimize(
+                worth, start, jac=rise, bounds=bounds, constraints=limits, method="SLSQP"
+            )
+            a = np.clip(found.x, *self.bounds.T)
+            beyond = np.maximum(np.abs(self.left(a)) - tolerance, 0.0) * self.unit
+            if beyond.max() < worst.max():
+                worst = beyond
+            if beyond.max() < _HELD_N and (best is None or sign * stiffness(a) < sign * best[0]):
+                best = stiffness(a), a * self.base.input_scale
+        if best is None:
+            j = int(np.argmax(worst))
+            raise ComputationError(
+                f"stiffness_range: no inputs within the limits hold the pose: {WRENCH[j]} stays "
+                f"{worst[j] / self.unit[j]:.3g} beyond its tolerance; give a larger tolerance or "
+                "wider limits"
+            )
+        return best
 
 
 def _kind(name: str) -> str:
@@ -557,7 +694,7 @@ def _slope(a: F, product: tuple[int, ...], by: tuple[int, ...]) -> F:
     return factor * _power(a, tuple(powers))
 
 
-_EXCHANGED = 1.5
+_EXCHANGED = 1.2
 """Least fall of the error by which columns of actuators count as exchanged."""
 _ALL_ORDERS = 4
 """Number of actuators up to which every order is tried; of more only two exchanged."""
@@ -568,7 +705,7 @@ def exchanged(table: Table, model: ActuatedModel) -> tuple[tuple[str, ...], floa
 
     A model that knows how the actuators stand round the axis errs where two columns are exchanged.
     The error is the geometric mean of the components', for a pressure may show in one alone.
-    None where no other order fits 1.5 times better, and for a model without symmetry.
+    None where no other order fits 1.2 times better, and for a model without symmetry.
     """
     names, low = table.actuation_columns, replace(model, degree=_LEAST_DEGREE)
     terms = ActuatedTerms(1.0, tuple(map(_kind, names)), low.degree, low.order, low.symmetry)
@@ -631,6 +768,7 @@ class ActuatedModel(ModelSpecification):
 
     kind = "actuated"
     weighted = True
+    takes_inputs = True
     usage = (
         f"actuatedD with D from {_LEAST_DEGREE} to {_MOST_DEGREE}, alone or with -revolution or "
         f"-general, then with :ORDER from 1 to {_MOST_ORDER}"

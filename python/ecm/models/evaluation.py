@@ -206,6 +206,23 @@ class EvaluatedModel:
         """Inputs (m,) within limits that hold a pose against a wrench, and what is left (6,)."""
         return self.actuated.actuation_for(pose, wrench, limits=limits)
 
+    def stiffness_range(
+        self,
+        pose: F,
+        wrench: F | None = None,
+        *,
+        limits: Sequence[tuple[float, float]],
+        along: str | F,
+        tolerance: float | F = 0.0,
+    ) -> tuple[tuple[float, F], tuple[float, F]]:
+        """Least and largest stiffness along a direction at a held pose, each with its inputs.
+
+        Parameters and errors are those of `ActuatedMap.stiffness_range`.
+        """
+        return self.actuated.stiffness_range(
+            pose, wrench, limits=limits, along=along, tolerance=tolerance
+        )
+
     def left_out(self, table: Table) -> dict[str, Missing]:
         """Effects of the model whose columns a table lacks, by id.
 

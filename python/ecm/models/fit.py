@@ -118,8 +118,6 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
         fitted = fit_rows(table, specification, weights, progress)
     except ModelError as unfit:  # more coefficients than equations, or columns that never vary
         raise InputError(f"{table.source}: {unfit}", remedy=CHOOSE) from None
-    if isinstance(specification, ActuatedModel) and not force:
-        _refuse_exchanged(table, specification)
     if zero_at_home or stable:
         fitted = constrained(fitted, zero_at_home=zero_at_home, stable=stable)
     part = replace(fitted, base=measured_part(fitted.base, table))
@@ -152,8 +150,10 @@ def _refuse_exchanged(table: Table, specification: ActuatedModel) -> None:
 
 
 def refuse_unused_inputs(table: Table, specification: ModelSpecification) -> None:
-    """Raise InputError where inputs of actuators vary that the model does not take."""
-    takes = specification.any_columns or isinstance(specification, ActuatedModel)
+    """Raise InputError where inputs vary that the model does not take, or stand exchanged."""
+    if isinstance(specification, ActuatedModel):
+        _refuse_exchanged(table, specification)
+    takes = specification.any_columns or specification.takes_inputs
     varying = () if takes else unused_inputs(None, table)
     if varying:
         raise InputError(
@@ -326,13 +326,26 @@ _FAR_BETTER = 0.1
 """Its error over that of the lower degrees: these would leave structure that has no other name."""
 
 
+def _energy_of_inputs(table: Table, given: StiffnessMap | None = None) -> StiffnessMap:
+    """The energy of pose and actuation of the degree that the rows can carry.
+
+    What a given model of this kind does not lack is not to be named: its terms stay.
+    """
+    usual = ActuatedModel()
+    least, body, order = _ACTUATED[0], usual.symmetry, usual.order
+    if isinstance(given, ActuatedMap):
+        least, body, order = given.terms.degree, given.terms.body, given.terms.order
+    degrees = [degree for degree in _ACTUATED if degree >= least] or [least]
+    return _by_degree(table, [ActuatedModel(degree, body, order) for degree in degrees])
+
+
 def symmetric_energy(table: Table) -> StiffnessMap:
     """The symmetric energy of the degree that the rows can carry.
 
     Of a table with actuators an energy of pose and inputs.
     """
     if _has_energy_of_inputs(table):
-        return _by_degree(table, [ActuatedModel(degree) for degree in _ACTUATED])
+        return _energy_of_inputs(table)
     return _by_degree(table, [EnergyModel(degree) for degree in _ENERGY])
 
 
@@ -431,7 +444,7 @@ def choose_base(model: Model, table: Table) -> StiffnessMap:
     body = table.meta.elastic_body()
     six = table.has(*POSE, *WRENCH) or is_partial(table)
     if _has_energy_of_inputs(table):
-        return symmetric_energy(table)
+        return _energy_of_inputs(table, base)
     if six and body is not None:
         return measured_part(fit_model(table, "physics", force=True).base, table)
     if six and table.meta.length_m is not None:

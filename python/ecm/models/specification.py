@@ -53,6 +53,8 @@ class ModelSpecification(Checked, ABC):
     """Whether `weights` may be chosen."""
     any_columns: ClassVar[bool] = False
     """Whether it fits any pose columns; else it needs all six."""
+    takes_inputs: ClassVar[bool] = False
+    """Whether it takes the inputs of actuators behind six pose columns."""
 
     @property
     def name(self) -> str:

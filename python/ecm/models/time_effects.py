@@ -29,7 +29,7 @@ from ecm.models.measured_poses import (
     noise_sd,
     poses_like_measured,
 )
-from ecm.regression.rows import is_whole
+from ecm.regression.rows import actuators_of, is_whole
 
 _ENERGIES = ("energy", "physics")
 _NOT_PASSIVE = (
@@ -167,6 +167,10 @@ def time_effects(model: EvaluatedModel, to: str = "rust") -> TimeEffects:
             found.left_out[item.id] = "an error of the instruments: the robot does not have it"
         elif effect.kind == "pose":
             continue
+        elif actuators_of(model.base):
+            found.left_out[item.id] = (
+                "files with actuators have no state, and their inputs are those that act"
+            )
         elif to == "none":
             found.left_out[item.id] = "these files have no state and no temperature"
         elif model.base.document().get("kind") not in kinds:

@@ -286,7 +286,7 @@ def export_files(
             "adapt: parameters follow readings in C and Rust, with a model of all six pose and "
             "wrench columns and no actuators; leave it out here"
         )
-    timed = time_effects(model, "none" if actuated else chosen.language)
+    timed = time_effects(model, chosen.language)
     lost = dict(zip(timed.lost, timed.lost_sentences(), strict=True))
     given = chosen.write(Source(model, inside, timed, name, precision, loop, adapt))
     return replace(

@@ -41,7 +41,7 @@ class OfActuator(Supply):
     def acting(self, inputs: F, at: Conditions) -> F:
         own = np.flatnonzero([name.startswith(self.acts_on) for name in at.actuators])
         mine = own if self.actuator == _EVERY else own[self.actuator : self.actuator + 1]
-        acts = inputs.copy()
+        acts: F = inputs.copy()
         acts[:, mine] = self.given(inputs, at)[:, mine]
         return acts
 

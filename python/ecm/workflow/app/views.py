@@ -6,6 +6,7 @@ and computed once.
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import threading
@@ -24,19 +25,22 @@ import numpy as np
 from ecm.comparison.comparison import compare
 from ecm.diagnosis.preparation import preview_effects
 from ecm.effects import get_effect, load_installed
-from ecm.errors import InputError
+from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F, I
 from ecm.io.cache import hash_of, write_json
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.table import Need, Table, read_table
 from ecm.logs.importing import list_columns
 from ecm.models import Model, load_model
+from ecm.regression.rows import actuators_of
 from ecm.report.figures import some_rows, view_of
 from ecm.workflow.app.journal import writing
 
 MOST_ROWS = 20_000
 """Rows that a view holds; of more, every k-th, and the view says so."""
 HOW = "evenly over their order"
+_MOST_SLIDERS = 6
+"""Actuators that the page moves."""
 
 
 @dataclass(frozen=True)
@@ -136,6 +140,29 @@ def plan(given: Given) -> dict[str, Any]:
     return {**view_of(table.meta), "columns": columns}
 
 
+def actuation(given: Given) -> dict[str, Any]:
+    """Return where the model comes to rest on a grid of its actuators' measured inputs."""
+    model, table = given.model(), given.table("fit")
+    names = actuators_of(model.base)
+    each = {1: 21, 2: 9, 3: 6, 4: 4, 5: 3}.get(len(names), 2)
+    measured = [table.column(name) for name in names]
+    levels = [np.linspace(min(a.min(), 0.0), a.max(), each) for a in measured]
+    # What all of these actuators do at twelve would take minutes: the first six move the body.
+    levels[_MOST_SLIDERS:] = [np.zeros(1) for _ in levels[_MOST_SLIDERS:]]
+    found: list[list[float | None] | None] = []
+    for inputs in itertools.product(*levels) if names else ():
+        try:
+            found.append(_short(model.free_pose(np.array(inputs))[0]))
+        except ComputationError:
+            found.append(None)
+    return {
+        **view_of(table.meta),
+        "actuators": list(names[:_MOST_SLIDERS]),
+        "levels": [_short(values) for values in levels[:_MOST_SLIDERS]],
+        "poses": found,
+    }
+
+
 def log(given: Given) -> dict[str, Any]:
     """Return the columns of the first of the files that were dropped, for a person to name them."""
     return {
@@ -157,6 +184,7 @@ VIEWS: dict[str, Callable[[Given], dict[str, Any]]] = {
     "residuals": residuals,
     "effects": effects,
     "plan": plan,
+    "actuation": actuation,
     "log": log,
 }
 
@@ -196,9 +224,9 @@ def _columns(values: F) -> list[list[float | None]]:
     return [_short(column) for column in np.asarray(values).T]
 
 
-SHOWN = ("poses", "residuals", "effects", "log")
+SHOWN = ("poses", "residuals", "effects", "actuation", "log")
 """Those that the page may ask for by name."""
-NEED_MODEL = ("residuals", "effects")
+NEED_MODEL = ("residuals", "effects", "actuation")
 _INTERRUPTED = 130
 
 

@@ -1,9 +1,10 @@
 // Stage 2: kind and size of the model, the fit and its report.
 
+import {moved} from "./actuation.js";
 import {busy, view} from "./api.js";
 import {chart} from "./chart.js";
 import {column, label, readable} from "./columns.js";
-import {button, el, number, table} from "./dom.js";
+import {button, el, number, table, waiting} from "./dom.js";
 import {help} from "./help.js";
 import {POSE, WRENCH} from "./scene.js";
 
@@ -12,12 +13,14 @@ const KINDS = [
   ["energy4", "Symmetric energy, degree 4", "Few numbers, the symmetry of a round body built in. Small bending."],
   ["energy6", "Symmetric energy, degree 6", "As degree 4, for large bending."],
   ["energy6-general", "Energy of degree 6", "Without symmetry, for a body that is not round. Needs more poses."],
+  ["actuated4", "Energy of pose and actuators", "Pressures and tensions are inputs beside the pose. For equal actuators round the axis of a body with both ends alike."],
   ["linear", "Linear", "One stiffness matrix. Small motions, or a first look."],
   ["cubic", "Cubic polynomial", "Any smooth wrench, without an energy behind it."],
   ["choose", "Choose for me", "Fits all kinds, keeps the one that predicts held-out poses best. Takes longest."],
 ];
 
-const OF_SIX = ["physics", "energy4", "energy6", "energy6-general", "choose"];
+const OF_SIX = ["physics", "energy4", "energy6", "energy6-general", "actuated4", "choose"];
+const OF_POSE = ["physics", "energy4", "energy6", "energy6-general"];  // which take no inputs of actuators
 const TERM = {physics: "physics", energy4: "energy", energy6: "energy", "energy6-general": "energy", choose: "held out"};
 
 // What a person has picked stays picked when the page is drawn again.
@@ -25,10 +28,13 @@ let picked = null, curvePicked = false;
 
 export async function draw(root, state, app) {
   const {six, body} = await known(state);
-  const lacks = name => OF_SIX.includes(name) && !six ? " Needs all six columns of the pose and of the wrench."
+  const driven = state.check?.columns.some(({name}) => /^(pressure|tension)_\d+_/.test(name)) ?? false;
+  const lacks = name => name === "actuated4" && !driven ? " Needs columns of actuators: pressure_1_Pa, tension_1_N, ..."
+    : OF_POSE.includes(name) && driven ? " Takes no inputs of actuators."
+    : OF_SIX.includes(name) && !six ? " Needs all six columns of the pose and of the wrench."
     : name === "physics" && !body ? " Needs the body: [mechanism] builtin, its dimensions and modulus in the description." : "";
   // Nothing that needs more than these data hold; of many kinds the one that predicts best.
-  const first = lacks("physics") ? lacks("choose") ? "linear" : "choose" : "physics";
+  const first = !lacks("actuated4") ? "actuated4" : lacks("physics") ? lacks("choose") ? "linear" : "choose" : "physics";
   const now = [picked, state.rungs[0]?.name].find(name => name && !lacks(name)) ?? first;
   const curve = el("input", {type: "checkbox", id: "curve", checked: curvePicked,
     onchange: () => { curvePicked = curve.checked; }});
@@ -48,6 +54,13 @@ export async function draw(root, state, app) {
   if (state.compare) {
     root.append(el("p", {class: "lead"}, readable(state.compare.sentence)),
       button("See where it fails", () => app.go("fails"), {class: "first", id: "to-fails"}));
+  }
+  if (state.model && driven) {
+    const wait = waiting("Looking where the body comes to rest …");
+    root.append(wait);
+    view("actuation", state).then(found => wait.replaceWith(...found.actuators.length ? [moved(found)] : []), error => {
+      wait.textContent = error.message;
+    });
   }
   const base = state.rungs[0]?.report;  // a later fit with an effect has no report of its own
   if (base) root.append(...report(base));

@@ -31,7 +31,7 @@ struct Instance {
   int top = -1, base = -1;
   int tendon_count = 0;
   int tendons[kMostTendons];
-  int inputs[kInputs + 1];
+  int actuators[kInputs + 1];
   // Pose and time of the last compute: advance is called when they are gone.
   double pose[6] = {}, time = 0;
 #if HAS_STATE
@@ -90,8 +90,8 @@ int Init(const mjModel* m, mjData* d, int instance) {
     if (found.tendons[k] < 0) return Fail("config tendons: no tendon ", name);
   }
   for (int k = 0; k < kInputs; k++) {
-    found.inputs[k] = mj_name2id(m, mjOBJ_ACTUATOR, kInputNames[k]);
-    if (found.inputs[k] < 0) return Fail("no actuator ", kInputNames[k]);
+    found.actuators[k] = mj_name2id(m, mjOBJ_ACTUATOR, kInputNames[k]);
+    if (found.actuators[k] < 0) return Fail("no actuator ", kInputNames[k]);
   }
 #if HAS_STATE
   if (Number(m, instance, "temperature_degC", &found.inputs.temperature_degC) < 0 ||
@@ -127,16 +127,18 @@ void FindPose(const mjData* d, const Instance& at, mjtNum pose[6]) {
   mju_quat2Vel(pose + 3, quaternion, 1);
 }
 
+#if !HAS_STATE
 mjtNum Input(const mjModel* m, const mjData* d, int actuator) {
   if (m->actuator_actadr[actuator] >= 0) return d->act[m->actuator_actadr[actuator]];
   if (!m->actuator_ctrllimited[actuator]) return d->ctrl[actuator];
   const mjtNum* range = m->actuator_ctrlrange + 2 * actuator;
   return mju_clip(d->ctrl[actuator], range[0], range[1]);
 }
+#endif
 
 // The wrench that holds the platform at `pose`; plain zero where the model means nothing.
-void FindWrench(const mjModel* m, const mjData* d, int address, const Instance& at, const mjtNum pose[6],
-                mjtNum h[6]) {
+void FindWrench(const mjModel* m, const mjData* d, int address, const Instance& at,
+                const mjtNum pose[6], mjtNum h[6]) {
 #if HAS_STATE
   (void)m;
   double k[36];
@@ -151,7 +153,7 @@ void FindWrench(const mjModel* m, const mjData* d, int address, const Instance& 
   (void)address;
   mjtNum row[6 + kInputs];
   mju_copy(row, pose, 6);
-  for (int k = 0; k < kInputs; k++) row[6 + k] = Input(m, d, at.inputs[k]);
+  for (int k = 0; k < kInputs; k++) row[6 + k] = Input(m, d, at.actuators[k]);
   @NAME@_value(row, h);
 #endif
 }

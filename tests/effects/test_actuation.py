@@ -1,0 +1,139 @@
+"""Effects of actuators: tendons, the side a pressure comes from, columns that are exchanged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ecm
+from ecm.effects import get_effect
+from ecm.effects.registry import effects_of_actuators
+from ecm.errors import InputError
+from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import Table
+from ecm.models import Model
+from ecm.models.actuated import ActuatedModel, exchanged
+from ecm.regression.rows import Rows
+from support.driven import ARM, PRESSURES, arm_model, arm_table
+from support.neck import Done
+
+TENSIONS = ("tension_1_N", "tension_2_N", "tension_3_N")
+AREA_M2 = 1e-4
+NOISE = {"force_sd_N": 0.004, "torque_sd_Nm": 1.2e-4}
+
+
+@pytest.fixture(scope="module")
+def pulled() -> Table:
+    """The arm as if each chamber were a tendon with the tension of its pressure on an area."""
+    table = arm_table()
+    columns = {name: table[name] for name in (*POSE, *WRENCH)}
+    inputs = AREA_M2 * table.matrix(PRESSURES).T
+    return ecm.as_table(columns | dict(zip(TENSIONS, inputs, strict=True)), meta=ARM)
+
+
+@pytest.fixture(scope="module")
+def pulled_model(pulled: Table) -> Model:
+    return ecm.fit_model(pulled, "actuated4")
+
+
+def measured(table: Table, model: Model, acting: F) -> Table:
+    """The table as if these inputs had acted in place of the recorded ones, with noise."""
+    noise = np.random.default_rng(1).standard_normal((len(table), 6))
+    wrenches = model.predict(table.matrix(POSE), acting) + noise * np.repeat([0.004, 1.2e-4], 3)
+    columns = dict(table.columns) | dict(zip(WRENCH, wrenches.T, strict=True))
+    return ecm.as_table(columns, meta={**ARM, "instrument": NOISE})
+
+
+def bend(table: Table) -> F:
+    """(N, 1) turn of the platform's axis, rad."""
+    return np.linalg.norm(table.poses[:, 4:], axis=1)[:, None]
+
+
+def test_tendon_friction_is_named_by_its_growth_with_the_bend(
+    pulled: Table, pulled_model: Model
+) -> None:
+    plant = ecm.fit_model(pulled, "actuated5")
+    tensions = pulled.matrix(TENSIONS)
+    acting = tensions.copy()
+    acting[:, 1] *= np.exp(-0.4 * bend(pulled)[:, 0])
+    found = ecm.diagnose(pulled_model, measured(pulled, plant, acting))
+    assert [item.id for item in found.effects] == ["capstan_friction"]
+    assert found.effects[0].effect.shape["actuator"] == "tension_2_N"
+    assert found.effects[0].values[0] == pytest.approx(0.4, rel=0.2)
+
+
+def test_a_winch_that_stands_still_stretches_the_tendon(pulled: Table, pulled_model: Model) -> None:
+    plant = ecm.fit_model(pulled, "actuated5")
+    tensions = pulled.matrix(TENSIONS)
+    shortening = plant.actuated.amounts(np.hstack([pulled.matrix(POSE), tensions]))
+    acting = tensions - 600.0 * shortening * [0.0, 0.0, 1.0]
+    found = ecm.diagnose(pulled_model, measured(pulled, plant, acting))
+    assert "tendon_stretch" in found.answer[0]
+    effect = next(item for item in found.effects if item.id == "tendon_stretch")
+    assert effect.effect.shape["actuator"] == "tension_3_N"
+    assert effect.values[0] == pytest.approx(600.0, rel=0.25)
+
+
+def test_friction_turns_over_where_the_tendon_was_let_out(
+    pulled: Table, pulled_model: Model
+) -> None:
+    rows = pulled.select(np.array([0, 1, 0, 1]))
+    columns = {"pose_id": np.array([0.0, 1.0, 0.0, 1.0])}
+    columns |= {"approach": np.array(["initial", "initial", "1", "0"], dtype=object)}
+    both = Rows(rows.with_columns(columns), pulled_model.base)
+    change = get_effect("capstan_friction").change(both, rows.matrix(TENSIONS))  # type: ignore[attr-defined]
+    own = rows.matrix(TENSIONS)
+    let_out = np.vstack([np.zeros((2, 3), bool), own[:1] < own[1:2], own[1:2] < own[:1]])
+    np.testing.assert_allclose(change, np.where(let_out, 1.0, -1.0) * own * bend(rows))
+
+
+def test_a_pressure_from_the_rest_pose_came_from_below() -> None:
+    """With the column approach the row before in time is not where it came from."""
+    table = arm_table().select(np.arange(3)).drop("volume_1_m3", "volume_2_m3", "volume_3_m3")
+    columns = {"pose_id": np.arange(3.0), "time_s": 60.0 * np.arange(3.0)}
+    columns |= {"approach": np.array(["initial", "initial", "1"], dtype=object)}
+    rows = Rows(table.with_columns(columns), arm_model().base)
+    inputs = table.matrix(PRESSURES)
+    change = get_effect("pressure_hysteresis").change(rows, inputs)  # type: ignore[attr-defined]
+    expected = -np.sign(inputs - np.vstack([np.zeros((2, 3)), inputs[1]]))
+    np.testing.assert_array_equal(change, expected)
+
+
+def test_effects_of_one_kind_leave_the_other_alone(pulled: Table, pulled_model: Model) -> None:
+    names = {effect.id for effect in effects_of_actuators()}
+    assert {"capstan_friction", "tendon_stretch"} <= names
+    for effect in effects_of_actuators():
+        lacks = effect.missing(pulled)
+        assert (lacks is None) == (effect.id in ("capstan_friction", "tendon_stretch")), effect.id
+    gain = get_effect("pressure_gain").columns(Rows(pulled, pulled_model.base))  # type: ignore[attr-defined]
+    assert not gain.any()
+
+
+def test_exchanged_chambers_are_refused_with_the_entry_that_mends_them(
+    tmp_path: Path, ecm_command: Callable[..., Done]
+) -> None:
+    table = arm_table().drop("volume_1_m3", "volume_2_m3", "volume_3_m3").select(np.arange(60))
+    assert exchanged(table, ActuatedModel()) is None
+    one, two = PRESSURES[:2]
+    swapped = table.with_columns({one: table[two], two: table[one]})
+    with pytest.raises(InputError, match="chambers swapped: with pressure_2_Pa, pressure_1_Pa"):
+        ecm.fit_model(swapped, "actuated4")
+    assert ecm.fit_model(swapped, "actuated4", force=True).name == "actuated4"
+    assert exchanged(swapped, ActuatedModel(symmetry="general")) is None
+    # What is printed, typed.
+    path, out = tmp_path / "s.csv", tmp_path / "s.json"
+    replace(swapped, meta=table.meta).write(path)
+    refused = ecm_command("fit", path, "--model", "actuated4", "--out", out)
+    assert refused.code == 2
+    lines = refused.err.splitlines()
+    begin = next(i for i, line in enumerate(lines) if line.strip() == "[columns]")
+    entries = [line.strip() for line in lines[begin : begin + 3]]
+    toml = path.with_suffix(".toml")
+    toml.write_text(toml.read_text() + "\n".join(entries) + "\n")
+    done = ecm_command("fit", path, "--model", "actuated4", "--out", out)
+    assert done.code == 0, done.err
