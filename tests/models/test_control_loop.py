@@ -136,6 +136,16 @@ def test_stability_is_the_sign_of_the_slowest_rate() -> None:
     assert 200 < stable < 1400
 
 
+def test_a_mass_that_nobody_stated_is_said_first() -> None:
+    stiffness = np.diag([2e4, 4e3, 4e3, 4.0, 16.0, 16.0])[None]
+    first = design_loop(np.zeros((1, 6)), stiffness).sentences()[0]
+    assert first.startswith("No mass of the platform was stated: the loop is for ")
+    assert "--mass KG --inertia KGM2" in first
+    stated = LoopSettings(mass_kg=2.0, inertia_kg_m2=0.01)
+    first = design_loop(np.zeros((1, 6)), stiffness, stated).sentences()[0]
+    assert first.startswith("Control loop for 2 kg")
+
+
 def test_what_no_gain_can_hold_is_said() -> None:
     """A pose that falls faster than the delay lets the loop see."""
     buckling = np.diag([4e3, -4e3, 4e3, 4.0, 16.0, 16.0])[None]
