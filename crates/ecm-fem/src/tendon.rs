@@ -24,11 +24,11 @@ pub(crate) struct Segment {
     pub tendon: usize,
     /// Nodes of the points in the body.
     pub nodes: Vec<(usize, f64)>,
-    /// Of points of the base, m.
+    /// Part of points that the base carries, m.
     fixed_m: [f64; 3],
     /// Weight of the platform's origin.
     pub on_platform: f64,
-    /// Of points of the platform from its origin, in its axes, m.
+    /// Part of points that the platform carries, from its origin, in its axes, m.
     turned_m: [f64; 3],
 }
 

@@ -30,7 +30,7 @@ def parse_toml(text: str, where: str, what: str) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise InputError(
             f"{where}: this {what} is no valid TOML: {error}. Correct that place; "
-            "'ecm new config|rig|data' writes a valid example."
+            "'ecm new config|arm|rig|data' writes a valid example."
         ) from None
     return document
 

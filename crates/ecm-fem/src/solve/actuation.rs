@@ -11,7 +11,7 @@
 //! pressure is stable under a given volume.
 
 use super::load_path::Beside;
-use super::newton::Workspace;
+use super::newton::{Border, Workspace};
 use super::{Actuation, Case, Fem, State};
 use crate::result::CaseResult;
 use faer::mat::MatMut;
@@ -20,19 +20,6 @@ use nalgebra::{DMatrix, DVector};
 /// Relative compliance of an actuator whose amount is held: its share of the amount at its unit of
 /// input, far below that of any body.
 const LEAST_COMPLIANCE: f64 = 1e-9;
-
-/// The given amounts at the state of the factor.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Border {
-    /// Numbers of the actuators.
-    pub of: Vec<usize>,
-    /// Z of each.
-    pub columns: Vec<Vec<f64>>,
-    /// G of each.
-    pub on_wrench: Vec<[f64; 6]>,
-    /// C among them.
-    pub on_amounts: Vec<Vec<f64>>,
-}
 
 impl Workspace {
     /// Sets what acts beside the load; the forces known so far remain ready where it acted already.

@@ -1,6 +1,5 @@
 //! Newton's method on nodes, pressures and platform together.
 
-use super::actuation::Border;
 use super::{Actuation, Fem, Load, MOST_ACTUATORS, State, Watch};
 use crate::assembly::Sums;
 use crate::factor::Factor;
@@ -46,6 +45,19 @@ pub(super) struct Workspace {
     /// Step of their inputs.
     pub input_step: Actuation,
     pub border: Border,
+}
+
+/// The given amounts at the state of the factor.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Border {
+    /// Numbers of the actuators.
+    pub of: Vec<usize>,
+    /// Z of each.
+    pub columns: Vec<Vec<f64>>,
+    /// G of each.
+    pub on_wrench: Vec<[f64; 6]>,
+    /// C among them.
+    pub on_amounts: Vec<Vec<f64>>,
 }
 
 /// Equilibrium of the platform at a state.

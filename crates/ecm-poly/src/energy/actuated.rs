@@ -23,6 +23,7 @@ pub struct ActuatedModel {
 /// Most inputs beside the pose.
 pub const MOST_ACTUATORS: usize = 10;
 /// Exponents of the six mid-frame coordinates, and of the inputs.
+#[cfg(feature = "std")]
 type Wide = [u8; 6 + MOST_ACTUATORS];
 
 impl ActuatedModel {
@@ -119,6 +120,7 @@ impl ActuatedModel {
     ///
     /// # Errors
     /// More monomials or entries than 16 bits count.
+    #[cfg(feature = "std")]
     pub(crate) fn expansion<R: Real>(&self) -> Result<Expansion<R>, ModelError> {
         let first = &self.parts[0].1;
         let all = terms(Symmetry::General, first.degree())?;

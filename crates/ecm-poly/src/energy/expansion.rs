@@ -26,7 +26,7 @@ pub(crate) struct Expansion<R> {
 }
 
 impl<R: Real> Expansion<R> {
-    /// Of terms and the orders of differentiation of each row.
+    /// From terms and the orders of differentiation of each row.
     pub(crate) fn new<const N: usize>(terms: &[([u8; N], f64)], orders: &[[u8; N]]) -> Self {
         let rows: Vec<Vec<([u8; N], f64)>> = orders
             .iter()
@@ -83,6 +83,19 @@ impl<R: Real> EnergyTables<R> {
             found.columns,
             found.weights,
         )
+    }
+}
+
+#[cfg(feature = "std")]
+impl<R: Real> From<EnergyTables<R>> for Expansion<R> {
+    /// The sums alone.
+    fn from(tables: EnergyTables<R>) -> Self {
+        Self {
+            products: tables.products().to_vec(),
+            ends: tables.ends().to_vec(),
+            columns: tables.columns().to_vec(),
+            weights: tables.weights().to_vec(),
+        }
     }
 }
 

@@ -4,8 +4,6 @@ use alloc::vec::Vec;
 
 use ecm_se3::Real;
 
-#[cfg(feature = "std")]
-use crate::energy::expansion::Expansion;
 use crate::energy::invariants::Symmetry;
 use crate::energy::plan::{EnergyPlan, ROWS};
 use crate::shape::ShapeError;
@@ -76,17 +74,6 @@ impl<R: Real> EnergyTables<R> {
             &self.columns,
             &self.weights,
         )
-    }
-
-    /// The sums alone.
-    #[cfg(feature = "std")]
-    pub(crate) fn expansion(self) -> Expansion<R> {
-        Expansion {
-            products: self.products,
-            ends: self.ends.to_vec(),
-            columns: self.columns,
-            weights: self.weights,
-        }
     }
 
     /// Number of monomials, with the constant one.

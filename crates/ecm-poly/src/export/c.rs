@@ -76,7 +76,7 @@ pub fn export_with_effects(
             let (symmetry, length) = (tables.symmetry(), tables.length_m());
             (
                 include_str!("templates/energy.h"),
-                energy(symmetry, length, &tables.expansion(), precision),
+                energy(symmetry, length, &Expansion::from(tables), precision),
             )
         }
         Model::Actuated(model) => (
