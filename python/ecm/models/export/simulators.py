@@ -135,8 +135,8 @@ def mujoco(source: Source) -> Exported:
         listed = ", ".join(f"{name}_{column}" for column in source.actuators)
         notes = (
             f"Inputs: controls of the actuators {listed}, which do no force themselves; with a "
-            "`dyntype` of MuJoCo their activations, so that a valve may lag. Without the plugin, and "
-            "in the tendons, they are 0.",
+            "`dyntype` of MuJoCo their activations, so that a valve may lag. Without the plugin, "
+            "and in the tendons, they are 0.",
             *notes,
         )
     build = f"sh @OUT@/{name}_build.sh python   (the Python that has mujoco)"

@@ -115,8 +115,8 @@ function drawTools() {
 
 // The server's words name options of the command line; the page has a list of the columns.
 function advice({verb, message, remedy}) {
-  if (!state.dropped.length || remedy?.request) return message;
-  if (verb === "check" && !state.check) return `${message}\nOr say below what the columns are, and import it.`;
+  if (!state.dropped.length) return message;
+  if (verb === "check" && !state.check && !remedy?.request) return `${message}\nOr say below what the columns are, and import it.`;
   return verb === "import" ? message.replace(/\s*\b(Say it once|Say which|Name what is one|Say --)[^]*$/, "\nSay so in the list below.") : message;
 }
 
