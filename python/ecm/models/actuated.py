@@ -478,10 +478,10 @@ class ActuatedMap(SixAxisMap):
 
     def _newton(self, pose: F, a: F, goal: F) -> F | None:
         unit = np.repeat([1.0, self.terms.length_m], 3)
+        energy = self.at(a)
         for _ in range(30):
-            row = np.concatenate([pose, a])[None]
-            gap = goal - self.predict(row)[0]
-            step = np.linalg.solve(self.stiffness(row)[0], gap)
+            gap = goal - energy.predict(pose[None])[0]
+            step = np.linalg.solve(energy.stiffness(pose[None])[0], gap)
             largest = np.abs(step * np.repeat([1.0 / self.terms.length_m, 1.0], 3)).max()
             if not np.isfinite(largest):
                 return None
