@@ -52,7 +52,7 @@ def fit(
     Parameters
     ----------
     model : NAME
-        choose, poly:D, energyD, physics, TOML or file.
+        choose, poly:D, energyD, physics or file.
     pcr : B
         B, B/sqrtN, rank:R or press (poly).
     zero_at_home
