@@ -3,12 +3,16 @@
 use alloc::format;
 use alloc::vec::Vec;
 
+#[cfg(feature = "std")]
+use ecm_se3::Real;
+use ecm_se3::Vec6;
 use ecm_se3::stiffness::StiffnessKind;
-use ecm_se3::{Real, Vec6};
 
+#[cfg(feature = "std")]
 use crate::energy::expansion::{Expansion, first_order, power, row_orders, unscaled};
 use crate::energy::invariants::Symmetry;
 use crate::energy::model::EnergyModel;
+#[cfg(feature = "std")]
 use crate::energy::terms::terms;
 use crate::error::{ModelError, check_count};
 
