@@ -172,7 +172,7 @@ def _product_orbits(
     kinds: tuple[str, ...], order: int, body: Body
 ) -> tuple[tuple[tuple[int, ...], ...], ...]:
     """Products up to an order that the group moves into each other, by order."""
-    places = {moved for _, moved in _elements(kinds, body)}
+    places = {moved for _, moved in _elements(kinds, body)} or {()}
     orbits: list[tuple[tuple[int, ...], ...]] = []
     for size in range(order + 1):
         chosen = itertools.combinations_with_replacement(range(len(kinds)), size)
@@ -708,6 +708,8 @@ def exchanged(table: Table, model: ActuatedModel) -> tuple[tuple[str, ...], floa
     None where no other order fits 1.2 times better, and for a model without symmetry.
     """
     names, low = table.actuation_columns, replace(model, degree=_LEAST_DEGREE)
+    if len(names) < 2:
+        return None
     terms = ActuatedTerms(1.0, tuple(map(_kind, names)), low.degree, low.order, low.symmetry)
     if model.symmetry == "general" or 3 * len(table) < terms.count():
         return None
