@@ -13,6 +13,7 @@ from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.models import Model
 from ecm.models.actuated import ActuatedMap
+from ecm.models.actuated_inputs import free_pose
 from ecm.rig import RigSettings
 from ecm.rig.elastic import SolvedPoses
 from support.neck import ROOT
@@ -66,7 +67,7 @@ class DrivenArm:
         )
 
     def free_poses(self, inputs: F) -> SolvedPoses:
-        rows = np.stack([np.append(self.base.free_pose(a)[0], a) for a in inputs])
+        rows = np.stack([np.append(free_pose(self.base, a)[0], a) for a in inputs])
         return self.solve(rows, "plain")
 
     def surrogate(self, solved: SolvedPoses) -> None:

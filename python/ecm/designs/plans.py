@@ -33,6 +33,7 @@ from ecm.io.columns import POSE, WRENCH, amount_columns
 from ecm.io.se3 import rotation, rotation_vector, transpose
 from ecm.io.table import Table
 from ecm.models.actuated import ActuatedMap
+from ecm.models.actuated_inputs import free_pose
 from ecm.regression.rows import inputs_of
 from ecm.rig.plan import POSE_OFFSETS
 
@@ -84,7 +85,7 @@ def offsets_from_free(plan: Table, base: ActuatedMap) -> Table:
     True
     """
     rows = inputs_of(base, plan)
-    free = np.stack([base.free_pose(row[6:])[0] for row in rows])
+    free = np.stack([free_pose(base, row[6:])[0] for row in rows])
     turn = rotation(rows[:, 3:6]) @ transpose(rotation(free[:, 3:]))
     offsets = np.hstack([rows[:, :3] - free[:, :3], rotation_vector(turn)])
     if plan.has("action"):

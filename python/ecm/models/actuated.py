@@ -1,699 +1,38 @@
-"""Energies of pose and actuation: one potential gives wrench, stiffness, volumes and their changes.
-
-    Pi(p, a) = sum over the products a^k of the actuators' inputs of  a^k U_k(q(p))  +  f(a),
-
-q the mid-frame coordinates, U_k a polynomial of degree D - (order of k) in them, f a polynomial of
-the inputs alone, which only the volumes tell. Then
-
-    h = dPi/dp,  q_i = -dPi/da_i,  K = dh/dp,  G = dh/da,  C = dq/da.
-
-An input is a pressure or a tension; its amount q_i is the volume change of the chamber, or the
-shortening of the tendon. n equal actuators round the axis: turning the body by 2 pi / n, mirroring
-it at the plane of the axis and actuator 1, and turning it end for end move those of each kind among
-each other and leave Pi as it is. Each orbit of products has one polynomial, the sum over those
-elements that keep its first product; the others follow from it.
-"""
+"""Energies of pose and actuation, fitted: `actuatedD`, and columns that are exchanged."""
 
 from __future__ import annotations
 
 import itertools
-import math
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
-from typing import Any, Literal, cast, get_args
+from typing import Any, cast, get_args
 
 import numpy as np
-from scipy.optimize import Bounds, NonlinearConstraint, least_squares, minimize
 
-from ecm._native import mid_frame
-from ecm.errors import ComputationError, InputError
-from ecm.io.arrays import F, I
+from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH, amount_columns
 from ecm.io.events import Progress
 from ecm.io.settings import setting
 from ecm.io.table import Table
+from ecm.models.actuated_energy import ORDER, ActuatedMap, ActuatedTerms, Body, kind_of, name_of
 from ecm.models.errors_in_variables import AllRows, fit_with_pose_noise
 from ecm.models.layout import Layout, array, items, number, one_of, record, text
-from ecm.models.maps import EnergyMap, EnergyTerms, SixAxisMap
 from ecm.models.noise_estimate import declared_or_fitted
 from ecm.models.specification import FittedMap, ModelSpecification, Weights, length_of
 from ecm.regression.noise import whiteners
 from ecm.regression.rows import Rows
 
-Body = Literal["alike", "revolution", "general"]
-"""alike: equal actuators round the axis, both ends alike; revolution: the ends may differ; general:
-no symmetry."""
-_LEAST_DEGREE, _MOST_DEGREE, _ORDER, _MOST_ORDER = 3, 6, 3, 4
-_PURE_ORDER = 5
-"""Order of f: a chamber swells more than in proportion."""
+__all__ = ["ActuatedMap", "ActuatedModel", "ActuatedTerms", "exchanged"]
+
+_LEAST_DEGREE, _MOST_DEGREE, _MOST_ORDER = 3, 6, 4
 _WEIGHED = 2
 """Fits with amounts weighed by what the fit before left."""
 _LEAST_SHARE = 1e-4
 """Least error of a measured amount over its spread."""
 _CONJUGATE = {"volume": "pressure", "length": "tension"}
 """Kind of the input that an amount belongs to."""
-_STARTS = (0.5, 0.0, 1.0)
-"""Starts between the limits of the inputs of a search."""
-_HELD_N = 1e-5
-"""Largest force, and moment over the length, by which an inequality may be missed."""
-_ROUNDING = 1e-13
-"""Share of the largest coefficient below which one is the rounding of the symmetry."""
 _SINGULAR = 1e-10
 """Least singular value over the largest: below it a direction of the coefficients is unknown."""
-
-
-@dataclass(frozen=True)
-class _Orbit:
-    """Products that the symmetry moves into each other, and their polynomials.
-
-    `expansions[i] @ c` are the coefficients of the monomials in the polynomial of `products[i]`.
-    """
-
-    products: tuple[tuple[int, ...], ...]
-    expansions: tuple[F, ...]
-
-
-@dataclass(frozen=True)
-class ActuatedTerms:
-    """The terms of an energy of pose and actuation.
-
-    Examples
-    --------
-    >>> terms = ActuatedTerms(0.1, ("pressure",) * 3, degree=4, order=1)
-    >>> [(orbit.products, orbit.expansions[0].shape[1]) for orbit in terms.orbits()]
-    [(((0, 0, 0),), 28), (((1, 0, 0), (0, 1, 0), (0, 0, 1)), 26)]
-    """
-
-    length_m: float
-    kinds: tuple[str, ...]
-    """Kind of each actuator; those of one kind stand round the axis in this order."""
-    degree: int
-    order: int
-    body: Body = "alike"
-
-    @property
-    def of_pose(self) -> EnergyTerms:
-        """The terms of each product's polynomial, without symmetry."""
-        return EnergyTerms(self.length_m, self.degree, "general")
-
-    def orbits(self) -> tuple[_Orbit, ...]:
-        """Orbits of the products, the constant one first."""
-        return _orbits(self.kinds, self.degree, self.order, self.body)
-
-    def pure(self) -> tuple[tuple[tuple[int, ...], ...], ...]:
-        """Orbits of the products in the polynomial of the inputs alone."""
-        return _product_orbits(self.kinds, _PURE_ORDER, self.body)[1:]
-
-    def count(self) -> int:
-        """Number of coefficients."""
-        return sum(orbit.expansions[0].shape[1] for orbit in self.orbits())
-
-    def split(self, coefficients: F) -> Iterator[tuple[tuple[int, ...], F, F]]:
-        """Each product with its expansion and the coefficients of its orbit."""
-        begin = 0
-        for orbit in self.orbits():
-            end = begin + orbit.expansions[0].shape[1]
-            for product, expansion in zip(orbit.products, orbit.expansions, strict=True):
-                yield product, expansion, coefficients[begin:end]
-            begin = end
-
-
-@cache
-def exponents(degree: int) -> I:
-    """(k, 6) exponents of all monomials of q up to a degree, without the constant one.
-
-    Examples
-    --------
-    >>> exponents(1).tolist()[0], len(exponents(4))
-    ([1, 0, 0, 0, 0, 0], 209)
-    """
-    zeros = np.zeros(math.comb(6 + degree, degree) - 1)
-    return np.asarray(EnergyTerms(1.0, degree, "general").map(np.ones(2), zeros).model.terms)
-
-
-def _monomials(q: F, powers: I) -> F:
-    """(N, k) values of the monomials at q (N, 6)."""
-    return np.asarray(np.prod(q[:, None, :] ** powers[None], axis=2))
-
-
-def _elements(kinds: tuple[str, ...], body: Body) -> list[tuple[F, tuple[int, ...]]]:
-    """Matrices (6, 6) on q, and the actuator that comes in the place of each, of the group."""
-    if body == "general":
-        return [(np.eye(6), tuple(range(len(kinds))))]
-    rings = [[k for k, own in enumerate(kinds) if own == kind] for kind in dict.fromkeys(kinds)]
-    turns = math.gcd(*map(len, rings))
-
-    def places(turn: int, sign: int) -> tuple[int, ...]:
-        moved = list(range(len(kinds)))
-        for ring in rings:
-            for k, own in enumerate(ring):
-                moved[own] = ring[(sign * k + turn * len(ring) // turns) % len(ring)]
-        return tuple(moved)
-
-    mirror = np.diag([1.0, 1.0, -1.0, -1.0, -1.0, 1.0])
-    ends = np.diag([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
-    found: list[tuple[Any, tuple[int, ...]]] = []
-    for turn in range(turns):
-        angle = 2.0 * np.pi * turn / turns
-        turned = np.eye(3)
-        turned[1:, 1:] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-        matrix = np.kron(np.eye(2), turned)
-        for change in (np.eye(6), ends) if body == "alike" else (np.eye(6),):
-            # Turning end for end goes about the axis of actuator 1.
-            sign = -1 if change is ends else 1
-            found.append((matrix @ change, places(turn, sign)))
-            found.append((matrix @ mirror @ change, places(turn, -sign)))
-    return found
-
-
-@cache
-def _product_orbits(
-    kinds: tuple[str, ...], order: int, body: Body
-) -> tuple[tuple[tuple[int, ...], ...], ...]:
-    """Products up to an order that the group moves into each other, by order."""
-    places = {moved for _, moved in _elements(kinds, body)} or {()}
-    orbits: list[tuple[tuple[int, ...], ...]] = []
-    for size in range(order + 1):
-        chosen = itertools.combinations_with_replacement(range(len(kinds)), size)
-        left = {tuple(own.count(k) for k in range(len(kinds))) for own in chosen}
-        while left:
-            members = {_moved(max(left), place) for place in places}
-            orbits.append(tuple(sorted(members, reverse=True)))
-            left -= members
-    return tuple(orbits)
-
-
-@cache
-def _orbits(kinds: tuple[str, ...], degree: int, order: int, body: Body) -> tuple[_Orbit, ...]:
-    group = _elements(kinds, body)
-    powers = exponents(degree)
-    actions = [_action(matrix, powers) for matrix, _ in group]
-    orbits: list[_Orbit] = []
-    for members in _product_orbits(kinds, order, body):
-        moved = [_moved(members[0], places) for _, places in group]
-        keeping = [own for own, other in zip(actions, moved, strict=True) if other == members[0]]
-        low = powers.sum(axis=1) <= max(degree - sum(members[0]), 1)
-        basis = _basis(np.mean(keeping, axis=0), low)
-        expansions = tuple(actions[moved.index(other)] @ basis for other in members)
-        orbits.append(_Orbit(members, expansions))
-    return tuple(orbits)
-
-
-def _moved(product: tuple[int, ...], places: tuple[int, ...]) -> tuple[int, ...]:
-    """The product after actuator k has come to places[k]."""
-    moved = [0] * len(product)
-    for k, power in enumerate(product):
-        moved[places[k]] = power
-    return tuple(moved)
-
-
-def _action(matrix: F, powers: I) -> F:
-    """(k, k) matrix on the coefficients of U that gives those of U(matrix^-1 q)."""
-    degrees = powers.sum(axis=1)
-    action = np.zeros((len(powers), len(powers)))
-    random = np.random.default_rng(0)
-    for degree in np.unique(degrees):
-        own = np.flatnonzero(degrees == degree)
-        q = random.uniform(-1.0, 1.0, (2 * len(own) + 10, 6))
-        there = _monomials(q @ matrix, powers[own])  # the transpose is the inverse
-        block = np.linalg.lstsq(_monomials(q, powers[own]), there, rcond=None)[0]
-        action[np.ix_(own, own)] = np.where(np.abs(block) > 1e-9, block, 0.0)
-    return action
-
-
-def _basis(projector: F, low: Any) -> F:
-    """(k, r) independent columns of a projector among the monomials `low`, the first ones first."""
-    chosen: list[F] = []
-    orthonormal: list[F] = []
-    for column in projector[:, low].T:
-        size = np.linalg.norm(column)
-        left = column.copy()
-        for known in orthonormal:
-            left -= known * (known @ left)
-        if size > 1e-9 and np.linalg.norm(left) > 1e-6 * size:
-            orthonormal.append(left / np.linalg.norm(left))
-            chosen.append(column / np.abs(column).max())
-    return np.asarray(np.array(chosen).T.reshape(len(projector), len(chosen)), dtype=np.float64)
-
-
-@dataclass(frozen=True)
-class ActuatedMap(SixAxisMap):
-    """A polynomial energy of pose and actuation: rows (N, 6 + m), or poses (N, 6) without any.
-
-    Parameters
-    ----------
-    terms
-        Length (m), kinds of the actuators, degree, order and symmetry.
-    scale
-        (2,) of length (m) and angle (rad) that make the pose dimensionless.
-    input_scale
-        (m,) of each input, Pa or N; those of one kind have the same one.
-    coefficients
-        (k,) J, by orbit.
-    pure_J
-        (o,) coefficients of the polynomial of the inputs alone; zero where no amount was measured.
-    actuators
-        Their columns: behind the six of the pose.
-    """
-
-    terms: ActuatedTerms
-    scale: F
-    input_scale: F
-    coefficients: F
-    pure_J: F
-    actuators: tuple[str, ...]
-
-    kind = "actuated"
-
-    @property
-    def name(self) -> str:
-        """`actuatedD`, with `-revolution` or `-general`, and `:ORDER` where it is not 3."""
-        return _name(self.terms.degree, self.terms.order, self.terms.body)
-
-    @property
-    def length_m(self) -> float | None:
-        """Length of the mechanism, m."""
-        return self.terms.length_m
-
-    @cached_property
-    def parts(self) -> list[tuple[tuple[int, ...], EnergyMap]]:
-        """Powers (m,) of the inputs over `input_scale`, and the energy of the pose beside them.
-
-        The potential is the sum of the products, but for the polynomial of the inputs alone.
-        """
-        return [
-            (product, self.terms.of_pose.map(self.scale, expansion @ own))
-            for product, expansion, own in self.terms.split(self.coefficients)
-        ]
-
-    def _split(self, rows: F) -> tuple[F, F]:
-        """Poses (N, 6) and dimensionless inputs (N, m) of rows (N, 6 + m), or of poses alone."""
-        at = np.ascontiguousarray(rows[:, :6])
-        if rows.shape[1] == at.shape[1]:
-            return at, np.zeros((len(at), len(self.actuators)))
-        return at, rows[:, 6:] / self.input_scale
-
-    def predict(self, poses: F) -> F:
-        """(N, 6 + m) poses and inputs to (N, 6) wrenches."""
-        at, a = self._split(poses)
-        return np.asarray(sum(_power(a, k)[:, None] * u.predict(at) for k, u in self.parts))
-
-    def stiffness(self, poses: F, kind: str = "partial") -> F:
-        """(N, 6, 6) K = dh/dp at the inputs."""
-        at, a = self._split(poses)
-        found = np.zeros((len(at), 6, 6))
-        for product, energy in self.parts:
-            found += _power(a, product)[:, None, None] * energy.stiffness(at, kind)
-        return found
-
-    def actuation_jacobian(self, poses: F) -> F:
-        """(N, 6, m) G = dh/da at fixed pose: m^2 and m^3 by a pressure, 1 and m by a tension."""
-        at, a = self._split(poses)
-        found = np.zeros((len(at), 6, len(self.actuators)))
-        for product, energy in self.parts:
-            wrench = energy.predict(at)
-            for i in range(len(self.actuators)):
-                found[:, :, i] += _slope(a, product, (i,))[:, None] * wrench
-        return found / self.input_scale
-
-    def columns(self, poses: F) -> F:
-        """(N, 6, k) wrench of each coefficient."""
-        at, a = self._split(poses)
-        regressor = self.terms.of_pose.regressor(at, self.scale)
-        return self._combined(
-            lambda product, expansion: _power(a, product)[:, None, None] * (regressor @ expansion)
-        )
-
-    def _combined(self, of: Any) -> F:
-        """Arrays (..., k) of the products, summed within each orbit."""
-        parts = [
-            sum(of(*member) for member in zip(orbit.products, orbit.expansions, strict=True))
-            for orbit in self.terms.orbits()
-        ]
-        return np.asarray(np.concatenate(parts, axis=-1), dtype=np.float64)
-
-    def amount_columns(self, poses: F) -> tuple[F, F]:
-        """(N, m, k) and (N, m, o) amounts q of each coefficient, and of each of `pure_J`."""
-        at, a = self._split(poses)
-        q = mid_frame(at, self.terms.length_m) / np.repeat(self.scale, 3)
-        monomials = _monomials(q, exponents(self.terms.degree))
-
-        def slopes(product: tuple[int, ...]) -> F:
-            by_input = [_slope(a, product, (i,)) for i in range(len(self.actuators))]
-            return np.asarray(-np.stack(by_input, axis=1) / self.input_scale, dtype=np.float64)
-
-        columns = self._combined(
-            lambda product, expansion: (
-                slopes(product)[:, :, None] * (monomials @ expansion)[:, None, :]
-            )
-        )
-        pure = [sum(slopes(product) for product in orbit) for orbit in self.terms.pure()]
-        return columns, np.stack(pure, axis=2)
-
-    def amounts(self, poses: F) -> F:
-        """(N, m) q at poses and inputs (N, 6 + m): volume changes in m^3, shortenings in m."""
-        columns, pure = self.amount_columns(poses)
-        return np.asarray(columns @ self.coefficients + pure @ self.pure_J)
-
-    def amount_jacobian(self, poses: F) -> F:
-        """(N, m, m), C = dq/da at fixed pose, m^3/Pa by pressures."""
-        at, a = self._split(poses)
-        m = len(self.actuators)
-        parts = [(product, energy.model.energy_J(at)) for product, energy in self.parts]
-        for orbit, value in zip(self.terms.pure(), self.pure_J, strict=True):
-            parts += [(product, np.full(len(at), value)) for product in orbit]
-        found = np.zeros((len(at), m, m))
-        for product, value in parts:
-            for i, j in itertools.product(range(m), repeat=2):
-                found[:, i, j] -= _slope(a, product, (i, j)) * value
-        return found / np.outer(self.input_scale, self.input_scale)
-
-    def with_coefficients(self, coefficients: F) -> ActuatedMap:
-        """The same terms with other coefficients (k,)."""
-        return replace(self, coefficients=np.asarray(coefficients, dtype=np.float64))
-
-    def document(self) -> dict[str, Any]:
-        """Terms, scales and coefficients for a model file."""
-        return self.head(
-            length_m=self.terms.length_m,
-            parameters={
-                "actuators": list(self.actuators),
-                "degree": self.terms.degree,
-                "order": self.terms.order,
-                "symmetry": self.terms.body,
-                "scale": [*self.scale.tolist(), *self.input_scale.tolist()],
-                "coefficients_J": self.coefficients.tolist(),
-                "pure_J": self.pure_J.tolist(),
-            },
-        )
-
-    def written_out(self) -> dict[str, Any]:
-        """What the exported code is made of: `parts` beside each product, without symmetry."""
-        coefficients = np.array([energy.coefficients for _, energy in self.parts])
-        # Symmetry makes most of them 0, but for rounding.
-        coefficients[np.abs(coefficients) < _ROUNDING * np.abs(coefficients).max()] = 0.0
-        parts = zip(self.parts, coefficients, strict=True)
-        return {
-            "inputs": [*self.inputs, *self.actuators],
-            "degree": self.terms.degree,
-            "scale": self.scale.tolist(),
-            "input_scale": self.input_scale.tolist(),
-            "parts": [
-                {"powers": list(product), "coefficients_J": own.tolist()}
-                for (product, _), own in parts
-            ],
-        }
-
-    @staticmethod
-    def from_document(document: dict[str, Any]) -> ActuatedMap:
-        """Return the map of an opened model file."""
-        own = document["parameters"]
-        actuators = tuple(own["actuators"])
-        terms = ActuatedTerms(
-            float(document["length_m"]),
-            tuple(map(_kind, actuators)),
-            int(own["degree"]),
-            int(own["order"]),
-            own["symmetry"],
-        )
-        scale, coefficients, constants = (
-            np.asarray(own[name], dtype=np.float64)
-            for name in ("scale", "coefficients_J", "pure_J")
-        )
-        if len(coefficients) != terms.count() or len(constants) != len(terms.pure()):
-            raise InputError(
-                f"coefficients has {len(coefficients)} numbers and pure_J {len(constants)}, "
-                f"expected {terms.count()} and {len(terms.pure())}"
-            )
-        if len(scale) not in (3, 2 + len(actuators)):
-            raise InputError(
-                f"scale has {len(scale)} numbers, expected length, angle and those of the "
-                f"{len(actuators)} inputs, or one for all of them"
-            )
-        inputs = np.broadcast_to(scale[2:], len(actuators))
-        return ActuatedMap(terms, scale[:2], inputs, coefficients, constants, actuators)
-
-    def at(self, inputs: F) -> EnergyMap:
-        """The energy of the pose alone at constant inputs (m,), for exports and controllers."""
-        a = np.asarray(inputs, dtype=np.float64)[None] / self.input_scale
-        coefficients = sum(
-            _power(a, product)[0] * energy.coefficients for product, energy in self.parts
-        )
-        return self.terms.of_pose.map(self.scale, np.asarray(coefficients))
-
-    def free_pose(
-        self, inputs: F, wrench: F | None = None, *, start: F | None = None
-    ) -> tuple[F, F]:
-        """Pose (6,) that takes a wrench (6,) at these inputs (m,), and its change dp/da (6, m).
-
-        Newton's method from `start` (6,), default the undeformed pose; the inputs grow in steps
-        where it fails.
-
-        Raises
-        ------
-        ComputationError
-            No pose was found: the wrench or the inputs are beyond what the model has seen.
-        """
-        goal = np.zeros(6) if wrench is None else np.asarray(wrench, dtype=np.float64)
-        a = np.asarray(inputs, dtype=np.float64)
-        rest = np.array([self.terms.length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
-        pose = rest if start is None else np.asarray(start, dtype=np.float64)
-        share, step = 0.0, 1.0
-        while share < 1.0:
-            aim = min(1.0, share + step)
-            found = self._newton(pose, aim * a, aim * goal)
-            if found is not None:
-                pose, share = found, aim
-                continue
-            step *= 0.5
-            if step < 1.0 / 64.0:
-                raise ComputationError(
-                    f"free_pose: no equilibrium was found beyond {100.0 * share:.0f} % of the "
-                    "inputs and the wrench; give smaller ones, or a start that is closer"
-                )
-        row = np.concatenate([pose, a])[None]
-        slope = np.linalg.solve(self.stiffness(row)[0], self.actuation_jacobian(row)[0])
-        return pose, np.asarray(-slope)
-
-    def _newton(self, pose: F, a: F, goal: F) -> F | None:
-        unit = np.repeat([1.0, self.terms.length_m], 3)
-        energy = self.at(a)
-        for _ in range(30):
-            gap = goal - energy.predict(pose[None])[0]
-            step = np.linalg.solve(energy.stiffness(pose[None])[0], gap)
-            largest = np.abs(step * np.repeat([1.0 / self.terms.length_m, 1.0], 3)).max()
-            if not np.isfinite(largest):
-                return None
-            pose = pose + step * min(1.0, 0.3 / max(largest, 1e-300))
-            if np.linalg.norm(pose[3:]) > np.pi:
-                return None
-            if largest < 1e-12 and np.abs(gap / unit).max() < 1e-6:
-                return np.asarray(pose)
-        return None
-
-    def actuation_for(
-        self, pose: F, wrench: F | None = None, *, limits: Sequence[tuple[float, float]]
-    ) -> tuple[F, F]:
-        """Inputs (m,) within limits that hold a pose (6,) against a wrench, and what is left (6,).
-
-        Parameters
-        ----------
-        pose
-            (6,), m and rad.
-        wrench
-            (6,) on the platform; default none.
-        limits
-            Least and largest input of each actuator.
-
-        Returns
-        -------
-        tuple
-            The inputs, and the wrench that is still needed at the pose beside them, N and N m.
-            Forces and moments over the length count alike.
-        """
-        held = _Held(self, pose, wrench, limits, "actuation_for")
-        a = held.nearest(held.bounds.mean(axis=1))
-        return a * self.input_scale, held.left(a)
-
-    def stiffness_range(
-        self,
-        pose: F,
-        wrench: F | None = None,
-        *,
-        limits: Sequence[tuple[float, float]],
-        along: str | F,
-        tolerance: float | F = 0.0,
-    ) -> tuple[tuple[float, F], tuple[float, F]]:
-        """Least and largest stiffness that inputs give which hold a pose against a wrench.
-
-        Parameters
-        ----------
-        pose
-            (6,), m and rad.
-        wrench
-            (6,) on the platform; default none.
-        limits
-            Least and largest input of each actuator.
-        along
-            A pose column such as `y_m`, or a direction d (6,) in m and rad: the stiffness is d'Kd.
-        tolerance
-            (6,), N and N m, or one number for all: by how much the wrench may be off. Infinite
-            where the surroundings take it.
-
-        Returns
-        -------
-        tuple
-            The least stiffness and its inputs (m,), and the largest with its own. By SLSQP from
-            several starts.
-
-        Raises
-        ------
-        ComputationError
-            No inputs within the limits hold the pose.
-        """
-        held = _Held(self, pose, wrench, limits, "stiffness_range")
-        d = np.asarray([name == along for name in POSE] if isinstance(along, str) else along, float)
-        tolerances = np.broadcast_to(np.asarray(tolerance, dtype=np.float64), 6)
-        if d.shape != (6,) or not d.any() or not (tolerances >= 0.0).all():
-            raise InputError(
-                f"stiffness_range: along = {along!r}, tolerance = {tolerance!r}: expected one of "
-                f"{', '.join(POSE)} or a direction (6,), and 0 or more"
-            )
-        ends = [held.extreme(sign, d, tolerances) for sign in (1.0, -1.0)]
-        return ends[0], ends[1]
-
-
-@dataclass(frozen=True)
-class _Held:
-    """A pose that is held against a wrench by inputs within limits, over `input_scale`."""
-
-    base: ActuatedMap
-    pose: F
-    wrench: F | None
-    limits: Sequence[tuple[float, float]]
-    caller: str
-
-    @cached_property
-    def bounds(self) -> F:
-        """(m, 2) dimensionless."""
-        bounds, m = np.asarray(self.limits, dtype=np.float64), len(self.base.actuators)
-        if bounds.shape != (m, 2) or (bounds[:, 0] >= bounds[:, 1]).any():
-            raise InputError(
-                f"{self.caller}: limits has shape {bounds.shape}, expected least and largest input "
-                f"of each of the {m} actuators"
-            )
-        return bounds / self.base.input_scale[:, None]
-
-    @cached_property
-    def unit(self) -> F:
-        """(6,) that make moments count as forces, over the length."""
-        return np.repeat([1.0, 1.0 / self.base.terms.length_m], 3)
-
-    def row(self, a: F) -> F:
-        """(1, 6 + m)."""
-        pose = np.asarray(self.pose, dtype=np.float64)
-        return np.concatenate([pose, a * self.base.input_scale])[None]
-
-    def left(self, a: F) -> F:
-        """(6,) wrench that is still needed, N and N m."""
-        goal = np.zeros(6) if self.wrench is None else np.asarray(self.wrench, dtype=np.float64)
-        return np.asarray(self.base.predict(self.row(a))[0] - goal)
-
-    def slope(self, a: F) -> F:
-        """(6, m) its derivative."""
-        return np.asarray(self.base.actuation_jacobian(self.row(a))[0] * self.base.input_scale)
-
-    def nearest(self, start: F, weights: F | None = None) -> F:
-        """(m,) inputs of least squares of what is left."""
-        unit = self.unit if weights is None else weights
-
-        def left(a: F) -> F:
-            return self.left(a) * unit
-
-        def slope(a: F) -> F:
-            return self.slope(a) * unit[:, None]
-
-        found = least_squares(left, start, jac=slope, bounds=tuple(self.bounds.T), x_scale="jac")
-        return np.asarray(found.x)
-
-    def extreme(self, sign: float, d: F, tolerance: F) -> tuple[float, F]:
-        """The least (sign 1) or largest (-1) stiffness d'Kd, and its inputs in their own units."""
-        at = np.asarray(self.pose, dtype=np.float64)[None]
-        parts = [(product, float(d @ u.stiffness(at)[0] @ d)) for product, u in self.base.parts]
-        size = max(abs(value) for _, value in parts)
-        m = len(self.bounds)
-
-        def stiffness(a: F) -> float:
-            return float(sum(_power(a[None], product)[0] * value for product, value in parts))
-
-        def worth(a: F) -> float:
-            return sign * stiffness(a) / size
-
-        def rise(a: F) -> F:
-            slopes = [
-                sum(_slope(a[None], product, (i,))[0] * value for product, value in parts)
-                for i in range(m)
-            ]
-            return np.asarray(slopes) * sign / size
-
-        free = np.isinf(tolerance)
-        unit, within = self.unit[~free], (tolerance * self.unit)[~free]
-
-        def room(a: F) -> F:
-            off = self.left(a)[~free] * unit
-            return np.concatenate([within - off, within + off])
-
-        def room_slope(a: F) -> F:
-            slope = self.slope(a)[~free] * unit[:, None]
-            return np.vstack([-slope, slope])
-
-        bounds: Any = Bounds(*self.bounds.T)
-        limits: Any = [NonlinearConstraint(room, 0.0, np.inf, jac=room_slope)] * (not free.all())
-        best: tuple[float, F] | None = None
-        worst = np.full(6, np.inf)
-        for share in _STARTS:
-            start = self.bounds @ np.array([1.0 - share, share])
-            start = self.nearest(start, np.where(free, 0.0, self.unit))
-            found = minimize(
-                worth, start, jac=rise, bounds=bounds, constraints=limits, method="SLSQP"
-            )
-            a = np.clip(found.x, *self.bounds.T)
-            beyond = np.maximum(np.abs(self.left(a)) - tolerance, 0.0) * self.unit
-            if beyond.max() < worst.max():
-                worst = beyond
-            if beyond.max() < _HELD_N and (best is None or sign * stiffness(a) < sign * best[0]):
-                best = stiffness(a), a * self.base.input_scale
-        if best is None:
-            j = int(np.argmax(worst))
-            raise ComputationError(
-                f"stiffness_range: no inputs within the limits hold the pose: {WRENCH[j]} stays "
-                f"{worst[j] / self.unit[j]:.3g} beyond its tolerance; give a larger tolerance or "
-                "wider limits"
-            )
-        return best
-
-
-def _kind(name: str) -> str:
-    return name.partition("_")[0]
-
-
-def _power(a: F, product: tuple[int, ...]) -> F:
-    """(N,) values of a product of inputs (N, m)."""
-    return np.asarray(np.prod(a ** np.array(product), axis=1))
-
-
-def _slope(a: F, product: tuple[int, ...], by: tuple[int, ...]) -> F:
-    """(N,) derivative of a product of inputs (N, m) by some of them, one after the other."""
-    factor, powers = 1.0, list(product)
-    for i in by:
-        factor *= powers[i]
-        powers[i] -= 1
-    if factor == 0.0:
-        return np.zeros(len(a))
-    return factor * _power(a, tuple(powers))
-
-
 _EXCHANGED = 1.2
 """Least fall of the error by which columns of actuators count as exchanged."""
 _ALL_ORDERS = 4
@@ -710,7 +49,7 @@ def exchanged(table: Table, model: ActuatedModel) -> tuple[tuple[str, ...], floa
     names, low = table.actuation_columns, replace(model, degree=_LEAST_DEGREE)
     if len(names) < 2:
         return None
-    terms = ActuatedTerms(1.0, tuple(map(_kind, names)), low.degree, low.order, low.symmetry)
+    terms = ActuatedTerms(1.0, tuple(map(kind_of, names)), low.degree, low.order, low.symmetry)
     if model.symmetry == "general" or 3 * len(table) < terms.count():
         return None
     plain = table.drop(*amount_columns(table.columns))
@@ -727,17 +66,12 @@ def exchanged(table: Table, model: ActuatedModel) -> tuple[tuple[str, ...], floa
     else:
         swaps = [(names[i], names[j]) for j in range(len(names)) for i in range(j + 1)]
         orders = [tuple({a: b, b: a}.get(name, name) for name in names) for a, b in swaps]
-    kinds = [_kind(name) for name in names]
-    orders = [order for order in orders if [_kind(name) for name in order] == kinds]
+    kinds = [kind_of(name) for name in names]
+    orders = [order for order in orders if [kind_of(name) for name in order] == kinds]
     errors = {order: error(order) for order in orders}
     best = min(orders, key=lambda order: errors[order])
     better = errors[names] / errors[best]
     return (best, better) if better > _EXCHANGED else None
-
-
-def _name(degree: int, order: int, body: Body) -> str:
-    suffix = "" if body == "alike" else f"-{body}"
-    return f"actuated{degree}{suffix}" + ("" if order == _ORDER else f":{order}")
 
 
 @dataclass(frozen=True)
@@ -766,7 +100,7 @@ class ActuatedModel(ModelSpecification):
 
     degree: int = setting(4, low=_LEAST_DEGREE, high=_MOST_DEGREE, doc="degree of the energy")
     symmetry: Body = setting("alike", choices=get_args(Body))
-    order: int = setting(_ORDER, low=1, high=_MOST_ORDER, doc="largest power of the inputs")
+    order: int = setting(ORDER, low=1, high=_MOST_ORDER, doc="largest power of the inputs")
 
     kind = "actuated"
     weighted = True
@@ -779,7 +113,7 @@ class ActuatedModel(ModelSpecification):
     @property
     def name(self) -> str:
         """`actuatedD`, with `-revolution` or `-general`, and `:ORDER` where it is not 3."""
-        return _name(self.degree, self.order, self.symmetry)
+        return name_of(self.degree, self.order, self.symmetry)
 
     @classmethod
     def from_name(cls, name: str) -> ActuatedModel | None:
@@ -791,7 +125,7 @@ class ActuatedModel(ModelSpecification):
         if digits == stem or not digits.isdecimal() or wrong:
             return None
         symmetry: Any = suffix or "alike"
-        return cls(int(digits), symmetry, int(order) if order else _ORDER)
+        return cls(int(digits), symmetry, int(order) if order else ORDER)
 
     def fit_map(
         self, table: Table, weights: Weights, progress: Progress | None = None
@@ -847,7 +181,7 @@ class ActuatedModel(ModelSpecification):
 
     def empty_map(self, rows: F, length_m: float, actuators: tuple[str, ...]) -> ActuatedMap:
         """The map whose coefficients are all 0, in the scales of rows (N, 6 + m)."""
-        kinds = tuple(map(_kind, actuators))
+        kinds = tuple(map(kind_of, actuators))
         terms = ActuatedTerms(length_m, kinds, self.degree, self.order, self.symmetry)
         alike = np.array(kinds)[:, None] == np.array(kinds)
         return ActuatedMap(
@@ -885,7 +219,7 @@ class ActuatedModel(ModelSpecification):
 
 def _measured_amounts(table: Table, actuation: tuple[str, ...]) -> tuple[F, list[int]]:
     """(N, v) amounts that were measured, and the actuator of each."""
-    inputs = [(_kind(name), name.split("_")[1]) for name in actuation]
+    inputs = [(kind_of(name), name.split("_")[1]) for name in actuation]
     names = amount_columns(table.columns)
     of = []
     for name in names:

@@ -16,6 +16,7 @@ from ecm.io.columns import POSE
 from ecm.io.description import Meta, Scene
 from ecm.io.table import Table, TableLike, takes_table
 from ecm.models.actuated import ActuatedMap
+from ecm.models.actuated_inputs import actuation_for, free_pose, stiffness_range
 from ecm.models.joint_fit import FittedEffect
 from ecm.models.maps import (
     StiffnessMap,
@@ -197,14 +198,39 @@ class EvaluatedModel:
     def free_pose(
         self, actuation: F, wrench: F | None = None, *, start: F | None = None
     ) -> tuple[F, F]:
-        """Pose (6,) that takes a wrench (6,) at inputs (m,), default none; and dp/da (6, m)."""
-        return self.actuated.free_pose(actuation, wrench, start=start)
+        """Pose (6,) that takes a wrench (6,) at inputs (m,), default none; and dp/da (6, m).
+
+        Newton's method from `start` (6,), default the undeformed pose; the inputs grow in steps
+        where it fails.
+
+        Raises
+        ------
+        ComputationError
+            No pose was found: the wrench or the inputs are beyond what the model has seen.
+        """
+        return free_pose(self.actuated, actuation, wrench, start=start)
 
     def actuation_for(
         self, pose: F, wrench: F | None = None, *, limits: Sequence[tuple[float, float]]
     ) -> tuple[F, F]:
-        """Inputs (m,) within limits that hold a pose against a wrench, and what is left (6,)."""
-        return self.actuated.actuation_for(pose, wrench, limits=limits)
+        """Inputs (m,) within limits that hold a pose against a wrench, and what is left (6,).
+
+        Parameters
+        ----------
+        pose
+            (6,), m and rad.
+        wrench
+            (6,) on the platform; default none.
+        limits
+            Least and largest input of each actuator.
+
+        Returns
+        -------
+        tuple
+            The inputs, and the wrench that is still needed at the pose beside them, N and N m.
+            Forces and moments over the length count alike.
+        """
+        return actuation_for(self.actuated, pose, wrench, limits=limits)
 
     def stiffness_range(
         self,
@@ -215,12 +241,35 @@ class EvaluatedModel:
         along: str | F,
         tolerance: float | F = 0.0,
     ) -> tuple[tuple[float, F], tuple[float, F]]:
-        """Least and largest stiffness along a direction at a held pose, each with its inputs.
+        """Least and largest stiffness that inputs give which hold a pose against a wrench.
 
-        Parameters and errors are those of `ActuatedMap.stiffness_range`.
+        Parameters
+        ----------
+        pose
+            (6,), m and rad.
+        wrench
+            (6,) on the platform; default none.
+        limits
+            Least and largest input of each actuator.
+        along
+            A pose column such as `y_m`, or a direction d (6,) in m and rad: the stiffness is d'Kd.
+        tolerance
+            (6,), N and N m, or one number for all: by how much the wrench may be off. Infinite
+            where the surroundings take it.
+
+        Returns
+        -------
+        tuple
+            The least stiffness and its inputs (m,), and the largest with its own. By SLSQP from
+            several starts.
+
+        Raises
+        ------
+        ComputationError
+            No inputs within the limits hold the pose.
         """
-        return self.actuated.stiffness_range(
-            pose, wrench, limits=limits, along=along, tolerance=tolerance
+        return stiffness_range(
+            self.actuated, pose, wrench, limits=limits, along=along, tolerance=tolerance
         )
 
     def left_out(self, table: Table) -> dict[str, Missing]:
