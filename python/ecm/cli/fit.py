@@ -138,7 +138,7 @@ def _named(name: str, pcr: str | None, table: Table, session: Session) -> ModelS
         return parse_model(own, pcr=pcr)
     specification = parse_model("physics" if own else name, pcr=pcr)
     if isinstance(specification, PhysicsModel):
-        body = own or table.meta.elastic_body()
+        body = own or table.physics_body
         if body is not None:
             return PhysicsModel(base=build_physics(body, session, table))
     return specification

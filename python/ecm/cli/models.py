@@ -70,7 +70,7 @@ def build_physics(body: Mechanism, session: Session, table: Table | None) -> Phy
 
 def prepare_physics(table: Table, session: Session) -> None:
     """Build the physics of the table's [mechanism], if it has a body, for a later comparison."""
-    body = table.meta.elastic_body()
+    body = table.physics_body
     if body is not None and table.has(*POSE, *WRENCH):
         build_physics(body, session, table)
 

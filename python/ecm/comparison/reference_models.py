@@ -118,7 +118,7 @@ def fit_reference_models(model: Model, table: Table, noise: Noise) -> ReferenceM
         return None
     kept = without_zero_readings(table)
     physics: StiffnessMap | None = model.base
-    body, fem_needed = kept.meta.elastic_body(), False
+    body, fem_needed = kept.physics_body, False
     if not isinstance(physics, PhysicsMap) and body is not None:
         physics = kept_physics(body, reach_rad=reach_of(table))
         fem_needed = physics is None

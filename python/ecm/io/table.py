@@ -28,6 +28,7 @@ from ecm.io.events import Progress, Steps
 from ecm.io.extras import read_parquet, require
 from ecm.io.interrupts import uninterrupted
 from ecm.io.join import join_runs
+from ecm.io.mechanism import Mechanism
 from ecm.io.toml import did_you_mean, refuse_pipe
 from ecm.io.validate import validated_columns
 
@@ -229,6 +230,11 @@ class Table:
     def actuation_columns(self) -> tuple[str, ...]:
         """Names of the actuator inputs that exist: pressure_1_Pa, pressure_2_Pa, ..."""
         return actuation_columns(self.columns)
+
+    @property
+    def physics_body(self) -> Mechanism | None:
+        """The body of [mechanism] for the physics model, which knows no inputs of actuators."""
+        return None if self.actuation_columns else self.meta.elastic_body()
 
     @property
     def covariates(self) -> tuple[str, ...]:

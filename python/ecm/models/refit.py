@@ -289,7 +289,7 @@ def _better_base(fitted: Model, table: Table) -> tuple[str, float] | None:
 def _another_base(fitted: Model, table: Table) -> Remedy:
     """The command that adds the same effects to a base that holds them, where there is one."""
     ids = [item.id for item in fitted.effects]
-    stated = table.meta.elastic_body() is not None and table.has(*POSE, *WRENCH)
+    stated = table.physics_body is not None and table.has(*POSE, *WRENCH)
     names = ["physics"] if stated else []
     if is_whole(fitted.base) and fitted.known_length_m is not None:
         names += [f"energy{degree}" for degree in (6, 5, 4)]
@@ -437,7 +437,7 @@ def _held_near_physics(changed: Model, table: Table) -> Model | None:
     None where no body is stated, and for a base that is no free map of all columns.
     """
     free = isinstance(changed.base, EnergyMap | PolynomialMap) and not changed.base_frozen
-    stated = table.meta.elastic_body() is not None and table.has(*POSE, *WRENCH)
+    stated = table.physics_body is not None and table.has(*POSE, *WRENCH)
     if not free or not stated or changed.inputs != POSE:
         return None
     physics = replace(changed, base=fit_rows(table, PhysicsModel()).base, history=()).fit(table)

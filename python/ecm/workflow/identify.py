@@ -31,6 +31,7 @@ from ecm.io.arguments import check_arguments
 from ecm.io.arrays import F, I
 from ecm.io.cache import write_json
 from ecm.io.columns import POSE
+from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table, read_table
 from ecm.models import (
     Model,
@@ -127,6 +128,7 @@ def identify(
         "program": _native.__version__,
         "seed": seed,
         "mechanism": config.mechanism.to_dict(),
+        "of_paper": config.mechanism == Mechanism(),
     }
     with job.step("simulate", "1 Simulate: FEM poses of random wrenches"):
         pairs = simulate_pairs(job)
@@ -203,7 +205,7 @@ def simulate_pairs(job: Job) -> Simulated:
     )
     counts = pairs.counts
     rest = config.mechanism.fem().rest_stiffness()
-    equation_11 = steps.against_equation_11(rest)
+    equation_11 = steps.against_equation_11(rest, job.summary["of_paper"])
     job.summary["simulate"] = {
         "counts": counts,
         "iterations_mean": float(pairs.iterations.mean()),
@@ -213,7 +215,7 @@ def simulate_pairs(job: Job) -> Simulated:
         "equation_11": equation_11,
     }
     job.figures["simulated_poses"] = pairs.poses
-    job.show(simulation_section(job.summary["simulate"], job.figures))
+    job.show(simulation_section(job.summary["simulate"], job.figures, job.summary["of_paper"]))
     pairs.table().write(job.out / "simulated.csv")
     return pairs
 
@@ -224,7 +226,8 @@ def simulate_pairs(job: Job) -> Simulated:
 def select(job: Job, train: tuple[F, F], test: tuple[F, F]) -> dict[str, Design]:
     """Step 2: compare models on the test pairs, and choose the poses worth measuring."""
     settings = job.config.select
-    table_two = steps.table_two(train, test, settings.degrees, settings.thresholds)
+    paper = job.summary["of_paper"]
+    table_two = steps.table_two(train, test, settings.degrees, settings.thresholds, paper)
     b01 = _native.PolynomialModel.fit(*train, settings.degrees[-1], method="pcr", threshold=0.1)
     predicted = b01.predict(test[0])
     job.figures["e_rel_b01"] = steps.relative_error(predicted, test[1])
@@ -242,7 +245,7 @@ def select(job: Job, train: tuple[F, F], test: tuple[F, F]) -> dict[str, Design]
         designs[name] = _design(
             job, train[0], f"design-{name}", criterion=name, iterations=_ITERATIONS[name]
         )
-    paper = {  # the paper's own algorithms: Fedorov's exchange and simple exchange
+    by_paper = {  # the paper's own algorithms: Fedorov's exchange and simple exchange
         f"{name} by the paper's exchange": _design(
             job, train[0], f"paper-design-{name}", criterion=name, method="paper"
         )
@@ -261,12 +264,12 @@ def select(job: Job, train: tuple[F, F], test: tuple[F, F]) -> dict[str, Design]
         "designs": {
             name: {"n": len(design.indices)}
             | {key: getattr(design, key) for key in ("value", "bound", "efficiency")}
-            for name, design in (designs | paper).items()
+            for name, design in (designs | by_paper).items()
         },
         "figure_5": figure_5,
     }
-    job.show(selection_section(job.summary["select"], job.figures))
-    job.show(design_section(job.summary["select"], job.figures))
+    job.show(selection_section(job.summary["select"], job.figures, paper))
+    job.show(design_section(job.summary["select"], job.figures, paper))
     return designs
 
 
@@ -338,8 +341,8 @@ def build_physics(job: Job, pairs: Simulated) -> PhysicsMap:
 def identify_models(job: Job, tables: dict[str, Table], physics: PhysicsMap | None) -> None:
     """Models of the measurements; writes `model.json` and `model-cubic.json`."""
     settings, step = job.config.select, job.summary["identify"]
-    degree = settings.degrees[-1]
-    rows, figures = steps.table_three(tables, settings.thresholds, degree=degree)
+    degree, paper = settings.degrees[-1], job.summary["of_paper"]
+    rows, figures = steps.table_three(tables, settings.thresholds, degree=degree, paper=paper)
     for name, arrays in figures.items():
         job.figures[f"e_rel_measured_{name}"] = arrays["e_rel"]
         job.figures[f"observed_{name}"] = arrays["observed"]
@@ -357,19 +360,20 @@ def identify_models(job: Job, tables: dict[str, Table], physics: PhysicsMap | No
     job.figures["workspace_poses"] = result.compared.table.poses[maps.row - 1]
     job.figures["workspace_residual"] = maps.size
     step |= {
+        "degree": degree,
         "table_three": rows,
         "symmetric_share": {
             "smallest": float(share.min()),
             "above_0.95": float((share > 0.95).mean()),
         },
         "stiffness_at_rest": stiffness.tolist(),
-        "equation_11": steps.against_equation_11(stiffness),
+        "equation_11": steps.against_equation_11(stiffness, paper),
         "models": models,
         "floor": floor,
         "best": best,
     }
-    job.show(measurement_section(step, job.figures))
-    job.show(stiffness_section(step, job.figures))
+    job.show(measurement_section(step, job.figures, paper))
+    job.show(stiffness_section(step, job.figures, paper))
     job.show(result_section(step, {}, ()))
 
 
@@ -437,7 +441,7 @@ def measure_times(job: Job, pairs: Simulated, rows: I) -> dict[str, Any]:
             model, job.config.mechanism, _rows(pairs, rows)[0], pairs.loads[rows]
         )
     )
-    job.show(speed_section(times))
+    job.show(speed_section(times, job.summary["of_paper"]))
     return times
 
 
@@ -446,7 +450,7 @@ def _write_report(job: Job, times: dict[str, Any]) -> None:
     body = job.config.mechanism
     name = body.builtin or (body.mesh_file.name if body.mesh_file is not None else "mechanism")
     lead = (
-        f"A {name} of length {1e3 * body.length_m:.1f} mm, E = "
+        f"Body: {name}, {1e3 * body.length_m:.1f} mm long, E = "
         f"{1e-6 * body.young_modulus_Pa:.3g} MPa, ν = {body.poisson_ratio:g}; "
         f"{job.summary['simulate']['counts']['kept']} simulated wrench-pose pairs, designs of "
         f"{job.config.design.n} poses, seed {job.seed}."

@@ -80,7 +80,7 @@ def loop_section(step: Mapping[str, Any], figures: Mapping[str, F]) -> Section:
     blocks: list[Block] = [
         TextBlock(_sentence(step), strong=True),
         TextBlock(step["before"]["sentence"]),
-        _components(step["before"], step["after"]),
+        _components(step["before"], step["after"], history[0]["name"]),
         _history_table(history),
     ]
     if history:
@@ -123,7 +123,7 @@ def _sentence(step: Mapping[str, Any]) -> str:
     return text
 
 
-def _components(before: Mapping[str, Any], after: Mapping[str, Any]) -> TableBlock:
+def _components(before: Mapping[str, Any], after: Mapping[str, Any], base: str) -> TableBlock:
     """RMSE, floor and excess of each component, before and after."""
 
     def excess(row: Mapping[str, Any]) -> str:
@@ -132,8 +132,8 @@ def _components(before: Mapping[str, Any], after: Mapping[str, Any]) -> TableBlo
 
     both = zip(before["components"], after["components"], strict=True)
     return TableBlock(
-        "Error of the physics base before and after the refit; the floor is what noise alone "
-        "gives, pose noise carried through K; excess with its 90 % interval.",
+        f"Error of {base} before and after the refit; the floor is what noise alone gives, pose "
+        "noise carried through K; excess with its 90 % interval.",
         ("component", "RMSE", "after", "noise floor", "excess", "after", "bias"),
         [
             [a["name"], a["rmse"], b["rmse"], a["floor"], excess(a), excess(b), a["bias"]]

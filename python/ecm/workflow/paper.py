@@ -105,13 +105,16 @@ def split(n: int, n_test: int, seed: int) -> tuple[I, I]:
 
 
 def table_two(
-    train: Pairs, test: Pairs, degrees: Sequence[int], thresholds: Sequence[float]
+    train: Pairs, test: Pairs, degrees: Sequence[int], thresholds: Sequence[float], paper: bool
 ) -> dict[str, Any]:
-    """RMSE on the test pairs and kappa(X), by degree and by PCR threshold at the last degree."""
+    """RMSE on the test pairs and kappa(X), by degree and by PCR threshold at the last degree.
+
+    With `paper` the body is the paper's: its own values stand beside them.
+    """
     by_degree = []
     for degree in degrees:
         model = PolynomialModel.fit(*train, degree)
-        errors = _errors(model, test, TABLE_II_DEGREE.get(degree))
+        errors = _errors(model, test, TABLE_II_DEGREE.get(degree) if paper else None)
         row = {"degree": degree, "terms": len(model.coefficients), "rmse": errors.pop("rmse")}
         row["kappa_raw"] = PolynomialModel.condition_number_raw(train[0], degree)
         by_degree.append(row | errors)
@@ -119,7 +122,8 @@ def table_two(
     for b in thresholds:
         model = PolynomialModel.fit(*train, degrees[-1], method="pcr", threshold=b)
         ranked = {"threshold": b, "rank": model.rank}
-        by_threshold.append(ranked | _errors(model, test, TABLE_II_THRESHOLD.get(b)))
+        own = TABLE_II_THRESHOLD.get(b) if paper else None
+        by_threshold.append(ranked | _errors(model, test, own))
     return {"degrees": by_degree, "thresholds": by_threshold}
 
 
@@ -213,7 +217,7 @@ _CALLS = 200
 
 
 def table_three(
-    designs: dict[str, Table], thresholds: Sequence[float], *, degree: int = 3
+    designs: dict[str, Table], thresholds: Sequence[float], *, degree: int, paper: bool
 ) -> tuple[list[dict[str, Any]], dict[str, dict[str, F]]]:
     """RMSE on the other design by threshold; and, at b = 0, what Figs 8 to 10 show.
 
@@ -240,7 +244,8 @@ def table_three(
         for b in thresholds:
             model = PolynomialModel.fit(*pairs[on], degree, method="pcr", threshold=b)
             row = {"trained_on": on, "tested_on": other, "threshold": b, "rank": model.rank}
-            rows.append(row | _errors(model, test, TABLE_III.get(on, {}).get(b)))
+            own = TABLE_III.get(on, {}).get(b) if paper else None
+            rows.append(row | _errors(model, test, own))
             if b == thresholds[0]:
                 predicted = model.predict(test[0])
                 figures[on] = {
@@ -258,21 +263,15 @@ def symmetric_share(stiffness: F) -> F:
     return np.asarray(norms[0] / norms[1])
 
 
-def against_equation_11(stiffness: F) -> list[dict[str, Any]]:
-    """The significant entries of a K at rest and the paper's, by magnitude."""
+def against_equation_11(stiffness: F, paper: bool) -> list[dict[str, Any]]:
+    """The significant entries of a K at rest; with `paper` also the paper's, by magnitude."""
     symmetric = 0.5 * (stiffness + stiffness.T)
     names = ("x", "y", "z", "theta_x", "theta_y", "theta_z")
     rows = []
     for i, j in SIGNIFICANT:
-        ours, paper = float(symmetric[i, j]), float(STIFFNESS_AT_REST[i, j])
-        rows.append(
-            {
-                "entry": f"{names[i]}, {names[j]}",
-                "ours": ours,
-                "paper": paper,
-                "difference": abs(ours) / abs(paper) - 1.0,
-            }
-        )
+        ours, theirs = float(symmetric[i, j]), float(STIFFNESS_AT_REST[i, j])
+        beside = {"paper": theirs, "difference": abs(ours) / abs(theirs) - 1.0} if paper else {}
+        rows.append({"entry": f"{names[i]}, {names[j]}", "ours": ours} | beside)
     return rows
 
 

@@ -126,15 +126,15 @@ def identify_sections(
     summary: Mapping[str, Any], figures: Figures, times: Mapping[str, Any], body: Mechanism
 ) -> list[Section]:
     """Return every section of the page: the result, then the steps in the order of the work."""
-    identified = summary["identify"]
+    identified, paper = summary["identify"], summary["of_paper"]
     sections = [
         result_section(identified, times.get("stages_s", {}), _workspace(figures, body)),
-        simulation_section(summary["simulate"], figures),
-        selection_section(summary["select"], figures),
-        design_section(summary["select"], figures),
-        measurement_section(identified, figures),
-        stiffness_section(identified, figures),
-        speed_section(times["evaluation"]),
+        simulation_section(summary["simulate"], figures, paper),
+        selection_section(summary["select"], figures, paper),
+        design_section(summary["select"], figures, paper),
+        measurement_section(identified, figures, paper),
+        stiffness_section(identified, figures, paper),
+        speed_section(times["evaluation"], paper),
     ]
     if "arm" in identified:
         sections.insert(4, arm_section(identified["arm"], figures, _NAMES))
@@ -155,16 +155,21 @@ def _beside_paper(rows: Sequence[Mapping[str, Any]], label: str) -> list[list[Ce
     return cells
 
 
-def _equation_11(caption: str, rows: Sequence[Mapping[str, Any]]) -> TableBlock:
-    cells = [
-        [
-            row["entry"],
-            number(row["ours"], 5),
-            f"{row['paper']:g}",
-            f"{100.0 * row['difference']:+.1f} %",
-        ]
-        for row in rows
-    ]
+def _named(name: str, caption: str, paper: bool) -> str:
+    """The caption, with the paper's name of the table or figure where the body is the paper's."""
+    return f"{name}: {caption}" if paper else caption
+
+
+def _equation_11(caption: str, rows: Sequence[Mapping[str, Any]], paper: bool) -> TableBlock:
+    cells = [[row["entry"], number(row["ours"], 5)] for row in rows]
+    if not paper:
+        return TableBlock(f"{caption}.", ("entry", "K"), cells)
+    for cell, row in zip(cells, rows, strict=True):
+        cell += [f"{row['paper']:g}", f"{100.0 * row['difference']:+.1f} %"]
+    caption += (
+        " beside the paper's equation (11), by magnitude (the paper's frame gives the couplings "
+        "the other sign; its 4 and 16 are printed rounded)."
+    )
     return TableBlock(caption, ("entry", "here", "the paper", "difference"), cells)
 
 
@@ -225,8 +230,8 @@ def result_section(
     return Section("Result", blocks)
 
 
-def simulation_section(step: Mapping[str, Any], figures: Figures) -> Section:
-    """Return the pairs that were simulated, and K at rest beside the paper's."""
+def simulation_section(step: Mapping[str, Any], figures: Figures, paper: bool) -> Section:
+    """Return the pairs that were simulated, and K at rest; `paper`: the body is the paper's."""
     counts = step["counts"]
     blocks: list[Block] = [
         TextBlock(
@@ -235,11 +240,7 @@ def simulation_section(step: Mapping[str, Any], figures: Figures) -> Section:
             f"{counts['failed']} without a solution), {counts['kept']} kept; "
             f"{number(step['iterations_mean'])} Newton iterations a case."
         ),
-        _equation_11(
-            "K at rest beside the paper's equation (11), by magnitude (the paper's frame "
-            "gives the couplings the other sign; its 4 and 16 are printed rounded).",
-            step["equation_11"],
-        ),
+        _equation_11("K at rest by FEM", step["equation_11"], paper),
         FigureBlock(
             "The simulated poses: position and rotation vector of the top frame."
             + draw.drawn_sentence(figures["simulated_poses"]),
@@ -249,9 +250,10 @@ def simulation_section(step: Mapping[str, Any], figures: Figures) -> Section:
     return Section("1 Simulate", blocks)
 
 
-def selection_section(step: Mapping[str, Any], figures: Figures) -> Section:
+def selection_section(step: Mapping[str, Any], figures: Figures, paper: bool) -> Section:
     """Return the errors of models on the test pairs."""
     table = step["table_two"]
+    degree = table["degrees"][-1]["degree"]
     outside = ", ".join(
         f"{label.split(' [')[0]} {100.0 * row['share']:.1f} % (|h| up to "
         f"{number(row['largest_observed'], 2)}, error up to {number(row['largest_error'], 2)})"
@@ -263,20 +265,22 @@ def selection_section(step: Mapping[str, Any], figures: Figures) -> Section:
     raw = number(table["degrees"][-1]["kappa_raw"], 2)
     blocks: list[Block] = [
         TableBlock(
-            "Table II: RMSE on the test pairs by degree, and κ(X) of the normalised regressor. "
-            f"Before normalisation κ(X) of the cubic is {raw} (the paper: above {KAPPA_RAW:.0e}).",
+            _named("Table II", "RMSE on the test pairs", paper)
+            + " by degree, and κ(X) of the normalised regressor. Before normalisation κ(X) of "
+            f"degree {degree} is {raw}{f' (the paper: above {KAPPA_RAW:.0e})' * paper}.",
             ("degree", *_HEADER, "κ(X)"),
             _beside_paper(table["degrees"], "degree"),
         ),
         TableBlock(
-            "Table II, lower part: principal component regression at degree 3; singular "
-            "values of the normalised regressor below b are dropped.",
+            _named("Table II, lower part", "Principal component regression", paper)
+            + f" at degree {degree}; singular values of the normalised regressor below b are "
+            "dropped.",
             ("threshold b", *_HEADER, "κ(X)"),
             _beside_paper(table["thresholds"], "threshold"),
         ),
         _relative_errors(
-            "Fig. 4: relative error at b = 0.1 on the test pairs, within ±0.2. "
-            f"Outside: {outside}.",
+            _named("Fig. 4", "Relative error at b = 0.1 on the test pairs, within ±0.2. ", paper)
+            + f"Outside: {outside}.",
             {"b = 0.1": figures["e_rel_b01"]},
             0.2,
         ),
@@ -308,7 +312,7 @@ def _learning_curves(step: Mapping[str, Any]) -> dict[str, Any]:
     )
 
 
-def design_section(step: Mapping[str, Any], figures: Figures) -> Section:
+def design_section(step: Mapping[str, Any], figures: Figures, paper: bool) -> Section:
     """Return the designs with their certificates, and the errors that they leave."""
     certificates = [
         [
@@ -332,12 +336,13 @@ def design_section(step: Mapping[str, Any], figures: Figures) -> Section:
             certificates,
         ),
         TableBlock(
-            "The cubic trained on each design's simulated pairs, on the test pairs.",
+            f"The polynomial of degree {step['table_two']['degrees'][-1]['degree']}, trained on "
+            "each design's simulated pairs, on the test pairs.",
             ("design", *_HEADER, "κ(X)"),
             errors,
         ),
         _relative_errors(
-            "Fig. 5: relative error of τy and τz on the test pairs.",
+            _named("Fig. 5", "Relative error of τy and τz on the test pairs.", paper),
             {_NAMES[name]: figures[f"e_rel_design_{name}"][:, 4:] for name in ("d", "maximin")},
             0.2,
         ),
@@ -345,7 +350,7 @@ def design_section(step: Mapping[str, Any], figures: Figures) -> Section:
     return Section("2 Select poses", blocks)
 
 
-def measurement_section(step: Mapping[str, Any], figures: Figures) -> Section:
+def measurement_section(step: Mapping[str, Any], figures: Figures, paper: bool) -> Section:
     """Return the errors of models that are fitted to measured poses."""
     campaigns = " ".join(
         f"{_NAMES[name]}: {row['rows']} poses in {row['minutes']:.0f} robot minutes"
@@ -357,44 +362,44 @@ def measurement_section(step: Mapping[str, Any], figures: Figures) -> Section:
         rows = [row for row in step["table_three"] if row["trained_on"] == name]
         blocks.append(
             TableBlock(
-                f"Table III: trained on the {_NAMES[name]} design, tested on the {_NAMES[other]} "
-                "one.",
+                _named("Table III", f"Degree {step['degree']}, trained on the", paper)
+                + f" {_NAMES[name]} design, tested on the {_NAMES[other]} one.",
                 ("threshold b", *_HEADER, "κ(X)"),
                 _beside_paper(rows, "threshold"),
             )
         )
     fig_8, fig_10 = (
         _relative_errors(
-            f"{title}: relative error within ±0.5, trained on the {_NAMES[name]} design.",
+            _named(title, "Relative error within ±0.5, trained on the", paper)
+            + f" {_NAMES[name]} design.",
             {_NAMES[name]: figures[f"e_rel_measured_{name}"]},
             0.5,
         )
         for name, title in (("d", "Fig. 8"), ("maximin", "Fig. 10"))
     )
     fig_9 = FigureBlock(
-        "Fig. 9: measured against predicted, trained on the D-optimal design; the dashed line "
-        "is an exact prediction."
+        _named("Fig. 9", "Measured against predicted, trained on the D-optimal design;", paper)
+        + " the dashed line is an exact prediction."
         + draw.drawn_sentence(figures["predicted_d"] - figures["observed_d"]),
         draw.actual_predicted(figures["observed_d"], figures["predicted_d"], draw.COMPONENT_LABELS),
     )
     return Section("3 Measure and identify", [*blocks, fig_8, fig_9, fig_10])
 
 
-def stiffness_section(step: Mapping[str, Any], figures: Figures) -> Section:
+def stiffness_section(step: Mapping[str, Any], figures: Figures, paper: bool) -> Section:
     """Return the stiffness at rest, and how symmetric it is."""
     smallest = step["symmetric_share"]["smallest"]
     blocks: list[Block] = [
         FigureBlock(
-            "K = ∂h/∂p at rest of the cubic identified from measurements (N/m, N, N m/rad); "
-            "colour by size relative to the diagonal.",
+            f"K = ∂h/∂p at rest of the polynomial of degree {step['degree']} identified from "
+            "measurements (N/m, N, N m/rad); colour by size relative to the diagonal.",
             draw.stiffness_map(np.asarray(step["stiffness_at_rest"]), "K at rest"),
         ),
-        _equation_11(
-            "The significant entries beside equation (11), by magnitude.", step["equation_11"]
-        ),
+        _equation_11("Its significant entries", step["equation_11"], paper),
         FigureBlock(
-            "Fig. 12: share of the symmetric part, ‖K_sym‖₂/‖K‖₂, at every measured pose; "
-            f"smallest {smallest:.4f} (the paper: above {SYMMETRIC_SHARE}).",
+            _named("Fig. 12", "Share of the symmetric part, ‖K_sym‖₂/‖K‖₂,", paper)
+            + f" at every measured pose; smallest {smallest:.4f}"
+            f"{f' (the paper: above {SYMMETRIC_SHARE})' * paper}.",
             draw.histogram(
                 {"poses": figures["symmetric_share"]}, x_title="‖K_sym‖₂ / ‖K‖₂", y_title="poses"
             ),
@@ -403,7 +408,7 @@ def stiffness_section(step: Mapping[str, Any], figures: Figures) -> Section:
     return Section("3 Stiffness", blocks)
 
 
-def speed_section(evaluation: Mapping[str, Any]) -> Section:
+def speed_section(evaluation: Mapping[str, Any], paper: bool) -> Section:
     """Return the time of one evaluation by FEM and by the model."""
     model_s, both_s = (
         float(np.median(evaluation[key])) for key in ("model_s", "model_with_stiffness_s")
@@ -411,7 +416,8 @@ def speed_section(evaluation: Mapping[str, Any]) -> Section:
     text = (
         f"One pose a call from Python, the mean of many calls: {1e6 * model_s:.1f} µs, with the "
         f"stiffness {1e6 * both_s:.1f} µs. The model is {evaluation['ratio_of_medians']:.0f} times "
-        f"faster than the FEM by the medians (the paper: at least {FEM_RATIO:.0f} times)."
+        f"faster than the FEM by the medians"
+        f"{f' (the paper: at least {FEM_RATIO:.0f} times)' * paper}."
     )
     figure = draw.histogram(
         {"FEM": evaluation["fem_s"], "model": evaluation["model_s"]},
@@ -420,5 +426,5 @@ def speed_section(evaluation: Mapping[str, Any]) -> Section:
         log=True,
         bins=20,
     )
-    caption = f"Fig. 11: times of {len(evaluation['fem_s'])} pairs."
+    caption = _named("Fig. 11", f"Times of {len(evaluation['fem_s'])} pairs.", paper)
     return Section("3 Evaluation time", [TextBlock(text), FigureBlock(caption, figure)])
