@@ -1,7 +1,8 @@
 """Draws the pictures of the explanation and of the gallery: python docs/figures.py docs.
 
 frames.svg and midframe.svg show where the frames are; models.svg and stiffness.svg are made from
-examples/neck_measured.csv.
+examples/neck_measured.csv. chambers.svg shows an arm with chambers; potential.svg and valve.svg are
+made from examples/wound_arm.csv.
 """
 
 from __future__ import annotations
@@ -18,11 +19,14 @@ from numpy.typing import NDArray
 from picture import BLUE, INK, ORANGE, centre_line
 
 import ecm
+from ecm.models import Model
 
 F = NDArray[np.float64]
 LENGTH_M, RADIUS_M = 0.1034, 0.033
 BENT = np.array([0.088, 0.040, 0.0, 0.0, 0.0, 0.75])
 EXAMPLE = Path(__file__).parents[1] / "examples" / "neck_measured.csv"
+ARM = EXAMPLE.with_name("wound_arm.csv")
+ARM_LENGTH_M, ARM_RADIUS_M, INNER_M, OUTER_M = 0.1, 0.02, 0.0075, 0.0165
 MODELS = ("linear", "energy4", "energy5")
 
 
@@ -136,10 +140,120 @@ def stiffness() -> plt.Figure:
     return figure
 
 
+def arm_model() -> Model:
+    """The energy of pose and pressures of the wound arm, its volumes among the data."""
+    return ecm.fit(ecm.read_table(ARM, meta={"mechanism": {"length_m": ARM_LENGTH_M}}), "actuated4")
+
+
+def chambers() -> plt.Figure:
+    """The arm from above and from the side: chambers, a tendon, frames, inputs and amounts."""
+    figure, (above, side) = plt.subplots(
+        1, 2, figsize=(7.6, 4.4), width_ratios=(1.0, 1.25), layout="constrained"
+    )
+    for axes in (above, side):
+        axes.set(aspect="equal")
+        axes.axis("off")
+    turn = np.linspace(0.0, 2.0 * np.pi, 90)
+    circle = np.array([np.cos(turn), np.sin(turn)])
+    above.fill(*(1e3 * ARM_RADIUS_M * circle), color=INK, alpha=0.15, lw=0)
+    middle, radius = 500.0 * (INNER_M + OUTER_M), 500.0 * (OUTER_M - INNER_M)
+    for k in range(3):
+        at = middle * np.array([np.cos(2.0 * np.pi * k / 3.0), np.sin(2.0 * np.pi * k / 3.0)])
+        above.fill(*(at[:, None] + radius * circle), color=BLUE, alpha=0.35, lw=0)
+        above.text(*at, f"$P_{k + 1}$", color=INK, ha="center", va="center")
+        on = 18.5 / middle * at
+        above.plot(*on, "o", ms=5, color=ORANGE)
+    above.text(20.5, 2.5, "$T_1$", color=ORANGE)
+    for letter, tip in (("y", (31.0, 0.0)), ("z", (0.0, 31.0))):
+        above.annotate("", tip, (0, 0), arrowprops={"arrowstyle": "->", "color": INK, "lw": 1.4})
+        above.text(*(1.08 * np.array(tip)), letter, color=INK, ha="center", va="center")
+    above.set(xlim=(-26, 36), ylim=(-30, 36), title="from the platform, x towards you")
+
+    bent, _ = arm_model().free_pose(np.array([4e4, 0.0, 0.0]))
+    line, tangent = centre_line(bent, ARM_LENGTH_M)
+    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+
+    def along(offset_m: float) -> F:
+        return 1e3 * (line[:, :2] + offset_m * normal)[:, ::-1]
+
+    def band(low_m: float, high_m: float, colour: str, alpha: float) -> None:
+        outline = np.concatenate([along(low_m), along(high_m)[::-1]])
+        side.fill(*outline.T, color=colour, alpha=alpha, lw=0)
+
+    band(-ARM_RADIUS_M, ARM_RADIUS_M, INK, 0.15)
+    band(INNER_M, OUTER_M, BLUE, 0.45)
+    side.plot(*along(0.0185).T, color=ORANGE, lw=1.6)
+    side.plot([-32, 32], [-1.5, -1.5], color=INK, lw=4)
+    end = np.stack([along(-ARM_RADIUS_M)[-1], along(ARM_RADIUS_M)[-1]])
+    side.plot(*end.T, color=INK, lw=4)
+    frame(side, (0.0, 0.0), 0.0, "")
+    frame(side, (bent[0], bent[1]), bent[5], "")
+    side.text(*(along(0.031)[16]), "$P_1, V_1$", color=BLUE, va="center")
+    side.text(*(along(0.023)[28]), "$T_1$", color=ORANGE, va="center")
+    side.text(36, -9, "base", color=INK, ha="right", fontsize=9)
+    side.text(*(end[1] + np.array([4, -4])), "platform: pose p", color=INK, fontsize=9)
+    side.set(xlim=(-90, 75), ylim=(-14, 135), title="pressure in chamber 1 bends it away")
+    return figure
+
+
+def potential() -> plt.Figure:
+    """The potential along a way from the rest pose to a free pose, and its slope, at pressures."""
+    model = arm_model()
+    rest = np.array([ARM_LENGTH_M, 0.0, 0.0, 0.0, 0.0, 0.0])
+    end, _ = model.free_pose(np.array([4e4, 0.0, 0.0]))
+    share = np.linspace(-0.4, 1.4, 400)
+    way = rest + share[:, None] * (end - rest)
+    figure, (top, below) = plt.subplots(2, 1, figsize=(6.0, 5.0), sharex=True, layout="constrained")
+    bend = -np.degrees(way[:, 5])
+    for pressure, colour in ((0.0, INK), (2e4, ORANGE), (4e4, BLUE)):
+        rows = np.tile([pressure, 0.0, 0.0], (400, 1))
+        slope = model.predict(way, rows) @ (end - rest)
+        rise = np.concatenate([[0.0], np.cumsum(0.5 * (slope[1:] + slope[:-1]) * np.diff(share))])
+        rise -= np.interp(0.0, share, rise)
+        least = int(np.argmin(rise))
+        name = f"$P_1$ = {pressure / 1e3:.0f} kPa"
+        top.plot(bend, 1e3 * rise, color=colour, label=name)
+        top.plot(bend[least], 1e3 * rise[least], "o", color=colour)
+        below.plot(bend, 1e3 * slope, color=colour)
+        below.plot(bend[least], 0.0, "o", color=colour)
+    below.axhline(0.0, color=INK, lw=0.8)
+    top.set(ylabel="potential Π [mJ]", title="the free pose is where the potential is least")
+    below.set(xlabel="bent away from chamber 1 [degrees]", ylabel="its slope, from h [mJ]")
+    top.legend(frameon=False, fontsize=8)
+    return figure
+
+
+def valve() -> plt.Figure:
+    """Force along the arm against its extension, at held pressures and at held volumes."""
+    model = arm_model()
+    amounts, start = model.actuated, np.full(3, 2e4)
+    free, _ = model.free_pose(start)
+    held = amounts.amounts(np.concatenate([free, start])[None])[0]
+    extension = np.linspace(-2e-3, 2e-3, 41)
+    force = np.empty((2, 41))
+    for i, x in enumerate(extension):
+        pose, a = free + np.array([x, 0.0, 0.0, 0.0, 0.0, 0.0]), start.copy()
+        force[0, i] = model.predict(pose, a)[0]
+        for _ in range(20):
+            row = np.concatenate([pose, a])[None]
+            a += np.linalg.solve(amounts.amount_jacobian(row)[0], held - amounts.amounts(row)[0])
+        force[1, i] = model.predict(pose, a)[0]
+    figure, axes = plt.subplots(figsize=(6.0, 3.6), layout="constrained")
+    labels = ("valves open: pressures held, K", "valves closed: volumes held, K + G C⁻¹ Gᵀ")
+    for row, label, colour in zip(force, labels, (BLUE, ORANGE), strict=True):
+        axes.plot(1e3 * extension, row, color=colour, label=label)
+    axes.axhline(0.0, color=INK, lw=0.8)
+    axes.set(xlabel="extension of the arm [mm]", ylabel="force along it [N]")
+    axes.set_title("a closed valve makes the arm stiffer")
+    axes.legend(frameon=False, fontsize=8)
+    return figure
+
+
 def main(folder: Path) -> None:
     """Write every picture."""
     plt.rcParams["svg.hashsalt"] = "ecm"
-    for draw in (frames, midframe, models, stiffness):
+    for draw in (frames, midframe, models, stiffness, chambers, potential, valve):
         figure = draw()
         figure.savefig(folder / f"{draw.__name__}.svg", metadata={"Date": None})
         plt.close(figure)

@@ -31,7 +31,6 @@ from ecm.io.arguments import check_arguments
 from ecm.io.arrays import F, I
 from ecm.io.cache import write_json
 from ecm.io.columns import POSE
-from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table, read_table
 from ecm.models import (
     Model,
@@ -128,7 +127,7 @@ def identify(
         "program": _native.__version__,
         "seed": seed,
         "mechanism": config.mechanism.to_dict(),
-        "of_paper": config.mechanism == Mechanism(),
+        "of_paper": job.of_paper,
     }
     with job.step("simulate", "1 Simulate: FEM poses of random wrenches"):
         pairs = simulate_pairs(job)
@@ -205,7 +204,7 @@ def simulate_pairs(job: Job) -> Simulated:
     )
     counts = pairs.counts
     rest = config.mechanism.fem().rest_stiffness()
-    equation_11 = steps.against_equation_11(rest, job.summary["of_paper"])
+    equation_11 = steps.against_equation_11(rest, job.of_paper)
     job.summary["simulate"] = {
         "counts": counts,
         "iterations_mean": float(pairs.iterations.mean()),
@@ -215,7 +214,7 @@ def simulate_pairs(job: Job) -> Simulated:
         "equation_11": equation_11,
     }
     job.figures["simulated_poses"] = pairs.poses
-    job.show(simulation_section(job.summary["simulate"], job.figures, job.summary["of_paper"]))
+    job.show(simulation_section(job.summary["simulate"], job.figures, job.of_paper))
     pairs.table().write(job.out / "simulated.csv")
     return pairs
 
@@ -226,7 +225,7 @@ def simulate_pairs(job: Job) -> Simulated:
 def select(job: Job, train: tuple[F, F], test: tuple[F, F]) -> dict[str, Design]:
     """Step 2: compare models on the test pairs, and choose the poses worth measuring."""
     settings = job.config.select
-    paper = job.summary["of_paper"]
+    paper = job.of_paper
     table_two = steps.table_two(train, test, settings.degrees, settings.thresholds, paper)
     b01 = _native.PolynomialModel.fit(*train, settings.degrees[-1], method="pcr", threshold=0.1)
     predicted = b01.predict(test[0])
@@ -341,7 +340,7 @@ def build_physics(job: Job, pairs: Simulated) -> PhysicsMap:
 def identify_models(job: Job, tables: dict[str, Table], physics: PhysicsMap | None) -> None:
     """Models of the measurements; writes `model.json` and `model-cubic.json`."""
     settings, step = job.config.select, job.summary["identify"]
-    degree, paper = settings.degrees[-1], job.summary["of_paper"]
+    degree, paper = settings.degrees[-1], job.of_paper
     rows, figures = steps.table_three(tables, settings.thresholds, degree=degree, paper=paper)
     for name, arrays in figures.items():
         job.figures[f"e_rel_measured_{name}"] = arrays["e_rel"]
@@ -441,7 +440,7 @@ def measure_times(job: Job, pairs: Simulated, rows: I) -> dict[str, Any]:
             model, job.config.mechanism, _rows(pairs, rows)[0], pairs.loads[rows]
         )
     )
-    job.show(speed_section(times, job.summary["of_paper"]))
+    job.show(speed_section(times, job.of_paper))
     return times
 
 

@@ -18,6 +18,7 @@ from ecm._native import __version__
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.cache import Stage, file_sha256, hash_of, write_atomically
+from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table, read_table
 from ecm.report.blocks import Section, text_of
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
@@ -60,6 +61,11 @@ class Job:
     """Arrays for the figures of the report."""
     stages_s: dict[str, float] = field(default_factory=dict)
     """Seconds of each step."""
+
+    @property
+    def of_paper(self) -> bool:
+        """Whether the body is the neck of the paper, whose numbers then stand beside ours."""
+        return self.config.mechanism == Mechanism()
 
     @property
     def stages(self) -> Path:
