@@ -9,14 +9,14 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (39_300, 207),
+    "python/ecm": (39_320, 209),
     "benches": (6_430, 53),
     "examples": (1_460, 13),
     "tests": (28_620, 216),
     "crates": (34_100, 199),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: bodies
-with actuation inside (tendons, windings, given volumes, the driven rig, exports with inputs)."""
+with actuation inside (tendons, windings, given volumes, the driven rig, exports with inputs), whose model stands in three files by idea."""
 
 
 @pytest.mark.parametrize("part", PARTS)
