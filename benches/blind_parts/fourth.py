@@ -1,9 +1,9 @@
-"""The fourth generator: driven arms of other shapes, and what is wrong with their regulators.
+"""The fourth generator: driven arms of other shapes, and what is wrong with their actuators.
 
-Bodies by finite elements: silicone arms with three or four chambers, of drawn sizes and moduli.
-The simulated rig visits 30 to 50 poses twice and hides effects of actuation by its own laws, one at
-a time and in pairs; in some sets two columns of pressures stand exchanged. A set follows from its
-seed and number.
+Bodies by finite elements: silicone arms with three or four chambers, or with three tendons, of
+drawn sizes and moduli. The simulated rig visits 30 to 50 poses twice and hides effects of actuation
+by its own laws, one at a time and in pairs; in some sets two columns of inputs stand exchanged. A
+set follows from its seed and number.
 """
 
 from __future__ import annotations
@@ -29,16 +29,18 @@ from ecm.rig.elastic import SolvedPoses
 from ecm.rig.hidden.inject import CannotHide
 from ecm.rig.plan import rest_pose
 
-BODIES = 24
+BODIES = 18
 _ATTEMPTS = 30
 _ROWS = 110
 _LARGEST_TURN_RAD = 0.8
 STRENGTHS = (1.0, 1.5)
 SWAPPED = "chambers swapped"
-HIDDEN = (
+OF_CHAMBERS = (
     "pressure_offset", "pressure_gain", "pressure_cross_talk", "pressure_hysteresis",
     "chamber_leak", "regulator_lag",
 )  # fmt: skip
+OF_TENDONS = ("capstan_friction", "tendon_stretch")
+HIDDEN = (*OF_CHAMBERS, *OF_TENDONS)
 _RIG = {
     "instrument": {
         "force_noise_N": 0.03,
@@ -52,17 +54,35 @@ _RIG = {
 }
 _LOADS = np.array([[-2, -1.5, -1.5, -0.05, -0.06, -0.06], [4, 1.5, 1.5, 0.05, 0.06, 0.06]])
 _PRESSURE_PA = 2e4
-"""Loads and pressures of the arm of examples/soft_arm.toml; others have theirs in proportion."""
+_TENSION_N = 4.0
+"""Loads and inputs of an arm of the size of examples/soft_arm.toml; others have theirs in
+proportion."""
 
 
 # --- bodies -------------------------------------------------------------------------------------
+def has_tendons(number: int) -> bool:
+    """Every third arm is drawn by tendons."""
+    return number % 3 == 2
+
+
 def arm(number: int) -> Mechanism:
     """A drawn arm."""
     random = np.random.default_rng([number, 4])
     radius = float(random.uniform(0.015, 0.025))
+    length_m = float(random.uniform(4.5, 5.5)) * radius
+    if has_tendons(number):
+        return Mechanism(
+            builtin="cylinder",
+            length_m=length_m,
+            radius_m=radius,
+            tendon_count=3,
+            tendon_offset_m=float(random.uniform(0.7, 0.9)) * radius,
+            tendon_guides=4,
+            young_modulus_Pa=float(random.uniform(1.5e5, 6e5)),
+        )
     return Mechanism(
         builtin="chambered",
-        length_m=float(random.uniform(4.5, 5.5)) * radius,
+        length_m=length_m,
         radius_m=radius,
         chamber_count=int(random.choice([3, 3, 4])),
         chamber_inner_m=float(random.uniform(0.36, 0.42)) * radius,
@@ -73,10 +93,11 @@ def arm(number: int) -> Mechanism:
 
 
 def scales(body: Mechanism) -> tuple[float, float, float]:
-    """Forces, moments and pressures over those of the example."""
+    """Forces and moments over those of the example, and the largest input."""
     pressure, radius = body.young_modulus_Pa / 3e5, body.radius_m / 0.02
     moment = pressure * radius**4 / (body.length_m / 0.1)
-    return moment / (body.length_m / 0.1), moment, pressure
+    largest = _TENSION_N * moment / radius if body.tendon_count else _PRESSURE_PA * pressure
+    return moment / (body.length_m / 0.1), moment, largest
 
 
 @dataclass(frozen=True)
@@ -93,8 +114,8 @@ class Body:
 
     @property
     def actuators(self) -> tuple[str, ...]:
-        """Columns of the pressures."""
-        return tuple(f"pressure_{i + 1}_Pa" for i in range(self.solved.poses.shape[1] - 6))
+        """Columns of the inputs."""
+        return arm(self.number).actuators
 
     def key(self) -> str:
         """Name of the solutions."""
@@ -124,17 +145,18 @@ def solved(number: int, folder: Path) -> Body:
     kept = read_arrays(path)
     if kept is None:
         body, random = arm(number), np.random.default_rng([number, 5])
-        force, moment, pressure = scales(body)
+        force, moment, largest = scales(body)
+        inputs_of_body = len(body.actuators)
         loads = random.uniform(*_LOADS, (_ROWS, 6)) * np.repeat([force, moment], 3)
-        inputs = random.uniform(0.0, pressure * _PRESSURE_PA, (_ROWS, body.chambers))
-        # Each chamber is off in a quarter of the rows, so that the others are seen alone.
+        inputs = random.uniform(0.0, largest, (_ROWS, inputs_of_body))
+        # Each actuator is off in a quarter of the rows, so that the others are seen alone.
         inputs *= random.uniform(size=inputs.shape) > 0.25
-        rest = np.zeros((1, 6 + body.chambers))
+        rest = np.zeros((1, 6 + inputs_of_body))
         found = body.fem().solve_wrenches(np.vstack([rest, np.hstack([loads, inputs])]))
         turn = np.linalg.norm(found.poses[:, 3:], axis=1)
         good = (np.array(found.status) == "solved") & (turn <= _LARGEST_TURN_RAD)
         poses = np.hstack([found.poses, np.vstack([rest[:, 6:], inputs])])[good]
-        poses[0] = rest_pose(body.length_m, body.chambers)
+        poses[0] = rest_pose(body.length_m, inputs_of_body)
         slopes = np.concatenate([found.stiffness, found.actuation_jacobians[0]], axis=2)[good]
         kept = {"poses": poses, "wrenches": found.wrenches[good], "slopes": slopes}
         kept["wrenches"][0] = 0.0
@@ -168,18 +190,19 @@ def fourth_sets(count: int, seed: int) -> list[FourthSet]:
 
 def _set(index: int, seed: int) -> FourthSet:
     random = np.random.default_rng([seed, index, 6])
-    single = (*HIDDEN, SWAPPED)
+    body = (index // 2 + 7 * seed) % BODIES
+    own = OF_TENDONS if has_tendons(body) else OF_CHAMBERS
     names: tuple[str, ...] = ()
     if index % 4 == 3:
-        names = tuple(sorted(random.choice(HIDDEN, 2, replace=False).tolist()))
+        names = tuple(sorted(random.choice(own, 2, replace=False).tolist()))
     elif index % 4:
-        names = (single[(2 * (index // 4) + index % 4 - 1 + seed) % len(single)],)
+        names = (str(random.choice([*own, SWAPPED])),)
     return FourthSet(
         seed=seed,
         index=index,
         names=names,
         strength=STRENGTHS[(index // 8) % len(STRENGTHS)],
-        body=(index // 2 + 7 * seed) % BODIES,
+        body=body,
         poses=int(random.integers(30, 51)),
     )
 

@@ -19,21 +19,15 @@ from ecm.io.table import Table
 from ecm.models import Model
 from ecm.models.actuated import ActuatedModel, exchanged
 from ecm.regression.rows import Rows
-from support.driven import ARM, PRESSURES, arm_model, arm_table
+from support.driven import ARM, PRESSURES, TENSIONS, arm_model, arm_table, tendon_table
 from support.neck import Done
 
-TENSIONS = ("tension_1_N", "tension_2_N", "tension_3_N")
-AREA_M2 = 1e-4
 NOISE = {"force_sd_N": 0.004, "torque_sd_Nm": 1.2e-4}
 
 
 @pytest.fixture(scope="module")
 def pulled() -> Table:
-    """The arm as if each chamber were a tendon with the tension of its pressure on an area."""
-    table = arm_table()
-    columns = {name: table[name] for name in (*POSE, *WRENCH)}
-    inputs = AREA_M2 * table.matrix(PRESSURES).T
-    return ecm.as_table(columns | dict(zip(TENSIONS, inputs, strict=True)), meta=ARM)
+    return tendon_table()
 
 
 @pytest.fixture(scope="module")

@@ -44,6 +44,12 @@ def fresh(table: Table) -> Table:
 
 
 @pytest.fixture(scope="module")
+def other_mesh() -> Table:
+    """30 rows by a finer mesh of the same arm."""
+    return ecm.read_table(ROOT / "examples" / "soft_arm_fine.csv", meta=ARM)
+
+
+@pytest.fixture(scope="module")
 def model(train: Table) -> Model:
     return ecm.fit_model(train, "actuated4")
 
@@ -55,14 +61,15 @@ def share_of_spread(model: Model, fresh: Table) -> F:
 
 
 def test_sixty_rows_are_fitted_ten_times_better_than_by_a_polynomial(
-    model: Model, train: Table, fresh: Table
+    model: Model, train: Table, fresh: Table, other_mesh: Table
 ) -> None:
-    ours = share_of_spread(model, fresh).max()
-    assert ours < 0.01
-    for name in ("linear", "quadratic"):
-        polynomial = ecm.fit_model(train, name)
-        assert polynomial.inputs == (*POSE, *PRESSURES)
-        assert share_of_spread(polynomial, fresh).max() > 10.0 * ours
+    polynomials = [ecm.fit_model(train, name) for name in ("linear", "quadratic")]
+    assert all(polynomial.inputs == (*POSE, *PRESSURES) for polynomial in polynomials)
+    for rows, most in ((fresh, 0.01), (other_mesh, 0.02)):
+        ours = share_of_spread(model, rows).max()
+        assert ours < most
+        best = min(share_of_spread(polynomial, rows).max() for polynomial in polynomials)
+        assert best > 10.0 * ours
 
 
 def test_volumes_are_more_data_on_the_same_coefficients(

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import ecm
 from ecm.errors import InputError
 from ecm.io.arrays import B
 from ecm.io.columns import POSE
@@ -17,7 +18,7 @@ from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.physics.true_effect import Supply
 from ecm.rig.plan import POSE_OFFSETS
 from ecm.rig.plant import residual
-from support.driven import PRESSURES, DrivenArm, arm_model, arm_plan, small_rig
+from support.driven import PRESSURES, DrivenArm, arm_model, arm_plan, small_rig, tendon_table
 from support.stand_in import StandIn, plan_of, some_poses
 
 OF_CHAMBERS = sorted(
@@ -126,6 +127,30 @@ def test_the_wanted_strength_is_reached(effect: str, plan: Table) -> None:
     # Calibrated before the robot follows what the effect moves; a second reading is beside it.
     left = residual(hidden.plant, plain.visits) - residual(plain.plant, plain.visits)
     assert whitener_of(plain).strength(left) == pytest.approx(2.0, rel=0.05)
+
+
+def test_a_winch_that_stands_still_is_named_with_the_pose_at_which_it_was_set() -> None:
+    """By the rig's law: the way from G of the solved poses, and stiffer the longer it is."""
+    table = tendon_table()
+    model = ecm.fit_model(table, "actuated4")
+    plan = arm_plan(40, candidates=table, model=model)
+    hidden = Campaign(
+        plan,
+        small_rig(),
+        DrivenArm(ecm.fit_model(table, "actuated5").actuated),
+        hide=[Hidden("tendon_stretch", 3.0)],
+        seed=3,
+        base_columns=model.actuated.columns,
+    )
+    more = np.abs(hidden.plant.acting(hidden.visits) - hidden.visits.inputs)
+    at_poses = hidden.visits.at_poses
+    # At home the robot is off by its own error only.
+    assert more[~at_poses].max() < 0.02 * more[at_poses].max()
+    measured = hidden.run()
+    found = ecm.diagnose(ecm.fit_model(measured, "actuated4"), measured)
+    assert "tendon_stretch" in found.answer[0], found.sentence()
+    shape = next(item.effect.shape for item in found.effects if item.id == "tendon_stretch")
+    assert shape == {"actuator": "tension_1_N", "set_at": "free", "from_before": True}
 
 
 def test_refusals() -> None:

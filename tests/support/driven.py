@@ -10,6 +10,7 @@ import numpy as np
 import ecm
 from ecm.designs import Design, diagnosable_plan, offsets_from_free
 from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models import Model
 from ecm.models.actuated import ActuatedMap
@@ -19,6 +20,8 @@ from ecm.rig.elastic import SolvedPoses
 from support.neck import ROOT
 
 ARM = {"mechanism": {"length_m": 0.1}}
+AREA_M2 = 1e-4
+TENSIONS = ("tension_1_N", "tension_2_N", "tension_3_N")
 PRESSURES = ("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa")
 SMALL_RIG: dict[str, dict[str, Any]] = {
     "instrument": {
@@ -40,6 +43,15 @@ def small_rig(**plant: float) -> RigSettings:
 def arm_table() -> Table:
     """100 rows by finite elements, in which chambers are off in turn."""
     return ecm.read_table(ROOT / "examples" / "soft_arm.csv", meta=ARM)
+
+
+@cache
+def tendon_table() -> Table:
+    """The arm as if each chamber were a tendon with the tension of its pressure on an area."""
+    table = arm_table()
+    columns = {name: table[name] for name in (*POSE, *WRENCH)}
+    inputs = AREA_M2 * table.matrix(PRESSURES).T
+    return ecm.as_table(columns | dict(zip(TENSIONS, inputs, strict=True)), meta=ARM)
 
 
 @cache
@@ -74,9 +86,16 @@ class DrivenArm:
         return None
 
 
-def arm_plan(count: int = 30, *, offsets: bool = True) -> Table:
+def arm_plan(
+    count: int = 30,
+    *,
+    offsets: bool = True,
+    candidates: Table | None = None,
+    model: Model | None = None,
+) -> Table:
     """Each of so many poses twice, by default as offsets from the free poses."""
-    rows = np.linspace(0, len(arm_table()) - 1, count).astype(np.int64)
+    candidates, model = candidates or arm_table(), model or arm_model()
+    rows = np.linspace(0, len(candidates) - 1, count).astype(np.int64)
     design = Design(rows, "maximin", 0.0, 0.0, 0.0, "chosen")
-    plan = diagnosable_plan(arm_table(), design, seed=1)
-    return offsets_from_free(plan, arm_model().actuated) if offsets else plan
+    plan = diagnosable_plan(candidates, design, seed=1)
+    return offsets_from_free(plan, model.actuated) if offsets else plan

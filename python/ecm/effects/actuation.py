@@ -241,8 +241,14 @@ class CapstanFriction(_OfActuator):
         return np.asarray(np.where(let_out, 1.0, -1.0) * inputs * bend[:, None])
 
 
+@dataclass(frozen=True)
 class TendonStretch(_OfActuator):
     """The winch stands still while the pose changes."""
+
+    set_at: str = "rest"
+    """Where the tension was set: at rest, or at the free pose of these inputs."""
+    from_before: bool = False
+    """Set at the pose before instead, where that is another one than rest."""
 
     id = "tendon_stretch"
     acts_on = "tension"
@@ -257,9 +263,27 @@ class TendonStretch(_OfActuator):
     outside = LookAlike("a stiff part along the tendon", "let the winch follow the tension")
 
     def change(self, rows: Rows, inputs: F) -> F:
-        """Minus the shortening that the base gives to each tendon."""
+        """Minus the shortening since the tension was set, which the base gives to each tendon."""
         base: Any = rows.base
-        return np.asarray(-base.amounts(np.hstack([rows.poses, inputs])))
+        now, then = (base.amounts(np.hstack([at, inputs])) for at in (rows.poses, self._set(rows)))
+        return np.asarray(then - now)
+
+    def _set(self, rows: Rows) -> F:
+        """(N, 6) poses at which the tensions were set."""
+        first = rows.free_poses if self.set_at == "free" else rows.rest_pose
+        if not self.from_before:
+            return np.broadcast_to(first, rows.poses.shape)
+        before = rows.came_from
+        other = np.isfinite(before) & (before != rows.rest_pose).any(axis=1, keepdims=True)
+        return np.where(other, before, first)
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Set at rest or at the free pose, or at the pose before; all tendons alike and each."""
+        own = self._concerned(table.actuation_columns)
+        names = (ALL, *(own if len(own) > 1 else ()))
+        known = table.has("approach") or table.has("time_s")
+        ways = ((place, way) for way in (False, known) for place in ("rest", "free"))
+        return tuple(TendonStretch(name, *how) for how in dict.fromkeys(ways) for name in names)
 
 
 ACTUATED = (

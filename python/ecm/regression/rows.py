@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ecm._native import inverse_left_jacobians, rotation_matrices
-from ecm.errors import InputError, ModelError
+from ecm.errors import ComputationError, InputError, ModelError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
@@ -391,6 +391,21 @@ class Rows:
         base: Any = self.base
         actuators = len(actuators_of(base))
         return self.where_loaded(base.actuation_jacobian, self.poses, len(base.outputs), actuators)
+
+    @cached_property
+    def free_poses(self) -> F:
+        """(N, 6) pose that a base with actuators takes without a load at each row's inputs.
+
+        The undeformed pose where it finds none.
+        """
+        base: Any = self.base
+        inputs = self.table.matrix(actuators_of(base))
+        different, of_row = np.unique(inputs, axis=0, return_inverse=True)
+        free = np.tile(self.rest_pose, (len(different), 1))
+        for i, row in enumerate(different):
+            with suppress(ComputationError):
+                free[i] = base.free_pose(row)[0]
+        return np.asarray(free[of_row.ravel()])
 
     @cached_property
     def screw_stiffness(self) -> F:

@@ -1,7 +1,8 @@
 """What acts in an actuator in place of what it was set to: regulators, tubes, chambers.
 
 Largest sizes: a regulator that is off by more than a third of what it gives would be changed, and
-so would a chamber that loses a tenth of its pressure a second.
+so would a chamber that loses a tenth of its pressure a second. A cable may be 100 times as stiff as
+the body.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 
 from ecm.io.arrays import F
 from ecm.io.se3 import rotation
+from ecm.rig.elastic import REST_INDEX
 from ecm.rig.physics.true_effect import Conditions, Limit, Random, RigScale, Supply, random_sign
 
 _EVERY = -1
@@ -199,6 +201,53 @@ class Capstan(OfActuator):
         tilt = np.arccos(np.clip(rotation(at.poses[:, 3:])[:, 0, 0], -1.0, 1.0))
         way = np.where(at.from_all(_last_changes) < 0.0, -1.0, 1.0)
         return np.asarray(inputs * np.exp(-self.size * (0.1 + tilt)[:, None] * way))
+
+
+@dataclass(frozen=True)
+class Stretch(OfActuator):
+    """A winch that stands still once it has set the tension: T -> T + s l (1 + l / 2 l_max) >= 0.
+
+    l is how much longer the tendon's way became since, by G = dh/dT of the solved body in the
+    middle of both poses; `size` is s.
+    """
+
+    effect: ClassVar[str] = "tendon_stretch"
+    name: ClassVar[str] = "winch that stands still"
+    unit: ClassVar[str] = "N/m"
+    limit: ClassVar[Limit] = Limit(100.0, "poses far from where the tension was set")
+    acts_on: ClassVar[str] = "tension"
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Stretch:
+        return cls(10.0, _one_or_all(random, rig))
+
+    def given(self, inputs: F, at: Conditions) -> F:
+        longer = at.from_all(_longer_by)
+        largest = max(float(np.abs(longer).max(initial=0.0)), 1e-12)
+        pulled = inputs + self.size * longer * (1.0 + 0.5 * longer / largest)
+        return np.clip(pulled, 0.0, None)
+
+
+def _longer_by(whole: Conditions) -> F:
+    """(N, m) lengthening of each tendon's way since its tension was set, m.
+
+    The tension is set where the robot stands, or held until the free pose is reached; at home it is
+    let go.
+    """
+    assert whole.elastic is not None
+    solved = whole.elastic.solved
+    known = {pose.tobytes(): i for i, pose in enumerate(solved.poses)}
+    start = solved.poses[REST_INDEX]
+    starts = []
+    for way in whole.ways:
+        for j in np.flatnonzero(np.diff(way[:, 6:], axis=0).any(axis=1)):
+            stays = j + 2 == len(way) and way[j + 1, 6:].any()
+            start = way[j] if stays else way[j + 1]
+        starts.append(start)
+    first = np.array([known.get(row.tobytes(), REST_INDEX) for row in starts])
+    slope = 0.5 * (solved.stiffness[first] + solved.stiffness[whole.nearest])[:, :, 6:]
+    step = whole.poses - np.stack(starts)[:, :6]
+    return np.asarray(np.einsum("nij,ni->nj", slope, step))
 
 
 def _last_changes(whole: Conditions) -> F:
