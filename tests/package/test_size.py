@@ -16,8 +16,8 @@ LIMITS = {
     "crates": (34_100, 199),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: bodies
-with actuation inside (tendons, windings, given volumes, the driven rig, exports with inputs), and their
-model in three files by idea."""
+with actuation inside (tendons, windings, given volumes, the driven rig, exports with inputs), and
+their model in three files by idea."""
 
 
 @pytest.mark.parametrize("part", PARTS)
