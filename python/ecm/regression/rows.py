@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ecm._native import inverse_left_jacobians, rotation_matrices
-from ecm.errors import ComputationError, InputError, ModelError
+from ecm.errors import InputError, ModelError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
@@ -252,6 +252,10 @@ def is_whole(base: BaseMap) -> bool:
     return base.inputs == POSE and base.outputs == WRENCH
 
 
+_FREE_STEPS, _LONGEST_STEP = 12, 0.3
+"""Steps of Newton's method to a free pose, and the longest, over the length and in rad."""
+
+
 @dataclass(frozen=True)
 class Rows:
     """The N rows of one table under one base map, from n pose to m wrench columns.
@@ -396,16 +400,19 @@ class Rows:
     def free_poses(self) -> F:
         """(N, 6) pose that a base with actuators takes without a load at each row's inputs.
 
-        The undeformed pose where it finds none.
+        By Newton's method from the undeformed pose, which stays where there is none.
         """
         base: Any = self.base
         inputs = self.table.matrix(actuators_of(base))
-        different, of_row = np.unique(inputs, axis=0, return_inverse=True)
-        free = np.tile(self.rest_pose, (len(different), 1))
-        for i, row in enumerate(different):
-            with suppress(ComputationError):
-                free[i] = base.free_pose(row)[0]
-        return np.asarray(free[of_row.ravel()])
+        rest = np.tile(self.rest_pose, (len(inputs), 1))
+        size = np.repeat([self.length_m, 1.0], 3)
+        free = rest.copy()
+        for _ in range(_FREE_STEPS):
+            at = np.hstack([free, inputs])
+            step = np.linalg.solve(base.stiffness(at), base.predict(at)[:, :, None])[:, :, 0]
+            largest = np.abs(step / size).max(axis=1, keepdims=True)
+            free = free - step * np.minimum(1.0, _LONGEST_STEP / np.maximum(largest, 1e-300))
+        return np.asarray(np.where(largest < 1e-6, free, rest))
 
     @cached_property
     def screw_stiffness(self) -> F:
