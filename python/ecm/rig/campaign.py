@@ -151,11 +151,8 @@ class Campaign:
     def measure(self, index: int) -> Reading:
         """Takes one reading: samples of every instrument over the window, averaged."""
         visit = self.timeline.visits[index]
-        instrument = self.settings.instrument
-        serial = visit.serial
-        sensor = ForceTorqueSensor(instrument).read(
-            self._truth.sensor[index], visit.window_s, stream(self.seed, "sensor", *serial)
-        )
+        instrument, serial = self.settings.instrument, visit.serial
+        sensor = self.sensor_samples(index)
         eyes = stream(self.seed, "base target", *serial), stream(self.seed, "camera", *serial)
         seen = self.image(self._truth.pose_seen[index], visit.time_s, visit.window_s, eyes)
         air = self._air
@@ -168,6 +165,15 @@ class Campaign:
             self.plant.top_from_sensor,
             float(air.at(air.probe_degC, time)[0] + read[0]),
             float(air.at(air.sensor_degC, time)[0] + read[1]),
+        )
+
+    def sensor_samples(self, index: int) -> F:
+        """What the force-torque sensor reads in the window of a visit, (n, 6) in its own axes."""
+        visit = self.timeline.visits[index]
+        return ForceTorqueSensor(self.settings.instrument).read(
+            self._truth.sensor[index],
+            visit.window_s,
+            stream(self.seed, "sensor", *visit.serial),
         )
 
     def image(

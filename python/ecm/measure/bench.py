@@ -1,0 +1,173 @@
+"""The file of a real rig: [rig], [limits], [instrument], [scene], and a table for each device."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ecm.errors import InputError
+from ecm.io.arrays import F
+from ecm.io.description import Instrument, Scene
+from ecm.io.settings import Checked, read_settings, setting
+from ecm.io.toml import check_keys, read_toml
+from ecm.measure.devices import NEEDED, PARTS, Device, opened, require_part
+from ecm.rig.plan import rest_pose
+from ecm.rig.settings import Procedure
+
+
+@dataclass(frozen=True)
+class LimitsTable(Checked):
+    """[limits]: what stops the mover, checked before each move and while it moves.
+
+    Examples
+    --------
+    >>> LimitsTable(force_N=20.0).force_N
+    20.0
+    """
+
+    force_N: float = setting(100.0, above=0.0)
+    """Largest norm of the force on the sensor, its zero taken off, N."""
+    torque_Nm: float = setting(10.0, above=0.0)
+    """Largest norm of the torque on the sensor, its zero taken off, N m."""
+    shift_m: float = setting(0.05, above=0.0)
+    """Largest distance of a pose from the rest pose, m."""
+    rotation_rad: float = setting(0.8, above=0.0)
+    """Largest rotation of a pose, rad."""
+    temperature_degC: tuple[float, float] = setting((5.0, 45.0))
+    """Lowest and highest temperature of the mechanism, degrees Celsius."""
+    move_s: float = setting(60.0, above=0.0)
+    """Longest time of one move, s."""
+    answer_s: float = setting(5.0, above=0.0)
+    """Longest silence of a device that reads, beyond the window, s."""
+    check_s: float = setting(0.1, above=0.0)
+    """Time between two looks at the sensor while the mover moves, s."""
+
+    def pose_breach(self, pose: F, rest: F) -> str:
+        """Words for what a pose (6,) breaks; empty where it breaks nothing."""
+        shift = float(np.linalg.norm(pose[:3] - rest[:3]))
+        turn = float(np.linalg.norm(pose[3:6]))
+        if not np.isfinite(pose).all():
+            return "the pose has numbers that are not finite"
+        if shift > self.shift_m:
+            return f"{1e3 * shift:.1f} mm from rest, limit {1e3 * self.shift_m:g} mm (shift_m)"
+        if turn > self.rotation_rad:
+            return f"rotation {turn:.3f} rad, limit {self.rotation_rad:g} rad (rotation_rad)"
+        return ""
+
+    def wrench_breach(self, wrench: F) -> str:
+        """Words for what a wrench (6,) in sensor axes breaks; empty where it breaks nothing."""
+        force, torque = float(np.linalg.norm(wrench[:3])), float(np.linalg.norm(wrench[3:]))
+        if not np.isfinite(wrench).all():
+            return "the sensor gives numbers that are not finite"
+        if force > self.force_N:
+            return f"force {force:.3g} N, limit {self.force_N:g} N (force_N)"
+        if torque > self.torque_Nm:
+            return f"torque {torque:.3g} N m, limit {self.torque_Nm:g} N m (torque_Nm)"
+        return ""
+
+    def temperature_breach(self, temperature_degC: float) -> str:
+        """Words for a temperature out of the limits; empty where it is within or unknown."""
+        low, high = self.temperature_degC
+        if np.isnan(temperature_degC) or low <= temperature_degC <= high:
+            return ""
+        return f"{temperature_degC:.1f} degC, limits {low:g} to {high:g} degC (temperature_degC)"
+
+
+@dataclass(frozen=True)
+class DeviceTable:
+    """A table such as [mover]: the kind of the device and the arguments of its class."""
+
+    device: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A whole file of a real rig.
+
+    Examples
+    --------
+    >>> tables = {name: {"device": "manual"} for name in ("mover", "wrench", "pose", "person")}
+    >>> bench = Bench.from_dict(tables | {"rig": {"dwell_s": 5.0}}, "bench.toml")
+    >>> bench.procedure.dwell_s, bench.devices["pose"].device
+    (5.0, 'manual')
+    """
+
+    procedure: Procedure
+    limits: LimitsTable
+    instrument: Instrument
+    scene: Scene
+    devices: Mapping[str, DeviceTable]
+    where: str = "bench.toml"
+
+    @staticmethod
+    def from_dict(tables: Mapping[str, Any], where: str) -> Bench:
+        """The tables of a parsed TOML.
+
+        Raises
+        ------
+        InputError
+            Naming file, table, key and the nearest known name.
+        """
+        check_keys(tables, ("rig", "limits", "instrument", "scene", *PARTS), where)
+        devices = {}
+        for part in PARTS:
+            table = tables.get(part)
+            if table is None:
+                if part in NEEDED:
+                    raise InputError(f"{where}: the table [{part}] is missing; see docs/measure.md")
+                continue
+            if not isinstance(table, Mapping) or not isinstance(table.get("device"), str):
+                raise InputError(f'{where} [{part}]: the key device is missing, e.g. device = "line"')
+            rest = {key: value for key, value in table.items() if key != "device"}
+            devices[part] = DeviceTable(table["device"], rest)
+        procedure = read_settings(Procedure, tables.get("rig", {}), f"{where} [rig]")
+        if procedure.mode != "quasi_static" or procedure.stream_Hz:
+            raise InputError(f"{where} [rig]: mode and stream_Hz belong to the simulated rig")
+        return Bench(
+            procedure,
+            read_settings(LimitsTable, tables.get("limits", {}), f"{where} [limits]"),
+            read_settings(Instrument, tables.get("instrument", {}), f"{where} [instrument]"),
+            read_settings(Scene, tables.get("scene", {}), f"{where} [scene]"),
+            devices,
+            where,
+        )
+
+    @staticmethod
+    def read(path: str | Path) -> Bench:
+        """Read the file of a rig."""
+        return Bench.from_dict(read_toml(Path(path), "file of a rig"), str(path))
+
+    def key(self) -> str:
+        """Hash of what readings mean; the addresses of devices may change between two days."""
+        parts = (self.procedure, self.instrument, self.scene)
+        document = json.dumps([asdict(part) for part in parts], sort_keys=True)
+        return hashlib.sha256(document.encode()).hexdigest()
+
+    def rest(self, length_m: float) -> F:
+        """The rest pose (6,) of a mechanism of this length."""
+        return rest_pose(length_m)
+
+    def open(self) -> dict[str, Device]:
+        """Open all devices; equal tables share one device.
+
+        Raises
+        ------
+        InputError, DeviceError
+            Naming file and table.
+        """
+        shared: dict[str, Device] = {}
+        parts = {}
+        for part, table in self.devices.items():
+            where = f"{self.where} [{part}]"
+            same = json.dumps([table.device, dict(table.settings)], sort_keys=True, default=str)
+            if same not in shared:
+                shared[same] = opened(table.device, table.settings, where)
+            parts[part] = require_part(shared[same], part, where)
+        return parts

@@ -1,0 +1,133 @@
+"""What a device can do, and how a device of one's own is found.
+
+A device is a class. What it can do is told by the methods that it has; none of them needs the
+others, and one device may have all. Each is called from one thread at a time, but `stop`, which may
+be called at any moment.
+
+| part | methods |
+|---|---|
+| mover | `start(pose)`, `settled()`, `stop()` |
+| wrench | `wrench(window_s)` |
+| pose | `pose(window_s)` |
+| thermometer | `temperature()` |
+| person | `ask(text)` |
+
+A device that needs settings takes them as arguments of its class; `close()` is called at the end
+where there is one. `now()` and `wait(seconds)` give it a clock of its own, as a simulated rig has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from importlib import import_module, metadata
+from typing import Any
+
+from ecm.errors import ComputationError, EcmError, InputError
+from ecm.io.toml import did_you_mean
+
+Device = Any
+"""An object with the methods of one part or several."""
+
+PARTS: Mapping[str, tuple[str, ...]] = {
+    "mover": ("start", "settled", "stop"),
+    "wrench": ("wrench",),
+    "pose": ("pose",),
+    "thermometer": ("temperature",),
+    "person": ("ask",),
+}
+"""Methods of each part of a rig. `start(pose)` takes (6,) x y z in m and the rotation vector in
+rad, in the base frame; `wrench(window_s)` gives (n, 6) samples in the sensor's axes, N and N m;
+`pose(window_s)` the mean (6,) and the standard deviation (6,) of the platform's pose in the base
+frame; `temperature()` degrees Celsius."""
+
+NEEDED = ("mover", "wrench", "pose")
+"""Parts without which nothing can be measured."""
+
+SHIPPED = {
+    "line": "ecm.measure.lines:LineDevice",
+    "ati-net-ft": "ecm.measure.lines:AtiNetFt",
+    "manual": "ecm.measure.manual:Manual",
+    "simulated": "ecm.measure.simulated:SimulatedRig",
+}
+"""Kinds of devices of this package: module and class."""
+
+
+class DeviceError(ComputationError):
+    """A device did not answer, or refused; the mover has been stopped."""
+
+
+def device_kinds() -> dict[str, Callable[[], Any]]:
+    """Return what loads the class of each kind, those of installed packages included.
+
+    A package of your own names its class in the entry points `ecm.devices`:
+    `[project.entry-points."ecm.devices"]`, `my-robot = "my_package:MyRobot"`.
+
+    Examples
+    --------
+    >>> sorted(device_kinds())[:2]
+    ['ati-net-ft', 'line']
+    """
+    own = {point.name: point.load for point in metadata.entry_points(group="ecm.devices")}
+    shipped = {name: _loader(place) for name, place in SHIPPED.items()}
+    return own | shipped
+
+
+def _loader(place: str) -> Callable[[], Any]:
+    module, _, name = place.partition(":")
+    return lambda: getattr(import_module(module), name)
+
+
+def opened(kind: str, settings: Mapping[str, Any], where: str) -> Device:
+    """Open a device.
+
+    Parameters
+    ----------
+    kind
+        One of `device_kinds()`.
+    settings
+        Arguments of its class.
+    where
+        File and table of these settings, for the messages.
+
+    Raises
+    ------
+    InputError
+        An unknown kind, or settings that its class does not take.
+    DeviceError
+        Where the device cannot be reached.
+
+    Examples
+    --------
+    >>> opened("lien", {}, "bench.toml [mover]")
+    Traceback (most recent call last):
+        ...
+    ecm.errors.InputError: bench.toml [mover]: unknown device 'lien', did you mean 'line'?
+    """
+    kinds = device_kinds()
+    if kind not in kinds:
+        raise InputError(f"{where}: unknown device '{kind}', {did_you_mean(kind, kinds)}")
+    try:
+        return kinds[kind]()(**settings)
+    except EcmError as error:
+        raise type(error)(f"{where}: {error}") from None
+    except TypeError as error:
+        raise InputError(f"{where}: {error}; see docs/measure.md for its settings") from None
+    except OSError as error:
+        raise DeviceError(f"{where}: the device cannot be reached: {error}") from None
+
+
+def require_part(device: Device, part: str, where: str) -> Device:
+    """Return the device; InputError where it lacks a method of this part."""
+    lacking = [name for name in PARTS[part] if not callable(getattr(device, name, None))]
+    if lacking:
+        raise InputError(
+            f"{where}: a {type(device).__name__} cannot be the {part}: it has no {lacking[0]}()"
+        )
+    return device
+
+
+def closed(device: Device) -> None:
+    """Close a device that can be closed; what it says then is too late to matter."""
+    with suppress(Exception):
+        getattr(device, "close", lambda: None)()

@@ -1,0 +1,199 @@
+"""Devices behind a line of text: JSON over TCP or a serial port, and the ATI Net F/T over UDP.
+
+One line asks, one line answers, each a JSON object:
+
+    {"do": "start", "pose": [0.1, 0, 0, 0, 0, 0]}   ->  {"ok": true}
+    {"do": "settled"}                               ->  {"ok": true, "settled": false}
+    {"do": "stop"}                                  ->  {"ok": true}
+    {"do": "wrench", "window_s": 0.2}               ->  {"ok": true, "samples": [[fx, ...], ...]}
+    {"do": "pose", "window_s": 0.2}                 ->  {"ok": true, "mean": [...], "sd": [...]}
+    {"do": "temperature"}                           ->  {"ok": true, "degC": 22.5}
+    {"do": "ask", "text": "..."}                    ->  {"ok": true}
+
+{"ok": false, "error": "words"} refuses.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import socket
+import struct
+import threading
+import time
+from typing import Any
+
+import numpy as np
+
+from ecm.errors import InputError
+from ecm.io.arrays import F
+from ecm.io.extras import require
+from ecm.measure.devices import DeviceError
+
+
+class LineDevice:
+    """A program or a microcontroller that answers lines of JSON.
+
+    Parameters
+    ----------
+    address
+        `HOST:PORT`, or the name of a serial port such as /dev/ttyACM0.
+    baud
+        Speed of the serial port.
+    timeout_s
+        Longest silence, beyond the window of a reading.
+    """
+
+    def __init__(self, address: str, *, baud: int = 115200, timeout_s: float = 5.0) -> None:
+        self._timeout_s, self._lock, self._rest = timeout_s, threading.Lock(), b""
+        self._address = address
+        self._socket: socket.socket | None = None
+        self._port: Any = None
+        host, colon, port = address.rpartition(":")
+        if colon and port.isdigit():
+            self._socket = socket.create_connection((host, int(port)), timeout=timeout_s)
+            self._fd = self._socket.fileno()
+            return
+        if not os.path.exists(address):
+            raise InputError(f"address = '{address}': expected HOST:PORT or a serial port")
+        serial = require("serial", "measure", f"The serial port {address}")
+        self._port = serial.Serial(address, baud, timeout=0)
+        self._fd = self._port.fileno()
+
+    def start(self, pose: F) -> None:
+        """Begin to move to a pose (6,)."""
+        self._ask({"do": "start", "pose": np.asarray(pose).tolist()})
+
+    def settled(self) -> bool:
+        """Whether the move has ended and the mover rests."""
+        return bool(self._ask({"do": "settled"})["settled"])
+
+    def stop(self) -> None:
+        """Stop at once."""
+        self._ask({"do": "stop"})
+
+    def wrench(self, window_s: float) -> F:
+        """Samples (n, 6) over a window, in sensor axes."""
+        return _matrix(self._ask({"do": "wrench", "window_s": window_s}, window_s), "samples")
+
+    def pose(self, window_s: float) -> tuple[F, F]:
+        """Mean and standard deviation (6,) of the pose over a window."""
+        answer = self._ask({"do": "pose", "window_s": window_s}, window_s)
+        return _matrix(answer, "mean"), _matrix(answer, "sd")
+
+    def temperature(self) -> float:
+        """Temperature of the mechanism, degrees Celsius."""
+        return float(self._ask({"do": "temperature"})["degC"])
+
+    def ask(self, text: str) -> None:
+        """Have something done by a person or a machine there."""
+        self._ask({"do": "ask", "text": text}, 3600.0)
+
+    def close(self) -> None:
+        """Close the connection."""
+        for thing in (self._socket, self._port):
+            if thing is not None:
+                thing.close()
+
+    def _ask(self, question: dict[str, Any], more_s: float = 0.0) -> dict[str, Any]:
+        with self._lock:
+            os.write(self._fd, json.dumps(question).encode() + b"\n")
+            line = self._line(time.monotonic() + self._timeout_s + more_s)
+        try:
+            answer = json.loads(line)
+            good = isinstance(answer, dict) and "ok" in answer
+        except ValueError:
+            good = False
+        if not good:
+            raise DeviceError(f"{self._address}: answered `{line[:60]!r}`, expected a JSON object")
+        if not answer["ok"]:
+            raise DeviceError(f"{self._address}: {answer.get('error', 'refused without a reason')}")
+        return dict(answer)
+
+    def _line(self, until_s: float) -> bytes:
+        while b"\n" not in self._rest:
+            left = until_s - time.monotonic()
+            if left <= 0.0 or not select.select([self._fd], [], [], left)[0]:
+                raise DeviceError(f"{self._address}: no answer within {self._timeout_s:g} s")
+            more = os.read(self._fd, 65536)
+            if not more:
+                raise DeviceError(f"{self._address}: the connection was closed")
+            self._rest += more
+        line, _, self._rest = self._rest.partition(b"\n")
+        return line
+
+
+def _matrix(answer: dict[str, Any], key: str) -> F:
+    try:
+        numbers = np.asarray(answer[key], dtype=np.float64)
+    except (KeyError, TypeError, ValueError):
+        numbers = np.empty(0)
+    if numbers.ndim not in (1, 2) or numbers.shape[-1] != 6 or not np.isfinite(numbers).all():
+        raise DeviceError(f"the answer has no {key} of six finite numbers")
+    return numbers
+
+
+_RDT_PORT = 49152
+_RDT_REQUEST = struct.Struct("!HHI")
+_RDT_RECORD = struct.Struct("!IIIiiiiii")
+_RDT_HEADER, _RDT_STREAM, _RDT_STOP = 0x1234, 2, 0
+
+
+class AtiNetFt:
+    """Force-torque sensor behind an ATI Net F/T box, by its raw data transfer over UDP.
+
+    Parameters
+    ----------
+    address
+        Host of the box, or `HOST:PORT`.
+    rate_Hz
+        Rate at which the box is set to send.
+    counts_per_N, counts_per_Nm
+        Of the box's configuration page.
+    timeout_s
+        Longest silence.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        *,
+        rate_Hz: float = 1000.0,
+        counts_per_N: float = 1e6,
+        counts_per_Nm: float = 1e6,
+        timeout_s: float = 1.0,
+    ) -> None:
+        host, _, port = address.partition(":")
+        self._address, self._rate_Hz = (host, int(port or _RDT_PORT)), rate_Hz
+        self._counts = np.repeat([counts_per_N, counts_per_Nm], 3)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.settimeout(timeout_s)
+
+    def wrench(self, window_s: float) -> F:
+        """Samples (n, 6) over a window; records that were lost or came twice are left out."""
+        count = max(2, round(window_s * self._rate_Hz))
+        self._socket.sendto(_RDT_REQUEST.pack(_RDT_HEADER, _RDT_STREAM, count), self._address)
+        samples: dict[int, F] = {}
+        try:
+            while len(samples) < count:
+                record = self._socket.recv(64)
+                if len(record) != _RDT_RECORD.size:
+                    raise DeviceError(f"{self._address[0]}: a record of {len(record)} bytes")
+                number, _, status, *counts = _RDT_RECORD.unpack(record)
+                if status:
+                    raise DeviceError(f"{self._address[0]}: the sensor has status {status:#010x}")
+                samples[number] = np.asarray(counts) / self._counts
+                if number == count:
+                    break
+        except TimeoutError:
+            self._socket.sendto(_RDT_REQUEST.pack(_RDT_HEADER, _RDT_STOP, 0), self._address)
+        if len(samples) < max(2, count // 2):
+            raise DeviceError(
+                f"{self._address[0]}: {len(samples)} of {count} samples came; check the cable"
+            )
+        return np.stack([samples[number] for number in sorted(samples)])
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
