@@ -140,7 +140,7 @@ def test_help_is_one_screen(name: str, ecm_command: Command) -> None:
 def test_the_commands_stand_in_three_groups(ecm_command: Command) -> None:
     lines = ecm_command("--help").out.splitlines()
     titles = [line for line in lines if line.endswith(":") and not line.startswith(" ")]
-    assert titles == ["Your data:", "Before you measure:", "Simulated rig:"]
+    assert titles == ["Your data:", "Plan and measure:", "Simulated rig:"]
 
 
 def test_no_option_that_the_documentation_uses_is_hidden() -> None:

@@ -12,7 +12,7 @@ from typer.main import get_command
 from ecm._native import __version__
 from ecm.cli.command import Command, new_application, parsed
 
-PLAN, RIG = "Before you measure", "Simulated rig"
+PLAN, RIG = "Plan and measure", "Simulated rig"
 COMMANDS = {
     "import": Command(
         line="A log of any kind as a table.",
@@ -76,6 +76,10 @@ COMMANDS = {
         common="report",
     ),
     "new": Command(line="A config, rig or data file to begin from.", group=PLAN, work="tables.new"),
+    "measure": Command(
+        line="A real rig measures a plan, row by row.", group=PLAN,
+        work="jobs.measure", common="report",
+    ),
     "campaign": Command(
         line="A simulated rig measures a plan.", group=RIG,
         work="jobs.campaign", of="rig.run.run_campaign", passed="overwrite",

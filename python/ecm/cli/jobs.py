@@ -1,8 +1,9 @@
-"""`ecm identify`, `ecm design`, `ecm campaign` and `ecm app`."""
+"""`ecm identify`, `ecm design`, `ecm campaign`, `ecm measure` and `ecm app`."""
 
 from __future__ import annotations
 
 import os
+import sys
 import time
 import webbrowser
 from collections.abc import Sequence
@@ -14,9 +15,13 @@ from ecm.cli.models import open_model
 from ecm.cli.session import Session, check_output_directory, check_plan
 from ecm.designs.regressors import list_or_region, row_list
 from ecm.effects import Effect, get_effect, load_installed
+from ecm.errors import InputError, Remedy
 from ecm.io.arrays import F
 from ecm.io.cache import write_atomically
 from ecm.io.table import Table
+from ecm.measure import Bench
+from ecm.measure import measure as measure_plan
+from ecm.measure.run import envelope
 from ecm.report.blocks import text_of
 from ecm.rig import CampaignOptions, campaign_minutes, run_campaign, run_campaigns
 from ecm.rig import reveal as reveal_truth
@@ -230,6 +235,68 @@ def campaign(
     if settings.rig.mode == "robot":
         for line in summary_lines(robot_path(out)):
             session.print(line)
+
+
+def measure(
+    session: Session,
+    plan: Path,
+    *,
+    rig: Path,
+    out: Path,
+    minutes: float | None = None,
+    dry_run: bool = False,
+    yes: bool = False,
+    overwrite: bool,
+) -> None:
+    """Measure a plan on a real rig, row by row (docs/measure.md).
+
+    Parameters
+    ----------
+    plan : PLAN
+        Plan, as `ecm design` writes it.
+    rig : BENCH.toml
+        Limits, instruments and devices of the rig.
+    out
+        Table to write; NAME.journal.csv keeps each reading.
+    minutes : N
+        Begin no pose after N minutes.
+    dry_run
+        Say where the mover would go, and move nothing.
+    yes
+        Move without asking.
+    overwrite
+        Replace a table that is there already.
+    """
+    session.check_output(out)
+    keep_data(out, overwrite=overwrite)
+    bench = Bench.read(rig)
+    visits = session.read([plan], need="predict")
+    _, lines = envelope(visits, bench)
+    for line in lines:
+        session.print(line)
+    if dry_run:
+        session.print("dry run: nothing was moved")
+        return
+    if not yes and not _agreed():
+        remedy = Remedy("look at the numbers above, clear the rig's surroundings, and say --yes")
+        raise InputError("nobody has agreed to the moves above", remedy=remedy)
+    session.on_interrupt("the mover was stopped. The same command goes on there.")
+    data = measure_plan(
+        visits,
+        bench,
+        out,
+        minutes=minutes,
+        overwrite=overwrite,
+        say=session.warn,
+        progress=session.progress("measure"),
+    )
+    session.write_json({"schema": 1, "rows": len(data), "data": str(out)})
+    session.print(f"{out}: {len(data)} rows")
+
+
+def _agreed() -> bool:
+    """Whether a person at the terminal says yes."""
+    return sys.stdin.isatty() and input("Move? [y/N] ").strip().lower() in ("y", "yes")
 
 
 def paced(progress: Progress) -> Progress:

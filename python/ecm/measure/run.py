@@ -577,7 +577,10 @@ def _drive(
         messages._mover.stop()
         if engine.state != "idle":
             engine.halt()
-        raise _told_error(error, run) from error
+        told = _told_error(error, run)
+        if told is error:
+            raise
+        raise told from error
     finally:
         for device in {id(device): device for device in devices.values()}.values():
             closed(device)

@@ -1,0 +1,399 @@
+"""A plan through devices: the same table as the simulated rig's, limits, silence, and cuts."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ecm
+from ecm.errors import InputError
+from ecm.io.columns import POSE
+from ecm.io.description import Meta
+from ecm.io.mechanism import Mechanism
+from ecm.io.table import Table, as_table, read_table
+from ecm.measure import Bench, measure
+from ecm.measure.devices import DeviceError, opened
+from ecm.measure.manual import Manual
+from ecm.measure.run import envelope
+from ecm.rig.run import run_campaign
+from ecm.rig.settings import Instruments, RigSettings
+
+PARTS = ("mover", "wrench", "pose", "person")
+
+
+def plan_of(rows: int = 12, kind: str = "pose", **columns: Any) -> Table:
+    """Six poses near the rest of a body of 0.1 m, again and again."""
+    poses = np.zeros((rows, 6))
+    poses[:, 0] = 0.1
+    poses[:, 1] = 1e-3 * (np.arange(rows) % 6)
+    table = dict(zip(POSE, poses.T, strict=True)) | {"kind": [kind] * rows} | columns
+    return as_table(table, meta=Meta(mechanism={"length_m": 0.1}))
+
+
+class Rig:
+    """A spring on a robot; what goes wrong is set from outside."""
+
+    def __init__(self, *, settle_s: float = 0.0) -> None:
+        self.at = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0])
+        self.told: list[str] = []
+        self.random = np.random.default_rng(0)
+        self.settle_s, self._arrives_s, self.readings = settle_s, 0.0, 0
+        self.push = np.zeros(6)
+        self.slip = np.zeros(6)
+        self.outliers: set[int] = set()
+        self.silent_from = 10_000
+
+    def start(self, pose: np.ndarray) -> None:
+        self.told.append("start")
+        self.at, self._arrives_s = pose, time.monotonic() + self.settle_s
+
+    def settled(self) -> bool:
+        return time.monotonic() >= self._arrives_s
+
+    def stop(self) -> None:
+        self.told.append("stop")
+
+    def ask(self, text: str) -> None:
+        self.told.append(text)
+
+    def pose(self, window_s: float) -> tuple[np.ndarray, np.ndarray]:
+        return self.at + self.slip, np.full(6, 1e-5)
+
+    def wrench(self, window_s: float) -> np.ndarray:
+        if window_s > 0.15:  # not a look while it moves
+            self.readings += 1
+            if self.readings > self.silent_from:
+                time.sleep(30.0)
+        true = 1e4 * (self.at - [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]) + self.push
+        true = true + 5.0 * (self.readings in self.outliers)
+        return true + 0.02 * self.random.standard_normal((20, 6))
+
+
+def bench_of(**limits: Any) -> Bench:
+    """A bench whose devices the test makes."""
+    tables: dict[str, Any] = {part: {"device": "manual"} for part in PARTS}
+    rig = {"dwell_s": 0.0, "offset_every": 0, "offset_window_s": 0.2}
+    limits = {"answer_s": 1.0, "check_s": 0.01} | limits
+    instrument = {"fts_range": [100.0] * 3 + [10.0] * 3, "pose_position_sd_m": 1e-5}
+    return Bench.from_dict(
+        tables | {"rig": rig, "limits": limits, "instrument": instrument}, "bench.toml"
+    )
+
+
+def run(plan: Table, rig: Rig, out: Path, bench: Bench | None = None, **options: Any) -> Table:
+    """Measure with one device for all parts."""
+    devices = dict.fromkeys(PARTS, rig)
+    return measure(plan, bench or bench_of(), out, devices=devices, say=str, **options)
+
+
+def test_the_simulated_rig_in_another_process_gives_the_table_of_the_campaign(
+    tmp_path: Path,
+) -> None:
+    poses = dict.fromkeys(POSE, np.zeros(4)) | {"x_m": [0.1034, 0.102, 0.1034, 0.102]}
+    as_table(poses, meta=Meta(mechanism=Mechanism().to_dict())).write(tmp_path / "plan.csv")
+    plan = read_table(tmp_path / "plan.csv", need="predict")
+    campaign = run_campaign(plan, RigSettings(), seed=3)
+    device = {"device": "simulated", "plan": str(tmp_path / "plan.csv"), "seed": 3}
+    tables: dict[str, Any] = dict.fromkeys((*PARTS, "thermometer"), device)
+    frame = list(Instruments().top_from_sensor)
+    bench = Bench.from_dict(tables | {"instrument": {"top_from_sensor": frame}}, "bench.toml")
+    measured = measure(plan, bench, tmp_path / "data.csv")
+    assert {*campaign.columns} - {*measured.columns} == {"leds_visible"}
+    for name, column in measured.columns.items():
+        assert column.tolist() == campaign.columns[name].tolist(), name
+    written = read_table(tmp_path / "data.csv")
+    assert written.wrenches.tolist() == campaign.wrenches.tolist()
+    assert not (tmp_path / "data.journal.csv").exists()
+
+
+def test_a_spring_is_measured_and_fitted(tmp_path: Path) -> None:
+    rig = Rig()
+    table = run(plan_of(), rig, tmp_path / "data.csv")
+    assert len(table) == 12
+    assert table.column("repeat").tolist() == [0.0] * 6 + [1.0] * 6
+    stiffness = np.polyfit(table.column("y_m"), table.column("fy_N"), 1)[0]
+    assert stiffness == pytest.approx(1e4, rel=1e-3)
+    freed = "free the sensor from the mechanism"
+    assert [word for word in rig.told if word == freed] == [freed] * 2
+    assert table.warnings == ()
+
+
+def test_a_pose_beyond_the_limits_moves_nothing(tmp_path: Path) -> None:
+    rig = Rig()
+    with pytest.raises(InputError, match=r"row 4: 3\.0 mm from rest, limit 2 mm \(shift_m\)"):
+        run(plan_of(), rig, tmp_path / "data.csv", bench_of(shift_m=2e-3))
+    assert rig.told == []
+
+
+def test_a_force_beyond_the_limit_while_it_moves_stops_the_mover_first(tmp_path: Path) -> None:
+    rig = Rig(settle_s=0.2)
+    rig.push[2] = 60.0
+    bench = bench_of(force_N=50.0)
+    began = time.monotonic()
+    with pytest.raises(DeviceError, match=r"visit 2: force 60 N, limit 50 N \(force_N\)\. The"):
+        # The zero is read with the push on it, then the push grows.
+        rig.push[2] = 0.0
+        threading.Timer(0.3, lambda: rig.push.__setitem__(2, 60.0)).start()
+        run(plan_of(), rig, tmp_path / "data.csv", bench)
+    assert time.monotonic() - began < 5.0
+    assert "stop" in rig.told
+    assert "start" not in rig.told[rig.told.index("stop") :]
+
+
+def test_a_sensor_that_falls_silent_stops_the_mover_and_the_run_goes_on_later(
+    tmp_path: Path,
+) -> None:
+    rig, out = Rig(), tmp_path / "data.csv"
+    rig.silent_from = 5
+    began = time.monotonic()
+    with pytest.raises(DeviceError, match="readings are kept; the same command goes on"):
+        run(plan_of(), rig, out)
+    assert time.monotonic() - began < 10.0
+    assert rig.told[-1] == "stop"
+    assert len((tmp_path / "data.journal.csv").read_text().splitlines()) == 2 + 5
+    again = Rig()
+    table = run(plan_of(), again, out)
+    assert np.count_nonzero(table.text("kind") == "pose") == 12
+    assert np.count_nonzero(table.text("kind") == "home") == 1
+    assert "going on at visit 6 of 14" in table.warnings[0]
+    note = read_table(out).meta.runs[0]["note"]
+    assert note.startswith("interrupted before visit 6")
+    whole = run(plan_of(), Rig(), tmp_path / "whole.csv")
+    at = table.text("kind") == "pose"
+    assert np.abs(table.wrenches[at] - whole.wrenches).max() < 0.1
+
+
+def test_another_plan_does_not_go_on_in_this_journal(tmp_path: Path) -> None:
+    rig = Rig()
+    rig.silent_from = 3
+    with pytest.raises(DeviceError):
+        run(plan_of(), rig, tmp_path / "data.csv")
+    with pytest.raises(InputError, match="journal of another campaign"):
+        run(plan_of(10), Rig(), tmp_path / "data.csv")
+
+
+def test_a_row_that_differs_from_its_repeat_is_measured_again_at_once(tmp_path: Path) -> None:
+    rig = Rig()
+    rig.outliers = {1 + 16}  # the zero is the first reading; pose 4, the third time
+    table = run(plan_of(18), rig, tmp_path / "data.csv")
+    assert len(table) == 19
+    assert table.column("pose_id")[15:17].tolist() == [3.0, 3.0]
+    assert "visit 17: f" in table.warnings[0]
+    assert "sd from its repeat; it was measured again at once" in table.warnings[0]
+
+
+def test_a_marker_that_slipped_is_told_at_the_next_look_at_home(tmp_path: Path) -> None:
+    rig, told = Rig(), list[str]()
+    plan = plan_of(4, action=["home", "measure", "measure", "home"], kind="")
+    ask = rig.start
+
+    def slip_at_the_third(pose: np.ndarray) -> None:
+        ask(pose)
+        if rig.told.count("start") == 3:
+            rig.slip[0] = 3e-4
+
+    rig.start = slip_at_the_third  # type: ignore[method-assign]
+    devices = dict.fromkeys(PARTS, rig)
+    table = measure(plan, bench_of(), tmp_path / "data.csv", devices=devices, say=told.append)
+    assert told == list(table.warnings)
+    assert "the rest pose has moved by 0.3 mm" in told[0]
+
+
+def test_a_sensor_at_its_range_is_told_at_that_row(tmp_path: Path) -> None:
+    rig = Rig()
+    rig.push[1] = 90.0
+    table = run(plan_of(), rig, tmp_path / "data.csv", bench_of(force_N=1000.0))
+    assert any("the sensor is at its range along fy_N" in words for words in table.warnings)
+
+
+def test_no_pose_begins_after_the_time(tmp_path: Path) -> None:
+    rig = Rig(settle_s=0.05)
+    table = run(plan_of(60), rig, tmp_path / "data.csv", minutes=1.0 / 60.0)
+    assert 2 <= len(table) < 60
+    assert "the time was over" in table.warnings[-1]
+    assert rig.told[-1] == "connect the sensor to the mechanism again" or len(table) < 60
+
+
+SCRIPT = """
+import sys
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+import importlib.util
+spec = importlib.util.spec_from_file_location("rigs", {file!r})
+rigs = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(rigs)
+rigs.run(rigs.plan_of(), rigs.Rig(settle_s=0.1), Path({out!r}))
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+def test_a_run_that_is_killed_goes_on_from_its_last_reading(
+    tmp_path: Path, number: signal.Signals
+) -> None:
+    out, journal = tmp_path / "data.csv", tmp_path / "data.journal.csv"
+    script = SCRIPT.format(tests=str(Path(__file__).parents[1]), file=__file__, out=str(out))
+    process = subprocess.Popen(
+        [sys.executable, "-c", script], stderr=subprocess.PIPE, start_new_session=True
+    )
+    until = time.monotonic() + 60.0
+    while not journal.exists() or len(journal.read_text().splitlines()) < 6:
+        assert time.monotonic() < until
+        time.sleep(0.02)
+    process.send_signal(number)
+    began = time.monotonic()
+    process.communicate(timeout=30.0)
+    assert process.returncode != 0
+    assert time.monotonic() - began < 10.0
+    assert not out.exists()
+    kept = len(journal.read_text().splitlines()) - 2
+    table = run(plan_of(), Rig(), out)
+    assert np.count_nonzero(table.text("kind") == "pose") == 12
+    assert f"going on at visit {kept + 1} of 14" in table.warnings[0]
+
+
+def test_lines_of_json_over_tcp_and_over_a_serial_port() -> None:
+    answers = {
+        b"start": b'{"ok": true}\n',
+        b"settled": b'{"ok": true, "settled": true}\n',
+        b"wrench": b'{"ok": true, "samples": [[1, 2, 3, 4, 5, 6], [1, 2, 3, 4, 5, 6]]}\n',
+        b"pose": b'{"ok": true, "mean": [0.1, 0, 0, 0, 0, 0], "sd": [0, 0, 0, 0, 0, 0]}\n',
+        b"temperature": b'{"ok": true, "degC": 22.5}\n',
+        b"stop": b'{"ok": false, "error": "the brake is on"}\n',
+        b"ask": b"no JSON\n",
+    }
+
+    def answer(question: bytes) -> bytes:
+        return next(text for word, text in answers.items() if b'"do": "' + word in question)
+
+    listener = socket.create_server(("127.0.0.1", 0))
+
+    def serve() -> None:
+        connection, _ = listener.accept()
+        with connection.makefile("rwb") as stream:
+            for line in stream:
+                stream.write(answer(line))
+                stream.flush()
+
+    own, other = os.openpty()
+
+    def serve_port() -> None:
+        rest = b""
+        while True:
+            rest += os.read(own, 4096)
+            while b"\n" in rest:
+                line, _, rest = rest.partition(b"\n")
+                os.write(own, answer(line))
+
+    for work in (serve, serve_port):
+        threading.Thread(target=work, daemon=True).start()
+    for address in (f"127.0.0.1:{listener.getsockname()[1]}", os.ttyname(other)):
+        device = opened("line", {"address": address}, "bench.toml [mover]")
+        device.start(np.zeros(6))
+        assert device.settled() is True
+        assert device.wrench(0.1).shape == (2, 6)
+        assert device.pose(0.1)[0][0] == 0.1
+        assert device.temperature() == 22.5
+        with pytest.raises(DeviceError, match="the brake is on"):
+            device.stop()
+        with pytest.raises(DeviceError, match="expected a JSON object"):
+            device.ask("free the sensor")
+        device.close()
+    with pytest.raises(InputError, match="expected HOST:PORT or a serial port"):
+        opened("line", {"address": "/dev/nothing"}, "bench.toml [mover]")
+
+
+def ati_box(counts: list[int], *, status: int = 0, lose: int = 0) -> int:
+    """A Net F/T box by its published packets; returns its port."""
+    box = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    box.bind(("127.0.0.1", 0))
+
+    def serve() -> None:
+        while True:
+            request, whom = box.recvfrom(64)
+            header, command, count = struct.unpack("!HHI", request)
+            assert header == 0x1234
+            for i in range(1, count + 1) if command == 2 else ():
+                if lose and i % lose == 0:
+                    continue
+                box.sendto(struct.pack("!IIIiiiiii", i, 7 * i, status, *counts), whom)
+
+    threading.Thread(target=serve, daemon=True).start()
+    return int(box.getsockname()[1])
+
+
+def test_the_ati_box_gives_newtons_and_loses_records() -> None:
+    counts = [1_000_000, -2_000_000, 3_000_000, 100_000, 0, -50_000]
+    box = opened("ati-net-ft", {"address": f"127.0.0.1:{ati_box(counts)}"}, "bench.toml [wrench]")
+    samples = box.wrench(0.05)
+    assert samples.shape == (50, 6)
+    assert samples[0].tolist() == [1.0, -2.0, 3.0, 0.1, 0.0, -0.05]
+    port = ati_box(counts, lose=4)
+    lossy = opened("ati-net-ft", {"address": f"127.0.0.1:{port}"}, "bench.toml [wrench]")
+    assert 36 <= len(lossy.wrench(0.05)) < 50
+    for settings in ({"status": 0x80000000}, {"lose": 1}):
+        port = ati_box(counts, **settings)
+        bad = opened("ati-net-ft", {"address": f"127.0.0.1:{port}"}, "bench.toml [wrench]")
+        with pytest.raises(DeviceError, match=r"has status 0x80000000|0 of 50 samples came"):
+            bad.wrench(0.05)
+
+
+def test_a_person_is_asked_again_until_the_entry_is_six_numbers(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    entries = iter(["", "1 2 3", "1 2 3 4 5 x", "1, 2, 3, 4, 5, 6", ""])
+    person = Manual(ask_for=lambda prompt: next(entries))
+    person.start(np.array([0.1, 0.002, 0.0, 0.0, 0.0, 0.1]))
+    assert person.wrench(0.1).tolist() == [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]
+    assert person.pose(0.1)[0].tolist() == [0.1, 0.002, 0.0, 0.0, 0.0, 0.1]
+    assert capsys.readouterr().out.count("expected 6 numbers") == 2
+
+
+def test_what_a_bench_lacks_is_named() -> None:
+    tables = {part: {"device": "manual"} for part in PARTS}
+    with pytest.raises(InputError, match=r"\[pose\] is missing"):
+        Bench.from_dict({k: v for k, v in tables.items() if k != "pose"}, "bench.toml")
+    with pytest.raises(InputError, match=r"did you mean '?force_N"):
+        Bench.from_dict(tables | {"limits": {"force_n": 1.0}}, "bench.toml")
+    with pytest.raises(InputError, match="the key device is missing"):
+        Bench.from_dict(tables | {"pose": {}}, "bench.toml")
+    with pytest.raises(InputError, match=r"AtiNetFt cannot be the mover: it has no start\(\)"):
+        Bench.from_dict(
+            tables | {"mover": {"device": "ati-net-ft", "address": "127.0.0.1"}}, "bench.toml"
+        ).open()
+    alone = {part: table for part, table in tables.items() if part != "person"}
+    with pytest.raises(InputError, match=r"there is no \[person\] to free it"):
+        envelope(plan_of(), Bench.from_dict(alone, "bench.toml"))
+
+
+def test_a_dry_run_and_a_command_without_yes_move_nothing(tmp_path: Path) -> None:
+    plan_of().write(tmp_path / "plan.csv")
+    tables = "".join(f'[{part}]\ndevice = "line"\naddress = "127.0.0.1:1"\n' for part in PARTS)
+    (tmp_path / "bench.toml").write_text(tables)
+    command = [sys.executable, "-m", "ecm.cli", "measure", "plan.csv", "--rig", "bench.toml"]
+    command += ["--out", "data.csv"]
+    dry = subprocess.run(
+        [*command, "--dry-run"], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert "14 visits" in dry.stdout
+    assert "farthest 5.00 mm and 0.000 rad from rest" in dry.stdout
+    asked = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, stdin=subprocess.DEVNULL
+    )
+    assert asked.returncode == 2
+    assert "nobody has agreed to the moves above" in asked.stderr
+    refused = subprocess.run([*command, "--yes"], cwd=tmp_path, capture_output=True, text=True)
+    assert refused.returncode == 3
+    assert "bench.toml [mover]: the device cannot be reached" in refused.stderr
+    assert not (tmp_path / "data.csv").exists()
+    assert ecm.read_table(tmp_path / "plan.csv", need="predict") is not None
