@@ -10,6 +10,8 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -138,14 +140,17 @@ def test_a_pose_beyond_the_limits_moves_nothing(tmp_path: Path) -> None:
 
 def test_a_force_beyond_the_limit_while_it_moves_stops_the_mover_first(tmp_path: Path) -> None:
     rig = Rig(settle_s=0.2)
-    rig.push[2] = 60.0
-    bench = bench_of(force_N=50.0)
     began = time.monotonic()
-    with pytest.raises(DeviceError, match=r"visit 2: force 60 N, limit 50 N \(force_N\)\. The"):
-        # The zero is read with the push on it, then the push grows.
-        rig.push[2] = 0.0
-        threading.Timer(0.3, lambda: rig.push.__setitem__(2, 60.0)).start()
-        run(plan_of(), rig, tmp_path / "data.csv", bench)
+    start = rig.start
+
+    def push_at_the_third(pose: np.ndarray) -> None:
+        start(pose)
+        if rig.told.count("start") == 3:
+            rig.push[2] = 60.0
+
+    rig.start = push_at_the_third  # type: ignore[method-assign]
+    with pytest.raises(DeviceError, match=r"visit 4: force 60 N, limit 50 N \(force_N\)\. The"):
+        run(plan_of(), rig, tmp_path / "data.csv", bench_of(force_N=50.0))
     assert time.monotonic() - began < 5.0
     assert "stop" in rig.told
     assert "start" not in rig.told[rig.told.index("stop") :]
@@ -279,8 +284,9 @@ def test_lines_of_json_over_tcp_and_over_a_serial_port() -> None:
     listener = socket.create_server(("127.0.0.1", 0))
 
     def serve() -> None:
-        connection, _ = listener.accept()
-        with connection.makefile("rwb") as stream:
+        with listener:
+            connection, _ = listener.accept()
+        with connection, connection.makefile("rwb") as stream:
             for line in stream:
                 stream.write(answer(line))
                 stream.flush()
@@ -289,9 +295,9 @@ def test_lines_of_json_over_tcp_and_over_a_serial_port() -> None:
 
     def serve_port() -> None:
         rest = b""
-        while True:
+        while b"end" not in rest:
             rest += os.read(own, 4096)
-            while b"\n" in rest:
+            while b"\n" in rest and b"end" not in rest:
                 line, _, rest = rest.partition(b"\n")
                 os.write(own, answer(line))
 
@@ -309,43 +315,52 @@ def test_lines_of_json_over_tcp_and_over_a_serial_port() -> None:
         with pytest.raises(DeviceError, match="expected a JSON object"):
             device.ask("free the sensor")
         device.close()
+    os.write(other, b"end\n")
     with pytest.raises(InputError, match="expected HOST:PORT or a serial port"):
         opened("line", {"address": "/dev/nothing"}, "bench.toml [mover]")
 
 
-def ati_box(counts: list[int], *, status: int = 0, lose: int = 0) -> int:
-    """A Net F/T box by its published packets; returns its port."""
-    box = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    box.bind(("127.0.0.1", 0))
+COUNTS = [1_000_000, -2_000_000, 3_000_000, 100_000, 0, -50_000]
 
-    def serve() -> None:
-        while True:
+
+@contextmanager
+def ati_box(*, status: int = 0, lose: int = 0) -> Iterator[Any]:
+    """A Net F/T box by its published packets, and the device that reads it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as box:
+        box.bind(("127.0.0.1", 0))
+        box.settimeout(10.0)
+
+        def serve() -> None:
             request, whom = box.recvfrom(64)
             header, command, count = struct.unpack("!HHI", request)
-            assert header == 0x1234
-            for i in range(1, count + 1) if command == 2 else ():
-                if lose and i % lose == 0:
-                    continue
-                box.sendto(struct.pack("!IIIiiiiii", i, 7 * i, status, *counts), whom)
+            assert (header, command) == (0x1234, 2)
+            for i in range(1, count + 1):
+                if not lose or i % lose:
+                    box.sendto(struct.pack("!IIIiiiiii", i, 7 * i, status, *COUNTS), whom)
 
-    threading.Thread(target=serve, daemon=True).start()
-    return int(box.getsockname()[1])
+        serving = threading.Thread(target=serve)
+        serving.start()
+        settings = {"address": f"127.0.0.1:{box.getsockname()[1]}", "timeout_s": 0.5}
+        device = opened("ati-net-ft", settings, "bench.toml [wrench]")
+        yield device
+        serving.join()
+        device.close()
 
 
-def test_the_ati_box_gives_newtons_and_loses_records() -> None:
-    counts = [1_000_000, -2_000_000, 3_000_000, 100_000, 0, -50_000]
-    box = opened("ati-net-ft", {"address": f"127.0.0.1:{ati_box(counts)}"}, "bench.toml [wrench]")
-    samples = box.wrench(0.05)
+def test_the_ati_box_gives_newtons_and_may_lose_records() -> None:
+    with ati_box() as box:
+        samples = box.wrench(0.05)
     assert samples.shape == (50, 6)
     assert samples[0].tolist() == [1.0, -2.0, 3.0, 0.1, 0.0, -0.05]
-    port = ati_box(counts, lose=4)
-    lossy = opened("ati-net-ft", {"address": f"127.0.0.1:{port}"}, "bench.toml [wrench]")
-    assert 36 <= len(lossy.wrench(0.05)) < 50
-    for settings in ({"status": 0x80000000}, {"lose": 1}):
-        port = ati_box(counts, **settings)
-        bad = opened("ati-net-ft", {"address": f"127.0.0.1:{port}"}, "bench.toml [wrench]")
-        with pytest.raises(DeviceError, match=r"has status 0x80000000|0 of 50 samples came"):
-            bad.wrench(0.05)
+    with ati_box(lose=4) as box:
+        assert len(box.wrench(0.05)) == 38
+
+
+def test_the_ati_box_with_a_bad_status_or_without_a_cable_is_refused() -> None:
+    with ati_box(status=0x80000000) as box, pytest.raises(DeviceError, match="0x80000000"):
+        box.wrench(0.05)
+    with ati_box(lose=1) as box, pytest.raises(DeviceError, match="0 of 50 samples came"):
+        box.wrench(0.05)
 
 
 def test_a_person_is_asked_again_until_the_entry_is_six_numbers(
@@ -387,13 +402,12 @@ def test_a_dry_run_and_a_command_without_yes_move_nothing(tmp_path: Path) -> Non
     )
     assert "14 visits" in dry.stdout
     assert "farthest 5.00 mm and 0.000 rad from rest" in dry.stdout
-    asked = subprocess.run(
-        command, cwd=tmp_path, capture_output=True, text=True, stdin=subprocess.DEVNULL
-    )
+    options: dict[str, Any] = {"cwd": tmp_path, "capture_output": True, "text": True}
+    asked = subprocess.run(command, check=False, stdin=subprocess.DEVNULL, **options)
     assert asked.returncode == 2
     assert "nobody has agreed to the moves above" in asked.stderr
-    refused = subprocess.run([*command, "--yes"], cwd=tmp_path, capture_output=True, text=True)
-    assert refused.returncode == 3
+    refused = subprocess.run([*command, "--yes"], check=False, **options)
+    assert refused.returncode == 1
     assert "bench.toml [mover]: the device cannot be reached" in refused.stderr
     assert not (tmp_path / "data.csv").exists()
     assert ecm.read_table(tmp_path / "plan.csv", need="predict") is not None

@@ -246,7 +246,7 @@ def measure(
     minutes: float | None = None,
     dry_run: bool = False,
     yes: bool = False,
-    overwrite: bool,
+    overwrite: bool = False,
 ) -> None:
     """Measure a plan on a real rig, row by row (docs/measure.md).
 

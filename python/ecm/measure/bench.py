@@ -11,13 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from ecm.errors import InputError
+from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F
 from ecm.io.description import Instrument, Scene
 from ecm.io.settings import Checked, read_settings, setting
 from ecm.io.toml import check_keys, read_toml
-from ecm.measure.devices import NEEDED, PARTS, Device, opened, require_part
-from ecm.rig.plan import rest_pose
+from ecm.measure.devices import NEEDED, PARTS, Device, closed, opened, require_part
 from ecm.rig.settings import Procedure
 
 
@@ -124,7 +123,9 @@ class Bench:
                     raise InputError(f"{where}: the table [{part}] is missing; see docs/measure.md")
                 continue
             if not isinstance(table, Mapping) or not isinstance(table.get("device"), str):
-                raise InputError(f'{where} [{part}]: the key device is missing, e.g. device = "line"')
+                raise InputError(
+                    f"{where} [{part}]: the key device is missing; write device = 'line' or another"
+                )
             rest = {key: value for key, value in table.items() if key != "device"}
             devices[part] = DeviceTable(table["device"], rest)
         procedure = read_settings(Procedure, tables.get("rig", {}), f"{where} [rig]")
@@ -150,10 +151,6 @@ class Bench:
         document = json.dumps([asdict(part) for part in parts], sort_keys=True)
         return hashlib.sha256(document.encode()).hexdigest()
 
-    def rest(self, length_m: float) -> F:
-        """The rest pose (6,) of a mechanism of this length."""
-        return rest_pose(length_m)
-
     def open(self) -> dict[str, Device]:
         """Open all devices; equal tables share one device.
 
@@ -167,7 +164,12 @@ class Bench:
         for part, table in self.devices.items():
             where = f"{self.where} [{part}]"
             same = json.dumps([table.device, dict(table.settings)], sort_keys=True, default=str)
-            if same not in shared:
-                shared[same] = opened(table.device, table.settings, where)
-            parts[part] = require_part(shared[same], part, where)
+            try:
+                if same not in shared:
+                    shared[same] = opened(table.device, table.settings, where)
+                parts[part] = require_part(shared[same], part, where)
+            except EcmError:
+                for device in shared.values():
+                    closed(device)
+                raise
         return parts

@@ -59,7 +59,9 @@ class Manual:
         """Ask for the pose as it was read off."""
         del window_s
         text = " ".join(f"{name}" for name in POSE)
-        return self._numbers(f"pose as you read it ({text}), Enter: as asked: ", self._pose), self._sd
+        return self._numbers(
+            f"pose as you read it ({text}), Enter: as asked: ", self._pose
+        ), self._sd
 
     def wrench(self, window_s: float) -> F:
         """Ask for the wrench; one sample of it."""

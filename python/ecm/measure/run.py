@@ -34,9 +34,17 @@ from ecm.io.table import Table
 from ecm.measure.bench import Bench
 from ecm.measure.devices import Device, DeviceError, closed
 from ecm.rig.instruments import Window, zero_at
-from ecm.rig.plan import AT_HOME, OFFSET, UNLOADED, Skipped, Visit, requests, rest_pose
+from ecm.rig.plan import (
+    AT_HOME,
+    OFFSET,
+    UNLOADED,
+    Skipped,
+    Visit,
+    requests,
+    rest_pose,
+    split_by_limits,
+)
 from ecm.rig.plan import POSE as AT_POSE
-from ecm.rig.plan import split_by_limits
 from ecm.rig.readings import HEADER, Journal, Reading, journal_path, keep_data
 from ecm.rig.timeline import Timeline, timeline_of
 
@@ -112,15 +120,14 @@ class Run:
             np.asarray([t.reading.sensor for t in zeros]).reshape(-1, 6),
             self.bench.procedure.offset_compensation,
             temperature_degC=np.asarray([r.sensor_temperature_degC for r in readings]),
-            reading_temperature_degC=np.asarray(
-                [t.reading.sensor_temperature_degC for t in zeros]
-            ),
+            reading_temperature_degC=np.asarray([t.reading.sensor_temperature_degC for t in zeros]),
         )
         poses = np.stack([reading.pose for reading in readings])
         return self._in_base(poses, np.stack([reading.sensor for reading in readings]) - zero)
 
     def _in_base(self, poses: F, sensor: F) -> F:
-        return turn_wrench(rotation(poses[:, 3:]), sensor @ self.top_from_sensor.T)
+        turned: F = turn_wrench(rotation(poses[:, 3:]), sensor @ self.top_from_sensor.T)
+        return turned
 
     @property
     def top_from_sensor(self) -> F:
@@ -186,7 +193,7 @@ class _Status:
         def run() -> None:
             try:
                 self._future.set_result(work())
-            except BaseException as error:  # noqa: BLE001 - it is raised where it is waited for
+            except BaseException as error:
                 self._future.set_exception(error)
 
         # A daemon: a device that never answers must not keep the process.
@@ -264,7 +271,8 @@ class _Rig:
         samples = np.atleast_2d(devices["wrench"].wrench(window_s))
         warm = [np.nan, np.nan]
         if "thermometer" in devices:
-            warm[: np.size(degrees)] = np.ravel(degrees := devices["thermometer"].temperature())
+            degrees = np.ravel(devices["thermometer"].temperature())
+            warm[: len(degrees)] = degrees.tolist()
         mean, spread = seen._future.result(window_s + self._run.bench.limits.answer_s)
         self.reading = Reading.of_samples(
             Window(np.asarray(mean), np.asarray(spread)),
@@ -386,8 +394,11 @@ class _Plan:
         if visit.dead_weight_kg != self._weight:
             weight = visit.dead_weight_kg
             words.append(f"hang {weight:g} kg on the sensor" if weight else "take the weight off")
-        warm = [end - begin for begin, end in self._run.timeline.heating
-                if self._heated <= begin < visit.time_s]
+        warm = [
+            end - begin
+            for begin, end in self._run.timeline.heating
+            if self._heated <= begin < visit.time_s
+        ]
         words += [f"warm the mechanism for {seconds / 60.0:g} minutes" for seconds in warm]
         self._mount, self._payload = visit.mount_rad, visit.payload_on
         self._weight, self._heated = visit.dead_weight_kg, visit.time_s
@@ -440,7 +451,9 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
     if length is None:
         raise InputError(f"{plan.source}: its TOML names no [mechanism] length_m; add it")
     if plan.actuation_columns:
-        raise InputError(f"{plan.source}: ecm measure drives no actuators yet; take the columns out")
+        raise InputError(
+            f"{plan.source}: ecm measure drives no actuators yet; take the columns out"
+        )
     procedure, limits, rest = bench.procedure, bench.limits, rest_pose(length)
     visited, skipped = split_by_limits(requests(plan, procedure, length), procedure, length)
     timeline = timeline_of(visited, procedure, length)
@@ -450,13 +463,13 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
             breach = limits.pose_breach(point, rest)
             if breach:
                 raise InputError(
-                    f"{plan.source} row {visit.row + 1}: {breach} of [limits]. Take the row out, or "
-                    "raise the limit where the mechanism and the mover bear it"
+                    f"{plan.source} row {visit.row + 1}: {breach} of [limits]. Take the row out, "
+                    "or raise the limit where the mechanism and the mover bear it"
                 )
     freed = [v for v in timeline.visits if v.kind in (OFFSET, UNLOADED)]
     asks = any(v.kind == UNLOADED for v in freed) or procedure.offset_compensation != "none"
     if asks and "person" not in bench.devices:
-        remedy = Remedy("or add the table [person] with device = \"manual\"")
+        remedy = Remedy('or add the table [person] with device = "manual"')
         raise InputError(
             f"{bench.where}: the sensor's zero is read with the sensor freed, and there is no "
             '[person] to free it; set [rig] offset_compensation = "none" where it is zeroed before',
@@ -477,7 +490,7 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
     return Run(bench, timeline, skipped), lines
 
 
-def measure(
+def measure(  # noqa: PLR0913 - each is a choice of its own
     plan: Table,
     bench: Bench,
     out: Path,
@@ -543,8 +556,15 @@ def measure(
                 progress(taken.number + 1, len(visits), "measuring")
 
         if first < len(visits):
-            _drive(engine_of, run, first, bench.open() if devices is None else devices, keep, say,
-                   minutes)
+            _drive(
+                engine_of,
+                run,
+                first,
+                bench.open() if devices is None else devices,
+                keep,
+                say,
+                minutes,
+            )
         if not any(taken.kind == AT_POSE for taken in run.taken):
             raise InputError(f"{out}: no pose was measured, so no table is written")
         table = _table(run, plan, out)
@@ -597,8 +617,8 @@ def _told_error(error: BaseException, run: Run) -> BaseException:
     kind = Stopped if isinstance(cause, Stopped) else DeviceError
     visit = run.taken[-1].number + 2 if run.taken else 1
     return kind(
-        f"stopped at visit {visit}: {words}. The mover was stopped, and {len(run.taken)} readings are "
-        "kept; the same command goes on there"
+        f"stopped at visit {visit}: {words}. The mover was stopped, and {len(run.taken)} readings "
+        "are kept; the same command goes on there"
     )
 
 

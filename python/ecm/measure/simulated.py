@@ -15,7 +15,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-
 from ecm.errors import EcmError, InputError
 from ecm.io.table import read_table
 from ecm.io.toml import read_toml
@@ -143,7 +142,9 @@ class _Server:
 def main(plan: str, rig: str, seed: str, hide: str) -> None:
     """Solve the plan, say the address, answer until the other side closes."""
     table = read_table([Path(plan)], need="predict")
-    settings = RigSettings.from_dict(read_toml(Path(rig), "rig file"), rig) if rig else RigSettings()
+    settings = (
+        RigSettings.from_dict(read_toml(Path(rig), "rig file"), rig) if rig else RigSettings()
+    )
     hidden = Hidden.parse(hide) if hide else ()
     server = _Server(Campaign(table, settings, fem_source(table), hide=hidden, seed=int(seed)))
     with socket.create_server(("127.0.0.1", 0)) as listener:
