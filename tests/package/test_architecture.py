@@ -17,7 +17,7 @@ from support.neck import ROOT
 
 PACKAGE = ROOT / "python" / "ecm"
 NATIVE = "_native"
-MOST_ROOMS, MOST_FLOORS = 14, 9
+MOST_ROOMS, MOST_FLOORS = 15, 9
 MOST_EXCEPTIONS = 29
 Graph = Mapping[str, set[str]]
 

@@ -25,7 +25,7 @@ def test_every_command_and_option_is_there_with_its_meaning() -> None:
     assert all(meaning for _, meaning, _ in rows(page))
     weights = next(row for row in rows(page) if row[0].startswith("`--weights`"))
     assert weights[2] == "`auto`"
-    assert "`config/arm/rig/data`" in [row[0] for row in rows(page)]
+    assert "`config/arm/rig/bench/data`" in [row[0] for row in rows(page)]
     assert {option.name for option in load_command("fit").params} > {"model", "pcr"}
 
 

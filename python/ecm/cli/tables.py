@@ -187,22 +187,28 @@ def _print(result: Check, session: Session) -> None:
     session.write_report(Report("Check of a table", result.source, sections, warnings))
 
 
-_FILES = {"config": "config.toml", "arm": "arm.toml", "rig": "rig.toml", "data": "data.csv"}
+_FILES = {
+    "config": "config.toml",
+    "arm": "arm.toml",
+    "rig": "rig.toml",
+    "bench": "bench.toml",
+    "data": "data.csv",
+}
 
 
 def new(
     session: Session,
-    what: Literal["config", "arm", "rig", "data"],
+    what: Literal["config", "arm", "rig", "bench", "data"],
     *,
     out: Path | None = None,
     dof: Literal["1", "3", "6"] = "6",
 ) -> None:
-    """Write a commented file to begin from: config.toml, arm.toml, rig.toml, or data.csv.
+    """Write a commented file to begin from: config.toml, arm.toml, rig.toml, bench.toml, data.csv.
 
     Parameters
     ----------
-    what : config|arm|rig|data
-        Which file: the paper's neck, a driven arm, the simulated rig, or a table.
+    what : config|arm|rig|bench|data
+        Which file: the paper's neck, a driven arm, the simulated rig, a real one, or a table.
     out : FILE
         Instead of the usual name.
     dof : 1|3|6

@@ -60,15 +60,15 @@ class DeviceError(ComputationError):
 def device_kinds() -> dict[str, Callable[[], Any]]:
     """Return what loads the class of each kind, those of installed packages included.
 
-    A package of your own names its class in the entry points `ecm.devices`:
-    `[project.entry-points."ecm.devices"]`, `my-robot = "my_package:MyRobot"`.
+    A package of your own names its class in the entry points `ecm.measure`:
+    `[project.entry-points."ecm.measure"]`, `my-robot = "my_package:MyRobot"`.
 
     Examples
     --------
     >>> sorted(device_kinds())[:2]
     ['ati-net-ft', 'line']
     """
-    own = {point.name: point.load for point in metadata.entry_points(group="ecm.devices")}
+    own = {point.name: point.load for point in metadata.entry_points(group="ecm.measure")}
     shipped = {name: _loader(place) for name, place in SHIPPED.items()}
     return own | shipped
 

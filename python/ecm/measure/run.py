@@ -68,7 +68,7 @@ class Taken:
     """A reading with the visit that it belongs to."""
 
     number: int
-    """Of the visit in the plan's order, from 0."""
+    """Place of the visit in the plan's order, from 0."""
     kind: str
     time_s: float
     """Since 1970, or of the clock of the rig."""
@@ -105,10 +105,6 @@ class Run:
 
     def _weight(self, taken: Taken) -> float:
         return self.timeline.visits[taken.number].dead_weight_kg
-
-    def wrench(self, taken: Taken) -> F:
-        """Wrench (6,) in base axes at the platform, by the last zero before it."""
-        return self._in_base(taken.reading.pose[None], (taken.reading.sensor - self.zero)[None])[0]
 
     def wrenches(self) -> F:
         """Wrenches (N, 6) of all readings, by the zero that the procedure asks for."""
@@ -249,6 +245,18 @@ def look(run: Run, devices: Mapping[str, Device], window_s: float) -> None:
         breach = limits.temperature_breach(float(np.ravel(devices["thermometer"].temperature())[0]))
     if breach:
         raise Stopped(breach)
+
+
+@dataclass(frozen=True)
+class _Call:
+    """A call that Bluesky triggers and waits for."""
+
+    work: Callable[[], Any]
+    name: str = "call"
+    parent: None = None
+
+    def trigger(self) -> _Status:
+        return _Status(self.work)
 
 
 class _Rig:
@@ -410,8 +418,8 @@ class _Plan:
 
     def _called(self, work: Callable[[], Any], most_s: float | None = 60.0) -> Iterator[Any]:
         """Wait for a call in a thread of its own, so that Bluesky may stop in between."""
-        status = _Status(work)
-        yield from self._stubs.wait_for([lambda: _ended(status)], timeout=most_s)
+        yield from self._stubs.trigger(_Call(work), group="call")
+        yield from self._stubs.wait("call", timeout=most_s)
 
     def _waited(self, seconds: float) -> Iterator[Any]:
         if hasattr(self._clock, "wait"):
@@ -425,12 +433,6 @@ class _Plan:
     def _told(self, words: str) -> None:
         self._run.warnings.append(words)
         self._say(words)
-
-
-async def _ended(status: _Status) -> None:
-    import asyncio  # noqa: PLC0415 - only where a run engine runs
-
-    await asyncio.wrap_future(status._future)
 
 
 def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
@@ -493,7 +495,7 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
 def measure(  # noqa: PLR0913 - each is a choice of its own
     plan: Table,
     bench: Bench,
-    out: Path,
+    out: str | Path,
     *,
     minutes: float | None = None,
     resume: bool = True,
@@ -540,6 +542,7 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
     MissingExtra
         Without the extra `measure`.
     """
+    out = Path(out)
     keep_data(out, overwrite=overwrite, resume=resume)
     engine_of = require("bluesky.run_engine", "measure", "ecm measure").RunEngine
     run, _ = envelope(plan, bench)

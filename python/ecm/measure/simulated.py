@@ -69,6 +69,8 @@ class SimulatedRig(LineDevice):
     def close(self) -> None:
         """Close the connection; the process ends with it."""
         super().close()
+        if self._process.stdout is not None:
+            self._process.stdout.close()
         try:
             self._process.wait(5.0)
         except subprocess.TimeoutExpired:

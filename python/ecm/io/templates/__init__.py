@@ -8,6 +8,7 @@ NEXT_STEP = {
     "config": "Next: ecm identify {path} --out DIR",
     "arm": "Next: ecm identify {path} --out DIR",
     "rig": "Next: ecm campaign PLAN.csv --rig {path} --out data.csv",
+    "bench": "Next: ecm measure PLAN.csv --rig {path} --out data.csv --dry-run",
     "data": "Next: put your rows in, then: ecm check {path}",
 }
 DEGREES_OF_FREEDOM = (1, 3, 6)
