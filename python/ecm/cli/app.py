@@ -123,6 +123,9 @@ class _Commands(TyperGroup):
             option.default = False  # typer loads a library to convert what is no bool
         return option
 
+    def format_help_text(self, ctx: Any, formatter: Any) -> None:
+        formatter.write(f"  {self.help}\n")
+
     def format_options(self, ctx: Any, formatter: Any) -> None:
         # One line, so that all commands fit on one screen.
         formatter.write("Options: --version, --install-completion, --help (also of commands)\n")
