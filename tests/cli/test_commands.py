@@ -48,7 +48,9 @@ COMMANDS = sorted(set(REGISTRY) - {"material"})  # a group: `material fit`
 
 def test_the_commands_are_those_of_this_version() -> None:
     names = "identify simulate fit predict design campaign check compare diagnose refit reveal"
-    assert sorted([*names.split(), "app", "effects", "export", "import", "measure", "new"]) == COMMANDS
+    assert (
+        sorted([*names.split(), "app", "effects", "export", "import", "measure", "new"]) == COMMANDS
+    )
 
 
 def test_a_command_that_moved_says_where_in_one_line(ecm_command: Command) -> None:

@@ -242,6 +242,28 @@ rigs.run(rigs.plan_of(), rigs.Rig(settle_s=0.1), Path({out!r}))
 """
 
 
+def test_the_simulated_rig_goes_on_where_it_was_cut(tmp_path: Path) -> None:
+    poses = dict.fromkeys(POSE, np.zeros(4)) | {"x_m": [0.1034, 0.102, 0.1034, 0.102]}
+    as_table(poses, meta=Meta(mechanism=Mechanism().to_dict())).write(tmp_path / "plan.csv")
+    plan = read_table(tmp_path / "plan.csv", need="predict")
+    device = {"device": "simulated", "plan": str(tmp_path / "plan.csv"), "seed": 3}
+    bench = Bench.from_dict(dict.fromkeys((*PARTS, "thermometer"), device), "bench.toml")
+
+    def full(done: int, total: int, what: str) -> None:
+        if done == 3:
+            raise OSError("the disk is full")
+
+    with pytest.raises(DeviceError, match="the disk is full"):
+        measure(plan, bench, tmp_path / "data.csv", progress=full)
+    table = measure(plan, bench, tmp_path / "data.csv", say=str)
+    assert table.text("kind").tolist() == ["pose", "pose", "home", "pose", "pose"]
+    assert (np.diff(table.column("time_s")) > 0.0).all()
+    whole = measure(plan, bench, tmp_path / "whole.csv")
+    rest = table.text("kind") == "pose"
+    assert np.abs(table.wrenches[rest] - whole.wrenches).max() < 1.0
+    assert table.poses[rest].tolist() == whole.poses.tolist()
+
+
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
 def test_a_run_that_is_killed_goes_on_from_its_last_reading(
     tmp_path: Path, number: signal.Signals

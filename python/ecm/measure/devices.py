@@ -13,7 +13,8 @@ be called at any moment.
 | person | `ask(text)` |
 
 A device that needs settings takes them as arguments of its class; `close()` is called at the end
-where there is one. `now()` and `wait(seconds)` give it a clock of its own, as a simulated rig has.
+where there is one. `now()` and `wait(seconds)` give a mover a clock of its own, as a simulated rig
+has; `begin(visit, again)` tells a device which visit of the plan comes.
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -55,6 +56,8 @@ _OUTLIER = 8.0
 a thousand rows of normal noise none is."""
 _MOVED = 6.0
 """Standard deviations by which the rest pose may differ from the first look at it."""
+_ENDS_S = 2.0
+"""Seconds for which an interrupted run may finish the reading that is under way."""
 _SATURATED = 0.999
 """Share of the sensor's range from which a reading counts as clipped."""
 
@@ -218,15 +221,21 @@ class _Mover:
 
     def __init__(self, run: Run, devices: Mapping[str, Device]) -> None:
         self._run, self._devices = run, devices
+        self.ended = threading.Event()
+        """Whether nothing may move any more."""
 
     def set(self, pose: F) -> _Status:
         return _Status(lambda: self._move(np.asarray(pose)))
 
     def _move(self, pose: F) -> None:
         mover, limits = self._devices["mover"], self._run.bench.limits
+        if self.ended.is_set():
+            raise Stopped("the run was interrupted")
         until = time.monotonic() + limits.move_s
         mover.start(pose)
         while not mover.settled():
+            if self.ended.is_set():
+                break
             look(self._run, self._devices, limits.check_s)
             if time.monotonic() > until:
                 raise Stopped(f"the move has not ended within {limits.move_s:g} s (move_s)")
@@ -314,7 +323,7 @@ class _Plan:
     ) -> None:
         self._run, self._devices, self._keep, self._say = run, devices, keep, say
         self._stubs = require("bluesky.plan_stubs", "measure", "ecm measure")
-        self._mover, self._rig = _Mover(run, devices), _Rig(run, devices)
+        self.mover, self._rig = _Mover(run, devices), _Rig(run, devices)
         self._at: F | None = None
         self._clock = devices["mover"] if hasattr(devices["mover"], "now") else time
         self._ends_s = np.inf if minutes is None else time.monotonic() + 60.0 * minutes
@@ -328,23 +337,22 @@ class _Plan:
             yield from self._home_check(visits[first])
         for number in range(first, len(visits)):
             if time.monotonic() > self._ends_s and visits[number].kind == AT_POSE:
-                self._told(f"the time was over after {number} of {len(visits)} visits")
+                self.told(f"the time was over after {number} of {len(visits)} visits")
                 break
             yield from self._visit(number)
             why = self._run.again()
             if why:
-                self._told(f"visit {number + 1}: {why}; it was measured again at once")
+                self.told(f"visit {number + 1}: {why}; it was measured again at once")
                 yield from self._visit(number)
         yield from self._stubs.close_run()
 
     def _home_check(self, visit: Visit) -> Iterator[Any]:
         """After an interruption: the zero again, and a look at the rest pose."""
-        rest = np.zeros_like(visit.pose)
-        rest[0] = self._run.timeline.visits[0].pose[0]
-        number = len(self._run.taken) and self._run.taken[-1].number
-        if self._zeros:
-            yield from self._read(replace(visit, kind=OFFSET, pose=rest, way=rest[None]), number)
-        yield from self._read(replace(visit, kind=AT_HOME, pose=rest, way=rest[None]), number)
+        rest = self._run.timeline.visits[0].way[:1]
+        last = self._run.taken[-1].number
+        for kind in (OFFSET, AT_HOME) if self._zeros else (AT_HOME,):
+            self._begun(last, again=kind)
+            yield from self._read(replace(visit, kind=kind, pose=rest[0], way=rest), last)
 
     @property
     def _zeros(self) -> bool:
@@ -354,10 +362,14 @@ class _Plan:
         visit = self._run.timeline.visits[number]
         if visit.kind == OFFSET and not self._zeros:
             return
+        self._begun(number)
+        yield from self._read(visit, number)
+
+    def _begun(self, number: int, again: str = "") -> None:
+        """Tell devices that ask for it which visit comes, or that one at rest is made again."""
         for device in {id(d): d for d in self._devices.values()}.values():
             if hasattr(device, "begin"):
-                device.begin(number)
-        yield from self._read(visit, number)
+                device.begin(number, again)
 
     def _read(self, visit: Visit, number: int) -> Iterator[Any]:
         stubs, limits = self._stubs, self._run.bench.limits
@@ -365,7 +377,7 @@ class _Plan:
         for point in visit.way[1:] if len(visit.way) > 1 else visit.way:
             if self._at is not None and np.array_equal(point, self._at):
                 continue
-            yield from stubs.abs_set(self._mover, point, group="move")
+            yield from stubs.abs_set(self.mover, point, group="move")
             yield from stubs.wait("move", timeout=limits.move_s + limits.answer_s)
             self._at = point
         yield from self._handled(visit)
@@ -387,7 +399,7 @@ class _Plan:
         self._keep(taken)
         self._run.add(taken)
         for finding in self._run.findings(taken):
-            self._told(f"visit {number + 1}: {finding}")
+            self.told(f"visit {number + 1}: {finding}")
         if freed:
             yield from self._asked("connect the sensor to the mechanism again")
 
@@ -430,7 +442,7 @@ class _Plan:
     def _now(self) -> float:
         return float(time.time() if self._clock is time else self._clock.now())
 
-    def _told(self, words: str) -> None:
+    def told(self, words: str) -> None:
         self._run.warnings.append(words)
         self._say(words)
 
@@ -591,19 +603,26 @@ def _drive(
         run.timeline.runs.setdefault(run.timeline.visits[first].run, {})["note"] = (
             f"interrupted before visit {first + 1}; the zero and the rest pose were read again"
         )
-        messages._told(f"going on at visit {first + 1} of {len(run.timeline.visits)}")
-    # Signals stay with the command line: Ctrl-C stops the mover at once, and the run ends.
+        messages.told(f"going on at visit {first + 1} of {len(run.timeline.visits)}")
+    # Its errors are raised here and told once.
+    logging.getLogger("bluesky").addHandler(logging.NullHandler())
     engine = engine_of({}, context_managers=[])
+    # In a thread, so that Ctrl-C is raised here and stops the mover, whatever the engine does.
+    work = _Status(lambda: engine(messages.rows(first)))
     try:
-        engine(messages.rows(first))
-    except BaseException as error:
-        messages._mover.stop()
-        if engine.state != "idle":
-            engine.halt()
-        told = _told_error(error, run)
-        if told is error:
-            raise
-        raise told from error
+        while not work.done:
+            with suppress(TimeoutError):
+                work.exception(0.1)
+        error = work.exception()
+        if error is not None:
+            messages.mover.stop()
+            raise _told_error(error, run) from error
+    except KeyboardInterrupt:
+        messages.mover.ended.set()
+        messages.mover.stop()
+        with suppress(TimeoutError):
+            work.exception(_ENDS_S)
+        raise
     finally:
         for device in {id(device): device for device in devices.values()}.values():
             closed(device)

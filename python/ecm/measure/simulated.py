@@ -15,15 +15,21 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ecm.errors import EcmError, InputError
 from ecm.io.table import read_table
 from ecm.io.toml import read_toml
 from ecm.measure.lines import LineDevice
 from ecm.rig.campaign import Campaign
 from ecm.rig.hidden.truth import Hidden
+from ecm.rig.plan import POSE
 from ecm.rig.readings import Reading
 from ecm.rig.run import fem_source
 from ecm.rig.settings import RigSettings
+
+_PAUSE_S = 1e-3
+"""Seconds of the simulated clock between a visit and a reading at rest that is made again."""
 
 
 class SimulatedRig(LineDevice):
@@ -43,16 +49,22 @@ class SimulatedRig(LineDevice):
 
     def __init__(self, plan: str, *, rig: str = "", seed: int = 0, hide: str = "") -> None:
         command = [sys.executable, "-m", "ecm.measure.simulated", plan, rig, str(seed), hide]
-        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        # Ctrl-C is for the run, which ends this process itself.
+        self._process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, text=True, start_new_session=True
+        )
         said = self._process.stdout.readline().strip() if self._process.stdout else ""
         if not said.startswith("127.0.0.1:"):
             self._process.wait()
             raise InputError(said or "the simulated rig ended before it was ready")
         super().__init__(said, timeout_s=60.0)
 
-    def begin(self, visit: int) -> None:
-        """Tell which visit of the plan comes next: the rig has a clock of its own."""
-        self._ask({"do": "begin", "visit": visit})
+    def begin(self, visit: int, again: str = "") -> None:
+        """Tell which visit of the plan comes next: the rig has a clock of its own.
+
+        again: kind of a reading at rest that is made once more after this visit.
+        """
+        self._ask({"do": "begin", "visit": visit, "again": again})
 
     def now(self) -> float:
         """Time of the rig's clock, s."""
@@ -81,8 +93,10 @@ class _Server:
     """Answers of one campaign."""
 
     def __init__(self, campaign: Campaign) -> None:
-        self._campaign, self._index, self._begun = campaign, 0, dict[int, int]()
+        self._campaign, self._begun = campaign, dict[int, int]()
+        self._time_s, self._more_s = 0.0, 0.0
         self._reading: Reading | None = None
+        self._samples = np.zeros((0, 6))
 
     def answer(self, question: dict[str, Any]) -> dict[str, Any]:
         """Answer one question."""
@@ -96,13 +110,19 @@ class _Server:
         visits = self._campaign.timeline.visits
         if not 0 <= index < len(visits):
             raise InputError(f"visit {index}: the plan has {len(visits)} visits")
+        self._time_s = visits[index].time_s
+        if question["again"]:
+            self._more_s += _PAUSE_S
+            self._time_s += self._more_s
+            index = next(i for i in range(index, -1, -1) if visits[i].kind != POSE)
+            self._begun.setdefault(index, 1)
         # A visit that is made again is another repeat, with noise of its own.
         again = self._begun.get(index, 0)
         self._begun[index] = again + 1
         visit = visits[index]
         if again:
             visits[index] = replace(visit, repeat=visit.repeat + 1000 * again)
-        self._index, self._reading = index, self._campaign.measure(index)
+        self._reading = self._campaign.measure(index)
         self._samples = self._campaign.sensor_samples(index)
         visits[index] = visit
 
@@ -122,7 +142,7 @@ class _Server:
         """The clock is that of the plan."""
 
     def _now(self, question: dict[str, Any]) -> dict[str, Any]:
-        return {"time_s": self._campaign.timeline.visits[self._index].time_s}
+        return {"time_s": self._time_s}
 
     def _wrench(self, question: dict[str, Any]) -> dict[str, Any]:
         return {"samples": self._samples.tolist()}
