@@ -11,7 +11,7 @@ import numpy as np
 from ecm.effects import Missing, Rows
 from ecm.effects.protocol import correction_of
 from ecm.errors import InputError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, central_differences
 from ecm.io.columns import POSE
 from ecm.io.description import Meta, Scene
 from ecm.io.table import Table, TableLike, takes_table
@@ -20,7 +20,6 @@ from ecm.models.actuated_inputs import actuation_for, free_pose, stiffness_range
 from ecm.models.joint_fit import FittedEffect
 from ecm.models.maps import (
     StiffnessMap,
-    central_differences,
     finite,
     leverages,
     partial_to,

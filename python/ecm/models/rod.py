@@ -16,27 +16,15 @@ from typing import Any, ClassVar, TypeVar, cast
 
 import numpy as np
 
-from ecm._native import (
-    left_jacobians,
-    mid_frame,
-    rod_poses,
-    rod_wrenches,
-    rotation_matrices,
-)
+from ecm._native import mid_frame, rod_poses, rod_wrenches
+from ecm.effects.rod import wrench_of
 from ecm.errors import ComputationError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, central_differences
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import Progress
 from ecm.io.table import Table
 from ecm.models.layout import Layout, exactly, number, record
-from ecm.models.maps import (
-    EnergyTerms,
-    SixAxisMap,
-    StiffnessMap,
-    central_differences,
-    finite,
-    partial_to,
-)
+from ecm.models.maps import EnergyTerms, SixAxisMap, StiffnessMap, finite, partial_to
 from ecm.models.noise_estimate import declared_or_fitted
 from ecm.models.partial import fit_measured, is_partial, need_pose, need_whole_wrench
 from ecm.models.specification import (
@@ -135,22 +123,11 @@ class ConstantCurvatureMap(_Backbone):
         force[:, 4:, 0] = (stretch * chord * slope)[:, None] * q[:, 4:]
         force[:, 4:, 1] = q[:, 4:]
         force[:, 3, 2] = q[:, 3]
-        return _wrench_of(poses, force)
+        return np.stack([wrench_of(poses, each) for each in np.moveaxis(force, 2, 0)], axis=2)
 
     def predict(self, poses: F) -> F:
         """(N, 6) poses to (N, 6) wrenches."""
         return finite("the prediction", lambda: self.columns(poses) @ self.parameters)
-
-
-def _wrench_of(poses: F, force: F) -> F:
-    """(N, 6, k) h of generalised forces Q in mid-frame coordinates."""
-    theta = np.ascontiguousarray(poses[:, 3:])
-    half = rotation_matrices(0.5 * theta)
-    f = half @ force[:, :3]
-    lever = np.cross(poses[:, :3, None], f, axis=1)
-    turned = 0.5 * np.swapaxes(left_jacobians(0.5 * theta), 1, 2) @ lever
-    jacobian = np.swapaxes(left_jacobians(theta), 1, 2)
-    return np.concatenate([f, np.linalg.solve(jacobian, force[:, 3:] - turned)], axis=1)
 
 
 ROD_SECTIONS = (
@@ -210,18 +187,15 @@ class RodMap(_Backbone):
         k = np.array(
             [ea / self.length, lateral, lateral, gj / self.length, *[ei / self.length] * 2]
         )
-        return np.asarray(_wrench_of(poses, (q * k)[:, :, None])[:, :, 0])
+        return wrench_of(poses, q * k)
 
     def columns(self, poses: F) -> F:
         """(N, 6, 4) derivative to the parameters, by central differences."""
-        columns = np.empty((len(poses), 6, 4))
-        for t in range(4):
-            step = np.zeros(4)
-            step[t] = 1e-5 * self.parameters[t]
-            plus = self.with_coefficients(self.parameters + step).predict(poses)
-            minus = self.with_coefficients(self.parameters - step).predict(poses)
-            columns[:, :, t] = (plus - minus) / (2.0 * step[t])
-        return columns
+        steps = (1e-5 * self.parameters).tolist()
+        slopes = central_differences(
+            lambda at: self.with_coefficients(at).predict(poses), self.parameters, steps
+        )
+        return np.stack(slopes, axis=2)
 
 
 def _layout(names: Sequence[str], parameter: Layout) -> Layout:

@@ -16,7 +16,7 @@ import numpy as np
 from ecm._native import convert_stiffness, d_optimal, mid_frame, rod_poses
 from ecm.errors import ComputationError
 from ecm.fem.simulate import TABLE_I_MAX, TABLE_I_MIN
-from ecm.io.arrays import B, F
+from ecm.io.arrays import B, F, central_differences
 from ecm.models.maps import EnergyTerms, Symmetry
 from ecm.models.physics.family import POWER, PhysicsFamily, poisson_ratio
 from ecm.regression.noise import whiteners
@@ -267,14 +267,11 @@ class BodyFits:
         rows = self._rows(self.poses, symmetry, degree)
         if 2 * rows.shape[2] > 27 * len(self.poses):
             return None
-        slopes = np.empty((len(self.poses), 6, 6, rows.shape[2]))
-        for j in range(6):
-            step = np.zeros(6)
-            step[j] = 2e-5 if j < 3 else 2e-4
-            up = self._rows(self.poses + step, symmetry, degree)
-            down = self._rows(self.poses - step, symmetry, degree)
-            slopes[:, :, j] = (up - down) * (_STEP[j] / (2.0 * step[j]))
-        matrix = np.concatenate([rows[:, :, None], slopes], axis=2)
+        slopes = central_differences(
+            lambda at: self._rows(at, symmetry, degree), self.poses, [2e-5] * 3 + [2e-4] * 3
+        )
+        weighed = [size * slope for size, slope in zip(_STEP, slopes, strict=True)]
+        matrix = np.stack([rows, *weighed], axis=2)
         target = np.stack(
             [
                 np.concatenate([b.wrenches[:, :, None], b.stiffness * _STEP], axis=2)
