@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypeVar, cast
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from ecm._native import mid_frame, rod_poses, rod_wrenches
 from ecm.effects.rod import wrench_of
@@ -26,7 +27,13 @@ from ecm.io.table import Table
 from ecm.models.layout import Layout, exactly, number, record
 from ecm.models.maps import EnergyTerms, SixAxisMap, StiffnessMap, finite, partial_to
 from ecm.models.noise_estimate import declared_or_fitted
-from ecm.models.partial import fit_measured, is_partial, need_pose, need_whole_wrench
+from ecm.models.partial import (
+    fit_measured,
+    is_partial,
+    need_pose,
+    need_whole_wrench,
+    whole_map,
+)
 from ecm.models.specification import (
     FittedMap,
     ModelSpecification,
@@ -223,17 +230,11 @@ class ConstantCurvatureModel(ModelSpecification):
     ) -> FittedMap:
         """Least squares, each component over its own standard deviation."""
         need_pose(table, self.name)
-        length = length_of(table, self.name)
+        start = ConstantCurvatureMap(length_of(table, self.name), np.zeros(3))
         if is_partial(table):
-            start = ConstantCurvatureMap(length, np.zeros(3))
             return fit_measured(start, table, progress=progress)
-        spread = table.wrenches.std(axis=0)
-        scale = np.where(spread > 0.0, spread, 1.0)
-        base = ConstantCurvatureMap(length, np.ones(3))
-        z = (base.columns(table.poses) / scale[:, None]).reshape(-1, 3)
-        parameters = np.linalg.lstsq(z, (table.wrenches / scale).ravel(), rcond=None)[0]
-        base = ConstantCurvatureMap(length, np.asarray(parameters, dtype=np.float64))
-        return FittedMap(base, declared_or_fitted(base, table))
+        found = fit_measured(start, table, spread=True)
+        return FittedMap(whole_map(found.base), found.noise)
 
     @staticmethod
     def layout(n: int, m: int) -> Layout:
@@ -261,7 +262,7 @@ class RodModel(ModelSpecification):
     def fit_map(
         self, table: Table, weights: Weights, progress: Progress | None = None
     ) -> FittedMap:
-        """Gauss-Newton on the poses that the rod takes under the measured wrenches."""
+        """Least squares of the poses that the rod takes under the measured wrenches."""
         need_whole_wrench(table, self.name)
         poses, wrenches = map(np.ascontiguousarray, (table.poses, table.wrenches))
         base = fit_rod(poses, wrenches, length_of(table, self.name), progress)
@@ -276,7 +277,7 @@ class RodModel(ModelSpecification):
 
 
 def fit_rod(poses: F, wrenches: F, length: float, progress: Progress | None = None) -> RodMap:
-    """Damped Gauss-Newton on the logarithms of the four section stiffnesses.
+    """Least squares of the logarithms of the four section stiffnesses.
 
     On poses, not wrenches: `rod_poses` always answers, its inverse not. It starts from the
     stiffness at rest of an energy of degree 4, where lateral = 1/(L/GA + L^3/(12 EI)).
@@ -298,30 +299,20 @@ def fit_rod(poses: F, wrenches: F, length: float, progress: Progress | None = No
     shear = length / max(rest[1] - length**3 / (3.0 * bend), 0.05 * rest[1])
     logs = np.log([length / axial, shear, bend, length / torsion])
 
-    solved, most = 0, 1 + 9 * _FIT_ITERATIONS
+    solved, most = 0, 9 * _FIT_ITERATIONS
 
-    def residual(at: F) -> F:
+    def left(at: F) -> F:
         nonlocal solved
         if progress is not None:
-            progress(solved, most, f"step {solved // 9 + 1} of at most {_FIT_ITERATIONS}")
+            progress(
+                min(solved, most), most, f"step {solved // 9 + 1} of at most {_FIT_ITERATIONS}"
+            )
         solved += 1
-        return np.asarray((poses - RodMap(length, np.exp(at))._poses(wrenches)) / scale)
+        errors = (poses - RodMap(length, np.exp(at))._poses(wrenches)) / scale
+        # A pose that the rod does not take errs by the whole length, or by a radian.
+        return np.where(np.isfinite(errors), errors, 1.0).ravel()
 
-    now, damping = residual(logs), 1e-4
-    for _ in range(_FIT_ITERATIONS):
-        steps = 1e-4 * np.eye(4)
-        slope = np.stack([(residual(logs - s) - residual(logs + s)) / 2e-4 for s in steps], axis=2)
-        rows = np.isfinite(now).all(axis=1) & np.isfinite(slope).all(axis=(1, 2))
-        z, y = slope[rows].reshape(-1, 4), now[rows].ravel()
-        normal = z.T @ z
-        scaled = normal + damping * np.diag(np.diag(normal) + 1e-300)
-        move = np.clip(np.linalg.lstsq(scaled, z.T @ y, rcond=None)[0], -0.5, 0.5)
-        trial = residual(np.clip(logs + move, -20.0, 20.0))
-        both = np.isfinite(now) & np.isfinite(trial)
-        if float((trial[both] ** 2).sum()) > float((now[both] ** 2).sum()):
-            damping *= 10.0
-            continue
-        logs, now, damping = np.clip(logs + move, -20.0, 20.0), trial, 0.1 * damping
-        if float(np.abs(move).max()) < 1e-7:
-            break
-    return RodMap(length, np.exp(logs))
+    found = least_squares(
+        left, logs, "3-point", (-20.0, 20.0), diff_step=1e-4, max_nfev=_FIT_ITERATIONS, xtol=1e-10
+    )
+    return RodMap(length, np.exp(found.x))

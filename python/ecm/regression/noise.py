@@ -111,7 +111,7 @@ class Noise:
         covariance = acting @ np.swapaxes(acting, 1, 2)
         covariance += np.diag(np.square(of_wrench))
         if self.growth_per_N > 0.0 or self.growth_per_Nm > 0.0:
-            covariance += self._grown(rows)
+            covariance += self.grown(rows)
         if base_error is not None:
             loaded = (~rows.unloaded).astype(np.float64)
             covariance += loaded[:, None, None] * np.diag(np.square(base_error))
@@ -127,8 +127,8 @@ class Noise:
         """(N, m) of the residual of each row."""
         return np.asarray(np.einsum("njj->nj", self.covariance(rows, base_error)))
 
-    def _grown(self, rows: Rows) -> F:
-        """(N, m, m) diagonal (sigma g h)^2."""
+    def grown(self, rows: Rows) -> F:
+        """(N, m, m) diagonal (sigma g h)^2, by which the load raises the covariance."""
         force = np.array([name in WRENCH[:3] for name in rows.base.outputs])
         sd = np.where(force, self.force_sd_N, self.torque_sd_Nm)
         growth = np.where(force, self.growth_per_N, self.growth_per_Nm)

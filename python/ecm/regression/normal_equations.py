@@ -181,12 +181,13 @@ def explained_by_blocks(
     Parameters
     ----------
     left
-        `projected_out` of the equations.
+        `projected_out` of the equations; with r responses (k, r) the result is (b, r).
     signs
-        (k,) 1 or -1 for a coefficient that may only be positive or negative, else 0: columns of
-        the wrong sign are left out of their block.
+        Of one response: (k,) 1 or -1 for a coefficient that may only be positive or negative, else
+        0: columns of the wrong sign are left out of their block.
     """
-    squares = np.zeros(len(blocks))
+    squares = np.zeros((len(blocks), *left[1].shape[1:]))
+    responses = left[1].reshape(len(left[1]), -1)
     ridge = RIDGE * np.maximum(np.diag(equations[0]), 1e-200)
     sizes = np.array([len(block) for block in blocks], dtype=np.int64)
     for size in np.unique(sizes).tolist():
@@ -194,12 +195,12 @@ def explained_by_blocks(
         take = np.array([blocks[i] for i in which], dtype=np.int64).reshape(len(which), size)
         matrices = left[0][take[:, :, None], take[:, None, :]]
         matrices[:, np.arange(size), np.arange(size)] += ridge[take]
-        vectors = left[1][take]
-        solved = np.linalg.solve(matrices, vectors[:, :, None])[:, :, 0]
-        squares[which] = (vectors * solved).sum(axis=1)
+        vectors = responses[take]
+        solved = np.linalg.solve(matrices, vectors)
+        squares[which] = (vectors * solved).sum(axis=1).reshape(len(which), *squares.shape[1:])
         if signs is None:
             continue
-        wrong = signs[take] * solved < 0.0
+        wrong = signs[take] * solved[:, :, 0] < 0.0
         bounded = np.flatnonzero(wrong.any(axis=1))
         if len(bounded):
             fewer = [tuple(take[i, ~wrong[i]].tolist()) for i in bounded]

@@ -19,14 +19,15 @@ takes half a minute to load. So polynomials are fitted over poses like the measu
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations_with_replacement
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from ecm._native import left_jacobians, rotation_matrices
+from ecm._native import left_jacobians
 from ecm.errors import InputError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, I
 from ecm.io.columns import WRENCH
+from ecm.models.actuated_energy import exponents
 from ecm.models.errors import worst_over
 from ecm.models.export.source import Exported, Source
 from ecm.models.measured_poses import noise_sd
@@ -283,15 +284,13 @@ def deflections(poses: F) -> tuple[F, F]:
     >>> at.round(3).tolist()
     [[0.1, 0.0, 0.0, -0.0, 0.0, 0.5]]
     """
-    turned = rotation_matrices(np.ascontiguousarray(poses[:, 3:]))
-    a = np.arctan2(-turned[:, 1, 2], turned[:, 2, 2])
-    b = np.arcsin(np.clip(turned[:, 0, 2], -1.0, 1.0))
-    c = np.arctan2(-turned[:, 0, 1], turned[:, 0, 0])
+    turned = Rotation.from_rotvec(poses[:, 3:])
+    angles = turned.as_euler("XYZ")
     axes = np.zeros((len(poses), 3, 3))
     axes[:, 0, 0] = 1.0
-    axes[:, 1, 1], axes[:, 1, 2] = np.cos(a), np.sin(a)
-    axes[:, 2] = turned[:, :, 2]
-    return np.column_stack([poses[:, :3], a, b, c]), axes
+    axes[:, 1, 1], axes[:, 1, 2] = np.cos(angles[:, 0]), np.sin(angles[:, 0])
+    axes[:, 2] = turned.as_matrix()[:, :, 2]
+    return np.hstack([poses[:, :3], angles]), axes
 
 
 def fitted_expressions(poses: F, wrenches: F, noise: F) -> tuple[dict[str, str], int, float]:
@@ -342,11 +341,9 @@ def fitted_expressions(poses: F, wrenches: F, noise: F) -> tuple[dict[str, str],
     )
 
 
-def _powers(degree: int) -> F:
-    chosen = (
-        some for k in range(degree + 1) for some in combinations_with_replacement(range(6), k)
-    )
-    return np.array([[some.count(i) for i in range(6)] for some in chosen])
+def _powers(degree: int) -> I:
+    """(k, 6) exponents of all monomials of the six deflections up to a degree."""
+    return np.vstack([np.zeros((1, 6), dtype=np.int64), exponents(degree)])
 
 
 def _horner(terms: dict[tuple[int, ...], float]) -> str:
