@@ -313,6 +313,12 @@ def fit_rod(poses: F, wrenches: F, length: float, progress: Progress | None = No
         return np.where(np.isfinite(errors), errors, 1.0).ravel()
 
     found = least_squares(
-        left, logs, "3-point", (-20.0, 20.0), diff_step=1e-4, max_nfev=_FIT_ITERATIONS, xtol=1e-10
+        left,
+        logs,
+        "3-point",
+        (-20.0, 20.0),
+        diff_step=np.full(4, 1e-4),
+        max_nfev=_FIT_ITERATIONS,
+        xtol=1e-10,
     )
     return RodMap(length, np.exp(found.x))
