@@ -48,7 +48,7 @@ def zero_of_rows(time_s: F, taken_s: F, readings: F) -> F:
     return np.stack([np.interp(time_s, taken_s, axis) for axis in readings.T], axis=1)
 
 
-_STRETCHES = 12
+_STRETCHES, _FOLDS = 12, 5
 
 
 def row_groups(table: Table) -> I:
@@ -153,12 +153,12 @@ def _codes(table: Table, name: str) -> I:
     return np.asarray(codes, dtype=np.int64).ravel()
 
 
-def folds(table: Table, poses: F, groups: I, by: Literal["time", "pose", "run"], n: int = 5) -> I:
-    """(N,) fold of each row; groups are not split, fewer groups than n give fewer folds."""
+def folds(table: Table, poses: F, groups: I, by: Literal["time", "pose", "run"]) -> I:
+    """(N,) fold of each row of five; groups are not split, fewer groups give fewer folds."""
     if by == "run" and table.has("run"):
         return _codes(table, "run")
     count = int(groups.max()) + 1
-    n = max(2, min(n, count))
+    n = max(2, min(_FOLDS, count))
     if by == "time":
         when = table.column("time_s") if table.has("time_s") else np.arange(len(table)) * 1.0
         middle = np.bincount(groups, weights=when) / np.bincount(groups)

@@ -24,7 +24,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ecm.errors import InputError
-from ecm.io.arrays import F, I, evenly
+from ecm.io.arrays import F, I, evenly, rest_of
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.regression.folds import repeat_contrasts
@@ -524,7 +524,4 @@ def _left(data: _Contrasts, log_variance: F) -> F:
     whitener = np.linalg.inv(np.linalg.cholesky(covariance))
     y = np.einsum("cij,cj->ci", whitener, data.response).ravel()
     x = np.einsum("cij,cjk->cik", whitener, data.nuisance).reshape(count * m, -1)
-    norms = np.sqrt((x**2).sum(axis=0))
-    x = x / np.where(norms > 0.0, norms, 1.0)
-    y = y - x @ np.linalg.lstsq(x, y, rcond=1e-10)[0]
-    return np.asarray((y.reshape(count, m) ** 2).sum(axis=1))
+    return np.asarray((rest_of(x, y).reshape(count, m) ** 2).sum(axis=1))

@@ -84,13 +84,26 @@ class NormalEquations:
         matrix[np.diag_indices_from(matrix)] += self.precision
         return matrix, self.response @ self.rows, float(self.squares.sum())
 
-    def held_out(self, columns: Sequence[int], fold_of_group: I, scored: F) -> F:
+    def held_out(
+        self,
+        columns: Sequence[int],
+        fold_of_group: I,
+        scored: F,
+        known: tuple[F, F] | None = None,
+    ) -> F:
         """(g,) held-out sum of squares of each group, fitted without its fold.
 
-        scored: (g,) 1 for groups that count, 0 for others (their squares are set to 0).
+        Parameters
+        ----------
+        scored
+            (g,) 1 for groups that count, 0 for others (their squares are set to 0).
+        known
+            Whitened rows (r, k) of these columns, and their response (r,), that no fold leaves out.
         """
         own = self.only(columns)
         matrix, vector, _ = own.total()
+        if known is not None:
+            matrix, vector = matrix + known[0].T @ known[0], vector + known[1] @ known[0]
         result = np.zeros(len(self.squares))
         group = np.repeat(np.arange(len(self.squares)), np.diff(self.bounds))
         # By the rows of each fold: a matrix of each group would hold k times as much as all rows.
@@ -187,7 +200,7 @@ def explained_by_blocks(
         0: columns of the wrong sign are left out of their block.
     """
     squares = np.zeros((len(blocks), *left[1].shape[1:]))
-    responses = left[1].reshape(len(left[1]), -1)
+    responses = left[1] if left[1].ndim > 1 else left[1][:, None]
     ridge = RIDGE * np.maximum(np.diag(equations[0]), 1e-200)
     sizes = np.array([len(block) for block in blocks], dtype=np.int64)
     for size in np.unique(sizes).tolist():

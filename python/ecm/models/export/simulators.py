@@ -23,11 +23,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ecm._native import left_jacobians
+from ecm._native import left_jacobians, polynomial_exponents
 from ecm.errors import InputError
-from ecm.io.arrays import F, I
+from ecm.io.arrays import F
 from ecm.io.columns import WRENCH
-from ecm.models.actuated_energy import exponents
 from ecm.models.errors import worst_over
 from ecm.models.export.source import Exported, Source
 from ecm.models.measured_poses import noise_sd
@@ -304,7 +303,7 @@ def fitted_expressions(poses: F, wrenches: F, noise: F) -> tuple[dict[str, str],
     kept = np.arange(len(poses)) % 4 > 0  # the fourth part tells the error
     best = None
     for degree in _DEGREES:
-        powers = _powers(degree)
+        powers = polynomial_exponents(len(DEFLECTIONS), degree)
         if len(powers) > kept.sum():
             break
         columns = np.prod(u[:, None, :] ** powers, axis=2)
@@ -317,7 +316,7 @@ def fitted_expressions(poses: F, wrenches: F, noise: F) -> tuple[dict[str, str],
         if change < _ALIKE:
             break
     if best is None:
-        least = 4 * len(_powers(_DEGREES[0])) // 3 + 2
+        least = 4 * len(polynomial_exponents(len(DEFLECTIONS), _DEGREES[0])) // 3 + 2
         raise InputError(
             f"--to opensim: {len(poses)} poses like the measured ones are too few for polynomials, "
             f"at least {least} are needed: measure more, or export to c"
@@ -339,11 +338,6 @@ def fitted_expressions(poses: F, wrenches: F, noise: F) -> tuple[dict[str, str],
         degree,
         change,
     )
-
-
-def _powers(degree: int) -> I:
-    """(k, 6) exponents of all monomials of the six deflections up to a degree."""
-    return np.vstack([np.zeros((1, 6), dtype=np.int64), exponents(degree)])
 
 
 def _horner(terms: dict[tuple[int, ...], float]) -> str:
