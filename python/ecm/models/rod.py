@@ -145,6 +145,16 @@ ROD_SECTIONS = (
 )
 
 
+def rod_sections(compliance: F, length_m: float) -> dict[str, float]:
+    """EA, GA, EI, GJ of the clamped rod with this compliance (6,) at rest; means over y and z."""
+    bending = 2.0 * length_m / (compliance[4] + compliance[5])
+    lateral = 0.5 * (compliance[1] + compliance[2])
+    # c_yy = L/GA + L^3/(3 EI); for a body unlike a rod the shear part may be too small.
+    shear = max(lateral - length_m**3 / (3.0 * bending), 0.05 * lateral)
+    sections = (length_m / compliance[0], length_m / shear, bending, length_m / compliance[3])
+    return dict(zip(ROD_SECTIONS, map(float, sections), strict=True))
+
+
 @dataclass(frozen=True)
 class RodMap(_Backbone):
     """A Cosserat rod with section stiffnesses EA, GA (N), EI, GJ (N m^2)."""
@@ -294,11 +304,7 @@ def fit_rod(poses: F, wrenches: F, length: float, progress: Progress | None = No
             "the measured stiffness at rest is not that of a rod: not positive. Check units and "
             "signs of the wrench (ecm check), or fit energy4"
         )
-    axial, _, _, torsion, _, bending = rest
-    bend = length / bending
-    shear = length / max(rest[1] - length**3 / (3.0 * bend), 0.05 * rest[1])
-    logs = np.log([length / axial, shear, bend, length / torsion])
-
+    logs = np.log([*rod_sections(rest, length).values()])
     solved, most = 0, 9 * _FIT_ITERATIONS
 
     def left(at: F) -> F:
