@@ -29,6 +29,17 @@ def evenly(count: int, most: int) -> I:
     return np.linspace(0, count - 1, min(count, most)).astype(np.int64)
 
 
+def rms(values: F) -> float:
+    """Root mean square of numbers of any shape.
+
+    Examples
+    --------
+    >>> rms(np.array([[3.0, 4.0], [0.0, 5.0]])).is_integer(), rms(np.array([2.0, -2.0]))
+    (False, 2.0)
+    """
+    return float(np.sqrt((values**2).mean()))
+
+
 def central_differences(
     function: Callable[[F], F], at: F, step: float | Sequence[float]
 ) -> list[F]:

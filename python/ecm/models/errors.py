@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ecm._native import polynomial_regressor
-from ecm.io.arrays import F
+from ecm.io.arrays import F, rms
 from ecm.io.cache import hash_of
 from ecm.io.columns import POSE, same_unit
 from ecm.io.table import Table
@@ -31,17 +31,6 @@ _MOST_ROWS, _MOST_ROWS_OF_A_MODEL = 1000, 3000
 """Rows that give the error of a map at home, and those of a model with its effects."""
 _ROUNDING = 1e-9
 """Share of the readings that is rounding: what never moves is predicted to the last digits only."""
-
-
-def rms(values: F) -> float:
-    """Root mean square of numbers of any shape.
-
-    Examples
-    --------
-    >>> rms(np.array([[3.0, 4.0], [0.0, 5.0]])).is_integer(), rms(np.array([2.0, -2.0]))
-    (False, 2.0)
-    """
-    return float(np.sqrt((values**2).mean()))
 
 
 def worst_over(noise: F, errors: F) -> float:

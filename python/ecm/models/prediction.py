@@ -8,7 +8,6 @@ block, by the load alone. The rest measures noise, misfit and forces that are no
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from ecm.io.columns import STIFFNESS
 from ecm.io.events import Progress
 from ecm.io.se3 import skew
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
+from ecm.models.maps import StiffnessKind
 from ecm.models.measured_poses import beyond_inputs
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
@@ -80,7 +80,6 @@ def _share(part: F, matrix: F) -> F:
     return np.asarray(top / np.linalg.norm(matrix, 2, axis=(1, 2)))
 
 
-StiffnessKind = Literal["partial", "generalised", "screw"]
 _REACH_MARGIN = 1.05
 """Nearer to its reach the physics base errs as little as within it."""
 _ERROR_AT, _GROWTH = 0.01, 3.5

@@ -16,11 +16,11 @@ import numpy as np
 from ecm.effects.protocol import Effect
 from ecm.errors import ComputationError, EcmError, InputError, Remedy
 from ecm.io.arguments import listed
-from ecm.io.arrays import B, F
+from ecm.io.arrays import B, F, rms
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.events import Progress
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
-from ecm.models.errors import errors_and_noise, held_out, rms
+from ecm.models.errors import errors_and_noise, held_out
 from ecm.models.fit import choose_base, fit_rows
 from ecm.models.given import as_model
 from ecm.models.joint_fit import joint_fit

@@ -23,6 +23,7 @@ from ecm.errors import ComputationError
 from ecm.io.arrays import F, central_differences
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import Progress
+from ecm.io.mechanism import ROD_SECTIONS
 from ecm.io.table import Table
 from ecm.models.layout import Layout, exactly, number, record
 from ecm.models.maps import EnergyTerms, SixAxisMap, StiffnessMap, finite, partial_to
@@ -135,14 +136,6 @@ class ConstantCurvatureMap(_Backbone):
     def predict(self, poses: F) -> F:
         """(N, 6) poses to (N, 6) wrenches."""
         return finite("the prediction", lambda: self.columns(poses) @ self.parameters)
-
-
-ROD_SECTIONS = (
-    "axial_stiffness_N",
-    "shear_stiffness_N",
-    "bending_stiffness_Nm2",
-    "torsion_stiffness_Nm2",
-)
 
 
 def rod_sections(compliance: F, length_m: float) -> dict[str, float]:
