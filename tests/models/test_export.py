@@ -19,11 +19,12 @@ from numpy.typing import NDArray
 from ecm.cli.app import load_command
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.se3 import poses_of
 from ecm.io.table import as_table
 from ecm.models import Model, fit_model
 from ecm.models.controller import AdaptSettings
 from ecm.models.export import TARGETS, export_files
-from ecm.models.measured_poses import poses_of, reach_of
+from ecm.models.measured_poses import reach_of
 from support.campaigns import campaign
 from support.cortex_m import (
     BOARDS,

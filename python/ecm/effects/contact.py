@@ -122,22 +122,14 @@ class MarkerMotion(LinearEffect):
 
     course: str = "ramp"
     """Motion over time: `ramp`, `settling` with its time constant, or `step` with its time."""
-    at_s: float = 0.0
-    """Time of the step, or time constant of the creep."""
+    at_s: float = optional(0.0)
+    """Time of the step, or time constant of the creep; a ramp has none."""
     counted: str = optional("once")
     """Whether a creep counts from the first campaign (`once`) or from the start of `each`."""
 
     def __post_init__(self) -> None:
         if self.course == "step" and self.counted == "each":
             raise InputError(f"effect {self.id}: a step comes once, counted 'each' is for a creep")
-
-    @property
-    def shape(self) -> Shape:
-        """The fields; a ramp has no time of its own."""
-        shape = super().shape
-        if self.course == "ramp":
-            del shape["at_s"]
-        return shape
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """A ramp, a creep that settles, and a few moments of a jump."""

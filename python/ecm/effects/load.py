@@ -18,7 +18,7 @@ from ecm.effects.protocol import (
     optional,
 )
 from ecm.effects.rod import rest_stiffness
-from ecm.io.arrays import F
+from ecm.io.arrays import F, central_differences
 from ecm.io.table import Table
 from ecm.regression.approach import approach_sides
 from ecm.regression.rows import Rows
@@ -143,12 +143,10 @@ class OwnWeight(LinearEffect):
 
 def _weight_of_rod(poses: F, length_m: float, gravity: F) -> F:
     """(N, 6) wrench per kg that carries the rod: the gradient of its potential."""
-    slope = np.zeros((len(poses), 6))
-    for j, step in enumerate([1e-6] * 3 + [1e-5] * 3):
-        change = np.zeros(6)
-        change[j] = step
-        up = _potential(poses + change, length_m, gravity)
-        slope[:, j] = (up - _potential(poses - change, length_m, gravity)) / (2.0 * step)
+    slopes = central_differences(
+        lambda at: _potential(at, length_m, gravity), poses, [1e-6] * 3 + [1e-5] * 3
+    )
+    slope = np.stack(slopes, axis=1)
     jacobian = left_jacobians(poses[:, 3:])
     torque = np.linalg.solve(np.swapaxes(jacobian, 1, 2), slope[:, 3:, None])[:, :, 0]
     return np.concatenate([slope[:, :3], torque], axis=1)

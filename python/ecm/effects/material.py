@@ -81,9 +81,7 @@ class Anisotropy(Effect):
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of the stretched energy minus that of the base; turns with the mounting."""
         share = self.lateral * rest_stiffness(rows).bending_share
-        double = 2.0 * rows.mount_angle_rad
-        c = 0.5 * (np.cos(double) * values[0] - np.sin(double) * values[1])
-        s = 0.5 * (np.sin(double) * values[0] + np.cos(double) * values[1])
+        c, s = 0.5 * (_mounting(rows, 2) @ values).T
         plane = np.moveaxis(np.array([[c, s], [s, -c]]), 2, 0)
         matrix = np.tile(np.eye(6), (len(rows), 1, 1))
         matrix[:, 1:3, 1:3] += share * plane
@@ -392,7 +390,7 @@ class FaceTilt(Effect):
 
     def correction(self, rows: Rows, values: F) -> F:
         """h(exp(-w) p) rotated by w; where the rest pose is free, less the pose error at rest."""
-        turn = _turned_mounting(rows, values)
+        turn = np.pad(_mounting(rows) @ values, ((0, 0), (1, 0)))
         tilt = np.concatenate([np.zeros_like(turn), turn], axis=1)
         felt = seen_from(tilt, rows.poses)
         if self.rest == "free":
@@ -400,11 +398,11 @@ class FaceTilt(Effect):
         return turn_wrench(wrapped_rotation(turn), rows.predict(felt)) - rows.wrench
 
 
-def _turned_mounting(rows: Rows, values: F) -> F:
-    """(N, 3) rotation (0, y, z) in axes of the mechanism, turned with its mounting about x."""
-    cos, sin = np.cos(rows.mount_angle_rad), np.sin(rows.mount_angle_rad)
-    y, z = cos * values[0] - sin * values[1], sin * values[0] + cos * values[1]
-    return np.stack([np.zeros(len(rows)), y, z], axis=1)
+def _mounting(rows: Rows, times: int = 1) -> F:
+    """(N, 2, 2) turn of y and z by so many times the angle of the mounting about x."""
+    angle = times * rows.mount_angle_rad
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.moveaxis(np.array([[cos, -sin], [sin, cos]]), 2, 0)
 
 
 _ALONG, _WEIGHT = np.polynomial.legendre.leggauss(5)
@@ -448,17 +446,9 @@ class PreCurvature(LinearEffect):
         """Wrench per radian of the whole bend; the bend turns with the mounting."""
         weight = 0.5 * _WEIGHT * (self.power + 1.0) * np.abs(_ALONG) ** self.power
         slopes = -np.einsum("p,npki->nik", weight, section_moment_slopes(rows, _ALONG))
-        cos, sin = np.cos(rows.mount_angle_rad), np.sin(rows.mount_angle_rad)
-        about_y, about_z = slopes[:, :, 1], slopes[:, :, 2]
-        columns = np.stack(
-            [
-                cos[:, None] * about_y + sin[:, None] * about_z,
-                cos[:, None] * about_z - sin[:, None] * about_y,
-            ],
-            axis=2,
-        )
+        columns = slopes[:, :, 1:] @ _mounting(rows)
         columns[rows.unloaded] = 0.0
-        return columns
+        return np.asarray(columns)
 
 
 EFFECTS = (

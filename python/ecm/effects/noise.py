@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ecm.effects.protocol import Effect, LookAlike, Missing, Parameter, needs_full
@@ -87,11 +89,9 @@ class HeteroscedasticNoise(NoiseEffect):
 
     def variance(self, rows: Rows, values: F) -> F:
         """(N, 6, 6) diagonal (sigma g h)^2."""
+        force, torque = values.tolist()
         noise = declared_noise(rows.table)
-        sd = np.repeat([noise.force_sd_N, noise.torque_sd_Nm], 3)
-        growth = np.repeat(np.asarray(values, dtype=np.float64), 3)
-        own = (sd * growth * rows.wrench) ** 2
-        return np.asarray(own[:, :, None] * np.eye(6))
+        return replace(noise, growth_per_N=force, growth_per_Nm=torque).grown(rows)
 
 
 class PoseNoise(NoiseEffect):

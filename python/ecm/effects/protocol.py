@@ -18,7 +18,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ecm.io.arrays import F
+from ecm.io.arrays import F, central_differences
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.regression.rows import BodyChange, Rows, UnknownLength
@@ -265,14 +265,9 @@ class Effect:
 
     def jacobian(self, rows: Rows, values: F) -> F:
         """(N, m, k) derivative of the correction, by central differences of a hundredth scale."""
-        columns = []
-        for j, parameter in enumerate(self.parameters):
-            step = np.zeros(len(self.parameters))
-            step[j] = 0.01 * parameter.scale
-            up = self.correction(rows, values + step)
-            down = self.correction(rows, values - step)
-            columns.append((up - down) / (2.0 * step[j]))
-        return np.stack(columns, axis=2)
+        steps = [0.01 * parameter.scale for parameter in self.parameters]
+        slopes = central_differences(lambda at: self.correction(rows, at), values, steps)
+        return np.stack(slopes, axis=2)
 
 
 EffectBase = Effect

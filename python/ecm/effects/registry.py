@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm.effects import unused_column
+from ecm.effects import beyond_physics
 from ecm.effects.protocol import (
     Effect,
     Kind,
@@ -44,8 +44,7 @@ _GROUPS = (
     "robot",
     "noise",
     "actuation",
-    "nonlinearity",
-    "unused_column",
+    "beyond_physics",
 )
 """Files of effects, in the order of reports. Each lists those of all twelve columns in `EFFECTS`,
 and in `FEW` those of tables that have fewer."""
@@ -65,7 +64,6 @@ _ACTUATED = _listed("ACTUATED")
 """Effects of tables with actuators,"""
 _ACTUATED_FEW = _listed("ACTUATED_FEW")
 """and of those of fewer columns."""
-_UNUSED = unused_column.FEW[0]
 _own: dict[str, Effect] = {}
 
 
@@ -124,8 +122,8 @@ def get_effect(id: str) -> Effect:
     if id in known:
         return known[id]
     stem, _, column = id.partition(":")
-    if stem == unused_column.ID and column:
-        return replace(_UNUSED, column=column)
+    if stem == beyond_physics.ID and column:
+        return replace(beyond_physics.UNUSED, column=column)
     raise InputError(f"unknown effect '{id}', {did_you_mean(id, sorted(known))}")
 
 
@@ -231,14 +229,14 @@ def effects_of(table: Table, given: Sequence[Effect] | None = None) -> tuple[Eff
     if given is None and table.actuation_columns:
         more = _ACTUATED if is_full(table.columns) else _ACTUATED_FEW
         effects = (*effects, *more)
-    plain = [effect for effect in effects if effect is not _UNUSED]
+    plain = [effect for effect in effects if effect is not beyond_physics.UNUSED]
     if given is not None and len(plain) == len(effects):
         return effects
     known = {id(effect) for effect in (*_CATALOGUE, *_ALONG.values())}
-    own = unused_column.per_column(table, (e for e in plain if id(e) not in known))
+    own = beyond_physics.per_column(table, (e for e in plain if id(e) not in known))
     if not own:
         return effects
-    place = next((i for i, e in enumerate(effects) if e is _UNUSED), len(effects))
+    place = next((i for i, e in enumerate(effects) if e is beyond_physics.UNUSED), len(effects))
     return (*effects[:place], *own, *effects[place + 1 :])
 
 

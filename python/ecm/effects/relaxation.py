@@ -1,10 +1,6 @@
 """Stress relaxation of a viscoelastic material, at rest and while it is moved.
 
-Scans along the order of rows: what fades, and play.
-
-Each row needs the state after the one before. So the rows are cut into about as many stretches as
-each has rows, all stretches take a step together, and what each does to any first state is known
-before its first state is.
+Scans along the order of rows: what fades, and play. Each row needs the state after the one before.
 """
 
 from __future__ import annotations
@@ -13,6 +9,7 @@ import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import lapack
 
 from ecm._native import mid_frame
 from ecm.effects.pairs import losing_pairs, turns
@@ -52,17 +49,11 @@ def fading(fades: F, grown: F, first: F) -> F:
     >>> fading(np.array([0.5, 0.5]), np.array([[1.0], [0.0]]), np.zeros(1)).tolist()
     [[0.0], [1.0], [0.5]]
     """
-    kept, states = _stretches(fades[:, None]), _stretches(grown)
-    for i in range(1, len(states)):
-        states[i] += kept[i] * states[i - 1]
-        kept[i] *= kept[i - 1]
-    begin = np.empty(states.shape[1:])
-    state = first
-    for place, (share, more) in enumerate(zip(kept[-1], states[-1], strict=True)):
-        begin[place] = state
-        state = share * state + more
-    states += kept * begin
-    return np.concatenate([first[None, :], _joined(states, len(grown))])
+    # x_i - fade_i x_(i-1) = grown_i: a matrix of two diagonals.
+    diagonals = np.ones((2, len(fades) + 1))
+    diagonals[1, :-1] = -fades
+    steps = np.concatenate([first[None, :], grown])
+    return np.asarray(lapack.dtbtrs(diagonals, steps, uplo="L", diag="U")[0])
 
 
 def play(loads: F, width: float | F) -> F:
@@ -82,6 +73,7 @@ def play(loads: F, width: float | F) -> F:
     >>> play(np.array([[3.0], [2.5], [0.0]]), 1.0).tolist()
     [[2.0], [2.0], [1.0]]
     """
+    # The rows are cut into about as many stretches as each has rows, and all take a step together.
     # After each row a slider is between a least and a largest position, wherever it was first.
     least, largest = _stretches(loads - width), _stretches(loads + width)
     for i in range(1, len(least)):

@@ -35,7 +35,7 @@ from ecm.effects.protocol import (
 )
 from ecm.effects.relaxation import play
 from ecm.errors import InputError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, rms
 from ecm.io.columns import JOINT_SIGNS, JOINTS, POSE, unit_of
 from ecm.io.se3 import (
     frames_of_axyb,
@@ -134,7 +134,7 @@ def flange_from_top(table: Table) -> F | Missing:
         _gauss_newton(flanges, poses, *frames_of_axyb(flanges, poses, turns)) for turns in starts
     ]
     tool, spread, normal = min(solved, key=lambda item: float(item[1] @ [1e3, 1e2]))
-    motion = np.array([_rms(poses[:, :3] - poses[:, :3].mean(axis=0)), _rms_rotation(poses)])
+    motion = np.array([rms(poses[:, :3] - poses[:, :3].mean(axis=0)), _rms_rotation(poses)])
     if np.any(
         spread > np.maximum(_MAX_RESIDUAL * motion, 10.0 * np.array([_MIN_SD_M, _MIN_SD_RAD]))
     ):
@@ -192,11 +192,7 @@ def _robust_weights(residual: F) -> tuple[F, F]:
 def _rms_rotation(poses: F) -> float:
     """Rms angle per axis about the mean orientation."""
     turns = rotation(poses[:, 3:])
-    return _rms(rotation_vector(nearest_rotation(turns.mean(axis=0)).T @ turns))
-
-
-def _rms(values: F) -> float:
-    return float(np.sqrt((values**2).mean()))
+    return rms(rotation_vector(nearest_rotation(turns.mean(axis=0)).T @ turns))
 
 
 def _largest_sd(covariance: F) -> float:

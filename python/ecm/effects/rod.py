@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ecm._native import inverse_left_jacobians, left_jacobians, mid_frame, rotation_matrices
-from ecm.io.arrays import F
+from ecm.io.arrays import F, central_differences
+from ecm.io.se3 import poses_of
 from ecm.regression.rows import BodyChange, Rows
 
 
@@ -31,16 +32,9 @@ def stretched(rows: Rows, matrix: F, shift: F) -> F:
     q = mid_frame(rows.poses, length)
     matrix = np.broadcast_to(matrix, (len(rows), 6, 6))
     other = np.einsum("nij,nj->ni", matrix, q) + shift
-    poses = _poses(other, length)
+    poses = poses_of(other, length)
     force = np.einsum("nji,nj->ni", matrix, generalised(poses, rows.predict(poses)))
     return wrench_of(rows.poses, force)
-
-
-def _poses(q: F, length_m: float) -> F:
-    half = rotation_matrices(0.5 * q[:, 3:])
-    lever = q[:, :3] + np.array([length_m, 0.0, 0.0])
-    position = np.einsum("nij,nj->ni", half, lever)
-    return np.ascontiguousarray(np.concatenate([position, q[:, 3:]], axis=1))
 
 
 def generalised(poses: F, wrenches: F) -> F:
@@ -242,14 +236,12 @@ def section_moment_slopes(rows: Rows, along: F) -> F:
     """
     known = rest_stiffness(rows)
     length, share = known.length_m, known.bending_share
-    slopes = np.empty((len(rows), len(along), 3, 6))
-    for j, step in enumerate(_STEP):
-        change = np.zeros(6)
-        change[j] = step
-        load = step * rows.stiffness[:, :, j]
-        up = _moments(rows.poses + change, rows.wrench + load, length, share, along)
-        down = _moments(rows.poses - change, rows.wrench - load, length, share, along)
-        slopes[..., j] = (up - down) / (2.0 * step)
+
+    def moments(change: F) -> F:
+        wrench = rows.wrench + rows.stiffness @ change
+        return _moments(rows.poses + change, wrench, length, share, along)
+
+    slopes = np.stack(central_differences(moments, np.zeros(6), _STEP), axis=3)
     # From rotation vectors to rotation increments, with which torques work.
     inverse = inverse_left_jacobians(rows.rotation_vectors)
     slopes[..., 3:] = np.einsum("npki,nij->npkj", slopes[..., 3:], inverse)

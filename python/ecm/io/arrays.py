@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +27,34 @@ def evenly(count: int, most: int) -> I:
     (array([0, 2, 4]), array([0, 1]))
     """
     return np.linspace(0, count - 1, min(count, most)).astype(np.int64)
+
+
+def rms(values: F) -> float:
+    """Root mean square of numbers of any shape.
+
+    Examples
+    --------
+    >>> rms(np.array([[3.0, 4.0], [0.0, 5.0]])).is_integer(), rms(np.array([2.0, -2.0]))
+    (False, 2.0)
+    """
+    return float(np.sqrt((values**2).mean()))
+
+
+def central_differences(
+    function: Callable[[F], F], at: F, step: float | Sequence[float]
+) -> list[F]:
+    """Derivative of a function of coordinates (..., n) to each of them in turn.
+
+    Examples
+    --------
+    >>> central_differences(lambda x: x[:, 0] * x[:, 1], np.array([[2.0, 3.0]]), 0.5)
+    [array([3.]), array([2.])]
+    """
+    slopes = []
+    for change in np.diag(np.broadcast_to(step, at.shape[-1:])):
+        size = 2.0 * change.sum()
+        slopes.append((function(at + change) - function(at - change)) / size)
+    return slopes
 
 
 def rest_of(z: F, y: F) -> F:

@@ -113,6 +113,23 @@ def wrench_adjoint(frame: tuple[float, ...] | None) -> F:
     return adjoint
 
 
+def poses_of(q: F, length_m: float) -> F:
+    """(N, 6 + m) poses of mid-frame coordinates (N, 6 + m), the inverse of `mid_frame`.
+
+    The m columns behind the six stay.
+
+    Examples
+    --------
+    >>> from ecm._native import mid_frame
+    >>> poses = np.array([[0.1, 0.01, 0.0, 0.0, 0.2, 0.3]])
+    >>> bool(np.allclose(poses_of(mid_frame(poses, 0.1), 0.1), poses))
+    True
+    """
+    half = rotation_matrices(np.ascontiguousarray(0.5 * q[:, 3:6]))
+    position = np.einsum("nij,nj->ni", half, q[:, :3] + np.array([length_m, 0.0, 0.0]))
+    return np.hstack([position, q[:, 3:]])
+
+
 def left_jacobian_inverse(vectors: F) -> F:
     """J(theta)^-1 of (N, 3) rotation vectors: (N, 3, 3), increments to change of the vector."""
     return inverse_left_jacobians(vectors)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, replace
-from typing import Any, cast, get_args
+from typing import Any, cast
 
 import numpy as np
 
@@ -14,9 +14,10 @@ from ecm.io.columns import POSE, WRENCH, amount_columns
 from ecm.io.events import Progress
 from ecm.io.settings import setting
 from ecm.io.table import Table
-from ecm.models.actuated_energy import ORDER, ActuatedMap, ActuatedTerms, Body, kind_of, name_of
+from ecm.models.actuated_energy import ORDER, ActuatedMap, ActuatedTerms, kind_of, name_of
 from ecm.models.errors_in_variables import AllRows, fit_with_pose_noise
 from ecm.models.layout import Layout, array, items, number, one_of, record, text
+from ecm.models.maps import SYMMETRIES, Symmetry
 from ecm.models.noise_estimate import declared_or_fitted
 from ecm.models.specification import FittedMap, ModelSpecification, Weights, length_of
 from ecm.regression.noise import whiteners
@@ -99,7 +100,7 @@ class ActuatedModel(ModelSpecification):
     """
 
     degree: int = setting(4, low=_LEAST_DEGREE, high=_MOST_DEGREE, doc="degree of the energy")
-    symmetry: Body = setting("alike", choices=get_args(Body))
+    symmetry: Symmetry = setting("alike", choices=SYMMETRIES)
     order: int = setting(ORDER, low=1, high=_MOST_ORDER, doc="largest power of the inputs")
 
     kind = "actuated"
@@ -204,7 +205,7 @@ class ActuatedModel(ModelSpecification):
                         "actuators": items(text, least=1),
                         "degree": number(positive=True),
                         "order": number(positive=True),
-                        "symmetry": one_of(*get_args(Body)),
+                        "symmetry": one_of(*SYMMETRIES),
                         "scale": array(None, positive=True),
                         "coefficients_J": array(None),
                         "pure_J": array(None),

@@ -21,18 +21,15 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from ecm._native import mid_frame
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
-from ecm.models.maps import EnergyMap, EnergyTerms, SixAxisMap
+from ecm.models.maps import EnergyMap, EnergyTerms, SixAxisMap, Symmetry
 
-Body = Literal["alike", "revolution", "general"]
-"""alike: equal actuators round the axis, both ends alike; revolution: the ends may differ; general:
-no symmetry."""
 ORDER = 3
 """Largest power of the inputs where a name tells none."""
 _PURE_ORDER = 5
@@ -68,7 +65,9 @@ class ActuatedTerms:
     """Kind of each actuator; those of one kind stand round the axis in this order."""
     degree: int
     order: int
-    body: Body = "alike"
+    body: Symmetry = "alike"
+    """alike: equal actuators round the axis, both ends alike; revolution: the ends may differ;
+    general: no symmetry."""
 
     @property
     def of_pose(self) -> EnergyTerms:
@@ -115,7 +114,7 @@ def _monomials(q: F, powers: I) -> F:
     return np.asarray(np.prod(q[:, None, :] ** powers[None], axis=2))
 
 
-def _elements(kinds: tuple[str, ...], body: Body) -> list[tuple[F, tuple[int, ...]]]:
+def _elements(kinds: tuple[str, ...], body: Symmetry) -> list[tuple[F, tuple[int, ...]]]:
     """Matrices (6, 6) on q, and the actuator that comes in the place of each, of the group."""
     if body == "general":
         return [(np.eye(6), tuple(range(len(kinds))))]
@@ -147,7 +146,7 @@ def _elements(kinds: tuple[str, ...], body: Body) -> list[tuple[F, tuple[int, ..
 
 @cache
 def _product_orbits(
-    kinds: tuple[str, ...], order: int, body: Body
+    kinds: tuple[str, ...], order: int, body: Symmetry
 ) -> tuple[tuple[tuple[int, ...], ...], ...]:
     """Products up to an order that the group moves into each other, by order."""
     places = {moved for _, moved in _elements(kinds, body)} or {()}
@@ -163,7 +162,7 @@ def _product_orbits(
 
 
 @cache
-def _orbits(kinds: tuple[str, ...], degree: int, order: int, body: Body) -> tuple[_Orbit, ...]:
+def _orbits(kinds: tuple[str, ...], degree: int, order: int, body: Symmetry) -> tuple[_Orbit, ...]:
     group = _elements(kinds, body)
     powers = exponents(degree)
     actions = [_action(matrix, powers) for matrix, _ in group]
@@ -441,6 +440,6 @@ def slope_of(a: F, product: tuple[int, ...], by: tuple[int, ...]) -> F:
     return factor * power_of(a, tuple(powers))
 
 
-def name_of(degree: int, order: int, body: Body) -> str:
+def name_of(degree: int, order: int, body: Symmetry) -> str:
     suffix = "" if body == "alike" else f"-{body}"
     return f"actuated{degree}{suffix}" + ("" if order == ORDER else f":{order}")

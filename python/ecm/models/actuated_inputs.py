@@ -1,6 +1,6 @@
 """The free pose at given inputs, and inputs for a pose: nearest, and of least or largest stiffness.
 
-Parameters and errors are those of the methods of `Model` with the same names.
+Parameters and errors are those of the methods of `Model` that call them.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.models.actuated_energy import ActuatedMap, power_of, slope_of
+from ecm.regression.rows import equilibrium
 
 _STARTS = (0.5, 0.0, 1.0)
 """Starts between the limits of the inputs of a search."""
@@ -32,12 +33,12 @@ def free_pose(
     a = np.asarray(inputs, dtype=np.float64)
     rest = np.array([energy.terms.length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
     pose = rest if start is None else np.asarray(start, dtype=np.float64)
-    share, step = 0.0, 1.0
+    none, share, step = np.zeros((1, 0)), 0.0, 1.0
     while share < 1.0:
         aim = min(1.0, share + step)
-        found = _newton(energy, pose, aim * a, aim * goal)
-        if found is not None:
-            pose, share = found, aim
+        moved, found = equilibrium(energy.at(aim * a), pose[None], none, aim * goal, rest[0])
+        if found[0]:
+            pose, share = moved[0], aim
             continue
         step *= 0.5
         if step < 1.0 / 64.0:
@@ -50,60 +51,8 @@ def free_pose(
     return pose, np.asarray(-slope)
 
 
-def _newton(energy: ActuatedMap, pose: F, a: F, goal: F) -> F | None:
-    unit = np.repeat([1.0, energy.terms.length_m], 3)
-    there = energy.at(a)
-    for _ in range(30):
-        gap = goal - there.predict(pose[None])[0]
-        step = np.linalg.solve(there.stiffness(pose[None])[0], gap)
-        largest = np.abs(step * np.repeat([1.0 / energy.terms.length_m, 1.0], 3)).max()
-        if not np.isfinite(largest):
-            return None
-        pose = pose + step * min(1.0, 0.3 / max(largest, 1e-300))
-        if np.linalg.norm(pose[3:]) > np.pi:
-            return None
-        if largest < 1e-12 and np.abs(gap / unit).max() < 1e-6:
-            return np.asarray(pose)
-    return None
-
-
-def actuation_for(
-    energy: ActuatedMap,
-    pose: F,
-    wrench: F | None = None,
-    *,
-    limits: Sequence[tuple[float, float]],
-) -> tuple[F, F]:
-    """Inputs (m,) within limits that hold a pose (6,) against a wrench, and what is left (6,)."""
-    held = _Held(energy, pose, wrench, limits, "actuation_for")
-    a = held.nearest(held.bounds.mean(axis=1))
-    return a * energy.input_scale, held.left(a)
-
-
-def stiffness_range(
-    energy: ActuatedMap,
-    pose: F,
-    wrench: F | None = None,
-    *,
-    limits: Sequence[tuple[float, float]],
-    along: str | F,
-    tolerance: float | F = 0.0,
-) -> tuple[tuple[float, F], tuple[float, F]]:
-    """Least and largest stiffness that inputs give which hold a pose against a wrench."""
-    held = _Held(energy, pose, wrench, limits, "stiffness_range")
-    d = np.asarray([name == along for name in POSE] if isinstance(along, str) else along, float)
-    tolerances = np.broadcast_to(np.asarray(tolerance, dtype=np.float64), 6)
-    if d.shape != (6,) or not d.any() or not (tolerances >= 0.0).all():
-        raise InputError(
-            f"stiffness_range: along = {along!r}, tolerance = {tolerance!r}: expected one of "
-            f"{', '.join(POSE)} or a direction (6,), and 0 or more"
-        )
-    ends = [held.extreme(sign, d, tolerances) for sign in (1.0, -1.0)]
-    return ends[0], ends[1]
-
-
 @dataclass(frozen=True)
-class _Held:
+class Held:
     """A pose that is held against a wrench by inputs within limits, over `input_scale`."""
 
     base: ActuatedMap
@@ -154,6 +103,25 @@ class _Held:
 
         found = least_squares(left, start, jac=slope, bounds=tuple(self.bounds.T), x_scale="jac")
         return np.asarray(found.x)
+
+    def closest(self) -> tuple[F, F]:
+        """Inputs (m,) that leave the least, in their own units, and what is left (6,)."""
+        a = self.nearest(self.bounds.mean(axis=1))
+        return a * self.base.input_scale, self.left(a)
+
+    def stiffness_range(
+        self, along: str | F, tolerance: float | F
+    ) -> tuple[tuple[float, F], tuple[float, F]]:
+        """Least and largest stiffness along a direction, each with its inputs."""
+        own = [name == along for name in POSE] if isinstance(along, str) else along
+        d = np.asarray(own, dtype=np.float64)
+        tolerances = np.broadcast_to(np.asarray(tolerance, dtype=np.float64), 6)
+        if d.shape != (6,) or not d.any() or not (tolerances >= 0.0).all():
+            raise InputError(
+                f"stiffness_range: along = {along!r}, tolerance = {tolerance!r}: expected one of "
+                f"{', '.join(POSE)} or a direction (6,), and 0 or more"
+            )
+        return self.extreme(1.0, d, tolerances), self.extreme(-1.0, d, tolerances)
 
     def extreme(self, sign: float, d: F, tolerance: F) -> tuple[float, F]:
         """The least (sign 1) or largest (-1) stiffness d'Kd, and its inputs in their own units."""

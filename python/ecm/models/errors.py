@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ecm._native import polynomial_regressor
-from ecm.io.arrays import F
+from ecm.io.arrays import F, rms
 from ecm.io.cache import hash_of
 from ecm.io.columns import POSE, same_unit
 from ecm.io.table import Table
@@ -31,17 +31,6 @@ _MOST_ROWS, _MOST_ROWS_OF_A_MODEL = 1000, 3000
 """Rows that give the error of a map at home, and those of a model with its effects."""
 _ROUNDING = 1e-9
 """Share of the readings that is rounding: what never moves is predicted to the last digits only."""
-
-
-def rms(values: F) -> float:
-    """Root mean square of numbers of any shape.
-
-    Examples
-    --------
-    >>> rms(np.array([[3.0, 4.0], [0.0, 5.0]])).is_integer(), rms(np.array([2.0, -2.0]))
-    (False, 2.0)
-    """
-    return float(np.sqrt((values**2).mean()))
 
 
 def worst_over(noise: F, errors: F) -> float:
@@ -97,26 +86,17 @@ def held_out(fit: JointFit) -> float | None:
     parts = folds(table, fit.rows.poses, groups, held_out_by(table, "time"))
     if len(np.unique(parts)) < 2:
         return None
-    design, whitened, scored = fit.design, fit.whitened, table.of_poses
-    held = fit.held_columns
-    if len(held):
-        design = np.delete(design, held, axis=2)
-    if fit.prior is not None:
-        root, response = np.delete(fit.prior[0], held, axis=1), fit.prior[1]
-        more = -(-len(response) // m)
-        rows, expected = np.zeros((more * m, design.shape[2])), np.zeros(more * m)
-        rows[: len(response)], expected[: len(response)] = root, response
-        design = np.concatenate([design, rows.reshape(more, m, -1)])
-        whitened = np.concatenate([whitened, expected.reshape(more, m)])
-        groups = np.append(groups, np.full(more, groups.max() + 1))
-        parts = np.append(parts, np.full(more, parts.max() + 1))
-        scored = np.append(scored, np.zeros(more, dtype=bool))
-    equations = NormalEquations.of(design, whitened, groups)
+    design, scored = fit.design, table.of_poses
+    root, expected = fit.prior or (np.zeros((0, design.shape[2])), np.zeros(0))
+    if len(held := fit.held_columns):
+        design, root = np.delete(design, held, axis=2), np.delete(root, held, axis=1)
+    equations = NormalEquations.of(design, fit.whitened, groups)
     count = int(groups.max()) + 1
     fold_of_group = np.zeros(count, dtype=np.int64)
     fold_of_group[groups] = parts
     counts = np.asarray(np.bincount(groups, scored, count), dtype=np.float64)
-    squares = equations.held_out(range(design.shape[2]), fold_of_group, counts)
+    columns = range(design.shape[2])
+    squares = equations.held_out(columns, fold_of_group, counts, (root, expected))
     return float(np.sqrt(squares.sum() / (counts.sum() * m)))
 
 

@@ -11,16 +11,15 @@ import numpy as np
 from ecm.effects import Missing, Rows
 from ecm.effects.protocol import correction_of
 from ecm.errors import InputError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, central_differences
 from ecm.io.columns import POSE
 from ecm.io.description import Meta, Scene
 from ecm.io.table import Table, TableLike, takes_table
 from ecm.models.actuated import ActuatedMap
-from ecm.models.actuated_inputs import actuation_for, free_pose, stiffness_range
+from ecm.models.actuated_inputs import Held, free_pose
 from ecm.models.joint_fit import FittedEffect
 from ecm.models.maps import (
     StiffnessMap,
-    central_differences,
     finite,
     leverages,
     partial_to,
@@ -230,7 +229,7 @@ class EvaluatedModel:
             The inputs, and the wrench that is still needed at the pose beside them, N and N m.
             Forces and moments over the length count alike.
         """
-        return actuation_for(self.actuated, pose, wrench, limits=limits)
+        return Held(self.actuated, pose, wrench, limits, "actuation_for").closest()
 
     def stiffness_range(
         self,
@@ -268,9 +267,8 @@ class EvaluatedModel:
         ComputationError
             No inputs within the limits hold the pose.
         """
-        return stiffness_range(
-            self.actuated, pose, wrench, limits=limits, along=along, tolerance=tolerance
-        )
+        held = Held(self.actuated, pose, wrench, limits, "stiffness_range")
+        return held.stiffness_range(along, tolerance)
 
     def left_out(self, table: Table) -> dict[str, Missing]:
         """Effects of the model whose columns a table lacks, by id.

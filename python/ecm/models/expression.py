@@ -17,12 +17,12 @@ from typing import Any, cast
 import numpy as np
 
 from ecm.errors import EcmError, InputError, shown
-from ecm.io.arrays import LARGEST, F
+from ecm.io.arrays import LARGEST, F, central_differences
 from ecm.io.columns import POSE, WRENCH, is_standard
 from ecm.io.events import Progress
 from ecm.io.table import Table
 from ecm.io.toml import check_keys, did_you_mean
-from ecm.models.maps import central_differences, partial_to
+from ecm.models.maps import partial_to
 from ecm.models.parameters import (
     Parameter,
     ParametrisedMap,

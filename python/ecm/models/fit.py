@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, cast, get_args
+from typing import Any, cast, get_args
 
 import numpy as np
 from scipy.optimize import nnls
@@ -32,9 +32,6 @@ from ecm.models.registry import parse_model
 from ecm.models.specification import CHOOSE, FittedMap, ModelSpecification, Weights
 from ecm.regression.folds import spread_rows
 from ecm.regression.rows import inputs_of, taken_by, unused_inputs
-
-if TYPE_CHECKING:
-    from ecm.models.model import Model
 
 
 @takes_table()

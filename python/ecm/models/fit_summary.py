@@ -180,9 +180,8 @@ def _shares(
             progress(done, len(seeds))
         results.append(check(table, model, folds=folds, grouped=grouped, seed=seed))
     return {
-        column: float(np.median([result.rmse[column] for result in results])) / spread
-        for column, spread in results[0].spread.items()
-        if spread > 0.0
+        column: float(np.median([result.shares[column] for result in results]))
+        for column in results[0].shares
     }
 
 

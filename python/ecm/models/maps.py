@@ -443,16 +443,6 @@ def refuse_long_rotations(poses: F, inputs: tuple[str, ...]) -> None:
         check_rotations(np.ascontiguousarray(poses[:, places]))
 
 
-def central_differences(function: Callable[[F], F], poses: F, step: float) -> list[F]:
-    """Derivative of a function of poses (N, n) to each of the n coordinates in turn."""
-    slopes = []
-    for j in range(poses.shape[1]):
-        change = np.zeros(poses.shape[1])
-        change[j] = step
-        slopes.append((function(poses + change) - function(poses - change)) / (2.0 * step))
-    return slopes
-
-
 def partial_to(kind: str, partial: F, poses: F, base: Any) -> F:
     """(N, m, n) another kind of stiffness of a map or model, from K; needs all twelve columns."""
     if kind == "partial":

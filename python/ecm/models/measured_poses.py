@@ -16,11 +16,12 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ecm import _native
-from ecm._native import ModelError, mid_frame, rotation_matrices
+from ecm._native import ModelError, mid_frame
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, evenly
 from ecm.io.columns import POSE, WRENCH, same_unit
 from ecm.io.description import Meta
+from ecm.io.se3 import poses_of
 from ecm.io.settings import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
 from ecm.io.table import Table
 from ecm.models.actuated import ActuatedMap
@@ -148,20 +149,6 @@ def noise_sd(model: EvaluatedModel) -> F:
 def coordinates(poses: F, length_m: float) -> F:
     """(N, 6 + m) mid-frame coordinates q = (c, theta) of poses (N, 6 + m); m inputs stay."""
     return np.hstack([mid_frame(np.ascontiguousarray(poses[:, :6]), length_m), poses[:, 6:]])
-
-
-def poses_of(q: F, length_m: float) -> F:
-    """(N, 6 + m) poses of mid-frame coordinates (N, 6 + m); m inputs stay.
-
-    Examples
-    --------
-    >>> poses = np.array([[0.1, 0.01, 0.0, 0.0, 0.2, 0.3]])
-    >>> bool(np.allclose(poses_of(coordinates(poses, 0.1), 0.1), poses))
-    True
-    """
-    half = rotation_matrices(np.ascontiguousarray(0.5 * q[:, 3:6]))
-    position = np.einsum("nij,nj->ni", half, q[:, :3] + np.array([length_m, 0.0, 0.0]))
-    return np.hstack([position, q[:, 3:]])
 
 
 @dataclass(frozen=True)

@@ -14,14 +14,14 @@ from ecm.effects import Effect, effects_for, get_effect
 from ecm.effects.protocol import missing_length
 from ecm.errors import EcmError, InputError
 from ecm.io.arguments import check_arguments
-from ecm.io.arrays import B, F
+from ecm.io.arrays import B, F, rms
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import Progress, Steps
 from ecm.io.extras import require
 from ecm.io.table import Table, TableLike, as_table, takes_table
 from ecm.models import file
 from ecm.models.controller import Controller
-from ecm.models.errors import FitRecord, rms
+from ecm.models.errors import FitRecord
 from ecm.models.evaluation import EvaluatedModel, rows_of_poses
 from ecm.models.file import was_trained_on
 from ecm.models.joint_fit import (

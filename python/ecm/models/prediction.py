@@ -8,7 +8,6 @@ block, by the load alone. The rest measures noise, misfit and forces that are no
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
@@ -16,7 +15,9 @@ from ecm._native import convert_stiffness
 from ecm.io.arrays import F
 from ecm.io.columns import STIFFNESS
 from ecm.io.events import Progress
+from ecm.io.se3 import skew
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
+from ecm.models.maps import StiffnessKind
 from ecm.models.measured_poses import beyond_inputs
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
@@ -63,16 +64,10 @@ def symmetry_of(stiffness: F, poses: F, wrenches: F) -> Symmetry:
     screw = convert_stiffness(
         np.ascontiguousarray(stiffness), poses, wrenches, source="partial", target="screw"
     )
-    x, y, z = wrenches[:, 3:].T
-    o = np.zeros_like(x)
-    cross = np.stack([np.stack([o, -z, y]), np.stack([z, o, -x]), np.stack([-y, x, o])])
     rest = screw.copy()
-    rest[:, 3:, 3:] += 0.5 * np.moveaxis(cross, 2, 0)
-    symmetric, skew = _parts(stiffness)
-    symmetric_left, skew_left = _parts(rest)
-    return Symmetry(
-        symmetric, skew, _share(symmetric, stiffness), skew_left, _share(symmetric_left, rest)
-    )
+    rest[:, 3:, 3:] += 0.5 * skew(wrenches[:, 3:])
+    of_all, left = _parts(stiffness), _parts(rest)
+    return Symmetry(*of_all, _share(of_all[0], stiffness), left[1], _share(left[0], rest))
 
 
 def _parts(matrix: F) -> tuple[F, F]:
@@ -85,7 +80,6 @@ def _share(part: F, matrix: F) -> F:
     return np.asarray(top / np.linalg.norm(matrix, 2, axis=(1, 2)))
 
 
-StiffnessKind = Literal["partial", "generalised", "screw"]
 _REACH_MARGIN = 1.05
 """Nearer to its reach the physics base errs as little as within it."""
 _ERROR_AT, _GROWTH = 0.01, 3.5

@@ -9,18 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ecm.effects.protocol import Effect
 from ecm.errors import ComputationError, EcmError, InputError, Remedy
 from ecm.io.arguments import listed
-from ecm.io.arrays import B, F
+from ecm.io.arrays import B, F, rms
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.events import Progress
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
-from ecm.models.errors import errors_and_noise, held_out, rms
+from ecm.models.errors import errors_and_noise, held_out
 from ecm.models.fit import choose_base, fit_rows
 from ecm.models.given import as_model
 from ecm.models.joint_fit import joint_fit
@@ -36,11 +36,8 @@ from ecm.regression.folds import (
     spread_rows,
     without_zero_readings,
 )
+from ecm.regression.noise import Noise
 from ecm.regression.rows import Rows, is_whole, naming_wild_readings
-
-if TYPE_CHECKING:
-    from ecm.regression.noise import Noise
-
 
 FAR_BEYOND_NOISE = 2.2
 """Error over the noise that a noise stated half as large does not explain."""
@@ -48,22 +45,20 @@ _TIMES = 2.0
 """A model that errs so many times as much as a base fitted to the rows lacks something."""
 
 
-def is_far_behind(error: float, of_base: float, most: float = FAR_BEYOND_NOISE) -> bool:
+def is_far_behind(error: float, of_base: float) -> bool:
     """Whether a model errs far beyond the noise and a base fitted to the rows does not.
 
     Parameters
     ----------
     error, of_base
         Over the noise, of the model as it stands and of the base on held-out rows.
-    most
-        Error over the noise up to which the noise may be to blame.
 
     Examples
     --------
     >>> is_far_behind(6.0, 1.1), is_far_behind(6.0, 5.0), is_far_behind(1.9, 0.5)
     (True, False, False)
     """
-    return error > max(most, _TIMES * of_base)
+    return error > max(FAR_BEYOND_NOISE, _TIMES * of_base)
 
 
 def base_and_error(model: Model, table: Table, noise: Noise) -> tuple[str, float] | None:

@@ -15,30 +15,26 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypeVar, cast
 
 import numpy as np
+from scipy.optimize import least_squares
 
-from ecm._native import (
-    left_jacobians,
-    mid_frame,
-    rod_poses,
-    rod_wrenches,
-    rotation_matrices,
-)
+from ecm._native import mid_frame, rod_poses, rod_wrenches
+from ecm.effects.rod import wrench_of
 from ecm.errors import ComputationError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, central_differences
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import Progress
+from ecm.io.mechanism import ROD_SECTIONS
 from ecm.io.table import Table
 from ecm.models.layout import Layout, exactly, number, record
-from ecm.models.maps import (
-    EnergyTerms,
-    SixAxisMap,
-    StiffnessMap,
-    central_differences,
-    finite,
-    partial_to,
-)
+from ecm.models.maps import EnergyTerms, SixAxisMap, StiffnessMap, finite, partial_to
 from ecm.models.noise_estimate import declared_or_fitted
-from ecm.models.partial import fit_measured, is_partial, need_pose, need_whole_wrench
+from ecm.models.partial import (
+    fit_measured,
+    is_partial,
+    need_pose,
+    need_whole_wrench,
+    whole_map,
+)
 from ecm.models.specification import (
     FittedMap,
     ModelSpecification,
@@ -135,30 +131,21 @@ class ConstantCurvatureMap(_Backbone):
         force[:, 4:, 0] = (stretch * chord * slope)[:, None] * q[:, 4:]
         force[:, 4:, 1] = q[:, 4:]
         force[:, 3, 2] = q[:, 3]
-        return _wrench_of(poses, force)
+        return np.stack([wrench_of(poses, each) for each in np.moveaxis(force, 2, 0)], axis=2)
 
     def predict(self, poses: F) -> F:
         """(N, 6) poses to (N, 6) wrenches."""
         return finite("the prediction", lambda: self.columns(poses) @ self.parameters)
 
 
-def _wrench_of(poses: F, force: F) -> F:
-    """(N, 6, k) h of generalised forces Q in mid-frame coordinates."""
-    theta = np.ascontiguousarray(poses[:, 3:])
-    half = rotation_matrices(0.5 * theta)
-    f = half @ force[:, :3]
-    lever = np.cross(poses[:, :3, None], f, axis=1)
-    turned = 0.5 * np.swapaxes(left_jacobians(0.5 * theta), 1, 2) @ lever
-    jacobian = np.swapaxes(left_jacobians(theta), 1, 2)
-    return np.concatenate([f, np.linalg.solve(jacobian, force[:, 3:] - turned)], axis=1)
-
-
-ROD_SECTIONS = (
-    "axial_stiffness_N",
-    "shear_stiffness_N",
-    "bending_stiffness_Nm2",
-    "torsion_stiffness_Nm2",
-)
+def rod_sections(compliance: F, length_m: float) -> dict[str, float]:
+    """EA, GA, EI, GJ of the clamped rod with this compliance (6,) at rest; means over y and z."""
+    bending = 2.0 * length_m / (compliance[4] + compliance[5])
+    lateral = 0.5 * (compliance[1] + compliance[2])
+    # c_yy = L/GA + L^3/(3 EI); for a body unlike a rod the shear part may be too small.
+    shear = max(lateral - length_m**3 / (3.0 * bending), 0.05 * lateral)
+    sections = (length_m / compliance[0], length_m / shear, bending, length_m / compliance[3])
+    return dict(zip(ROD_SECTIONS, map(float, sections), strict=True))
 
 
 @dataclass(frozen=True)
@@ -210,18 +197,15 @@ class RodMap(_Backbone):
         k = np.array(
             [ea / self.length, lateral, lateral, gj / self.length, *[ei / self.length] * 2]
         )
-        return np.asarray(_wrench_of(poses, (q * k)[:, :, None])[:, :, 0])
+        return wrench_of(poses, q * k)
 
     def columns(self, poses: F) -> F:
         """(N, 6, 4) derivative to the parameters, by central differences."""
-        columns = np.empty((len(poses), 6, 4))
-        for t in range(4):
-            step = np.zeros(4)
-            step[t] = 1e-5 * self.parameters[t]
-            plus = self.with_coefficients(self.parameters + step).predict(poses)
-            minus = self.with_coefficients(self.parameters - step).predict(poses)
-            columns[:, :, t] = (plus - minus) / (2.0 * step[t])
-        return columns
+        steps = (1e-5 * self.parameters).tolist()
+        slopes = central_differences(
+            lambda at: self.with_coefficients(at).predict(poses), self.parameters, steps
+        )
+        return np.stack(slopes, axis=2)
 
 
 def _layout(names: Sequence[str], parameter: Layout) -> Layout:
@@ -249,17 +233,11 @@ class ConstantCurvatureModel(ModelSpecification):
     ) -> FittedMap:
         """Least squares, each component over its own standard deviation."""
         need_pose(table, self.name)
-        length = length_of(table, self.name)
+        start = ConstantCurvatureMap(length_of(table, self.name), np.zeros(3))
         if is_partial(table):
-            start = ConstantCurvatureMap(length, np.zeros(3))
             return fit_measured(start, table, progress=progress)
-        spread = table.wrenches.std(axis=0)
-        scale = np.where(spread > 0.0, spread, 1.0)
-        base = ConstantCurvatureMap(length, np.ones(3))
-        z = (base.columns(table.poses) / scale[:, None]).reshape(-1, 3)
-        parameters = np.linalg.lstsq(z, (table.wrenches / scale).ravel(), rcond=None)[0]
-        base = ConstantCurvatureMap(length, np.asarray(parameters, dtype=np.float64))
-        return FittedMap(base, declared_or_fitted(base, table))
+        found = fit_measured(start, table, spread=True)
+        return FittedMap(whole_map(found.base), found.noise)
 
     @staticmethod
     def layout(n: int, m: int) -> Layout:
@@ -287,7 +265,7 @@ class RodModel(ModelSpecification):
     def fit_map(
         self, table: Table, weights: Weights, progress: Progress | None = None
     ) -> FittedMap:
-        """Gauss-Newton on the poses that the rod takes under the measured wrenches."""
+        """Least squares of the poses that the rod takes under the measured wrenches."""
         need_whole_wrench(table, self.name)
         poses, wrenches = map(np.ascontiguousarray, (table.poses, table.wrenches))
         base = fit_rod(poses, wrenches, length_of(table, self.name), progress)
@@ -302,7 +280,7 @@ class RodModel(ModelSpecification):
 
 
 def fit_rod(poses: F, wrenches: F, length: float, progress: Progress | None = None) -> RodMap:
-    """Damped Gauss-Newton on the logarithms of the four section stiffnesses.
+    """Least squares of the logarithms of the four section stiffnesses.
 
     On poses, not wrenches: `rod_poses` always answers, its inverse not. It starts from the
     stiffness at rest of an energy of degree 4, where lateral = 1/(L/GA + L^3/(12 EI)).
@@ -319,35 +297,27 @@ def fit_rod(poses: F, wrenches: F, length: float, progress: Progress | None = No
             "the measured stiffness at rest is not that of a rod: not positive. Check units and "
             "signs of the wrench (ecm check), or fit energy4"
         )
-    axial, _, _, torsion, _, bending = rest
-    bend = length / bending
-    shear = length / max(rest[1] - length**3 / (3.0 * bend), 0.05 * rest[1])
-    logs = np.log([length / axial, shear, bend, length / torsion])
+    logs = np.log([*rod_sections(rest, length).values()])
+    solved, most = 0, 9 * _FIT_ITERATIONS
 
-    solved, most = 0, 1 + 9 * _FIT_ITERATIONS
-
-    def residual(at: F) -> F:
+    def left(at: F) -> F:
         nonlocal solved
         if progress is not None:
-            progress(solved, most, f"step {solved // 9 + 1} of at most {_FIT_ITERATIONS}")
+            progress(
+                min(solved, most), most, f"step {solved // 9 + 1} of at most {_FIT_ITERATIONS}"
+            )
         solved += 1
-        return np.asarray((poses - RodMap(length, np.exp(at))._poses(wrenches)) / scale)
+        errors = (poses - RodMap(length, np.exp(at))._poses(wrenches)) / scale
+        # A pose that the rod does not take errs by the whole length, or by a radian.
+        return np.where(np.isfinite(errors), errors, 1.0).ravel()
 
-    now, damping = residual(logs), 1e-4
-    for _ in range(_FIT_ITERATIONS):
-        steps = 1e-4 * np.eye(4)
-        slope = np.stack([(residual(logs - s) - residual(logs + s)) / 2e-4 for s in steps], axis=2)
-        rows = np.isfinite(now).all(axis=1) & np.isfinite(slope).all(axis=(1, 2))
-        z, y = slope[rows].reshape(-1, 4), now[rows].ravel()
-        normal = z.T @ z
-        scaled = normal + damping * np.diag(np.diag(normal) + 1e-300)
-        move = np.clip(np.linalg.lstsq(scaled, z.T @ y, rcond=None)[0], -0.5, 0.5)
-        trial = residual(np.clip(logs + move, -20.0, 20.0))
-        both = np.isfinite(now) & np.isfinite(trial)
-        if float((trial[both] ** 2).sum()) > float((now[both] ** 2).sum()):
-            damping *= 10.0
-            continue
-        logs, now, damping = np.clip(logs + move, -20.0, 20.0), trial, 0.1 * damping
-        if float(np.abs(move).max()) < 1e-7:
-            break
-    return RodMap(length, np.exp(logs))
+    found = least_squares(
+        left,
+        logs,
+        "3-point",
+        (-20.0, 20.0),
+        diff_step=np.full(4, 1e-4),
+        max_nfev=_FIT_ITERATIONS,
+        xtol=1e-10,
+    )
+    return RodMap(length, np.exp(found.x))

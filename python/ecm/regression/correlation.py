@@ -20,6 +20,7 @@ from ecm.io.table import Table
 from ecm.regression.approach import order_of_visits
 from ecm.regression.blocks import in_threads
 from ecm.regression.f_test import orthonormal
+from ecm.regression.normal_equations import explained_by_blocks
 
 
 def speeds(table: Table) -> dict[str, F]:
@@ -369,7 +370,8 @@ def _deviances(
             squares = np.diag(products)[-r:]
             level = m * log_determinant[g]
             null[start + g] = size * np.log(squares / size) + level
-            gains = _gains(products, r, blocks)
+            equations = products[:-r, :-r], products[:-r, -r:]
+            gains = explained_by_blocks(equations, equations, blocks)
             left = np.maximum(squares - gains, 1e-12 * squares)
             beside[start + g] = size * np.log(left / size) + level + penalty
 
@@ -404,18 +406,3 @@ def _filtered(steps: F, grid: F, values: F) -> tuple[F, F]:
         variance = variance * (1.0 - share) / total
         log_determinant += np.log(total)
     return out.reshape(len(grid), n * m, q), log_determinant
-
-
-def _gains(products: F, r: int, blocks: Sequence[tuple[int, ...]]) -> F:
-    """Return (b, r) the squares of each response, the last r, that each block explains."""
-    vectors = products[:-r, -r:]
-    gains = np.empty((len(blocks), r))
-    sizes = np.array([len(block) for block in blocks], dtype=np.int64)
-    for k in np.unique(sizes).tolist():
-        which = np.flatnonzero(sizes == k)
-        take = np.array([blocks[i] for i in which.tolist()], dtype=np.int64)
-        own = products[take[:, :, None], take[:, None, :]]
-        ridge = 1e-10 * np.maximum(np.einsum("bii->bi", own), 1e-200)
-        own += ridge[:, :, None] * np.eye(k)
-        gains[which] = (vectors[take] * np.linalg.solve(own, vectors[take])).sum(axis=1)
-    return gains

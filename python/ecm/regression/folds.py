@@ -18,6 +18,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ecm.io.arrays import B, F, I, evenly
 from ecm.io.table import Table
@@ -48,7 +49,7 @@ def zero_of_rows(time_s: F, taken_s: F, readings: F) -> F:
     return np.stack([np.interp(time_s, taken_s, axis) for axis in readings.T], axis=1)
 
 
-_STRETCHES = 12
+_STRETCHES, _FOLDS = 12, 5
 
 
 def row_groups(table: Table) -> I:
@@ -66,14 +67,11 @@ def row_groups(table: Table) -> I:
         names = ["pose_id"]
     if not names:
         return own
-    keys = np.stack([_codes(table, name) for name in names], axis=1)
-    _, codes = np.unique(keys, axis=0, return_inverse=True)
-    groups = np.asarray(codes, dtype=np.int64).ravel()
+    groups = _codes(np.stack([_codes_of(table, name) for name in names], axis=1))
     if table.has("kind"):
         checks = ~table.of_poses
         groups = np.where(checks, groups.max() + 1 + own, groups)
-    _, packed = np.unique(groups, return_inverse=True)
-    return np.asarray(packed, dtype=np.int64).ravel()
+    return _codes(groups)
 
 
 def held_out_by(table: Table, kind: str) -> Literal["time", "pose", "run"]:
@@ -145,20 +143,22 @@ def distinct_rows(table: Table) -> I:
     return np.flatnonzero(keep)
 
 
-def _codes(table: Table, name: str) -> I:
+def _codes_of(table: Table, name: str) -> I:
     values = table.columns[name]
-    if values.dtype == object:
-        values = np.array([str(v) for v in values])
-    _, codes = np.unique(values, return_inverse=True)
-    return np.asarray(codes, dtype=np.int64).ravel()
+    return _codes(np.array([str(v) for v in values]) if values.dtype == object else values)
 
 
-def folds(table: Table, poses: F, groups: I, by: Literal["time", "pose", "run"], n: int = 5) -> I:
-    """(N,) fold of each row; groups are not split, fewer groups than n give fewer folds."""
+def _codes(values: NDArray[Any]) -> I:
+    """(N,) the place of each value or row of values among the different ones."""
+    return np.unique(values, axis=0, return_inverse=True)[1].astype(np.int64).ravel()
+
+
+def folds(table: Table, poses: F, groups: I, by: Literal["time", "pose", "run"]) -> I:
+    """(N,) fold of each row of five; groups are not split, fewer groups give fewer folds."""
     if by == "run" and table.has("run"):
-        return _codes(table, "run")
+        return _codes_of(table, "run")
     count = int(groups.max()) + 1
-    n = max(2, min(n, count))
+    n = max(2, min(_FOLDS, count))
     if by == "time":
         when = table.column("time_s") if table.has("time_s") else np.arange(len(table)) * 1.0
         middle = np.bincount(groups, weights=when) / np.bincount(groups)
@@ -207,8 +207,7 @@ def repeat_cells(table: Table) -> I:
     keys = [table.column("pose_id")]
     if table.has("run"):
         keys.append(table.column("run"))
-    _, codes = np.unique(np.stack(keys, axis=1), axis=0, return_inverse=True)
-    cells = np.asarray(codes, dtype=np.int64).ravel()
+    cells = _codes(np.stack(keys, axis=1))
     return np.where(table.of_poses, cells, cells.max() + 1 + own)
 
 

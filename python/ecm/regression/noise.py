@@ -24,7 +24,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ecm.errors import InputError
-from ecm.io.arrays import F, I, evenly
+from ecm.io.arrays import F, I, evenly, rest_of
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.regression.folds import repeat_contrasts
@@ -111,7 +111,7 @@ class Noise:
         covariance = acting @ np.swapaxes(acting, 1, 2)
         covariance += np.diag(np.square(of_wrench))
         if self.growth_per_N > 0.0 or self.growth_per_Nm > 0.0:
-            covariance += self._grown(rows)
+            covariance += self.grown(rows)
         if base_error is not None:
             loaded = (~rows.unloaded).astype(np.float64)
             covariance += loaded[:, None, None] * np.diag(np.square(base_error))
@@ -127,8 +127,8 @@ class Noise:
         """(N, m) of the residual of each row."""
         return np.asarray(np.einsum("njj->nj", self.covariance(rows, base_error)))
 
-    def _grown(self, rows: Rows) -> F:
-        """(N, m, m) diagonal (sigma g h)^2."""
+    def grown(self, rows: Rows) -> F:
+        """(N, m, m) diagonal (sigma g h)^2, by which the load raises the covariance."""
         force = np.array([name in WRENCH[:3] for name in rows.base.outputs])
         sd = np.where(force, self.force_sd_N, self.torque_sd_Nm)
         growth = np.where(force, self.growth_per_N, self.growth_per_Nm)
@@ -524,7 +524,4 @@ def _left(data: _Contrasts, log_variance: F) -> F:
     whitener = np.linalg.inv(np.linalg.cholesky(covariance))
     y = np.einsum("cij,cj->ci", whitener, data.response).ravel()
     x = np.einsum("cij,cjk->cik", whitener, data.nuisance).reshape(count * m, -1)
-    norms = np.sqrt((x**2).sum(axis=0))
-    x = x / np.where(norms > 0.0, norms, 1.0)
-    y = y - x @ np.linalg.lstsq(x, y, rcond=1e-10)[0]
-    return np.asarray((y.reshape(count, m) ** 2).sum(axis=1))
+    return np.asarray((rest_of(x, y).reshape(count, m) ** 2).sum(axis=1))

@@ -84,13 +84,26 @@ class NormalEquations:
         matrix[np.diag_indices_from(matrix)] += self.precision
         return matrix, self.response @ self.rows, float(self.squares.sum())
 
-    def held_out(self, columns: Sequence[int], fold_of_group: I, scored: F) -> F:
+    def held_out(
+        self,
+        columns: Sequence[int],
+        fold_of_group: I,
+        scored: F,
+        known: tuple[F, F] | None = None,
+    ) -> F:
         """(g,) held-out sum of squares of each group, fitted without its fold.
 
-        scored: (g,) 1 for groups that count, 0 for others (their squares are set to 0).
+        Parameters
+        ----------
+        scored
+            (g,) 1 for groups that count, 0 for others (their squares are set to 0).
+        known
+            Whitened rows (r, k) of these columns, and their response (r,), that no fold leaves out.
         """
         own = self.only(columns)
         matrix, vector, _ = own.total()
+        if known is not None:
+            matrix, vector = matrix + known[0].T @ known[0], vector + known[1] @ known[0]
         result = np.zeros(len(self.squares))
         group = np.repeat(np.arange(len(self.squares)), np.diff(self.bounds))
         # By the rows of each fold: a matrix of each group would hold k times as much as all rows.
@@ -181,12 +194,13 @@ def explained_by_blocks(
     Parameters
     ----------
     left
-        `projected_out` of the equations.
+        `projected_out` of the equations; with r responses (k, r) the result is (b, r).
     signs
-        (k,) 1 or -1 for a coefficient that may only be positive or negative, else 0: columns of
-        the wrong sign are left out of their block.
+        Of one response: (k,) 1 or -1 for a coefficient that may only be positive or negative, else
+        0: columns of the wrong sign are left out of their block.
     """
-    squares = np.zeros(len(blocks))
+    squares = np.zeros((len(blocks), *left[1].shape[1:]))
+    responses = left[1] if left[1].ndim > 1 else left[1][:, None]
     ridge = RIDGE * np.maximum(np.diag(equations[0]), 1e-200)
     sizes = np.array([len(block) for block in blocks], dtype=np.int64)
     for size in np.unique(sizes).tolist():
@@ -194,12 +208,12 @@ def explained_by_blocks(
         take = np.array([blocks[i] for i in which], dtype=np.int64).reshape(len(which), size)
         matrices = left[0][take[:, :, None], take[:, None, :]]
         matrices[:, np.arange(size), np.arange(size)] += ridge[take]
-        vectors = left[1][take]
-        solved = np.linalg.solve(matrices, vectors[:, :, None])[:, :, 0]
-        squares[which] = (vectors * solved).sum(axis=1)
+        vectors = responses[take]
+        solved = np.linalg.solve(matrices, vectors)
+        squares[which] = (vectors * solved).sum(axis=1).reshape(len(which), *squares.shape[1:])
         if signs is None:
             continue
-        wrong = signs[take] * solved < 0.0
+        wrong = signs[take] * solved[:, :, 0] < 0.0
         bounded = np.flatnonzero(wrong.any(axis=1))
         if len(bounded):
             fewer = [tuple(take[i, ~wrong[i]].tolist()) for i in bounded]

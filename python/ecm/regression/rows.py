@@ -252,8 +252,37 @@ def is_whole(base: BaseMap) -> bool:
     return base.inputs == POSE and base.outputs == WRENCH
 
 
-_FREE_STEPS, _LONGEST_STEP = 12, 0.3
-"""Steps of Newton's method to a free pose, and the longest, over the length and in rad."""
+_MOST_STEPS, _LONGEST_STEP = 30, 0.3
+"""Steps of Newton's method to a pose, and the longest, over the length and in rad."""
+_FOUND, _ENDED = 1e-6, 1e-12
+"""Last step of a pose that is found, and that after which there is nothing left to mend."""
+
+
+def equilibrium(base: BaseMap, start: F, inputs: F, wrench: F, length_m: float) -> tuple[F, B]:
+    """(N, 6) poses at which a map has a wrench, and whether Newton's method found them: (N,).
+
+    Parameters
+    ----------
+    start, inputs
+        (N, 6) poses, and (N, a) inputs of the map's actuators.
+    wrench
+        (6,) for all rows.
+    length_m
+        Length by which translations count beside rotations.
+    """
+    poses, size = start, np.repeat([length_m, 1.0], 3)
+    for _ in range(_MOST_STEPS):
+        at = np.hstack([poses, inputs])
+        gap = (wrench - base.predict(at))[:, :, None]
+        step = np.linalg.solve(base.stiffness(at), gap)[:, :, 0]
+        largest = np.abs(step / size).max(axis=1)
+        moved = poses + step * np.minimum(1.0, _LONGEST_STEP / np.maximum(largest, 1e-300))[:, None]
+        # Beyond half a turn no map knows anything: such a row begins again, and is not found.
+        known = np.linalg.norm(moved[:, 3:], axis=1) <= np.pi
+        poses = np.where(known[:, None], moved, start)
+        if (largest < _ENDED).all():
+            break
+    return poses, known & (largest < _FOUND)
 
 
 @dataclass(frozen=True)
@@ -402,17 +431,10 @@ class Rows:
 
         By Newton's method from the undeformed pose, which stays where there is none.
         """
-        base: Any = self.base
-        inputs = self.table.matrix(actuators_of(base))
+        inputs = self.table.matrix(actuators_of(self.base))
         rest = np.tile(self.rest_pose, (len(inputs), 1))
-        size = np.repeat([self.length_m, 1.0], 3)
-        free = rest.copy()
-        for _ in range(_FREE_STEPS):
-            at = np.hstack([free, inputs])
-            step = np.linalg.solve(base.stiffness(at), base.predict(at)[:, :, None])[:, :, 0]
-            largest = np.abs(step / size).max(axis=1, keepdims=True)
-            free = free - step * np.minimum(1.0, _LONGEST_STEP / np.maximum(largest, 1e-300))
-        return np.asarray(np.where(largest < 1e-6, free, rest))
+        free, found = equilibrium(self.base, rest, inputs, np.zeros(6), self.length_m)
+        return np.where(found[:, None], free, rest)
 
     @cached_property
     def screw_stiffness(self) -> F:

@@ -19,11 +19,11 @@ takes half a minute to load. So polynomials are fitted over poses like the measu
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations_with_replacement
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from ecm._native import left_jacobians, rotation_matrices
+from ecm._native import left_jacobians, polynomial_exponents
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import WRENCH
@@ -283,15 +283,13 @@ def deflections(poses: F) -> tuple[F, F]:
     >>> at.round(3).tolist()
     [[0.1, 0.0, 0.0, -0.0, 0.0, 0.5]]
     """
-    turned = rotation_matrices(np.ascontiguousarray(poses[:, 3:]))
-    a = np.arctan2(-turned[:, 1, 2], turned[:, 2, 2])
-    b = np.arcsin(np.clip(turned[:, 0, 2], -1.0, 1.0))
-    c = np.arctan2(-turned[:, 0, 1], turned[:, 0, 0])
+    turned = Rotation.from_rotvec(poses[:, 3:])
+    angles = turned.as_euler("XYZ")
     axes = np.zeros((len(poses), 3, 3))
     axes[:, 0, 0] = 1.0
-    axes[:, 1, 1], axes[:, 1, 2] = np.cos(a), np.sin(a)
-    axes[:, 2] = turned[:, :, 2]
-    return np.column_stack([poses[:, :3], a, b, c]), axes
+    axes[:, 1, 1], axes[:, 1, 2] = np.cos(angles[:, 0]), np.sin(angles[:, 0])
+    axes[:, 2] = turned.as_matrix()[:, :, 2]
+    return np.hstack([poses[:, :3], angles]), axes
 
 
 def fitted_expressions(poses: F, wrenches: F, noise: F) -> tuple[dict[str, str], int, float]:
@@ -305,7 +303,7 @@ def fitted_expressions(poses: F, wrenches: F, noise: F) -> tuple[dict[str, str],
     kept = np.arange(len(poses)) % 4 > 0  # the fourth part tells the error
     best = None
     for degree in _DEGREES:
-        powers = _powers(degree)
+        powers = polynomial_exponents(len(DEFLECTIONS), degree)
         if len(powers) > kept.sum():
             break
         columns = np.prod(u[:, None, :] ** powers, axis=2)
@@ -318,7 +316,7 @@ def fitted_expressions(poses: F, wrenches: F, noise: F) -> tuple[dict[str, str],
         if change < _ALIKE:
             break
     if best is None:
-        least = 4 * len(_powers(_DEGREES[0])) // 3 + 2
+        least = 4 * len(polynomial_exponents(len(DEFLECTIONS), _DEGREES[0])) // 3 + 2
         raise InputError(
             f"--to opensim: {len(poses)} poses like the measured ones are too few for polynomials, "
             f"at least {least} are needed: measure more, or export to c"
@@ -340,13 +338,6 @@ def fitted_expressions(poses: F, wrenches: F, noise: F) -> tuple[dict[str, str],
         degree,
         change,
     )
-
-
-def _powers(degree: int) -> F:
-    chosen = (
-        some for k in range(degree + 1) for some in combinations_with_replacement(range(6), k)
-    )
-    return np.array([[some.count(i) for i in range(6)] for some in chosen])
 
 
 def _horner(terms: dict[tuple[int, ...], float]) -> str:

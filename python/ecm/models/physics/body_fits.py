@@ -16,9 +16,10 @@ import numpy as np
 from ecm._native import convert_stiffness, d_optimal, mid_frame, rod_poses
 from ecm.errors import ComputationError
 from ecm.fem.simulate import TABLE_I_MAX, TABLE_I_MIN
-from ecm.io.arrays import B, F
+from ecm.io.arrays import B, F, central_differences
 from ecm.models.maps import EnergyTerms, Symmetry
 from ecm.models.physics.family import POWER, PhysicsFamily, poisson_ratio
+from ecm.models.rod import rod_sections
 from ecm.regression.noise import whiteners
 
 ROTATION_LIMIT_RAD = 0.8
@@ -35,26 +36,14 @@ _DEGREE = 6
 
 
 def rod_like(stiffness: F, length_m: float) -> dict[str, float]:
-    """EA, GA, EI, GJ of the rod with the (6, 6) stiffness at rest, lateral = 1/(L/GA + L^3/12EI).
-
-    For a clamped end; means over y and z, couplings between axes are ignored.
-    """
+    """EA, GA, EI, GJ of the rod with the (6, 6) stiffness at rest, without couplings of axes."""
     compliance = np.diag(np.linalg.inv(stiffness))
     if not np.all(compliance > 0.0):
         raise ComputationError(
             "the body is not stable at rest: the inverse of its stiffness has a negative diagonal; "
             "check the mesh's faces and the material"
         )
-    bending = 2.0 * length_m / (compliance[4] + compliance[5])
-    lateral = 0.5 * (compliance[1] + compliance[2])
-    # c_yy = L/GA + L^3/(3 EI); for a body unlike a rod the shear part may be too small.
-    shear = max(lateral - length_m**3 / (3.0 * bending), 0.05 * lateral)
-    return {
-        "axial_stiffness_N": float(length_m / compliance[0]),
-        "shear_stiffness_N": float(length_m / shear),
-        "bending_stiffness_Nm2": float(bending),
-        "torsion_stiffness_Nm2": float(length_m / compliance[3]),
-    }
+    return rod_sections(compliance, length_m)
 
 
 def wrench_box(bending_Nm2: float, length_m: float) -> tuple[F, F]:
@@ -267,14 +256,11 @@ class BodyFits:
         rows = self._rows(self.poses, symmetry, degree)
         if 2 * rows.shape[2] > 27 * len(self.poses):
             return None
-        slopes = np.empty((len(self.poses), 6, 6, rows.shape[2]))
-        for j in range(6):
-            step = np.zeros(6)
-            step[j] = 2e-5 if j < 3 else 2e-4
-            up = self._rows(self.poses + step, symmetry, degree)
-            down = self._rows(self.poses - step, symmetry, degree)
-            slopes[:, :, j] = (up - down) * (_STEP[j] / (2.0 * step[j]))
-        matrix = np.concatenate([rows[:, :, None], slopes], axis=2)
+        slopes = central_differences(
+            lambda at: self._rows(at, symmetry, degree), self.poses, [2e-5] * 3 + [2e-4] * 3
+        )
+        weighed = [size * slope for size, slope in zip(_STEP, slopes, strict=True)]
+        matrix = np.stack([rows, *weighed], axis=2)
         target = np.stack(
             [
                 np.concatenate([b.wrenches[:, :, None], b.stiffness * _STEP], axis=2)

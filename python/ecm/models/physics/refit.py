@@ -38,44 +38,6 @@ OWN_ERROR_LIMIT = 0.15
 """Error over noise above which the base imitates effects; the covariance includes it anyway."""
 
 
-@dataclass(frozen=True)
-class PhysicsRefit:
-    """Fitted parameters of a body."""
-
-    base: PhysicsMap
-    covariance: F
-    """(k, k) of the free parameters, from the noise alone."""
-    at_bound: tuple[str, ...]
-    """Parameters at the limit of the tabulated range, or at nu = 0.5."""
-    converged: bool
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Free parameters: young_modulus_Pa, poisson_ratio, length_m, diameter_m, or factor."""
-        return self.base.parameter_names
-
-    @property
-    def values(self) -> F:
-        """(k,) in the unit of their name."""
-        return self.base.coefficients
-
-    @property
-    def sd(self) -> F:
-        """(k,) standard deviations."""
-        return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
-
-    @property
-    def correlation(self) -> F:
-        """(k, k)."""
-        scale = np.where(self.sd > 0.0, self.sd, 1.0)
-        return np.asarray(self.covariance / np.outer(scale, scale))
-
-    def sentences(self) -> list[str]:
-        """One line per parameter, and their correlations."""
-        lines = physics_sentences(self.base, self.covariance)
-        return lines + [f"{name} is at the limit of the model" for name in self.at_bound]
-
-
 _SHOWN: dict[str, tuple[str, str, float]] = {
     "young_modulus_Pa": ("E", "MPa", 1e-6),
     "poisson_ratio": ("nu", "", 1.0),
@@ -100,6 +62,7 @@ def physics_sentences(base: PhysicsMap, covariance: F) -> list[str]:
         for j in range(i + 1, len(shown))
     ]
     lines += [f"correlation of {', '.join(pairs)}"] if pairs else []
+    lines += [f"{name} is at the limit of the model" for name in _at_limit(base)]
     own = 0.0 if base.family is None else float(base.family.error_over_noise[:2].max())
     if own > OWN_ERROR_LIMIT:
         lines.append(
@@ -113,6 +76,14 @@ def physics_sentences(base: PhysicsMap, covariance: F) -> list[str]:
     return lines
 
 
+def _at_limit(base: PhysicsMap) -> list[str]:
+    """Free parameters at the limit of the tabulated range, or at nu = 0.5."""
+    values, (low, high) = base.coefficients, base.bounds
+    near = _AT_BOUND * np.abs(values)
+    outside = (values - low < near) | (high - values < near)
+    return [name for name, out in zip(base.parameter_names, outside, strict=True) if out]
+
+
 def refit_physics(
     base: PhysicsMap,
     table: Table,
@@ -120,7 +91,7 @@ def refit_physics(
     *,
     free: Sequence[str] | None = None,
     progress: Progress | None = None,
-) -> PhysicsRefit:
+) -> FittedMap:
     """Generalised least squares of the free parameters, within the tabulated range.
 
     The weights use the stiffness of the fit before, until the parameters no longer change.
@@ -153,15 +124,7 @@ def refit_physics(
         change = np.abs(joint.base.coefficients - before) / np.where(sd > 0.0, sd, 1.0)
         if float(change.max(initial=0.0)) < _TOLERANCE:
             break
-    fitted = joint.base
-    if not isinstance(fitted, PhysicsMap):
-        raise TypeError(f"a refit of the physics gave a map of kind {fitted.kind}")
-    low, high = fitted.bounds
-    values = fitted.coefficients
-    near = _AT_BOUND * np.abs(values)
-    outside = (values - low < near) | (high - values < near)
-    at_bound = tuple(n for n, out in zip(fitted.parameter_names, outside, strict=True) if out)
-    return PhysicsRefit(fitted, joint.covariance, at_bound, joint.converged)
+    return FittedMap(joint.base, used, joint.covariance)
 
 
 @dataclass(frozen=True)
@@ -206,9 +169,7 @@ class PhysicsModel(ModelSpecification):
             base = physics_map(body, threads=self.threads, reach_rad=reach_of(table))
         if is_partial(table):
             return fit_measured(base, table, progress=progress)
-        noise = declared_noise(table)
-        result = refit_physics(base, table, noise, progress=progress)
-        return FittedMap(result.base, noise, result.covariance)
+        return refit_physics(base, table, progress=progress)
 
     @staticmethod
     def layout(n: int, m: int) -> Layout:
