@@ -806,8 +806,7 @@ def _promising(cases: LoadCases, first: int, workspace: Workspace, wrenches: F) 
     rotation = None if workspace.full_box else cases.predicted_rotations(first, wrenches)
     if rotation is None:
         return np.ones(len(wrenches), dtype=bool)
-    promising: B = rotation <= _PREDICTION_MARGIN * workspace.rotation_limit_rad
-    return promising
+    return rotation <= _PREDICTION_MARGIN * workspace.rotation_limit_rad
 
 
 def write_vtu(mechanism: Mechanism, wrenches: F, directory: Path) -> None:

@@ -310,8 +310,7 @@ def _stamps(campaign: CampaignState, rows: list[int]) -> F:
             for i in rows
         ]
     )
-    stamps: F = np.maximum.accumulate((1.0 + instrument.clock_skew) * time + scatter)
-    return stamps
+    return np.maximum.accumulate((1.0 + instrument.clock_skew) * time + scatter)
 
 
 def described(campaign: CampaignState, truth_sha256: str, window_s: float | None = None) -> Meta:

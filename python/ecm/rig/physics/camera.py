@@ -219,8 +219,7 @@ class TimeSkew(Clock):
         return cls(delay, creep=float(random.uniform(-0.3, 0.3)), end_s=rig.duration_s)
 
     def read_s(self, stamp_s: F) -> F:
-        moments: F = stamp_s + self.size * (1.0 + self.creep * stamp_s / self.end_s)
-        return moments
+        return stamp_s + self.size * (1.0 + self.creep * stamp_s / self.end_s)
 
 
 def _shift(random: Random, length_m: float) -> tuple[float, float, float]:

@@ -107,8 +107,7 @@ class BasePlate(Clamp):
         """Diagonal (6,): m/N, then rad/(N m)."""
         axial, lateral = self.axial_share * length_m**2, self.lateral_share * length_m**2
         turns = (self.twist_share, 1.0 + self.uneven, 1.0 - self.uneven)
-        diagonal: F = self.size * np.array([axial, lateral, lateral, *turns])
-        return diagonal
+        return self.size * np.array([axial, lateral, lateral, *turns])
 
     def motion(self, wrenches: F, length_m: float) -> F:
         return self.compliance(length_m) * wrenches
