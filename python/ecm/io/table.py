@@ -46,27 +46,6 @@ MetaLike: TypeAlias = Meta | Mapping[str, Any] | str | Path | None
 file."""
 
 
-def _with_checks(init: Callable[..., None]) -> Callable[..., None]:
-    """Decorate the constructor of a Table: what comes without a `Meta` is read with all checks."""
-
-    @wraps(init)
-    def at_the_door(
-        self: Table,
-        columns: TableLike,
-        meta: MetaLike = None,
-        source: str = "table",
-        warnings: tuple[str, ...] = (),
-        **others: Any,
-    ) -> None:
-        if not isinstance(meta, Meta):
-            checked = as_table(columns, meta=meta, source=source)
-            columns, meta, source = checked.columns, checked.meta, checked.source
-            warnings = (*warnings, *checked.warnings)
-        init(self, columns, meta, source, warnings, **others)
-
-    return at_the_door
-
-
 @dataclass(frozen=True, repr=False, init=False)
 class Table:
     """Measurements, one row each, with their description.
@@ -116,7 +95,6 @@ class Table:
     sampled_rows: I | None = None
     file_rows: I | None = None
 
-    @_with_checks
     def __init__(
         self,
         columns: TableLike,
@@ -128,6 +106,10 @@ class Table:
         sampled_rows: I | None = None,
         file_rows: I | None = None,
     ) -> None:
+        if not isinstance(meta, Meta):  # what comes without one is read with all checks
+            checked = as_table(columns, meta=meta, source=source)
+            columns, meta, source = checked.columns, checked.meta, checked.source
+            warnings = (*warnings, *checked.warnings)
         values = (columns, meta, source, warnings, zeros_s, sampled_from, sampled_rows, file_rows)
         for item, value in zip(fields(self), values, strict=True):
             object.__setattr__(self, item.name, value)
