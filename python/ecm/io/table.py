@@ -27,10 +27,9 @@ from ecm.io.description import Meta, as_meta, read_meta, without_rows
 from ecm.io.events import Progress, Steps
 from ecm.io.extras import read_parquet, require
 from ecm.io.interrupts import uninterrupted
-from ecm.io.join import join_runs
 from ecm.io.mechanism import Mechanism
 from ecm.io.toml import did_you_mean, refuse_pipe
-from ecm.io.validate import validated_columns
+from ecm.io.validate import join_runs, validated_columns
 
 __all__ = ["POSE", "TEXT", "WRENCH", "Meta", "Table", "as_table", "read_table"]
 

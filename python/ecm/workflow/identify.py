@@ -52,8 +52,7 @@ from ecm.rig.arm.trips import read_summary
 from ecm.rig.plan import rest_pose
 from ecm.rig.readings import robot_path
 from ecm.workflow import paper as steps
-from ecm.workflow.config import Config, read_config
-from ecm.workflow.job import Console, Job, Silent
+from ecm.workflow.config import Config, Console, Job, Silent, read_config
 from ecm.workflow.report_identify import (
     design_section,
     identify_sections,

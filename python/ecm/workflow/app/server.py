@@ -27,8 +27,7 @@ from ecm.report.page import WEB
 from ecm.workflow.app.jobs import Busy, Jobs
 from ecm.workflow.app.journal import DiskError, sentence, writing
 from ecm.workflow.app.session import INCOMING, Session, suffix_of
-from ecm.workflow.app.state import Readings, measuring, state_of
-from ecm.workflow.app.views import NEED_MODEL, SHOWN, Views
+from ecm.workflow.app.views import NEED_MODEL, SHOWN, Readings, Views, measuring, state_of
 
 if sys.platform == "win32":
     import msvcrt
