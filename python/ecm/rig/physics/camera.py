@@ -123,10 +123,8 @@ class CameraScale(CameraPose):
     effect: ClassVar[str] = "camera_scale"
     unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.2, "larger translations")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> CameraScale:
-        return cls(random_sign(random) * 0.005)
+    first_size: ClassVar[float] = 0.005
+    either_sign: ClassVar[bool] = True
 
     def measured(self, poses: F, at: Conditions) -> F:
         shift = poses[:, :3] - at.rest[:3]

@@ -271,10 +271,7 @@ class OwnWeight(PlatformLoad):
     effect: ClassVar[str] = "own_weight"
     unit: ClassVar[str] = "kg"
     limit: ClassVar[Limit] = Limit(0.25, "poses that bend on all sides")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> OwnWeight:
-        return cls(0.3)
+    first_size: ClassVar[float] = 0.3
 
     def load(self, at: Conditions) -> F:
         slope = np.empty((len(at.poses), 6))
