@@ -16,6 +16,7 @@ from ecm.diagnosis.result import report
 from ecm.diagnosis.search import rank, search
 from ecm.diagnosis.verdict import classify, verdict
 from ecm.errors import InputError
+from ecm.io.settings import meanings
 from ecm.models.fit import choose_base
 from support.campaigns import campaign, model
 
@@ -76,7 +77,7 @@ def test_a_setting_decides() -> None:
 def test_every_setting_states_its_meaning_and_refuses_what_is_out_of_range() -> None:
     for item in fields(DiagnosisSettings):
         limits = item.metadata["limits"]
-        assert limits.doc, item.name
+        assert meanings(DiagnosisSettings)[item.name], item.name
         limits.check(item.default, item.name)
     with pytest.raises(InputError, match=r"level = 2.0: expected a number from 0 to 1"):
         DiagnosisSettings(level=2.0)

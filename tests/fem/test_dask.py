@@ -16,7 +16,7 @@ from distributed import LocalCluster
 from ecm._native import Mesh
 from ecm.errors import InputError
 from ecm.fem.simulate import simulate
-from ecm.io.extras import DaskClient
+from ecm.io.extras import dask_client
 from ecm.io.mechanism import Mechanism
 from support.jobs import copy_cases
 
@@ -117,6 +117,6 @@ def test_a_mesh_file_reaches_the_workers(cluster: Any, tmp_path: Path) -> None:
 
 def test_nobody_at_the_address_is_bad_input() -> None:
     with pytest.raises(InputError, match="no answer within 1 s"):
-        DaskClient("tcp://127.0.0.1:1", timeout_s=1.0)
+        dask_client("tcp://127.0.0.1:1", timeout_s=1.0)
     with pytest.raises(InputError, match="--scheduler nobody: no answer"):
         simulate(Mechanism(), 1, scheduler="nobody")

@@ -16,7 +16,8 @@ from ecm.io.settings import Checked, read_settings, setting
 class Oven(Checked):
     name: str = setting()
     mode: str = setting("warm", choices=("warm", "hot"))
-    power_W: float = setting(100.0, above=0.0, high=2e3, doc="heater.")
+    power_W: float = setting(100.0, above=0.0, high=2e3)
+    """heater."""
     offset_K: float | None = setting(None, high=5.0)
     shelves: int = setting(3, low=1)
     size_m: tuple[float, ...] = setting((0.3, 0.2), low=0.1, high=1.0)

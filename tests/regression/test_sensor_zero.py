@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from ecm.effects import Rows, get_effect
 from ecm.io.columns import WRENCH
-from ecm.io.join import join_runs
 from ecm.io.table import Table
+from ecm.io.validate import join_runs
 from ecm.models.joint_fit import joint_fit
 from ecm.regression.noise import Noise, shared_zero_error
 from support.campaigns import campaign, physics

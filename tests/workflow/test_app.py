@@ -32,8 +32,8 @@ from ecm.rig.readings import HEADER
 from ecm.workflow.app.journal import Journal
 from ecm.workflow.app.server import App, application, begin, serve
 from ecm.workflow.app.session import Session
-from ecm.workflow.app.state import state_of
 from ecm.workflow.app.steps import PLAN, Files, command_of, request_of, write_demo
+from ecm.workflow.app.views import state_of
 from support.neck import ROOT
 
 PORT, TOKEN = 8000, "a-secret"

@@ -22,9 +22,8 @@ from ecm.io.table import Table, read_table
 from ecm.models import load_model
 from ecm.rig import RigSettings
 from ecm.rig.plan import POSE_OFFSETS
-from ecm.workflow.config import Config, DesignTable, SelectTable
+from ecm.workflow.config import Config, Console, DesignTable, Job, SelectTable, Silent
 from ecm.workflow.identify import select
-from ecm.workflow.job import Console, Job, Silent
 from support.jobs import QUICK, copy_fem, identify, identify_command, identify_with_kept_fem
 from support.neck import ROOT, Done
 from support.report_pages import open_page

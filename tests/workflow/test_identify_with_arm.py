@@ -16,9 +16,8 @@ from ecm.fem.simulate import simulate
 from ecm.io.table import Table, as_table
 from ecm.report import Report
 from ecm.rig import HiddenTable, RigSettings
-from ecm.workflow.config import Config, read_config, with_rig
+from ecm.workflow.config import Config, Job, Silent, read_config, with_rig
 from ecm.workflow.identify import DESIGNS, measure_designs
-from ecm.workflow.job import Job, Silent
 from ecm.workflow.report_identify import arm_section
 from support.arm_rig import FAST, settings
 from support.neck import ROOT, Done, csv_text, neck_columns
@@ -137,7 +136,7 @@ def test_processes_may_change_while_a_campaign_is_interrupted(
         kept.append(out)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("ecm.workflow.job.run_campaign", interrupted)
+    monkeypatch.setattr("ecm.workflow.config.run_campaign", interrupted)
     plan = as_table({"x_m": [0.1]})
     rigs = settings(processes=2), settings(processes=1), settings(dwell_s=0.2)
     for rig in rigs:

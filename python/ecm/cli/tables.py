@@ -18,9 +18,8 @@ from ecm.io.interrupts import uninterrupted
 from ecm.io.sanity import record_leave_out
 from ecm.io.templates import NEXT_STEP, data_template, description_template, template
 from ecm.logs import import_log as import_any
-from ecm.logs.importing import answered, read_log
-from ecm.logs.page import import_report
-from ecm.logs.questions import Question
+from ecm.logs.importing import answered, import_report, read_log
+from ecm.logs.names import Question
 from ecm.report.blocks import CodeBlock, Section, TableBlock, TextBlock, columns
 from ecm.report.page import Report
 

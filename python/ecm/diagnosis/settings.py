@@ -36,28 +36,23 @@ class DiagnosisSettings(Checked):
     ecm.errors.InputError: level = 2.0: expected a number from 0 to 1 (chance of a wrong rejection)
     """
 
-    most_rows: int = setting(
-        3000, low=20, high=100_000,
-        doc="Rows that are used of a larger table, spread over runs, time and poses.",
-    )  # fmt: skip
-    most_base_columns: int = setting(
-        80, low=0, doc="Columns of a base that are carried along; a larger base is projected out."
-    )
-    level: float = setting(0.01, low=0.0, high=1.0, doc="Chance of a wrong rejection.")
-    least_bic: float = setting(6.0, low=0.0, doc="Fall of BIC that a name needs.")
-    most_effects: int = setting(4, low=1, doc="Effects in the largest set that is searched.")
-    held_out: str = setting(
-        "blocks", choices=("blocks", "random"),
-        doc="Rows held out: blocks of time or of poses, or groups of rows at random.",
-    )  # fmt: skip
-    held_out_errors: float = setting(
-        1.0, doc="Fall of the held-out error that a name needs, in its standard errors."
-    )
-    near_share: float = setting(
-        0.3, low=0.0, high=1.0,
-        doc="Beside another effect, or a body that is not the stated one, a rival may lose this "
-        "share of a name.",
-    )  # fmt: skip
+    most_rows: int = setting(3000, low=20, high=100_000)
+    """Rows that are used of a larger table, spread over runs, time and poses."""
+    most_base_columns: int = setting(80, low=0)
+    """Columns of a base that are carried along; a larger base is projected out."""
+    level: float = setting(0.01, low=0.0, high=1.0)
+    """Chance of a wrong rejection."""
+    least_bic: float = setting(6.0, low=0.0)
+    """Fall of BIC that a name needs."""
+    most_effects: int = setting(4, low=1)
+    """Effects in the largest set that is searched."""
+    held_out: str = setting("blocks", choices=("blocks", "random"))
+    """Rows held out: blocks of time or of poses, or groups of rows at random."""
+    held_out_errors: float = setting(1.0)
+    """Fall of the held-out error that a name needs, in its standard errors."""
+    near_share: float = setting(0.3, low=0.0, high=1.0)
+    """Beside another effect, or a body that is not the stated one, a rival may lose this
+    share of a name."""
 
 
 DEFAULTS = DiagnosisSettings()

@@ -173,9 +173,9 @@ class HigherDegree(LinearEffect):
     """Powers of each pose column from the fourth on, which a cubic lacks."""
 
     of: str
-    degree: int = setting(low=3, high=30, doc="largest power")
+    degree: int = setting(low=3, high=30)
     """Largest power."""
-    middle: str = setting(doc="middle and half range of each pose column")
+    middle: str = setting()
     """Middle and half range of each pose column, of which the powers are taken."""
 
     id = "higher_degree"

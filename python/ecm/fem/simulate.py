@@ -37,7 +37,7 @@ from ecm.io.arrays import B, F, I
 from ecm.io.cache import Stage
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
-from ecm.io.extras import DaskClient
+from ecm.io.extras import dask_client, dask_completed, require
 from ecm.io.mechanism import Mechanism
 from ecm.io.printed import Printed
 from ecm.io.settings import Checked, setting
@@ -206,8 +206,14 @@ class DaskSolver:
     """
 
     def __init__(self, mechanism: Mechanism, threads: int, scheduler: str) -> None:
-        self._client = DaskClient(scheduler)
-        self._workers = self._client.count_workers()
+        self._client = dask_client(scheduler)
+        self._workers = len(self._client.scheduler_info(n_workers=-1)["workers"])
+        if self._workers == 0:
+            self._client.close()
+            raise InputError(
+                f"--scheduler {scheduler}: no worker is there. Start some with "
+                f"`dask worker {scheduler}`"
+            )
         mesh, suffix = b"", ""
         if mechanism.mesh_file is not None:
             mesh, suffix = mechanism.mesh_file.read_bytes(), mechanism.mesh_file.suffix
@@ -228,13 +234,15 @@ class DaskSolver:
         size = max(1, min(_LARGEST_CHUNK, count // (2 * self._workers)))
         sent = self._send(warm_start)
         chunks = [list(range(i, min(i + size, count))) for i in range(0, count, size)]
-        pending = self._client.completed(self._begin(wrenches, sent, c, 1) for c in chunks)
+        begun = (self._begin(wrenches, sent, chunk, 1) for chunk in chunks)
+        pending = dask_completed(self._client, begun)
+        killed = require("distributed", "cluster", "--scheduler").KilledWorker
         done = 0
         for future in pending:
             attempt, chunk = self._futures.pop(future)
             try:
                 finished(chunk, future.result())
-            except self._client.killed_worker:
+            except killed:  # workers died again and again
                 if attempt == _MOST_DEATHS:
                     raise ComputationError(
                         f"{len(chunk)} cases: {attempt} workers died while solving them; do the "
@@ -247,7 +255,7 @@ class DaskSolver:
                 report(done, count)
 
     def _begin(self, wrenches: F, sent: Any, chunk: list[int], attempt: int) -> Any:
-        future = self._client.submit(_solve_chunk, *self._body, wrenches[chunk], sent)
+        future = self._client.submit(_solve_chunk, *self._body, wrenches[chunk], sent, pure=False)
         self._futures[future] = (attempt, chunk)
         return future
 
@@ -255,7 +263,7 @@ class DaskSolver:
         """Send the warm start as a task, so that Dask repeats it if a worker that has it dies."""
         if self._sent[0] is not warm_start or self._sent[1] is None:
             data = b"" if warm_start is None else warm_start.to_bytes()
-            self._sent = (warm_start, self._client.submit(bytes, data))
+            self._sent = (warm_start, self._client.submit(bytes, data, pure=False))
         return self._sent[1]
 
     def close(self) -> None:
@@ -806,8 +814,7 @@ def _promising(cases: LoadCases, first: int, workspace: Workspace, wrenches: F) 
     rotation = None if workspace.full_box else cases.predicted_rotations(first, wrenches)
     if rotation is None:
         return np.ones(len(wrenches), dtype=bool)
-    promising: B = rotation <= _PREDICTION_MARGIN * workspace.rotation_limit_rad
-    return promising
+    return rotation <= _PREDICTION_MARGIN * workspace.rotation_limit_rad
 
 
 def write_vtu(mechanism: Mechanism, wrenches: F, directory: Path) -> None:

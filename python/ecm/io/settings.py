@@ -55,7 +55,6 @@ class Limits:
     high: float = math.inf
     choices: tuple[str, ...] = ()
     size: int | None = None
-    doc: str = ""
 
     def check(self, value: Any, place: str) -> None:
         """Raise InputError where a value (or an entry of a list) is out of range."""
@@ -98,7 +97,7 @@ def meanings(cls: type) -> dict[str, str]:
     >>> meanings(Workspace)["rotation_limit_rad"]
     'Largest rotation angle of an admissible pose, in rad, not degrees.'
     """
-    found = {item.name: _limits(item).doc for item in fields(cls)}
+    found = {item.name: "" for item in fields(cls)}
     for kind in reversed([kind for kind in cls.__mro__ if is_dataclass(kind)]):
         with suppress(OSError):  # a package without its sources
             (node,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
@@ -118,7 +117,6 @@ def setting(
     choices: tuple[str, ...] = (),
     size: int | None = None,
     any_size: bool = False,
-    doc: str = "",
 ) -> Any:
     """Return a dataclass field whose range is checked when the settings are read.
 
@@ -132,12 +130,10 @@ def setting(
         Texts that are allowed.
     size, any_size
         Number of entries of a list; without both it has as many as its default.
-    doc
-        Meaning with its unit, where none stands below the field.
     """
     if isinstance(default, tuple) and not any_size:
         size = len(default)
-    limits = Limits(low, above, high, choices, size, doc)
+    limits = Limits(low, above, high, choices, size)
     return field(default=default, metadata={"limits": limits})
 
 

@@ -27,10 +27,9 @@ from ecm.io.description import Meta, as_meta, read_meta, without_rows
 from ecm.io.events import Progress, Steps
 from ecm.io.extras import read_parquet, require
 from ecm.io.interrupts import uninterrupted
-from ecm.io.join import join_runs
 from ecm.io.mechanism import Mechanism
 from ecm.io.toml import did_you_mean, refuse_pipe
-from ecm.io.validate import validated_columns
+from ecm.io.validate import join_runs, validated_columns
 
 __all__ = ["POSE", "TEXT", "WRENCH", "Meta", "Table", "as_table", "read_table"]
 
@@ -44,27 +43,6 @@ columns, a record array, or the path of a file, or several."""
 MetaLike: TypeAlias = Meta | Mapping[str, Any] | str | Path | None
 """A description: a `Meta`, a dict of what the TOML beside a table holds, or the path of such a
 file."""
-
-
-def _with_checks(init: Callable[..., None]) -> Callable[..., None]:
-    """Decorate the constructor of a Table: what comes without a `Meta` is read with all checks."""
-
-    @wraps(init)
-    def at_the_door(
-        self: Table,
-        columns: TableLike,
-        meta: MetaLike = None,
-        source: str = "table",
-        warnings: tuple[str, ...] = (),
-        **others: Any,
-    ) -> None:
-        if not isinstance(meta, Meta):
-            checked = as_table(columns, meta=meta, source=source)
-            columns, meta, source = checked.columns, checked.meta, checked.source
-            warnings = (*warnings, *checked.warnings)
-        init(self, columns, meta, source, warnings, **others)
-
-    return at_the_door
 
 
 @dataclass(frozen=True, repr=False, init=False)
@@ -116,7 +94,6 @@ class Table:
     sampled_rows: I | None = None
     file_rows: I | None = None
 
-    @_with_checks
     def __init__(
         self,
         columns: TableLike,
@@ -128,6 +105,10 @@ class Table:
         sampled_rows: I | None = None,
         file_rows: I | None = None,
     ) -> None:
+        if not isinstance(meta, Meta):  # what comes without one is read with all checks
+            checked = as_table(columns, meta=meta, source=source)
+            columns, meta, source = checked.columns, checked.meta, checked.source
+            warnings = (*warnings, *checked.warnings)
         values = (columns, meta, source, warnings, zeros_s, sampled_from, sampled_rows, file_rows)
         for item, value in zip(fields(self), values, strict=True):
             object.__setattr__(self, item.name, value)

@@ -12,7 +12,7 @@ from ecm.errors import InputError
 from ecm.io.events import Progress
 from ecm.io.extras import read_parquet, readable, require
 from ecm.logs.log import Log, Stream, join_streams, log_of_arrays
-from ecm.logs.questions import Answer, Question
+from ecm.logs.names import Answer, Question
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _DEEPEST = 6

@@ -1,4 +1,4 @@
-"""Any log becomes a measurement table: read, understood, converted, and what was done recorded."""
+"""Any log becomes a measurement table: read, understood, converted, recorded; and its page."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from ecm.errors import EcmError, InputError, Remedy, shortened
 from ecm.io.arguments import check_arguments, listed
+from ecm.io.arrays import evenly
 from ecm.io.cache import write_atomically
-from ecm.io.columns import POSE
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.csv import BadRows, check_names, write_csv
 from ecm.io.description import FileMeta, Meta, as_meta, row_ranges, shown_ranges
 from ecm.io.events import Progress
@@ -39,8 +40,7 @@ from ecm.logs.containers import (
 )
 from ecm.logs.log import Log, log_of_object
 from ecm.logs.mapping import propose
-from ecm.logs.names import given_units, read_name
-from ecm.logs.questions import Answer, Question
+from ecm.logs.names import Answer, Question, given_units, read_name
 from ecm.logs.sources import (
     ColumnMap,
     UserChoices,
@@ -53,6 +53,9 @@ from ecm.logs.sources import (
     unwrap_angle,
 )
 from ecm.logs.text import read_text_log
+from ecm.report.blocks import Block, Cell, FigureBlock, Section, TableBlock, TextBlock
+from ecm.report.figures import lines, mechanism_blocks
+from ecm.report.page import Report
 
 _LEFT_OUT = Remedy("leave them out with --leave-out, which records it")
 _EXPERIMENTS = {"experiment", "specimen", "sample", "trial", "subject", "test", "repetition"}
@@ -92,7 +95,7 @@ class ImportedLog(Printed):
     source: str
     notes: tuple[str, ...]
     missing: tuple[Answer, ...] = ()
-    """What else may be the pose or the wrench that no name tells (questions.py)."""
+    """What else may be the pose or the wrench that no name tells."""
 
     @property
     def table(self) -> Table:
@@ -504,3 +507,70 @@ def list_columns(log: Any) -> list[LogColumn]:
             )
         )
     return found
+
+
+_CURVE = 2000
+"""Points of a curve over time."""
+
+
+def import_report(imported: ImportedLog) -> Report:
+    """Return the mechanism in the poses of a log, where its columns come from, and their curves."""
+    table = imported.table
+    sections = [
+        Section("Mechanism", _mechanism(table)),
+        Section("Columns", _columns(imported, table)),
+        Section("Over the rows", _curves(table)),
+    ]
+    return Report(f"Import of {imported.source}", f"{len(table)} rows", sections)
+
+
+def _mechanism(table: Table) -> list[Block]:
+    if not table.has(*POSE):
+        missing = [name for name in POSE if not table.has(name)]
+        return [TextBlock(f"Not drawn in space: {', '.join(missing)} are not in the log.")]
+    force, forces = np.ones(len(table)), table.has(*WRENCH[:3])
+    if forces:
+        force = np.linalg.norm(table.matrix(WRENCH[:3]), axis=1)
+    caption = (
+        "The mechanism at rest and bent into some poses, with the frames of base and top (x red, y "
+        "green, z blue); lines are forces on the platform. Where poses do not lie about the end of "
+        "the mechanism, or bodies fold, a frame or a unit is wrong."
+    )
+    blocks = mechanism_blocks(
+        table,
+        caption,
+        rows=np.arange(len(table)),
+        values=force,
+        title="force" if forces else "rows",
+        unit="N" if forces else "",
+    )
+    return [replace(block, view={**block.view, "forces": forces}) for block in blocks]
+
+
+def _columns(imported: ImportedLog, table: Table) -> list[Block]:
+    origin, header = imported.meta.origin, ("column", "from", "smallest", "largest")
+    columns = {name: table.column(name) for name in imported.columns}
+    rows: list[list[Cell]] = [
+        [name, str(origin.get(name, "")), float(values.min()), float(values.max())]
+        for name, values in columns.items()
+    ]
+    said = [TextBlock(note) for note in (*imported.notes, *table.warnings)]
+    return [TableBlock("What each column was read from.", header, rows), *said]
+
+
+def _curves(table: Table) -> list[Block]:
+    rows = evenly(len(table), _CURVE)
+    x = (table.column("time_s")[rows] if table.has("time_s") else rows + 1.0).tolist()
+    title = "time [s]" if table.has("time_s") else "row"
+    groups = (
+        ("Positions.", [n for n in POSE[:3] if table.has(n)], "m"),
+        ("Rotation vector.", [n for n in POSE[3:] if table.has(n)], "rad"),
+        ("Forces.", [n for n in WRENCH[:3] if table.has(n)], "N"),
+        ("Moments.", [n for n in WRENCH[3:] if table.has(n)], "N m"),
+    )
+    blocks: list[Block] = []
+    for caption, names, unit in groups:
+        if names:
+            series = {name: (x, table.column(name)[rows].tolist()) for name in names}
+            blocks.append(FigureBlock(caption, lines(series, x_title=title, y_title=f"[{unit}]")))
+    return blocks

@@ -11,8 +11,17 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH, Unit, is_standard, likely_name
 from ecm.logs.log import Log, unique_names
-from ecm.logs.names import QUANTITIES, Guess, Named, read_name, trailing_units
-from ecm.logs.questions import Answer, Question, missing, named_as
+from ecm.logs.names import (
+    QUANTITIES,
+    Answer,
+    Guess,
+    Named,
+    Question,
+    missing,
+    named_as,
+    read_name,
+    trailing_units,
+)
 from ecm.logs.sources import (
     COUNT,
     ColumnMap,

@@ -35,8 +35,7 @@ from ecm.io.description import shown_ranges
 from ecm.io.frames import ORDERS, quaternions_of, vectors_of
 from ecm.io.toml import did_you_mean
 from ecm.logs.log import Log
-from ecm.logs.names import Named, find_unit, trailing_units
-from ecm.logs.questions import Answer, Question, ranges
+from ecm.logs.names import Answer, Named, Question, find_unit, ranges, trailing_units
 
 COUNT = {
     "rotvec": 3, "wxyz": 4, "xyzw": 4, "rows": 9, "columns": 9,
@@ -256,7 +255,7 @@ class UserChoices:
     columns
         Column of the log, `COLUMN`, `COLUMN:UNIT` or `-COLUMN`, by standard name.
     rotation
-        `WORD`, or `WORD:COLUMN,COLUMN,...` (rotations.py); empty: by the names.
+        `WORD`, or `WORD:COLUMN,COLUMN,...` (the words of `COUNT`); empty: by the names.
     units
         Unit of each dimension for columns that state none.
     axis

@@ -99,9 +99,12 @@ class ActuatedModel(ModelSpecification):
     'actuated4-general'
     """
 
-    degree: int = setting(4, low=_LEAST_DEGREE, high=_MOST_DEGREE, doc="degree of the energy")
+    degree: int = setting(4, low=_LEAST_DEGREE, high=_MOST_DEGREE)
+    """Degree of the energy."""
     symmetry: Symmetry = setting("alike", choices=SYMMETRIES)
-    order: int = setting(ORDER, low=1, high=_MOST_ORDER, doc="largest power of the inputs")
+    """Symmetry of the body."""
+    order: int = setting(ORDER, low=1, high=_MOST_ORDER)
+    """Largest power of the inputs."""
 
     kind = "actuated"
     weighted = True

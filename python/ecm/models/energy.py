@@ -61,7 +61,8 @@ class EnergyModel(ModelSpecification):
     'energy4+anisotropy'
     """
 
-    degree: int = setting(6, low=_LOW, high=_HIGH, doc="degree of the energy")
+    degree: int = setting(6, low=_LOW, high=_HIGH)
+    """Degree of the energy."""
     symmetry: Symmetry = setting("alike", choices=SYMMETRIES)
     groups: tuple[str, ...] = setting((), choices=GROUPS, any_size=True)
 

@@ -172,9 +172,8 @@ class PolynomialModel(ModelSpecification):
     'poly:3'
     """
 
-    degree: int = setting(
-        3, low=_LOW, high=MOST_OF_ONE_INPUT, doc="largest sum of exponents in a term"
-    )
+    degree: int = setting(3, low=_LOW, high=MOST_OF_ONE_INPUT)
+    """Largest sum of exponents in a term."""
     pcr: Threshold = None
 
     kind = "polynomial"

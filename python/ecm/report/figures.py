@@ -201,8 +201,7 @@ def _bar(x: Any, y: Any, k: int, **settings: Any) -> dict[str, Any]:
 
 
 def _list(values: Any) -> list[Any]:
-    items: list[Any] = values.tolist() if isinstance(values, np.ndarray) else list(values)
-    return items
+    return values.tolist() if isinstance(values, np.ndarray) else list(values)
 
 
 def histograms(

@@ -5,8 +5,7 @@ frames are off by the instruments' noise, and the campaign is measured with them
 only what a person at the rig would: readings and the instruments' noise.
 
 Target: points c_k are known in the frame (corners and bores of a plate); the camera sees a probe's
-tip in them, in target axes, q_k = R c_k + t. R by singular vectors (Kabsch 1976), the uncertainty
-from the normal matrix.
+tip in them, in target axes, q_k = R c_k + t. R by singular vectors (Kabsch 1976).
 
 Sensor: with the sensor's frame (R, t) in the top frame a wrench (f, tau) at the top, known by dead
 weights, reads f_s = R' f, tau_s = R' (tau - t x f), the inverse of the adjoint that moves readings
@@ -28,7 +27,6 @@ from ecm.io.se3 import (
     rotation_vector,
     seen_from,
     skew,
-    transpose,
     wrench_adjoint,
 )
 from ecm.rig.instruments import Camera, ForceTorqueSensor
@@ -43,51 +41,7 @@ WINDOW_S = 1.0
 _REACH_M = 0.05
 
 
-@dataclass(frozen=True)
-class FrameFit:
-    """A frame with the covariance of its error.
-
-    The error of a frame is (d, w): the true origin minus the fitted one, and the rotation vector w
-    with true R = exp(w) fitted R, both in the axes that the frame is given in.
-    """
-
-    frame: F
-    """(6,) position in m and rotation vector in rad."""
-    covariance: F
-    """(6, 6) of (d, w), m and rad."""
-    dof: int
-    """Degrees of freedom behind the scale of the covariance."""
-
-    @property
-    def sd(self) -> F:
-        """(6,) standard errors."""
-        return np.sqrt(np.diag(self.covariance))
-
-    def error(self, true: F) -> F:
-        """(d, w) of a true frame (6,)."""
-        turn = rotation(true[None, 3:]) @ transpose(rotation(self.frame[None, 3:]))
-        return np.concatenate([true[:3] - self.frame[:3], rotation_vector(turn)[0]])
-
-    def holds(self, true: F, share: float = 0.9) -> bool:
-        """Whether a frame lies in the region of that probability (Hotelling, 6 parameters)."""
-        from scipy import special  # noqa: PLC0415 - slow to load, and no campaign needs it
-
-        error = self.error(true)
-        distance = float(error @ np.linalg.solve(self.covariance, error))
-        return distance <= 6 * float(special.fdtri(6, self.dof, share))
-
-
-def solve_scaled(design: F, residual: F) -> tuple[F, F, int]:
-    """Least squares step (k,), covariance of it with the residual's own scale, and its dof."""
-    step = np.asarray(np.linalg.lstsq(design, residual, rcond=None)[0], dtype=np.float64)
-    left = residual - design @ step
-    dof = max(1, len(residual) - design.shape[1])
-    scale = float(left @ left) / dof
-    covariance: F = scale * np.linalg.pinv(design.T @ design, hermitian=True)
-    return step, covariance, dof
-
-
-def target_frame(points_in_frame: F, points_in_target: F) -> FrameFit:
+def target_frame(points_in_frame: F, points_in_target: F) -> F:
     """The frame in target axes, from (n, 3) points known in it and (n, 3) seen in the target's.
 
     Raises
@@ -104,18 +58,10 @@ def target_frame(points_in_frame: F, points_in_target: F) -> FrameFit:
         raise InputError("target frame: all points lie on one line; add one beside it")
     turn = nearest_rotation(far.T @ own)
     place = seen - turn @ middle
-    residual = points_in_target - points_in_frame @ turn.T - place
-    design = np.zeros((n, 3, 6))
-    design[:, :, :3] = np.eye(3)
-    design[:, :, 3:] = -skew(points_in_frame @ turn.T)
-    _, covariance, dof = solve_scaled(design.reshape(-1, 6), residual.ravel())
-    frame = np.concatenate([place, rotation_vector(turn[None])[0]])
-    return FrameFit(frame, covariance, dof)
+    return np.concatenate([place, rotation_vector(turn[None])[0]])
 
 
-def sensor_frame(
-    readings: F, wrenches_at_top: F, *, force_sd_N: float, torque_sd_Nm: float
-) -> FrameFit:
+def sensor_frame(readings: F, wrenches_at_top: F, *, force_sd_N: float, torque_sd_Nm: float) -> F:
     """The sensor's frame in the top frame from (n, 6) readings without zero and known wrenches.
 
     Raises
@@ -132,7 +78,6 @@ def sensor_frame(
     turn = nearest_rotation(forces.T @ readings[:, :3])
     place = np.zeros(3)
     weight = np.tile(np.repeat([1.0 / force_sd_N, 1.0 / torque_sd_Nm], 3), n)
-    covariance, dof = np.eye(6), 1
     for _ in range(_ROUNDS):
         # In sensor axes the noise is what it is; at the top the lever would mix force into torque.
         force, moment = forces, wrenches_at_top[:, 3:] - np.cross(place, forces)
@@ -141,19 +86,19 @@ def sensor_frame(
         design[:, :3, 3:] = turn.T @ skew(force)
         design[:, 3:, :3] = turn.T @ skew(force)
         design[:, 3:, 3:] = turn.T @ skew(moment)
-        step, covariance, dof = solve_scaled(
-            weight[:, None] * design.reshape(-1, 6), weight * (readings - expected).ravel()
-        )
+        weighted = weight[:, None] * design.reshape(-1, 6)
+        left = weight * (readings - expected).ravel()
+        step = np.linalg.lstsq(weighted, left, rcond=None)[0]
         place = place + step[:3]
         turn = rotation(step[None, 3:])[0] @ turn
         if np.abs(step).max() < 1e-12:
             break
-    return FrameFit(np.concatenate([place, rotation_vector(turn[None])[0]]), covariance, dof)
+    return np.concatenate([place, rotation_vector(turn[None])[0]])
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """The errors of the calibrated frames, and their stated uncertainty."""
+    """The errors of the calibrated frames."""
 
     tip: F
     """Calibrated top frame in the true one, (6,)."""
@@ -161,8 +106,6 @@ class Calibration:
     """True base frame in the calibrated one, (6,)."""
     top_from_sensor: F
     """Adjoint (6, 6) of the calibrated sensor frame."""
-    fits: dict[str, FrameFit]
-    """By name: top target, base target, sensor."""
 
     def measured(self, poses: F) -> F:
         """Poses (N, 6) in the calibrated frames."""
@@ -172,7 +115,7 @@ class Calibration:
 def calibrated(instruments: Instruments, seed: int) -> Calibration:
     """One calibration with these instruments."""
     random = stream(seed, "calibration")
-    true, fits = {}, {}
+    true, fitted = {}, {}
     for name in ("top target", "base target"):
         frame = np.concatenate([random.uniform(-_REACH_M, _REACH_M, 3), random.uniform(-1, 1, 3)])
         bores = random.uniform(-_REACH_M, _REACH_M, (BORES, 3))
@@ -182,19 +125,17 @@ def calibrated(instruments: Instruments, seed: int) -> Calibration:
             camera.read(np.concatenate([place, np.zeros(3)]), WINDOW_S, random).mean[:3]
             for place in places
         ]
-        true[name], fits[name] = frame, target_frame(bores, np.stack(seen))
-    fits["sensor"] = _sensor(instruments, random)
-    sensor = fits["sensor"].frame
+        true[name], fitted[name] = frame[None], target_frame(bores, np.stack(seen))
+    sensor = _sensor(instruments, random)
     quaternion = _quaternion(sensor[3:])
     return Calibration(
-        tip=seen_from(true["top target"][None], fits["top target"].frame[None])[0],
-        base=seen_from(fits["base target"].frame[None], true["base target"][None])[0],
+        tip=seen_from(true["top target"], fitted["top target"])[0],
+        base=seen_from(fitted["base target"], true["base target"])[0],
         top_from_sensor=wrench_adjoint((*sensor[:3].tolist(), *quaternion)),
-        fits=fits,
     )
 
 
-def _sensor(instruments: Instruments, random: np.random.Generator) -> FrameFit:
+def _sensor(instruments: Instruments, random: np.random.Generator) -> F:
     """Dead weights at known points of the top, in several orientations, after a zero."""
     turns = rotation(random.uniform(-1.2, 1.2, (WEIGHTS, 3)))
     force = np.einsum("nji,j->ni", turns, np.array([-9.81 * WEIGHT_KG, 0.0, 0.0]))

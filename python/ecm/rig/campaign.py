@@ -16,7 +16,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.se3 import displaced
 from ecm.io.table import Table
-from ecm.rig.calibration import Calibration, calibrated
+from ecm.rig.calibration import calibrated
 from ecm.rig.elastic import (
     UNIFORM,
     Elastic,
@@ -32,7 +32,7 @@ from ecm.rig.elastic import (
 from ecm.rig.hidden import truth
 from ecm.rig.hidden.inject import CannotHide, InjectedEffect, inject
 from ecm.rig.hidden.truth import NOTHING, Hidden
-from ecm.rig.instruments import Camera, ForceTorqueSensor, Window
+from ecm.rig.instruments import ForceTorqueSensor
 from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.physics.sensor import SensorWarmUp
 from ecm.rig.physics.supply import Gain, Lag, Leak, Zero
@@ -40,12 +40,12 @@ from ecm.rig.physics.true_effect import SENSOR_SCALE, Supply
 from ecm.rig.plan import Visits, followed, reachable, requests, rest_pose, split_by_limits
 from ecm.rig.plant import Plant, visits_of
 from ecm.rig.raw_stream import RawStream
-from ecm.rig.readings import Reading, table_of
+from ecm.rig.readings import CampaignState, Reading, table_of
 from ecm.rig.settings import PlantTable, RigSettings
-from ecm.rig.timeline import Climate, Timeline, stream, timeline_of
+from ecm.rig.timeline import Climate, stream, timeline_of
 
 
-class Campaign:
+class Campaign(CampaignState):
     """A plan laid out on a rig with its plant; readings are taken one by one.
 
     Everything that is random belongs to (seed, instrument, visit), so any reading can be taken
@@ -83,7 +83,6 @@ class Campaign:
         self.settings = settings
         self.seed = seed
         self.base_columns = base_columns
-        """(N, 6) poses to the (N, 6, k) change of the wrench per base parameter; None: E alone."""
         length, actuators = source.length_m, len(plan.actuation_columns)
         if actuators and (settings.rig.mode == "robot" or settings.rig.stream_Hz):
             raise InputError(
@@ -107,7 +106,7 @@ class Campaign:
         if not any(r.action.name == "measure" for r in remaining):
             reasons = "; ".join(s.reason for s in self.skipped[:3])
             raise InputError(f"{plan.source}: no pose of the plan can be visited: {reasons}")
-        self.timeline: Timeline = timeline_of(remaining, settings.rig, length)
+        self.timeline = timeline_of(remaining, settings.rig, length)
         self._solve = partial(solve_cached, source, grade=UNIFORM, folder=folder, progress=progress)
         self._raw: tuple[Mapping[str, Grading], RawStream] | None = None
         random, table = stream(seed, "sensor zero"), settings.plant
@@ -131,8 +130,7 @@ class Campaign:
             hide, partial(grading, source, solved, folder=folder, progress=progress)
         )
         self.visits = self._following(self.visits)
-        self.frames: Calibration | None = None
-        """Calibrated frames, where the true ones are not known."""
+        self.frames = None
         if settings.instrument.frames == "calibrated":
             self.frames = calibrated(settings.instrument, seed)
             known = self.frames.top_from_sensor
@@ -175,21 +173,6 @@ class Campaign:
             visit.window_s,
             stream(self.seed, "sensor", *visit.serial),
         )
-
-    def image(
-        self,
-        pose: F,
-        time_s: float,
-        window_s: float,
-        random: tuple[np.random.Generator, np.random.Generator],
-    ) -> Window:
-        """What the camera makes of a pose (6,); streams of the base target and of the camera."""
-        walk = self._air.at(self._air.camera, np.array([time_s]))[0]
-        camera = Camera(self.settings.instrument)
-        seen = camera.read(camera.apparent_pose(pose, walk, random[0]), window_s, random[1])
-        if self.frames is None:
-            return seen
-        return replace(seen, mean=self.frames.measured(seen.mean[None])[0])
 
     def raw_stream(self) -> RawStream | None:
         """What is read while the arm moves, where [rig] stream_Hz asks for it."""

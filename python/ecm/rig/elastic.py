@@ -235,8 +235,7 @@ class Elastic:
     @property
     def rest_stiffness(self) -> F:
         """K (6, 6) of the mechanism at rest."""
-        stiffness: F = self.solved.stiffness[REST_INDEX, :, :6]
-        return stiffness
+        return self.solved.stiffness[REST_INDEX, :, :6]
 
     def wrench(self, nearest: I, poses: F) -> F:
         """h at (N, 6) or (N, 6 + m), each near the solved pose of that index (N,)."""

@@ -63,8 +63,7 @@ class Optics:
     @property
     def places_m(self) -> F:
         """Places (9, 3) of the LEDs about the target's centre, in the same axes."""
-        places: F = self._settings.led_radius_m * self.directions
-        return places
+        return self._settings.led_radius_m * self.directions
 
     def visible(self, poses: F) -> B:
         """Whether each LED of the top target is located at poses (N, 6): (N, 9)."""
@@ -75,8 +74,7 @@ class Optics:
             sight = lens - poses[:, :3]
             sight = sight / np.linalg.norm(sight, axis=1, keepdims=True)
             seen += np.einsum("nki,ni->nk", turned, sight) > limit
-        visible: B = seen >= LENSES_NEEDED
-        return visible
+        return seen >= LENSES_NEEDED
 
     def rigid(self, pose: F, errors: F) -> F:
         """Shift and turn (6,) in base axes that errors (9, 3) of the LEDs cause at a pose."""
@@ -253,8 +251,7 @@ def zero_at(
         return np.tile(readings[0], (len(time_s), 1))
     if law == "before":
         last = np.clip(np.searchsorted(reading_time_s, time_s, side="right") - 1, 0, None)
-        held: F = readings[last]
-        return held
+        return readings[last]
     model, at_readings = np.zeros((len(time_s), readings.shape[1])), np.zeros_like(readings)
     if (
         law == "temperature"

@@ -303,8 +303,7 @@ def residual(plant: Plant, visits: Visits) -> F:
     rows = visits.at_poses
     seen = np.hstack([truth.pose_seen, visits.inputs])[rows]
     elastic = plant.elastic.wrench(visits.nearest[rows], seen)
-    difference: F = measured[rows] - elastic
-    return difference
+    return measured[rows] - elastic
 
 
 def row_covariance(plant: Plant, visits: Visits, window_s: float | None = None) -> F:

@@ -67,22 +67,19 @@ class Leg:
     def share(self, time_s: F) -> F:
         """u of the cubic timing law at (n,) times; 0 before the departure, 1 at rest."""
         s = np.clip((time_s - self.departs_s) / max(self.visit.travel_s, 1e-9), 0.0, 1.0)
-        share: F = s * s * (3.0 - 2.0 * s)
-        return share
+        return s * s * (3.0 - 2.0 * s)
 
     def speed(self, time_s: F) -> F:
         """du/dt, 1/s."""
         travel = max(self.visit.travel_s, 1e-9)
         s = np.clip((time_s - self.departs_s) / travel, 0.0, 1.0)
-        speed: F = 6.0 * s * (1.0 - s) / travel
-        return speed
+        return 6.0 * s * (1.0 - s) / travel
 
     def times(self, rate_Hz: float) -> F:
         """Times of the samples; none where the leg is shorter than the time between two."""
         span = self.visit.travel_s + min(self.visit.dwell_s, REST_S)
         count = int(span * rate_Hz)
-        times: F = self.departs_s + (np.arange(count, dtype=np.float64) + 0.5) / rate_Hz
-        return times
+        return self.departs_s + (np.arange(count, dtype=np.float64) + 0.5) / rate_Hz
 
 
 class RawStream:
@@ -120,8 +117,7 @@ class RawStream:
             [leg.speed(self.time_s[self.leg == i]) for i, leg in enumerate(self.legs)]
         )
         ways = np.stack([leg.end - leg.start for leg in self.legs])
-        velocities: F = speed[:, None] * ways[self.leg]
-        return velocities
+        return speed[:, None] * ways[self.leg]
 
     def elastic_wrench(self) -> F:
         """(N, 6) at the true poses."""
@@ -148,8 +144,7 @@ class RawStream:
         seen, sensor = self.truth(physics)
         plant, visits = self._still
         wrench = turn_wrench(rotation(seen[:, 3:]), plant.to_top(sensor - plant.offset))
-        left: F = wrench - plant.elastic.wrench(visits.nearest, seen)
-        return left
+        return wrench - plant.elastic.wrench(visits.nearest, seen)
 
     def table(self, campaign: CampaignState, readings: list[Reading]) -> Table:
         """The samples with the noise of one row each."""
@@ -318,8 +313,7 @@ def _legs(plant: Plant, visits: Visits, procedure: Procedure) -> list[Leg]:
 def _lagrange(share: F) -> F:
     """Lagrange's polynomials of the nodes at (N,) shares: (N, 4)."""
     columns = [np.prod([(share - m) / (n - m) for m in NODES if m != n], axis=0) for n in NODES]
-    weights: F = np.stack(columns, axis=1)
-    return weights
+    return np.stack(columns, axis=1)
 
 
 def _times(stiffness: F, steps: F) -> F:
@@ -330,5 +324,4 @@ def _times(stiffness: F, steps: F) -> F:
 
 def _between(values: F, ends: I, share: F) -> F:
     """Values of the solved poses at both ends, blended by the share of the way."""
-    blended: F = (1.0 - share) * values[ends[:, 0]] + share * values[ends[:, 1]]
-    return blended
+    return (1.0 - share) * values[ends[:, 0]] + share * values[ends[:, 1]]

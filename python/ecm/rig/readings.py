@@ -9,10 +9,10 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
-from typing import IO, TYPE_CHECKING, Any, Protocol
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,10 +29,11 @@ from ecm.rig.plant import wrench_in_base
 from ecm.rig.timeline import stream
 
 if TYPE_CHECKING:
+    from ecm.rig.calibration import Calibration
     from ecm.rig.plan import Skipped, Visits
     from ecm.rig.plant import Plant
     from ecm.rig.settings import RigSettings
-    from ecm.rig.timeline import Timeline
+    from ecm.rig.timeline import Climate, Timeline
 
 _MARK = "# campaign "
 
@@ -188,8 +189,8 @@ HEADER = ",".join(_NAMES)
 """Header of the journal; `sensor_` columns are in sensor axes and hold the sensor's zero."""
 
 
-class CampaignState(Protocol):
-    """What a table, a raw stream and an injected effect need of their campaign."""
+class CampaignState:
+    """What of a campaign its table, its raw stream and an injected effect need."""
 
     plan: Table
     settings: RigSettings
@@ -199,6 +200,10 @@ class CampaignState(Protocol):
     timeline: Timeline
     skipped: list[Skipped]
     base_columns: Callable[[F], F] | None
+    """(N, 6) poses to the (N, 6, k) change of the wrench per base parameter; None: E alone."""
+    frames: Calibration | None
+    """Calibrated frames, where the true ones are not known."""
+    _air: Climate
 
     def image(
         self,
@@ -206,7 +211,14 @@ class CampaignState(Protocol):
         time_s: float,
         window_s: float,
         random: tuple[np.random.Generator, np.random.Generator],
-    ) -> Window: ...
+    ) -> Window:
+        """What the camera makes of a pose (6,); streams of the base target and of the camera."""
+        walk = self._air.at(self._air.camera, np.array([time_s]))[0]
+        camera = Camera(self.settings.instrument)
+        seen = camera.read(camera.apparent_pose(pose, walk, random[0]), window_s, random[1])
+        if self.frames is None:
+            return seen
+        return replace(seen, mean=self.frames.measured(seen.mean[None])[0])
 
 
 @dataclass(frozen=True)
@@ -310,8 +322,7 @@ def _stamps(campaign: CampaignState, rows: list[int]) -> F:
             for i in rows
         ]
     )
-    stamps: F = np.maximum.accumulate((1.0 + instrument.clock_skew) * time + scatter)
-    return stamps
+    return np.maximum.accumulate((1.0 + instrument.clock_skew) * time + scatter)
 
 
 def described(campaign: CampaignState, truth_sha256: str, window_s: float | None = None) -> Meta:

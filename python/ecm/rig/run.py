@@ -20,7 +20,7 @@ from typing import Any
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.cache import cache_directory, write_atomically, write_json
-from ecm.io.extras import DaskClient, require_pyarrow, write_parquet
+from ecm.io.extras import dask_client, dask_completed, require_pyarrow, write_parquet
 from ecm.io.table import Table, read_table
 from ecm.rig.arm.trips import extra_s
 from ecm.rig.campaign import Campaign
@@ -422,7 +422,7 @@ def _ledger(path: Path, key: str, *, overwrite: bool) -> tuple[set[int], set[int
 
 
 def _on_workers(scheduler: str, work: Iterable[tuple[int, Any]], finished: Any) -> None:
-    with DaskClient(scheduler) as client:
-        futures = {client.submit(measured_files, *arguments): i for i, arguments in work}
-        for future in client.completed(futures):
+    with dask_client(scheduler) as client:
+        futures = {client.submit(measured_files, *args, pure=False): i for i, args in work}
+        for future in dask_completed(client, futures):
             finished(futures[future], future.result())

@@ -95,11 +95,9 @@ class Climate:
     def at(self, process: F, time_s: F) -> F:
         """A process (n,) or (n, k) at (N,) times."""
         if process.ndim == 1:
-            row: F = np.interp(time_s, self.time_s, process)
-            return row
+            return np.interp(time_s, self.time_s, process)
         columns = [np.interp(time_s, self.time_s, column) for column in process.T]
-        rows: F = np.stack(columns, axis=1)
-        return rows
+        return np.stack(columns, axis=1)
 
 
 def _late(driver: F, lag_s: float) -> F:

@@ -35,7 +35,7 @@ from ecm.report import figures as draw
 from ecm.report.blocks import Block, Cell, FigureBlock, Section, TableBlock, TextBlock, number
 from ecm.report.page import Report, Shown
 from ecm.rig import RigSettings, campaign_minutes
-from ecm.workflow.job import Console, Silent
+from ecm.workflow.config import Console, Silent
 
 
 def pose_figure(candidates: Table, design: Design, x: str, y: str) -> dict[str, Any]:

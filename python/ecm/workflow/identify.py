@@ -25,6 +25,7 @@ from ecm.designs import (
     optimal_design,
     paper_plan,
 )
+from ecm.diagnosis import diagnose
 from ecm.errors import MissingExtra
 from ecm.fem.simulate import Simulated, simulate
 from ecm.io.arguments import check_arguments
@@ -45,18 +46,17 @@ from ecm.models.actuated import ActuatedMap
 from ecm.models.physics.map import reach_of
 from ecm.regression.blas import one_blas_thread
 from ecm.report.page import Report, require_report
-from ecm.rig import HiddenTable, RigSettings, fem_source
+from ecm.rig import HiddenTable, RigSettings, fem_source, reveal
 from ecm.rig.arm.campaign import RobotCampaign, first_pose_trace, require_arm
 from ecm.rig.arm.trips import read_summary
 from ecm.rig.plan import rest_pose
 from ecm.rig.readings import robot_path
 from ecm.workflow import paper as steps
-from ecm.workflow.config import Config, read_config
-from ecm.workflow.job import Console, Job, Silent
-from ecm.workflow.loop import run_loop
+from ecm.workflow.config import Config, Console, Job, Silent, read_config
 from ecm.workflow.report_identify import (
     design_section,
     identify_sections,
+    loop_section,
     measurement_section,
     result_section,
     selection_section,
@@ -430,6 +430,59 @@ def find_hidden_effect(job: Job, candidates: Table, physics: PhysicsMap | None) 
     plan.write(job.out / "plan-loop.csv")
     data = job.measure(plan, _LOOP, job.config.rig)
     run_loop(job, data, physics).save(job.out / "model-loop.json")
+
+
+def run_loop(job: Job, data: Table, physics: PhysicsMap | None) -> Model:
+    """Fit the physics base, find what it lacks, add it, refit; then open the sealed truth.
+
+    Of a driven mechanism the base is an energy of pose and actuation.
+
+    Parameters
+    ----------
+    job
+        Takes the numbers of the summary and the arrays of the figures.
+    data
+        The measured table, as read from a file: its truth, where one was sealed, is beside it.
+    physics
+        Map of the body; None of a driven mechanism.
+
+    Returns
+    -------
+    Model
+        The model with what it lacked.
+    """
+    seed = job.seed
+    if physics is None:
+        model = fit_model(data, f"actuated{job.config.select.energy_degrees[-1]}")
+    else:
+        model = fit_model(data, PhysicsModel(base=physics, threads=job.threads))
+    before = compare(model, data, seed=seed)
+    diagnosis = diagnose(model, data, seed=seed).to_dict()
+    answer = diagnosis["answer"]
+    # All members of a class predict alike; the first is the likeliest.
+    ids = [members[0] for members in answer]
+    ids += [effect["id"] for effect in diagnosis["effects"] if effect["id"] not in ids]
+    better = model
+    for effect in ids:
+        better = better.add(effect).fit(data)
+    after = compare(better, data, noise=before.noise, seed=seed)
+    history = [record.to_dict() for record in better.history]
+    score = reveal(data, diagnosis).score if data.meta.file.truth_sha256 else None
+    job.figures |= {"loop_before": before.whitened, "loop_after": after.whitened}
+    measured = data.measured()
+    if measured.has("time_s"):
+        job.figures["loop_time_s"] = measured.column("time_s")
+    job.summary["loop"] = {
+        "rows": before.rows,
+        "minutes": float(data.column("time_s").max()) / 60.0 if data.has("time_s") else None,
+        "before": before.to_dict(),
+        "after": after.to_dict(),
+        "diagnosis": diagnosis,
+        "history": history,
+        "score": score,
+    }
+    job.show(loop_section(job.summary["loop"], job.figures))
+    return better
 
 
 def measure_times(job: Job, pairs: Simulated, rows: I) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ecm.diagnosis.summary import not_testable_table, ranking_table
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.mechanism import Mechanism
@@ -15,7 +16,6 @@ from ecm.report import figures as draw
 from ecm.report.blocks import Block, Cell, FigureBlock, Section, TableBlock, TextBlock, number
 from ecm.report.figures import mechanism_blocks
 from ecm.rig.arm.trips import COLOURS, PANELS, thousandths
-from ecm.workflow.loop import loop_section
 from ecm.workflow.paper import FEM_RATIO, KAPPA_RAW, SYMMETRIC_SHARE
 
 _MOST_REASONS = 12
@@ -428,3 +428,81 @@ def speed_section(evaluation: Mapping[str, Any], paper: bool) -> Section:
     )
     caption = _named("Fig. 11", f"Times of {len(evaluation['fem_s'])} pairs.", paper)
     return Section("3 Evaluation time", [TextBlock(text), FigureBlock(caption, figure)])
+
+
+def loop_section(step: Mapping[str, Any], figures: Mapping[str, F]) -> Section:
+    """Compare, diagnose, refit; and what had been hidden."""
+    diagnosis, history = step["diagnosis"], step["history"]
+    blocks: list[Block] = [
+        TextBlock(_loop_sentence(step), strong=True),
+        TextBlock(step["before"]["sentence"]),
+        _components(step["before"], step["after"], history[0]["name"]),
+        _history_table(history),
+    ]
+    if history:
+        errors: dict[str, Sequence[float]] = {
+            "fitted rows": [record["train"] for record in history],
+            "held-out rows": [record["held_out"] for record in history],
+        }
+        blocks.append(
+            FigureBlock(
+                "The fit history: root mean square of whitened residuals, 1 is the noise floor.",
+                draw.bars(errors, [record["name"] for record in history], y_title="error / noise"),
+            )
+        )
+    blocks.append(ranking_table(diagnosis))
+    if "loop_time_s" in figures:
+        blocks.append(
+            FigureBlock(
+                "Residual of each measured pose over time, in units of its noise: before and "
+                "after the refit." + draw.drawn_sentence(figures["loop_before"]),
+                draw.residuals_over(
+                    figures["loop_time_s"] / 60.0,
+                    {"before": figures["loop_before"], "after": figures["loop_after"]},
+                    x_title="time [min]",
+                ),
+            )
+        )
+    if diagnosis["not_testable"]:
+        blocks.append(not_testable_table(diagnosis))
+    return Section("4 Find the missing effect", blocks)
+
+
+def _loop_sentence(step: Mapping[str, Any]) -> str:
+    """What is missing, what it brings, and what had been hidden."""
+    text, history = f"Missing: {step['diagnosis']['summary']['missing']}.", step["history"]
+    if len(history) > 1:
+        first, last = number(history[0]["held_out"]), number(history[-1]["held_out"])
+        text += f" By the refit the held-out error falls from {first} to {last} times the noise."
+    if step.get("score") is not None:
+        text += f" Hidden in the rig was {', '.join(step['score']['truth']) or 'nothing'}."
+    return text
+
+
+def _components(before: Mapping[str, Any], after: Mapping[str, Any], base: str) -> TableBlock:
+    """RMSE, floor and excess of each component, before and after."""
+
+    def excess(row: Mapping[str, Any]) -> str:
+        low, high = number(row["excess_low"]), number(row["excess_high"])
+        return f"{number(row['excess'])} ({low} to {high})"
+
+    both = zip(before["components"], after["components"], strict=True)
+    return TableBlock(
+        f"Error of {base} before and after the refit; the floor is what noise alone gives, pose "
+        "noise carried through K; excess with its 90 % interval.",
+        ("component", "RMSE", "after", "noise floor", "excess", "after", "bias"),
+        [
+            [a["name"], a["rmse"], b["rmse"], a["floor"], excess(a), excess(b), a["bias"]]
+            for a, b in both
+        ],
+    )
+
+
+def _history_table(history: Sequence[Mapping[str, Any]]) -> TableBlock:
+    keys = ("name", "train", "held_out", "ceiling")
+    return TableBlock(
+        "Error over noise. The ceiling adds a free cubic of the pose: no effect of the pose can "
+        "do better.",
+        ("model", "fitted rows", "held-out rows", "ceiling"),
+        [[record[key] for key in keys] for record in history],
+    )

@@ -88,8 +88,7 @@ class Servo:
         if not self._yield:
             return joints
         load: F = self._simulation.jacobian_T.dot(self._simulation.wrench)
-        angles: F = joints + self._yield * load
-        return angles
+        return joints + self._yield * load
 
     def pose(self) -> F:
         """Pose (6,) of the top frame by the encoders."""
@@ -101,8 +100,7 @@ class Servo:
 
     def damper_torque_Nm(self) -> F:
         """Torque (7,) of the implicit dampers."""
-        torque: F = self._implicit * self._simulation.speeds_rad_s
-        return torque
+        return self._implicit * self._simulation.speeds_rad_s
 
 
 class Impedance:

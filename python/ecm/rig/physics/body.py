@@ -25,7 +25,6 @@ from ecm.rig.physics.true_effect import (
     RigScale,
     balanced_direction,
     metric_root,
-    random_sign,
 )
 
 T = TypeVar("T", bound="LateralTurn")
@@ -185,10 +184,8 @@ class MountingGap(BodyPose):
     name: ClassVar[str] = "mounting_gap"
     unit: ClassVar[str] = "m"
     limit: ClassVar[Limit] = Limit(0.1, "poses at which the axial force differs")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> MountingGap:
-        return cls(random_sign(random) * 1e-4)
+    first_size: ClassVar[float] = 1e-4
+    either_sign: ClassVar[bool] = True
 
     def body_pose(self, poses: F, at: Conditions) -> F:
         body: F = np.array(poses)
@@ -247,11 +244,9 @@ class Taper(GradedBody):
     effect: ClassVar[str] = "taper"
     unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.5, "bending and shear on all sides")
+    first_size: ClassVar[float] = 0.02
+    either_sign: ClassVar[bool] = True
     grades: ClassVar[tuple[str, ...]] = (TAPER,)
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> Taper:
-        return cls(random_sign(random) * 0.02)
 
 
 @dataclass(frozen=True)
@@ -264,11 +259,9 @@ class Thickness(GradedBody):
     name: ClassVar[str] = "thickness"
     unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.2, "bending and shear as well as stretch")
+    first_size: ClassVar[float] = 0.01
+    either_sign: ClassVar[bool] = True
     grades: ClassVar[tuple[str, ...]] = (THICK,)
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> Thickness:
-        return cls(random_sign(random) * 0.01)
 
 
 @dataclass(frozen=True)
@@ -281,8 +274,5 @@ class Stiffening(GradedBody):
     name: ClassVar[str] = "stiffening"
     unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.5, "larger poses")
+    first_size: ClassVar[float] = 0.05
     grades: ClassVar[tuple[str, ...]] = (STIFF,)
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> Stiffening:
-        return cls(0.05)

@@ -123,10 +123,8 @@ class CameraScale(CameraPose):
     effect: ClassVar[str] = "camera_scale"
     unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.2, "larger translations")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> CameraScale:
-        return cls(random_sign(random) * 0.005)
+    first_size: ClassVar[float] = 0.005
+    either_sign: ClassVar[bool] = True
 
     def measured(self, poses: F, at: Conditions) -> F:
         shift = poses[:, :3] - at.rest[:3]
@@ -219,8 +217,7 @@ class TimeSkew(Clock):
         return cls(delay, creep=float(random.uniform(-0.3, 0.3)), end_s=rig.duration_s)
 
     def read_s(self, stamp_s: F) -> F:
-        moments: F = stamp_s + self.size * (1.0 + self.creep * stamp_s / self.end_s)
-        return moments
+        return stamp_s + self.size * (1.0 + self.creep * stamp_s / self.end_s)
 
 
 def _shift(random: Random, length_m: float) -> tuple[float, float, float]:

@@ -107,8 +107,7 @@ class BasePlate(Clamp):
         """Diagonal (6,): m/N, then rad/(N m)."""
         axial, lateral = self.axial_share * length_m**2, self.lateral_share * length_m**2
         turns = (self.twist_share, 1.0 + self.uneven, 1.0 - self.uneven)
-        diagonal: F = self.size * np.array([axial, lateral, lateral, *turns])
-        return diagonal
+        return self.size * np.array([axial, lateral, lateral, *turns])
 
     def motion(self, wrenches: F, length_m: float) -> F:
         return self.compliance(length_m) * wrenches
@@ -272,10 +271,7 @@ class OwnWeight(PlatformLoad):
     effect: ClassVar[str] = "own_weight"
     unit: ClassVar[str] = "kg"
     limit: ClassVar[Limit] = Limit(0.25, "poses that bend on all sides")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> OwnWeight:
-        return cls(0.3)
+    first_size: ClassVar[float] = 0.3
 
     def load(self, at: Conditions) -> F:
         slope = np.empty((len(at.poses), 6))

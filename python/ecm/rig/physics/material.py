@@ -60,8 +60,7 @@ class Temperature(MaterialFactor):
         absolute = at.temperature_degC + _KELVIN
         reference = self.reference_degC + _KELVIN
         activation = reference**2 * (1.0 / reference - self.size)
-        factor: F = np.exp(activation * (1.0 / absolute - 1.0 / reference)) * absolute / reference
-        return factor
+        return np.exp(activation * (1.0 / absolute - 1.0 / reference)) * absolute / reference
 
 
 @dataclass(frozen=True)

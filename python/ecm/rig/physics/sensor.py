@@ -217,8 +217,7 @@ class SensorStrain(SensorReading):
 
     def reading(self, wrenches: F, at: Conditions) -> F:
         strain: F = self.size * SENSOR_SCALE * np.asarray(self.direction)
-        reading: F = wrenches + at.loaded[:, None] * strain
-        return reading
+        return wrenches + at.loaded[:, None] * strain
 
 
 @dataclass(frozen=True)

@@ -7,21 +7,18 @@ the body.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
 from ecm.io.arrays import F
 from ecm.io.se3 import rotation
 from ecm.rig.elastic import REST_INDEX
-from ecm.rig.physics.true_effect import Conditions, Limit, Random, RigScale, Supply, random_sign
+from ecm.rig.physics.true_effect import Conditions, Limit, Random, RigScale, Supply
 
+T = TypeVar("T", bound="OfActuator")
 _EVERY = -1
-
-
-def _one_or_all(random: Random, rig: RigScale) -> int:
-    return int(random.integers(_EVERY, rig.actuators))
 
 
 _WARM_K = 30.0
@@ -36,6 +33,11 @@ class OfActuator(Supply):
 
     actuator: int = _EVERY
     """Number from 0 among those of its kind; -1: all."""
+
+    @classmethod
+    def draw(cls: type[T], random: Random, rig: RigScale) -> T:
+        drawn = super().draw(random, rig)
+        return replace(drawn, actuator=int(random.integers(_EVERY, rig.actuators)))
 
     def acting(self, inputs: F, at: Conditions) -> F:
         own = np.flatnonzero([name.startswith(self.acts_on) for name in at.actuators])
@@ -57,10 +59,7 @@ class Zero(OfActuator):
     name: ClassVar[str] = "regulator zero"
     unit: ClassVar[str] = "Pa"
     limit: ClassVar[Limit] = Limit(0.3, "poses at several pressures")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> Zero:
-        return cls(random_sign(random), _one_or_all(random, rig))
+    either_sign: ClassVar[bool] = True
 
     def given(self, inputs: F, at: Conditions) -> F:
         warm = at.temperature_degC - at.temperature_degC.mean()
@@ -78,10 +77,11 @@ class Gain(OfActuator):
     name: ClassVar[str] = "regulator gain"
     unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.3, "poses at several pressures")
+    either_sign: ClassVar[bool] = True
 
     @classmethod
     def draw(cls, random: Random, rig: RigScale) -> Gain:
-        return cls(random_sign(random), _one_or_all(random, rig), rig.largest_input or 1.0)
+        return replace(super().draw(random, rig), largest=rig.largest_input or 1.0)
 
     def given(self, inputs: F, at: Conditions) -> F:
         u = np.clip(inputs / self.largest, 0.0, 1.0)
@@ -98,10 +98,11 @@ class Supplied(OfActuator):
     name: ClassVar[str] = "shared supply"
     unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.3, "poses with unlike pressures")
+    either_sign: ClassVar[bool] = True
 
     @classmethod
     def draw(cls, random: Random, rig: RigScale) -> Supplied:
-        return cls(random_sign(random), _one_or_all(random, rig), rig.largest_input or 1.0)
+        return replace(super().draw(random, rig), largest=rig.largest_input or 1.0)
 
     def given(self, inputs: F, at: Conditions) -> F:
         own = np.array([name.startswith(self.acts_on) for name in at.actuators])
@@ -118,10 +119,6 @@ class Play(OfActuator):
     name: ClassVar[str] = "play of a valve"
     unit: ClassVar[str] = "Pa"
     limit: ClassVar[Limit] = Limit(0.3, "pressures approached from below and from above")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> Play:
-        return cls(1.0, _one_or_all(random, rig))
 
     def given(self, inputs: F, at: Conditions) -> F:
         return at.from_all(self._states)
@@ -147,10 +144,7 @@ class Leak(OfActuator):
     name: ClassVar[str] = "outflow"
     unit: ClassVar[str] = "1/s"
     limit: ClassVar[Limit] = Limit(0.1, "several dwells, from 2 to 60 s")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> Leak:
-        return cls(1e-3, _one_or_all(random, rig))
+    first_size: ClassVar[float] = 1e-3
 
     def given(self, inputs: F, at: Conditions) -> F:
         root = 1.0 - 0.5 * self.size * at.since_set_s
@@ -170,10 +164,11 @@ class Lag(OfActuator):
     name: ClassVar[str] = "lag of a tube"
     unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(1.0, "several dwells, from 2 to 60 s")
+    first_size: ClassVar[float] = 0.1
 
     @classmethod
     def draw(cls, random: Random, rig: RigScale) -> Lag:
-        return cls(0.1, _one_or_all(random, rig), time_s=float(random.uniform(6.0, 20.0)))
+        return replace(super().draw(random, rig), time_s=float(random.uniform(6.0, 20.0)))
 
     def given(self, inputs: F, at: Conditions) -> F:
         left = np.exp(-at.since_set_s / self.time_s)
@@ -191,11 +186,8 @@ class Capstan(OfActuator):
     name: ClassVar[str] = "capstan"
     unit: ClassVar[str] = "1/rad"
     limit: ClassVar[Limit] = Limit(1.0, "tensions approached from below and from above")
+    first_size: ClassVar[float] = 0.1
     acts_on: ClassVar[str] = "tension"
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> Capstan:
-        return cls(0.1, _one_or_all(random, rig))
 
     def given(self, inputs: F, at: Conditions) -> F:
         tilt = np.arccos(np.clip(rotation(at.poses[:, 3:])[:, 0, 0], -1.0, 1.0))
@@ -215,11 +207,8 @@ class Stretch(OfActuator):
     name: ClassVar[str] = "winch that stands still"
     unit: ClassVar[str] = "N/m"
     limit: ClassVar[Limit] = Limit(100.0, "poses far from where the tension was set")
+    first_size: ClassVar[float] = 10.0
     acts_on: ClassVar[str] = "tension"
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> Stretch:
-        return cls(10.0, _one_or_all(random, rig))
 
     def given(self, inputs: F, at: Conditions) -> F:
         longer = at.from_all(_longer_by)

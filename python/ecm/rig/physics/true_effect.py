@@ -207,6 +207,10 @@ class TrueEffect:
     """It acts in an actuator."""
     follows_the_way: ClassVar[bool] = False
     """It depends on the wrenches at all way points, not only at the visits."""
+    first_size: ClassVar[float] = 1.0
+    """First guess of the size."""
+    either_sign: ClassVar[bool] = False
+    """Whether the size may be negative as well."""
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -215,9 +219,9 @@ class TrueEffect:
             cls.name = vars(cls).get("name", cls.effect)
 
     @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> TrueEffect:
+    def draw(cls: type[T], random: Random, rig: RigScale) -> T:
         """A random shape with a first guess of the size; only its sign is used."""
-        raise NotImplementedError
+        return cls(random_sign(random) * cls.first_size if cls.either_sign else cls.first_size)
 
     def resized(self: T, size: float) -> T:
         """The same shape at another size."""

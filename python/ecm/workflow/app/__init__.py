@@ -3,8 +3,8 @@
 journal    the steps of a session, appended to one file; undo and redo are records, too
 session    the folder: its tables, models and results
 steps      each step as a command line of `ecm`
-state      what the page shows, and the readings of a simulated rig while they come
 jobs       commands in a process of their own: progress, cancel, interrupted ones
-views      what the page draws: kept as files, computed in another process
+views      what the page shows: the state of a session, the readings of a simulated rig while they
+           come, and what it draws, kept as files and computed in another process
 server     who may ask, the routes, and the server on this machine only
 """

@@ -10,7 +10,6 @@ import contextlib
 import hmac
 import json
 import os
-import re
 import secrets
 import socket
 import sys
@@ -20,7 +19,6 @@ from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import IO, Any
-from urllib.parse import parse_qs
 
 from ecm.errors import EcmError, InputError, Refusal
 from ecm.io.arguments import check_arguments, listed
@@ -29,8 +27,7 @@ from ecm.report.page import WEB
 from ecm.workflow.app.jobs import Busy, Jobs
 from ecm.workflow.app.journal import DiskError, sentence, writing
 from ecm.workflow.app.session import INCOMING, Session, suffix_of
-from ecm.workflow.app.state import Readings, measuring, state_of
-from ecm.workflow.app.views import NEED_MODEL, SHOWN, Views
+from ecm.workflow.app.views import NEED_MODEL, SHOWN, Readings, Views, measuring, state_of
 
 if sys.platform == "win32":
     import msvcrt
@@ -61,6 +58,7 @@ def locked(folder: Path) -> IO[bytes]:
     return file
 
 
+_PURPOSE = "The page of `ecm app`"
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
@@ -113,29 +111,31 @@ class Guard:
         if scope["type"] != "http":  # no web sockets here
             await send({"type": "websocket.close", "code": 1008})
             return
-        headers = {k.decode("latin-1").lower(): v.decode("latin-1") for k, v in scope["headers"]}
+        answer = self._own_answer(scope) or self.application
+        await answer(scope, receive, _with_headers(send))
+
+    def _own_answer(self, scope: Scope) -> Any:
+        """The answer to a request that the application does not get; None where it does."""
+        responses = require("starlette.responses", "app", _PURPOSE)
+        asked = require("starlette.requests", "app", _PURPOSE).HTTPConnection(scope)
+        headers = asked.headers
         # Whether another page asks: browsers say so, other programs do not.
         origin, site = headers.get("origin"), headers.get("sec-fetch-site", "none")
         foreign = origin not in (None, *self.origins) or site not in ("none", "same-origin")
-        asked = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
+        # The token of a program, else of the page's cookie.
+        given = headers.get("x-ecm-token", asked.cookies.get(self.cookie, ""))
         if headers.get("host") not in self.hosts:
-            await _answer(send, 421, "This server answers to 127.0.0.1 only.")
-        elif foreign:
-            await _answer(send, 403, "Another page may not ask this server.")
-        elif scope["path"] == "/" and self._is_token(asked):
+            return responses.PlainTextResponse("This server answers to 127.0.0.1 only.", 421)
+        if foreign:
+            return responses.PlainTextResponse("Another page may not ask this server.", 403)
+        if scope["path"] == "/" and self._is_token(asked.query_params.get("token", "")):
             cookie = f"{self.cookie}={self.token}; HttpOnly; SameSite=Strict; Path=/"
-            await _answer(send, 303, "", ((b"location", b"/"), (b"set-cookie", cookie.encode())))
-        elif not self._is_token(self._given(headers)):
-            await _answer(
-                send, 403, "Open the whole address that `ecm app` printed, with its token."
+            return responses.RedirectResponse("/", 303, {"set-cookie": cookie})
+        if not self._is_token(given):
+            return responses.PlainTextResponse(
+                "Open the whole address that `ecm app` printed, with its token.", 403
             )
-        else:
-            await self.application(scope, receive, _with_headers(send))
-
-    def _given(self, headers: dict[str, str]) -> str:
-        """The token of a request: that of a program, else of the page's cookie."""
-        found = re.search(rf"(?:^|;\s*){self.cookie}=([^;]*)", headers.get("cookie", ""))
-        return headers.get("x-ecm-token", found.group(1) if found else "")
+        return None
 
     def _is_token(self, given: str) -> bool:
         return hmac.compare_digest(given.encode(), self.token.encode())
@@ -154,18 +154,6 @@ def _with_headers(send: Send) -> Send:
     return extended
 
 
-async def _answer(
-    send: Send, status: int, text: str, headers: tuple[tuple[bytes, bytes], ...] = ()
-) -> None:
-    start = {
-        "type": "http.response.start",
-        "status": status,
-        "headers": [(b"content-type", b"text/plain; charset=utf-8"), *headers],
-    }
-    await _with_headers(send)(start)
-    await send({"type": "http.response.body", "body": text.encode()})
-
-
 MOST_BYTES = 2_000_000_000
 """Largest file that may be dropped."""
 _MOST_REQUEST = 100_000
@@ -178,7 +166,6 @@ _TYPES = {
     ".json": "application/json",
     ".csv": "text/csv; charset=utf-8",
 }
-_PURPOSE = "The page of `ecm app`"
 
 
 class App:
