@@ -20,7 +20,7 @@ import pytest
 from blind_benchmark import test_blind as short
 from blind_parts.analysis import Method
 from ecm.diagnosis import DiagnosisSettings, Stages
-from ecm.diagnosis.accept import Accepted, accept, acceptance_check, confusion_class
+from ecm.diagnosis.accept import Accepted, accept, confusion_class
 from ecm.diagnosis.left_over import Gate, Leftover, gate, leftover
 from ecm.diagnosis.problem import Candidate, Problem, assemble
 from ecm.diagnosis.search import Ranked, rank
@@ -28,6 +28,7 @@ from ecm.effects import Effect, Missing, get_effect
 from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.regression.noise import Noise
+from support.acceptance import acceptance_check
 
 
 class DiagonalNoise(Noise):

@@ -16,7 +16,6 @@ from ecm.diagnosis.accept import (
     CHOSEN_SHARE,
     KEPT_WITHIN_BOUNDS,
     AcceptanceCheck,
-    acceptance_check,
     selection_shares,
 )
 from ecm.diagnosis.problem import Candidate, Problem, assemble
@@ -29,6 +28,7 @@ from ecm.io.table import Table
 from ecm.models.fit import choose_base
 from ecm.regression.folds import folds, held_out_by, row_groups
 from ecm.regression.noise import declared_noise, whiteners
+from support.acceptance import acceptance_check
 from support.campaigns import campaign, model, physics
 
 F = NDArray[np.float64]

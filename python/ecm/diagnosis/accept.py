@@ -571,21 +571,3 @@ def accept(
         else:
             chosen = without(chosen, item)
     return Accepted(checks=checks)
-
-
-def acceptance_check(
-    problem: Problem,
-    chosen: Sequence[Candidate],
-    item: Candidate,
-    members: Sequence[str],
-    seed: int,
-) -> AcceptanceCheck:
-    """Return the evidence for `item` given the other chosen effects.
-
-    Parameters
-    ----------
-    members
-        Ids of its class.
-    """
-    one = _Chosen(problem, chosen, item)
-    return one.in_class(one.alone(), one.winners(seed), members)

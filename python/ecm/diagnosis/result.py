@@ -14,7 +14,7 @@ from scipy import special
 from ecm.comparison.residuals import confounded_with_order
 from ecm.comparison.structure import LEAST_STRENGTH, run_outliers, signature_shares
 from ecm.diagnosis.accept import AcceptanceCheck, confusable_pairs
-from ecm.diagnosis.check import NotTestable, never_excited, zero_column_sentences
+from ecm.diagnosis.check import NotTestable
 from ecm.diagnosis.family import Family
 from ecm.diagnosis.given_model import GivenModel, judge_given_model
 from ecm.diagnosis.left_over import Gate, Leftover, Unknown
@@ -58,7 +58,7 @@ from ecm.errors import EcmError, Remedy, remedy_of
 from ecm.io.arrays import rest_of
 from ecm.io.description import shown_ranges
 from ecm.io.extras import require
-from ecm.io.sanity import likely_continuous, time_unit
+from ecm.io.sanity import likely_continuous, never_excited, time_unit, zero_column_sentences
 from ecm.models.errors import Ceiling, ceiling_rms
 from ecm.models.joint_fit import FittedEffect, JointFit, joint_fit
 from ecm.models.model import Model
