@@ -42,7 +42,13 @@ from ecm.diagnosis.settings import (
 )
 from ecm.io.arrays import F, I
 from ecm.regression.blocks import in_threads
-from ecm.regression.normal_equations import RIDGE, explained_squares, projected_out, solve
+from ecm.regression.normal_equations import (
+    RIDGE,
+    explained_squares,
+    explained_with_signs,
+    projected_out,
+    solve,
+)
 
 SEPARABLE = 0.1
 """Effects are alike when a rival leaves less than this share."""
@@ -433,41 +439,11 @@ def _falls_of_draws(
             ridge = RIDGE * np.maximum(np.einsum("dbii->dbi", matrix), 1e-200)
             rows = seen.reshape(d, b, k, f)
             matrix = matrix - rows @ rows.transpose(0, 1, 3, 2) + ridge[:, :, :, None] * np.eye(k)
-            gain = _explained_with_signs(matrix, slope, signs)
+            gain = explained_with_signs(matrix, slope, signs)
             falls.append(gain / problem.scale - k * np.log(problem.size))
         return np.concatenate(falls, axis=1)
 
     return falls_of
-
-
-def _explained_with_signs(matrix: F, slope: F, signs: F) -> F:
-    """Return (d, b) squares that each block explains; see `explained_by_blocks` for the signs.
-
-    Parameters
-    ----------
-    matrix, slope
-        (d, b, k, k) and (d, b, k) normal equations of each block.
-    """
-    k = slope.shape[-1]
-    taken = np.ones(slope.shape, dtype=np.bool_)
-    theta = _solved(matrix, slope)
-    for _ in range(k):
-        wrong = taken & (signs * theta < 0.0)
-        again = wrong.any(axis=2)
-        if not again.any():
-            break
-        taken &= ~wrong
-        kept = taken[again]
-        block = np.where(kept[:, :, None] & kept[:, None, :], matrix[again], np.eye(k))
-        theta[again] = _solved(block, np.where(kept, slope[again], 0.0))
-    return np.asarray(np.where(taken, slope * theta, 0.0).sum(axis=2))
-
-
-def _solved(matrices: F, vectors: F) -> F:
-    """Return matrices^-1 vectors, (..., k, k) and (..., k)."""
-    if vectors.shape[-1] == 1:
-        return np.asarray(vectors / matrices[..., 0])
-    return np.asarray(np.linalg.solve(matrices, vectors[..., None])[..., 0])
 
 
 ClassOf = Callable[..., list[str]]
