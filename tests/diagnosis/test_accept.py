@@ -129,7 +129,8 @@ def test_a_rival_that_wins_often_is_a_member_also_where_a_close_one_is(
         return [item.id] if least_bic is None else [item.id, "seldom", "close"]
 
     chosen = [one.candidate for one in rank(problem) if one.id == "temperature_modulus"]
-    accepted = accept_module.accept(problem, chosen, class_of=class_of)
+    monkeypatch.setattr(accept_module, "confusion_class", class_of)
+    accepted = accept_module.accept(problem, chosen)
     assert accepted.classes == (("temperature_modulus", "far", "close"),)
     assert accepted.checks[0].chosen_share == pytest.approx(0.83)
 
@@ -148,7 +149,8 @@ def test_two_effects_that_win_seldom_take_no_far_rival(monkeypatch: pytest.Monke
 
     chosen = search(problem, rank(problem))
     assert len(chosen) == 2
-    accepted = accept_module.accept(problem, chosen, class_of=class_of)
+    monkeypatch.setattr(accept_module, "confusion_class", class_of)
+    accepted = accept_module.accept(problem, chosen)
     assert len(accepted.effects) == 1
     assert "far" in accepted.classes[0]
 

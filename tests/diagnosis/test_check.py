@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from ecm.comparison import compare
-from ecm.diagnosis.check import check
 from ecm.effects import all_effects
+from ecm.effects.check import check
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.sanity import never_excited

@@ -226,11 +226,11 @@ class _Chosen:
         return replace(alone, chosen_share=share, own_seen=seen, winners=winners)
 
     def classified(
-        self, alone: AcceptanceCheck, seed: int, class_of: ClassOf
+        self, alone: AcceptanceCheck, seed: int
     ) -> tuple[AcceptanceCheck, tuple[str, ...]]:
         """Return the evidence for it and its class, with the rivals that win bootstraps."""
         winners = self.winners(seed)
-        members = class_of(self.problem, self.chosen, self.item)
+        members = confusion_class(self.problem, self.chosen, self.item)
         seldom = _share(winners, members) < CHOSEN_SHARE
         joining = []
         if len(self.chosen) == 1 or not seldom:
@@ -242,7 +242,7 @@ class _Chosen:
         room = max(0, MOST_IN_CLASS - len(members))
         if seldom and room:
             # So does a close one that wins now and then.
-            close = class_of(self.problem, self.chosen, self.item, CLOSE_BIC)
+            close = confusion_class(self.problem, self.chosen, self.item, CLOSE_BIC)
             joining += [id for id in close if winners.get(id, 0.0) > _SOME_BOOTSTRAPS]
         new = list(dict.fromkeys(id for id in joining if id not in members))[:room]
         members = [*members, *new]
@@ -446,10 +446,6 @@ def _falls_of_draws(
     return falls_of
 
 
-ClassOf = Callable[..., list[str]]
-"""(problem, chosen, item, least_bic) -> ids that cannot be told from an effect, its own first."""
-
-
 @dataclass(frozen=True)
 class AcceptanceCheck:
     """The evidence for one chosen effect, given the other chosen ones."""
@@ -503,13 +499,7 @@ class Accepted:
     checks: tuple[AcceptanceCheck, ...] = ()
 
 
-def accept(
-    problem: Problem,
-    chosen: Sequence[Candidate],
-    seed: int = 0,
-    *,
-    class_of: ClassOf = confusion_class,
-) -> Accepted:
+def accept(problem: Problem, chosen: Sequence[Candidate], seed: int = 0) -> Accepted:
     """Drop the weakest chosen effect until each of the rest passes every check.
 
     An effect that explains the rows only beyond the bounds of its parameters is no candidate: the
@@ -521,8 +511,6 @@ def accept(
         Effects of the search.
     seed
         Seed of the bootstraps.
-    class_of
-        Function that gives the class of an effect.
     """
     chosen = tuple(chosen)
     checks: tuple[AcceptanceCheck, ...] = ()
@@ -534,7 +522,7 @@ def accept(
         for one, check in sorted(alone, key=lambda pair: pair[1].delta_bic):
             item = one.item
             if len(chosen) == 1 or check.passes_alone:
-                found[item.id] = one.classified(check, seed, class_of)
+                found[item.id] = one.classified(check, seed)
             if item.id not in found or not found[item.id][0].accepted:
                 break
         else:

@@ -23,13 +23,13 @@ from ecm.comparison.result import Comparison
 from ecm.comparison.structure import NEAR_NOISE, StructureTest, nothing_follows, structure_test
 from ecm.diagnosis.search import held_out_rms
 from ecm.diagnosis.statements import MENDED_SHARE, WrongStatement, best_of, squares_left
-from ecm.diagnosis.summary import fields_json
 from ecm.diagnosis.verdict import Decision
 from ecm.effects import Effect
 from ecm.errors import EcmError, Remedy
 from ecm.io.arrays import B, F, evenly
 from ecm.io.columns import POSE, WRENCH, unit_of, unit_of_factor
 from ecm.io.conventions import Convention, conventions, in_words, rarer_conventions
+from ecm.io.printed import fields_json
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.learned import LEARNED
 from ecm.models.maps import StiffnessMap

@@ -32,13 +32,13 @@ from ecm.diagnosis.accept import confusable_pairs, confusion_class, squares_left
 from ecm.diagnosis.problem import Candidate, Problem, assemble, score_columns
 from ecm.diagnosis.search import delta_chi2, estimate
 from ecm.diagnosis.settings import FORM_SHARE, REFUTED_BY, REFUTED_SHARE
-from ecm.diagnosis.summary import to_json
 from ecm.effects import Effect, Rows, all_effects
 from ecm.effects.experiments import SEPARATOR, Experiment, get_experiment
 from ecm.effects.registry import effects_of_actuators, with_shape
 from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, TEXT, WRENCH
+from ecm.io.printed import to_json
 from ecm.io.table import Table
 from ecm.models.joint_fit import base_columns, error_columns
 from ecm.regression.noise import whiteners

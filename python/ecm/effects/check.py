@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.diagnosis.summary import fields_json
 from ecm.effects import Effect, effects_of
 from ecm.effects.protocol import missing_length
 from ecm.io.columns import KINDS, POSE, TEXT, WRENCH, is_standard
 from ecm.io.conventions import WrongConvention, wrong_convention
 from ecm.io.events import Progress, Steps
-from ecm.io.printed import Printed
+from ecm.io.printed import Printed, fields_json
 from ecm.io.sanity import (
     SuspectRows,
     doubts,
