@@ -8,10 +8,6 @@ error of the tool.
 
 Single experiments are listed, and a session: several of them in one afternoon, where that is worth
 it for several classes, or for rivals that no single experiment separates.
-
-The plan is laid out in time as the rig would run it, its wrenches are predicted by the nominal
-base, and the Fisher information of base and effects gives the smallest size that the diagnosis
-would name with chance 0.9.
 """
 
 from __future__ import annotations
@@ -26,148 +22,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ecm.designs.plans import follow_up_plan
+from ecm.designs.plans import follow_up_plan, predicted_table
 from ecm.designs.regressors import NominalModel
-from ecm.diagnosis.accept import confusable_pairs, confusion_class, squares_left_after
-from ecm.diagnosis.problem import Candidate, Problem, assemble, score_columns
+from ecm.diagnosis.accept import confusion_class, squares_left_after
+from ecm.diagnosis.problem import Candidate, Problem, score_columns
 from ecm.diagnosis.search import delta_chi2, estimate
 from ecm.diagnosis.settings import FORM_SHARE, REFUTED_BY, REFUTED_SHARE
 from ecm.effects import Effect, Rows, all_effects
 from ecm.effects.experiments import SEPARATOR, Experiment, get_experiment
 from ecm.effects.registry import effects_of_actuators, with_shape
-from ecm.errors import EcmError, InputError
+from ecm.errors import EcmError
 from ecm.io.arrays import F, I
-from ecm.io.columns import POSE, TEXT, WRENCH
-from ecm.io.printed import to_json
+from ecm.io.columns import TEXT
 from ecm.io.table import Table
 from ecm.models.joint_fit import base_columns, error_columns
 from ecm.regression.noise import whiteners
 from ecm.regression.normal_equations import projected_out, solve
-from ecm.rig.plan import OFFSET, UNLOADED, requests
-from ecm.rig.settings import RigSettings
-from ecm.rig.timeline import Climate, timeline_of
 
 POWER = 0.9
 """Chance with which an effect of the limit's size is named."""
-
-
-@dataclass(frozen=True)
-class Identifiability:
-    """What a plan can tell about one effect."""
-
-    id: str
-    parameter: str = ""
-    size: float = np.inf
-    """Size of the effect's best visible parameter that is named with chance 0.9."""
-    unit: str = ""
-    rivals: tuple[str, ...] = ()
-    """Effects of the list that this plan cannot separate from it."""
-    reason: str = ""
-    """Why it cannot be seen at all."""
-    record: str = ""
-    """What to record so that it can be seen."""
-
-    @property
-    def named(self) -> bool:
-        """Whether it can be seen and separated from every other of the list."""
-        return not self.reason and not self.rivals
-
-    def sentence(self) -> str:
-        """Return one plain line."""
-        if self.reason:
-            return f"{self.id}: not visible, {self.reason} (record: {self.record})"
-        unit = "" if self.unit in ("", "1") else f" {self.unit}"
-        size = f"from {self.size:.2g}{unit} of {self.parameter}"
-        if self.rivals:
-            return f"{self.id}: seen {size}, but not told from {', '.join(self.rivals)}"
-        return f"{self.id}: named {size}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain JSON."""
-        seen = ("id", "parameter", "size", "unit", "rivals")
-        names = ("id", "reason", "record") if self.reason else seen
-        return {name: to_json(getattr(self, name)) for name in names}
-
-
-def predicted_table(plan: Table, base: NominalModel, rig: RigSettings | None = None) -> Table:
-    """Return what the rig would record of a plan, without noise and without any effect."""
-    settings = RigSettings() if rig is None else rig
-    length = base.meta.length_m
-    if length is None:
-        raise InputError(f"{plan.source}: [mechanism] length_m is not known; add it to the TOML")
-    timeline = timeline_of(requests(plan, settings.rig, length), settings.rig, length)
-    visits = [visit for visit in timeline.visits if visit.kind != OFFSET]
-
-    def of(name: str, kind: type = float) -> NDArray[Any]:
-        return np.array([getattr(visit, name) for visit in visits], dtype=kind)
-
-    poses, time = of("pose"), of("time_s")
-    free = of("kind", object) == UNLOADED
-    wrenches = np.where(free[:, None], 0.0, base.base.predict(poses))
-    gravity = np.asarray(base.meta.scene.gravity_m_s2)
-    wrenches[:, :3] -= of("dead_weight_kg")[:, None] * gravity
-    climate = Climate.build(settings, 0, timeline.end_s, timeline.heating)
-    names = (*POSE, *plan.actuation_columns)
-    columns: dict[str, Any] = dict(zip(names, poses.T.copy(), strict=True))
-    columns |= dict(zip(base.base.outputs, wrenches.T.copy(), strict=True))
-    columns |= {name: of(name) for name in ("pose_id", "run", "repeat", "time_s", "dwell_s")}
-    columns |= {name: of(name, object) for name in ("approach", "kind")}
-    columns |= {
-        "temperature_degC": np.interp(time, climate.time_s, climate.probe_degC),
-        "sensor_temperature_degC": np.interp(time, climate.time_s, climate.sensor_degC),
-    }
-    meta = replace(base.meta, runs=timeline.runs)
-    return Table(columns, meta, plan.source)
-
-
-def _a_little_noisy(table: Table, base: NominalModel) -> Table:
-    """Return the table with a hundredth of the noise, so that no row is exact."""
-    covariance = base.noise.covariance(Rows(table, base.base))
-    random = np.random.default_rng(0).standard_normal((len(table), 6, 1))
-    added = 0.01 * (np.linalg.cholesky(covariance) @ random)[:, :, 0]
-    return table.with_columns(dict(zip(WRENCH, (table.wrenches + added).T, strict=True)))
-
-
-def identifiability(
-    plan: Table,
-    base: NominalModel,
-    effects: Sequence[Effect],
-    *,
-    rig: RigSettings | None = None,
-) -> list[Identifiability]:
-    """Return what a plan can show about each effect, those that it can name first.
-
-    Parameters
-    ----------
-    plan
-        Table of poses with the columns of a plan.
-    base
-        Nominal model: base, noise and description.
-    effects
-        Effects to look for.
-    rig
-        Settings of the rig; default: those of a new rig.
-    """
-    table = predicted_table(plan, base, rig)
-    problem = assemble(base.base, _a_little_noisy(table, base), effects, base.noise)
-    # There is no residual here; the noise is the declared one.
-    problem = replace(problem, scale=1.0)
-    limits = detection_limits(problem)
-    pairs = confusable_pairs(problem)
-    results = []
-    for effect in effects:
-        if effect.id in limits:
-            alike = tuple(b if a == effect.id else a for a, b in pairs if effect.id in (a, b))
-            results.append(Identifiability(effect.id, **vars(limits[effect.id]), rivals=alike))
-            continue
-        reason, record = "the base absorbs it", "[mechanism]"
-        missing = problem.untestable.get(effect.id)
-        if missing is not None:
-            reason, record = missing.reason, missing.record
-        elif effect.kind == "noise":
-            reason, record = "it changes the scatter, not the mean", "repeats"
-        results.append(Identifiability(effect.id, reason=reason, record=record))
-    return sorted(results, key=lambda item: (bool(item.reason), bool(item.rivals)))
 
 
 @dataclass(frozen=True)

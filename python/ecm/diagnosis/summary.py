@@ -128,9 +128,12 @@ def _missing(document: Mapping[str, Any]) -> str:
 def verdict_sentence(document: Mapping[str, Any]) -> str:
     """Return the verdict as a sentence: what is missing, and what else would look like it."""
     unknown = document["unknown"] or {}
-    if unknown.get("misread") and document["model"].get("statement") is not None:
-        # Said of the model already.
-        return "Mend that first: a base that is fitted to these rows takes it in."
+    if unknown.get("misread"):
+        if document["model"].get("statement") is not None:  # said of the model already
+            return "Mend that first: a base that is fitted to these rows takes it in."
+        table = "statement" in unknown
+        said = "The table looks misread" if table else "Something is stated wrongly"
+        return f"{said}: {unknown['words']}."
     if "slow_noise" in unknown:
         apart = "a pause, or the same motion again or at another speed, would"
         return f"Missing: {_missing_beside(document)}; {apart}."
