@@ -22,7 +22,7 @@ from blind_parts.other_bodies import BODIES, Body, stated_model
 from blind_parts.other_hidden import FOREIGN, KNOWN, STATEMENTS, Law, Made
 from blind_parts.strength import Strength
 from ecm.diagnosis import diagnose
-from ecm.diagnosis.check import check
+from ecm.effects.check import check
 from ecm.errors import EcmError
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH

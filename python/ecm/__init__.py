@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from ecm.designs.optimal import Design, optimal_design
     from ecm.designs.plans import diagnosable_plan, paper_plan
     from ecm.designs.regressors import DesignSettings
-    from ecm.diagnosis.check import check
     from ecm.diagnosis.procedure import diagnose
     from ecm.diagnosis.result import Diagnosis
     from ecm.diagnosis.settings import DiagnosisSettings
+    from ecm.effects.check import check
     from ecm.errors import ComputationError, EcmError, InputError, MissingExtra
     from ecm.fem.simulate import Simulated, Workspace, fem_poses, simulate, solve_wrenches
     from ecm.io.mechanism import Mechanism
@@ -65,7 +65,7 @@ _NAMES = {
     "designs.optimal": ("Design", "optimal_design"),
     "designs.plans": ("diagnosable_plan", "paper_plan"),
     "designs.regressors": ("DesignSettings",),
-    "diagnosis.check": ("check",),
+    "effects.check": ("check",),
     "diagnosis.procedure": ("diagnose",),
     "diagnosis.result": ("Diagnosis",),
     "diagnosis.settings": ("DiagnosisSettings",),

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ import pytest
 from blind_benchmark import test_blind as short
 from blind_parts.analysis import Method
 from ecm.diagnosis import DiagnosisSettings, Stages
-from ecm.diagnosis.accept import Accepted, accept, acceptance_check, confusion_class
+from ecm.diagnosis.accept import Accepted, accept, confusion_class
 from ecm.diagnosis.left_over import Gate, Leftover, gate, leftover
 from ecm.diagnosis.problem import Candidate, Problem, assemble
 from ecm.diagnosis.search import Ranked, rank
@@ -28,6 +28,7 @@ from ecm.effects import Effect, Missing, get_effect
 from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.regression.noise import Noise
+from support.acceptance import acceptance_check
 
 
 class DiagonalNoise(Noise):
@@ -69,6 +70,12 @@ def alone(problem: Problem, chosen: Sequence[Candidate], item: Candidate, *_: fl
     return [item.id]
 
 
+def accept_alone(problem: Problem, chosen: Sequence[Candidate], seed: int) -> Accepted:
+    """No name has a class."""
+    with patch("ecm.diagnosis.accept.confusion_class", alone):
+        return accept(problem, chosen, seed)
+
+
 def gate_never_rejects(problem: Problem) -> Gate:
     """Whatever is left without a name is taken for noise."""
     return replace(gate(problem), rejected=False)
@@ -96,9 +103,7 @@ def careless(id: str) -> Effect:
     return effect
 
 
-NO_CLASSES = Stages(
-    accept=partial(accept, class_of=alone), classify=lambda problem, accepted, left, **_: accepted
-)
+NO_CLASSES = Stages(accept=accept_alone, classify=lambda problem, accepted, left, **_: accepted)
 NOTHING_HELD_OUT = DiagnosisSettings(held_out_errors=-1e9)
 """An effect need not do better on rows that its fit has not seen."""
 RANDOM_FOLDS = DiagnosisSettings(held_out="random")

@@ -16,7 +16,7 @@ import pytest
 from ecm.cli import console
 from ecm.cli.console import Console
 from ecm.cli.main import run
-from ecm.diagnosis.check import check
+from ecm.effects.check import check
 from ecm.fem.material_fit import MaterialTest, fit_material
 from ecm.io import events
 from ecm.io.columns import POSE, WRENCH

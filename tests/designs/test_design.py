@@ -29,7 +29,6 @@ from ecm.designs import (
 )
 from ecm.designs.optimal import knee
 from ecm.designs.regressors import list_or_region, model_columns, regressor, row_list
-from ecm.diagnosis.next_experiment import identifiability
 from ecm.effects import get_effect
 from ecm.errors import EcmError, InputError
 from ecm.io.columns import POSE, WRENCH
@@ -37,6 +36,7 @@ from ecm.io.description import Meta
 from ecm.io.table import Table, read_table
 from ecm.models import PhysicsMap
 from ecm.workflow.config import read_rig
+from ecm.workflow.design import identifiability
 from support.neck import LENGTH_M, ROOT, Done, csv_text, neck_columns, neck_rows
 from support.report_pages import figures_of
 

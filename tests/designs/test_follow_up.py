@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from ecm.designs import can_be_run, follow_up_plan
+from ecm.designs.plans import predicted_table
 from ecm.designs.regressors import NominalModel
-from ecm.diagnosis.next_experiment import predicted_table
 from ecm.effects import Rows, all_effects, get_effect
 from ecm.effects.experiments import EXPERIMENTS
 from ecm.errors import InputError

@@ -16,7 +16,6 @@ from ecm.diagnosis.accept import (
     CHOSEN_SHARE,
     KEPT_WITHIN_BOUNDS,
     AcceptanceCheck,
-    acceptance_check,
     selection_shares,
 )
 from ecm.diagnosis.problem import Candidate, Problem, assemble
@@ -29,6 +28,7 @@ from ecm.io.table import Table
 from ecm.models.fit import choose_base
 from ecm.regression.folds import folds, held_out_by, row_groups
 from ecm.regression.noise import declared_noise, whiteners
+from support.acceptance import acceptance_check
 from support.campaigns import campaign, model, physics
 
 F = NDArray[np.float64]
@@ -129,7 +129,8 @@ def test_a_rival_that_wins_often_is_a_member_also_where_a_close_one_is(
         return [item.id] if least_bic is None else [item.id, "seldom", "close"]
 
     chosen = [one.candidate for one in rank(problem) if one.id == "temperature_modulus"]
-    accepted = accept_module.accept(problem, chosen, class_of=class_of)
+    monkeypatch.setattr(accept_module, "confusion_class", class_of)
+    accepted = accept_module.accept(problem, chosen)
     assert accepted.classes == (("temperature_modulus", "far", "close"),)
     assert accepted.checks[0].chosen_share == pytest.approx(0.83)
 
@@ -148,7 +149,8 @@ def test_two_effects_that_win_seldom_take_no_far_rival(monkeypatch: pytest.Monke
 
     chosen = search(problem, rank(problem))
     assert len(chosen) == 2
-    accepted = accept_module.accept(problem, chosen, class_of=class_of)
+    monkeypatch.setattr(accept_module, "confusion_class", class_of)
+    accepted = accept_module.accept(problem, chosen)
     assert len(accepted.effects) == 1
     assert "far" in accepted.classes[0]
 

@@ -11,10 +11,10 @@ import pytest
 
 from ecm.comparison import compare
 from ecm.diagnosis import diagnose
-from ecm.diagnosis.check import check
 from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.settings import DEFAULTS
 from ecm.effects import effects_for
+from ecm.effects.check import check
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import FileMeta, Instrument, Meta

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ecm.diagnosis import diagnose
-from ecm.diagnosis.accept import KEPT_WITHIN_BOUNDS, acceptance_check
+from ecm.diagnosis.accept import KEPT_WITHIN_BOUNDS
 from ecm.diagnosis.problem import Problem, assemble
 from ecm.effects import get_effect
 from ecm.effects.relaxation import StressRelaxation
@@ -22,6 +22,7 @@ from ecm.models.file import effect_document, effect_of
 from ecm.models.fit import choose_base
 from ecm.models.joint_fit import FittedEffect
 from ecm.models.refit import refit, refuse_worse
+from support.acceptance import acceptance_check
 from support.campaigns import campaign, model
 from support.neck import Done
 

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from ecm.comparison import compare
-from ecm.diagnosis.check import check, never_excited
 from ecm.effects import all_effects
+from ecm.effects.check import check
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
+from ecm.io.sanity import never_excited
 from ecm.io.table import as_table
 from ecm.models import fit_model
 from support.neck import LENGTH_M, neck_columns

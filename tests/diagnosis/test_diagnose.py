@@ -16,7 +16,6 @@ import pytest
 
 from ecm.comparison import compare
 from ecm.diagnosis import Diagnosis, diagnose
-from ecm.diagnosis.accept import acceptance_check
 from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.search import rank
 from ecm.effects import Rows, all_effects, get_effect
@@ -27,6 +26,7 @@ from ecm.io.table import Table
 from ecm.models import fit_model
 from ecm.models.fit import choose_base
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
+from support.acceptance import acceptance_check
 from support.campaigns import campaign, found_in, model, physics, plan
 from support.stand_in import L, StandIn
 

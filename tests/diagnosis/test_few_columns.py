@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import ecm
-from ecm.diagnosis.check import lines_by_reason
 from ecm.diagnosis.procedure import find_missing
 from ecm.effects import effects_for, get_effect, with_shape
+from ecm.effects.check import lines_by_reason
 from ecm.effects.relaxation import StressRelaxation, play
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH

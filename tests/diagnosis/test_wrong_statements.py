@@ -10,8 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from ecm.diagnosis import Diagnosis, diagnose
-from ecm.diagnosis.check import check
 from ecm.diagnosis.procedure import find_missing
+from ecm.effects.check import check
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.conventions import wrong_convention
 from ecm.io.description import Instrument, Meta

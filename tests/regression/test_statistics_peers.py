@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from statsmodels.stats.diagnostic import het_breuschpagan
 from statsmodels.stats.multitest import multipletests
 
-from ecm.diagnosis.accept import acceptance_check
 from ecm.diagnosis.problem import Problem, assemble
 from ecm.diagnosis.search import delta_bic, delta_chi2, rank
 from ecm.diagnosis.statements import _score
@@ -26,6 +25,7 @@ from ecm.models.joint_fit import joint_fit
 from ecm.regression.f_test import lack_of_fit, omnibus_test
 from ecm.regression.noise import Noise, declared_noise, reml_noise
 from ecm.regression.normal_equations import NormalEquations
+from support.acceptance import acceptance_check
 from support.campaigns import campaign, model, physics, workspace_poses
 
 sm = pytest.importorskip("statsmodels.api", reason="statsmodels is missing: dependency group dev")

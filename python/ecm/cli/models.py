@@ -17,11 +17,11 @@ import numpy as np
 from ecm.cli.session import Session, check_output_directory
 from ecm.comparison import compare as compare_model
 from ecm.comparison.result import comparison_report
-from ecm.diagnosis.check import excitation_sentences, never_excited
 from ecm.effects import load_installed
 from ecm.errors import InputError, Refusal, Remedy
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.mechanism import Mechanism
+from ecm.io.sanity import excitation_sentences, never_excited
 from ecm.io.table import Table
 from ecm.io.toml import read_toml
 from ecm.logs.sources import check_rotation_word, rotation_columns

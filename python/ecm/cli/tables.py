@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ecm.cli.session import Session, import_options
-from ecm.diagnosis.check import Check, lines_by_reason
-from ecm.diagnosis.check import check as check_table
 from ecm.effects import load_installed
+from ecm.effects.check import Check, lines_by_reason
+from ecm.effects.check import check as check_table
 from ecm.errors import InputError, Remedy
 from ecm.io.cache import write_atomically
 from ecm.io.csv import BadRows

@@ -9,11 +9,12 @@ of the pose: history, time or noise.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ecm.errors import ModelError, Remedy
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.printed import fields_json
 from ecm.models.errors import ceiling_rms, held_out
 from ecm.models.fit import symmetric_energy
 from ecm.models.joint_fit import joint_fit
@@ -54,7 +55,7 @@ class ReferenceModels:
     energy: float | None
     ceiling: float | None
     floor: float = 1.0
-    by: str = "pose"
+    by: str = field(default="pose", metadata={"json": "held_out_by"})
     """What the held-out parts are: clusters of the `pose`, blocks of `time`, or each `run`."""
     fem_needed: bool = False
     """Whether the physics is left out because the FEM of the table's body did not run yet."""
@@ -96,16 +97,7 @@ class ReferenceModels:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON."""
-        return {
-            "physics": self.physics,
-            "energy": self.energy,
-            "ceiling": self.ceiling,
-            "floor": self.floor,
-            "held_out_by": self.by,
-            "fem_needed": self.fem_needed,
-            "shares": self.shares(),
-            "sentence": self.sentence(),
-        }
+        return fields_json(self) | {"shares": self.shares(), "sentence": self.sentence()}
 
 
 def fit_reference_models(model: Model, table: Table, noise: Noise) -> ReferenceModels | None:

@@ -163,9 +163,12 @@ def features(rows: Rows, most: int) -> tuple[F, tuple[str, ...]]:
 
 def feature_columns(rows: Rows, whitener: F, most: int) -> F:
     """Return (N, m, q) whitened `features` in each of the m components."""
-    values, _ = features(rows, most)
-    m = whitener.shape[1]
-    blocks = [whitener[:, :, j : j + 1] * values[:, None, :] for j in range(m)]
+    return in_each_component(whitener, features(rows, most)[0])
+
+
+def in_each_component(whitener: F, values: F) -> F:
+    """Return (N, m, m q) whitened functions (N, q), each by itself in each of the m components."""
+    blocks = [whitener[:, :, j : j + 1] * values[:, None, :] for j in range(whitener.shape[1])]
     return np.concatenate(blocks, axis=2)
 
 

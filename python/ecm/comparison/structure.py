@@ -11,10 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from ecm.comparison.residuals import KNOWN, feature_columns, features
+from ecm.comparison.residuals import KNOWN, feature_columns, features, in_each_component
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import JOINT_SIGNS, JOINTS, VELOCITY
 from ecm.io.table import Table
@@ -84,7 +85,7 @@ def structure_test(
     columns = np.concatenate(
         [
             feature_columns(rows, whitener, max(1, min(90, n // 3))),
-            np.einsum("nij,nq->niqj", whitener, values).reshape(n, m, -1),
+            in_each_component(whitener, values),
         ],
         axis=2,
     )
@@ -237,19 +238,20 @@ def signature_shares(
     loaded = (~rows.unloaded).astype(np.float64)
     scaled = deflection / np.maximum(deflection.std(axis=0), 1e-12) * loaded[:, None]
     identity = np.broadcast_to(np.eye(6), (n, 6, 6))
+    in_each = partial(in_each_component, identity)
     even = np.stack([scaled[:, i] * scaled[:, j] for i in range(6) for j in range(i + 1)], axis=1)
     named: dict[str, F] = {
         "proportional": rows.wrench[:, :, None],
         "constant_in_base": identity,
         "constant_in_body": rows.base_from_top,
-        "odd": _spread(scaled),
-        "even": _spread(even),
+        "odd": in_each(scaled),
+        "even": in_each(even),
     }
     values, names = features(rows, 90)
     for covariate in (*KNOWN, "approach"):
         own = [j for j, name in enumerate(names) if covariate in name.split("*")]
         if own:
-            named[covariate] = _spread(values[:, own])
+            named[covariate] = in_each(values[:, own])
 
     def share(columns: F) -> float | None:
         z = whitener @ columns
@@ -261,15 +263,6 @@ def signature_shares(
 
     shares = zip(named, in_threads(share, named.values()), strict=True)
     return {name: value for name, value in shares if value is not None}
-
-
-def _spread(values: F) -> F:
-    """Return (N, 6, 6 q): each function in each component."""
-    n, q = values.shape
-    columns = np.zeros((n, 6, 6 * q))
-    for j in range(6):
-        columns[:, j, j * q : (j + 1) * q] = values
-    return columns
 
 
 _DEGREE = 3

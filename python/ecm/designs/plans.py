@@ -11,6 +11,8 @@ A follow-up visits poses of the diagnosed data again, under their own pose_id an
 own, so that both tables together are one campaign; a sweep also stops on the straight lines to
 them. A session joins several experiments, "a + b", in one plan: each part is a run, and those that
 change the set-up come last.
+
+A plan is also laid out in time as the rig would run it, and its wrenches are predicted.
 """
 
 from __future__ import annotations
@@ -20,11 +22,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ecm import _native
 from ecm._native import diagnosable_visits, outer_poses
 from ecm.designs.optimal import Design
+from ecm.designs.regressors import NominalModel
 from ecm.effects.experiments import session_of
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
@@ -35,7 +38,9 @@ from ecm.io.table import Table
 from ecm.models.actuated import ActuatedMap
 from ecm.models.actuated_inputs import free_pose
 from ecm.regression.rows import inputs_of
-from ecm.rig.plan import POSE_OFFSETS
+from ecm.rig.plan import OFFSET, POSE_OFFSETS, UNLOADED, requests
+from ecm.rig.settings import RigSettings
+from ecm.rig.timeline import Climate, timeline_of
 
 DWELLS_S = tuple(_native.DWELLS_S)
 """Rest before a reading in a diagnosable campaign: relaxation shows in their difference."""
@@ -533,3 +538,34 @@ def _of_poses(data: Table, rows: F, ids: I, visits: list[_Visit]) -> Table:
     names = (*POSE, *data.actuation_columns)
     run = float(data.column("run").max()) + 1.0 if data.has("run") else 1.0
     return _plan(data, dict(zip(names, at.T, strict=True)), _pose_ids(visits, ids), visits, run)
+
+
+def predicted_table(plan: Table, base: NominalModel, rig: RigSettings | None = None) -> Table:
+    """Return what the rig would record of a plan, without noise and without any effect."""
+    settings = RigSettings() if rig is None else rig
+    length = base.meta.length_m
+    if length is None:
+        raise InputError(f"{plan.source}: [mechanism] length_m is not known; add it to the TOML")
+    timeline = timeline_of(requests(plan, settings.rig, length), settings.rig, length)
+    visits = [visit for visit in timeline.visits if visit.kind != OFFSET]
+
+    def of(name: str, kind: type = float) -> NDArray[Any]:
+        return np.array([getattr(visit, name) for visit in visits], dtype=kind)
+
+    poses, time = of("pose"), of("time_s")
+    free = of("kind", object) == UNLOADED
+    wrenches = np.where(free[:, None], 0.0, base.base.predict(poses))
+    gravity = np.asarray(base.meta.scene.gravity_m_s2)
+    wrenches[:, :3] -= of("dead_weight_kg")[:, None] * gravity
+    climate = Climate.build(settings, 0, timeline.end_s, timeline.heating)
+    names = (*POSE, *plan.actuation_columns)
+    columns: dict[str, Any] = dict(zip(names, poses.T.copy(), strict=True))
+    columns |= dict(zip(base.base.outputs, wrenches.T.copy(), strict=True))
+    columns |= {name: of(name) for name in ("pose_id", "run", "repeat", "time_s", "dwell_s")}
+    columns |= {name: of(name, object) for name in ("approach", "kind")}
+    columns |= {
+        "temperature_degC": np.interp(time, climate.time_s, climate.probe_degC),
+        "sensor_temperature_degC": np.interp(time, climate.time_s, climate.sensor_degC),
+    }
+    meta = replace(base.meta, runs=timeline.runs)
+    return Table(columns, meta, plan.source)

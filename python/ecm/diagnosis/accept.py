@@ -42,7 +42,13 @@ from ecm.diagnosis.settings import (
 )
 from ecm.io.arrays import F, I
 from ecm.regression.blocks import in_threads
-from ecm.regression.normal_equations import RIDGE, explained_squares, projected_out, solve
+from ecm.regression.normal_equations import (
+    RIDGE,
+    explained_squares,
+    explained_with_signs,
+    projected_out,
+    solve,
+)
 
 SEPARABLE = 0.1
 """Effects are alike when a rival leaves less than this share."""
@@ -220,11 +226,11 @@ class _Chosen:
         return replace(alone, chosen_share=share, own_seen=seen, winners=winners)
 
     def classified(
-        self, alone: AcceptanceCheck, seed: int, class_of: ClassOf
+        self, alone: AcceptanceCheck, seed: int
     ) -> tuple[AcceptanceCheck, tuple[str, ...]]:
         """Return the evidence for it and its class, with the rivals that win bootstraps."""
         winners = self.winners(seed)
-        members = class_of(self.problem, self.chosen, self.item)
+        members = confusion_class(self.problem, self.chosen, self.item)
         seldom = _share(winners, members) < CHOSEN_SHARE
         joining = []
         if len(self.chosen) == 1 or not seldom:
@@ -236,7 +242,7 @@ class _Chosen:
         room = max(0, MOST_IN_CLASS - len(members))
         if seldom and room:
             # So does a close one that wins now and then.
-            close = class_of(self.problem, self.chosen, self.item, CLOSE_BIC)
+            close = confusion_class(self.problem, self.chosen, self.item, CLOSE_BIC)
             joining += [id for id in close if winners.get(id, 0.0) > _SOME_BOOTSTRAPS]
         new = list(dict.fromkeys(id for id in joining if id not in members))[:room]
         members = [*members, *new]
@@ -433,45 +439,11 @@ def _falls_of_draws(
             ridge = RIDGE * np.maximum(np.einsum("dbii->dbi", matrix), 1e-200)
             rows = seen.reshape(d, b, k, f)
             matrix = matrix - rows @ rows.transpose(0, 1, 3, 2) + ridge[:, :, :, None] * np.eye(k)
-            gain = _explained_with_signs(matrix, slope, signs)
+            gain = explained_with_signs(matrix, slope, signs)
             falls.append(gain / problem.scale - k * np.log(problem.size))
         return np.concatenate(falls, axis=1)
 
     return falls_of
-
-
-def _explained_with_signs(matrix: F, slope: F, signs: F) -> F:
-    """Return (d, b) squares that each block explains; see `explained_by_blocks` for the signs.
-
-    Parameters
-    ----------
-    matrix, slope
-        (d, b, k, k) and (d, b, k) normal equations of each block.
-    """
-    k = slope.shape[-1]
-    taken = np.ones(slope.shape, dtype=np.bool_)
-    theta = _solved(matrix, slope)
-    for _ in range(k):
-        wrong = taken & (signs * theta < 0.0)
-        again = wrong.any(axis=2)
-        if not again.any():
-            break
-        taken &= ~wrong
-        kept = taken[again]
-        block = np.where(kept[:, :, None] & kept[:, None, :], matrix[again], np.eye(k))
-        theta[again] = _solved(block, np.where(kept, slope[again], 0.0))
-    return np.asarray(np.where(taken, slope * theta, 0.0).sum(axis=2))
-
-
-def _solved(matrices: F, vectors: F) -> F:
-    """Return matrices^-1 vectors, (..., k, k) and (..., k)."""
-    if vectors.shape[-1] == 1:
-        return np.asarray(vectors / matrices[..., 0])
-    return np.asarray(np.linalg.solve(matrices, vectors[..., None])[..., 0])
-
-
-ClassOf = Callable[..., list[str]]
-"""(problem, chosen, item, least_bic) -> ids that cannot be told from an effect, its own first."""
 
 
 @dataclass(frozen=True)
@@ -527,13 +499,7 @@ class Accepted:
     checks: tuple[AcceptanceCheck, ...] = ()
 
 
-def accept(
-    problem: Problem,
-    chosen: Sequence[Candidate],
-    seed: int = 0,
-    *,
-    class_of: ClassOf = confusion_class,
-) -> Accepted:
+def accept(problem: Problem, chosen: Sequence[Candidate], seed: int = 0) -> Accepted:
     """Drop the weakest chosen effect until each of the rest passes every check.
 
     An effect that explains the rows only beyond the bounds of its parameters is no candidate: the
@@ -545,8 +511,6 @@ def accept(
         Effects of the search.
     seed
         Seed of the bootstraps.
-    class_of
-        Function that gives the class of an effect.
     """
     chosen = tuple(chosen)
     checks: tuple[AcceptanceCheck, ...] = ()
@@ -558,7 +522,7 @@ def accept(
         for one, check in sorted(alone, key=lambda pair: pair[1].delta_bic):
             item = one.item
             if len(chosen) == 1 or check.passes_alone:
-                found[item.id] = one.classified(check, seed, class_of)
+                found[item.id] = one.classified(check, seed)
             if item.id not in found or not found[item.id][0].accepted:
                 break
         else:
@@ -571,21 +535,3 @@ def accept(
         else:
             chosen = without(chosen, item)
     return Accepted(checks=checks)
-
-
-def acceptance_check(
-    problem: Problem,
-    chosen: Sequence[Candidate],
-    item: Candidate,
-    members: Sequence[str],
-    seed: int,
-) -> AcceptanceCheck:
-    """Return the evidence for `item` given the other chosen effects.
-
-    Parameters
-    ----------
-    members
-        Ids of its class.
-    """
-    one = _Chosen(problem, chosen, item)
-    return one.in_class(one.alone(), one.winners(seed), members)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -23,13 +23,13 @@ from ecm.comparison.result import Comparison
 from ecm.comparison.structure import NEAR_NOISE, StructureTest, nothing_follows, structure_test
 from ecm.diagnosis.search import held_out_rms
 from ecm.diagnosis.statements import MENDED_SHARE, WrongStatement, best_of, squares_left
-from ecm.diagnosis.summary import fields_json
 from ecm.diagnosis.verdict import Decision
 from ecm.effects import Effect
 from ecm.errors import EcmError, Remedy
 from ecm.io.arrays import B, F, evenly
 from ecm.io.columns import POSE, WRENCH, unit_of, unit_of_factor
 from ecm.io.conventions import Convention, conventions, in_words, rarer_conventions
+from ecm.io.printed import fields_json
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.learned import LEARNED
 from ecm.models.maps import StiffnessMap
@@ -299,218 +299,164 @@ def judge_given_model(
     noise
         Noise of the rows, where the user gave it.
     """
-    judged = _Judged(model, decision, compare(model, decision.prepared.table, noise=noise))
-    answer, statement, missing = judged.answer, judged.statement, judged.missing
-    if judged.is_doubted and (decision.misread or statement is not None):
+    problem, table = decision.problem, decision.prepared.table
+    result = compare(model, table, noise=noise)
+    sized = partial(_sized, table, noise=result.noise)
+    given = sized(result.whitened_rms, [c.rmse for c in result.components], model.outputs)
+    error, rmse = held_out_rms(problem, ()), problem.rms(problem.fit.residual)
+    base = _sized(table, error, rmse.tolist(), problem.base.outputs, noise=problem.noise)
+    # Whether the base is the model itself, with E and nu fitted to these rows.
+    same = isinstance(model.base, PhysicsMap) and isinstance(problem.base, PhysicsMap)
+    alike = (model.inputs, model.outputs) == (problem.base.inputs, problem.base.outputs)
+    far = _far_behind(given, base)
+    # `result.missing` fits a base of its own.
+    missing = result.structure.found or far or result.missing
+    fits = (None, None) if same else _fitted_again(model, decision, result.noise, alike, missing)
+    again, after = (None if fit is None else sized(*_left_by(fit)) for fit in fits)
+    needed = _are_needed(*fits, least=problem.settings.least_bic)
+    missing = missing or needed
+    refitted = base if same else again
+    behind = refitted is not None and _far_behind(refitted, base)
+    if same:
+        fits_again = not (decision.gate.rejected or behind)
+    else:
+        fits_again = not (fits[0] is None or needed or behind) and not (
+            missing and _holds_structure(fits[0], result.noise)
+        )
+    # What the base does not lack either is no effect; what both lack is the smaller part.
+    none = decision.verdict == "none"
+    too_plain = missing and not fits_again and (behind or none)
+    same_form = alike and model.base.name == problem.base.name
+    richer = len(problem.base.coefficients) > len(model.base.coefficients)
+    reason: Reason = "weak" if too_plain and same_form else ""
+    if too_plain and far and problem.unlike_rows and not richer:
+        reason = "rows"
+    over_noise = given.over_noise or 0.0
+    beyond = over_noise > NEAR_NOISE and result.excess_low > 0.0
+    far_off = over_noise > FAR_BEYOND_NOISE
+    slow = decision.unknown is not None and decision.unknown.slow_noise is not None
+    lacks_inputs = bool(result.unused_inputs) and (missing or _errs_far_more(given, base, problem))
+    # Where the table is right, the first rule that holds.
+    rules: tuple[tuple[bool, Answer], ...] = (
+        (slow, "fits"),
+        (lacks_inputs, "inputs"),
+        (same_form and not none, "effect"),
+        (not missing and far_off, "noise" if none else "effect"),
+        (not missing, "noise" if beyond else "fits"),
+        (fits_again or reason == "rows", "numbers"),
+        (too_plain and not reason, "form"),
+        (True, "effect"),
+    )
+    answer = next(word for holds, word in rules if holds)
+    doubted = missing or answer == "effect" or (answer == "noise" and far_off)
+    statement = None
+    if doubted and not (decision.misread and same):  # else the base has the numbers of the body
+        # A reading must fit as well as the model on its own rows, or as the base does here.
+        own = _OF_ITS_OWN * float(model.training.get("over_noise", 0.0))
+        most = max(FAR_BEYOND_NOISE, _FAR * (base.over_noise or 0.0), own)
+        statement = reading_of_given_model(model, table, result.noise, most)
+    if doubted and (decision.misread or statement is not None):
         answer = "table"
     return GivenModel(
         name=model.name,
         answer=answer,
-        gate=judged.result.structure,
-        as_given=judged.as_given,
-        refitted=judged.refitted if missing and answer != "inputs" else None,
-        with_effects=judged.errors_of(judged.refits[1]) if missing else None,
-        base=decision.problem.base.name,
-        base_errors=judged.base_errors,
-        is_base=judged.same,
-        scale=judged.scale if answer == "numbers" else None,
+        gate=result.structure,
+        as_given=given,
+        refitted=refitted if missing and answer != "inputs" else None,
+        with_effects=after if missing else None,
+        base=problem.base.name,
+        base_errors=base,
+        is_base=same,
+        scale=_scale(result, table) if answer == "numbers" else None,
         statement=statement,
-        neighbours_alike=judged.result.neighbours_alike,
-        unused_inputs=judged.result.unused_inputs if answer == "inputs" else (),
-        reason=judged.reason if answer in ("numbers", "effect") else "",
-        remedy=_remedy(model, decision.problem, answer, judged.reason),
+        neighbours_alike=result.neighbours_alike,
+        unused_inputs=result.unused_inputs if answer == "inputs" else (),
+        reason=reason if answer in ("numbers", "effect") else "",
+        remedy=_remedy(model, problem, answer, reason),
     )
 
 
-@dataclass(frozen=True)
-class _Judged:
-    """What is measured of a model to judge it, each number when it is asked for."""
+def _sized(
+    table: Table, over_noise: float, rmse: Sequence[float], outputs: Sequence[str], *, noise: Noise
+) -> Errors:
+    """Return errors, over the spread of each column where nothing tells the noise."""
+    known = None if noise.is_residual else over_noise
+    errors = dict(zip(outputs, rmse, strict=True))
+    if not noise.is_assumed:
+        return Errors(known, errors)
+    measured = table.measured()
+    spread = {name: float(measured.column(name).std()) for name in errors}
+    shares = [error / spread[name] for name, error in errors.items() if spread[name] > 0.0]
+    return Errors(known, errors, max(shares, default=None))
 
-    model: Model
-    decision: Decision
-    result: Comparison
 
-    @cached_property
-    def same(self) -> bool:
-        """Whether the base is the model itself, with E and nu fitted to these rows."""
-        bases = (self.model.base, self.decision.problem.base)
-        return all(isinstance(base, PhysicsMap) for base in bases)
+def _left_by(fit: JointFit) -> tuple[float, list[float], tuple[str, ...]]:
+    """Error over the noise, each coefficient a degree of freedom; rms and name of each column."""
+    scored = fit.rows.table.of_poses
+    whitened, residual = fit.whitened[scored], fit.residual[scored]
+    error = np.sqrt((whitened**2).sum() / max(1, whitened.size - fit.design.shape[2]))
+    return float(error), np.sqrt((residual**2).mean(axis=0)).tolist(), tuple(fit.base.outputs)
 
-    @cached_property
-    def alike(self) -> bool:
-        """Whether effects of the base have a meaning for the model: it may have fewer columns."""
-        model, base = self.model, self.decision.problem.base
-        return (model.inputs, model.outputs) == (base.inputs, base.outputs)
 
-    @cached_property
-    def same_form(self) -> bool:
-        """Whether the model lacks what the base lacks."""
-        return self.alike and self.model.base.name == self.decision.problem.base.name
+def _fitted_again(
+    model: Model, decision: Decision, noise: Noise, alike: bool, missing: bool
+) -> tuple[JointFit | None, JointFit | None]:
+    """Fit the model's kind to the rows, alone and with the accepted effects.
 
-    @cached_property
-    def base_errors(self) -> Errors:
-        problem = self.decision.problem
-        error = held_out_rms(problem, ())
-        return self._sized(error, problem.rms(problem.fit.residual), problem.base, problem.noise)
+    Parameters
+    ----------
+    alike
+        Whether effects of the base have a meaning for the model: it may have fewer columns.
+    missing
+        Whether its residual shows more than noise.
+    """
+    accepted = [item.effect for item in decision.accepted.effects]
+    tried = bool(accepted) and alike
+    if not (missing or tried):
+        return None, None
+    again = refit_of_kind(model, decision.prepared.unexplained, noise)
+    if again is None or not tried:
+        return again, None
+    return again, _fit_or_none(again.base, accepted, again.rows.table, noise)
 
-    @cached_property
-    def as_given(self) -> Errors:
-        rmse = np.array([c.rmse for c in self.result.components])
-        return self._sized(self.result.whitened_rms, rmse, self.model, self.result.noise)
 
-    def errors_of(self, fit: JointFit | None) -> Errors | None:
-        """Return the errors of a fit, each coefficient counted as a degree of freedom."""
-        if fit is None:
-            return None
-        scored = fit.rows.table.of_poses
-        whitened, residual = fit.whitened[scored], fit.residual[scored]
-        error = np.sqrt((whitened**2).sum() / max(1, whitened.size - fit.design.shape[2]))
-        rmse = np.sqrt((residual**2).mean(axis=0))
-        return self._sized(float(error), rmse, fit.base, self.result.noise)
+def _are_needed(without: JointFit | None, with_effects: JointFit | None, least: float) -> bool:
+    """Whether the effects are, by the fall of BIC, whatever the size of the noise.
 
-    def _sized(
-        self, over_noise: float, rmse: F, model: Model | StiffnessMap, noise: Noise
-    ) -> Errors:
-        """Return errors, over the spread of each column where nothing tells the noise."""
-        known = None if noise.is_residual else over_noise
-        errors = dict(zip(model.outputs, rmse.tolist(), strict=True))
-        if not noise.is_assumed:
-            return Errors(known, errors)
-        measured = self.decision.prepared.table.measured()
-        spread = {name: float(measured.column(name).std()) for name in errors}
-        shares = [error / spread[name] for name, error in errors.items() if spread[name] > 0.0]
-        return Errors(known, errors, max(shares, default=None))
+    Smooth functions do not show the way back of a hysteresis.
+    """
+    if without is None or with_effects is None:
+        return False
+    scored = without.rows.table.of_poses
+    before, after = (float((f.whitened[scored] ** 2).sum()) for f in (without, with_effects))
+    size = without.whitened[scored].size
+    more = with_effects.design.shape[2] - without.design.shape[2]
+    fall = math.log(max(before, 1e-300) / max(after, 1e-300))
+    return bool(size * fall - more * math.log(size) > least)
 
-    @cached_property
-    def far(self) -> bool:
-        return _far_behind(self.as_given, self.base_errors)
 
-    @cached_property
-    def far_off(self) -> bool:
-        return (self.as_given.over_noise or 0.0) > FAR_BEYOND_NOISE
+def _holds_structure(fit: JointFit, noise: Noise) -> bool:
+    """Whether the residual of a fit holds more than chance."""
+    whitener = whiteners(noise.covariance(fit.rows, fit.base.error))
+    scored = fit.rows.table.of_poses
+    return structure_test(fit.rows, fit.whitened, whitener, scored, fitted=fit.design).found
 
-    @cached_property
-    def shows_more(self) -> bool:
-        """Whether the residual shows more; `result.missing` fits a base of its own."""
-        return self.result.structure.found or self.far or self.result.missing
 
-    @cached_property
-    def refits(self) -> tuple[JointFit | None, JointFit | None]:
-        """The model's kind fitted to the rows, alone and with the accepted effects."""
-        accepted = [item.effect for item in self.decision.accepted.effects]
-        tried = bool(accepted) and self.alike
-        if self.same or not (self.shows_more or tried):
-            return None, None
-        again = refit_of_kind(self.model, self.decision.prepared.unexplained, self.result.noise)
-        if again is None or not tried:
-            return again, None
-        return again, _fit_or_none(again.base, accepted, again.rows.table, self.result.noise)
+def _errs_far_more(given: Errors, base: Errors, problem: Problem) -> bool:
+    """Whether a model errs far more than a base that takes more inputs, whose fit counts."""
+    own = problem.size / max(problem.size - len(problem.base.coefficients), 1)
+    return any(given.rmse[name] > _FAR * np.sqrt(own) * base.rmse[name] for name in given.rmse)
 
-    @cached_property
-    def needed(self) -> bool:
-        """Whether the effects are: smooth functions do not show the way back of a hysteresis."""
-        again, after = self.refits
-        if again is None or after is None:
-            return False
-        return _bic_fall(again, after) > self.decision.problem.settings.least_bic
 
-    @cached_property
-    def missing(self) -> bool:
-        return self.shows_more or self.needed
-
-    @cached_property
-    def refitted(self) -> Errors | None:
-        return self.base_errors if self.same else self.errors_of(self.refits[0])
-
-    @cached_property
-    def behind(self) -> bool:
-        return self.refitted is not None and _far_behind(self.refitted, self.base_errors)
-
-    @cached_property
-    def fits_again(self) -> bool:
-        if self.same:
-            return not (self.decision.gate.rejected or self.behind)
-        if self.refits[0] is None or self.needed or self.behind:
-            return False
-        return not (self.missing and self._holds_structure(self.refits[0]))
-
-    def _holds_structure(self, fit: JointFit) -> bool:
-        """Whether the residual of a fit holds more than chance."""
-        whitener = whiteners(self.result.noise.covariance(fit.rows, fit.base.error))
-        scored = fit.rows.table.of_poses
-        return structure_test(fit.rows, fit.whitened, whitener, scored, fitted=fit.design).found
-
-    @cached_property
-    def too_plain(self) -> bool:
-        """What the base does not lack either is no effect; what both lack is the smaller part."""
-        shown = self.behind or self.decision.verdict == "none"
-        return self.missing and not self.fits_again and shown
-
-    @cached_property
-    def lacks_inputs(self) -> bool:
-        """Whether it does not take inputs of actuators, and a base that does errs less."""
-        problem = self.decision.problem
-        if not self.result.unused_inputs:
-            return False
-        own = problem.size / max(problem.size - len(problem.base.coefficients), 1)
-        given, base = self.as_given.rmse, self.base_errors.rmse
-        far = any(given[name] > _FAR * np.sqrt(own) * base[name] for name in given)
-        return far or self.missing
-
-    @cached_property
-    def reason(self) -> Reason:
-        """Why a base that is no richer than the model shows nothing."""
-        problem = self.decision.problem
-        richer = len(problem.base.coefficients) > len(self.model.base.coefficients)
-        if self.too_plain and self.far and problem.unlike_rows and not richer:
-            return "rows"
-        return "weak" if self.too_plain and self.same_form else ""
-
-    @cached_property
-    def answer(self) -> Answer:
-        """What is wrong with the model, where the table is right: the first rule that holds."""
-        none, unknown = self.decision.verdict == "none", self.decision.unknown
-        over_noise = self.as_given.over_noise or 0.0
-        beyond = over_noise > NEAR_NOISE and self.result.excess_low > 0.0
-        rules: tuple[tuple[bool, Answer], ...] = (
-            (unknown is not None and unknown.slow_noise is not None, "fits"),
-            (self.lacks_inputs, "inputs"),
-            (self.same_form and not none, "effect"),
-            (not self.missing and self.far_off, "noise" if none else "effect"),
-            (not self.missing, "noise" if beyond else "fits"),
-            (self.fits_again or self.reason == "rows", "numbers"),
-            (self.too_plain and not self.reason, "form"),
-            (True, "effect"),
-        )
-        return next(word for holds, word in rules if holds)
-
-    @cached_property
-    def is_doubted(self) -> bool:
-        far_off = self.answer == "noise" and self.far_off
-        return self.missing or self.answer == "effect" or far_off
-
-    @cached_property
-    def statement(self) -> WrongStatement | None:
-        """The reading of the table with which the model fits."""
-        if not self.is_doubted or (self.decision.misread and self.same):
-            return None  # the base has the numbers of the body then
-        # A reading must fit as well as the model on its own rows, or as the base does here.
-        own = _OF_ITS_OWN * float(self.model.training.get("over_noise", 0.0))
-        most = max(FAR_BEYOND_NOISE, _FAR * (self.base_errors.over_noise or 0.0), own)
-        table = self.decision.prepared.table
-        return reading_of_given_model(self.model, table, self.result.noise, most)
-
-    @property
-    def scale(self) -> float | None:
-        """The factor on the wrench that explains the misfit; None where none does."""
-        result = self.result
-        measured = self.decision.prepared.table.matrix(self.model.outputs)[result.row]
-        size = np.array([max(c.floor, 1e-300) for c in result.components])
-        y, x = ((h / size).ravel() for h in (measured, measured - result.physical))
-        factor = float(x @ y) / max(float(x @ x), 1e-300)
-        before = float(((y - x) ** 2).sum()) - len(y)
-        after = float(((y - factor * x) ** 2).sum()) - len(y)
-        return factor if before > 0.0 and after < _SCALED * before else None
+def _scale(result: Comparison, table: Table) -> float | None:
+    """The factor on the wrench that explains the misfit; None where none does."""
+    measured = table.matrix([c.name for c in result.components])[result.row]
+    size = np.array([max(c.floor, 1e-300) for c in result.components])
+    y, x = ((h / size).ravel() for h in (measured, measured - result.physical))
+    factor = float(x @ y) / max(float(x @ x), 1e-300)
+    before = float(((y - x) ** 2).sum()) - len(y)
+    after = float(((y - factor * x) ** 2).sum()) - len(y)
+    return factor if before > 0.0 and after < _SCALED * before else None
 
 
 def _remedy(model: Model, problem: Problem, answer: Answer, reason: str) -> Remedy | None:
@@ -553,16 +499,6 @@ def _fit_or_none(
         return joint_fit(base, effects, table, noise)
     except (EcmError, np.linalg.LinAlgError):
         return None
-
-
-def _bic_fall(without: JointFit, with_effects: JointFit) -> float:
-    """Return the fall of BIC by the effects of the second fit, whatever the size of the noise."""
-    scored = without.rows.table.of_poses
-    before, after = (float((f.whitened[scored] ** 2).sum()) for f in (without, with_effects))
-    size = without.whitened[scored].size
-    more = with_effects.design.shape[2] - without.design.shape[2]
-    fall = math.log(max(before, 1e-300) / max(after, 1e-300))
-    return float(size * fall - more * math.log(size))
 
 
 def _far_behind(given: Errors, base: Errors) -> bool:

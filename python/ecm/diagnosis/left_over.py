@@ -16,7 +16,13 @@ from types import MappingProxyType
 import numpy as np
 from scipy import special
 
-from ecm.comparison.residuals import covariates, dependence_variables, factors, features
+from ecm.comparison.residuals import (
+    covariates,
+    dependence_variables,
+    factors,
+    features,
+    in_each_component,
+)
 from ecm.comparison.structure import LEAST_STRENGTH
 from ecm.diagnosis.problem import ABSORBED_SHARE, Candidate, Problem
 from ecm.diagnosis.search import Estimate, best_shapes, bounded_estimate, delta_chi2
@@ -302,9 +308,8 @@ def _memory(problem: Problem) -> Iterator[Pattern]:
         spread = values.std(axis=0)
         lagged = np.where(known[:, None], values[before], values.mean(axis=0))
         lagged = (lagged - values.mean(axis=0))[:, spread > 0.0] / spread[spread > 0.0]
-        columns = np.einsum("nij,nq->niqj", problem.whitener, lagged)
-        flat = columns.reshape(*problem.response.shape, -1)
-        beside = Beside.of(problem.response, flat, problem.base_block, problem.weights)
+        free = in_each_component(problem.whitener, lagged)
+        beside = Beside.of(problem.response, free, problem.base_block, problem.weights)
         test = beside.with_sign_chance(beside.omnibus_test())
         if np.isfinite(test.F):
             chance = test.dof * test.rest / test.dof_error
@@ -329,14 +334,13 @@ def runs_apart(problem: Problem, effects: Sequence[Candidate]) -> Pattern | None
     run = table.column("run")
     own = (run[:, None] == np.unique(run)[1:]).astype(np.float64)
     own -= own.mean(axis=0)
-    columns = np.einsum("nij,nq->niqj", problem.whitener, own)
-    flat = columns.reshape(*problem.response.shape, -1)
-    every, base = (block.reshape(-1, block.shape[2]) for block in (flat, problem.base_block))
+    free = in_each_component(problem.whitener, own)
+    every, base = (block.reshape(-1, block.shape[2]) for block in (free, problem.base_block))
     left = (rest_of(base, every) ** 2).sum(axis=0)
     if (left < (1.0 - ABSORBED_SHARE) * (every**2).sum(axis=0)).any():
         return None  # an input of the base is a level of each run
     test, beside = (
-        Beside.of(response, flat, problem.base_block, problem.weights).omnibus_test()
+        Beside.of(response, free, problem.base_block, problem.weights).omnibus_test()
         for response in (problem.response, residual_after(problem, effects))
     )
     explained = test.explained / problem.scale - test.dof * np.log(problem.size)
@@ -520,10 +524,8 @@ def draft_of(problem: Problem, column: str, history: Mapping[str, tuple[str, F]]
 
 def _terms(problem: Problem, left: F, values: F) -> list[tuple[int, int, float]]:
     """Return (feature, component, size in the component's unit) of the terms that explain most."""
-    n, m = left.shape
-    y = problem.flat(left)
-    columns = np.einsum("nmc,nq->nmqc", problem.whitener, values).reshape(n, m, -1)
-    columns = problem.flat(columns)
+    y, q = problem.flat(left), values.shape[1]
+    columns = problem.flat(in_each_component(problem.whitener, values))
     total = float(y @ y)
     sizes = np.sqrt((columns**2).sum(axis=0))
     usable = sizes > 1e-9 * sizes.max(initial=0.0)
@@ -540,7 +542,7 @@ def _terms(problem: Problem, left: F, values: F) -> list[tuple[int, int, float]]
         usable[best] = False
         theta = np.linalg.lstsq(columns[:, chosen], y, rcond=1e-10)[0]
         rest = y - columns[:, chosen] @ theta
-    return [(k // m, k % m, float(size)) for k, size in zip(chosen, theta, strict=True)]
+    return [(k % q, k // q, float(size)) for k, size in zip(chosen, theta, strict=True)]
 
 
 def _words(listed: Sequence[tuple[str, str, float]]) -> str:

@@ -8,169 +8,39 @@ error of the tool.
 
 Single experiments are listed, and a session: several of them in one afternoon, where that is worth
 it for several classes, or for rivals that no single experiment separates.
-
-The plan is laid out in time as the rig would run it, its wrenches are predicted by the nominal
-base, and the Fisher information of base and effects gives the smallest size that the diagnosis
-would name with chance 0.9.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import permutations
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ecm.designs.plans import follow_up_plan
+from ecm.designs.plans import follow_up_plan, predicted_table
 from ecm.designs.regressors import NominalModel
-from ecm.diagnosis.accept import confusable_pairs, confusion_class, squares_left_after
-from ecm.diagnosis.problem import Candidate, Problem, assemble, score_columns
+from ecm.diagnosis.accept import confusion_class, squares_left_after
+from ecm.diagnosis.problem import Candidate, Problem, score_columns
 from ecm.diagnosis.search import delta_chi2, estimate
 from ecm.diagnosis.settings import FORM_SHARE, REFUTED_BY, REFUTED_SHARE
-from ecm.diagnosis.summary import to_json
 from ecm.effects import Effect, Rows, all_effects
 from ecm.effects.experiments import SEPARATOR, Experiment, get_experiment
 from ecm.effects.registry import effects_of_actuators, with_shape
-from ecm.errors import EcmError, InputError
+from ecm.errors import EcmError
 from ecm.io.arrays import F, I
-from ecm.io.columns import POSE, TEXT, WRENCH
+from ecm.io.columns import TEXT
 from ecm.io.table import Table
 from ecm.models.joint_fit import base_columns, error_columns
-from ecm.regression.noise import Noise, whiteners
+from ecm.regression.noise import whiteners
 from ecm.regression.normal_equations import projected_out, solve
-from ecm.rig.plan import OFFSET, UNLOADED, requests
-from ecm.rig.settings import RigSettings
-from ecm.rig.timeline import Climate, timeline_of
 
 POWER = 0.9
 """Chance with which an effect of the limit's size is named."""
-
-
-@dataclass(frozen=True)
-class Identifiability:
-    """What a plan can tell about one effect."""
-
-    id: str
-    parameter: str = ""
-    size: float = np.inf
-    """Size of the effect's best visible parameter that is named with chance 0.9."""
-    unit: str = ""
-    rivals: tuple[str, ...] = ()
-    """Effects of the list that this plan cannot separate from it."""
-    reason: str = ""
-    """Why it cannot be seen at all."""
-    record: str = ""
-    """What to record so that it can be seen."""
-
-    @property
-    def named(self) -> bool:
-        """Whether it can be seen and separated from every other of the list."""
-        return not self.reason and not self.rivals
-
-    def sentence(self) -> str:
-        """Return one plain line."""
-        if self.reason:
-            return f"{self.id}: not visible, {self.reason} (record: {self.record})"
-        unit = "" if self.unit in ("", "1") else f" {self.unit}"
-        size = f"from {self.size:.2g}{unit} of {self.parameter}"
-        if self.rivals:
-            return f"{self.id}: seen {size}, but not told from {', '.join(self.rivals)}"
-        return f"{self.id}: named {size}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain JSON."""
-        seen = ("id", "parameter", "size", "unit", "rivals")
-        names = ("id", "reason", "record") if self.reason else seen
-        return {name: to_json(getattr(self, name)) for name in names}
-
-
-def predicted_table(plan: Table, base: NominalModel, rig: RigSettings | None = None) -> Table:
-    """Return what the rig would record of a plan, without noise and without any effect."""
-    settings = RigSettings() if rig is None else rig
-    length = base.meta.length_m
-    if length is None:
-        raise InputError(f"{plan.source}: [mechanism] length_m is not known; add it to the TOML")
-    timeline = timeline_of(requests(plan, settings.rig, length), settings.rig, length)
-    visits = [visit for visit in timeline.visits if visit.kind != OFFSET]
-
-    def of(name: str, kind: type = float) -> NDArray[Any]:
-        return np.array([getattr(visit, name) for visit in visits], dtype=kind)
-
-    poses, time = of("pose"), of("time_s")
-    free = of("kind", object) == UNLOADED
-    wrenches = np.where(free[:, None], 0.0, base.base.predict(poses))
-    gravity = np.asarray(base.meta.scene.gravity_m_s2)
-    wrenches[:, :3] -= of("dead_weight_kg")[:, None] * gravity
-    climate = Climate.build(settings, 0, timeline.end_s, timeline.heating)
-    names = (*POSE, *plan.actuation_columns)
-    columns: dict[str, Any] = dict(zip(names, poses.T.copy(), strict=True))
-    columns |= dict(zip(base.base.outputs, wrenches.T.copy(), strict=True))
-    columns |= {name: of(name) for name in ("pose_id", "run", "repeat", "time_s", "dwell_s")}
-    columns |= {name: of(name, object) for name in ("approach", "kind")}
-    columns |= {
-        "temperature_degC": np.interp(time, climate.time_s, climate.probe_degC),
-        "sensor_temperature_degC": np.interp(time, climate.time_s, climate.sensor_degC),
-    }
-    meta = replace(base.meta, runs=timeline.runs)
-    return Table(columns, meta, plan.source)
-
-
-def _a_little_noisy(table: Table, base: NominalModel, noise: Noise) -> Table:
-    """Return the table with a hundredth of the noise, so that no row is exact."""
-    covariance = noise.covariance(Rows(table, base.base))
-    random = np.random.default_rng(0).standard_normal((len(table), 6, 1))
-    added = 0.01 * (np.linalg.cholesky(covariance) @ random)[:, :, 0]
-    return table.with_columns(dict(zip(WRENCH, (table.wrenches + added).T, strict=True)))
-
-
-def identifiability(
-    plan: Table,
-    base: NominalModel,
-    effects: Sequence[Effect],
-    *,
-    noise: Noise | None = None,
-    rig: RigSettings | None = None,
-) -> list[Identifiability]:
-    """Return what a plan can show about each effect, those that it can name first.
-
-    Parameters
-    ----------
-    plan
-        Table of poses with the columns of a plan.
-    base
-        Nominal model: base, noise and description.
-    effects
-        Effects to look for.
-    noise
-        Noise of one row; default: that of the nominal model.
-    rig
-        Settings of the rig; default: those of a new rig.
-    """
-    table = predicted_table(plan, base, rig)
-    declared = base.noise if noise is None else noise
-    problem = assemble(base.base, _a_little_noisy(table, base, declared), effects, declared)
-    # There is no residual here; the noise is the declared one.
-    problem = replace(problem, scale=1.0)
-    limits = detection_limits(problem)
-    pairs = confusable_pairs(problem)
-    results = []
-    for effect in effects:
-        if effect.id in limits:
-            alike = tuple(b if a == effect.id else a for a, b in pairs if effect.id in (a, b))
-            results.append(Identifiability(effect.id, **vars(limits[effect.id]), rivals=alike))
-            continue
-        reason, record = "the base absorbs it", "[mechanism]"
-        missing = problem.untestable.get(effect.id)
-        if missing is not None:
-            reason, record = missing.reason, missing.record
-        elif effect.kind == "noise":
-            reason, record = "it changes the scatter, not the mean", "repeats"
-        results.append(Identifiability(effect.id, reason=reason, record=record))
-    return sorted(results, key=lambda item: (bool(item.reason), bool(item.rivals)))
 
 
 @dataclass(frozen=True)
@@ -238,8 +108,10 @@ _PAUSE_S = 600.0
 """Pause before a second campaign, in seconds."""
 
 
-Discrimination = dict[tuple[str, str], float]
-"""(truth, rival) -> chance that the rival is refuted."""
+Told = F
+"""(members, members) chance that the rival of a column is refuted where the truth is that of a row;
+1 on the diagonal. No members: an experiment tells nothing of the class."""
+_NOTHING_TOLD: Told = np.zeros((0, 0))
 
 
 @dataclass(frozen=True)
@@ -269,37 +141,46 @@ class ConfusionClass:
                 shapes[id] = [form for one in own[:_SHAPES_COMPARED] for form in _joined_forms(one)]
         return ConfusionClass(problem, tuple(others), shapes)
 
-    @cached_property
-    def now(self) -> Discrimination:
-        """What the data so far tell about each pair."""
-        return {pair: self._now(*pair) for pair in self.pairs}
-
     @property
-    def pairs(self) -> list[tuple[str, str]]:
-        """Every (truth, rival)."""
-        return [(a, b) for a in self.shapes for b in self.shapes if a != b]
+    def members(self) -> tuple[str, ...]:
+        """Ids of those that have a shape."""
+        return tuple(self.shapes)
 
-    def _now(self, truth: str, rival: str) -> float:
-        """Return the chance that the truth fits better than its rival with the data so far."""
-        item, settings = self.shapes[truth][0], self.problem.settings
-        own = self._values(item)
-        equations = self.problem.equations[0]
-        fixed = self.problem.columns_of(self.others)
-        total = squares_left_after(equations, item.columns, own, fixed)
-        between = min(
-            squares_left_after(equations, item.columns, own, (*fixed, *shape.columns))
-            for shape in self.shapes[rival]
+    @cached_property
+    def values(self) -> dict[str, F]:
+        """Fitted coefficients of each member beside the other effects, in its best shape."""
+        return {
+            id: estimate(self.problem, (*self.others, forms[0])).of(forms[0])
+            for id, forms in self.shapes.items()
+        }
+
+    def of_pairs(self, chance: Callable[[str, str], float]) -> Told:
+        """Return a chance (truth, rival) of each pair of members."""
+        return np.array(
+            [[1.0 if a == b else chance(a, b) for b in self.members] for a in self.members]
         )
-        # Whatever was to be expected: the data so far have not separated the two.
-        between = min(between, max(settings.least_bic, FORM_SHARE * total))
-        return float(special.ndtr(0.5 * np.sqrt(between / (1.0 + FORM_SHARE * total))))
 
-    def _values(self, item: Candidate) -> F:
-        """Return the fitted coefficients of a member beside the other effects."""
-        return estimate(self.problem, (*self.others, item)).of(item)
+    @cached_property
+    def now(self) -> Told:
+        """What the data so far tell about each pair: the chance that the truth fits better."""
+        equations, fixed = self.problem.equations[0], self.problem.columns_of(self.others)
+        least_bic = self.problem.settings.least_bic
 
-    def discrimination(self, experiment: Experiment, rows: Rows | None) -> Discrimination:
-        """Return what an experiment tells about each pair; empty where that is nothing.
+        def chance(truth: str, rival: str) -> float:
+            at, own = self.shapes[truth][0].columns, self.values[truth]
+            total = squares_left_after(equations, at, own, fixed)
+            between = min(
+                squares_left_after(equations, at, own, (*fixed, *shape.columns))
+                for shape in self.shapes[rival]
+            )
+            # Whatever was to be expected: the data so far have not separated the two.
+            between = min(between, max(least_bic, FORM_SHARE * total))
+            return float(special.ndtr(0.5 * np.sqrt(between / (1.0 + FORM_SHARE * total))))
+
+        return self.of_pairs(chance)
+
+    def told_by(self, experiment: Experiment, rows: Rows | None) -> Told:
+        """Return what an experiment tells about each pair.
 
         Parameters
         ----------
@@ -307,31 +188,22 @@ class ConfusionClass:
             The data with the predicted rows of its campaign; None where it is done by hand.
         """
         read = experiment.readings
-        power: Discrimination = {}
-        for pair in self.pairs if set(read) & set(self.shapes) else ():
-            power[pair] = max((self._seen(id, read[id]) for id in pair if id in read), default=0.0)
-        if rows is None or not self.shapes:
-            return power
-        added = _Added.of(self.problem, self.others, self.shapes, rows)
-        return {pair: max(power.get(pair, 0.0), self._refuted(added, *pair)) for pair in self.pairs}
+        if rows is None and not set(read) & set(self.members):
+            return _NOTHING_TOLD
+        added = None if rows is None else _Added.of(self, rows)
+
+        def chance(truth: str, rival: str) -> float:
+            seen = [self._seen(id, read[id]) for id in (truth, rival) if id in read]
+            return max([*seen, 0.0 if added is None else added.refuted(truth, rival)])
+
+        return self.of_pairs(chance)
 
     def _seen(self, id: str, tool: Mapping[str, float]) -> float:
-        """Return the chance that a reading tells an effect of this size from nothing."""
+        """Return the chance that a reading by hand tells an effect of this size from nothing."""
         item = self.shapes[id][0]
-        own = self._values(item) / self.problem.norms[list(item.columns)]
+        own = self.values[id] / self.problem.norms[list(item.columns)]
         sd = [tool.get(parameter.unit, np.inf) for parameter in item.effect.parameters]
         return float(special.ndtr(np.max(np.abs(own) / sd) - _READING_DEVIATIONS))
-
-    def _refuted(self, added: _Added, truth: str, rival: str) -> float:
-        """Return the chance that a campaign refutes the rival, by all rows or by one run."""
-        best, least = self.shapes[truth][0], self.problem.settings.least_bic
-        own = self._values(best)
-        forms = [form for form in self.shapes[truth] if form.columns == best.columns]
-        return min(
-            (added.refuted(form, own, self.others, shape, least)
-             for form in forms for shape in self.shapes[rival]),
-            default=1.0,
-        )  # fmt: skip
 
 
 def _joined_forms(one: Candidate) -> list[Candidate]:
@@ -359,11 +231,11 @@ def _with_entry(one: Candidate, name: str, value: str) -> Candidate | None:
 
 @dataclass(frozen=True)
 class _Added:
-    """Whitened rows of a campaign in the columns of the problem, run by run."""
+    """Whitened rows of a campaign in the columns of a class, run by run."""
 
-    base: list[int]
+    group: ConfusionClass
     place: Mapping[Candidate, list[int]]
-    """Columns of `design` and `matrix` that hold a candidate."""
+    """Columns of `design` and `matrix` that hold a candidate; those of the base are the first."""
     old: F
     """(k, k) normal equations of the data."""
     design: F
@@ -372,60 +244,49 @@ class _Added:
     """(r,)."""
 
     @staticmethod
-    def of(
-        problem: Problem,
-        others: Sequence[Candidate],
-        shapes: Mapping[str, Sequence[Candidate]],
-        joined: Rows,
-    ) -> _Added:
+    def of(group: ConfusionClass, joined: Rows) -> _Added:
+        problem = group.problem
         fresh = np.arange(len(problem.table), len(joined))
         whitener = whiteners(problem.noise.covariance(joined, problem.base.error))
-        candidates = [*others, *(shape for some in shapes.values() for shape in some)]
-        base = problem.base
-        parts = [base_columns(joined, base), error_columns(joined, base)] if problem.n_base else []
-        blocks = [(whitener @ part)[fresh] for part in parts]
-        blocks += [
-            score_columns(joined, whitener, candidate.effect)[fresh] for candidate in candidates
-        ]
-        use = list(problem.base_index)
+        shapes = [shape for some in group.shapes.values() for shape in some]
+        base, use = problem.base, list(problem.base_index)
+        blocks = [base_columns(joined, base), error_columns(joined, base)] if use else []
+        blocks = [(whitener @ part)[fresh] for part in blocks]
         place = {}
-        for candidate in candidates:
+        for candidate in (*group.others, *shapes):
+            blocks.append(score_columns(joined, whitener, candidate.effect)[fresh])
             place[candidate] = list(range(len(use), len(use) + len(candidate.columns)))
             use += candidate.columns
         design = np.concatenate(blocks, axis=2) / (problem.norms[use] * np.sqrt(problem.scale))
         n, m, k = design.shape
         run = np.unique(joined.table.column("run")[fresh], return_inverse=True)[1]
-        return _Added(
-            list(problem.base_index),
-            place,
-            problem.equations[0][np.ix_(use, use)],
-            design.reshape(n * m, k),
-            np.repeat(run, m),
-        )
+        old = problem.equations[0][np.ix_(use, use)]
+        return _Added(group, place, old, design.reshape(n * m, k), np.repeat(run, m))
 
     @cached_property
     def matrix(self) -> F:
         """(k, k) normal equations of the data and of the campaign."""
         return np.asarray(self.old + self.design.T @ self.design)
 
-    def refuted(
-        self,
-        item: Candidate,
-        own: F,
-        others: Sequence[Candidate],
-        rival: Candidate,
-        least_bic: float,
-    ) -> float:
-        """Return the chance that all rows, or those of one run, refute a rival of an effect."""
-        at = self.place[item]
-        rest = [*self.base, *(c for other in others for c in self.place[other])]
+    def refuted(self, truth: str, rival: str) -> float:
+        """Return the chance that the campaign refutes every shape of a rival."""
+        forms = self.group.shapes[truth]
+        alike = [form for form in forms if form.columns == forms[0].columns]
+        pairs = [(form, shape) for form in alike for shape in self.group.shapes[rival]]
+        return min(self._refuted(form, self.group.values[truth], shape) for form, shape in pairs)
+
+    def _refuted(self, item: Candidate, own: F, rival: Candidate) -> float:
+        """Return the chance that all rows, or those of one run, refute one shape of a rival."""
+        group, at = self.group, self.place[item]
+        rest = [*group.problem.base_index, *(c for one in group.others for c in self.place[one])]
         more = [*rest, *self.place[rival]]
         gained = squares_left_after(self.matrix, at, own, more) - squares_left_after(
             self.old, at, own, more
         )
         total = squares_left_after(self.matrix, at, own, rest)
         # Whatever was to be expected: the data so far have not separated the two.
-        chances = [_exceeds(gained, max(least_bic, FORM_SHARE * total), total)]
+        least = max(group.problem.settings.least_bic, FORM_SHARE * total)
+        chances = [_exceeds(gained, least, total)]
         excess, explained = (
             np.bincount(self.run, self._after(at, own, fixed) ** 2) for fixed in (more, rest)
         )
@@ -491,12 +352,15 @@ def next_experiments(
     return _Choice(groups, _offered(problem, groups)).proposals()
 
 
-def _offered(
-    problem: Problem, groups: Sequence[ConfusionClass]
-) -> dict[Experiment, list[Discrimination]]:
+def _known() -> dict[str, Effect]:
+    """All effects of the catalogue by id."""
+    return {effect.id: effect for effect in (*all_effects(), *effects_of_actuators())}
+
+
+def _offered(problem: Problem, groups: Sequence[ConfusionClass]) -> dict[Experiment, list[Told]]:
     """Return the experiments for the members, one for each campaign, and what each would tell."""
-    known = {effect.id: effect for effect in (*all_effects(), *effects_of_actuators())}
-    ids = dict.fromkeys(id for group in groups for id in group.shapes if id in known)
+    known = _known()
+    ids = dict.fromkeys(id for group in groups for id in group.members if id in known)
     # Named for a pair of members, then what separates a member from effects outside its class.
     names = [name for id in ids for other, name in known[id].rivals.items() if other in ids]
     names += [name for id in ids for name in known[id].rivals.values()]
@@ -506,11 +370,8 @@ def _offered(
     by_campaign: dict[str, Experiment] = {}
     for one in listed:
         by_campaign.setdefault(one.campaign, one)
-    offered = {}
-    for one in by_campaign.values():
-        rows = _joined_rows(problem, one)
-        offered[one] = [group.discrimination(one, rows) for group in groups]
-    return offered
+    rows = {one: _joined_rows(problem, one) for one in by_campaign.values()}
+    return {one: [group.told_by(one, rows[one]) for group in groups] for one in rows}
 
 
 @dataclass(frozen=True)
@@ -518,13 +379,13 @@ class _Choice:
     """The experiments that are offered, and what each would tell about each class."""
 
     groups: Sequence[ConfusionClass]
-    offered: Mapping[Experiment, Sequence[Discrimination]]
+    offered: Mapping[Experiment, Sequence[Told]]
 
     def proposals(self) -> tuple[Proposal, ...]:
         """Return what is worth listing, best first."""
         singles = {one: self._proposal((one,)) for one in self.offered}
         # What the catalogue names for a pair is listed, another only where it tells more.
-        named = [single for one, single in singles.items() if self._named(one)]
+        named = [single for one, single in singles.items() if self._named[one]]
         least = max((one.worth for one in named), default=self._chance(())) + _SESSION_GAIN
         listed = [one for one in singles.values() if one in named or one.worth > least]
         session = self._session()
@@ -533,57 +394,45 @@ class _Choice:
         listed.sort(key=lambda one: (-one.worth, one.action))
         return tuple(listed[:_MOST_EXPERIMENTS])
 
-    @property
-    def _now(self) -> list[Discrimination]:
-        return [group.now for group in self.groups]
-
-    def _power(self, parts: Sequence[Experiment]) -> list[Discrimination]:
+    def _power(self, parts: Sequence[Experiment]) -> list[Told]:
         """Return by class the chance that the data or one of the experiments refutes each rival."""
-        told = zip(self._now, *(self.offered[one] for one in parts), strict=True)
+        now = [group.now for group in self.groups]
+        told = zip(now, *(self.offered[one] for one in parts), strict=True)
         return [
-            {
-                pair: 1.0 - float(np.prod([1.0 - power.get(pair, 0.0) for power in powers]))
-                for pair in dict.fromkeys(pair for power in powers for pair in power)
-            }
-            for powers in told
+            1.0 - np.prod([1.0 - chances for chances in of_class if chances.size], axis=0)
+            for of_class in told
         ]
 
     def _chance(self, parts: Sequence[Experiment]) -> float:
         """Return the chance of the right single name in every class, members equally likely."""
-        chance = 1.0
-        for power in self._power(parts):
-            truths = dict.fromkeys(truth for truth, _ in power)
-            each = [np.prod([p for (a, _), p in power.items() if a == t]) for t in truths]
-            chance *= float(np.mean(each)) if each else 1.0
-        return chance
+        return float(np.prod([power.prod(axis=1).mean() for power in self._power(parts)]))
 
-    def _named(self, experiment: Experiment) -> set[str]:
-        """Return the pairs of members for which the catalogue names this experiment."""
-        every = (*all_effects(), *effects_of_actuators())
-        rivals = {effect.id: effect.rivals for effect in every}
-        return {
-            f"{id} or {other}"
-            for group in self.groups
-            for id in group.shapes
-            for other in group.shapes
-            if (name := rivals.get(id, {}).get(other)) and get_experiment(name) == experiment
-        }
+    @cached_property
+    def _named(self) -> dict[Experiment, set[tuple[str, str]]]:
+        """The pairs of members for which the catalogue names each experiment."""
+        known = _known()
+        named: dict[Experiment, set[tuple[str, str]]] = {one: set() for one in self.offered}
+        for group in self.groups:
+            for id, other in permutations(group.members, 2):
+                name = known[id].rivals.get(other) if id in known else None
+                if name and get_experiment(name) in named:
+                    named[get_experiment(name)].add((id, other))
+        return named
 
     def _proposal(self, parts: Sequence[Experiment]) -> Proposal:
         """Return experiments with the pairs they are named for, and all that they separate."""
-        known = len(parts) > 1 or any(self.offered[parts[0]])
-        named = set[str]().union(*(self._named(one) for one in parts))
-        pairs = {
-            f"{a} or {b}"
-            for now, then in zip(self._now, self._power(parts), strict=True)
-            for a, b in then
-            if a < b and min(then[a, b], then[b, a]) > _SEPARATED > min(now[a, b], now[b, a])
-        }
-        turned = {" or ".join(reversed(pair.split(" or "))) for pair in named}
+        known = len(parts) > 1 or any(told.size for told in self.offered[parts[0]])
+        pairs = set[tuple[str, str]]().union(*(self._named[one] for one in parts))
+        for group, power in zip(self.groups, self._power(parts), strict=True):
+            now, then = (np.minimum(told, told.T) for told in (group.now, power))
+            for i, j in zip(*np.nonzero((then > _SEPARATED) & (now < _SEPARATED)), strict=True):
+                a, b = group.members[i], group.members[j]
+                if a < b and (b, a) not in pairs:
+                    pairs.add((a, b))
         return Proposal(
             action=SEPARATOR.join(one.action for one in parts),
             minutes=self._minutes(parts),
-            separates=tuple(sorted({*named, *pairs - turned})),
+            separates=tuple(sorted(" or ".join(pair) for pair in pairs)),
             p_correct_before=self._chance(()) if known else None,
             p_correct=self._chance(parts) if known else None,
         )
@@ -598,15 +447,16 @@ class _Choice:
         """Return the experiments of one afternoon: each next one adds most to the others."""
         session: tuple[Experiment, ...] = ()
         now = self._chance(())
+        telling = [one for one, told in self.offered.items() if any(own.size for own in told)]
         while True:
             tried = []
-            for one in self.offered:
-                if one in session or not any(self.offered[one]):
+            for one in telling:
+                if one in session:
                     continue
                 trial = (*session, one)
                 minutes, after = self._minutes(trial), self._chance(trial)
                 if minutes <= _SESSION_MINUTES and after >= now + _SESSION_GAIN:
-                    price = _GAIN_PER_MINUTE * minutes + _SESSION_GAIN * (not self._named(one))
+                    price = _GAIN_PER_MINUTE * minutes + _SESSION_GAIN * (not self._named[one])
                     tried.append((after - price, trial, after))
             if not tried:
                 return session

@@ -8,20 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ecm.diagnosis.check import zero_columns
-from ecm.diagnosis.problem import Candidate, Problem, assemble, best_of_each
-from ecm.diagnosis.search import estimate
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
-from ecm.effects import Effect, Missing, Rows, effects_of, get_effect, load_installed
+from ecm.effects import Effect, Missing, Rows, effects_of, get_effect
 from ecm.errors import InputError
-from ecm.io.arrays import F, I
+from ecm.io.arrays import I
 from ecm.io.conventions import WrongConvention, wrong_convention
+from ecm.io.sanity import zero_columns
 from ecm.io.table import Table
-from ecm.models.fit import choose_base
 from ecm.models.model import Model
-from ecm.regression.blas import one_blas_thread
 from ecm.regression.folds import distinct_rows, rows_without_zero_readings, spread_rows, zero_times
-from ecm.regression.normal_equations import explained_by_blocks, projected_out
 
 if TYPE_CHECKING:
     from ecm.models.joint_fit import FittedEffect
@@ -120,85 +115,3 @@ def without_effects(effects: Sequence[FittedEffect], rows: Rows) -> Table:
             for j, name in enumerate(rows.base.outputs)
         }
     )
-
-
-@dataclass(frozen=True)
-class EffectPreview:
-    """The part of the residual along one effect's fitted score direction: N rows, m components."""
-
-    id: str
-    explained: F
-    """(N, m) in the units of the outputs, without what the base explains as well."""
-    share: float
-    """Share of the whitened residual's squares that it takes away."""
-
-
-@dataclass(frozen=True)
-class EffectPreviews:
-    """The previews of all effects that can be tested, largest share first."""
-
-    outputs: tuple[str, ...]
-    """Columns of the wrench that vary: m names."""
-    row: I
-    """(N,) rows of the table, from 1."""
-    effects: tuple[EffectPreview, ...]
-
-
-@one_blas_thread()
-def preview_effects(
-    model: Model, table: Table, *, settings: DiagnosisSettings = DEFAULTS
-) -> EffectPreviews:
-    """Fit the score columns of each effect alone to the residual of the base.
-
-    Parameters
-    ----------
-    model
-        The model; what its effects explain is taken away first.
-    table
-        Measured rows; of a large table those that `diagnose` uses.
-    settings
-        Limits of the procedure.
-
-    Returns
-    -------
-    EffectPreviews
-        For each effect its best shape, to first order in its parameters.
-
-    Raises
-    ------
-    InputError
-        If fewer than 8 rows are measured.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import ecm
-    >>> rng, time_s = np.random.default_rng(1), 60.0 * np.arange(24)
-    >>> x = rng.permutation(np.linspace(-1e-3, 1e-3, 24))
-    >>> force = 1e4 * x + 2e-4 * time_s + 0.01 * rng.standard_normal(24)
-    >>> table = ecm.as_table({"x_m": x, "fx_N": force, "time_s": time_s})
-    >>> previews = preview_effects(ecm.fit_model(table, "linear"), table)
-    >>> {item.id: item.share > 0.5 for item in previews.effects}["fts_drift"]
-    True
-    """
-    load_installed()
-    prepared = prepare(model, table, None, settings)
-    base = choose_base(model, prepared.table.drop(*prepared.zero_columns))
-    problem = assemble(base, prepared.unexplained, prepared.effects, None, settings)
-    alone = _fitted(problem, ())
-    left = projected_out(*problem.equations, problem.base_index)
-    blocks = [candidate.columns for candidate in problem.candidates]
-    gains = explained_by_blocks(problem.equations, left, blocks).tolist()
-    total = problem.squares_of(problem.response) / problem.scale
-    previews = []
-    for gain, candidate in best_of_each(problem.candidates, gains).values():
-        explained = problem.in_units(_fitted(problem, (candidate,)) - alone)
-        previews.append(EffectPreview(candidate.id, explained, gain / total))
-    ranked = sorted(previews, key=lambda item: -item.share)
-    return EffectPreviews(tuple(base.outputs), prepared.rows + 1, tuple(ranked))
-
-
-def _fitted(problem: Problem, chosen: Sequence[Candidate]) -> F:
-    """Return (N, m) whitened what base and chosen effects follow of the residual."""
-    fit = estimate(problem, chosen)
-    return np.asarray(problem.design[:, :, fit.columns] @ fit.theta)

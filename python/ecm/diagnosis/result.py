@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import asdict, dataclass, field, replace
@@ -14,7 +13,6 @@ from scipy import special
 from ecm.comparison.residuals import confounded_with_order
 from ecm.comparison.structure import LEAST_STRENGTH, run_outliers, signature_shares
 from ecm.diagnosis.accept import AcceptanceCheck, confusable_pairs
-from ecm.diagnosis.check import NotTestable, never_excited, zero_column_sentences
 from ecm.diagnosis.family import Family
 from ecm.diagnosis.given_model import GivenModel, judge_given_model
 from ecm.diagnosis.left_over import Gate, Leftover, Unknown
@@ -48,17 +46,19 @@ from ecm.diagnosis.summary import (
     Summary,
     diagnosis_report,
     directions,
-    fields_json,
     path_taken,
-    to_json,
+    source_of_noise,
+    verdict_sentence,
 )
 from ecm.diagnosis.verdict import Decision, Headline, probability
 from ecm.effects import Effect
+from ecm.effects.check import NotTestable
 from ecm.errors import EcmError, Remedy, remedy_of
 from ecm.io.arrays import rest_of
 from ecm.io.description import shown_ranges
 from ecm.io.extras import require
-from ecm.io.sanity import likely_continuous, time_unit
+from ecm.io.printed import fields_json, to_json
+from ecm.io.sanity import likely_continuous, never_excited, time_unit, zero_column_sentences
 from ecm.models.errors import Ceiling, ceiling_rms
 from ecm.models.joint_fit import FittedEffect, JointFit, joint_fit
 from ecm.models.model import Model
@@ -309,62 +309,7 @@ class Diagnosis(Shown):
 
     def sentence(self) -> str:
         """Return what is wrong with the model that was given, and the verdict, in plain words."""
-        return f"{self.model.sentence()} {self._headline()}{self._source_of_noise()}"
-
-    def _source_of_noise(self) -> str:
-        if self.noise.figures.is_residual:
-            return " Nothing is known of the noise: give repeats or [instrument] figures."
-        return {
-            "repeats": "",
-            "declared": " The noise is as declared, not measured.",
-            "assumed": " The noise is assumed: give repeats or [instrument] figures.",
-        }.get(self.noise.source, "")
-
-    def _headline(self) -> str:
-        unknown = self.unknown
-        if unknown is None:
-            bounded = math.isfinite(self.upper_bound)
-            bound = f"s < {self.upper_bound:.2f}" if bounded else "too few rows to bound s"
-            nothing = f"Nothing is missing that these data could show ({bound})."
-            return f"Missing: {self._names()}; {self._fall()}." if self.answer else nothing
-        if unknown.misread:
-            if self.model.statement is not None:  # said of the model already
-                return "Mend that first: a base that is fitted to these rows takes it in."
-            read = unknown.statement is not None
-            said = f"The table looks misread: {unknown.words}."
-            return said if read else f"Something is stated wrongly: {unknown.words}."
-        if self.family is not None:
-            words = f": {unknown.words}" if unknown.words else ""
-            return f"Something is missing that follows {self.family}{words}."
-        if unknown.slow_noise is not None:
-            apart = "a pause, or the same motion again or at another speed, would"
-            return f"What is left is {unknown.words}; {apart}."
-        nearest = unknown.nearest
-        near = f"; nearest is {nearest.id} ({nearest.share:.0%})" if nearest else ""
-        listed = ", ".join(item.id for item in self.effects)
-        already = f" beside {listed}, which is a part of it," if listed else ""
-        words = f"{unknown.words}{near}"
-        return f"Something is missing{already} that no known effect explains: {words}."
-
-    def _names(self) -> str:
-        """The causes, with the way of each and what else would get the same single name."""
-        directions = self.directions or {}
-        outside = {one.id: f"or {one.what.split(':')[0]}" for one in self.look_alikes}
-
-        def name(id: str, single: bool) -> str:
-            said = [directions[id]] if id in directions else []
-            said += [outside[id]] if single and id in outside else []
-            return f"{id} ({'; '.join(said)})" if said else id
-
-        return " and ".join(
-            " or ".join(name(id, len(members) == 1) for id in members) for members in self.answer
-        )
-
-    def _fall(self) -> str:
-        before, after = self.held_out.before, self.held_out.after
-        if self.noise.figures.is_assumed:
-            return f"the base's held-out error falls to {after / max(before, 1e-300):.0%}"
-        return f"the base's held-out error {before:.2f} -> {after:.2f} times the noise"
+        return str(self._document()["sentence"])
 
     def to_pandas(self) -> Any:
         """Return the ranking as a DataFrame; needs pandas.
@@ -392,7 +337,8 @@ class Diagnosis(Shown):
         """
         shown = self.ranking[:most][::-1]
         falls, names = [one.delta_bic for one in shown], [one.id for one in shown]
-        layout = draw.plain_layout("fall of BIC", "", title={"text": self._headline()})
+        title = {"text": verdict_sentence(fields_json(self))}
+        layout = draw.plain_layout("fall of BIC", "", title=title)
         bars = {"type": "bar", "orientation": "h", "x": falls, "y": names}
         return draw.plotly_figure({"data": [bars], "layout": layout})
 
@@ -403,13 +349,15 @@ class Diagnosis(Shown):
 
     def _document(self) -> dict[str, Any]:
         """The report without its summary."""
-        partial = [item.id for item in self.effects] if self.unknown else []
-        document = {"schema": 1, "seed": self.seed, "sentence": self.sentence()}
+        known = fields_json(self)
+        sentence = f"{known['model']['sentence']} {verdict_sentence(known)}{source_of_noise(known)}"
         return (
-            document
-            | fields_json(self)
-            | {"partial": partial}
-            | {"outliers": [row + 1 for row in self.outliers]}
+            {"schema": 1, "seed": self.seed, "sentence": sentence}
+            | known
+            | {
+                "partial": [item.id for item in self.effects] if self.unknown else [],
+                "outliers": [row + 1 for row in self.outliers],
+            }
         )
 
 

@@ -268,22 +268,27 @@ def find_wrong_statement(
     before, after
         Whitened rms of the base alone, and with the accepted effects.
     """
-    base, table = problem.base, problem.table
+    table, rows = problem.table, _compared_rows(problem)
     if not table.has(*POSE, *WRENCH):
         return None
-    if base.kind == "polynomial":
-        return _of_any_elastic_body(problem, before)
-    length = problem.rows.length_m if problem.rows.has_length else None
-    if before < LEAST_WRONG_ERROR or length is None:
-        return None
-    rows = _compared_rows(problem)
     poses, wrench = table.matrix(POSE)[rows], table.wrenches[rows]
-    for body in _bodies(base):
+    length = problem.rows.length_m if problem.rows.has_length else None
+    bodies, most = _bodies(problem.base), 0.5 * after if effects else np.inf
+    if problem.base.kind == "polynomial":
+        # It takes in most readings: one that gives the wrench an energy is right.
+        length, bodies = None, _any_elastic_body(poses, wrench)
+        most = max(FAR_BEYOND_NOISE, _BETTER * before)
+        before = (_error(problem, bodies[0], None) if bodies else None) or 0.0
+    elif length is None:
+        return None
+    if before < LEAST_WRONG_ERROR:
+        return None
+    for body in bodies:
         best = best_readings(body, poses, wrench, length)
+        if length is None:
+            best = [item for item in best if not _falls(*item.change(poses, wrench))] or best
         mended = _error(problem, body, best[0]) if best else None
-        if mended is None or mended > MENDED_SHARE * before:
-            continue
-        if not effects or mended <= 0.5 * after:
+        if mended is not None and mended <= min(MENDED_SHARE * before, most):
             return WrongStatement(in_words(best), before, mended)
     return None
 
@@ -302,32 +307,15 @@ def _bodies(base: StiffnessMap) -> list[StiffnessMap]:
     return [base, EnergyMap(unlike)]
 
 
-def _of_any_elastic_body(problem: Problem, before: float) -> WrongStatement | None:
-    """Try the readings where no length is stated: one that gives the wrench an energy is right."""
-    table, rows = problem.table, _compared_rows(problem)
-    degrees = [d for d, terms in _GENERAL_TERMS.items() if 2 * terms <= 6 * len(rows)]
-    poses, wrench = table.matrix(POSE)[rows], table.wrenches[rows]
+def _any_elastic_body(poses: F, wrench: F) -> list[StiffnessMap]:
+    """Return an energy without symmetry of the degree that the rows allow; none of too few rows."""
+    degrees = [d for d, terms in _GENERAL_TERMS.items() if 2 * terms <= 6 * len(poses)]
     # The origin along the axis is free in an energy with all terms; it only gives a scale.
     length = float(np.linalg.norm(poses[:, :3].mean(axis=0)))
     if not degrees or not length > 0.0:
-        return None
-
-    def energy(poses: F, wrench: F) -> StiffnessMap:
-        return EnergyMap(
-            EnergyModel.fit(poses, wrench, length_m=length, degree=degrees[0], symmetry="general")
-        )
-
-    as_stated = _error(problem, energy(poses, wrench), None)
-    most = max(FAR_BEYOND_NOISE, _BETTER * before)
-    if as_stated is None or as_stated < LEAST_WRONG_ERROR:
-        return None
-    best = best_readings(energy(poses, wrench), poses, wrench, None)
-    upright = [item for item in best if not _falls(*item.change(poses, wrench))]
-    for item in (upright or best)[:1]:
-        mended = _error(problem, energy(*item.change(poses, wrench)), item)
-        if mended is not None and mended <= min(MENDED_SHARE * as_stated, most):
-            return WrongStatement(in_words(upright or best), as_stated, mended)
-    return None
+        return []
+    terms: dict[str, Any] = {"length_m": length, "degree": degrees[0], "symmetry": "general"}
+    return [EnergyMap(EnergyModel.fit(poses, wrench, **terms))]
 
 
 def _falls(poses: F, wrench: F) -> bool:

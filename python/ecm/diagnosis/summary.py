@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,55 +16,10 @@ from ecm.errors import Remedy
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.table import Table
-from ecm.models.joint_fit import FittedEffect, JointFit
+from ecm.models.joint_fit import JointFit
 from ecm.models.refit import FAR_BEYOND_NOISE
 from ecm.report.blocks import Block, CodeBlock, FigureBlock, Section, TableBlock, TextBlock, number
 from ecm.report.page import Report
-
-
-def to_json(value: Any) -> Any:
-    """Return plain JSON of results: records become objects, tuples lists.
-
-    A field's metadata may change its key (`json`; empty: left out) or leave out a value that is
-    None or empty (`optional`). A `to_dict` of the record's own goes first.
-
-    Examples
-    --------
-    >>> from ecm.diagnosis.check import NotTestable
-    >>> to_json((NotTestable("ageing", "no column time_s", "time_s"),))
-    [{'id': 'ageing', 'reason': 'no column time_s', 'record': 'time_s'}]
-    """
-    if hasattr(value, "to_dict"):
-        return value.to_dict()
-    if is_dataclass(value):
-        return fields_json(value)
-    if isinstance(value, Mapping):
-        return {key: to_json(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [to_json(entry) for entry in value]
-    return value
-
-
-def fields_json(record: Any) -> dict[str, Any]:
-    """Return the fields of a record as plain JSON."""
-    if isinstance(record, FittedEffect):
-        return _effect_json(record)
-    pairs = [(item, getattr(record, item.name)) for item in fields(record)]
-    return {
-        item.metadata.get("json", item.name): to_json(value)
-        for item, value in pairs
-        if item.metadata.get("json", item.name)
-        and not (item.metadata.get("optional") and value in (None, ()))
-    }
-
-
-def _effect_json(item: FittedEffect) -> dict[str, Any]:
-    parameters = {
-        parameter.name: {"value": float(value), "sd": float(sd), "unit": parameter.unit}
-        for parameter, value, sd in zip(item.effect.parameters, item.values, item.sd, strict=True)
-    }
-    return {"id": item.id, "shape": item.effect.shape, "parameters": parameters}
-
 
 _BY_PATH = ("hysteresis", "fts_hysteresis")
 
@@ -170,28 +125,77 @@ def _missing(document: Mapping[str, Any]) -> str:
     return f"the model does not take {names}: {model['name']} errs {errs}{more}"
 
 
+def verdict_sentence(document: Mapping[str, Any]) -> str:
+    """Return the verdict as a sentence: what is missing, and what else would look like it."""
+    unknown = document["unknown"] or {}
+    if unknown.get("misread"):
+        if document["model"].get("statement") is not None:  # said of the model already
+            return "Mend that first: a base that is fitted to these rows takes it in."
+        table = "statement" in unknown
+        said = "The table looks misread" if table else "Something is stated wrongly"
+        return f"{said}: {unknown['words']}."
+    if "slow_noise" in unknown:
+        apart = "a pause, or the same motion again or at another speed, would"
+        return f"Missing: {_missing_beside(document)}; {apart}."
+    if document["unknown"] is None and not document["answer"]:
+        bound = document["upper_bound"]
+        bounded = f"s < {bound:.2f}" if bound < np.inf else "too few rows to bound s"
+        return f"Nothing is missing that these data could show ({bounded})."
+    if document["answer"]:
+        causes = " and ".join(
+            " or ".join(_named(document, id, len(members) == 1) for id in members)
+            for members in document["answer"]
+        )
+        return f"Missing: {causes}; {_fall(document)}."
+    nearest, found = unknown["nearest"], ", ".join(item["id"] for item in document["effects"])
+    near = f"; nearest is {nearest['id']} ({nearest['share']:.0%})" if nearest else ""
+    beside = f"; {found} is a part of it" if found else ""
+    return f"Missing: {_missing_beside(document)}{near}{beside}."
+
+
+def source_of_noise(document: Mapping[str, Any]) -> str:
+    """Return where the noise is from, after a space; empty where it is from repeats."""
+    noise = document["noise"]
+    if noise.get("is_residual"):
+        return " Nothing is known of the noise: give repeats or [instrument] figures."
+    return {
+        "declared": " The noise is as declared, not measured.",
+        "assumed": " The noise is assumed: give repeats or [instrument] figures.",
+    }.get(noise["source"], "")
+
+
+def _named(document: Mapping[str, Any], id: str, single: bool) -> str:
+    """A cause, with its way and what else would get the same single name."""
+    way = (document.get("directions") or {}).get(id)
+    outside = [f"or {one['what'].split(':')[0]}" for one in document["look_alikes"]
+               if single and one["id"] == id]  # fmt: skip
+    said = "; ".join([*([way] if way else []), *outside])
+    return f"{id} ({said})" if said else id
+
+
 def _missing_beside(document: Mapping[str, Any]) -> str:
     """The same against the base."""
+    likely = f"; probability {min(document['probability'], 0.99):.2f}"  # never 1: nothing shows it
     if document["verdict"] in ("named", "ambiguous"):
         sizes = {item["id"]: _sized(item) for item in document["effects"]}
         causes = " and ".join(_cause(members, sizes) for members in document["answer"])
-        return f"{causes}; {_likely(document)}; {_fall(document)}"
-    family = document.get("family")
+        return f"{causes}{likely}; {_fall(document)}"
+    family, unknown = document.get("family"), document["unknown"]
     if family is not None:
         like = f" ({', '.join(family['like'])}: none fits)" if family["like"] else ""
-        words = f": {document['unknown']['words']}" if document["unknown"]["words"] else ""
-        return f"a cause that follows {family['driver']}{like}{words}; {_likely(document)}"
-    unknown = document["unknown"]
+        words = f": {unknown['words']}" if unknown["words"] else ""
+        return f"a cause that follows {family['driver']}{like}{words}{likely}"
     if unknown is not None:
+        said = "something that no known effect explains: "
         if unknown["misread"]:
-            return f"no effect, the table looks misread: {unknown['words']}"
+            said = "no effect, the table looks misread: "
         if "slow_noise" in unknown:
-            return f"nothing that can be told from {unknown['words']}"
-        return f"something that no known effect explains: {unknown['words']}"
+            said = "nothing that can be told from "
+        return f"{said}{unknown['words']}"
     model = document["model"]
     errs = f"{model['name']} errs {_error(model['as_given'])}"
     again = model["refitted"] or model["base_errors"]
-    said = {
+    said_of_model = {
         "form": f"no effect, a better form of the model: {errs}, {model['base']} "
         f"{_error(model['base_errors'])}",
         "numbers": f"no effect, the model's numbers are not those of this body: {errs}, fitted "
@@ -203,8 +207,8 @@ def _missing_beside(document: Mapping[str, Any]) -> str:
         "noise": f"nothing that these data could show, though {errs}",
     }
     bound = document["upper_bound"]
-    bounded = f" (below {bound:.2g} times the noise)" if bound < float("inf") else ""
-    return said.get(model["answer"], f"nothing that these data could show{bounded}")
+    bounded = f" (below {bound:.2g} times the noise)" if bound < np.inf else ""
+    return said_of_model.get(model["answer"], f"nothing that these data could show{bounded}")
 
 
 def _cause(members: list[str], sizes: Mapping[str, str]) -> str:
@@ -222,11 +226,6 @@ def _sized(item: Mapping[str, Any]) -> str:
     unit = "" if fitted["unit"] == "1" else f" {fitted['unit']}"
     words = what[:1].lower() + what[1:]
     return f"{item['id']} ({words}), {name} {fitted['value']:.3g} +- {fitted['sd']:.2g}{unit}"
-
-
-def _likely(document: Mapping[str, Any]) -> str:
-    """The probability of the verdict; never 1, which no benchmark can show."""
-    return f"probability {min(document['probability'], 0.99):.2f}"
 
 
 def _fall(document: Mapping[str, Any]) -> str:

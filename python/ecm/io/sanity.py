@@ -1,4 +1,4 @@
-"""Is a table sane: its time, its rotations, its rows; the signs and axes are in `conventions.py`.
+"""Is a table sane: what varies, time, rotations, rows; its signs and axes: `conventions.py`.
 
 Rows of a continuous log that are no measurement of the mechanism are found by their own pattern, in
 each run. Nothing is left out here: `ecm check` shows what was found, and `ecm check --leave-out`
@@ -7,7 +7,7 @@ records it in `[leave_out]` of the description.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ import numpy as np
 
 from ecm.io.arrays import F, I, evenly
 from ecm.io.cache import write_atomically
-from ecm.io.columns import POSE
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.conventions import WrongConvention
 from ecm.io.description import read_meta, row_ranges, rows_of, shown_ranges, with_leave_out
 from ecm.io.frames import ORDERS, read_in_other_order
@@ -134,6 +134,59 @@ def order_warning(vectors: F, stated: str = "") -> str:
         f"{np.degrees(np.nanmedian(other)):.0f}; import again with --rotation {meant}, unless the "
         "frames are meant to stand half a turn apart"
     )
+
+
+_STILL = 1e-12
+"""A column that spans less than this share of its size is constant."""
+_WORDS = {
+    **dict(zip(POSE, ("x position", "y position", "z position"), strict=False)),
+    **{f"theta_{axis}_rad": f"{axis} rotation" for axis in "xyz"},
+    **{f"f{axis}_N": f"{axis} force" for axis in "xyz"},
+    **{f"tau_{axis}_Nm": f"{axis} torque" for axis in "xyz"},
+}
+
+
+def never_excited(table: Table) -> tuple[str, ...]:
+    """Return the pose and wrench columns that are constant over the measured poses."""
+    measured = table.measured()
+    names = (*measured.pose_columns, *measured.wrench_columns)
+    return tuple(name for name in names if _is_constant(measured.column(name)))
+
+
+def zero_columns(table: Table) -> tuple[str, ...]:
+    """Return the pose and wrench columns that are 0 in every row, where a table was filled up.
+
+    With a body in [mechanism] a pose may well stay zero: then the physics tells what follows.
+    """
+    measured = table.measured()
+    if table.meta.elastic_body() is not None:
+        return ()
+    names = (*measured.pose_columns, *measured.wrench_columns)
+    zero = tuple(name for name in names if not measured.column(name).any())
+    kept = set(names) - set(zero)
+    return zero if kept & {*POSE} and kept & {*WRENCH} else ()
+
+
+def zero_column_sentences(zeros: Sequence[str]) -> list[str]:
+    """Return what is done with columns that are 0 in every row; nothing without any."""
+    if not zeros:
+        return []
+    return [
+        f"{', '.join(zeros)} {'are' if len(zeros) > 1 else 'is'} 0 in every row: filled up with "
+        "zeros? Effects are tested without, in the columns that vary."
+    ]
+
+
+def excitation_sentences(names: Sequence[str]) -> list[str]:
+    """Return one sentence for each column that is never excited."""
+    return [
+        f"The {_WORDS.get(name, name)} ({name}) is never excited: nothing can be learnt about it."
+        for name in names
+    ]
+
+
+def _is_constant(values: F) -> bool:
+    return bool(np.ptp(values) <= _STILL * np.max(np.abs(values)))
 
 
 def doubts(table: Table, wrong: WrongConvention | None) -> list[str]:

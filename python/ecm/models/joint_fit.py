@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.linalg import cho_solve
@@ -89,6 +90,13 @@ class FittedEffect:
         return list(
             zip(self.effect.parameters, self.values.tolist(), self.sd.tolist(), strict=True)
         )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the part of a report: plain values."""
+        parameters = {
+            one.name: {"value": value, "sd": sd, "unit": one.unit} for one, value, sd in self.listed
+        }
+        return {"id": self.id, "shape": self.effect.shape, "parameters": parameters}
 
     @property
     def is_new(self) -> bool:

@@ -200,25 +200,51 @@ def explained_by_blocks(
         0: columns of the wrong sign are left out of their block.
     """
     squares = np.zeros((len(blocks), *left[1].shape[1:]))
-    responses = left[1] if left[1].ndim > 1 else left[1][:, None]
     ridge = RIDGE * np.maximum(np.diag(equations[0]), 1e-200)
+    signs = np.zeros(len(ridge)) if signs is None else signs
     sizes = np.array([len(block) for block in blocks], dtype=np.int64)
     for size in np.unique(sizes).tolist():
         which = np.flatnonzero(sizes == size).tolist()
         take = np.array([blocks[i] for i in which], dtype=np.int64).reshape(len(which), size)
         matrices = left[0][take[:, :, None], take[:, None, :]]
         matrices[:, np.arange(size), np.arange(size)] += ridge[take]
-        vectors = responses[take]
-        solved = np.linalg.solve(matrices, vectors)
-        squares[which] = (vectors * solved).sum(axis=1).reshape(len(which), *squares.shape[1:])
-        if signs is None:
-            continue
-        wrong = signs[take] * solved[:, :, 0] < 0.0
-        bounded = np.flatnonzero(wrong.any(axis=1))
-        if len(bounded):
-            fewer = [tuple(take[i, ~wrong[i]].tolist()) for i in bounded]
-            squares[np.asarray(which)[bounded]] = explained_by_blocks(equations, left, fewer, signs)
+        slopes = left[1][take]
+        slopes = slopes if slopes.ndim < 3 else np.moveaxis(slopes, 2, 0)
+        squares[which] = explained_with_signs(matrices, slopes, signs[take]).T
     return squares
+
+
+def explained_with_signs(matrix: F, slope: F, signs: F) -> F:
+    """(..., b) squares that each of b blocks of k columns explains.
+
+    Parameters
+    ----------
+    matrix, slope
+        (..., b, k, k) and (..., b, k) normal equations of each block.
+    signs
+        (b, k) 1 or -1 for a coefficient that may only be positive or negative, else 0: columns of
+        the wrong sign are left out of their block.
+    """
+    k = slope.shape[-1]
+    taken = np.ones(slope.shape, dtype=np.bool_)
+    theta = _solved(matrix, slope)
+    for _ in range(k):
+        wrong = taken & (signs * theta < 0.0)
+        again = wrong.any(axis=-1)
+        if not again.any():
+            break
+        taken &= ~wrong
+        kept = taken[again]
+        block = np.where(kept[:, :, None] & kept[:, None, :], matrix[again], np.eye(k))
+        theta[again] = _solved(block, np.where(kept, slope[again], 0.0))
+    return np.asarray(np.where(taken, slope * theta, 0.0).sum(axis=-1))
+
+
+def _solved(matrices: F, vectors: F) -> F:
+    """(..., k) matrices^-1 vectors."""
+    if vectors.shape[-1] == 1:
+        return np.asarray(vectors / matrices[..., 0])
+    return np.asarray(np.linalg.solve(matrices, vectors[..., None])[..., 0])
 
 
 def explained_squares(matrix: F, vector: F, columns: Sequence[int]) -> float:

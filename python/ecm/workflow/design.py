@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -22,12 +22,16 @@ from ecm.designs import (
     plain_plan,
     rig_noise,
 )
-from ecm.diagnosis.next_experiment import Identifiability, identifiability
-from ecm.effects import Effect, all_effects
+from ecm.designs.plans import predicted_table
+from ecm.diagnosis.accept import confusable_pairs
+from ecm.diagnosis.next_experiment import detection_limits
+from ecm.diagnosis.problem import assemble
+from ecm.effects import Effect, Rows, all_effects
 from ecm.effects.registry import effects_of_actuators
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments, check_type
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.printed import to_json
 from ecm.io.table import Table
 from ecm.models import Model
 from ecm.models.actuated import ActuatedMap
@@ -36,6 +40,97 @@ from ecm.report.blocks import Block, Cell, FigureBlock, Section, TableBlock, Tex
 from ecm.report.page import Report, Shown
 from ecm.rig import RigSettings, campaign_minutes
 from ecm.workflow.config import Console, Silent
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What a plan can tell about one effect."""
+
+    id: str
+    parameter: str = ""
+    size: float = np.inf
+    """Size of the effect's best visible parameter that is named with chance 0.9."""
+    unit: str = ""
+    rivals: tuple[str, ...] = ()
+    """Effects of the list that this plan cannot separate from it."""
+    reason: str = ""
+    """Why it cannot be seen at all."""
+    record: str = ""
+    """What to record so that it can be seen."""
+
+    @property
+    def named(self) -> bool:
+        """Whether it can be seen and separated from every other of the list."""
+        return not self.reason and not self.rivals
+
+    def sentence(self) -> str:
+        """Return one plain line."""
+        if self.reason:
+            return f"{self.id}: not visible, {self.reason} (record: {self.record})"
+        unit = "" if self.unit in ("", "1") else f" {self.unit}"
+        size = f"from {self.size:.2g}{unit} of {self.parameter}"
+        if self.rivals:
+            return f"{self.id}: seen {size}, but not told from {', '.join(self.rivals)}"
+        return f"{self.id}: named {size}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON."""
+        seen = ("id", "parameter", "size", "unit", "rivals")
+        names = ("id", "reason", "record") if self.reason else seen
+        return {name: to_json(getattr(self, name)) for name in names}
+
+
+def _a_little_noisy(table: Table, base: NominalModel) -> Table:
+    """Return the table with a hundredth of the noise, so that no row is exact."""
+    covariance = base.noise.covariance(Rows(table, base.base))
+    random = np.random.default_rng(0).standard_normal((len(table), 6, 1))
+    added = 0.01 * (np.linalg.cholesky(covariance) @ random)[:, :, 0]
+    return table.with_columns(dict(zip(WRENCH, (table.wrenches + added).T, strict=True)))
+
+
+def identifiability(
+    plan: Table,
+    base: NominalModel,
+    effects: Sequence[Effect],
+    *,
+    rig: RigSettings | None = None,
+) -> list[Identifiability]:
+    """Return what a plan can show about each effect, those that it can name first.
+
+    The Fisher information of base and effects gives the smallest size that the diagnosis would name
+    with chance 0.9.
+
+    Parameters
+    ----------
+    plan
+        Table of poses with the columns of a plan.
+    base
+        Nominal model: base, noise and description.
+    effects
+        Effects to look for.
+    rig
+        Settings of the rig; default: those of a new rig.
+    """
+    table = predicted_table(plan, base, rig)
+    problem = assemble(base.base, _a_little_noisy(table, base), effects, base.noise)
+    # There is no residual here; the noise is the declared one.
+    problem = replace(problem, scale=1.0)
+    limits = detection_limits(problem)
+    pairs = confusable_pairs(problem)
+    results = []
+    for effect in effects:
+        if effect.id in limits:
+            alike = tuple(b if a == effect.id else a for a, b in pairs if effect.id in (a, b))
+            results.append(Identifiability(effect.id, **vars(limits[effect.id]), rivals=alike))
+            continue
+        reason, record = "the base absorbs it", "[mechanism]"
+        missing = problem.untestable.get(effect.id)
+        if missing is not None:
+            reason, record = missing.reason, missing.record
+        elif effect.kind == "noise":
+            reason, record = "it changes the scatter, not the mean", "repeats"
+        results.append(Identifiability(effect.id, reason=reason, record=record))
+    return sorted(results, key=lambda item: (bool(item.reason), bool(item.rivals)))
 
 
 def pose_figure(candidates: Table, design: Design, x: str, y: str) -> dict[str, Any]:

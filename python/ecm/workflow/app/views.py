@@ -25,7 +25,9 @@ from typing import Any
 import numpy as np
 
 from ecm.comparison.comparison import compare
-from ecm.diagnosis.preparation import preview_effects
+from ecm.diagnosis.preparation import prepare
+from ecm.diagnosis.problem import Candidate, Problem, assemble, best_of_each
+from ecm.diagnosis.search import estimate
 from ecm.effects import get_effect, load_installed
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F, I
@@ -34,6 +36,9 @@ from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.table import Need, Table, read_table
 from ecm.logs.importing import list_columns
 from ecm.models import Model, load_model
+from ecm.models.fit import choose_base
+from ecm.regression.blas import one_blas_thread
+from ecm.regression.normal_equations import explained_by_blocks, projected_out
 from ecm.regression.rows import actuators_of
 from ecm.report.figures import some_rows, view_of
 from ecm.rig.readings import POSE_NAMES, journal_path
@@ -121,21 +126,56 @@ def residuals(given: Given) -> dict[str, Any]:
 
 def effects(given: Given) -> dict[str, Any]:
     """Return what each effect would explain of the residual, with its own sentence."""
-    previews = preview_effects(given.model(), given.table("fit"))
-    at = _thinned(len(previews.row))
+    load_installed()
+    outputs, row, explained = explained_by_each(given.model(), given.table("fit"))
+    at = _thinned(len(row))
     return {
-        "row": previews.row[at].tolist(),
-        "columns": list(previews.outputs),
+        "row": row[at].tolist(),
+        "columns": list(outputs),
         "effects": {
-            item.id: {
-                "share": item.share,
-                "what": get_effect(item.id).physics,
-                "side": get_effect(item.id).side,
-                "values": _columns(item.explained[at]),
+            id: {
+                "share": share,
+                "what": get_effect(id).physics,
+                "side": get_effect(id).side,
+                "values": _columns(values[at]),
             }
-            for item in previews.effects
+            for id, (share, values) in explained.items()
         },
     }
+
+
+@one_blas_thread()
+def explained_by_each(
+    model: Model, table: Table
+) -> tuple[tuple[str, ...], I, dict[str, tuple[float, F]]]:
+    """Fit the score columns of each effect alone to what model and base leave.
+
+    Returns
+    -------
+    The m columns of the wrench, the rows from 1 (n,), and by effect, largest first: the share of
+    the whitened squares that its best shape takes away, and (n, m) what it explains beside the
+    base.
+    """
+    prepared = prepare(model, table)
+    base = choose_base(model, prepared.table.drop(*prepared.zero_columns))
+    problem = assemble(base, prepared.unexplained, prepared.effects)
+    alone = _fitted(problem, ())
+    left = projected_out(*problem.equations, problem.base_index)
+    blocks = [candidate.columns for candidate in problem.candidates]
+    gains = explained_by_blocks(problem.equations, left, blocks).tolist()
+    total = problem.squares_of(problem.response) / problem.scale
+    best = best_of_each(problem.candidates, gains)
+    explained = {
+        id: (gain / total, problem.in_units(_fitted(problem, (candidate,)) - alone))
+        for id, (gain, candidate) in sorted(best.items(), key=lambda item: -item[1][0])
+    }
+    return tuple(base.outputs), prepared.rows + 1, explained
+
+
+def _fitted(problem: Problem, chosen: Sequence[Candidate]) -> F:
+    """(N, m) whitened what base and chosen effects follow of the residual."""
+    fit = estimate(problem, chosen)
+    return np.asarray(problem.design[:, :, fit.columns] @ fit.theta)
 
 
 def plan(given: Given) -> dict[str, Any]:

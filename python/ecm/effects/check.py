@@ -9,14 +9,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.diagnosis.summary import fields_json
 from ecm.effects import Effect, effects_of
 from ecm.effects.protocol import missing_length
 from ecm.io.columns import KINDS, POSE, TEXT, WRENCH, is_standard
 from ecm.io.conventions import WrongConvention, wrong_convention
 from ecm.io.events import Progress, Steps
-from ecm.io.printed import Printed
-from ecm.io.sanity import SuspectRows, doubts, likely_continuous, suspect_rows, whole_turns
+from ecm.io.printed import Printed, fields_json
+from ecm.io.sanity import (
+    SuspectRows,
+    doubts,
+    excitation_sentences,
+    likely_continuous,
+    never_excited,
+    suspect_rows,
+    whole_turns,
+    zero_column_sentences,
+    zero_columns,
+)
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.regression.correlation import correlation_time
 from ecm.regression.folds import repeated_poses
@@ -26,8 +35,6 @@ _COLUMNS, _TESTABLE, _REPEATS, _SUSPECT = (
     "columns", "testable effects", "repeats", "rows that are no measurements",
 )  # fmt: skip
 _UNITS = ("degC", "Nm", "rad", "N", "m", "s")
-_STILL = 1e-12
-"""A column that spans less than this share of its size is constant."""
 
 
 @dataclass(frozen=True)
@@ -165,51 +172,6 @@ _NOISE_WORDS = {
         "lacks a figure for some of the columns (or all figures are 0)."
     ),
 }
-_WORDS = {
-    **dict(zip(POSE, ("x position", "y position", "z position"), strict=False)),
-    **{f"theta_{axis}_rad": f"{axis} rotation" for axis in "xyz"},
-    **{f"f{axis}_N": f"{axis} force" for axis in "xyz"},
-    **{f"tau_{axis}_Nm": f"{axis} torque" for axis in "xyz"},
-}
-
-
-def never_excited(table: Table) -> tuple[str, ...]:
-    """Return the pose and wrench columns that are constant over the measured poses."""
-    measured = table.measured()
-    names = (*measured.pose_columns, *measured.wrench_columns)
-    return tuple(name for name in names if _is_constant(measured.column(name)))
-
-
-def zero_columns(table: Table) -> tuple[str, ...]:
-    """Return the pose and wrench columns that are 0 in every row, where a table was filled up.
-
-    With a body in [mechanism] a pose may well stay zero: then the physics tells what follows.
-    """
-    measured = table.measured()
-    if table.meta.elastic_body() is not None:
-        return ()
-    names = (*measured.pose_columns, *measured.wrench_columns)
-    zero = tuple(name for name in names if not measured.column(name).any())
-    kept = set(names) - set(zero)
-    return zero if kept & {*POSE} and kept & {*WRENCH} else ()
-
-
-def zero_column_sentences(zeros: Sequence[str]) -> list[str]:
-    """Return what is done with columns that are 0 in every row; nothing without any."""
-    if not zeros:
-        return []
-    return [
-        f"{', '.join(zeros)} {'are' if len(zeros) > 1 else 'is'} 0 in every row: filled up with "
-        "zeros? Effects are tested without, in the columns that vary."
-    ]
-
-
-def excitation_sentences(names: Sequence[str]) -> list[str]:
-    """Return one sentence for each column that is never excited."""
-    return [
-        f"The {_WORDS.get(name, name)} ({name}) is never excited: nothing can be learnt about it."
-        for name in names
-    ]
 
 
 @takes_table()
@@ -295,10 +257,6 @@ def _column(name: str, values: NDArray[Any]) -> ColumnCheck:
         distinct=len(np.unique(numbers)),
         unknown=len(values) - len(numbers),
     )
-
-
-def _is_constant(values: NDArray[np.float64]) -> bool:
-    return bool(np.ptp(values) <= _STILL * np.max(np.abs(values)))
 
 
 def _lacking(
