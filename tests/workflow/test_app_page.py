@@ -26,6 +26,7 @@ from ecm.models import load_model
 from ecm.workflow.app.server import App, application, begin
 from support.chromium import Page, open_chromium
 from support.neck import LENGTH_M, ROOT, STIFFNESS, csv_text, neck_rows
+from support.warm_steps import warm
 
 pytestmark = pytest.mark.browser
 HOSTILE = "<img src=x onerror=document.title=1><b>own</b>"
@@ -63,7 +64,7 @@ def served(*tables: Path, folder: Path) -> Iterator[str]:
     """A session served by this process, which has imported all already; yields its address."""
     with closing(App(folder)) as app, socket.create_server(("127.0.0.1", 0)) as listening:
         app.views._pool = ThreadPoolExecutor(1)  # type: ignore[assignment]
-        begin(app, tables)
+        begin(warm(app), tables)
         port = listening.getsockname()[1]
         server = uvicorn.Server(
             uvicorn.Config(application(app, port=port, token="secret"), log_level="error")
