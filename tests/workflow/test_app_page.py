@@ -21,11 +21,10 @@ import uvicorn
 
 import ecm
 from ecm.effects import get_effect, unregister
-from ecm.io.columns import POSE, WRENCH
 from ecm.models import load_model
 from ecm.workflow.app.server import App, application, begin
 from support.chromium import Page, open_chromium
-from support.neck import LENGTH_M, ROOT, STIFFNESS, csv_text, neck_rows
+from support.neck import LENGTH_M, ROOT, STIFFNESS, columns_of, csv_text, neck_rows
 from support.warm_steps import warm
 
 pytestmark = pytest.mark.browser
@@ -40,7 +39,7 @@ def drifting_table(path: Path) -> Path:
     wrenches += np.random.default_rng(2).standard_normal((80, 6)) * noise
     time_s = 30.0 * np.arange(80.0)
     wrenches[:, 1] += 1e-3 * time_s
-    columns = dict(zip((*POSE, *WRENCH), np.hstack([poses, wrenches]).T, strict=True))
+    columns = columns_of(poses, wrenches)
     lines = csv_text({**columns, "time_s": time_s, "pose_id": np.arange(80.0) % 40}).splitlines()
     rows = [f"{HOSTILE if i == 0 else i % 7},{line}" for i, line in enumerate(lines)]
     path.write_text("\n".join([*rows, ""]), encoding="utf-8")
