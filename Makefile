@@ -64,11 +64,16 @@ build: setup
 build-demo: $(VENV)/.demo
 	@$(BUILD)
 
+# What maturin tells pyo3: told otherwise, clippy and the next build would each compile it anew.
+PYO3 = $(addprefix PYO3_BUILD_EXTENSION_MODULE=1 PYO3_CONFIG_FILE=, \
+  $(lastword $(sort $(wildcard $(abspath $(or $(CARGO_TARGET_DIR),target))/maturin/pyo3-config-*.txt))))
+
+# The whole workspace at once, `ecm-py` among it, of which nothing is built for the tests: so all
+# dependencies have the features that they have in the wheel, and are compiled once.
 test-rust:
 	$(CARGO) fmt --all --check
-	$(CARGO) clippy --release --workspace --all-targets --quiet -- -D warnings
-	$(CARGO) build --release --quiet -p ecm-doe
-	$(CARGO) test --release --workspace --exclude ecm-py --quiet
+	$(PYO3) $(CARGO) clippy --release --workspace --all-targets --quiet -- -D warnings
+	$(CARGO) test --release --workspace --quiet
 
 test-python: build
 	@$(MAKE) --no-print-directory python-checks

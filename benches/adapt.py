@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -251,47 +251,6 @@ def nothing_but(adapter: Adapter, truth: StiffnessMap, runs: range, rate: float,
     )
 
 
-def excited(truth: StiffnessMap, runs: range) -> None:
-    """A minute of one motion: what holds the modulus, whatever is known of it beforehand.
-
-    Pressed together by up to 5 mm, at 1, 2 and 4 times the speed, 20 to 200 readings a second,
-    each with the same readings for six standard deviations of the modulus at the start.
-    """
-    cases, differ, latched, drawn, outside = 0, 0, 0, 0, 0
-    for pressed_m in (0.0, 0.002, 0.005):
-        model = fit_model(training(truth, 3, pressed_m), "energy6")
-        usual = settings(model, truth, pressed_m)
-        adapters = [
-            model.controller().adapt(replace(usual, modulus_sd=sd))
-            for sd in (0.05, 0.1, 0.2, 0.22, 0.5, 1.0)
-        ]
-        for run in runs:
-            for speed, rate in ((1, 50), (2, 50), (4, 50), (1, 20), (1, 200)):
-                for kind in ("free", "steps", "circle"):
-                    random = np.random.default_rng([19, run])
-                    poses = motion(kind, speed * np.arange(60 * rate) / rate, random)
-                    poses[:, 0] -= pressed_m
-                    seen, measured = readings(0.93 * truth.predict(poses), poses, random)
-                    held = np.zeros((len(adapters), 60), dtype=bool)
-                    for k, adapter in enumerate(adapters):
-                        adapter.reset()
-                        for second in range(60):
-                            part = slice(second * rate, (second + 1) * rate)
-                            adapter.follow(seen[part], measured[part], np.full(rate, 1.0 / rate))
-                            held[k, second] = "modulus" in adapter.held
-                        away = abs(adapter.values["modulus"] - 0.93)
-                        outside += int(away > OUTSIDE * adapter.sd["modulus"])
-                    cases += 1
-                    differ += int((held != held[0]).any())
-                    latched += int(kind != "circle" and held[:, 10:].any())
-                    drawn += int(kind == "circle" and not held.all())
-    print(
-        f"a minute of one motion, six `modulus_sd` each: `held` differs in {differ} of {cases}, "
-        f"holds after 10 s of free motion or steps in {latched}, does not hold on a circle in "
-        f"{drawn}; modulus outside its 99 % region in {outside} of {len(adapters) * cases}"
-    )
-
-
 def friction(adapter: Adapter, truth: StiffnessMap, runs: range, rate: float) -> None:
     """Dry friction that no parameter has: its share of the runs that end with `diagnose`."""
     for size in (0.3, 1.0, 3.0):
@@ -373,7 +332,6 @@ def main() -> None:
     adapter = model.controller().adapt(settings(model, truth))
     for kind in ("circle", "small", "stand"):
         nothing_but(adapter, truth, runs, given.rate, kind)
-    excited(truth, runs[:5])
     friction(adapter, truth, runs, given.rate)
     for what in ("payload", "zero"):
         for kind in ("stand", "circle", "steps", "free"):

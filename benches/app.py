@@ -1,11 +1,11 @@
-"""The whole loop of `ecm app --demo` in a headless Chromium, with times, memory and pictures.
+"""Times and memory of the page of `ecm app` in a headless Chromium, with a large table.
 
 .venv/bin/python benches/app.py [--rows 20000] [--clicks 3000] [--many 200000]
 
-It goes from the sealed campaign to the truth by clicks, runs the script of the session in a new
-folder and compares every byte. Then it opens a table of many rows and prints how long the first
-paint, a hover, a brush and a cancel take, and what the page holds in memory before and after many
-clicks (3,000: an hour with one in 1.2 s). A table of `--many` rows is opened last; it is thinned.
+It opens a table of many rows and prints how long the first paint, a hover, a brush and a cancel
+take, and what the page holds in memory before and after many clicks (3,000: an hour with one in
+1.2 s). A table of `--many` rows is opened last; it is thinned. The loop of the demo is gone through
+by tests/workflow/test_app_page.py.
 Goals: first paint 1 s, hover and brush 0.1 s, cancel 0.5 s. `docs/app_pictures.py` takes pictures.
 """
 
@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import signal
 import statistics
 import subprocess
@@ -49,12 +48,6 @@ def served(*arguments: str | Path) -> Iterator[str]:
         server.communicate(timeout=60)
 
 
-def state_of(page: Page) -> dict[str, Any]:
-    """State of the session."""
-    found: dict[str, Any] = json.loads(page.js("fetch('/api/state').then(r => r.text())"))
-    return found
-
-
 def wait_for(page: Page, condition: str) -> None:
     """Wait until nothing is computed and a condition of the state `s` holds."""
     answer = "fetch('/api/state').then(r => r.json())"
@@ -65,57 +58,6 @@ def go(page: Page, stage: str) -> None:
     """Open a stage and wait until it is drawn."""
     page.js(f"location.hash = '{stage}'")
     page.until(f"document.documentElement.dataset.stage === '{stage}'", LONG_S)
-
-
-def demo(page: Page, folder: Path) -> dict[str, Any]:
-    """Go round the loop of the demo; the figures of it."""
-    with served("--demo", "--session", folder) as address:
-        begun = time.monotonic()
-        page.open(address)
-        page.until("!!document.documentElement.dataset.stage")
-        first = time.monotonic() - begun
-        begun = time.monotonic()
-        page.click("#to-model", LONG_S)
-        page.click("[name=kind][value=physics]", LONG_S)
-        page.click("#fit", LONG_S)
-        page.click("#to-fails", LONG_S)
-        page.click("#to-missing", LONG_S)
-        page.click("#diagnose", LONG_S)
-        page.click(".effects .named [data-add]", LONG_S)
-        wait_for(page, "s.rungs.length === 2 && s.compare")
-        page.click("#reveal", LONG_S)
-        wait_for(page, "s.truth")
-        go(page, "out")
-        page.click("#export", LONG_S)
-        wait_for(page, "s.export")
-        loop = time.monotonic() - begun
-        state = state_of(page)
-        script = page.js("fetch('/files/script.sh').then(r => r.text())")
-    history = state["rungs"][-1]["report"]["history"]
-    return {
-        "first state [s]": first,
-        "loop [s]": loop,
-        "hidden": [effect["id"] for effect in state["truth"]["effects"]],
-        "added": state["rungs"][-1]["name"],
-        "held-out error": [history[0]["held_out"], history[-1]["held_out"]],
-        "files that the script repeats": same_bytes(script, folder, state["files"]),
-    }
-
-
-def same_bytes(script: str, folder: Path, names: list[str]) -> int:
-    """Run the script in a new folder; returns the number of files, all equal."""
-    with tempfile.TemporaryDirectory() as place:
-        program, again = Path(place) / "ecm", Path(place) / "again"
-        program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m ecm.cli "$@"\n')
-        program.chmod(0o755)
-        (folder / "script.sh").write_text(script, encoding="utf-8")
-        path = f"{place}{os.pathsep}{os.environ['PATH']}"
-        command = ["sh", str(folder / "script.sh"), str(again)]
-        subprocess.run(command, check=True, capture_output=True, env={**os.environ, "PATH": path})
-        written = [name for name in names if name not in ("script.sh", "steps.jsonl")]
-        for name in written:
-            assert (again / name).read_bytes() == (folder / name).read_bytes(), name
-        return len(written)
 
 
 def large_table(path: Path, rows: int) -> None:
@@ -295,14 +237,11 @@ def main() -> None:
     parser.add_argument("--rows", type=int, default=20_000, help="0: not measured")
     parser.add_argument("--clicks", type=int, default=3000)
     parser.add_argument("--many", type=int, default=200_000, help="0: not measured")
-    parser.add_argument("--no-demo", action="store_true")
     options = parser.parse_args()
     problems: list[str] = []
     with tempfile.TemporaryDirectory() as name, open_chromium() as page:
         page.size(1400, 900)
         parts: list[Callable[[], dict[str, Any]]] = []
-        if not options.no_demo:
-            parts.append(lambda: demo(page, Path(name) / "demo"))
         if options.rows:
             parts.append(lambda: large(page, Path(name), options.rows, options.clicks))
         if options.many:

@@ -1,34 +1,26 @@
-"""Error against time of one wrench from rest: this solver, FElupe and CalculiX on the same meshes.
+"""One wrench by FElupe and CalculiX on our mesh, and what actuators cost our solver.
 
-    python benches/fem_peers.py [--plot docs/fem_peers.svg] [--json FILE]
+    python benches/fem_peers.py
 
-Needs FElupe (PyPI) and CalculiX (Debian's calculix-ccx). One thread each, processor time. All
-solve the reference case of docs/fem.md: neo-Hookean cylinder, dead wrench with a SPATIAL moment
-about the top centre. FElupe assembles; the rigid platform, Newton's method with load halving and
-the linear solver around it are this file's: SciPy's SuperLU, and MKL's Pardiso too where PyPI's
-pypardiso is installed (about twice as fast on the finer meshes). CalculiX is whole: C3D10, *RIGID
-BODY, SPOOLES (Debian's has no PaStiX or Pardiso; its iterative Cholesky takes 2.4 times as long),
-ten increments (of 1, 2, 4, 5, 8, 10, 14, 20 the fastest), default tolerances. The moment on its
-rotational node is conjugate to the rotation vector w: J(w)' tau is given.
-
-Three meshes are shared by all. On one of them and one more each side meets 1 % in translation and
-rotation with the fewest nodes of one graded family: 1207 for P2/P1, 4495 for P2, which is the
-peers' element.
+prints the processor time of one case with actuators over the same body and wrench without any.
+`tests/fem/test_fem_peers.py` holds the poses of the peers against ours; needs FElupe (PyPI) and
+CalculiX (Debian's calculix-ccx). All solve the reference case of docs/fem.md: neo-Hookean cylinder,
+dead wrench with a SPATIAL moment about the top centre. FElupe assembles; the rigid platform,
+Newton's method with load halving and SciPy's SuperLU around it are this file's. CalculiX is whole:
+C3D10, *RIGID BODY, SPOOLES, ten increments. The moment on its rotational node is conjugate to the
+rotation vector w: J(w)' tau is given.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import re
-import resource
 import subprocess
 import tempfile
 import time
 import warnings
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -36,12 +28,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("MKL_NUM_THREADS", "1")
 
-from importlib import import_module
-from importlib.util import find_spec
-
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, triu
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
@@ -51,38 +39,8 @@ F = NDArray[np.float64]
 
 LENGTH_M, RADIUS_M, YOUNG_PA, POISSON = 0.1034, 0.033, 0.72e6, 0.49
 WRENCH = np.array([-40.0, 30.0, 20.0, 1.0, -1.0, 1.0])
-REFERENCE = np.array([-8.96e-3, 30.11e-3, 25.73e-3, 0.1936, -0.3505, 0.4450])
-"""Converged answer (docs/fem.md), translation less the length."""
-MESHES = ("2x6x8", "2x8x10", "3x10x14")
-ENOUGH_P2_P1, ENOUGH_P2 = "2x8x10", "3x14x14"
-"""Coarsest meshes of their family (rings x layers x around) with both errors below 1 %: 2x7x10 has
-1.01 % in P2/P1."""
 MU = YOUNG_PA / (2.0 * (1.0 + POISSON))
 KAPPA = YOUNG_PA / (3.0 * (1.0 - 2.0 * POISSON))
-
-
-@dataclass
-class Run:
-    """One solver on one mesh."""
-
-    solver: str
-    nodes: int
-    cpu_s: float
-    newton: int
-    pose: list[float]
-    error: float
-    """|t - t_ref| / |t_ref|."""
-    rotation_error: float
-    """The same for the rotation vector."""
-
-
-def _run(solver: str, mesh: Mesh, cpu_s: float, newton: int, pose: F) -> Run:
-    moved = pose - [LENGTH_M, 0.0, 0.0, 0.0, 0.0, 0.0]
-    t, w = (
-        float(np.linalg.norm((moved - REFERENCE)[part]) / np.linalg.norm(REFERENCE[part]))
-        for part in (slice(3), slice(3, 6))
-    )
-    return Run(solver, len(mesh.nodes_m), cpu_s, newton, pose.tolist(), t, w)
 
 
 def chambered(quality: str) -> Mesh:
@@ -99,74 +57,39 @@ def chambered(quality: str) -> Mesh:
     )
 
 
-def ours(mesh: Mesh, element: str, pressures_Pa: Sequence[float] = ()) -> Run:
-    """This solver, set-up included."""
-    load = np.concatenate([WRENCH, pressures_Pa])[None]
-    best = np.inf
-    for _ in range(3):
-        start = time.process_time()
-        fem = Fem(
-            mesh,
-            young_modulus_Pa=YOUNG_PA,
-            poisson_ratio=POISSON,
-            element=element,  # type: ignore[arg-type]
-        )
-        found = fem.solve_wrenches(load, threads=1)
-        best = min(best, time.process_time() - start)
+def ours(mesh: Mesh, element: str, pressures_Pa: Sequence[float] = ()) -> F:
+    """Pose (6,) of the top by this solver."""
+    fem = Fem(
+        mesh,
+        young_modulus_Pa=YOUNG_PA,
+        poisson_ratio=POISSON,
+        element=element,  # type: ignore[arg-type]
+    )
+    found = fem.solve_wrenches(np.concatenate([WRENCH, pressures_Pa])[None], threads=1)
     if found.status != ["solved"]:
         raise RuntimeError(f"ours {element}: {found.status}")
-    return _run(f"ecm {element}", mesh, best, int(found.iterations[0]), found.poses[0])
+    return found.poses[0]
 
 
-def have_pardiso() -> bool:
-    """Whether MKL's Pardiso can be called (PyPI: pypardiso, mkl)."""
-    return find_spec("pypardiso") is not None
-
-
-class _SuperLU:
+def _superlu(matrix: Any, right: F) -> F:
     """SciPy's direct solver with the settings for a symmetric pattern."""
-
-    name = "SuperLU"
-
-    def solve(self, matrix: Any, right: F) -> F:
-        factor = splu(
-            matrix.tocsc(),
-            permc_spec="MMD_AT_PLUS_A",
-            options={"SymmetricMode": True},
-            diag_pivot_thresh=0.001,
-        )
-        return np.asarray(factor.solve(right))
-
-
-class _Pardiso:
-    """MKL's Pardiso on the upper triangle: analysis once, then numbers only."""
-
-    name = "Pardiso"
-
-    def __init__(self) -> None:
-        self._solver: Any = import_module("pypardiso").PyPardisoSolver(mtype=-2)
-        self._phase = 12
-
-    def solve(self, matrix: Any, right: F) -> F:
-        upper = csr_matrix(triu(matrix))
-        upper.sort_indices()
-        right = np.asfortranarray(right)
-        self._solver.set_phase(self._phase)
-        self._phase = 22
-        self._solver._call_pardiso(upper, right)
-        self._solver.set_phase(33)
-        return np.asarray(self._solver._call_pardiso(upper, right))
+    factor = splu(
+        matrix.tocsc(),
+        permc_spec="MMD_AT_PLUS_A",
+        options={"SymmetricMode": True},
+        diag_pivot_thresh=0.001,
+    )
+    return np.asarray(factor.solve(right))
 
 
 def felupe_p2(  # noqa: PLR0915 - a program of the peer as its manual writes it
-    mesh: Mesh, tolerance: float = 1e-8, linear: type[_SuperLU] | type[_Pardiso] = _SuperLU
-) -> Run:
+    mesh: Mesh, tolerance: float = 1e-8
+) -> F:
     """FElupe's quadratic tetrahedra under the same platform and wrench."""
     import felupe  # noqa: PLC0415 - not all peers are installed
 
     # A trial step may turn elements over; Newton then starts again with half the load.
     warnings.filterwarnings("ignore", "invalid value", RuntimeWarning)
-    start = time.process_time()
     x = np.asarray(mesh.nodes_m)
     n = len(x)
     body_mesh = felupe.Mesh(x, np.asarray(mesh.tetrahedra), cell_type="tetra10")
@@ -179,8 +102,7 @@ def felupe_p2(  # noqa: PLR0915 - a program of the peer as its manual writes it
     f_dofs = np.flatnonzero(free)
     t_dofs = (3 * top[:, None] + np.arange(3)).ravel()
     u, origin, turn = np.zeros((n, 3)), np.array([LENGTH_M, 0.0, 0.0]), np.eye(3)
-    reached, step, newton = 0.0, 1.0, 0
-    solver = linear()
+    reached, step = 0.0, 1.0
     force_unit = MU * mesh.volume_m3 / LENGTH_M
     while reached < 1.0:
         target = min(1.0, reached + step)
@@ -205,7 +127,6 @@ def felupe_p2(  # noqa: PLR0915 - a program of the peer as its manual writes it
                 converged = True
                 break
             stiffness = body.assemble.matrix(field).tocsc()
-            newton += 1
             # dx = dr + dphi x arm = [I, -skew(arm)] (dr, dphi)
             shift = np.zeros((3 * len(top), 6))
             geometric = np.zeros((3, 3))
@@ -214,7 +135,7 @@ def felupe_p2(  # noqa: PLR0915 - a program of the peer as its manual writes it
                 shift[3 * i : 3 * i + 3, 3:] = -_skew(d)
                 geometric += _skew(f) @ _skew(d)
             across = stiffness[f_dofs][:, t_dofs] @ shift
-            columns = solver.solve(
+            columns = _superlu(
                 stiffness[f_dofs][:, f_dofs], np.column_stack([across, force[f_dofs]])
             )
             six = shift.T @ (stiffness[t_dofs][:, t_dofs] @ shift) - across.T @ columns[:, :6]
@@ -232,9 +153,7 @@ def felupe_p2(  # noqa: PLR0915 - a program of the peer as its manual writes it
             step *= 0.5
             if step < 1.0 / 64.0:
                 raise RuntimeError("FElupe: no convergence")
-    pose = np.concatenate([origin, Rotation.from_matrix(turn).as_rotvec()])
-    cpu = time.process_time() - start
-    return _run(f"FElupe P2, {solver.name}", mesh, cpu, newton, pose)
+    return np.concatenate([origin, Rotation.from_matrix(turn).as_rotvec()])
 
 
 def _skew(v: F) -> F:
@@ -243,7 +162,7 @@ def _skew(v: F) -> F:
 
 def calculix(
     mesh: Mesh, rotation: F, tolerance: float | None = None, pressures_Pa: Sequence[float] = ()
-) -> Run:
+) -> F:
     """CalculiX C3D10; `rotation` is the rotation vector for which the moment is converted.
 
     Pressures are its face loads (*DLOAD), which follow the wall where *STEP has NLGEOM.
@@ -252,7 +171,6 @@ def calculix(
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "neck.inp").write_text(_deck(mesh, WRENCH[:3], moment, tolerance, pressures_Pa))
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
         done = subprocess.run(
             ["ccx", "neck"],
             cwd=folder,
@@ -261,7 +179,6 @@ def calculix(
             text=True,
             check=False,
         )
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
         if "Job finished" not in done.stdout or not (folder / "neck.dat").is_file():
             raise RuntimeError(f"CalculiX: {done.stdout[-800:]}")
         blocks = re.findall(
@@ -269,10 +186,7 @@ def calculix(
             (folder / "neck.dat").read_text(),
         )
     values = {block[0]: np.array([float(v) for v in block[2:]]) for block in blocks}
-    newton = len(re.findall(r"^ *iteration +\d+", done.stdout, re.MULTILINE))
-    pose = np.concatenate([1e-3 * values["REF"] + [LENGTH_M, 0.0, 0.0], values["ROT"]])
-    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return _run("CalculiX C3D10", mesh, cpu, newton, pose)
+    return np.concatenate([1e-3 * values["REF"] + [LENGTH_M, 0.0, 0.0], values["ROT"]])
 
 
 _FACES = ((0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 2, 3))
@@ -319,56 +233,6 @@ def _deck(
     return "\n".join(lines)
 
 
-def peers(mesh: Mesh, rotation: F) -> list[Run]:
-    """FElupe with each linear solver there is, and CalculiX."""
-    linear: list[type[_SuperLU] | type[_Pardiso]] = [_SuperLU]
-    if have_pardiso():
-        linear.append(_Pardiso)
-    return [felupe_p2(mesh, linear=kind) for kind in linear] + [calculix(mesh, rotation)]
-
-
-def _cylinder(quality: str) -> Mesh:
-    return Mesh.cylinder(length_m=LENGTH_M, radius_m=RADIUS_M, quality=quality)
-
-
-def _show(run: Run, *others: Run) -> None:
-    ratios = "".join(f"  {run.cpu_s / other.cpu_s:6.1f} x {other.solver}" for other in others)
-    print(
-        f"{run.solver:18} {run.nodes:6} nodes {run.cpu_s:8.3f} s {run.newton:4} Newton  "
-        f"error {100.0 * run.error:.2f} %, {100.0 * run.rotation_error:.2f} %{ratios}",
-        flush=True,
-    )
-
-
-def same_mesh() -> list[Run]:
-    """Every solver on every shared mesh."""
-    runs = []
-    for quality in MESHES:
-        mesh = _cylinder(quality)
-        own = [ours(mesh, "P2/P1"), ours(mesh, "P2")]
-        for run in own:
-            _show(run)
-        for run in peers(mesh, np.array(own[1].pose[3:])):
-            _show(run, *own)
-            own.append(run)
-        runs += own
-    return runs
-
-
-def equal_error() -> list[Run]:
-    """Each on the coarsest mesh on which it meets 1 %."""
-    own = ours(_cylinder(ENOUGH_P2_P1), "P2/P1")
-    _show(own)
-    mesh = _cylinder(ENOUGH_P2)
-    found = [own, *peers(mesh, np.array(ours(mesh, "P2").pose[3:]))]
-    for run in found[1:]:
-        _show(run, own)
-    late = [run.solver for run in found if max(run.error, run.rotation_error) > 0.01]
-    if late:
-        raise RuntimeError(f"above 1 %: {late}")
-    return found
-
-
 def actuation(pairs: int = 7) -> None:
     """Processor time of one case with actuators over the same body and wrench without any."""
     mesh = chambered("standard")
@@ -408,59 +272,10 @@ def actuation(pairs: int = 7) -> None:
         )
 
 
-def plot(runs: list[Run], path: Path) -> None:
-    """Error against processor time."""
-    import matplotlib  # noqa: PLC0415 - not all peers are installed
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt  # noqa: PLC0415 - not all peers are installed
-
-    figure, axes = plt.subplots(figsize=(6.0, 4.0))
-    for solver, mark in zip(dict.fromkeys(r.solver for r in runs), "osD^v", strict=False):
-        own = sorted((r for r in runs if r.solver == solver), key=lambda r: r.nodes)
-        axes.loglog(
-            [r.cpu_s for r in own], [100.0 * r.error for r in own], f"{mark}-", label=solver
-        )
-        for r in own:
-            axes.annotate(
-                str(r.nodes),
-                (r.cpu_s, 100.0 * r.error),
-                fontsize=7,
-                textcoords="offset points",
-                xytext=(4, 4),
-            )
-    axes.set_xlabel("processor time of one wrench from rest, s")
-    axes.axhline(1.0, color="0.6", linewidth=0.8)
-    axes.set_ylabel("error of the translation, %")
-    axes.grid(True, which="both", alpha=0.3)
-    axes.legend()
-    figure.tight_layout()
-    figure.savefig(path)
-
-
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--plot", type=Path)
-    parser.add_argument("--json", type=Path)
-    parser.add_argument("--actuation", action="store_true", help="pressures and tendons only")
-    options = parser.parse_args()
-    if options.actuation:
-        actuation()
-        return
-    print("On the same mesh:")
-    runs = same_mesh()
-    print("At 1 % in translation and rotation:")
-    last = equal_error()
-    for solver in dict.fromkeys(r.solver for r in runs):
-        own = [r for r in runs if r.solver == solver]
-        slope: Any = np.polyfit(np.log([r.nodes for r in own]), np.log([r.cpu_s for r in own]), 1)
-        print(f"{solver}: time grows like nodes^{slope[0]:.2f}")
-    runs += last
-    if options.json is not None:
-        options.json.write_text(json.dumps([asdict(r) for r in runs], indent=1) + "\n")
-    if options.plot is not None:
-        plot(runs, options.plot)
+    argparse.ArgumentParser(description=__doc__).parse_args()
+    actuation()
 
 
 if __name__ == "__main__":

@@ -5,11 +5,10 @@
 The C is compiled by gcc -O3 -mavx2 -mfma; C, Python in bulk (1000 rows; it holds the crossing and
 the array it returns) and Rust (its example `speed`) take turns on one
 thread, and the least time of each counts, so that a busy machine spoils the ratios least. Each goal
-is printed with what was found. Then all leave-one-out curves (every rank, six outputs, 200 rows)
-against the closed form in numpy, one pose a call through the public `Model`, and the ratio of that
-to FEM (the paper's Fig. 11). Last, exported C with gcc -O2: h, K and G of an energy of pose and
-three pressures (actuated4 of examples/soft_arm.csv) over h and K of an energy of degree 6, and a
-free pose.
+is printed with what was found. Then one pose a call through the public `Model`, and the ratio of
+that to FEM (the paper's Fig. 11). Last, exported C with gcc -O2: h, K and G of an energy of pose
+and three pressures (actuated4 of examples/soft_arm.csv) over h and K of an energy of degree 6, and
+a free pose.
 """
 
 from __future__ import annotations
@@ -237,26 +236,6 @@ def aligned(shape: tuple[int, ...], kind: type[np.floating] = np.float64) -> NDA
     return raw[shift : shift + size].view(kind).reshape(shape)
 
 
-def leave_one_out(x: F, y: F, seconds: float) -> dict[str, float]:
-    """Least seconds of ours and of numpy's closed form."""
-    regressor = _native.polynomial_regressor(x, 3, x.min(axis=0), x.max(axis=0))
-
-    def closed_form() -> F:
-        u, _, _ = np.linalg.svd(regressor, full_matrices=False)
-        fitted = np.cumsum(u[:, :, None] * (u.T @ y)[None], axis=1)
-        left = (y[:, None, :] - fitted) / (1.0 - np.cumsum(u**2, axis=1))[:, :, None]
-        return np.asarray(np.sqrt((left**2).mean(axis=0)))
-
-    assert np.allclose(_native.PolynomialModel.leave_one_out(x, y, 3)[1], closed_form(), rtol=1e-9)
-    return least(
-        {
-            "ours": lambda: _native.PolynomialModel.leave_one_out(x, y, 3),
-            "numpy": closed_form,
-        },
-        seconds,
-    )
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", type=Path)
@@ -315,9 +294,6 @@ def main() -> None:
     print("\n| goal | found | at most |\n|---|---|---|")
     for name, base, most in GOALS:
         print(f"| {name} over {base} | {rows[name] / rows[base]:.2f} | {most:g} |")
-    curves = leave_one_out(points[:200].copy(), random.normal(size=(200, 6)), arguments.seconds / 2)
-    share = curves["ours"] / curves["numpy"]
-    print(f"\nleave-one-out curves: {1e3 * curves['ours']:.2f} ms, {share:.2f} of numpy's")
     models = {
         "cubic": Model(base=PolynomialMap(cubic, POSE, WRENCH)),
         "energy6": Model(base=EnergyMap(energies[6])),
@@ -330,7 +306,7 @@ def main() -> None:
     fem = [] if arguments.no_fem else fem_ratio(models)
     print("\n".join([*exported_speeds(models["energy6"], arguments.seconds / 2), *fem]))
     if arguments.json is not None:
-        document = {"ns_a_row": rows, "leave_one_out_s": curves, "us_a_call": calls_us}
+        document = {"ns_a_row": rows, "us_a_call": calls_us}
         arguments.json.write_text(json.dumps(document, indent=1), encoding="utf-8")
 
 

@@ -3,9 +3,7 @@
     python benches/robot_campaign.py PLAN-D.csv PLAN-MAXIMIN.csv [--processes 2] [--json FILE]
                                      [--approach initial|previous] [--rig examples/robot.toml]
 
-The plans are those of `ecm identify examples/neck.toml` (plan-d.csv, plan-maximin.csv). `--part
-loop` times the steps of one pose alone; `--part springs` shows how far impedance control alone
-comes along single axes, beside the fraction that two springs in series give.
+The plans are those of `ecm identify examples/neck.toml` (plan-d.csv, plan-maximin.csv).
 """
 
 from __future__ import annotations
@@ -24,12 +22,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from ecm.io.cache import cache_directory
 from ecm.io.columns import POSE
 from ecm.io.table import Table, read_table
-from ecm.rig import RigSettings, fem_source, run_campaign
-from ecm.rig.arm.campaign import RobotCampaign
-from ecm.rig.arm.trips import PHASES, Stop
+from ecm.rig import RigSettings, run_campaign
+from ecm.rig.arm.trips import PHASES
 from ecm.rig.readings import robot_path
 from ecm.workflow.config import read_rig
 
@@ -95,54 +91,10 @@ def tell(name: str, found: dict[str, Any]) -> None:
         print(f"  row {row}, pose {pose_id}: {reason}")
 
 
-def campaign_of(plan: Table, rig: RigSettings) -> RobotCampaign:
-    """A campaign that is not run."""
-    kept = cache_directory()
-    return RobotCampaign(plan, rig, fem_source(plan), folder=kept)
-
-
-def loop(plan: Table, rig: RigSettings) -> dict[str, float]:
-    """Microseconds of processor time a step over ten poses."""
-    campaign = campaign_of(plan, rig)
-    arm = campaign.setup.build()
-    steps, start = 0, time.process_time()
-    for trip in campaign.trips[:10]:
-        arm.trip(trip.stops)
-        steps += arm.simulation.steps
-    spent = time.process_time() - start
-    arm.simulation.reset()
-    at_rest = campaign.plant.elastic.solved.stiffness[0]
-    number = arm.simulation.stability_number(at_rest)
-    print(f"{1e6 * spent / steps:.1f} us a step over {steps} steps; dt omega_max {number:.3f} of 2")
-    return {"us_a_step": 1e6 * spent / steps, "stability_number": number}
-
-
-def springs(plan: Table, rig: RigSettings) -> list[dict[str, float]]:
-    """Impedance control along single axes against two springs in series."""
-    campaign = campaign_of(plan, rig)
-    arm = campaign.setup.build()
-    rest = np.array([campaign.plant.length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
-    own = np.repeat([rig.arm.impedance_N_m, rig.arm.impedance_Nm_rad], 3)
-    stiffness = campaign.plant.elastic.solved.stiffness[0]
-    rows = []
-    print("| axis | goal | reached % | springs in series % |")
-    print("|---|---|---|---|")
-    for j, size in enumerate((-0.002, 0.002, 0.002, 0.05, 0.05, 0.05)):
-        goal = rest.copy()
-        goal[j] += size
-        outcome = arm.trip([Stop(0, goal, (), 0.1, 0.2)]).stops[0]
-        share = (outcome.after_impedance[j] - rest[j]) / size
-        away = np.linalg.solve(np.diag(own) + stiffness, np.diag(own)[:, j] * size)[j] / size
-        rows.append({"reached": share, "series": away})
-        print(f"| {POSE[j]} | {size:g} | {100 * share:.1f} | {100 * away:.1f} |")
-    return rows
-
-
 def main() -> None:
     """Runs what the arguments ask for."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("plans", type=Path, nargs="+")
-    parser.add_argument("--part", choices=("campaigns", "loop", "springs"), default="campaigns")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--approach", choices=("initial", "previous"), default="initial")
     parser.add_argument("--rig", type=Path, default=ROOT / "examples" / "robot.toml")
@@ -164,16 +116,11 @@ def main() -> None:
     if options.poses:
         plans = [plan.select(np.arange(len(plan)) < options.poses) for plan in plans]
     result: dict[str, Any] = {}
-    if options.part == "loop":
-        result["loop"] = loop(plans[0], rig)
-    elif options.part == "springs":
-        result["springs"] = springs(plans[0], rig)
-    else:
-        start = time.perf_counter()
-        for path, plan in zip(options.plans, plans, strict=True):
-            found = result[path.stem] = drive(plan, rig, options.seed)
-            tell(path.stem, found)
-        print(f"\nall: {time.perf_counter() - start:.0f} s of wall time")
+    start = time.perf_counter()
+    for path, plan in zip(options.plans, plans, strict=True):
+        found = result[path.stem] = drive(plan, rig, options.seed)
+        tell(path.stem, found)
+    print(f"\nall: {time.perf_counter() - start:.0f} s of wall time")
     if options.json is not None:
         options.json.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
 

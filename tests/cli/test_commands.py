@@ -39,7 +39,7 @@ from ecm.models import PhysicsMap, fit_model
 from ecm.models.refit import refit
 from ecm.report.blocks import number
 from support.campaigns import campaign, physics
-from support.neck import LENGTH_M, ROOT, Done, csv_text, neck_columns, neck_rows
+from support.neck import LENGTH_M, ROOT, Done, columns_of, csv_text, neck_columns, neck_rows
 from support.neck import STIFFNESS as K
 
 Command = Callable[..., Done]
@@ -243,7 +243,7 @@ def test_fit_and_predict(tmp_path: Path, ecm_command: Command) -> None:
     poses, _ = neck_rows(80)
 
     wrenches = (poses - [LENGTH_M, 0, 0, 0, 0, 0]) @ K
-    columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, wrenches.T, strict=True))
+    columns = columns_of(poses, wrenches)
     (tmp_path / "d.csv").write_text(csv_text(columns), encoding="utf-8")
     fitted = ecm_command(
         "fit", tmp_path / "d.csv", "--model", "linear", "--out", tmp_path / "m.json",

@@ -19,7 +19,6 @@ from ecm.cli.main import run
 from ecm.effects.check import check
 from ecm.fem.material_fit import MaterialTest, fit_material
 from ecm.io import events
-from ecm.io.columns import POSE, WRENCH
 from ecm.io.mechanism import Material
 from ecm.io.table import Table, as_table, read_table
 from ecm.logs.importing import import_log, read_log
@@ -27,7 +26,7 @@ from ecm.models import fit_model, parse_model, prediction
 from ecm.models.fit_summary import fit_summary
 from ecm.models.model import Model
 from ecm.models.selection import cross_validate, learning_curve
-from support.neck import ROOT, Done
+from support.neck import ROOT, Done, columns_of
 
 Command = Callable[..., Done]
 Told = list[tuple[float, float, str]]
@@ -46,7 +45,7 @@ def six(rows: int) -> Table:
     poses = np.random.default_rng(2).uniform(-0.01, 0.01, (rows, 6))
     wrenches = poses * [2e4, 3e3, 3e3, 4.0, 9.0, 9.0] + 0.01 * np.sin(1e4 * poses)
     poses[:, 0] += 0.1
-    columns = dict(zip((*POSE, *WRENCH), np.hstack([poses, wrenches]).T, strict=True))
+    columns = columns_of(poses, wrenches)
     return as_table(columns, meta={"mechanism": {"length_m": 0.1}})
 
 

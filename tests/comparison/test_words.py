@@ -9,8 +9,8 @@ import pytest
 
 import ecm
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
+from support.neck import columns_of
 
 NOISE_NM = 0.02
 
@@ -91,7 +91,7 @@ def test_noise_that_is_only_assumed_is_no_floor() -> None:
     random = np.random.default_rng(0)
     at = random.uniform(-1.0, 1.0, (40, 6)) * [4e-3, 8e-3, 8e-3, 0.2, 0.2, 0.2]
     wrench = at * [2e4, 3e3, 3e3, 4.0, 14.0, 14.0] + 0.002 * random.standard_normal((40, 6))
-    table = ecm.Table(dict(zip((*POSE, *WRENCH), np.hstack([at, wrench]).T, strict=True)))
+    table = ecm.Table(columns_of(at, wrench))
     model = ecm.fit(table, "linear")
     compared, found = ecm.compare(model, table), ecm.diagnose(model, table, effects=[])
     assert compared.noise.is_assumed

@@ -22,7 +22,7 @@ from ecm.io.table import Table, as_table
 from ecm.models import fit_model
 from ecm.models.refit import refit
 from support.campaigns import campaign, workspace_poses
-from support.neck import Done
+from support.neck import Done, columns_of
 from support.stand_in import L, wrench
 
 Command = Callable[..., Done]
@@ -39,7 +39,7 @@ def neck(
     h = wrench(poses) + random.standard_normal((rows, 6)) * [0.3, 0.3, 0.3, 0.01, 0.01, 0.01]
     time = 9.0 * np.arange(rows)
     h[:, 1] += drift * time
-    columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, h.T, strict=True))
+    columns = columns_of(poses, h)
     meta = Meta(
         mechanism=LENGTH if length else {}, instrument=INSTRUMENT if declared else Instrument()
     )

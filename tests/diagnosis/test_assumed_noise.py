@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import as_table
 from ecm.models import fit_model
 from ecm.models.maps import StiffnessMap
 from ecm.regression.noise import Noise, weighed_by_rest, whiteners
 from ecm.regression.rows import Rows
+from support.neck import columns_of
 from support.stand_in import L, some_poses, wrench
 
 ASSUMED = Noise()
@@ -21,7 +21,7 @@ def rest(force_sd_N: float, torque_sd_Nm: float, extra: float = 0.0) -> tuple[Ro
     """Rows of exact poses, an error of these sizes, and a column that explains the extra part."""
     random = np.random.default_rng(5)
     poses = some_poses(90)
-    columns = dict(zip((*POSE, *WRENCH), np.hstack([poses, wrench(poses)]).T, strict=True))
+    columns = columns_of(poses, wrench(poses))
     table = as_table(columns).with_length(L)
     base: StiffnessMap = fit_model(table, "energy4").base
     error = np.repeat([force_sd_N, torque_sd_Nm], 3) * random.standard_normal((90, 6))

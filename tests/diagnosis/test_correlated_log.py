@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 import ecm
 from ecm.diagnosis.procedure import find_missing
-from ecm.io.columns import POSE, WRENCH
+from support.neck import columns_of
 from support.stand_in import L, wrench
 
 ROWS, STEP_S = 12000, 0.01
@@ -69,7 +69,7 @@ def test_what_the_model_explains_is_no_slow_noise() -> None:
     poses[:, 0] += L
     sd = np.array([0.3] * 3 + [0.01] * 3)
     loads = wrench(poses) + sd * random.standard_normal((6000, 6))
-    columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, loads.T, strict=True))
+    columns = columns_of(poses, loads)
     table = ecm.Table(
         columns | {"time_s": time},
         {"file": {"kind": "continuous"}, "mechanism": {"length_m": L}},

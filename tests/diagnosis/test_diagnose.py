@@ -9,13 +9,12 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 import pytest
 
 from ecm.comparison import compare
-from ecm.diagnosis import Diagnosis, diagnose
+from ecm.diagnosis import Diagnosis, diagnose, find_missing
 from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.search import rank
 from ecm.effects import Rows, all_effects, get_effect
@@ -27,7 +26,15 @@ from ecm.models import fit_model
 from ecm.models.fit import choose_base
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from support.acceptance import acceptance_check
-from support.campaigns import campaign, found_in, model, physics, plan
+from support.campaigns import (
+    campaign,
+    diagnosis_of,
+    found_in,
+    lists_of_the_interface,
+    model,
+    physics,
+    plan,
+)
 from support.stand_in import L, StandIn
 
 EIGHT = (
@@ -44,7 +51,7 @@ EIGHT = (
 
 @pytest.mark.parametrize("hidden", EIGHT)
 def test_each_effect_at_the_size_of_the_noise_is_named(hidden: str) -> None:
-    diagnosis = diagnose(model(), campaign(hidden, 1.0, 4))
+    diagnosis = diagnosis_of(hidden, 1.0, 4)
     assert found_in(diagnosis, hidden), diagnosis.sentence()
     assert diagnosis.verdict in ("named", "ambiguous")
     assert diagnosis.held_out.before > 1.2
@@ -57,13 +64,13 @@ def test_each_effect_at_the_size_of_the_noise_is_named(hidden: str) -> None:
 @pytest.mark.parametrize("hidden", ["payload", "hysteresis", "temperature_modulus"])
 def test_a_strong_effect_does_not_bring_a_second_name(hidden: str) -> None:
     """At three times the noise the leftover of an imperfect form is itself above the noise."""
-    diagnosis = diagnose(model(), campaign(hidden, 3.0, 4))
-    assert found_in(diagnosis, hidden), diagnosis.sentence()
+    found = find_missing(model(), campaign(hidden, 3.0, 4))
+    assert found_in(found, hidden), found.answer
 
 
 @pytest.mark.parametrize("seed", [4, 5, 6])
 def test_nothing_hidden_is_none(seed: int) -> None:
-    diagnosis = diagnose(model(), campaign("", 1.0, seed))
+    diagnosis = diagnosis_of("", 1.0, seed)
     assert diagnosis.verdict == "none"
     assert diagnosis.answer == ()
     assert diagnosis.effects == ()
@@ -79,7 +86,7 @@ def test_a_stiffer_material_is_no_effect() -> None:
     """An effect exactly along E belongs to the base."""
     table = campaign("", 1.0, 4)
     stiffer = table.with_columns({name: 1.05 * table.column(name) for name in WRENCH})
-    assert diagnose(model(), stiffer).verdict == "none"
+    assert find_missing(model(), stiffer).verdict == "none"
 
 
 def test_two_effects_are_both_named() -> None:
@@ -122,8 +129,8 @@ def test_structure_without_a_name_is_unknown() -> None:
 
 def test_an_effect_taken_out_of_the_library_is_not_replaced_by_a_wrong_name() -> None:
     others = [id for id in EIGHT if id != "hysteresis"]
-    diagnosis = diagnose(model(), campaign("hysteresis", 1.0, 4), effects=others)
-    assert diagnosis.verdict != "named", diagnosis.sentence()
+    found = find_missing(model(), campaign("hysteresis", 1.0, 4), effects=others)
+    assert found.verdict != "named", found.answer
 
 
 def test_the_papers_protocol_cannot_test_hysteresis_and_relaxation() -> None:
@@ -172,14 +179,14 @@ def test_the_symmetric_energy_names_what_it_cannot_swallow() -> None:
 def test_the_refitted_model_is_complete() -> None:
     table = campaign("payload", 1.0, 4)
     better = model().add("payload").fit(table)
-    assert diagnose(better, table).verdict == "none"
+    assert find_missing(better, table).verdict == "none"
 
 
 def test_the_report_is_that_of_the_interface() -> None:
-    diagnosis = diagnose(model(), campaign("payload", 1.0, 4), seed=7)
+    diagnosis = diagnosis_of("payload", 1.0, 4)
     report = json.loads(json.dumps(diagnosis.to_dict(), allow_nan=False))
     assert report["schema"] == 1
-    assert report["seed"] == 7
+    assert report["seed"] == 0
     assert report["base"]["kind"] == "physics"
     assert report["noise"]["source"] == "repeats"
     assert report["gate"]["p"] < 1e-6
@@ -203,36 +210,6 @@ def test_the_report_is_that_of_the_interface() -> None:
     assert report["unknown"] is None
 
 
-def lists_of_the_interface(report: dict[str, Any]) -> None:
-    """Keys and types of the lists beside the verdict."""
-    for step in report["rmse"].values():
-        assert set(step) == set(WRENCH)
-        assert all(isinstance(value, float) for value in step.values())
-    assert report["not_testable"]
-    for item in report["not_testable"]:
-        assert set(item) == {"id", "reason", "record"}
-        assert all(isinstance(value, str) and value for value in item.values())
-    known = {effect.id for effect in all_effects()}
-    assert report["confusable"]
-    for members in report["confusable"]:
-        assert len(members) == 2
-        assert set(members) <= known
-    assert report["detection_limits"]
-    for id, limit in report["detection_limits"].items():
-        assert id in known
-        assert set(limit) == {"parameter", "size", "unit"}
-        names = {p.name: p.unit for p in get_effect(id).parameters}
-        assert names.get(limit["parameter"], limit["unit"]) == limit["unit"]
-        assert isinstance(limit["size"], float)
-        assert limit["size"] > 0.0
-    assert bool(report["next_experiment"]) or report["verdict"] != "ambiguous"
-    for item in report["next_experiment"]:
-        assert {"action", "minutes", "p_correct"} <= set(item)
-        assert isinstance(item["action"], str)
-        assert item["minutes"] > 0
-        assert item["p_correct"] is None or 0.0 <= item["p_correct"] <= 1.0
-
-
 @pytest.mark.parametrize("source", ["declared", "assumed", "repeats"])
 def test_the_verdict_says_where_its_noise_comes_from(source: str) -> None:
     table = campaign("payload", 1.0, 4)
@@ -240,7 +217,7 @@ def test_the_verdict_says_where_its_noise_comes_from(source: str) -> None:
         table = table.select(np.unique(table.column("pose_id"), return_index=True)[1]).measured()
     if source == "assumed":
         table = table.with_meta(replace(table.meta, instrument=Instrument()))
-    found = diagnose(model(), table)
+    found = diagnosis_of("payload", 1.0, 4) if source == "repeats" else diagnose(model(), table)
     assert found.noise.source == source
     said = found.sentence()
     assert ("as declared, not measured" in said) is (source == "declared")
@@ -250,17 +227,18 @@ def test_the_verdict_says_where_its_noise_comes_from(source: str) -> None:
 
 def test_the_same_seed_gives_the_same_report_and_another_the_same_verdict() -> None:
     table = campaign("base_compliance", 1.0, 4)
-    first = diagnose(model(), table, seed=1)
-    assert first.to_dict() == diagnose(model(), table, seed=1).to_dict()
-    for seed in (2, 3):
-        other = diagnose(model(), table, seed=seed)
+    first = diagnosis_of("base_compliance", 1.0, 4)
+    assert first.to_dict() == diagnose(model(), table, seed=0).to_dict()
+    another = diagnose(model(), table, seed=1)
+    assert another.to_dict()["seed"] == 1
+    for other in (another, *(find_missing(model(), table, seed=seed) for seed in (2, 3))):
         assert (other.verdict, other.answer) == (first.verdict, first.answer)
 
 
 def test_row_order_does_not_matter() -> None:
     table = campaign("payload", 1.0, 4)
     order = np.random.default_rng(0).permutation(len(table))
-    first, second = diagnose(model(), table), diagnose(model(), table.select(order))
+    first, second = diagnosis_of("payload", 1.0, 4), diagnose(model(), table.select(order))
     assert first.answer == second.answer
     assert second.held_out.before == pytest.approx(first.held_out.before, rel=5e-3)
 
@@ -282,23 +260,9 @@ def with_change(table: Table, id: str, values: list[float]) -> Table:
 
 def test_trap_size_that_grows_with_time() -> None:
     table = sorted_by_size(campaign("", 1.0, 4))
-    assert diagnose(model(), table).verdict == "none"
-    conservative = diagnose(model(), with_change(table, "anisotropy", [0.01, 0.007]))
-    assert found_in(conservative, "anisotropy"), conservative.sentence()
-
-
-def test_trap_temperature_that_grows_with_time() -> None:
-    """Temperature and age cannot be told apart: a class, with the separating measurement."""
-    table = campaign("", 1.0, 4).measured()
-    time = table.column("time_s")
-    warm = 22.0 + 4.0 * (time - time.min()) / np.ptp(time)
-    warm += 0.05 * np.random.default_rng(0).standard_normal(len(warm))
-    table = table.with_columns({"temperature_degC": warm})
-    diagnosis = diagnose(model(), with_change(table, "temperature_modulus", [0.006]))
-    assert diagnosis.verdict == "ambiguous"
-    assert set(diagnosis.answer[0]) == {"ageing", "temperature_modulus"}
-    assert any("warm and cold" in item.action for item in diagnosis.next_experiment)
-    lists_of_the_interface(json.loads(json.dumps(diagnosis.to_dict(), allow_nan=False)))
+    assert find_missing(model(), table).verdict == "none"
+    conservative = find_missing(model(), with_change(table, "anisotropy", [0.01, 0.007]))
+    assert found_in(conservative, "anisotropy"), conservative.answer
 
 
 def of_one_dwell(table: Table, dwell_s: float) -> Table:
@@ -317,7 +281,7 @@ def test_trap_constant_dwell_names_nothing_and_says_what_to_record(dwell_s: floa
 def test_trap_constant_dwell_hides_relaxation_in_the_modulus() -> None:
     """All dwells together name it; each dwell alone has a modulus of its own."""
     table = campaign("stress_relaxation", 1.0, 4)
-    assert diagnose(model(), table).answer == (("stress_relaxation",),)
+    assert find_missing(model(), table).answer == (("stress_relaxation",),)
     fitted = [model().fit(of_one_dwell(table, dwell_s)).base for dwell_s in (2.0, 8.0, 30.0)]
     short, middle, long = (float(base.coefficients[0]) for base in fitted)
     assert short > 1.005 * middle > 1.01 * long
@@ -350,17 +314,17 @@ def test_trap_a_frame_turned_the_wrong_way_is_not_named() -> None:
     askew = table.with_columns({name: wrong[:, j] for j, name in enumerate(WRENCH)})
     mirrored = table.with_columns({name: -table.column(name) for name in POSE[3:]})
     for bad in (askew, mirrored):
-        diagnosis = diagnose(model(), bad)
-        assert diagnosis.verdict == "unknown", diagnosis.sentence()
-        assert diagnosis.answer == ()
+        found = find_missing(model(), bad)
+        assert found.verdict == "unknown", found.answer
+        assert found.answer == ()
 
 
 def test_a_clamp_that_pushes_is_not_named() -> None:
     """Values far outside their bounds are no explanation; a hair outside is the form's misfit."""
     table = campaign("", 1.0, 4)
     stiffening = with_change(table, "base_compliance", [-2e-3, 0.0, 0.0])
-    diagnosis = diagnose(model(), stiffening)
-    assert all("base_compliance" not in members for members in diagnosis.answer)
+    answer = find_missing(model(), stiffening).answer
+    assert all("base_compliance" not in members for members in answer)
     slight = with_change(table, "base_compliance", [2e-3, 5e-7, -2e-7])
     diagnosis = diagnose(model(), slight)
     assert found_in(diagnosis, "base_compliance"), diagnosis.sentence()
@@ -389,8 +353,8 @@ def test_trap_copied_rows_and_one_bad_pose() -> None:
 def test_every_effect_of_the_catalogue_is_accounted_for(held: str) -> None:
     """Catches an effect of the noise, or one of the model's own, of which nothing is said."""
     table = campaign("", 1.0, 4)
-    tried = model().add(held).fit(table) if held else model()
-    report = diagnose(tried, table).to_dict()
+    found = diagnose(model().add(held).fit(table), table) if held else diagnosis_of("", 1.0, 4)
+    report = found.to_dict()
     ranked = {item["id"] for item in report["ranking"]}
     not_testable = {item["id"] for item in report["not_testable"]}
     of_noise = set(report["noise"]["tested"])
@@ -447,9 +411,9 @@ def test_an_error_far_beyond_the_noise_is_no_name() -> None:
     signs = np.random.default_rng(0).choice([-1.0, 1.0], int(table.column("pose_id").max()) + 2)
     own = signs[table.column("pose_id").astype(int)]
     scrambled = table.with_columns({"tau_x_Nm": own * table.column("tau_x_Nm")})
-    diagnosis = diagnose(model(), scrambled)
-    assert diagnosis.verdict == "unknown"
-    assert diagnosis.answer == ()
+    found = find_missing(model(), scrambled)
+    assert found.verdict == "unknown"
+    assert found.answer == ()
 
 
 def test_a_flipped_sign_is_named_as_what_it_is() -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ecm import _native
 from ecm.diagnosis import Diagnosis, diagnose
-from ecm.io.columns import POSE, VELOCITY, WRENCH
+from ecm.io.columns import VELOCITY, WRENCH
 from ecm.io.se3 import left_jacobian_inverse, rotate, rotation, transpose
 from ecm.io.table import Table
 from ecm.models import Model, fit_model, surrogate_of
@@ -19,6 +19,7 @@ from ecm.models.rod import RodMap
 from ecm.regression.approach import pose_before
 from support import stand_in
 from support.campaigns import campaign, found_in, model, workspace_poses
+from support.neck import columns_of
 from support.stand_in import L
 
 F = NDArray[np.float64]
@@ -164,7 +165,7 @@ def swinging() -> tuple[Table, F, F]:
     pose = pose + REST
     wrench = stand_in.wrench(pose)
     wrench += random.standard_normal(wrench.shape) * ([0.3] * 3 + [0.01] * 3)
-    columns = dict(zip((*POSE, *WRENCH), np.concatenate([pose, wrench], axis=1).T, strict=True))
+    columns = columns_of(pose, wrench)
     columns["run"] = np.repeat(np.arange(4.0), samples)
     columns["time_s"] = np.concatenate([time + 10.0 * run for run in range(4)])
     meta = campaign("", 1.0, 4).meta

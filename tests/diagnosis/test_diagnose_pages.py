@@ -16,11 +16,10 @@ import numpy as np
 import pytest
 
 from ecm.cli import run
-from ecm.diagnosis import diagnose
 from ecm.diagnosis.summary import Summary
 from ecm.io.table import Table
 from ecm.report.blocks import number
-from support.campaigns import campaign, model
+from support.campaigns import campaign, diagnosis_of, model
 from support.neck import Done
 from support.report_pages import figures_of, open_page
 
@@ -181,7 +180,7 @@ def test_each_page_opens_without_error_or_request_and_the_name_stays_text(
 
 
 def test_a_single_name_says_what_else_it_may_be() -> None:
-    found = diagnose(model(), campaign("payload", 1.0, 4))
+    found = diagnosis_of("payload", 1.0, 4)
     (one,) = found.look_alikes
     assert one.id == "payload"
     assert "Missing: payload (or anything of constant force at the platform)" in found.sentence()

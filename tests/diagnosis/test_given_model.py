@@ -25,6 +25,7 @@ from ecm.models.maps import StiffnessMap
 from ecm.regression.noise import Noise
 from ecm.regression.rows import naming_wild_readings
 from support.campaigns import workspace_poses
+from support.neck import columns_of
 from support.stand_in import L, wrench
 
 INSTRUMENT = Instrument(
@@ -274,7 +275,7 @@ def test_turned_axes_show_against_the_given_model(
         np.hstack([part[:, :3] @ turn.T, part[:, 3:] @ turn.T])
         for part in (may.matrix(POSE), factor * may.wrenches)
     )
-    columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, h.T, strict=True))
+    columns = columns_of(poses, h)
     found = diagnose(fit_model(april, "cubic"), may.with_columns(columns), effects=["payload"])
     if not words:
         assert found.model.statement is None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from itertools import pairwise
 
 import numpy as np
@@ -13,21 +14,36 @@ from ecm.io.columns import WRENCH
 from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
-from support.campaigns import campaign, model, physics, plan, workspace_poses
+from support.campaigns import (
+    campaign,
+    diagnosis_of,
+    lists_of_the_interface,
+    model,
+    physics,
+    plan,
+    workspace_poses,
+)
 from support.stand_in import L, StandIn
 
 
-def test_warm_and_cold_poses_separate_temperature_from_age() -> None:
-    """Both grow with time; after the proposed warm-up one of them is sure."""
+def warming() -> Table:
+    """A campaign with nothing hidden, over which it grows warmer by 4 K."""
     table = campaign("", 1.0, 4)
     time = table.column("time_s")
     warm = 22.0 + 4.0 * (time - time.min()) / np.ptp(time)
     warm += 0.05 * np.random.default_rng(0).standard_normal(len(warm))
-    table = table.with_columns({"temperature_degC": warm})
+    return table.with_columns({"temperature_degC": warm})
+
+
+def test_warm_and_cold_poses_separate_temperature_from_age() -> None:
+    """Both grow with time; after the proposed warm-up one of them is sure."""
+    table = warming()
     change = get_effect("temperature_modulus").correction(Rows(table, physics()), np.array([6e-3]))
     hidden = {name: table.column(name) + change[:, j] for j, name in enumerate(WRENCH)}
     found = diagnose(model(), table.with_columns(hidden))
     assert found.verdict == "ambiguous"
+    assert set(found.answer[0]) == {"ageing", "temperature_modulus"}
+    lists_of_the_interface(json.loads(json.dumps(found.to_dict(), allow_nan=False)))
     warm_up = next(item for item in found.next_experiment if "warm and cold" in item.action)
     # An hour of heating and what the rig needs for 20 visits.
     assert warm_up.minutes == 80
@@ -41,11 +57,7 @@ def test_warm_and_cold_poses_separate_temperature_from_age() -> None:
 
 def test_two_classes_are_told_apart_in_one_session() -> None:
     """A length beside a modulus: the calliper is for one class, a campaign for the other."""
-    table = campaign("", 1.0, 4)
-    time = table.column("time_s")
-    warm = 22.0 + 4.0 * (time - time.min()) / np.ptp(time)
-    warm += 0.05 * np.random.default_rng(0).standard_normal(len(warm))
-    table = table.with_columns({"temperature_degC": warm})
+    table = warming()
     rows = Rows(table, physics())
     change = get_effect("temperature_modulus").correction(rows, np.array([1.2e-2]))
     change = change + get_effect("length_error").correction(rows, np.array([1.5e-4]))
@@ -63,7 +75,7 @@ def test_two_classes_are_told_apart_in_one_session() -> None:
 
 
 def test_nothing_to_separate_proposes_nothing() -> None:
-    assert diagnose(model(), campaign("temperature_modulus", 1.0, 4)).next_experiment == ()
+    assert diagnosis_of("temperature_modulus", 1.0, 4).next_experiment == ()
 
 
 def candidates() -> tuple[Table, Design]:
@@ -93,6 +105,6 @@ def test_the_papers_protocol_cannot_test_what_the_diagnosable_one_can() -> None:
         plan().text("approach").tolist()
     )
     for hidden in three:
-        found = diagnose(model(), campaign(hidden, 1.0, 4))
+        found = diagnosis_of(hidden, 1.0, 4)
         assert not three & {item.id for item in found.not_testable}
         assert found.answer == ((hidden,),), found.sentence()

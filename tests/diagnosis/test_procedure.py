@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 
 import pytest
 
-from ecm.diagnosis import Diagnosis, DiagnosisSettings, Stages, diagnose, find_missing
+from ecm.diagnosis import Diagnosis, DiagnosisSettings, Stages, find_missing
 from ecm.diagnosis.accept import accept
 from ecm.diagnosis.left_over import gate, leftover
 from ecm.diagnosis.preparation import prepare
@@ -18,12 +18,12 @@ from ecm.diagnosis.verdict import classify, verdict
 from ecm.errors import InputError
 from ecm.io.settings import meanings
 from ecm.models.fit import choose_base
-from support.campaigns import campaign, model
+from support.campaigns import campaign, diagnosis_of, model
 
 
 @pytest.fixture(scope="module")
 def found() -> Diagnosis:
-    return diagnose(model(), campaign("payload", 1.0, 4))
+    return diagnosis_of("payload", 1.0, 4)
 
 
 def test_the_stages_called_one_by_one_give_the_diagnosis(found: Diagnosis) -> None:

@@ -9,10 +9,10 @@ import pytest
 
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.diagnosis.procedure import find_missing
-from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table, as_table
 from ecm.models import Model, PhysicsMap, fit_model
 from support.campaigns import workspace_poses
+from support.neck import columns_of
 from support.stand_in import L, wrench
 
 F = np.ndarray
@@ -23,7 +23,7 @@ EFFECTS = ("base_frame_misalignment", "payload", "fts_frame")
 def measured(poses: F, h: F, *, stated: float = 1.0, length_m: float = L) -> Table:
     """Rows with noise, the noise and the length as stated."""
     h = h + np.random.default_rng(8).standard_normal(h.shape) * NOISE
-    columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, h.T, strict=True))
+    columns = columns_of(poses, h)
     instrument = {
         "pose_position_sd_m": 1e-9, "pose_rotation_sd_rad": 1e-9,
         "force_sd_N": 0.3 * stated, "torque_sd_Nm": 0.01 * stated,
@@ -127,7 +127,7 @@ def test_a_component_that_is_noisier_than_was_assumed_holds_no_structure() -> No
     for seed in range(6):
         random = np.random.default_rng([seed, 5])
         h = wrench(poses) + random.standard_normal((60, 6)) * NOISE * np.array([1, 1, 1, 6, 6, 6])
-        columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, h.T, strict=True))
+        columns = columns_of(poses, h)
         columns["time_s"] = 20.0 * np.arange(60.0)
         table = as_table(columns, meta={"mechanism": {"length_m": L}})
         found = find_missing(fit_model(table, "linear"), table, effects=["payload"])

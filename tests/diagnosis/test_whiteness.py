@@ -15,7 +15,7 @@ from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
 from ecm.models.fit import choose_base
-from support.campaigns import campaign, model, workspace_poses
+from support.campaigns import workspace_poses
 from support.one_angle import META as ONE_ANGLE
 from support.one_angle import cycles, spring
 from support.stand_in import L, wrench
@@ -120,11 +120,6 @@ def test_white_noise_has_no_pattern() -> None:
         problem = problem_of(measured(100 + seed, rows=60))
         alarms += find_pattern(problem) is not None
     assert alarms <= 1
-
-
-@pytest.mark.parametrize("seed", [4, 5, 6])
-def test_a_campaign_without_an_effect_stays_none(seed: int) -> None:
-    assert diagnose(model(), campaign("", 1.0, seed)).verdict == "none"
 
 
 def test_a_stiffness_by_the_hour_is_said_in_place_of_what_imitates_a_part_of_it() -> None:

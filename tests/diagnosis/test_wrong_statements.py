@@ -12,13 +12,13 @@ from scipy.spatial.transform import Rotation
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.diagnosis.procedure import find_missing
 from ecm.effects.check import check
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import WRENCH
 from ecm.io.conventions import wrong_convention
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table, as_table, read_table
 from ecm.models import fit_model
 from support.campaigns import campaign, model, workspace_poses
-from support.neck import ROOT
+from support.neck import ROOT, columns_of
 from support.stand_in import L, wrench
 
 F = np.ndarray
@@ -41,7 +41,7 @@ def in_axes(h: F, turn: F) -> F:
 
 
 def table_of(poses: F, h: F) -> Table:
-    columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, h.T, strict=True))
+    columns = columns_of(poses, h)
     return as_table(columns | {"time_s": 9.0 * np.arange(len(poses))}, meta=META)
 
 

@@ -15,12 +15,13 @@ from ecm.effects import Missing, Rows, get_effect
 from ecm.effects.registry import with_shape
 from ecm.effects.robot import flange_from_top, top_jacobian
 from ecm.errors import InputError
-from ecm.io.columns import JOINT_SIGNS, JOINTS, POSE, WRENCH
+from ecm.io.columns import JOINT_SIGNS, JOINTS, POSE
 from ecm.io.description import Meta
 from ecm.io.se3 import compose
 from ecm.io.table import Table
 from ecm.rig import CampaignOptions, run_campaign
 from support.campaigns import campaign, found_in, model, physics, workspace_poses
+from support.neck import columns_of
 from support.stand_in import L, StandIn, wrench
 
 pytest.importorskip("mujoco", reason="mujoco is missing: pip install 'ecm-stiffness[robot]'")
@@ -182,7 +183,7 @@ def encoders(hidden: str, seed: int) -> Table:
     noise = random.standard_normal(at.shape) * ([0.3] * 3 + [0.01] * 3)
     wrenches = wrench(at) * loaded[:, None] + noise
     way = np.diff(joints, axis=0, prepend=joints[:1] - 1.0)
-    columns = dict(zip((*POSE, *WRENCH), np.concatenate([read, wrenches], axis=1).T, strict=True))
+    columns = columns_of(read, wrenches)
     columns |= dict(zip(JOINTS, joints.T, strict=True))
     columns |= dict(zip(JOINT_SIGNS, np.sign(way).T, strict=True))
     return table.with_columns(columns)

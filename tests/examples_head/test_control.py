@@ -26,7 +26,7 @@ from robot import (
     tendon_matrix,
 )
 from support.head_example import closed_neck, neck_pairs
-from support.neck import LENGTH_M
+from support.neck import LENGTH_M, columns_of
 
 POSE = ("x_m", "y_m", "z_m", "theta_x_rad", "theta_y_rad", "theta_z_rad")
 WRENCH = ("fx_N", "fy_N", "fz_N", "tau_x_Nm", "tau_y_Nm", "tau_z_Nm")
@@ -36,7 +36,7 @@ SETTINGS = HeadSettings(plant_step_s=1e-3)  # half the work; test_plant.py shows
 def fitted(kind: str, softer: float = 1.0) -> Model:
     poses, _ = neck_pairs(120, seed=1)
     wrenches = softer * closed_neck().elastic.predict(poses)
-    columns = dict(zip((*POSE, *WRENCH), np.hstack([poses, wrenches]).T, strict=True))
+    columns = columns_of(poses, wrenches)
     return fit(columns, kind, meta={"mechanism": {"length_m": LENGTH_M}})
 
 

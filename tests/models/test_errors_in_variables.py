@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from ecm import _native
 from ecm.effects import Rows
 from ecm.errors import InputError
-from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table
 from ecm.models import EnergyMap, PolynomialMap, PolynomialModel, StiffnessMap, fit_model
@@ -17,6 +16,7 @@ from ecm.models.errors_in_variables import AllRows, fit_with_pose_noise
 from ecm.models.polynomial import fit_polynomial_gls
 from ecm.regression.noise import Noise, whiteners
 from support.campaigns import workspace_poses
+from support.neck import columns_of
 from support.stand_in import L, wrench
 
 F = NDArray[np.float64]
@@ -25,7 +25,7 @@ COARSE = Noise(160e-6, 1.6e-3, 0.3, 0.010, source="declared")
 
 
 def table_of(poses: F, wrenches: F, noise: Noise) -> Table:
-    columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, wrenches.T, strict=True))
+    columns = columns_of(poses, wrenches)
     return Table(columns, Meta(mechanism={"length_m": L}, instrument=declared(noise)), "drawn")
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from ecm.errors import InputError
-from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models import EnergyModel, ModelEstimator, PolynomialModel, fit_model
 from support.campaigns import workspace_poses
+from support.neck import columns_of
 from support.stand_in import L, wrench
 
 X = workspace_poses(60, 1)
@@ -18,7 +18,7 @@ Y = wrench(X)
 
 
 def test_the_estimator_fits_and_predicts_as_the_model() -> None:
-    columns = dict(zip((*POSE, *WRENCH), np.hstack([X, Y]).T, strict=True))
+    columns = columns_of(X, Y)
     model = fit_model(Table(columns, Meta(mechanism={"length_m": L}), "same"), "energy4")
     estimator = ModelEstimator(EnergyModel(4), length_m=L).fit(X, Y)
     np.testing.assert_array_equal(estimator.predict(X), model.predict(X))

@@ -114,13 +114,13 @@ def test_cortex_m_gives_the_golden_vectors(
 
 
 def test_steps_on_a_cortex_m_give_the_golden_history_in_c_and_rust(
-    fitted: dict[str, Model], products: Path, tmp_path: Path
+    fitted: dict[str, Model], tmp_path: Path
 ) -> None:
     core, model = "cortex-m4", with_time(fitted["energy6"])
     folder = written(model, tmp_path, "c", "single")
     run_on_board(linked(folder, core, folder / "neck.c", folder / "neck_check.c"), core)
     written(model, folder / "neck", "rust", "single")
-    library = rust_library(folder, products, "3", "single", "steps.rs")
+    library = rust_library(folder, "3", "single", "steps.rs")
     run_on_board(linked(folder, core, folder / "neck_check.c", library), core)
     header, lib = folder / "neck.h", folder / "neck" / "src" / "lib.rs"
     stated = {
@@ -142,12 +142,12 @@ def test_steps_on_a_cortex_m_give_the_golden_history_in_c_and_rust(
     [("cubic", "single"), ("cubic", "double"), ("energy6", "single"), ("energy6", "double")],
 )
 def test_rust_on_a_cortex_m_gives_the_golden_vectors_of_the_c(
-    fitted: dict[str, Model], name: str, precision: str, products: Path, tmp_path: Path
+    fitted: dict[str, Model], name: str, precision: str, tmp_path: Path
 ) -> None:
     core = "cortex-m4"
     folder = written(fitted[name], tmp_path, "c", precision)
     written(fitted[name], tmp_path / "neck", "rust", precision)
-    library = rust_library(folder, products, "3", precision)
+    library = rust_library(folder, "3", precision)
     run_on_board(linked(folder, core, folder / "neck_check.c", library), core)
     run_on_board(linked(folder, core, CORTEX / "example.c", library), core)
     counted = run_on_board(linked(folder, core, CORTEX / "count.c", library), core)
@@ -161,7 +161,7 @@ def test_rust_on_a_cortex_m_gives_the_golden_vectors_of_the_c(
 
 @pytest.mark.parametrize("level", ["0", "1", "3", "s"])
 def test_rust_in_single_precision_has_no_double_arithmetic(
-    fitted: dict[str, Model], level: str, products: Path, tmp_path: Path
+    fitted: dict[str, Model], level: str, tmp_path: Path
 ) -> None:
     nm = need_program("arm-none-eabi-nm")
     double = re.compile(r"__aeabi_(d|\w+2d)|__\w+df|__extendsf")
@@ -169,7 +169,7 @@ def test_rust_in_single_precision_has_no_double_arithmetic(
     for precision in ("single", "double") if level == "3" else ("single",):
         folder = written(fitted["energy4"], tmp_path / precision, "c", precision)
         written(fitted["energy4"], folder / "neck", "rust", precision)
-        library = rust_library(folder, products, level, precision)
+        library = rust_library(folder, level, precision)
         program = linked(folder, "cortex-m4", folder / "neck_check.c", library)
         found[precision] = double.findall(done(nm, program).stdout)
     assert found.pop("single") == []

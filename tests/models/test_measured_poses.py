@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import ecm
 from ecm.effects import all_effects, get_effect
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import POSE
 from ecm.io.table import Table, as_table
 from ecm.models import Model, fit_model, load_model, surrogate_of
 from ecm.models.export import export_files
@@ -32,7 +32,7 @@ from ecm.models.measured_poses import (
 )
 from support.campaigns import campaign, physics
 from support.models import with_effects
-from support.neck import ROOT, Done
+from support.neck import ROOT, Done, columns_of
 
 F = NDArray[np.float64]
 OF_POSE = [e.id for e in all_effects() if e.kind == "pose" and e.side == "physics"]
@@ -77,7 +77,7 @@ def test_a_file_holds_poses_of_its_rows_with_the_ends_of_each_coordinate(tmp_pat
     random = np.random.default_rng(0)
     many = random.standard_normal((5000, 6)) * [1e-3, 4e-3, 4e-3, 0.1, 0.1, 0.1]
     many[:, 0] += 0.1034
-    table = as_table(dict(zip((*POSE, *WRENCH), np.hstack([many, many]).T, strict=True)))
+    table = as_table(columns_of(many, many))
     sample = np.array(sample_of(table, POSE))
     assert 200 <= len(sample) <= 260
     reach = Reach.of(coordinates(sample, 0.0), POSE)

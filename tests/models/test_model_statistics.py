@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from ecm import _native
 from ecm.errors import InputError
-from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models import (
@@ -30,7 +29,7 @@ from ecm.models.fit import constrained
 from ecm.models.polynomial import press_rank, singular_threshold
 from ecm.rig.elastic import COS2
 from support.campaigns import campaign, workspace_poses
-from support.neck import Done
+from support.neck import Done, columns_of
 from support.stand_in import L, wrench
 
 F = NDArray[np.float64]
@@ -38,7 +37,7 @@ HOME = np.array([[L, 0.0, 0.0, 0.0, 0.0, 0.0]])
 
 
 def table_of(poses: F, wrenches: F) -> Table:
-    columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, wrenches.T, strict=True))
+    columns = columns_of(poses, wrenches)
     return Table(columns, Meta(mechanism={"length_m": L}), "exact")
 
 

@@ -16,6 +16,7 @@ from ecm.io.table import Table
 from ecm.models import fit_model, load_model, parse_model
 from ecm.models.export import export_files
 from support.campaigns import workspace_poses
+from support.neck import columns_of
 from support.stand_in import L, wrench
 
 SECTIONS = np.array([1900.0, 700.0, 0.65, 0.42])
@@ -31,8 +32,7 @@ def rod_table(count: int, seed: int) -> Table:
         wrenches, length_m=L, axial_stiffness_N=ea, shear_stiffness_N=ga,
         bending_stiffness_Nm2=ei, torsion_stiffness_Nm2=gj,
     )  # fmt: skip
-    columns = dict(zip(POSE, poses[ok].T, strict=True))
-    columns |= dict(zip(WRENCH, wrenches[ok].T, strict=True))
+    columns = columns_of(poses[ok], wrenches[ok])
     return Table(columns, Meta(mechanism={"length_m": L}), "rod")
 
 

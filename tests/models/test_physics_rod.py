@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from ecm import _native
 from ecm.effects import get_effect
 from ecm.errors import InputError
-from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
@@ -20,6 +19,7 @@ from ecm.models.physics.build import BuildSettings, build_family, shape_of, stat
 from ecm.models.physics.family import PARAMETERS, PhysicsFamily
 from ecm.models.rod import RodMap
 from ecm.regression.noise import Noise
+from support.neck import columns_of
 
 F = NDArray[np.float64]
 SECTIONS = {
@@ -130,7 +130,7 @@ def test_gains_stay_small_where_nu_stands_at_its_bound(rod: PhysicsMap) -> None:
     body = Mechanism.from_dict({"builtin": "rod", "length_m": 0.1, **softer})
     h = wrenches(80, 4)
     poses = poses_of(h, body)
-    columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, h.T, strict=True))
+    columns = columns_of(poses, h)
     table = Table(columns, Meta(mechanism=ROD.to_dict()), "softer")
     found = joint_fit(rod, (get_effect("fts_gain"),), table, Noise(source="declared"))
     assert found.base.coefficients[1] == pytest.approx(0.5, abs=1e-6)

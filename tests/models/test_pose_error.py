@@ -13,20 +13,19 @@ from scipy.optimize import root
 
 import ecm
 from ecm._native import rotation_matrices, rotation_vectors
-from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models import Model, PhysicsMap, fit_model
 from ecm.models.pose_error import pose_error
 from ecm.regression.noise import Noise
 from ecm.regression.rows import BaseMap
-from support.neck import Done
+from support.neck import Done, columns_of
 
 F = np.ndarray
 REST = np.array([0.1034, 0.0, 0.0, 0.0, 0.0, 0.0])
 
 
 def table_of(poses: F, wrenches: F) -> Table:
-    columns = dict(zip((*POSE, *WRENCH), np.hstack([poses, wrenches]).T, strict=True))
+    columns = columns_of(poses, wrenches)
     return ecm.as_table(columns, meta={"mechanism": {"length_m": REST[0]}})
 
 

@@ -1,12 +1,4 @@
-"""Every code block of README.md but the two commands runs, in order, in one folder.
-
-```python            executed; a ```text block right after it is its exact output
-```python NAME       written to NAME
-```sh                executed line by line with the package's commands
-```toml NAME         written to NAME
-```csv NAME          written to NAME
-```text              only right after a block that prints, or it is refused
-"""
+"""Every code block of README.md but the two commands of make runs, in order, in one folder."""
 
 from __future__ import annotations
 
@@ -18,15 +10,15 @@ import pytest
 from ecm.models import PhysicsMap
 from support.jobs import copy_cases
 from support.neck import ROOT
-from support.pages import blocks, follow
+from support.pages import blocks, follow, run_here
 
 
-@pytest.mark.parametrize("page", ["README.md"])
 def test_the_blocks_of_the_page_run(
-    page: str, tmp_path: Path, quick_job: Path, neck_physics: PhysicsMap
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, quick_job: Path, neck_physics: PhysicsMap
 ) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     copy_cases(quick_job, tmp_path / "simulated.parts")  # `ecm simulate` goes on from them
-    found = [b for b in blocks(ROOT / page) if "make demo" not in b.text]
+    found = [b for b in blocks(ROOT / "README.md") if "make demo" not in b.text]
     assert found
-    follow(found, page, tmp_path)
+    follow(found, "README.md", tmp_path, run_here)

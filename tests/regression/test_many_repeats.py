@@ -12,6 +12,7 @@ from ecm.io.table import as_table
 from ecm.models import fit_model
 from ecm.regression.noise import Noise, reml_noise
 from ecm.regression.rows import Rows
+from support.neck import columns_of
 from support.stand_in import L, some_poses, wrench
 
 
@@ -19,7 +20,7 @@ def test_the_noise_of_thousands_of_repeats_takes_little_memory() -> None:
     """Five thousand contrasts of one pose are a matrix of 200 MB, of which 400 rows are used."""
     random = np.random.default_rng(5)
     poses = some_poses(60)
-    columns = dict(zip((*POSE, *WRENCH), np.hstack([poses, wrench(poses)]).T, strict=True))
+    columns = columns_of(poses, wrench(poses))
     base = fit_model(as_table(columns).with_length(L), "energy4").base
     many = np.repeat(poses[:1], 5000, axis=0)
     truth = base.predict(many)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from functools import cache, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ecm.designs import Design, diagnosable_plan
-from ecm.diagnosis import Diagnosis
-from ecm.io.columns import POSE
+from ecm.diagnosis import Diagnosis, diagnose
+from ecm.diagnosis.verdict import Decision
+from ecm.effects import all_effects, get_effect
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models import Model, PhysicsMap, surrogate_of
@@ -70,6 +73,46 @@ def model() -> Model:
     return Model(base=physics())
 
 
-def found_in(diagnosis: Diagnosis, id: str) -> bool:
+def diagnosis_of(hidden: str = "", strength: float = 1.0, seed: int = 0) -> Diagnosis:
+    """What is found in such a campaign against the physics; diagnosed once a process."""
+    return _diagnosis_of(hidden, strength, seed)
+
+
+@cache
+def _diagnosis_of(hidden: str, strength: float, seed: int) -> Diagnosis:
+    return diagnose(model(), campaign(hidden, strength, seed))
+
+
+def found_in(diagnosis: Diagnosis | Decision, id: str) -> bool:
     answer = diagnosis.answer
     return len(answer) == 1 and id in answer[0] and len(answer[0]) <= 3
+
+
+def lists_of_the_interface(report: dict[str, Any]) -> None:
+    """Keys and types of the lists beside the verdict."""
+    for step in report["rmse"].values():
+        assert set(step) == set(WRENCH)
+        assert all(isinstance(value, float) for value in step.values())
+    assert report["not_testable"]
+    for item in report["not_testable"]:
+        assert set(item) == {"id", "reason", "record"}
+        assert all(isinstance(value, str) and value for value in item.values())
+    known = {effect.id for effect in all_effects()}
+    assert report["confusable"]
+    for members in report["confusable"]:
+        assert len(members) == 2
+        assert set(members) <= known
+    assert report["detection_limits"]
+    for id, limit in report["detection_limits"].items():
+        assert id in known
+        assert set(limit) == {"parameter", "size", "unit"}
+        names = {p.name: p.unit for p in get_effect(id).parameters}
+        assert names.get(limit["parameter"], limit["unit"]) == limit["unit"]
+        assert isinstance(limit["size"], float)
+        assert limit["size"] > 0.0
+    assert bool(report["next_experiment"]) or report["verdict"] != "ambiguous"
+    for item in report["next_experiment"]:
+        assert {"action", "minutes", "p_correct"} <= set(item)
+        assert isinstance(item["action"], str)
+        assert item["minutes"] > 0
+        assert item["p_correct"] is None or 0.0 <= item["p_correct"] <= 1.0

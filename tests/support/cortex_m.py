@@ -52,30 +52,35 @@ def stated_stack(file: Path) -> int:
     return int(found.group(1))
 
 
-def rust_library(folder: Path, products: Path, level: str, precision: str, *parts: str) -> Path:
+def rust_library(folder: Path, level: str, precision: str, *parts: str) -> Path:
     """The exported crate in `folder`/neck and the example of ecm-poly, to link with C.
 
     `parts` are files beside `firmware.rs` that give C more of the crate's functions. What the
-    crates depend on is compiled once a session, in `products`.
+    crates depend on stays compiled in the cache folder of the tests, for the next time as well;
+    the sources stand there in one place, so that a build replaces that of the last time.
     """
     need_rust_target(THUMB)
+    kept = Path(os.environ["ECM_CACHE"]) / "firmware"
+    sources = kept / "sources"
+    shutil.rmtree(sources, ignore_errors=True)
+    shutil.copytree(folder / "neck", sources / "neck")
     files = [CORTEX / part for part in ("firmware.rs", *parts)]
     source = "".join(file.read_text(encoding="utf-8") for file in files)
     example = ROOT / "crates" / "ecm-poly" / "examples" / "controller.rs"
     source = source.replace("EXAMPLE", str(example))
     source = source.replace("REAL", "f32" if precision == "single" else "f64")
-    (folder / "lib.rs").write_text(source, encoding="utf-8")
+    (sources / "lib.rs").write_text(source, encoding="utf-8")
     manifest = (CORTEX / "firmware.toml").read_text(encoding="utf-8")
     manifest = manifest.replace("CRATES", str(ROOT / "crates"))
-    (folder / "Cargo.toml").write_text(manifest, encoding="utf-8")
-    shutil.copy(ROOT / "Cargo.lock", folder / "Cargo.lock")
+    (sources / "Cargo.toml").write_text(manifest, encoding="utf-8")
+    shutil.copy(ROOT / "Cargo.lock", sources / "Cargo.lock")
     built = done(
         need_program("cargo"), "build", "--release", "--offline", "--target", THUMB,
-        cwd=folder,
+        cwd=sources,
         env={
-            **os.environ, "CARGO_TARGET_DIR": str(products / "firmware"),
+            **os.environ, "CARGO_TARGET_DIR": str(kept / "target"),
             "CARGO_PROFILE_RELEASE_OPT_LEVEL": level, "RUSTFLAGS": "-D warnings",
         },
     )  # fmt: skip
     assert built.returncode == 0, built.stderr
-    return Path(shutil.copy(products / "firmware" / THUMB / "release" / "libfirmware.a", folder))
+    return Path(shutil.copy(kept / "target" / THUMB / "release" / "libfirmware.a", folder))

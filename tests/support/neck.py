@@ -46,13 +46,17 @@ def neck_rows(n: int, seed: int = 0) -> tuple[F, F]:
     return poses, wrenches
 
 
+def columns_of(poses: F, wrenches: F) -> dict[str, F]:
+    """The twelve columns of poses (n, 6) and wrenches (n, 6)."""
+    return dict(zip((*POSE, *WRENCH), np.hstack([poses, wrenches]).T, strict=True))
+
+
 def neck_columns(n: int = 60, seed: int = 0) -> dict[str, F]:
     """The twelve columns of such rows with a little noise."""
     poses, wrenches = neck_rows(n, seed)
     random = np.random.default_rng([seed, 1])
     noise = random.standard_normal((n, 6)) * [0.3, 0.3, 0.3, 0.01, 0.01, 0.01]
-    columns = dict(zip(POSE, poses.T, strict=True))
-    return columns | dict(zip(WRENCH, (wrenches + noise).T, strict=True))
+    return columns_of(poses, wrenches + noise)
 
 
 def csv_text(columns: dict[str, F]) -> str:

@@ -35,6 +35,7 @@ from ecm.workflow.app.session import Session
 from ecm.workflow.app.steps import PLAN, Files, command_of, request_of, write_demo
 from ecm.workflow.app.views import state_of
 from support.neck import ROOT
+from support.warm_steps import warm
 
 PORT, TOKEN = 8000, "a-secret"
 HOME = f"http://127.0.0.1:{PORT}"
@@ -58,10 +59,17 @@ def client_of(app: App, **options: Any) -> TestClient:
 
 
 @pytest.fixture
-def app(tmp_path: Path) -> Iterator[App]:
+def app_of_processes(tmp_path: Path) -> Iterator[App]:
+    """A session whose steps are the processes that a person's are."""
     opened = App(tmp_path / "session")
     yield opened
     opened.close()
+
+
+@pytest.fixture
+def app(app_of_processes: App) -> App:
+    """A session whose steps have imported everything."""
+    return warm(app_of_processes)
 
 
 def upload(client: TestClient, path: Path, name: str = "stage.csv") -> Any:
@@ -584,7 +592,10 @@ def test_an_upload_that_a_step_overtakes_changes_nothing(app: App, tmp_path: Pat
         assert [item["name"] for item in finished(client, app)["data"]] == ["a.csv"]
 
 
-def test_a_command_that_cannot_be_run_is_a_failed_step(app: App, tmp_path: Path) -> None:
+def test_a_command_that_cannot_be_run_is_a_failed_step(
+    app_of_processes: App, tmp_path: Path
+) -> None:
+    app = app_of_processes
     app.session.add_table(table(tmp_path / "stage.csv"), "stage.csv")
     with client_of(app) as client:
         answer = client.post("/api/step", json={"verb": "import", "map": ["x_m=a\0"]})
@@ -592,7 +603,8 @@ def test_a_command_that_cannot_be_run_is_a_failed_step(app: App, tmp_path: Path)
         assert finished(client, app)["steps"][-1]["status"] == "failed"
 
 
-def test_ctrl_c_in_a_terminal_reaches_no_worker(app: App, tmp_path: Path) -> None:
+def test_ctrl_c_in_a_terminal_reaches_no_worker(app_of_processes: App, tmp_path: Path) -> None:
+    app = app_of_processes
     app.session.add_table(table(tmp_path / "stage.csv"), "stage.csv")
     app.jobs.start("check", {})
     assert os.getpgid(app.jobs._job.process.pid) != os.getpgid(0)  # type: ignore[union-attr]
@@ -680,7 +692,10 @@ def test_the_address_is_given_when_it_answers_and_an_error_lets_the_folder_go(
     assert kept.value
 
 
-def test_cancel_kills_the_process_and_the_step_can_be_run_again(app: App, tmp_path: Path) -> None:
+def test_cancel_kills_the_process_and_the_step_can_be_run_again(
+    app_of_processes: App, tmp_path: Path
+) -> None:
+    app = app_of_processes
     with client_of(app) as client:
         upload(client, table(tmp_path / "stage.csv"))
         process = app.jobs._job.process  # type: ignore[union-attr]
@@ -966,7 +981,10 @@ def test_a_large_file_is_refused_and_leaves_nothing(app: App) -> None:
     assert not list(app.session.folder.glob(".ecm-incoming-*"))
 
 
-def test_a_warning_is_open_until_a_person_takes_it_on(app: App, tmp_path: Path) -> None:
+def test_a_warning_is_open_until_a_person_takes_it_on(
+    app_of_processes: App, tmp_path: Path
+) -> None:
+    app = app_of_processes
     data = table(tmp_path / "stage.csv")
     lines = data.read_text(encoding="utf-8").splitlines()
     extended = [f"{line},{'own' if i == 0 else i % 3}" for i, line in enumerate(lines)]

@@ -21,11 +21,11 @@ import uvicorn
 
 import ecm
 from ecm.effects import get_effect, unregister
-from ecm.io.columns import POSE, WRENCH
 from ecm.models import load_model
 from ecm.workflow.app.server import App, application, begin
 from support.chromium import Page, open_chromium
-from support.neck import LENGTH_M, ROOT, STIFFNESS, csv_text, neck_rows
+from support.neck import LENGTH_M, ROOT, STIFFNESS, columns_of, csv_text, neck_rows
+from support.warm_steps import warm
 
 pytestmark = pytest.mark.browser
 HOSTILE = "<img src=x onerror=document.title=1><b>own</b>"
@@ -39,7 +39,7 @@ def drifting_table(path: Path) -> Path:
     wrenches += np.random.default_rng(2).standard_normal((80, 6)) * noise
     time_s = 30.0 * np.arange(80.0)
     wrenches[:, 1] += 1e-3 * time_s
-    columns = dict(zip((*POSE, *WRENCH), np.hstack([poses, wrenches]).T, strict=True))
+    columns = columns_of(poses, wrenches)
     lines = csv_text({**columns, "time_s": time_s, "pose_id": np.arange(80.0) % 40}).splitlines()
     rows = [f"{HOSTILE if i == 0 else i % 7},{line}" for i, line in enumerate(lines)]
     path.write_text("\n".join([*rows, ""]), encoding="utf-8")
@@ -63,7 +63,7 @@ def served(*tables: Path, folder: Path) -> Iterator[str]:
     """A session served by this process, which has imported all already; yields its address."""
     with closing(App(folder)) as app, socket.create_server(("127.0.0.1", 0)) as listening:
         app.views._pool = ThreadPoolExecutor(1)  # type: ignore[assignment]
-        begin(app, tables)
+        begin(warm(app), tables)
         port = listening.getsockname()[1]
         server = uvicorn.Server(
             uvicorn.Config(application(app, port=port, token="secret"), log_level="error")

@@ -145,16 +145,6 @@ def test_processes_may_change_while_a_campaign_is_interrupted(
     assert kept[0] == kept[1] != kept[2]
 
 
-def test_the_same_folder_serves_another_rig_and_the_first_again(tmp_path: Path) -> None:
-    job = Job(Config(), tmp_path, seed=1, threads=1, console=Silent())
-    pairs = simulate(job.config.mechanism, 3, job.config.workspace, seed=2, threads=2)
-    other = RigSettings.from_dict({"instrument": {"force_noise_N": 0.0}})
-    tables = [job.measure(pairs.table(), "measured-d", rig) for rig in (RigSettings(), other)]
-    again = job.measure(pairs.table(), "measured-d", RigSettings())
-    assert np.array_equal(again.wrenches, tables[0].wrenches)
-    assert not np.array_equal(again.wrenches, tables[1].wrenches)
-
-
 @pytest.mark.browser
 def test_the_report_shows_the_arm(measured: Step3, tmp_path: Path) -> None:
     job, step = measured.job, measured.summary
