@@ -62,3 +62,10 @@ def test_a_pressure_that_the_base_nearly_absorbs_is_offered_beside_a_bent_body()
     base = choose_base(fit_model(table, "actuated4", force=True), table)
     found = [one.id for one in rank(assemble(base, table, effects_of(table)))]
     assert found.index("pressure_offset") < found.index("pre_curvature")
+
+
+def test_a_large_effect_is_looked_for_again_around_the_base_beside_it() -> None:
+    """A base that took in its part has another G: a gain and a bent body would be named."""
+    verdict, classes = named(read(30, 2, off(3000.0), 1))
+    assert verdict in ("named", "ambiguous")
+    assert [members[0] for members in classes] == ["pressure_offset"]

@@ -38,7 +38,7 @@ from ecm.diagnosis.left_over import (
     residual_after,
 )
 from ecm.diagnosis.preparation import Prepared, prepare
-from ecm.diagnosis.problem import Candidate, Problem, assemble, noise_by_rest
+from ecm.diagnosis.problem import Candidate, Problem, assemble, base_beside, noise_by_rest
 from ecm.diagnosis.result import Diagnosis, addition_to, report
 from ecm.diagnosis.search import Ranked, delta_chi2, rank, search
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
@@ -73,6 +73,8 @@ if TYPE_CHECKING:
     from ecm.models.model import Model
 
 
+_RELINEARISED = 2
+"""Most fits of the base beside what was found, around which the effects are looked for again."""
 _BY_ITSELF = 0.5
 """Share of the error that another body must leave at most, by itself, to be tried."""
 _BESIDE_NAMES = 0.9
@@ -448,6 +450,18 @@ def decide(
     first = stages.gate(problem)
     ranking = stages.rank(problem)
     chosen = stages.search(problem, ranking)
+    for _ in range(_RELINEARISED if chosen else 0):
+        around = base_beside(problem, chosen)
+        if around is None:
+            break
+        found = {item.id for item in chosen}
+        problem = stages.assemble(
+            problem.base, problem.table, effects, problem.noise, settings, around=around
+        )
+        ranking = stages.rank(problem)
+        chosen = stages.search(problem, ranking)
+        if {item.id for item in chosen} == found:
+            break
     accepted = stages.accept(problem, chosen, seed)
     left = stages.leftover(problem, first, accepted.effects)
     accepted = stages.classify(problem, accepted, left, other_body=other_body)
