@@ -69,3 +69,9 @@ def test_a_large_effect_is_looked_for_again_around_the_base_beside_it() -> None:
     verdict, classes = named(read(30, 2, off(3000.0), 1))
     assert verdict in ("named", "ambiguous")
     assert [members[0] for members in classes] == ["pressure_offset"]
+
+
+def test_one_degree_more_is_taken_by_what_it_predicts() -> None:
+    """On the fitted rows 200 coefficients take in most of what is missing."""
+    verdict, classes = named(read(40, 2, off(1200.0), 0), "actuated3")
+    assert (verdict, classes) == ("named", [("pressure_offset",)])
