@@ -75,3 +75,15 @@ def test_one_degree_more_is_taken_by_what_it_predicts() -> None:
     """On the fitted rows 200 coefficients take in most of what is missing."""
     verdict, classes = named(read(40, 2, off(1200.0), 0), "actuated3")
     assert (verdict, classes) == ("named", [("pressure_offset",)])
+
+
+def test_two_effects_of_which_neither_shows_alone_are_named() -> None:
+    """What a shared supply adds to the first chamber, a regulator's zero takes away."""
+
+    def acting(inputs: F) -> F:
+        others = inputs[:, 1:].mean(axis=1)
+        return inputs + (0.18 * others - 1200.0)[:, None] * [1.0, 0.0, 0.0]
+
+    verdict, classes = named(read(40, 2, acting, 1))
+    assert verdict in ("named", "ambiguous")
+    assert sorted(members[0] for members in classes) == ["pressure_cross_talk", "pressure_offset"]
