@@ -49,6 +49,8 @@ SHAPE_REFINEMENTS = 4
 """Rounds in which the shape of an effect is refined between grid points."""
 
 _ROUNDING = 1e-9
+_BENT = 0.02
+"""Change of columns, as a share of them, from which they are those of another base."""
 _AT_ONCE = 64
 """Columns that are projected together, about."""
 
@@ -508,6 +510,8 @@ def assemble(
     effects: Sequence[Effect],
     noise: Noise | None = None,
     settings: DiagnosisSettings = DEFAULTS,
+    *,
+    around: StiffnessMap | None = None,
 ) -> Problem:
     """Fit the base, estimate the noise, whiten, weight, and drop what cannot be tested.
 
@@ -523,17 +527,21 @@ def assemble(
         Noise of the rows; default: estimated from repeats, else declared or assumed.
     settings
         Limits of the procedure.
+    around
+        The base, fitted beside effects: around it all is linear. Default: fitted alone.
     """
     rows = Rows(table, base)
     if noise is None:
         base = joint_fit(base, (), table, declared_or_fitted(base, table)).base
         rows = Rows(table, base)
         noise = estimate_noise(rows, rows.sensor_load, fallback=declared_or_fitted(base, table))
-    fit = joint_fit(base, (), table, noise)
-    base, rows = fit.base, fit.rows
+    fit = here = joint_fit(base, (), table, noise)
+    if around is not None:
+        here = joint_fit(around, (), table, noise, freeze_base=True)
+    base, rows = here.base, here.rows
     whitener = whiteners(noise.covariance(rows, base.error))
     base_block = whitener @ base_columns(rows, base)
-    response = fit.whitened
+    response = np.einsum("nij,nj->ni", whitener, here.residual)
     every, untestable = all_score_columns(rows, whitener, effects)
     plain = Projection.of(base_block, np.ones(len(response)))
     y = plain.rest(response[:, :, None]).ravel()
@@ -588,6 +596,22 @@ def assemble(
     pairs = list(zip(placed, imitates, strict=True))
     offered = {alike: tuple(c for c, own in pairs if own == alike) for alike in (False, True)}
     return _scaled(replace(problem, candidates=offered[False], imitators=offered[True]))
+
+
+def base_beside(problem: Problem, chosen: Sequence[Candidate]) -> StiffnessMap | None:
+    """Return the base as it is beside effects; None where their columns stay as they are.
+
+    What is missing bends the base that is fitted without it, and so the columns that follow from
+    the base: what a pressure that is off does is the base's own G = dh/da.
+    """
+    effects = [item.effect for item in chosen]
+    table, noise, rows = problem.table, problem.noise, problem.rows
+    fit = joint_fit(problem.base, effects, table, noise, row_weights=problem.weights)
+    for effect in effects:
+        before, after = (score_columns(own, problem.whitener, effect) for own in (rows, fit.rows))
+        if np.linalg.norm(after - before) > _BENT * np.linalg.norm(before):
+            return fit.base
+    return None
 
 
 def with_shapes(

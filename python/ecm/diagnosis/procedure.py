@@ -38,9 +38,9 @@ from ecm.diagnosis.left_over import (
     residual_after,
 )
 from ecm.diagnosis.preparation import Prepared, prepare
-from ecm.diagnosis.problem import Candidate, Problem, assemble, noise_by_rest
+from ecm.diagnosis.problem import Candidate, Problem, assemble, base_beside, noise_by_rest
 from ecm.diagnosis.result import Diagnosis, addition_to, report
-from ecm.diagnosis.search import Ranked, delta_chi2, rank, search
+from ecm.diagnosis.search import Ranked, rank, search
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.diagnosis.statements import (
     EQUAL,
@@ -56,6 +56,7 @@ from ecm.errors import ModelError
 from ecm.io.arguments import listed
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import takes_table
+from ecm.models.errors import held_out
 from ecm.models.fit import choose_base, energy_of_unlike_ends, next_degree, symmetric_energy
 from ecm.models.given import as_model
 from ecm.models.joint_fit import joint_fit
@@ -73,12 +74,12 @@ if TYPE_CHECKING:
     from ecm.models.model import Model
 
 
+_RELINEARISED = 2
+"""Most fits of the base beside what was found, around which the effects are looked for again."""
 _BY_ITSELF = 0.5
 """Share of the error that another body must leave at most, by itself, to be tried."""
 _BESIDE_NAMES = 0.9
 """The same beside all that is named: effects imitate unlike ends by no more than a part."""
-_MOST_OF_IT = 0.5
-"""Share of what is named or left that one degree more must explain to be taken instead."""
 
 
 def base_of_unlike_ends(decision: Decision) -> StiffnessMap | None:
@@ -115,21 +116,26 @@ def leaves_less(other: Decision, first: Decision) -> bool:
 
 
 def base_of_next_degree(decision: Decision) -> StiffnessMap | None:
-    """Return the base of one degree more, where it explains most of what is named or left.
+    """Return the base of one degree more, where it errs less than base and names, held out.
 
     Generalised cross-validation chooses a degree that predicts well; what this degree leaves may
-    still be seen, and effects imitate it with fewer coefficients. None is returned where the rows
-    do not carry another degree.
+    still be seen, and effects imitate it with fewer coefficients. On the rows of the fit a base of
+    many coefficients takes in most of anything. None is returned where the rows do not carry
+    another degree.
     """
-    problem, effects = decision.problem, decision.accepted.effects
-    base = next_degree(problem.base, problem.table)
-    if base is None:
+    problem, named = decision.problem, decision.accepted.effects
+    longer = next_degree(problem.base, problem.table)
+    if longer is None:
         return None
-    more = len(base.coefficients) - len(problem.base.coefficients)
-    fall = problem.squares_of(residual_after(problem, ())) - _squares_left_by(problem, base)
-    own = sum(item.parameters for item in effects)
-    explained = delta_chi2(problem, effects) - own + max(0.0, decision.left.beyond_chance)
-    return base if fall / problem.scale - more > _MOST_OF_IT * explained else None
+    table, noise, weights = problem.table, problem.noise, problem.weights
+    fits = (
+        joint_fit(base, [item.effect for item in effects], table, noise, row_weights=weights)
+        for base, effects in ((longer, ()), (problem.base, named))
+    )
+    alone, beside_names = (held_out(fit) for fit in fits)
+    if alone is None or beside_names is None:
+        return None
+    return longer if alone < beside_names else None
 
 
 def _squares_left_by(problem: Problem, base: StiffnessMap) -> float:
@@ -448,6 +454,18 @@ def decide(
     first = stages.gate(problem)
     ranking = stages.rank(problem)
     chosen = stages.search(problem, ranking)
+    for _ in range(_RELINEARISED if chosen else 0):
+        around = base_beside(problem, chosen)
+        if around is None:
+            break
+        found = {item.id for item in chosen}
+        problem = stages.assemble(
+            problem.base, problem.table, effects, problem.noise, settings, around=around
+        )
+        ranking = stages.rank(problem)
+        chosen = stages.search(problem, ranking)
+        if {item.id for item in chosen} == found:
+            break
     accepted = stages.accept(problem, chosen, seed)
     left = stages.leftover(problem, first, accepted.effects)
     accepted = stages.classify(problem, accepted, left, other_body=other_body)

@@ -227,9 +227,11 @@ def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]
         Of `rank(problem)`, best first.
     """
     least = problem.settings.least_bic
-    if not ranking or ranking[0].delta_bic < least:
+    if not ranking:
         return ()
-    best: tuple[Candidate, ...] = (ranking[0].candidate,)
+    best: tuple[Candidate, ...] = ()
+    if ranking[0].delta_bic >= least:
+        best = (ranking[0].candidate,)
     # Two strong effects may hide each other: every effect is tried with every other.
     good: list[tuple[Candidate, ...]] = [(item.candidate,) for item in ranking]
     while good and len(good[0]) < problem.settings.most_effects:
@@ -241,6 +243,8 @@ def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]
         valued = sorted(sets.values(), key=lambda chosen: -delta_bic(problem, chosen))
         good = [chosen for chosen in valued[: 4 * _BEAM] if _is_valid(problem, chosen)][:_BEAM]
         if not good or delta_bic(problem, good[0]) - delta_bic(problem, best) < least:
+            break
+        if not best and not _surely_two(problem, good[0]):
             break
         best = good[0]
     best = _swapped(problem, best)
@@ -263,6 +267,15 @@ def _is_valid(problem: Problem, chosen: tuple[Candidate, ...]) -> bool:
         )
         and (len(chosen) != 2 or _beyond_one(problem, chosen))
     )
+
+
+def _surely_two(problem: Problem, pair: tuple[Candidate, ...]) -> bool:
+    """Whether two effects, of which neither shows alone, explain more than the best of all pairs
+    does by chance, by Bonferroni."""
+    drop, own = delta_chi2(problem, pair), sum(item.parameters for item in pair)
+    chance = _p_values(problem, np.array([drop]), np.array([own]))[0]
+    shapes = len(problem.candidates)
+    return bool(chance * shapes * (shapes - 1) / 2 < problem.settings.level)
 
 
 def _best_beside(problem: Problem, chosen: tuple[Candidate, ...]) -> list[Candidate]:

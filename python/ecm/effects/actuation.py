@@ -29,6 +29,9 @@ from ecm.regression.approach import before_each, row_before, values_before
 from ecm.regression.rows import Rows, actuators_of
 
 ALL = "all"
+_MOST_ABSORBED = 0.98
+"""Share that a base may take in. An energy whose actuators are alike takes in most of what one of
+them does wrong, and never all: what stays would be named as something else that bends a body."""
 
 
 def _needs(kind: str) -> Callable[[Table], Missing | None]:
@@ -53,6 +56,7 @@ class _OfActuator(LinearEffect):
     actuator: str = ALL
 
     kind = "time"
+    most_absorbed = _MOST_ABSORBED
     acts_on = "pressure"
     """Kind of the inputs that it changes."""
 

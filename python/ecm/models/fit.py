@@ -30,7 +30,7 @@ from ecm.models.polynomial import PolynomialModel
 from ecm.models.pose_error import error_of_report
 from ecm.models.registry import parse_model
 from ecm.models.specification import CHOOSE, FittedMap, ModelSpecification, Weights
-from ecm.regression.folds import spread_rows
+from ecm.regression.folds import repeat_cells, spread_rows
 from ecm.regression.rows import inputs_of, taken_by, unused_inputs
 
 
@@ -382,8 +382,7 @@ def next_degree(base: StiffnessMap, table: Table) -> StiffnessMap | None:
         higher = measured_part(fit_rows(measured, model).base, measured)
     except (ModelError, InputError):
         return None
-    equations = len(measured) * len(higher.outputs)
-    return higher if len(higher.coefficients) <= _HALF * equations else None
+    return higher if len(higher.coefficients) <= _HALF * _equations(higher, measured) else None
 
 
 def _by_degree(table: Table, models: Sequence[ModelSpecification]) -> StiffnessMap:
@@ -396,11 +395,16 @@ def _by_degree(table: Table, models: Sequence[ModelSpecification]) -> StiffnessM
         except (ModelError, InputError):
             # More coefficients than equations: so are they for every degree above.
             break
-        share = len(base.coefficients) / (len(measured) * len(base.outputs))
+        share = len(base.coefficients) / _equations(base, measured)
         least = min(_score(other, measured) for other in tried)
         if share < _HALF or (share < _MOST and _score(base, measured) < _FAR_BETTER * least):
             tried.append(base)
     return min(tried, key=lambda base: _score(base, measured))
+
+
+def _equations(base: StiffnessMap, measured: Table) -> int:
+    """Readings that tell the form of a base: a repeat of a pose tells nothing more of it."""
+    return len(np.unique(repeat_cells(measured))) * len(base.outputs)
 
 
 def _score(base: StiffnessMap, measured: Table) -> float:
@@ -411,13 +415,12 @@ def _score(base: StiffnessMap, measured: Table) -> float:
     share of its spread, and would hide what the small moments of the pressures tell.
     """
     truth, poses = measured.matrix(base.outputs), inputs_of(base, measured)
-    n, k = truth.size, len(base.coefficients)
+    rest: float = 1.0 - min(len(base.coefficients) / _equations(base, measured), 0.999)
     spread = np.where(np.ptp(truth, axis=0) > 1e-12, truth.std(axis=0), np.inf)
     squares = (((truth - base.predict(poses)) / spread) ** 2).mean(axis=0)
     if isinstance(base, ActuatedMap):
-        return float(np.exp(np.log(squares[squares > 0.0]).mean())) / (1.0 - min(k / n, 0.999)) ** 2
-    square = float(squares.sum()) * len(truth)
-    return square / n / (1.0 - min(k / n, 0.999)) ** 2
+        return float(np.exp(np.log(squares[squares > 0.0]).mean())) / (rest * rest)
+    return float(squares.sum()) / (rest * rest)
 
 
 def choose_base(model: Model, table: Table) -> StiffnessMap:
