@@ -33,6 +33,7 @@ from ecm.effects.protocol import (
     Missing,
     Parameter,
     is_full,
+    needs_columns,
     optional,
 )
 from ecm.effects.relaxation import fading, time_constants
@@ -284,11 +285,9 @@ class UnusedColumn(LinearEffect):
         """Needs its column, or a column of one's own that varies; with a lag the time, too."""
         if self.column:
             names = (self.column, "time_s") if self.lag_s else (self.column,)
-            lacking = [name for name in names if not table.has(name)]
-            if lacking:
-                return Missing(f"no column {lacking[0]}", ", ".join(lacking), absent=True)
-            if self.acts or self.column in varying_columns(table):
-                return None
+            lacking = needs_columns(*names)(table)
+            if lacking or self.acts or self.column in varying_columns(table):
+                return lacking
             return Missing(f"{self.column} does not vary, or follows from others", self.column)
         if varying_columns(table):
             return None

@@ -260,11 +260,8 @@ class Span:
     @staticmethod
     def of(columns: F) -> Span:
         """Decompose columns (r, q); those without length are left out."""
-        norms = np.sqrt(np.einsum("ij,ij->j", columns, columns))
-        keep = norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)
-        if not keep.all():
-            columns, norms = columns[:, keep], norms[keep]
-        if not keep.any():
+        columns, norms = _with_length(columns)
+        if not len(norms):
             return Span(columns, norms, np.zeros((0, 0)), np.zeros(0, dtype=np.int64))
         # The pivoted Cholesky factor of the normal equations shows dependent columns in any order
         # and costs a quarter of an orthonormal basis.
@@ -284,6 +281,13 @@ class Span:
         along = (self.columns.T @ responses / self.norms[:, None])[self.order]
         projected = solve_triangular(self.factor, along, trans="T", check_finite=False)
         return np.asarray((projected**2).sum(axis=0))
+
+
+def _with_length(columns: F) -> tuple[F, F]:
+    """The columns that are not zero beside the longest one, and their lengths (q,)."""
+    norms = np.sqrt(np.einsum("ij,ij->j", columns, columns))
+    keep = norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)
+    return (columns, norms) if keep.all() else (columns[:, keep], norms[keep])
 
 
 def _products(columns: F) -> F:
@@ -316,11 +320,10 @@ def orthonormal(columns: F, dependent: float = _DEPENDENT) -> F:
     >>> orthonormal(x).shape
     (3, 2)
     """
-    norms = np.sqrt(np.einsum("ij,ij->j", columns, columns))
-    keep = norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)
-    if not keep.any():
-        return np.zeros((len(columns), 0))
-    columns = (columns if keep.all() else columns[:, keep]) / norms[keep]
+    columns, norms = _with_length(columns)
+    if not len(norms):
+        return columns
+    columns = columns / norms
     by_products = _orthonormal_by_products(columns)
     if by_products is not None:
         return by_products

@@ -326,7 +326,9 @@ def shared_zero_error(rows: Rows, residual: F, noise: Noise) -> F:
 
 _MOST_ROWS = 400
 _ITERATIONS = 30
-_OUTLIER = 30.0  # six components reach it with probability 4e-5
+_OUTLIER = 30.0
+"""Squared whitened length beyond which a contrast is left out; six components reach it with
+probability 4e-5."""
 _PRIOR_DECLARED = 0.5  # standard deviation of log variance around declared figures
 _PRIOR_ASSUMED = 3.0
 _MOST_NUISANCE = 0.7
@@ -340,9 +342,7 @@ class _Contrasts:
     parts: F  # (4, M, m, m)
 
 
-def reml_noise(
-    rows: Rows, residual: F, cells: I, nuisance: F, prior: Noise, *, outlier: float = _OUTLIER
-) -> Noise | None:
+def reml_noise(rows: Rows, residual: F, cells: I, nuisance: F, prior: Noise) -> Noise | None:
     """REML noise of the rows.
 
     Parameters
@@ -357,8 +357,6 @@ def reml_noise(
         (N, m, k) columns that may vary within a cell without being noise.
     prior
         Declared or assumed noise.
-    outlier
-        Contrasts beyond this squared whitened length are left out.
 
     Returns
     -------
@@ -370,7 +368,7 @@ def reml_noise(
         return None
     log_prior = np.log(prior.parameters() ** 2)
     width = _PRIOR_DECLARED if prior.source == "declared" else _PRIOR_ASSUMED
-    log_variance, _ = _of_inliers(contrasts, log_prior, width, outlier)
+    log_variance, _ = _of_inliers(contrasts, log_prior, width)
     return prior.with_parameters(np.sqrt(np.exp(log_variance)), "repeats")
 
 
@@ -407,19 +405,17 @@ def weighed_by_rest(rows: Rows, residual: F, nuisance: F, assumed: Noise) -> Noi
     if data.nuisance.shape[2] > _MOST_NUISANCE * data.response.size:
         return assumed
     log_prior = np.log(assumed.parameters() ** 2)
-    log_variance, data = _of_inliers(data, log_prior, _PRIOR_ASSUMED, _OUTLIER)
+    log_variance, data = _of_inliers(data, log_prior, _PRIOR_ASSUMED)
     ratio = _left(data, log_prior).sum() / _left(data, log_variance).sum()
     return assumed.with_parameters(np.sqrt(np.exp(log_variance) / ratio), "assumed")
 
 
-def _of_inliers(
-    data: _Contrasts, log_prior: F, width: float, outlier: float
-) -> tuple[F, _Contrasts]:
+def _of_inliers(data: _Contrasts, log_prior: F, width: float) -> tuple[F, _Contrasts]:
     """(4,) log variances, once more where there were outliers, and the contrasts without them."""
     log_variance = log_prior
     for _ in range(2):
         log_variance = _reml(data, log_variance, log_prior, width)
-        inliers = _without_outliers(data, log_variance, outlier)
+        inliers = _without_outliers(data, log_variance)
         if len(inliers.response) == len(data.response):
             break
         data = inliers
@@ -507,13 +503,13 @@ def _reml(data: _Contrasts, start: F, prior: F, width: float) -> F:
     return np.asarray(log_variance)
 
 
-def _without_outliers(data: _Contrasts, log_variance: F, outlier: float) -> _Contrasts:
+def _without_outliers(data: _Contrasts, log_variance: F) -> _Contrasts:
     """The contrasts without outliers, whose whitened length beyond the nuisance is too large."""
     _, m = data.response.shape
     squares = _left(data, log_variance)
     # The median of chi-squared with m degrees of freedom is about m - 2/3.
     scale = max(1.0, float(np.median(squares)) / (m - 2.0 / 3.0))
-    keep = squares < outlier * scale
+    keep = squares < _OUTLIER * scale
     return _Contrasts(data.response[keep], data.nuisance[keep], data.parts[:, keep])
 
 
