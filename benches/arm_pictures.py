@@ -30,9 +30,9 @@ from ecm.io.table import Table
 from ecm.rig import RigSettings, Source, fem_source
 from ecm.rig.arm.campaign import RobotCampaign, first_reached, full_trace, require_arm
 from ecm.rig.arm.kuka import mujoco
+from ecm.rig.arm.procedure import ArmSetup, SimulatedArm
 from ecm.rig.arm.simulation import Simulation
 from ecm.rig.arm.trips import COLOURS, PANELS, Stop, TripResult
-from ecm.rig.arm.worker import ArmSetup
 from ecm.rig.elastic import Progress
 from ecm.rig.plan import rest_pose
 from ecm.workflow.config import read_rig
@@ -136,6 +136,18 @@ class Film:
             scene.ngeom += 1
 
 
+class FilmedArm(SimulatedArm):
+    """An arm that is filmed while it moves."""
+
+    def __init__(self, setup: ArmSetup, film: Film) -> None:
+        self._film = film
+        super().__init__(setup)
+
+    def _tick(self, torque: F, phase: str) -> None:
+        self._film.frame(self.simulation, phase)
+        super()._tick(torque, phase)
+
+
 def centre_line(top_m: F, top_axes: F, length_m: float) -> F:
     """Points (n, 3) of the cubic curve from the base, along x, to the top, along its own x."""
     u = np.linspace(0.0, 1.0, _PIECES + 1)[:, None]
@@ -153,7 +165,7 @@ def write_film(
     """
     film = Film(setup.surrogate.length_m, radius_m)
     try:
-        arm = setup.build(film.frame)
+        arm = FilmedArm(setup, film)
         for i, stop in enumerate(stops):
             film.begin(f"pose {i + 1} of {len(stops)}")
             arm.trip([stop])

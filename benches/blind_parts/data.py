@@ -155,7 +155,7 @@ def _rig(
     silent["fts_resolution"] = (0.0,) * 6
     campaign.settings = replace(settings, instrument=replace(settings.instrument, **silent))
     hidden = {
-        injected.effect: tuple(sorted(injected.truth.parameters().items()))
+        injected.truth.effect: tuple(sorted(injected.truth.parameters().items()))
         for injected in campaign.injected
     }
     return table, campaign.run(), hidden

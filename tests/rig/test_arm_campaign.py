@@ -20,6 +20,7 @@ from ecm.io.table import read_table
 from ecm.rig import Hidden, campaign_minutes, reveal
 from ecm.rig.arm.campaign import RobotCampaign
 from ecm.rig.arm.mechanism import NonElasticWrench
+from ecm.rig.arm.procedure import SimulatedArm
 from ecm.rig.arm.trips import TripResult
 from ecm.rig.hidden.inject import Whitener
 from ecm.rig.plant import row_covariance
@@ -321,7 +322,7 @@ def test_what_is_hidden_acts_while_the_arm_moves(cache: Path, effect: str) -> No
             hide=hide,
             folder=cache,
         )
-        ends[bool(hide)] = campaign.setup.build().trip(campaign.trips[0].stops).stops[0]
+        ends[bool(hide)] = SimulatedArm(campaign.setup).trip(campaign.trips[0].stops).stops[0]
         if hide:
             hidden = campaign.setup.hidden
             assert hidden is not None

@@ -114,7 +114,7 @@ def test_lag_and_leak_follow_the_time_since_the_pressure_was_set(plan: Table) ->
 def test_a_valve_with_play_depends_on_the_side(plan: Table) -> None:
     hidden = campaign(plan, "pressure_hysteresis")
     less = hidden.plant.acting(hidden.visits) - hidden.visits.inputs
-    size = hidden.injected[0].size
+    size = hidden.injected[0].truth.size
     assert less.min() == pytest.approx(-size)
     beyond = hidden.visits.at_poses & ~initial(hidden)
     assert less[beyond].max() == pytest.approx(size)

@@ -54,7 +54,7 @@ def test_the_wanted_strength_is_reached(effect: str) -> None:
         hidden = Campaign(plan, settings, StandIn(), hide=[Hidden(effect, wanted)], seed=2)
         left = residual(hidden.plant, hidden.visits) - base
         assert whitener_of(hidden).strength(left) == pytest.approx(wanted, rel=1e-4)
-        sizes.append(hidden.injected[0].size)
+        sizes.append(hidden.injected[0].truth.size)
         excess = whitener_of(hidden).strength(error_of(hidden, hidden.run()))
         assert excess == pytest.approx(np.hypot(1.0, wanted), abs=0.12)
     # Nearly proportional, with the same sign and shape.
@@ -108,13 +108,13 @@ def test_a_strength_that_asks_for_an_absurd_size_is_refused() -> None:
     # What it names as possible is.
     possible = float(text.split("at most at s = ")[1].split(",", maxsplit=1)[0])
     weaker = Hidden.parse(f"stress_relaxation={possible}")
-    size = Campaign(one_dwell(), RigSettings(), StandIn(), hide=weaker).injected[0].size
+    size = Campaign(one_dwell(), RigSettings(), StandIn(), hide=weaker).injected[0].truth.size
     assert 0.4 < size <= 0.6
     # Blind sets under the paper's protocol want it all the same, and say so by the object.
     wanted = [Hidden("stress_relaxation", 3.0)]
-    assert Campaign(one_dwell(), RigSettings(), StandIn(), hide=wanted).injected[0].size > 0.6
+    assert Campaign(one_dwell(), RigSettings(), StandIn(), hide=wanted).injected[0].truth.size > 0.6
     # With several dwells the same strength is nothing special.
-    assert Campaign(both_sides(), RigSettings(), StandIn(), hide=hide).injected[0].size < 0.3
+    assert Campaign(both_sides(), RigSettings(), StandIn(), hide=hide).injected[0].truth.size < 0.3
 
 
 @pytest.mark.parametrize("kind", TRUE_EFFECTS.values())
@@ -134,7 +134,7 @@ def test_a_diagnosable_plan_can_hide_every_effect(effect: str) -> None:
     for strength in (0.2, 3.0):
         hide = Hidden.parse(f"{effect}={strength}")
         campaign = Campaign(diagnosable_plan(), RigSettings(), StandIn(), hide=hide, seed=2)
-        assert campaign.injected[0].effect == effect
+        assert campaign.injected[0].truth.effect == effect
 
 
 def test_random_draws_among_what_the_plan_can_hide(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -145,9 +145,9 @@ def test_random_draws_among_what_the_plan_can_hide(monkeypatch: pytest.MonkeyPat
         campaign = Campaign(
             one_dwell(), RigSettings(), StandIn(), hide=Hidden.parse("random=3"), seed=seed
         )
-        drawn.append(campaign.injected[0].effect)
+        drawn.append(campaign.injected[0].truth.effect)
         again = json.loads(campaign.truth_text() or "")["effects"]
-        assert [e["id"] for e in again] == [campaign.injected[0].effect]
+        assert [e["id"] for e in again] == [campaign.injected[0].truth.effect]
     assert set(drawn) == {"payload", "fts_offset"}
     only = {"stress_relaxation": TRUE_EFFECTS["stress_relaxation"]}
     monkeypatch.setattr("ecm.rig.hidden.truth.TRUE_EFFECTS", only)
@@ -236,7 +236,7 @@ def test_what_the_base_can_move_does_not_count_as_strength() -> None:
 
     plain = Campaign(plan, RigSettings(), StandIn(), hide=hide, seed=2)
     freer = Campaign(plan, RigSettings(), StandIn(), hide=hide, seed=2, base_columns=stiffer_axis)
-    assert abs(freer.injected[0].size) > 1.5 * abs(plain.injected[0].size)
+    assert abs(freer.injected[0].truth.size) > 1.5 * abs(plain.injected[0].truth.size)
 
 
 def test_two_effects_can_be_hidden() -> None:
@@ -352,7 +352,7 @@ def test_a_sensor_zeroed_with_its_payload_feels_only_how_it_turns() -> None:
     for zeroed in (False, True):
         settings = RigSettings.from_dict({**STILL, "instrument": {"zeroed_with_payload": zeroed}})
         campaign = Campaign(plan, settings, StandIn(), hide=[Hidden("payload", 2.0)])
-        mass = campaign.injected[0].size
+        mass = campaign.injected[0].truth.size
         weight = np.array([mass * 9.81, 0.0, 0.0])
         home = noise_free(campaign, "home")[0][0, :3]
         assert home == pytest.approx(np.zeros(3) if zeroed else weight, abs=1e-9)

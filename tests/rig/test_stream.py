@@ -281,7 +281,7 @@ def test_random_draws_a_skew_only_where_there_is_a_stream(monkeypatch: pytest.Mo
                 plan_of(some_poses(30)), settings, StandIn(),
                 hide=Hidden.parse("random=1"), seed=seed,
             )  # fmt: skip
-            drawn[streamed].add(campaign.injected[0].effect)
+            drawn[streamed].add(campaign.injected[0].truth.effect)
     assert drawn == {True: {"payload", "time_skew"}, False: {"payload"}}
 
 

@@ -19,8 +19,7 @@ from support.stand_in import L, StandIn, plan_of, some_poses, wrench
 pytest.importorskip("mujoco", reason="mujoco is missing: pip install 'ecm-stiffness[robot]'")
 
 from ecm.rig.arm.mechanism import compile_model, controller_document, fit_surrogate
-from ecm.rig.arm.procedure import SimulatedArm
-from ecm.rig.arm.worker import ArmSetup
+from ecm.rig.arm.procedure import ArmSetup, SimulatedArm
 from support.programs import need_program
 
 F = NDArray[np.float64]
@@ -57,7 +56,7 @@ def arm_setup(**rig: Any) -> ArmSetup:
 
 def simulated_arm(**rig: Any) -> SimulatedArm:
     """A simulated arm."""
-    return arm_setup(**rig).build()
+    return SimulatedArm(arm_setup(**rig))
 
 
 def plan(poses: F, **columns: Any) -> Table:

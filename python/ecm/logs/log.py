@@ -333,10 +333,8 @@ def _in_order(stream: Stream) -> Stream:
     """The stream with growing times, each once."""
     _, first = np.unique(stream.time_s, return_index=True)
     columns = {name: values[first] for name, values in stream.columns.items()}
-    return Stream(
-        stream.name, stream.kind, stream.time_s[first], columns, stream.units,
-        stream.received_s[first],
-    )  # fmt: skip
+    times, received = stream.time_s[first], stream.received_s[first]
+    return replace(stream, time_s=times, columns=columns, received_s=received)
 
 
 def _without_gap(stream: Stream, time: F) -> B:

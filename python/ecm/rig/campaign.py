@@ -136,6 +136,10 @@ class Campaign(CampaignState):
             known = self.frames.top_from_sensor
             self.plant = replace(self.plant, calibrated_top_from_sensor=known)
         self._truth = self.plant.truth(self.visits)
+        self._complete(source, folder, progress)
+
+    def _complete(self, source: Source, folder: Path | None, progress: Progress) -> None:
+        """What the laid out campaign needs besides: nothing on the quasi-static rig."""
 
     def __len__(self) -> int:
         """Readings, those of the sensor's zero included."""

@@ -210,12 +210,7 @@ class RawStream:
         missed = np.einsum("nk,nki->ni", weights, self._miss[self.leg])
         wrenches = self._smooth.predict(poses) + missed + _times(slope, off)
         stiffness = self._smooth.stiffness(poses) + slope
-        solved = SolvedPoses(
-            np.concatenate([known.poses, poses]),
-            np.concatenate([known.wrenches, wrenches]),
-            np.concatenate([known.stiffness, stiffness]),
-            known.status + ("solved",) * len(poses),
-        )
+        samples = SolvedPoses(poses, wrenches, stiffness, ("solved",) * len(poses))
         gradings: Mapping[str, Grading] = {
             name: Grading(
                 np.concatenate([g.wrenches, _between(g.wrenches, ends, u) + _times(k, off)]),
@@ -224,7 +219,7 @@ class RawStream:
             for name, g in self._plant.gradings.items()
             for k in (_between(g.stiffness, ends, u[:, :, None]),)
         }
-        plant = replace(self._plant, elastic=Elastic(solved), gradings=gradings)
+        plant = replace(self._plant, elastic=Elastic(known.joined(samples)), gradings=gradings)
         index = len(known.poses) + np.arange(len(poses))
         visits = self._visits(time_s, poses)
         return plant, visits_of(visits, poses, index, self._air, moving=True)

@@ -124,7 +124,8 @@ class Timeline:
 
 def timeline_of(requests: Iterable[Request], procedure: Procedure, length_m: float) -> Timeline:
     """The timeline of a plan; poses that cannot be visited have been taken out before."""
-    return _Rig(procedure, length_m).through(list(requests))
+    listed = list(requests)
+    return _Rig(procedure, length_m, listed).through(listed)
 
 
 def travel_s(way: F, procedure: Procedure) -> float:
@@ -138,9 +139,9 @@ def travel_s(way: F, procedure: Procedure) -> float:
 class _Rig:
     """State of the rig while the plan is laid out."""
 
-    def __init__(self, procedure: Procedure, length_m: float) -> None:
+    def __init__(self, procedure: Procedure, length_m: float, requests: list[Request]) -> None:
         self._procedure = procedure
-        self._rest = rest_pose(length_m)
+        self._rest = rest_pose(length_m, len(requests[0].pose) - 6 if requests else 0)
         self._timeline = Timeline()
         self._clock = 0.0
         self._set_s = 0.0
@@ -151,24 +152,18 @@ class _Rig:
         self._rested = True
         self._mount = 0.0
         self._payload = True
-        self._run = 0
+        self._run = requests[0].run if requests else 0
         self._bump = 0
         self._poses_since_offset = 0
-        self._poses: dict[int, F] = {}
+        self._poses = {r.pose_id: r.pose for r in requests if r.action.name == "measure"}
 
     def through(self, requests: list[Request]) -> Timeline:
-        procedure = self._procedure
-        self._poses = {r.pose_id: r.pose for r in requests if r.action.name == "measure"}
-        if requests:
-            self._run = requests[0].run
-            self._at = self._rest = rest_pose(self._rest[0], len(requests[0].pose) - 6)
-            self._way = [self._rest]
         self._offset()
         previous = self._run
         for request in requests:
             if request.run != previous:
                 previous = request.run
-                self._new_run(procedure.unload_s)
+                self._new_run(self._procedure.unload_s)
                 self._enter(request.run + self._bump)
             self._do(request)
         if self._timeline.visits[-1].kind not in (OFFSET, UNLOADED):

@@ -15,6 +15,7 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.arrays import F
+from ecm.io.cache import cache_directory
 from ecm.io.columns import JOINT_SIGNS, JOINTS, WRENCH
 from ecm.io.extras import own_cores
 from ecm.rig.arm.kuka import mujoco, scene
@@ -26,7 +27,7 @@ from ecm.rig.arm.mechanism import (
     fit_surrogate,
     require_library,
 )
-from ecm.rig.arm.procedure import unusable
+from ecm.rig.arm.procedure import ArmSetup, SimulatedArm, unusable
 from ecm.rig.arm.trips import (
     PlannedTrip,
     Stop,
@@ -38,15 +39,13 @@ from ecm.rig.arm.trips import (
     plan_trips,
     pose_errors,
 )
-from ecm.rig.arm.worker import ArmSetup, run_trips
+from ecm.rig.arm.worker import run_trips
 from ecm.rig.campaign import Campaign
 from ecm.rig.elastic import Elastic, Progress, Source
-from ecm.rig.hidden.truth import Hidden
 from ecm.rig.instruments import Optics
 from ecm.rig.plan import HOME, OFFSET, POSE, Skipped, Visit, rest_pose
 from ecm.rig.plant import visits_of
 from ecm.rig.readings import Reading
-from ecm.rig.settings import RigSettings
 from ecm.rig.timeline import Climate, Timeline
 
 if TYPE_CHECKING:
@@ -73,22 +72,10 @@ class RobotCampaign(Campaign):
     `folder` keeps solved poses and compiled controllers.
     """
 
-    def __init__(
-        self,
-        plan: Table,
-        settings: RigSettings,
-        source: Source,
-        *,
-        hide: Sequence[Hidden] = (),
-        seed: int = 0,
-        folder: Path,
-        progress: Progress = None,
-    ) -> None:
-        mujoco()  # before any work if it is missing
-        super().__init__(
-            plan, settings, source, hide=hide, seed=seed, folder=folder, progress=progress
-        )
-        length = source.length_m
+    def _complete(self, source: Source, folder: Path | None, progress: Progress) -> None:
+        """Plan the trips, and build what the arm and its controller know of the mechanism."""
+        settings, length = self.settings, source.length_m
+        folder = folder or cache_directory()
         self.planned: Timeline = self.timeline
         self.goals = self.visits.reached
         self._nearest = self.visits.nearest
@@ -327,7 +314,7 @@ def first_pose_trace(campaign: RobotCampaign) -> tuple[dict[str, F], list[list[A
 
 def first_reached(campaign: RobotCampaign) -> tuple[TripResult, Stop]:
     """Drive the first poses; return the first that is reached, or else the first."""
-    arm = campaign.setup.build()
+    arm = SimulatedArm(campaign.setup)
     driven = []
     for planned in campaign.trips[:_TRIED]:
         driven.append((arm.trip(planned.stops[:1]), planned.stops[0]))

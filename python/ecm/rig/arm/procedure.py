@@ -12,7 +12,8 @@ backwards.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -29,16 +30,19 @@ from ecm.rig.arm.kuka import (
     scene,
     swivel_angle,
 )
-from ecm.rig.arm.mechanism import STEPS_BETWEEN, ControllerModel, NonElasticWrench
+from ecm.rig.arm.mechanism import (
+    STEPS_BETWEEN,
+    ControllerModel,
+    HiddenPhysics,
+    NonElasticWrench,
+    Surrogate,
+)
 from ecm.rig.arm.simulation import Diverged, Impedance, Servo, Simulation
 from ecm.rig.arm.trips import Stop, StopResult, TripResult, cubic_profile, duration_s, motion_s
 from ecm.rig.physics.camera import LEDS, LEDS_NEEDED
 from ecm.rig.plan import rest_pose
 from ecm.rig.readings import Reading
 from ecm.rig.settings import Instruments, RigSettings
-
-OnFrame = Callable[[Simulation, str], None] | None
-"""Called with the simulation and the phase every `TICK` steps."""
 
 TICK = 10
 """Steps between two checks of the safety limits, two damping designs, two points of the trace."""
@@ -57,30 +61,31 @@ class LimitExceeded(Exception):
     """A safety limit was exceeded; the message says which."""
 
 
+@dataclass(frozen=True)
+class ArmSetup:
+    """Everything that a simulated arm is built from; can be sent to another process."""
+
+    settings: RigSettings
+    surrogate: Surrogate
+    library: Path
+    hidden: HiddenPhysics | None = None
+
+
 class SimulatedArm:
     """Simulation, controllers and safety limits of one process."""
 
-    def __init__(
-        self,
-        settings: RigSettings,
-        length_m: float,
-        mechanism: Callable[[F], F],
-        library: Path,
-        *,
-        on_frame: OnFrame = None,
-        non_elastic: NonElasticWrench | None = None,
-    ) -> None:
+    def __init__(self, setup: ArmSetup) -> None:
+        settings, length_m, hidden = setup.settings, setup.surrogate.length_m, setup.hidden
         self._settings = settings
         self._arm = arm = settings.arm
         self._scene = scene(settings, length_m)
-        self.simulation = Simulation(self._scene, mechanism)
-        model = ControllerModel(library)
+        self.simulation = Simulation(self._scene, setup.surrogate.model().predict)
+        model = ControllerModel(setup.library)
         self._impedance = Impedance(arm, self.simulation, model)
         self._servo = Servo(arm, self.simulation, model)
         self._limits = SafetyLimits(settings, self.simulation, model, length_m)
-        self._on_frame = on_frame
         self._elbow_rad = swivel_angle(self._scene.home_rad)
-        self._non_elastic = non_elastic
+        self._non_elastic = NonElasticWrench(hidden, setup.surrogate) if hidden else None
         self._rest = rest_pose(length_m)
         self._recorded: list[F] = []
         self._result = StopResult(-1)
@@ -325,8 +330,6 @@ class SimulatedArm:
         simulation = self.simulation
         self._times.append(simulation.time_s)
         self._poses.append(simulation.pose.copy())
-        if self._on_frame is not None:
-            self._on_frame(simulation, phase)
         if self._non_elastic is not None and simulation.steps % STEPS_BETWEEN == 0:
             wrench = self._non_elastic.at(
                 simulation.pose,

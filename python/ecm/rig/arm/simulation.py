@@ -21,8 +21,8 @@ top, J M^-1 tau_null = 0.
 At every step the pose p of the site `top` gives the wrench h(p) on the mechanism, and the arm feels
 the generalised force -J'h. The mechanism is integrated explicitly: treating its linear part K
 implicitly would add dt^2 K to the inertia at the top, 25 g at 25 kN/m and 1 ms, which is small
-against the arm's kilogrammes. `stability_number` compares the fastest mode with the limit of 2.
-The joint servo, which is stiff, is implicit.
+against the arm's kilogrammes. `benches/robot_campaign.py` compares the fastest mode with the
+limit of 2. The joint servo, which is stiff, is implicit.
 """
 
 from __future__ import annotations
@@ -285,9 +285,3 @@ class Simulation:
             self.library.mj_contactForce(self.model, self.data, i, force)
             total += float(np.linalg.norm(force[:3]))
         return total
-
-    def stability_number(self, stiffness: F) -> float:
-        """Time step times the fastest angular frequency; explicit integration needs less than 2."""
-        symmetric = 0.5 * (stiffness + stiffness.T)
-        fastest = np.linalg.eigvals(self.compliance() @ symmetric).real.max()
-        return self.step_s * float(np.sqrt(max(fastest, 0.0)))

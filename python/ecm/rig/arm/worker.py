@@ -16,37 +16,11 @@ import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
-from pathlib import Path
 from typing import IO, Any, cast
 
 from ecm.errors import ComputationError
-from ecm.rig.arm.mechanism import HiddenPhysics, NonElasticWrench, Surrogate
-from ecm.rig.arm.procedure import OnFrame, SimulatedArm
+from ecm.rig.arm.procedure import ArmSetup, SimulatedArm
 from ecm.rig.arm.trips import Stop, TripResult
-from ecm.rig.settings import RigSettings
-
-
-@dataclass(frozen=True)
-class ArmSetup:
-    """Everything that a simulated arm is built from; can be sent to another process."""
-
-    settings: RigSettings
-    surrogate: Surrogate
-    library: Path
-    hidden: HiddenPhysics | None = None
-
-    def build(self, on_frame: OnFrame = None) -> SimulatedArm:
-        """Build the arm in this process."""
-        hidden = self.hidden
-        return SimulatedArm(
-            self.settings,
-            self.surrogate.length_m,
-            self.surrogate.model().predict,
-            self.library,
-            on_frame=on_frame,
-            non_elastic=NonElasticWrench(hidden, self.surrogate) if hidden else None,
-        )
 
 
 class _Worker:
@@ -90,7 +64,7 @@ def run_trips(
     """Yield the number and the result of each trip as it ends; several run at a time."""
     count = min(processes, len(tasks))
     if count <= 1:
-        arm = setup.build() if tasks else None
+        arm = SimulatedArm(setup) if tasks else None
         yield from ((n, arm.trip(stops)) for n, stops in enumerate(tasks) if arm is not None)
         return
     free: queue.SimpleQueue[_Worker] = queue.SimpleQueue()
@@ -121,7 +95,7 @@ def serve() -> None:
     os.environ["MUJOCO_GL"] = "disable"
     received: queue.SimpleQueue[Any] = queue.SimpleQueue()
     threading.Thread(target=_receive, args=(received,), daemon=True).start()
-    arm = cast("ArmSetup", received.get()).build()
+    arm = SimulatedArm(received.get())
     while True:
         result = arm.trip(received.get())
         try:

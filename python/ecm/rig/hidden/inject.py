@@ -207,19 +207,13 @@ def whitener_of(campaign: CampaignState) -> Whitener:
 class InjectedEffect:
     """What was hidden."""
 
-    effect: str
     strength: float
     truth: TrueEffect
-
-    @property
-    def size(self) -> float:
-        """Size of the true effect in its unit."""
-        return self.truth.size
 
     def sealed(self) -> dict[str, object]:
         """Its entry in the sealed file."""
         return {
-            "id": self.effect,
+            "id": self.truth.effect,
             "s": self.strength,
             "size": self.truth.size,
             "physics": self.truth.name,
@@ -267,7 +261,7 @@ def inject(hide: Hidden, campaign: CampaignState, raw: RawStream | None = None) 
     first = kind.draw(stream(campaign.seed, "hidden shape", hide.effect), scale)
     if hide.shape:
         truth = first.with_parameters(dict(hide.shape)).afterwards()
-        return InjectedEffect(hide.effect, hide.strength, truth)
+        return InjectedEffect(hide.strength, truth)
     if raw is None:
         whitener = whitener_of(campaign)
     else:
@@ -289,4 +283,4 @@ def inject(hide: Hidden, campaign: CampaignState, raw: RawStream | None = None) 
     truth = first.resized(size)
     if hide.plausible:
         check_size(truth, hide.strength, size, scale)
-    return InjectedEffect(hide.effect, hide.strength, truth)
+    return InjectedEffect(hide.strength, truth)

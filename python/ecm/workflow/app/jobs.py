@@ -40,10 +40,6 @@ class _Job:
     ended_by: str = ""
     """`cancelled` or `interrupted`, where the process is killed."""
 
-    @property
-    def number(self) -> int:
-        return self.step.number
-
 
 class Busy(InputError):
     """Another step is being computed."""
@@ -162,7 +158,7 @@ class Jobs:
         if job is None:
             return None
         found = {
-            "step": job.number,
+            "step": job.step.number,
             "seconds": time.time() - job.begun_s,
             "what": "",
             "done": None,
@@ -171,7 +167,7 @@ class Jobs:
             "automatic": job.automatic,
             "waiting": self._waiting,
         }
-        told = self.session.told(job.number, "what")
+        told = self.session.told(job.step.number, "what")
         return found | {name: value for name, value in told.items() if name in found}
 
     def _begin(
@@ -231,10 +227,12 @@ class Jobs:
         message = INTERRUPTED if status == "interrupted" else ""
         told: dict[str, Any] = {}
         if status == "failed":
-            told = self.session.told(job.number, "error")
+            told = self.session.told(job.step.number, "error")
             message = str(told.get("error", "the command ended by itself"))
         try:
-            self._end(job.number, status, message, time.time() - job.begun_s, told.get("remedy"))
+            self._end(
+                job.step.number, status, message, time.time() - job.begun_s, told.get("remedy")
+            )
         finally:
             with self._lock:
                 following = False
