@@ -39,7 +39,7 @@ from ecm.diagnosis.left_over import (
 )
 from ecm.diagnosis.preparation import Prepared, prepare
 from ecm.diagnosis.problem import Candidate, Problem, assemble, base_beside, noise_by_rest
-from ecm.diagnosis.result import Diagnosis, addition_to, report
+from ecm.diagnosis.result import Diagnosis, report
 from ecm.diagnosis.search import Ranked, rank, search
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.diagnosis.statements import (
@@ -63,6 +63,7 @@ from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import EnergyMap, StiffnessMap
 from ecm.models.partial import whole_map
 from ecm.models.physics.map import PhysicsMap
+from ecm.models.refit import addition_to
 from ecm.regression.approach import order_of_visits
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.correlation import CorrelationTime, SlowNoise, correlation_of_rest, slow_noise

@@ -1,4 +1,4 @@
-"""Refit of a model with effects added or removed, and whether a fit may be saved.
+"""Refit of a model with effects added or removed, whether it may be saved, and what it brings.
 
 With few rows of many columns no test of a residual can show what a model lacks; the base can.
 
@@ -8,13 +8,13 @@ An error counts as worse where it exceeds the other by a tenth and by more than 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ecm.effects.protocol import Effect
-from ecm.errors import ComputationError, EcmError, InputError, Remedy
+from ecm.errors import ComputationError, EcmError, InputError, Remedy, remedy_of
 from ecm.io.arguments import listed
 from ecm.io.arrays import B, F, rms
 from ecm.io.columns import POSE, WRENCH, unit_of
@@ -442,6 +442,57 @@ def _held_near_physics(changed: Model, table: Table) -> Model | None:
         changed.base, physics.base, physics.effects, without_zero_readings(table), physics.noise
     )
     return changed.fit(table, prior=prior)
+
+
+@dataclass(frozen=True)
+class Addition:
+    """What the named effects bring to the model that was given.
+
+    Examples
+    --------
+    >>> found = Addition(("payload",), 1.48, 1.18, "", Remedy("add it", "ecm refit MODEL DATA"))
+    >>> found.to_dict()["held_out"]
+    {'before': 1.48, 'after': 1.18}
+    """
+
+    effects: tuple[str, ...]
+    before: float | None
+    """Held-out error over the noise of the model fitted to these rows; None where not known."""
+    after: float | None
+    """The same with the effects."""
+    refused: str
+    """Why `ecm refit` would refuse; empty where it adds them."""
+    remedy: Remedy | None
+    """The command that adds them: to this model, else to one that holds them."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """For the report: plain values."""
+        return {
+            "effects": list(self.effects),
+            "held_out": {"before": self.before, "after": self.after},
+            "refused": self.refused,
+            "remedy": None if self.remedy is None else self.remedy.to_dict(),
+        }
+
+
+def addition_to(model: Model, table: Table, effects: Sequence[Effect]) -> Addition | None:
+    """Add effects to a model as `ecm refit` does; None where it has them all already."""
+    present = {item.id for item in model.effects}
+    new = [effect for effect in effects if effect.id not in present]
+    if not new:
+        return None
+    ids = tuple(effect.id for effect in new)
+    try:
+        found = refit(model, table, add=new)
+        refuse_addition(found, table, model)
+    except (EcmError, np.linalg.LinAlgError) as error:
+        said = getattr(error, "message", str(error))
+        return Addition(ids, None, None, said, remedy_of(error))
+    before, after = (record.held_out for record in found.history[-2:])
+    known = not found.noise.is_residual
+    options = " ".join(f"--add {id}" for id in ids)
+    command = Remedy(f"add {' and '.join(ids)}", f"ecm refit MODEL DATA {options} --out OUT")
+    return Addition(ids, before if known else None, after if known else None, "", command)
 
 
 def refit_summary(model: Model) -> dict[str, Any]:
