@@ -42,6 +42,7 @@ from ecm.models.physics.build import BuildSettings, shape_of
 from ecm.models.physics.family import PARAMETERS, compressibility, poisson_ratio
 from ecm.models.physics.refit import physics_sentences, refit_physics
 from ecm.workflow.app import steps
+from support.products import kept_arrays
 
 F = NDArray[np.float64]
 NECK = Mechanism()
@@ -285,12 +286,17 @@ def table_of(poses: F, wrenches: F) -> Table:
 
 def by_fem(body: Mechanism, count: int, seed: int) -> tuple[F, F, F]:
     """Poses of the workspace that no build has seen, their wrenches and stiffness."""
-    fem = body.fem()
-    poses = workspace_poses(fem.rest_stiffness(), body.length_m, count, seed=seed, margin=1.0)
-    found = fem.solve_poses(poses)
-    ok = np.array([status == "solved" for status in found.status])
-    assert ok.mean() > 0.9
-    return poses[ok], found.wrenches[ok], found.stiffness[ok]
+
+    def solve() -> tuple[F, F, F]:
+        fem = body.fem()
+        poses = workspace_poses(fem.rest_stiffness(), body.length_m, count, seed=seed, margin=1.0)
+        found = fem.solve_poses(poses)
+        ok = np.array([status == "solved" for status in found.status])
+        assert ok.mean() > 0.9
+        return poses[ok], found.wrenches[ok], found.stiffness[ok]
+
+    poses, wrenches, stiffness = kept_arrays((body.key(), count, seed), solve)
+    return poses, wrenches, stiffness
 
 
 def test_the_error_is_far_below_the_noise(neck: PhysicsMap) -> None:
@@ -314,11 +320,8 @@ def test_the_error_is_far_below_the_noise(neck: PhysicsMap) -> None:
 @pytest.fixture(scope="module")
 def fine_mesh() -> tuple[F, F]:
     """Poses and wrenches of the neck's fine mesh."""
-    fem = replace(NECK, quality="fine").fem()
-    poses = workspace_poses(fem.rest_stiffness(), LENGTH_M, 24, seed=5, margin=1.0)
-    results = fem.solve_poses(poses)
-    good = np.array([status == "solved" for status in results.status])
-    return poses[good], results.wrenches[good]
+    poses, wrenches, _ = by_fem(replace(NECK, quality="fine"), 24, 5)
+    return poses, wrenches
 
 
 def test_the_difference_of_two_meshes_belongs_to_the_base(

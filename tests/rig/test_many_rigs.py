@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,13 +20,6 @@ from support.programs import need_program
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 RIGS = 3
-
-
-@pytest.fixture(scope="module", autouse=True)
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ECM_CACHE", str(tmp_path_factory.mktemp("cache")))
-        yield
 
 
 def plan() -> Table:

@@ -11,11 +11,15 @@ import hashlib
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 
-from support.neck import ROOT
+import numpy as np
+
+from ecm.io.cache import hash_of
+from support.neck import ROOT, F
 
 CACHING = ("io", "fem", "models/physics", "rig")
 """What writes to the cache folder, and what it computes with beside the native module."""
@@ -49,6 +53,17 @@ def _files(folder: Path) -> list[tuple[str, int, int]]:
     """Name, size and time of change of every file."""
     found = [(str(path), path.stat()) for path in sorted(folder.rglob("*")) if path.is_file()]
     return [(name, stat.st_size, stat.st_mtime_ns) for name, stat in found]
+
+
+def kept_arrays(key: object, make: Callable[[], Sequence[F]]) -> list[F]:
+    """Arrays that FEM takes long for: from the second time on they are in the cache folder."""
+    path = Path(os.environ["ECM_CACHE"]) / f"arrays-{hash_of(key)[:16]}.npz"
+    if not path.exists():
+        with NamedTemporaryFile(dir=path.parent, delete=False) as file:
+            np.savez(file, *make())
+        os.replace(file.name, path)
+    with np.load(path) as found:
+        return [found[name] for name in found.files]
 
 
 def cache_of_this_code() -> Path:
