@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from typing import Any
 
     from ecm._native import __version__
+    from ecm.bench.run import measure
+    from ecm.bench.settings import Bench
     from ecm.comparison.comparison import compare
     from ecm.comparison.result import Comparison
     from ecm.designs.optimal import Design, optimal_design
@@ -60,6 +62,8 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "_native": ("__version__",),
+    "bench.run": ("measure",),
+    "bench.settings": ("Bench",),
     "comparison.comparison": ("compare",),
     "comparison.result": ("Comparison",),
     "designs.optimal": ("Design", "optimal_design"),
@@ -104,6 +108,7 @@ _ALIASES = {"campaign": "run_campaign", "fit": "fit_model"}
 _MODULE_OF = {name: module for module, names in _NAMES.items() for name in names}
 
 __all__ = [
+    "Bench",
     "Comparison",
     "ComputationError",
     "ConstantCurvatureModel",
@@ -148,6 +153,7 @@ __all__ = [
     "identify",
     "import_log",
     "load_model",
+    "measure",
     "optimal_design",
     "paper_plan",
     "predict",

@@ -10,6 +10,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+from ecm.bench import Bench
+from ecm.bench import measure as measure_plan
+from ecm.bench.run import envelope
 from ecm.cli.command import Count, Natural
 from ecm.cli.models import open_model
 from ecm.cli.session import Session, check_output_directory, check_plan
@@ -19,9 +22,6 @@ from ecm.errors import InputError, Remedy
 from ecm.io.arrays import F
 from ecm.io.cache import write_atomically
 from ecm.io.table import Table
-from ecm.measure import Bench
-from ecm.measure import measure as measure_plan
-from ecm.measure.run import envelope
 from ecm.report.blocks import text_of
 from ecm.rig import CampaignOptions, campaign_minutes, run_campaign, run_campaigns
 from ecm.rig import reveal as reveal_truth

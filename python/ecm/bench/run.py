@@ -1,7 +1,7 @@
 """A plan measured row by row through devices, by the run engine of Bluesky.
 
 Bluesky has the messages, the pausing, the documents, and the order in which things are stopped.
-Devices here are plain classes that block (`ecm.measure.devices`); each call runs in a thread of its
+Devices here are plain classes that block (`ecm.bench.devices`); each call runs in a thread of its
 own, so that a device that hangs is left behind and the mover is stopped all the same. For that the
 engine alone is enough; ophyd-async, which would bring pydantic and 20 packages, is not needed.
 
@@ -25,6 +25,8 @@ from typing import Any
 
 import numpy as np
 
+from ecm.bench.devices import Device, DeviceError, closed
+from ecm.bench.settings import Bench
 from ecm.errors import InputError, Remedy
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
@@ -32,8 +34,6 @@ from ecm.io.description import Meta
 from ecm.io.extras import require
 from ecm.io.se3 import rotation, turn_wrench, wrench_adjoint
 from ecm.io.table import Table
-from ecm.measure.bench import Bench
-from ecm.measure.devices import Device, DeviceError, closed
 from ecm.rig.instruments import Window, zero_at
 from ecm.rig.plan import (
     AT_HOME,
@@ -553,6 +553,17 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
         what was measured is kept.
     MissingExtra
         Without the extra `measure`.
+
+    Examples
+    --------
+    A finished table is not measured again; docs/measure.md measures a spring.
+
+    >>> from ecm.io.table import as_table
+    >>> manual = {part: {"device": "manual"} for part in ("mover", "wrench", "pose", "person")}
+    >>> measure(as_table({"x_m": [0.1]}), Bench.from_dict(manual, "bench.toml"), "data.txt")
+    Traceback (most recent call last):
+        ...
+    ecm.errors.InputError: data.txt: tables are written as CSV; give a name that ends in .csv
     """
     out = Path(out)
     keep_data(out, overwrite=overwrite, resume=resume)

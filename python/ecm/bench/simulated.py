@@ -1,6 +1,6 @@
 """The simulated rig in a process of its own, behind the same lines of JSON as a real one.
 
-    python -m ecm.measure.simulated PLAN.csv RIG.toml SEED HIDE
+    python -m ecm.bench.simulated PLAN.csv RIG.toml SEED HIDE
 
 prints the address at which it listens, answers one connection, and ends with it.
 """
@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from ecm.bench.lines import LineDevice
 from ecm.errors import EcmError, InputError
 from ecm.io.table import read_table
 from ecm.io.toml import read_toml
-from ecm.measure.lines import LineDevice
 from ecm.rig.campaign import Campaign
 from ecm.rig.hidden.truth import Hidden
 from ecm.rig.plan import POSE
@@ -48,7 +48,7 @@ class SimulatedRig(LineDevice):
     """
 
     def __init__(self, plan: str, *, rig: str = "", seed: int = 0, hide: str = "") -> None:
-        command = [sys.executable, "-m", "ecm.measure.simulated", plan, rig, str(seed), hide]
+        command = [sys.executable, "-m", "ecm.bench.simulated", plan, rig, str(seed), hide]
         # Ctrl-C is for the run, which ends this process itself.
         self._process = subprocess.Popen(
             command, stdout=subprocess.PIPE, text=True, start_new_session=True

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from ecm.bench.devices import NEEDED, PARTS, Device, closed, opened, require_part
 from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F
 from ecm.io.description import Instrument, Scene
 from ecm.io.settings import Checked, read_settings, setting
 from ecm.io.toml import check_keys, read_toml
-from ecm.measure.devices import NEEDED, PARTS, Device, closed, opened, require_part
 from ecm.rig.settings import Procedure
 
 
@@ -80,7 +80,13 @@ class LimitsTable(Checked):
 
 @dataclass(frozen=True)
 class DeviceTable:
-    """A table such as [mover]: the kind of the device and the arguments of its class."""
+    """A table such as [mover]: the kind of the device and the arguments of its class.
+
+    Examples
+    --------
+    >>> DeviceTable("line", {"address": "127.0.0.1:5000"}).device
+    'line'
+    """
 
     device: str
     settings: Mapping[str, Any] = field(default_factory=dict)

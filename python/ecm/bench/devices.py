@@ -46,10 +46,10 @@ NEEDED = ("mover", "wrench", "pose")
 """Parts without which nothing can be measured."""
 
 SHIPPED = {
-    "line": "ecm.measure.lines:LineDevice",
-    "ati-net-ft": "ecm.measure.lines:AtiNetFt",
-    "manual": "ecm.measure.manual:Manual",
-    "simulated": "ecm.measure.simulated:SimulatedRig",
+    "line": "ecm.bench.lines:LineDevice",
+    "ati-net-ft": "ecm.bench.lines:AtiNetFt",
+    "manual": "ecm.bench.manual:Manual",
+    "simulated": "ecm.bench.simulated:SimulatedRig",
 }
 """Kinds of devices of this package: module and class."""
 
@@ -61,15 +61,15 @@ class DeviceError(ComputationError):
 def device_kinds() -> dict[str, Callable[[], Any]]:
     """Return what loads the class of each kind, those of installed packages included.
 
-    A package of your own names its class in the entry points `ecm.measure`:
-    `[project.entry-points."ecm.measure"]`, `my-robot = "my_package:MyRobot"`.
+    A package of your own names its class in the entry points `ecm.bench`:
+    `[project.entry-points."ecm.bench"]`, `my-robot = "my_package:MyRobot"`.
 
     Examples
     --------
     >>> sorted(device_kinds())[:2]
     ['ati-net-ft', 'line']
     """
-    own = {point.name: point.load for point in metadata.entry_points(group="ecm.measure")}
+    own = {point.name: point.load for point in metadata.entry_points(group="ecm.bench")}
     shipped = {name: _loader(place) for name, place in SHIPPED.items()}
     return own | shipped
 

@@ -26,10 +26,10 @@ from typing import Any
 
 import numpy as np
 
+from ecm.bench.devices import DeviceError
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.extras import require
-from ecm.measure.devices import DeviceError
 
 
 class LineDevice:

@@ -19,15 +19,15 @@ import numpy as np
 import pytest
 
 import ecm
+from ecm.bench import Bench, measure
+from ecm.bench.devices import DeviceError, opened
+from ecm.bench.manual import Manual
+from ecm.bench.run import envelope
 from ecm.errors import InputError
 from ecm.io.columns import POSE
 from ecm.io.description import Meta
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table, as_table, read_table
-from ecm.measure import Bench, measure
-from ecm.measure.devices import DeviceError, opened
-from ecm.measure.manual import Manual
-from ecm.measure.run import envelope
 from ecm.rig.run import run_campaign
 from ecm.rig.settings import Instruments, RigSettings
 
