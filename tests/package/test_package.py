@@ -42,7 +42,7 @@ def test_a_name_is_looked_up_once_and_another_module_may_stand_in_for_it(
 
 def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="'ecm' has no attribute 'calibrate'"):
-        _ = ecm.bench  # type: ignore[attr-defined]
+        _ = ecm.calibrate  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("name", sorted(set(COMMANDS) - {"effects", "material", "new"}))
