@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import re
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -122,14 +123,11 @@ class ActuatedModel(ModelSpecification):
     @classmethod
     def from_name(cls, name: str) -> ActuatedModel | None:
         """`actuatedD`, `actuatedD-revolution`, `actuatedD-general`, each with `:ORDER`."""
-        stem, colon, order = name.partition(":")
-        stem, dash, suffix = stem.partition("-")
-        digits = stem.removeprefix("actuated")
-        wrong = (dash and not suffix) or (colon and not order.isdecimal())
-        if digits == stem or not digits.isdecimal() or wrong:
+        found = re.fullmatch(r"actuated(\d+)(?:-([^:]+))?(?::(\d+))?", name)
+        if found is None:
             return None
-        symmetry: Any = suffix or "alike"
-        return cls(int(digits), symmetry, int(order) if order else ORDER)
+        degree, symmetry, order = found.groups()
+        return cls(int(degree), cast(Symmetry, symmetry or "alike"), int(order or ORDER))
 
     def fit_map(
         self, table: Table, weights: Weights, progress: Progress | None = None

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
-from typing import Any
+from typing import cast
 
 import numpy as np
 
@@ -88,12 +89,11 @@ class EnergyModel(ModelSpecification):
     def from_name(cls, name: str) -> EnergyModel | None:
         """`energyD`, `energyD-revolution`, `energyD-general`, each with `+group`."""
         stem, *groups = name.split("+")
-        stem, dash, suffix = stem.partition("-")
-        digits = stem.removeprefix("energy")
-        if digits == stem or not digits.isdecimal() or (dash and not suffix):
+        found = re.fullmatch(r"energy(\d+)(?:-(.+))?", stem)
+        if found is None:
             return None
-        symmetry: Any = suffix or "alike"
-        return cls(int(digits), symmetry, tuple(groups))
+        degree, symmetry = found.groups()
+        return cls(int(degree), cast(Symmetry, symmetry or "alike"), tuple(groups))
 
     @property
     def most_rows(self) -> int | None:

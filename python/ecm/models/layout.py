@@ -256,22 +256,21 @@ def _training(n: int, m: int, taken: int) -> Layout:
     )
 
 
-def check_document(document: Mapping[str, Any], own: Layout) -> None:
-    """Check all but the covariance of an opened model file.
+def check_document(document: Mapping[str, Any], count: int) -> None:
+    """Check what all families have in an opened model file.
 
     Parameters
     ----------
     document
         The document; its columns are a list of names, as `open_model` ensures.
-    own
-        Layout of the keys of its family.
+    count
+        Number of coefficients.
 
     Raises
     ------
     InputError
         A value has another type, shape or range; the message names its place.
     """
-    own(document, "")
     n, m = len(document["inputs"]), len(document["outputs"])
     residual = record({"source": text, "components": array(m, positive=True)})
     noise = document["noise"]
@@ -294,6 +293,7 @@ def check_document(document: Mapping[str, Any], own: Layout) -> None:
         },
         others=True,
     )(document, "")
+    _check_covariance(document, count)
 
 
 def _actuators(document: Mapping[str, Any]) -> list[str]:
@@ -301,7 +301,7 @@ def _actuators(document: Mapping[str, Any]) -> list[str]:
     return parameters.get("actuators", []) if isinstance(parameters, dict) else []
 
 
-def check_covariance(document: Mapping[str, Any], count: int) -> None:
+def _check_covariance(document: Mapping[str, Any], count: int) -> None:
     """Check the covariance of so many coefficients, in each of the forms that a file may have."""
     m = len(document["outputs"])
     outputs = document.get("covariance_of_outputs")

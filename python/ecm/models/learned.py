@@ -18,20 +18,9 @@ from ecm.io.events import Progress, after_a_part
 from ecm.io.extras import require
 from ecm.io.table import Table
 from ecm.models.layout import Layout, array, items, record, row
-from ecm.models.maps import (
-    MapDefaults,
-    StiffnessMap,
-    finite,
-    partial_to,
-    refuse_long_rotations,
-)
+from ecm.models.maps import MapDefaults, StiffnessMap, finite, partial_to, refuse_long_rotations
 from ecm.models.noise_estimate import declared_or_fitted
-from ecm.models.specification import (
-    FittedMap,
-    ModelSpecification,
-    Weights,
-    pose_and_wrench_columns,
-)
+from ecm.models.specification import FittedMap, ModelSpecification, Weights, pose_and_wrench_columns
 
 LEARNED = ("gp", "mlp")
 """Kinds of maps without columns of coefficients that a refit could change."""

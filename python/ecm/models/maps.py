@@ -472,13 +472,11 @@ def wrench_variances(base: StiffnessMap, covariance: F, poses: F) -> F:
     >>> wrench_variances(model.base, model.covariance, np.zeros((2, 1))).shape
     (2, 1)
     """
-    if isinstance(base, PolynomialMap):
-        shares = _OwnVariances.of(base, covariance)
-        return np.concatenate([np.zeros((0, len(base.outputs))), *in_blocks(
-            len(poses), lambda block: shares.at(np.ascontiguousarray(poses[block])))])  # fmt: skip
+    shares = _OwnVariances.of(base, covariance) if isinstance(base, PolynomialMap) else None
 
     def of_block(block: slice) -> F:
-        return variances_of(base.columns(np.ascontiguousarray(poses[block])), covariance)
+        part = np.ascontiguousarray(poses[block])
+        return shares.at(part) if shares else variances_of(base.columns(part), covariance)
 
     blocks = in_blocks(len(poses), of_block)
     return np.concatenate([np.zeros((0, len(base.outputs))), *blocks])

@@ -32,10 +32,7 @@ from ecm.models.physics.refit import PhysicsModel, physics_prior
 from ecm.models.registry import parse_model
 from ecm.models.specification import CHOOSE
 from ecm.regression.blocks import MANY_ROWS
-from ecm.regression.folds import (
-    spread_rows,
-    without_zero_readings,
-)
+from ecm.regression.folds import spread_rows, without_zero_readings
 from ecm.regression.noise import Noise
 from ecm.regression.rows import Rows, is_whole, naming_wild_readings
 

@@ -9,15 +9,7 @@ from ecm.errors import InputError
 from ecm.models.actuated import ActuatedModel
 from ecm.models.energy import EnergyModel
 from ecm.models.expression import Expression
-from ecm.models.layout import (
-    anything,
-    check_covariance,
-    check_document,
-    items,
-    named,
-    record,
-    text,
-)
+from ecm.models.layout import anything, check_document, items, named, record, text
 from ecm.models.learned import GaussianProcessModel, NeuralNetworkModel
 from ecm.models.maps import StiffnessMap
 from ecm.models.partial import MEASURED, MeasuredMap
@@ -93,15 +85,17 @@ def _of_name(name: str) -> ModelSpecification:
 
 def map_from_document(document: dict[str, Any]) -> StiffnessMap:
     """Return the map of an opened model file, whose layout is checked; InputError where wrong."""
-    if document["kind"] == MEASURED:
-        check_document(document, record({"parameters": named(anything)}, others=True))
-        base: StiffnessMap = _measured(document)
-    else:
-        sizes = len(document["inputs"]), len(document["outputs"])
-        check_document(document, _family_of(document).layout(*sizes))
-        base = _family_of(document).map_from_document(document)
-    check_covariance(document, len(base.coefficients))
+    measured = document["kind"] == MEASURED
+    base: StiffnessMap = _measured(document) if measured else _whole(document, "")
+    check_document(document, len(base.coefficients))
     return base
+
+
+def _whole(document: dict[str, Any], place: str) -> StiffnessMap:
+    """The map of a document at some place of the file, which is checked by its family's layout."""
+    family = _family_of(document)
+    family.layout(len(document["inputs"]), len(document["outputs"]))(document, place)
+    return family.map_from_document(document)
 
 
 def _family_of(document: dict[str, Any]) -> type[ModelSpecification]:
@@ -114,12 +108,11 @@ def _family_of(document: dict[str, Any]) -> type[ModelSpecification]:
 
 def _measured(document: dict[str, Any]) -> MeasuredMap:
     """Some wrench columns of a whole map, which is a document of its own."""
+    record({"parameters": named(anything)}, others=True)(document, "")
     own, names = dict(document["parameters"]), tuple(document["outputs"])
     columns = record({"inputs": items(text), "outputs": items(text)}, others=True)
     columns(own, "parameters")
-    family = _family_of(own)
-    family.layout(len(own["inputs"]), len(own["outputs"]))(own, "parameters")
-    whole = family.map_from_document(own)
+    whole = _whole(own, "parameters")
     if not set(names) < set(whole.outputs) or whole.inputs != tuple(document["inputs"]):
         raise InputError(f"outputs = {list(names)} of a map of {', '.join(whole.outputs)}")
     return MeasuredMap(whole, names)

@@ -28,19 +28,8 @@ from ecm.io.table import Table
 from ecm.models.layout import Layout, exactly, number, record
 from ecm.models.maps import EnergyTerms, SixAxisMap, StiffnessMap, finite, partial_to
 from ecm.models.noise_estimate import declared_or_fitted
-from ecm.models.partial import (
-    fit_measured,
-    is_partial,
-    need_pose,
-    need_whole_wrench,
-    whole_map,
-)
-from ecm.models.specification import (
-    FittedMap,
-    ModelSpecification,
-    Weights,
-    length_of,
-)
+from ecm.models.partial import fit_measured, is_partial, need_pose, need_whole_wrench, whole_map
+from ecm.models.specification import FittedMap, ModelSpecification, Weights, length_of
 
 _FIT_ITERATIONS = 15
 
