@@ -45,7 +45,6 @@ from ecm.diagnosis.statements import (
 from ecm.diagnosis.summary import (
     Summary,
     diagnosis_report,
-    directions,
     path_taken,
     source_of_noise,
     verdict_sentence,
@@ -373,7 +372,7 @@ def _report(decision: Decision, seed: int, judged: Future[GivenModel]) -> Diagno
         upper_bound=upper_bound(decision.gate.smooth, problem.size),
         left_over=decision.left,
         look_alikes=_outside_causes(decision),
-        directions=(directions(final) or None) if decision.answer else None,
+        directions=_ways(final) if decision.answer else None,
         refinements=tuple(refinements(problem, accepted)),
         warnings=(
             *zero_column_sentences(prepared.zero_columns),
@@ -385,6 +384,12 @@ def _report(decision: Decision, seed: int, judged: Future[GivenModel]) -> Diagno
         model=judged.result(),
         rmse=_component_errors(judged.result().as_given.rmse, problem, final, ceiling),
     )
+
+
+def _ways(final: JointFit) -> dict[str, str] | None:
+    """Return which way each accepted effect acts, where its id leaves that open."""
+    ways = {item.id: item.effect.way(final.rows, item.values) for item in final.effects}
+    return {id: way for id, way in ways.items() if way} or None
 
 
 def upper_bound(test: FTest, size: int) -> float:

@@ -144,6 +144,28 @@ class StrainStiffening(LinearEffect):
             return np.concatenate([columns, self._by_energy(rows)], axis=2)
         return columns
 
+    def way(self, rows: Rows, values: F) -> str:
+        """Whether the stiffness grows or falls, with the load or with its pull.
+
+        The correction over the base's wrench is fitted by a constant, the size of the wrench and
+        the force along the body; the one of the last two that changes it more gives the words.
+        """
+        loaded = ~rows.unloaded
+        wrench, correction = (part[loaded] for part in (rows.wrench, self.correction(rows, values)))
+        spread = np.sqrt((wrench**2).mean(axis=0))
+        spread = np.where(spread > 0.0, spread, 1.0)
+        pull = np.einsum("ni,ni->n", rows.rotation[loaded][:, :, 0], wrench[:, :3])
+        wrench, correction = wrench / spread, correction / spread
+        size = np.linalg.norm(wrench, axis=1)
+        known = np.stack([np.ones_like(size), size / size.std(), pull / pull.std()], axis=1)
+        # Rows weigh by their squared load: where there is none, the share means nothing.
+        slopes = np.linalg.lstsq(
+            known * size[:, None], (correction * wrench).sum(axis=1) / size, rcond=None
+        )[0]
+        where = ("at large loads", "in tension than in compression")
+        by = 1 + int(np.argmax(np.abs(slopes[1:])))
+        return f"{'stiffer' if slopes[by] > 0.0 else 'softer'} {where[by - 1]}"
+
     def _by_energy(self, rows: Rows) -> F:
         """h W / W_0, the gradient of W^2 / (2 W_0); W = q Q / 2, W_0 that of an axial strain e0."""
         rest = rest_stiffness(rows)

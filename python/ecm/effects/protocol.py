@@ -259,6 +259,10 @@ class Effect:
         """A plainer effect without this one's own sign, which may explain as much; here none."""
         return None
 
+    def way(self, rows: Rows, values: F) -> str:
+        """Which way it acts with these values, where its id leaves that open; here no words."""
+        return ""
+
     def correction(self, rows: Rows, values: F) -> F:
         """(N, m) change of the predicted wrench for parameter values (k,); a subclass gives it."""
         raise NotImplementedError(f"effect {self.id} has no correction")
