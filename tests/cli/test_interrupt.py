@@ -166,13 +166,6 @@ def test_an_interruption_tells_which_files_are_complete(tmp_path: Path) -> None:
 # --- pairs of files ------------------------------------------------------------
 
 
-@pytest.fixture
-def candidates(tmp_path: Path) -> Path:
-    table = as_table(neck_columns(30), meta=Meta(mechanism={"length_m": 0.1}))
-    table.write(tmp_path / "c.csv")
-    return tmp_path / "c.csv"
-
-
 def test_a_plan_that_was_cut_between_its_files_is_completed(
     tmp_path: Path, ecm_command: Command
 ) -> None:

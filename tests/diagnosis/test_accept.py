@@ -22,14 +22,13 @@ from ecm.diagnosis.problem import Candidate, Problem, assemble
 from ecm.diagnosis.search import rank, search
 from ecm.diagnosis.settings import DEFAULTS
 from ecm.effects import Rows, all_effects, get_effect
-from ecm.io.columns import WRENCH
 from ecm.io.description import FileMeta
 from ecm.io.table import Table
 from ecm.models.fit import choose_base
 from ecm.regression.folds import folds, held_out_by, row_groups
 from ecm.regression.noise import declared_noise, whiteners
 from support.acceptance import acceptance_check
-from support.campaigns import campaign, model, physics
+from support.campaigns import campaign, model, physics, with_change
 
 F = NDArray[np.float64]
 PASSES = AcceptanceCheck(
@@ -51,12 +50,6 @@ FAILS = {
     "explained_in_bounds": KEPT_WITHIN_BOUNDS,
     "own_seen": False,
 }
-
-
-def with_change(table: Table, change: F) -> Table:
-    return table.with_columns(
-        {name: table.column(name) + change[:, j] for j, name in enumerate(WRENCH)}
-    )
 
 
 def effect_of(id: str, values: list[float], strength: float, table: Table) -> F:

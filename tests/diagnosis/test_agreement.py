@@ -21,15 +21,12 @@ from ecm.io.description import FileMeta, Instrument, Meta
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
 from ecm.models.refit import refit
-from support.campaigns import campaign, workspace_poses
+from support.campaigns import INSTRUMENT, campaign, workspace_poses
 from support.neck import Done, columns_of
 from support.stand_in import L, wrench
 
 Command = Callable[..., Done]
 LENGTH = {"length_m": L}
-INSTRUMENT = Instrument(
-    pose_position_sd_m=1e-9, pose_rotation_sd_rad=1e-9, force_sd_N=0.3, torque_sd_Nm=0.01
-)
 
 
 def neck(

@@ -15,7 +15,6 @@ from ecm.diagnosis.problem import Problem, assemble
 from ecm.effects import get_effect
 from ecm.effects.relaxation import StressRelaxation
 from ecm.errors import ComputationError
-from ecm.io.columns import WRENCH
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
 from ecm.models.file import effect_document, effect_of
@@ -23,16 +22,10 @@ from ecm.models.fit import choose_base
 from ecm.models.joint_fit import FittedEffect
 from ecm.models.refit import refit, refuse_worse
 from support.acceptance import acceptance_check
-from support.campaigns import campaign, model
+from support.campaigns import campaign, model, with_change
 from support.neck import Done
 
 Command = Callable[..., Done]
-
-
-def with_change(table: Table, change: np.ndarray) -> Table:
-    return table.with_columns(
-        {name: table.column(name) + change[:, j] for j, name in enumerate(WRENCH)}
-    )
 
 
 def problem_of(table: Table) -> Problem:

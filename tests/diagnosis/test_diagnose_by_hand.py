@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ecm import _native
 from ecm.diagnosis import Diagnosis, diagnose
-from ecm.io.columns import VELOCITY, WRENCH
+from ecm.io.columns import VELOCITY
 from ecm.io.se3 import left_jacobian_inverse, rotate, rotation, transpose
 from ecm.io.table import Table
 from ecm.models import Model, fit_model, surrogate_of
@@ -19,6 +19,7 @@ from ecm.models.rod import RodMap
 from ecm.regression.approach import pose_before
 from support import stand_in
 from support.campaigns import campaign, found_in, model, workspace_poses
+from support.campaigns import with_change as with_wrench
 from support.neck import columns_of
 from support.stand_in import L
 
@@ -29,10 +30,7 @@ METRIC: F = np.array([1.0, 1.0, 1.0, L, L, L])
 
 def with_change(table: Table, change: F) -> Table:
     """The table with a change (N, 6) of the wrench wherever the mechanism hangs on the sensor."""
-    loaded = table.text("kind") != "unloaded"
-    return table.with_columns(
-        {name: table.column(name) + change[:, j] * loaded for j, name in enumerate(WRENCH)}
-    )
+    return with_wrench(table, change * (table.text("kind") != "unloaded")[:, None])
 
 
 def named(table: Table) -> Diagnosis:

@@ -24,13 +24,10 @@ from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.maps import StiffnessMap
 from ecm.regression.noise import Noise
 from ecm.regression.rows import naming_wild_readings
-from support.campaigns import workspace_poses
+from support.campaigns import INSTRUMENT, workspace_poses
 from support.neck import columns_of
 from support.stand_in import L, wrench
 
-INSTRUMENT = Instrument(
-    pose_position_sd_m=1e-9, pose_rotation_sd_rad=1e-9, force_sd_N=0.3, torque_sd_Nm=0.01
-)
 META = Meta(mechanism={"length_m": L}, instrument=INSTRUMENT)
 
 

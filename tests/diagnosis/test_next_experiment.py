@@ -10,7 +10,6 @@ import numpy as np
 from ecm.designs import Design, diagnosable_plan, paper_plan
 from ecm.diagnosis import diagnose
 from ecm.effects import Rows, get_effect
-from ecm.io.columns import WRENCH
 from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
@@ -21,6 +20,7 @@ from support.campaigns import (
     model,
     physics,
     plan,
+    with_change,
     workspace_poses,
 )
 from support.stand_in import L, StandIn
@@ -39,8 +39,7 @@ def test_warm_and_cold_poses_separate_temperature_from_age() -> None:
     """Both grow with time; after the proposed warm-up one of them is sure."""
     table = warming()
     change = get_effect("temperature_modulus").correction(Rows(table, physics()), np.array([6e-3]))
-    hidden = {name: table.column(name) + change[:, j] for j, name in enumerate(WRENCH)}
-    found = diagnose(model(), table.with_columns(hidden))
+    found = diagnose(model(), with_change(table, change))
     assert found.verdict == "ambiguous"
     assert set(found.answer[0]) == {"ageing", "temperature_modulus"}
     lists_of_the_interface(json.loads(json.dumps(found.to_dict(), allow_nan=False)))
@@ -61,8 +60,7 @@ def test_two_classes_are_told_apart_in_one_session() -> None:
     rows = Rows(table, physics())
     change = get_effect("temperature_modulus").correction(rows, np.array([1.2e-2]))
     change = change + get_effect("length_error").correction(rows, np.array([1.5e-4]))
-    hidden = {name: table.column(name) + change[:, j] for j, name in enumerate(WRENCH)}
-    found = diagnose(model(), table.with_columns(hidden))
+    found = diagnose(model(), with_change(table, change))
     assert sum(len(members) > 1 for members in found.answer) == 2, found.answer
     session = found.next_experiment[0]
     parts = session.action.split(" + ")

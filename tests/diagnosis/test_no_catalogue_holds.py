@@ -15,17 +15,10 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import FileMeta, Instrument, Meta
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
-from support.campaigns import workspace_poses
+from support.campaigns import META, NOISE, workspace_poses
 from support.stand_in import L, wrench
 
 ROWS = 160
-NOISE = np.array([0.3, 0.3, 0.3, 0.01, 0.01, 0.01])
-META = Meta(
-    mechanism={"length_m": L},
-    instrument=Instrument(
-        pose_position_sd_m=1e-9, pose_rotation_sd_rad=1e-9, force_sd_N=0.3, torque_sd_Nm=0.01
-    ),
-)
 
 
 class Visits:

@@ -20,13 +20,11 @@ from ecm.io.description import Instrument, Meta, read_meta
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
 from ecm.models.fit import polynomial
+from support.campaigns import INSTRUMENT
 from support.meshes import block_mesh
 from support.neck import LENGTH_M, neck_columns
 
 ALL = (*POSE, *WRENCH)
-INSTRUMENT = Instrument(
-    pose_position_sd_m=1e-9, pose_rotation_sd_rad=1e-9, force_sd_N=0.3, torque_sd_Nm=0.01
-)
 BODY = {"length_m": LENGTH_M}
 
 

@@ -11,12 +11,11 @@ from ecm.diagnosis import Diagnosis, diagnose
 from ecm.diagnosis.procedure import find_missing
 from ecm.io.table import Table, as_table
 from ecm.models import Model, PhysicsMap, fit_model
-from support.campaigns import workspace_poses
+from support.campaigns import NOISE, workspace_poses
 from support.neck import columns_of
 from support.stand_in import L, wrench
 
 F = np.ndarray
-NOISE = np.array([0.3, 0.3, 0.3, 0.01, 0.01, 0.01])
 EFFECTS = ("base_frame_misalignment", "payload", "fts_frame")
 
 

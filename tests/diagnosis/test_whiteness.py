@@ -11,22 +11,13 @@ from ecm.diagnosis.preparation import prepare
 from ecm.diagnosis.problem import Problem, assemble
 from ecm.effects import get_effect
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
 from ecm.models.fit import choose_base
-from support.campaigns import workspace_poses
+from support.campaigns import META, NOISE, workspace_poses
 from support.one_angle import META as ONE_ANGLE
 from support.one_angle import cycles, spring
-from support.stand_in import L, wrench
-
-META = Meta(
-    mechanism={"length_m": L},
-    instrument=Instrument(
-        pose_position_sd_m=1e-9, pose_rotation_sd_rad=1e-9, force_sd_N=0.3, torque_sd_Nm=0.01
-    ),
-)
-NOISE = np.array([0.3, 0.3, 0.3, 0.01, 0.01, 0.01])
+from support.stand_in import wrench
 
 
 def measured(seed: int, rows: int = 150, change: object = None) -> Table:

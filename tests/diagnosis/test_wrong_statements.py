@@ -14,21 +14,14 @@ from ecm.diagnosis.procedure import find_missing
 from ecm.effects.check import check
 from ecm.io.columns import WRENCH
 from ecm.io.conventions import wrong_convention
-from ecm.io.description import Instrument, Meta
+from ecm.io.description import Meta
 from ecm.io.table import Table, as_table, read_table
 from ecm.models import fit_model
-from support.campaigns import campaign, model, workspace_poses
+from support.campaigns import META, NOISE, campaign, model, workspace_poses
 from support.neck import ROOT, columns_of
 from support.stand_in import L, wrench
 
 F = np.ndarray
-NOISE = np.array([0.3, 0.3, 0.3, 0.01, 0.01, 0.01])
-META = Meta(
-    mechanism={"length_m": L},
-    instrument=Instrument(
-        pose_position_sd_m=1e-9, pose_rotation_sd_rad=1e-9, force_sd_N=0.3, torque_sd_Nm=0.01
-    ),
-)
 
 
 def turned(axis: str, degrees: float) -> F:

@@ -1,4 +1,4 @@
-"""Tutorials, guides, explanations and notebooks run as they stand, and print what they say."""
+"""README, tutorials, guides, explanations and notebooks run as they stand, with what they print."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ import pytest
 
 from docsite.notebook_page import NOTEBOOKS
 from docsite.notebook_page import page as notebook_page
+from ecm.models import PhysicsMap
+from support.jobs import copy_cases
 from support.neck import ROOT
 from support.pages import blocks, follow, run_here
 
@@ -29,6 +31,17 @@ def test_a_page_runs_and_prints_what_it_says(
     monkeypatch.setenv("COLUMNS", "100")
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     follow(blocks(page), page.name, tmp_path, run_here)
+
+
+def test_the_readme_runs_but_for_the_two_commands_of_make(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, quick_job: Path, neck_physics: PhysicsMap
+) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    copy_cases(quick_job, tmp_path / "simulated.parts")  # `ecm simulate` goes on from them
+    found = [b for b in blocks(ROOT / "README.md") if "make demo" not in b.text]
+    assert found
+    follow(found, "README.md", tmp_path, run_here)
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

@@ -10,8 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ecm.effects import all_effects
-from ecm.effects.registry import effects_of_actuators
 from ecm.errors import InputError
 from ecm.io.se3 import rotate, rotation
 from ecm.io.table import Table, read_table
@@ -59,12 +57,6 @@ def test_the_wanted_strength_is_reached(effect: str) -> None:
         assert excess == pytest.approx(np.hypot(1.0, wanted), abs=0.12)
     # Nearly proportional, with the same sign and shape.
     assert 3.0 < sizes[1] / sizes[0] < 5.5
-
-
-def test_thirty_effects_of_the_catalogue_can_be_hidden() -> None:
-    known = {effect.id for effect in (*all_effects(), *effects_of_actuators())}
-    assert len(AT_REST) >= 30
-    assert set(TRUE_EFFECTS) <= known
 
 
 def test_a_remount_by_90_degrees_turns_the_anisotropy_over() -> None:

@@ -13,13 +13,19 @@ from ecm.diagnosis import Diagnosis, diagnose
 from ecm.diagnosis.verdict import Decision
 from ecm.effects import all_effects, get_effect
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.description import Meta
+from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table
 from ecm.models import Model, PhysicsMap, surrogate_of
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from support.stand_in import L, StandIn, wrench
 
 F = NDArray[np.float64]
+NOISE = np.array([0.3, 0.3, 0.3, 0.01, 0.01, 0.01])
+INSTRUMENT = Instrument(
+    pose_position_sd_m=1e-9, pose_rotation_sd_rad=1e-9, force_sd_N=0.3, torque_sd_Nm=0.01
+)
+META = Meta(mechanism={"length_m": L}, instrument=INSTRUMENT)
+"""Exact poses, and wrenches with `NOISE`, as it is declared."""
 
 
 def workspace_poses(count: int, seed: int) -> F:
@@ -71,6 +77,13 @@ def _campaign(hidden: str, strength: float, seed: int) -> Table:
 def model() -> Model:
     """The physics model before any measurement."""
     return Model(base=physics())
+
+
+def with_change(table: Table, change: F) -> Table:
+    """The table with a wrench (N, 6) more."""
+    return table.with_columns(
+        {name: table.column(name) + change[:, j] for j, name in enumerate(WRENCH)}
+    )
 
 
 def diagnosis_of(hidden: str = "", strength: float = 1.0, seed: int = 0) -> Diagnosis:
