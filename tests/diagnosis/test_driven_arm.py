@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 import ecm
 from ecm.diagnosis import diagnose
 from ecm.diagnosis.problem import assemble
-from ecm.diagnosis.search import rank
+from ecm.diagnosis.search import rank, search
 from ecm.effects import effects_of
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
@@ -20,6 +21,7 @@ from ecm.models.actuated import ActuatedMap
 from ecm.models.fit import choose_base
 from support.driven import ARM, PRESSURES, arm_table
 
+PAIRED = "pressure_offset"
 FIGURES = {"force_sd_N": 0.004, "torque_sd_Nm": 1.2e-4}
 
 
@@ -77,13 +79,18 @@ def test_one_degree_more_is_taken_by_what_it_predicts() -> None:
     assert (verdict, classes) == ("named", [("pressure_offset",)])
 
 
-def test_two_effects_of_which_neither_shows_alone_are_named() -> None:
-    """What a shared supply adds to the first chamber, a regulator's zero takes away."""
-
-    def acting(inputs: F) -> F:
-        others = inputs[:, 1:].mean(axis=1)
-        return inputs + (0.18 * others - 1200.0)[:, None] * [1.0, 0.0, 0.0]
-
-    verdict, classes = named(read(40, 2, acting, 1))
-    assert verdict in ("named", "ambiguous")
-    assert sorted(members[0] for members in classes) == ["pressure_cross_talk", "pressure_offset"]
+def test_two_effects_of_which_neither_shows_alone_are_found_beyond_chance() -> None:
+    """Each hides what the other does: alone they explain 1, together 144, or 19."""
+    table = read(30, 1, off(0.0), 0)
+    base = choose_base(fit_model(table, "actuated4", force=True), table)
+    problem = assemble(base, table, effects_of(table))
+    pair = [next(c for c in problem.candidates if c.id == id) for id in ("payload", PAIRED)]
+    one, two = (item.columns[0] for item in pair)
+    size = problem.design.shape[2]
+    for length, expected in ((60.0, {"payload", PAIRED}), (22.0, set())):
+        matrix, vector = np.eye(size), np.zeros(size)
+        matrix[one, two] = matrix[two, one] = -0.98
+        vector[[one, two]] = 0.02 * length
+        hidden = replace(problem, reduced=(matrix, vector))
+        assert rank(hidden)[0].delta_bic < hidden.settings.least_bic
+        assert {item.id for item in search(hidden, rank(hidden))} == expected

@@ -510,7 +510,6 @@ def assemble(
     effects: Sequence[Effect],
     noise: Noise | None = None,
     settings: DiagnosisSettings = DEFAULTS,
-    *,
     around: StiffnessMap | None = None,
 ) -> Problem:
     """Fit the base, estimate the noise, whiten, weight, and drop what cannot be tested.

@@ -460,9 +460,7 @@ def decide(
         if around is None:
             break
         found = {item.id for item in chosen}
-        problem = stages.assemble(
-            problem.base, problem.table, effects, problem.noise, settings, around=around
-        )
+        problem = assemble(problem.base, problem.table, effects, problem.noise, settings, around)
         ranking = stages.rank(problem)
         chosen = stages.search(problem, ranking)
         if {item.id for item in chosen} == found:
