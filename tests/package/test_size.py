@@ -9,15 +9,15 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (39_320, 209),
-    "benches": (6_430, 53),
-    "examples": (1_460, 13),
-    "tests": (28_620, 216),
-    "crates": (34_100, 199),
+    "python/ecm": (39_908, 209),
+    "benches": (6_121, 53),
+    "examples": (1_470, 13),
+    "tests": (29_077, 219),
+    "crates": (34_092, 199),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: bodies
-with actuation inside (tendons, windings, given volumes, the driven rig, exports with inputs), and
-their model in three files by idea."""
+"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a plan
+through the devices of a real rig (`ecm.bench` and its tests, 1,000 and 370 lines); the other rooms
+together lost 500 lines."""
 
 
 @pytest.mark.parametrize("part", PARTS)
