@@ -16,6 +16,7 @@ import json
 import logging
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
@@ -46,7 +47,15 @@ from ecm.rig.plan import (
     split_by_limits,
 )
 from ecm.rig.plan import POSE as AT_POSE
-from ecm.rig.readings import HEADER, Journal, Reading, journal_path, keep_data
+from ecm.rig.readings import (
+    HEADER,
+    Journal,
+    Reading,
+    journal_path,
+    keep_data,
+    spread_columns,
+    visit_columns,
+)
 from ecm.rig.timeline import Timeline, timeline_of
 
 _ENOUGH_REPEATS = 5
@@ -58,6 +67,8 @@ _MOVED = 6.0
 """Standard deviations by which the rest pose may differ from the first look at it."""
 _ENDS_S = 2.0
 """Seconds for which an interrupted run may finish the reading that is under way."""
+_AN_EPOCH_S = 1e8
+"""A time stamp beyond it counts from 1970, not from the begin of a run."""
 _SATURATED = 0.999
 """Share of the sensor's range from which a reading counts as clipped."""
 
@@ -666,22 +677,13 @@ def _table(run: Run, plan: Table, out: Path) -> Table:
     rows = [i for i, taken in enumerate(run.taken) if taken.kind != OFFSET]
     taken = [run.taken[i] for i in rows]
     visits = [run.timeline.visits[one.number] for one in taken]
-    repeats: dict[tuple[str, int], int] = {}
-    count = []
-    for one, visit in zip(taken, visits, strict=True):
+    repeats = Counter[tuple[str, int]]()
+    for i, (one, visit) in enumerate(zip(taken, visits, strict=True)):
         key = (one.kind, visit.pose_id)
-        count.append(repeats.get(key, 0))
-        repeats[key] = count[-1] + 1
-    began = run.taken[0].time_s if run.taken[0].time_s > 1e8 else 0.0
-    columns: dict[str, Any] = {
-        "pose_id": np.asarray([float(visit.pose_id) for visit in visits]),
-        "run": np.asarray([float(visit.run) for visit in visits]),
-        "repeat": np.asarray(count, dtype=np.float64),
-        "time_s": np.asarray([one.time_s - began for one in taken]),
-        "dwell_s": np.asarray([visit.dwell_s for visit in visits]),
-        "approach": np.asarray([visit.approach for visit in visits], dtype=object),
-        "kind": np.asarray([one.kind for one in taken], dtype=object),
-    }
+        visits[i] = replace(visit, kind=one.kind, repeat=repeats[key])
+        repeats[key] += 1
+    began = run.taken[0].time_s if run.taken[0].time_s > _AN_EPOCH_S else 0.0
+    columns = visit_columns(visits, np.asarray([one.time_s - began for one in taken]))
     readings = [one.reading for one in taken]
     columns |= dict(zip(POSE, np.stack([r.pose for r in readings]).T.copy(), strict=True))
     columns |= dict(zip(WRENCH, wrenches[rows].T.copy(), strict=True))
@@ -689,9 +691,7 @@ def _table(run: Run, plan: Table, out: Path) -> Table:
         degrees = np.asarray([getattr(reading, name) for reading in readings])
         if np.isfinite(degrees).all():
             columns[name] = degrees
-    spreads = np.stack([[*r.pose_sd, *r.wrench_sd] for r in readings])
-    names = (f"sd_{name}" for name in (*POSE, *WRENCH))
-    columns |= dict(zip(names, spreads.T.copy(), strict=True))
+    columns |= spread_columns(readings)
     known, bench = plan.meta, run.bench
     meta = Meta(
         mechanism=known.mechanism,

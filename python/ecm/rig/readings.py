@@ -7,7 +7,7 @@ after them; when the last one is there the table is written and the journal goes
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -30,7 +30,7 @@ from ecm.rig.timeline import stream
 
 if TYPE_CHECKING:
     from ecm.rig.calibration import Calibration
-    from ecm.rig.plan import Skipped, Visits
+    from ecm.rig.plan import Skipped, Visit, Visits
     from ecm.rig.plant import Plant
     from ecm.rig.settings import RigSettings
     from ecm.rig.timeline import Climate, Timeline
@@ -286,16 +286,7 @@ def table_of(campaign: CampaignState, readings: list[Reading], truth_sha256: str
     visits = campaign.timeline.visits
     rows = [i for i, v in enumerate(visits) if v.kind != OFFSET]
     taken = [visits[i] for i in rows]
-    columns: dict[str, NDArray[Any]] = {
-        "pose_id": np.asarray([v.pose_id for v in taken], dtype=np.float64),
-        "run": np.asarray([v.run for v in taken], dtype=np.float64),
-        "repeat": np.asarray([v.repeat for v in taken], dtype=np.float64),
-        "time_s": _stamps(campaign, rows),
-        "dwell_s": np.asarray([v.dwell_s for v in taken]),
-        "approach": np.asarray([v.approach for v in taken], dtype=object),
-        "kind": np.asarray([v.kind for v in taken], dtype=object),
-    }
-    spreads = np.stack([[*readings[i].pose_sd, *readings[i].wrench_sd] for i in rows])
+    columns = visit_columns(taken, _stamps(campaign, rows))
     optics = Optics(campaign.settings.instrument)
     columns["leds_visible"] = optics.visible(poses[rows]).sum(axis=1).astype(np.float64)
     columns |= dict(zip(POSE_NAMES, poses[rows].T.copy(), strict=True))
@@ -304,12 +295,31 @@ def table_of(campaign: CampaignState, readings: list[Reading], truth_sha256: str
     columns |= dict(zip(campaign.plan.actuation_columns, inputs.T.copy(), strict=True))
     columns["temperature_degC"] = np.asarray([readings[i].temperature_degC for i in rows])
     columns["sensor_temperature_degC"] = warm[rows]
-    names = (f"sd_{name}" for name in (*POSE_NAMES, *WRENCH_NAMES))
-    columns |= dict(zip(names, spreads.T.copy(), strict=True))
+    columns |= spread_columns([readings[i] for i in rows])
     skipped = tuple(
         f"row {s.row + 1}, pose {s.pose_id}: skipped: {s.reason}" for s in campaign.skipped
     )
     return Table(columns, described(campaign, truth_sha256), "campaign", skipped)
+
+
+def visit_columns(visits: Sequence[Visit], time_s: F) -> dict[str, NDArray[Any]]:
+    """The columns of a table that say what each of N rows is; time_s (N,)."""
+    return {
+        "pose_id": np.asarray([v.pose_id for v in visits], dtype=np.float64),
+        "run": np.asarray([v.run for v in visits], dtype=np.float64),
+        "repeat": np.asarray([v.repeat for v in visits], dtype=np.float64),
+        "time_s": time_s,
+        "dwell_s": np.asarray([v.dwell_s for v in visits]),
+        "approach": np.asarray([v.approach for v in visits], dtype=object),
+        "kind": np.asarray([v.kind for v in visits], dtype=object),
+    }
+
+
+def spread_columns(readings: Sequence[Reading]) -> dict[str, NDArray[Any]]:
+    """The columns of the standard deviations within each window."""
+    spreads = np.stack([[*r.pose_sd, *r.wrench_sd] for r in readings])
+    names = (f"sd_{name}" for name in (*POSE_NAMES, *WRENCH_NAMES))
+    return dict(zip(names, spreads.T.copy(), strict=True))
 
 
 def _stamps(campaign: CampaignState, rows: list[int]) -> F:
