@@ -131,6 +131,23 @@ def test_a_spring_is_measured_and_fitted(tmp_path: Path) -> None:
     assert table.warnings == ()
 
 
+def test_the_progress_says_how_far_a_row_is_from_a_model(tmp_path: Path) -> None:
+    model = ecm.fit_model(run(plan_of(), Rig(), tmp_path / "first.csv"), "linear")
+    rig, words = Rig(), list[str]()
+    rig.outliers = {5}
+    run(
+        plan_of(),
+        rig,
+        tmp_path / "data.csv",
+        model=model,
+        progress=lambda done, total, what: words.append(what),
+    )
+    said = [float(word.split()[1]) for word in words if "N or" in word]
+    assert len(said) == 12
+    assert max(said) == said[3] == pytest.approx(5.0 * np.sqrt(3.0), rel=0.1)
+    assert sorted(said)[-2] < 0.1
+
+
 def test_a_pose_beyond_the_limits_moves_nothing(tmp_path: Path) -> None:
     rig = Rig()
     with pytest.raises(InputError, match=r"row 4: 3\.0 mm from rest, limit 2 mm \(shift_m\)"):

@@ -110,6 +110,8 @@ class Run:
     warnings: list[str] = field(default_factory=list)
     zero: F = field(default_factory=lambda: np.zeros(6))
     """Last reading of the unloaded sensor (6,), sensor axes."""
+    model: Any = None
+    """A model to hold each row against: it has predict(poses) and stiffness(poses)."""
 
     def add(self, taken: Taken) -> None:
         """Keep a reading."""
@@ -119,6 +121,18 @@ class Run:
 
     def _weight(self, taken: Taken) -> float:
         return self.timeline.visits[taken.number].dead_weight_kg
+
+    def words(self, taken: Taken) -> str:
+        """What the progress says of a reading: how far the model is from it."""
+        if self.model is None or taken.kind != AT_POSE:
+            return "measuring"
+        pose = taken.reading.pose[None]
+        wrench = self._in_base(pose, (taken.reading.sensor - self.zero)[None])
+        off = (wrench - self.model.predict(pose))[0]
+        # Least squares: a model need not be stiff in all directions.
+        way = np.linalg.lstsq(self.model.stiffness(pose)[0], off)[0]
+        force, distance = np.linalg.norm(off[:3]), 1e3 * np.linalg.norm(way[:3])
+        return f"measuring, {force:.2g} N or {distance:.2g} mm from the model"
 
     def wrenches(self) -> F:
         """Wrenches (N, 6) of all readings, by the zero that the procedure asks for."""
@@ -521,6 +535,7 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
     out: str | Path,
     *,
     minutes: float | None = None,
+    model: Any = None,
     resume: bool = True,
     overwrite: bool = False,
     devices: Mapping[str, Device] | None = None,
@@ -539,6 +554,8 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
         Table to write, NAME.csv; every reading is in NAME.journal.csv before the next move.
     minutes
         No pose is begun after this time.
+    model
+        A model of pose and wrench: `progress` says how far each row is from it.
     resume
         Go on after the last reading of a run that was cut; False starts again.
     overwrite
@@ -548,7 +565,7 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
     say
         Gets each finding as a line.
     progress
-        Called with (done, total, "measuring").
+        Called with (done, total, words).
 
     Returns
     -------
@@ -580,6 +597,11 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
     keep_data(out, overwrite=overwrite, resume=resume)
     engine_of = require("bluesky.run_engine", "measure", "ecm measure").RunEngine
     run, _ = envelope(plan, bench)
+    run.model = model
+    if model is not None and np.shape(model.predict(run.timeline.visits[0].pose[None])) != (1, 6):
+        raise InputError(
+            "the model has not all six columns of pose and wrench, which rows are held to"
+        )
     visits = run.timeline.visits
     path = journal_path(out)
     with Journal(path, _key(plan, bench), "visit,kind,time_s," + HEADER, resume=resume) as journal:
@@ -590,7 +612,7 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
         def keep(taken: Taken) -> None:
             journal.append(taken.line())
             if progress is not None:
-                progress(taken.number + 1, len(visits), "measuring")
+                progress(taken.number + 1, len(visits), run.words(taken))
 
         if first < len(visits):
             _drive(

@@ -244,6 +244,7 @@ def measure(
     rig: Path,
     out: Path,
     minutes: float | None = None,
+    model: Path | None = None,
     dry_run: bool = False,
     yes: bool = False,
     overwrite: bool = False,
@@ -260,6 +261,8 @@ def measure(
         Table to write; NAME.journal.csv keeps each reading.
     minutes : N
         Begin no pose after N minutes.
+    model : MODEL
+        Say how far each row is from this model.
     dry_run
         Say where the mover would go, and move nothing.
     yes
@@ -286,6 +289,7 @@ def measure(
         bench,
         out,
         minutes=minutes,
+        model=None if model is None else open_model(str(model), session, visits),
         overwrite=overwrite,
         say=session.warn,
         progress=session.progress("measure"),
