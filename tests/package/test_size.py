@@ -9,10 +9,10 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (39_908, 209),
+    "python/ecm": (39_945, 209),
     "benches": (6_121, 53),
     "examples": (1_470, 13),
-    "tests": (29_077, 219),
+    "tests": (29_115, 219),
     "crates": (34_092, 199),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a plan

@@ -39,7 +39,16 @@ RESULTS = {
 WITHOUT_ARGUMENTS = {
     "ConstantCurvatureModel", "GaussianProcessModel", "NeuralNetworkModel", "RodModel",
 }  # fmt: skip
-HEAVY = {"campaign", "fem_poses", "identify", "run_campaign", "serve", "simulate", "solve_wrenches"}
+HEAVY = {
+    "campaign",
+    "fem_poses",
+    "identify",
+    "measure",
+    "run_campaign",
+    "serve",
+    "simulate",
+    "solve_wrenches",
+}
 """Functions that would work for minutes, or for ever, with a value that is right."""
 
 X = np.linspace(-0.01, 0.01, 21)

@@ -29,6 +29,7 @@ import numpy as np
 from ecm.bench.devices import Device, DeviceError, closed
 from ecm.bench.settings import Bench
 from ecm.errors import InputError, Remedy
+from ecm.io.arguments import check_arguments
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
@@ -593,6 +594,7 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
         ...
     ecm.errors.InputError: data.txt: tables are written as CSV; give a name that ends in .csv
     """
+    check_arguments(measure, locals())
     out = Path(out)
     keep_data(out, overwrite=overwrite, resume=resume)
     engine_of = require("bluesky.run_engine", "measure", "ecm measure").RunEngine

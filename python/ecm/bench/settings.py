@@ -104,11 +104,11 @@ class Bench:
     (5.0, 'manual')
     """
 
-    procedure: Procedure
-    limits: LimitsTable
-    instrument: Instrument
-    scene: Scene
-    devices: Mapping[str, DeviceTable]
+    procedure: Procedure = field(default_factory=Procedure)
+    limits: LimitsTable = field(default_factory=LimitsTable)
+    instrument: Instrument = field(default_factory=Instrument)
+    scene: Scene = field(default_factory=Scene)
+    devices: Mapping[str, DeviceTable] = field(default_factory=dict)
     where: str = "bench.toml"
 
     @staticmethod

@@ -19,6 +19,7 @@ from ecm.comparison.residuals import feature_columns
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
 from ecm.effects.protocol import UNKNOWN_LENGTH, jacobian_of
+from ecm.errors import ModelError
 from ecm.io.arrays import B, F, I
 from ecm.models.joint_fit import JointFit, base_columns, error_columns, joint_fit
 from ecm.models.noise_estimate import declared_or_fitted, estimate_noise
@@ -601,11 +602,17 @@ def base_beside(problem: Problem, chosen: Sequence[Candidate]) -> StiffnessMap |
     """Return the base as it is beside effects; None where their columns stay as they are.
 
     What is missing bends the base that is fitted without it, and so the columns that follow from
-    the base: what a pressure that is off does is the base's own G = dh/da.
+    the base: what a pressure that is off does is the base's own G = dh/da. None, too, where base
+    and effects do not converge together.
     """
     effects = [item.effect for item in chosen]
     table, noise, rows = problem.table, problem.noise, problem.rows
-    fit = joint_fit(problem.base, effects, table, noise, row_weights=problem.weights)
+    try:
+        with np.errstate(over="raise", invalid="raise"):
+            fit = joint_fit(problem.base, effects, table, noise, row_weights=problem.weights)
+    except (ModelError, FloatingPointError):
+        # Not accepted yet: what runs away from the rows is nothing to linearise around.
+        return None
     for effect in effects:
         before, after = (score_columns(own, problem.whitener, effect) for own in (rows, fit.rows))
         if np.linalg.norm(after - before) > _BENT * np.linalg.norm(before):

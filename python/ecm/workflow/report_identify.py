@@ -436,7 +436,7 @@ def loop_section(step: Mapping[str, Any], figures: Mapping[str, F]) -> Section:
     blocks: list[Block] = [
         TextBlock(_loop_sentence(step), strong=True),
         TextBlock(step["before"]["sentence"]),
-        _components(step["before"], step["after"], history[0]["name"]),
+        _components(step["before"], step["after"], history[0]["name"] if history else "the model"),
         _history_table(history),
     ]
     if history:
