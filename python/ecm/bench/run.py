@@ -21,6 +21,7 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -117,11 +118,13 @@ class Run:
     def add(self, taken: Taken) -> None:
         """Keep a reading."""
         self.taken.append(taken)
-        if taken.kind in (OFFSET, UNLOADED) and not self._weight(taken):
+        if self._reads_zero(taken):
             self.zero = taken.reading.sensor
 
-    def _weight(self, taken: Taken) -> float:
-        return self.timeline.visits[taken.number].dead_weight_kg
+    def _reads_zero(self, taken: Taken) -> bool:
+        """Whether the sensor was free, with nothing on it."""
+        weight = self.timeline.visits[taken.number].dead_weight_kg
+        return taken.kind in (OFFSET, UNLOADED) and not weight
 
     def words(self, taken: Taken) -> str:
         """What the progress says of a reading: how far the model is from it."""
@@ -137,7 +140,7 @@ class Run:
 
     def wrenches(self) -> F:
         """Wrenches (N, 6) of all readings, by the zero that the procedure asks for."""
-        zeros = [t for t in self.taken if t.kind in (OFFSET, UNLOADED) and not self._weight(t)]
+        zeros = [taken for taken in self.taken if self._reads_zero(taken)]
         readings = [t.reading for t in self.taken]
         zero = zero_at(
             np.asarray([t.time_s for t in self.taken]),
@@ -154,7 +157,7 @@ class Run:
         turned: F = turn_wrench(rotation(poses[:, 3:]), sensor @ self.top_from_sensor.T)
         return turned
 
-    @property
+    @cached_property
     def top_from_sensor(self) -> F:
         """Adjoint (6, 6) from the sensor's frame to the platform's."""
         frame = self.bench.instrument.top_from_sensor
