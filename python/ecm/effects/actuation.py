@@ -221,7 +221,10 @@ def _before(rows: Rows, inputs: F) -> F:
 
 
 class CapstanFriction(_OfActuator):
-    """A tendon loses tension along the bent body."""
+    """A tendon loses tension along the bent body.
+
+    Source: the rope on a post of Euler and Eytelwein, to first order in the bend.
+    """
 
     id = "capstan_friction"
     acts_on = "tension"
