@@ -274,25 +274,20 @@ def drawn(effect: Effect) -> tuple[Path, Effect] | None:
 
 def draw(group: str) -> None:
     """Write the picture of a family: a panel for each effect that an example can show."""
-    import matplotlib  # noqa: PLC0415 - the pages need none
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt  # noqa: PLC0415
+    from matplotlib.figure import Figure  # noqa: PLC0415 - the pages need none
 
     effects = [effect for effect in family(group)[1] if drawn(effect)]
     if not effects:
         return
     across = min(len(effects), 3)
     down = -(-len(effects) // across)
-    figure, axes = plt.subplots(
-        down, across, figsize=(3.4 * across, 2.5 * down), squeeze=False, layout="constrained"
-    )
+    figure = Figure(figsize=(3.4 * across, 2.5 * down), layout="constrained")
+    axes = figure.subplots(down, across, squeeze=False)
     for place, effect in zip(axes.flat, effects, strict=False):
         panel(place, *drawn(effect))
     for place in axes.flat[len(effects) :]:
         place.axis("off")
     figure.savefig(FOLDER / f"{group}.png", dpi=80)
-    plt.close(figure)
 
 
 def panel(axes: Any, path: Path, effect: Effect) -> None:

@@ -1,4 +1,4 @@
-"""docs/columns.md follows the list of columns in the code; the templates run."""
+"""The pages of columns and of effects follow the code; the templates run."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from ecm.io.table import read_table
 from support.neck import ROOT, Done
 
 WRITER = runpy.run_path(str(ROOT / "docs" / "columns.py"))
+EFFECTS = runpy.run_path(str(ROOT / "docs" / "effects_pages.py"))["pages"]()
 
 
 def test_every_standard_column_is_in_the_guide_once() -> None:
@@ -27,6 +28,12 @@ def test_the_page_is_the_one_that_the_code_writes() -> None:
     made = WRITER["page"]()
     page = (ROOT / "docs" / "columns.md").read_text(encoding="utf-8")
     assert page == made, "run: python docs/columns.py"
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_the_pages_of_effects_are_those_that_the_code_writes(name: str) -> None:
+    page = ROOT / "docs" / "effects" / name
+    assert page.read_text(encoding="utf-8") == EFFECTS[name], "run: python docs/effects_pages.py"
 
 
 def test_the_page_cites_files_that_exist() -> None:

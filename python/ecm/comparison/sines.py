@@ -62,7 +62,7 @@ def dynamic_stiffness(
     """
     if len(table.pose_columns) != 1 or len(table.wrench_columns) != 1 or not table.has("time_s"):
         raise InputError(
-            f"{table.source}: dynamic stiffness needs time_s, one pose and one wrench column, found "
+            f"{table.source}: a vibration needs time_s, one pose and one wrench column, found "
             f"{', '.join((*table.pose_columns, *table.wrench_columns))}; leave the others out"
         )
     ways = table.column(table.pose_columns[0])
@@ -78,7 +78,7 @@ def dynamic_stiffness(
         if len(used) < _LEAST_ROWS or time[-1] < (skip + 1.0) / frequency:
             raise InputError(
                 f"{table.source}: run {number:g} has {time[-1] * frequency:.2g} cycles, "
-                f"{skip + 1.0:g} are needed; record more, or leave out fewer (skip)"
+                f"{skip + 1.0:g} are needed; record more, or leave out fewer (`skip`)"
             )
         at = table.column("time_s")[used]
         way, _ = _harmonic(at, ways[used], frequency)
