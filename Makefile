@@ -23,7 +23,7 @@ OLDEST_RUST = $(shell sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
 
 demo: build-demo
 	@$(BIN)/ecm identify examples/neck.toml --out demo
-	@echo "Open demo/report.html in a browser."
+	@echo "Open demo/report.html in a browser, or go round the loop in one: $(BIN)/ecm app --demo"
 
 # The tests of the crates run beside those of Python: some of them use one core alone.
 test: build
