@@ -1,4 +1,4 @@
-"""The pages of columns and of effects follow the code; the templates run."""
+"""The pages of columns and effects, and the help of the page, are what scripts write."""
 
 from __future__ import annotations
 
@@ -13,8 +13,16 @@ from ecm.io.columns import STANDARD, is_standard
 from ecm.io.table import read_table
 from support.neck import ROOT, Done
 
-WRITER = runpy.run_path(str(ROOT / "docs" / "columns.py"))
-EFFECTS = runpy.run_path(str(ROOT / "docs" / "effects_pages.py"))["pages"]()
+DOCS = ROOT / "docs"
+WRITER, EFFECTS, WORDS = (
+    runpy.run_path(str(DOCS / f"{name}.py")) for name in ("columns", "effects_pages", "page_words")
+)
+WRITTEN = {
+    DOCS / "columns.md": WRITER["page"](),
+    WORDS["WORDS"]: WORDS["page"](),
+    **{DOCS / "effects" / name: text for name, text in EFFECTS["pages"]().items()},
+}
+"""What the scripts of docs/ write, by the file that is in the repository."""
 
 
 def test_every_standard_column_is_in_the_guide_once() -> None:
@@ -24,16 +32,10 @@ def test_every_standard_column_is_in_the_guide_once() -> None:
     assert all(is_standard(name) for name in names)
 
 
-def test_the_page_is_the_one_that_the_code_writes() -> None:
-    made = WRITER["page"]()
-    page = (ROOT / "docs" / "columns.md").read_text(encoding="utf-8")
-    assert page == made, "run: python docs/columns.py"
-
-
-@pytest.mark.parametrize("name", EFFECTS)
-def test_the_pages_of_effects_are_those_that_the_code_writes(name: str) -> None:
-    page = ROOT / "docs" / "effects" / name
-    assert page.read_text(encoding="utf-8") == EFFECTS[name], "run: python docs/effects_pages.py"
+@pytest.mark.parametrize("path", WRITTEN, ids=lambda path: path.name)
+def test_a_page_is_the_one_that_the_code_writes(path: Path) -> None:
+    script = {"columns.md": "columns", "words.js": "page_words"}.get(path.name, "effects_pages")
+    assert path.read_text(encoding="utf-8") == WRITTEN[path], f"run: python docs/{script}.py"
 
 
 def test_the_page_cites_files_that_exist() -> None:

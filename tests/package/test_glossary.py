@@ -10,7 +10,6 @@ from __future__ import annotations
 import ast
 import itertools
 import re
-import runpy
 from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
@@ -172,8 +171,3 @@ def test_messages_that_a_page_quotes_are_in_the_code(sources: dict[str, str]) ->
     said = re.sub(r'"\s*f?"', "", "\n".join([*sources.values(), *rust]))  # pieces of a string
     assert len(quoted) > 30
     assert [one for one in quoted if not all(part in said for part in one.split("…"))] == []
-
-
-def test_the_page_takes_its_help_from_the_glossary() -> None:
-    writer = runpy.run_path(str(ROOT / "docs" / "page_words.py"))
-    assert writer["WORDS"].read_text(encoding="utf-8") == writer["page"](), "docs/page_words.py"
