@@ -61,8 +61,9 @@ BUILD := $(STEP) "Rust core (a first build takes minutes)" $(BIN)/maturin develo
 build: setup
 	@$(BUILD)
 
+# Told no group, maturin installs all that the tests need.
 build-demo: $(VENV)/.demo
-	@$(BUILD)
+	@$(BUILD) --group demo
 
 # What maturin tells pyo3: told otherwise, clippy and the next build would each compile it anew.
 PYO3 = $(addprefix PYO3_BUILD_EXTENSION_MODULE=1 PYO3_CONFIG_FILE=, \
