@@ -286,10 +286,9 @@ def blind() -> plt.Figure:
     places = np.arange(len(lines))[::-1]
     axes.barh(places, [float(one["57fc533b"]) for one in lines], color=BLUE, height=0.6)
     goals = [float(one["goal"].split()[-1]) for one in lines]
-    axes.vlines(goals, places - 0.4, places + 0.4, color=ORANGE, lw=2, label="goal")
+    axes.vlines(goals, places - 0.4, places + 0.4, color=ORANGE, lw=2)
     axes.set_yticks(places, [one["figure"] for one in lines], fontsize=8)
-    axes.set(xlim=(0.5, 1.0), xlabel="share of the sets")
-    axes.legend(frameon=False, loc="lower left")
+    axes.set(xlim=(0.5, 1.0), xlabel="share of the sets (lines: goals)")
     return figure
 
 
