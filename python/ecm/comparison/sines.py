@@ -72,10 +72,11 @@ def dynamic_stiffness(
     found = []
     for rows in order_of_visits(table):
         time = table.column("time_s")[rows] - table.column("time_s")[rows[0]]
-        frequency = _frequency(time, ways[rows])
-        used = rows[time >= skip / frequency]
+        moved = len(rows) >= _LEAST_ROWS and float(np.ptp(time) * np.ptp(ways[rows])) > 0.0
+        frequency = _frequency(time, ways[rows]) if moved else 0.0
+        used = rows[time * frequency >= skip]
         number = table.column("run")[rows[0]] if table.has("run") else 0
-        if len(used) < _LEAST_ROWS or time[-1] < (skip + 1.0) / frequency:
+        if len(used) < _LEAST_ROWS or time[-1] * frequency < skip + 1.0:
             raise InputError(
                 f"{table.source}: run {number:g} has {time[-1] * frequency:.2g} cycles, "
                 f"{skip + 1.0:g} are needed; record more, or leave out fewer (`skip`)"
