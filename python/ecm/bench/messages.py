@@ -19,12 +19,11 @@ from typing import Any
 import numpy as np
 
 from ecm.bench.devices import Device, DeviceError
-from ecm.bench.measured import Run, Taken
+from ecm.bench.measured import THE_END, Run, Taken
 from ecm.io.arrays import F
 from ecm.io.extras import require
 from ecm.rig.instruments import Window
 from ecm.rig.plan import AT_HOME, OFFSET, UNLOADED, Visit
-from ecm.rig.plan import POSE as AT_POSE
 from ecm.rig.readings import HEADER, Reading
 
 
@@ -166,7 +165,7 @@ class Messages:
         self,
         run: Run,
         devices: Mapping[str, Device],
-        keep: Callable[[Taken], None],
+        keep: Callable[[Taken, list[str]], None],
         say: Callable[[str], None],
         minutes: float | None,
     ) -> None:
@@ -175,25 +174,40 @@ class Messages:
         self.mover, self._rig = _Mover(run, devices), _Rig(run, devices)
         self._at: F | None = None
         self._clock = devices["mover"] if hasattr(devices["mover"], "now") else time
-        self._ends_s = np.inf if minutes is None else time.monotonic() + 60.0 * minutes
+        self._passed = self._clock.now if hasattr(self._clock, "now") else time.monotonic
+        self._ends_s = np.inf if minutes is None else self._passed() + 60.0 * minutes
+        self._row = run.taken[-1].row if run.taken else -1
         self._mount, self._payload, self._weight, self._heated = 0.0, True, 0.0, 0.0
 
     def rows(self, first: int) -> Iterator[Any]:
-        """Every visit from the first that is missing."""
+        """Every visit from the first that is missing, and those that are chosen on the way."""
         visits = self._run.timeline.visits
         yield from self._stubs.open_run()
         if first:
-            yield from self._home_check(visits[first])
-        for number in range(first, len(visits)):
-            if time.monotonic() > self._ends_s and visits[number].kind == AT_POSE:
-                self.told(f"the time was over after {number} of {len(visits)} visits")
+            yield from self._home_check(visits[-1])
+        number, ended = first, False
+        while True:
+            while number == len(visits) and not ended:
+                ended = self._go_on(number)
+            if number == len(visits):
                 break
             yield from self._visit(number)
             why = self._run.again()
             if why:
                 self.told(f"visit {number + 1}: {why}; it was measured again at once")
                 yield from self._visit(number)
+            number += 1
         yield from self._stubs.close_run()
+
+    def _go_on(self, number: int) -> bool:
+        """Lay out what comes next; whether that was the end."""
+        row = self._run.next_row()
+        if row != THE_END and self._passed() > self._ends_s:
+            self.told(f"the time was over after {number} of {self._run.total} visits")
+            row = THE_END
+        self._run.go_on(row)
+        self._row = row
+        return row == THE_END
 
     def _home_check(self, visit: Visit) -> Iterator[Any]:
         """After an interruption: the zero again, and a look at the rest pose."""
@@ -218,7 +232,7 @@ class Messages:
         """Tell devices that ask for it which visit comes, or that one at rest is made again."""
         for device in {id(d): d for d in self._devices.values()}.values():
             if hasattr(device, "begin"):
-                device.begin(number, again)
+                device.begin(number, again, self._run.order)
 
     def _read(self, visit: Visit, number: int) -> Iterator[Any]:
         stubs, limits = self._stubs, self._run.bench.limits
@@ -244,11 +258,11 @@ class Messages:
         yield from stubs.read(rig)
         yield from stubs.save()
         assert rig.reading is not None
-        taken = Taken(number, visit.kind, float(self._now()), rig.reading)
-        self._keep(taken)
-        self._run.add(taken)
-        for finding in self._run.findings(taken):
-            self.told(f"visit {number + 1}: {finding}")
+        taken = Taken(number, self._row, visit.kind, float(self._now()), rig.reading)
+        findings = [f"visit {number + 1}: {finding}" for finding in self._run.add(taken)]
+        self._keep(taken, findings)
+        for finding in findings:
+            self.told(finding)
         if freed:
             yield from self._asked("connect the sensor to the mechanism again")
 

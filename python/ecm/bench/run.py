@@ -17,12 +17,13 @@ from typing import Any
 import numpy as np
 
 from ecm.bench.devices import Device, DeviceError, closed
-from ecm.bench.measured import Run, Taken, table_of
+from ecm.bench.measured import THE_END, Run, Taken, table_of
 from ecm.bench.messages import Messages, Status, Stopped
 from ecm.bench.settings import Bench
 from ecm.errors import InputError, Remedy
 from ecm.io.arguments import check_arguments
 from ecm.io.columns import POSE
+from ecm.io.events import tell
 from ecm.io.extras import require
 from ecm.io.table import Table
 from ecm.rig.plan import (
@@ -39,7 +40,7 @@ from ecm.rig.readings import (
     journal_path,
     keep_data,
 )
-from ecm.rig.timeline import timeline_of
+from ecm.rig.timeline import Layout, timeline_of
 
 _ENDS_S = 2.0
 """Seconds for which an interrupted run may finish the reading that is under way."""
@@ -68,7 +69,7 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
         )
     procedure, limits, rest = bench.procedure, bench.limits, rest_pose(length)
     visited, skipped = split_by_limits(requests(plan, procedure, length), procedure, length)
-    timeline = timeline_of(visited, procedure, length)
+    timeline = timeline_of(visited, procedure, length)  # of the plan's own order
     poses = np.stack([visit.pose for visit in timeline.visits])
     for visit in timeline.visits:
         for point in visit.way:
@@ -99,7 +100,8 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
         f"farthest {shift:.2f} mm and {turn:.3f} rad from rest; limits {1e3 * limits.shift_m:g} mm "
         f"and {limits.rotation_rad:g} rad, {limits.force_N:g} N and {limits.torque_Nm:g} N m",
     ]
-    return Run(bench, timeline, skipped), lines
+    layout = Layout(procedure, length, visited)
+    return Run(bench, visited, layout, len(timeline.visits), skipped), lines
 
 
 def measure(  # noqa: PLR0913 - each is a choice of its own
@@ -177,32 +179,28 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
     if agree is not None:
         agree(lines)
     run.model = model
-    if model is not None and np.shape(model.predict(run.timeline.visits[0].pose[None])) != (1, 6):
+    if model is not None and np.shape(model.predict(run.layout.rest[None])) != (1, 6):
         raise InputError(
             "the model has not all six columns of pose and wrench, which rows are held to"
         )
-    visits = run.timeline.visits
     path = journal_path(out)
-    with Journal(path, _key(plan, bench), "visit,kind,time_s," + HEADER, resume=resume) as journal:
+    head = "visit,row,kind,time_s," + HEADER
+    with Journal(path, _key(plan, bench), head, resume=resume) as journal:
         for line in journal.lines:
-            run.add(Taken.parse(line, str(path)))
+            taken = Taken.parse(line, str(path))
+            run.again_at(taken)
+            run.add(taken)
         first = 1 + max((taken.number for taken in run.taken), default=-1)
 
-        def keep(taken: Taken) -> None:
+        def keep(taken: Taken, findings: list[str]) -> None:
             journal.append(taken.line())
+            tell(measured=run.record(taken, findings))
             if progress is not None:
-                progress(taken.number + 1, len(visits), run.words(taken))
+                progress(taken.number + 1, run.total, run.words(taken))
 
-        if first < len(visits):
-            _drive(
-                engine_of,
-                run,
-                first,
-                bench.open() if devices is None else devices,
-                keep,
-                say,
-                minutes,
-            )
+        if not run.taken or run.taken[-1].row != THE_END:
+            parts = bench.open() if devices is None else devices
+            _drive(engine_of, run, first, parts, keep, say, minutes)
         if not any(taken.kind == AT_POSE for taken in run.taken):
             raise InputError(f"{out}: no pose was measured, so no table is written")
         table = table_of(run, plan, out)
@@ -216,17 +214,17 @@ def _drive(
     run: Run,
     first: int,
     devices: Mapping[str, Device],
-    keep: Callable[[Taken], None],
+    keep: Callable[[Taken, list[str]], None],
     say: Callable[[str], None],
     minutes: float | None,
 ) -> None:
     """Let Bluesky go through the visits; whatever happens, the mover is stopped first."""
     messages = Messages(run, devices, keep, say, minutes)
     if first:
-        run.timeline.runs.setdefault(run.timeline.visits[first].run, {})["note"] = (
+        run.timeline.runs.setdefault(run.timeline.visits[-1].run, {})["note"] = (
             f"interrupted before visit {first + 1}; the zero and the rest pose were read again"
         )
-        messages.told(f"going on at visit {first + 1} of {len(run.timeline.visits)}")
+        messages.told(f"going on at visit {first + 1} of {run.total}")
     # Its errors are raised here and told once.
     logging.getLogger("bluesky").addHandler(logging.NullHandler())
     engine = engine_of({}, context_managers=[])
@@ -269,5 +267,5 @@ def _told_error(error: BaseException, run: Run) -> BaseException:
 
 def _key(plan: Table, bench: Bench) -> str:
     columns = {name: np.asarray(plan.columns[name]).tolist() for name in sorted(plan.columns)}
-    document = json.dumps([1, columns, bench.key()], sort_keys=True, default=str)
+    document = json.dumps([2, columns, bench.key()], sort_keys=True, default=str)
     return hashlib.sha256(document.encode()).hexdigest()
