@@ -102,7 +102,7 @@ class _Scatter:
             insort(column, one)
 
     def sd(self) -> F:
-        """Of one difference."""
+        """Return that of one difference."""
         middle, odd = divmod(len(self), 2)
         medians = [c[middle] if odd else 0.5 * (c[middle - 1] + c[middle]) for c in self._sizes]
         return 1.4826 * np.asarray(medians)
