@@ -39,6 +39,7 @@ NECK = ROOT / "examples" / "neck_measured.csv"
 HINGE = ROOT / "examples" / "hinge_log.csv"
 ARM = ROOT / "examples" / "wound_arm.csv"
 FEW = (POSE[5], WRENCH[5])
+TWELVE = "the twelve columns of pose and wrench"
 LISTS = ("EFFECTS", "FEW", "ACTUATED", "ACTUATED_FEW")
 SYMBOLS = """
 ## Symbols
@@ -94,9 +95,10 @@ def index() -> str:
     for group in GROUPS:
         module, effects = family(group)
         for effect in effects:
+            any_table = TWELVE if full_only(effect) else "a pose and a wrench column"
             row = (
                 f"[`{effect.id}`]({group}.md#{effect.id})", safe(first(effect.physics)),
-                safe(effect.needs or "the twelve columns"), f"[{sentence(module)}]({group}.md)",
+                safe(effect.needs or any_table), f"[{sentence(module)}]({group}.md)",
             )  # fmt: skip
             lines.append(f"| {' | '.join(row)} |")
     return "\n".join(lines) + "\n"
@@ -128,12 +130,12 @@ def section(group: str, effect: Effect) -> Iterator[str]:
     yield f"**Sizes.** {own}.\n"
     needs = effect.needs or "nothing beside pose and wrench"
     few = along_few(effect)
-    own = f"{needs[0].upper()}{needs[1:]}".rstrip(".")
+    own = needs.rstrip(".")
     if few is not effect and few.id == effect.id:
         own += f"; with fewer than the twelve columns: {few.needs or 'nothing more'}"
     elif not full_only(effect):
         own += "; any columns of pose and wrench"
-    yield f"**Columns.** {safe(own)}.\n"
+    yield f"**Columns:** {safe(own)}.\n"
     if effect.signature:
         yield f"**How it shows.** {safe(effect.signature[0].upper() + effect.signature[1:])}.\n"
     looks = [
@@ -193,9 +195,7 @@ def sizes(parameters: tuple[Parameter, ...]) -> str:
         groups.setdefault(f"ordinarily about {size(one.scale, one.unit)}{bounds}", []).append(
             one.name
         )
-    return "; ".join(f"{some(names)}: {words}" for words, names in groups.items()) + (
-        "." if groups else ""
-    )
+    return "; ".join(f"{some(names)}: {words}" for words, names in groups.items())
 
 
 def some(names: list[str]) -> str:
