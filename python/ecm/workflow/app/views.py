@@ -12,11 +12,12 @@ import os
 import shlex
 import signal
 import threading
+from base64 import b64encode
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -27,18 +28,18 @@ import numpy as np
 from ecm.comparison.comparison import compare
 from ecm.diagnosis.preparation import prepare
 from ecm.diagnosis.problem import Candidate, Problem, assemble, best_of_each
-from ecm.diagnosis.search import estimate
-from ecm.effects import get_effect, load_installed
+from ecm.effects import load_installed
 from ecm.errors import ComputationError, InputError
-from ecm.io.arrays import F, I
+from ecm.io.arrays import F, I, evenly
 from ecm.io.cache import hash_of, write_json
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.table import Need, Table, read_table
 from ecm.logs.importing import list_columns
 from ecm.models import Model, load_model
 from ecm.models.fit import choose_base
+from ecm.models.maps import StiffnessMap
 from ecm.regression.blas import one_blas_thread
-from ecm.regression.normal_equations import explained_by_blocks, projected_out
+from ecm.regression.normal_equations import RIDGE, explained_by_blocks, projected_out
 from ecm.regression.rows import actuators_of
 from ecm.report.figures import some_rows, view_of
 from ecm.rig.readings import POSE_NAMES, journal_path
@@ -49,6 +50,8 @@ from ecm.workflow.app.steps import Files, way_out
 MOST_ROWS = 20_000
 """Rows that a view holds; of more, every k-th, and the view says so."""
 HOW = "evenly over their order"
+_ROWS_OF_EFFECTS = 1000
+"""Rows at which the page shows what effects explain."""
 _MOST_SLIDERS = 6
 """Actuators that the page moves."""
 
@@ -91,7 +94,8 @@ def poses(given: Given) -> dict[str, Any]:
 
 def residuals(given: Given) -> dict[str, Any]:
     """Return the residual of each measured pose in its unit, over the noise, and as a pose."""
-    result = compare(given.model(), given.table("fit"))
+    table = given.table("fit")
+    result = compare(given.model(), table)
     maps = result.where(MOST_ROWS)
     known = not result.noise.is_residual
     outputs, floors = list(maps.outputs), [component.floor for component in result.components]
@@ -114,6 +118,8 @@ def residuals(given: Given) -> dict[str, Any]:
     return {
         "row": maps.row.tolist(),
         "size": _short(maps.size),
+        "measured": _columns(table.select(maps.row - 1).matrix(outputs)),
+        "change": _columns(_at_rows(result.pose_error.change, result.pose_error.row, maps.row)),
         "variables": {name: _short(values) for name, values in maps.variables.items()},
         "follows": [list(item) for item in maps.follows[:10]],
         "strongest": maps.strongest(len(maps.variables)),
@@ -125,57 +131,92 @@ def residuals(given: Given) -> dict[str, Any]:
 
 
 def effects(given: Given) -> dict[str, Any]:
-    """Return what each effect would explain of the residual, with its own sentence."""
-    load_installed()
-    outputs, row, explained = explained_by_each(given.model(), given.table("fit"))
-    at = _thinned(len(row))
-    return {
-        "row": row[at].tolist(),
-        "columns": list(outputs),
-        "effects": {
-            id: {
-                "share": share,
-                "what": get_effect(id).physics,
-                "side": get_effect(id).side,
-                "values": _columns(values[at]),
-            }
-            for id, (share, values) in explained.items()
-        },
-    }
+    """Return the effects as columns of one linear fit, with which the page fits again by itself.
 
-
-@one_blas_thread()
-def explained_by_each(
-    model: Model, table: Table
-) -> tuple[tuple[str, ...], I, dict[str, tuple[float, F]]]:
-    """Fit the score columns of each effect alone to what model and base leave.
-
-    Returns
-    -------
-    The m columns of the wrench, the rows from 1 (n,), and by effect, largest first: the share of
-    the whitened squares that its best shape takes away, and (n, m) what it explains beside the
-    base.
+    Each effect has its best shape; those of the model are among them. All is beside the base: its
+    part of each column is taken out. `gram` and `slope` are the normal equations of the whitened
+    columns, `squares` what the base alone leaves, all over the variance that no effect explains;
+    times `mean` they are mean squares over the noise. `values` are what a column of length 1 gives
+    at the rows `at`, in the units of the wrench.
     """
-    prepared = prepare(model, table)
+    load_installed()
+    model, table = given.model(), given.table("fit")
+    with one_blas_thread():
+        outputs, row, problem, chosen = linear_problem(model, table)
+        return {
+            "row": row.tolist(),
+            "columns": list(outputs),
+            "base": problem.base.name,
+            "other_base": not _same(model.base, problem.base),
+            "effects": {item.id: _listed(item, problem) for item in chosen},
+            **_linear_fit(problem, chosen, row),
+        }
+
+
+def linear_problem(
+    model: Model, table: Table
+) -> tuple[tuple[str, ...], I, Problem, list[Candidate]]:
+    """Return the columns of the wrench, the rows from 1, the problem, and each effect's best shape.
+
+    The effects that the model holds come first, in the shape that it has; the others by what they
+    explain beside base and these.
+    """
+    own = {item.id: item.effect for item in model.effects}
+    prepared = prepare(replace(model, effects=()), table)
     base = choose_base(model, prepared.table.drop(*prepared.zero_columns))
-    problem = assemble(base, prepared.unexplained, prepared.effects)
-    alone = _fitted(problem, ())
-    left = projected_out(*problem.equations, problem.base_index)
-    blocks = [candidate.columns for candidate in problem.candidates]
-    gains = explained_by_blocks(problem.equations, left, blocks).tolist()
-    total = problem.squares_of(problem.response) / problem.scale
-    best = best_of_each(problem.candidates, gains)
-    explained = {
-        id: (gain / total, problem.in_units(_fitted(problem, (candidate,)) - alone))
-        for id, (gain, candidate) in sorted(best.items(), key=lambda item: -item[1][0])
+    tried = [own.get(effect.id, effect) for effect in prepared.effects]
+    problem = assemble(base, prepared.unexplained, tried)
+
+    def best(candidates: list[Candidate], beside: Sequence[Candidate]) -> list[Candidate]:
+        left = projected_out(*problem.equations, problem.columns_of(beside))
+        blocks = [item.columns for item in candidates]
+        gains = explained_by_blocks(problem.equations, left, blocks, problem.signs).tolist()
+        found = best_of_each(candidates, gains).values()
+        return [item for _, item in sorted(found, key=lambda of: -of[0])]
+
+    held = best([item for item in problem.candidates if item.id in own], ())
+    others = best([item for item in problem.candidates if item.id not in own], held)
+    return tuple(base.outputs), prepared.rows + 1, problem, [*held, *others]
+
+
+def _same(one: StiffnessMap, other: StiffnessMap) -> bool:
+    """Whether two bases are one model with other numbers."""
+    return one.name == other.name or one.kind == other.kind == "physics"
+
+
+def _listed(item: Candidate, problem: Problem) -> dict[str, Any]:
+    """Return an effect in words, and its columns in those of the chosen effects."""
+    lengths = problem.norms[list(item.columns)].tolist()
+    return {
+        "what": item.effect.physics,
+        "side": item.effect.side,
+        "parameters": [
+            {"name": one.name, "unit": one.unit, "length": length, "sign": problem.signs[column]}
+            for one, length, column in zip(
+                item.effect.parameters, lengths, item.columns, strict=True
+            )
+        ],
     }
-    return tuple(base.outputs), prepared.rows + 1, explained
 
 
-def _fitted(problem: Problem, chosen: Sequence[Candidate]) -> F:
-    """(N, m) whitened what base and chosen effects follow of the residual."""
-    fit = estimate(problem, chosen)
-    return np.asarray(problem.design[:, :, fit.columns] @ fit.theta)
+def _linear_fit(problem: Problem, chosen: Sequence[Candidate], row: I) -> dict[str, Any]:
+    """Return normal equations and values of the columns of the chosen effects beside the base."""
+    base, take = list(problem.base_index), [c for item in chosen for c in item.columns]
+    matrix, slope = projected_out(*problem.equations, base)
+    at = evenly(len(row), _ROWS_OF_EFFECTS)
+    whole = problem.equations[0]
+    inner = whole[np.ix_(base, base)] + RIDGE * np.diag(np.diag(whole)[base])
+    design = problem.design[at]
+    beside = design[:, :, take] - design[:, :, base] @ np.linalg.solve(inner, whole[base][:, take])
+    values = np.linalg.solve(problem.whitener[at], beside)
+    return {
+        "gram": [_short(line) for line in matrix[np.ix_(take, take)]],
+        "slope": _short(slope[take]),
+        "squares": problem.squares_beside_base / problem.scale,
+        "mean": problem.scale / problem.size,
+        "at": at.tolist(),
+        "values": b64encode(values.astype("<f4").tobytes()).decode("ascii"),
+    }
 
 
 def plan(given: Given) -> dict[str, Any]:
@@ -243,17 +284,21 @@ def _pose_error(found: Any, row: I, *, known: bool) -> dict[str, Any] | None:
     sized = [item for item in sizes if item[2] is not None and len(found.row)]
     if not sized:
         return None
-    # Rows at which the model holds no pose have none.
-    there = np.isin(row, found.row)
-    at = np.searchsorted(found.row, row[there])
-    columns = np.full((len(row), len(sized)), np.nan)
-    columns[there] = np.stack([values[at] for _, _, values, _ in sized], axis=1)
+    values = np.stack([values for _, _, values, _ in sized], axis=1)
     return {
         "columns": [name for name, _, _, _ in sized],
         "units": [unit for _, unit, _, _ in sized],
-        "values": _columns(columns),
+        "values": _columns(_at_rows(values, found.row, row)),
         "floor": [floor for _, _, _, floor in sized] if known else None,
     }
+
+
+def _at_rows(values: F, of: I, row: I) -> F:
+    """Return values (n, k) of rows `of` at other rows; those at which there are none are NaN."""
+    there = np.isin(row, of)
+    found = np.full((len(row), values.shape[1]), np.nan)
+    found[there] = values[np.searchsorted(of, row[there])]
+    return found
 
 
 def _thinned(rows: int) -> I:

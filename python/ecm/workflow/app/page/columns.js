@@ -26,7 +26,7 @@ export function label(name) {
 const POLYNOMIAL = {1: "linear", 3: "cubic"};
 
 // Names of columns and effects in a sentence of the server, as words.
-export const readable = text => String(text ?? "").replaceAll("->", "→").replace("kept as covariates", "kept as possible causes").replace(
+export const readable = text => String(text ?? "").replaceAll("->", "→").replaceAll("+-", "±").replace("kept as covariates", "kept as possible causes").replace(
   /\b[a-z][a-z0-9_]*_(?:Nm|N|m|rad|s|degC|Pa)\b/g, name => column(name).words)
   .replace(/\bpoly:(\d)\b/g, (_, degree) => POLYNOMIAL[degree] ?? `polynomial of degree ${degree}`)
   .replace(/\d+(?:\.\d+)?e[+-]\d+/g, text => number(Number(text)))

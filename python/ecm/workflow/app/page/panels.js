@@ -1,5 +1,6 @@
 // The residual of every component against one variable: menus, panels, and the rows marked in all.
 
+import {glide} from "./canvas.js";
 import {column, label} from "./columns.js";
 import {button, choices, copy, el} from "./dom.js";
 import {help, term} from "./help.js";
@@ -11,12 +12,13 @@ const LISTED = 400;
 // The variable and the kind stay chosen in the next stage.
 const last = {variable: null, kind: null};
 
-export function residualPanels(residuals, {explained = () => null} = {}) {
+// `moved`: where the points of a component lie under what is looked at, and `share` how far they are.
+export function residualPanels(residuals, {moved = () => null, onglide = () => {}} = {}) {
   const variable = el("select", {id: "variable", onchange: () => { last.variable = variable.value; show(); }},
     residuals.strongest.map((name, i) => el("option", {value: name},
       label(name) + (i === 0 && residuals.follows.length ? " (strongest)" : ""))));
   if (residuals.strongest.includes(last.variable)) variable.value = last.variable;
-  let kind = last.kind in residuals.kinds ? last.kind : Object.keys(residuals.kinds)[0], panels = [], effect = null;
+  let kind = last.kind in residuals.kinds ? last.kind : Object.keys(residuals.kinds)[0], panels = [], end = () => {};
   const kinds = choices("Show the error", "kind-of-residual",
     Object.keys(residuals.kinds).map(name => [name, KINDS[name]]), value => { kind = last.kind = value; show(); }, kind);
   const grid = el("div", {class: "panels", role: "group", "aria-label": "Residuals of each component"});
@@ -47,7 +49,7 @@ export function residualPanels(residuals, {explained = () => null} = {}) {
         onesided: kind === "pose"});
     });
     showMarks();
-    look(effect);
+    look();
   }
 
   // Null: the page took the finger, and the marks stay as they were.
@@ -71,10 +73,14 @@ export function residualPanels(residuals, {explained = () => null} = {}) {
     button("Clear", () => mark([])));
   }
 
-  // Draws what an effect would explain over the residuals; null draws nothing.
-  function look(id) {
-    effect = id;
-    panels.forEach((item, j) => item.preview(id === null ? null : explained(id, kind, j)));
+  // Lets the points slide to where they lie now.
+  function look() {
+    end();
+    panels.forEach((item, j) => item.aim(moved(kind, j)));
+    end = glide(share => {
+      for (const item of panels) item.slide(share);
+      onglide(share);
+    });
   }
 
   onMark(showMarks);
