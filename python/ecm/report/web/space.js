@@ -46,12 +46,14 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
     boxes.setAttribute("aria-pressed", String(on));
   };
 
-  function set(next) {
+  // `keep`: seen from where it is seen now, while something moves.
+  function set(next, keep = false) {
     // Marked bodies are drawn a moment later: who goes from row to row by keys stays at the row.
     if (next.points?.x !== scene.points?.x) cursor = -1;
     scene = {bodies: [], frames: [], lines: [], ...next};
     soon();
     for (const body of scene.bodies) body.normals = normalsOf(body);
+    if (keep) return;
     const all = [...scene.bodies.flatMap(body => body.points),
       ...scene.frames.flatMap(({origin, axes, size}) => axes.map(axis => origin.map((v, m) => v + size * axis[m])))];
     if (scene.points) all.push(...outermost(scene.points));

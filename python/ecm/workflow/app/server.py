@@ -26,8 +26,8 @@ from ecm.io.extras import require
 from ecm.report.page import WEB
 from ecm.workflow.app.jobs import Busy, Jobs
 from ecm.workflow.app.journal import DiskError, sentence, writing
-from ecm.workflow.app.session import INCOMING, Session, suffix_of
-from ecm.workflow.app.views import NEED_MODEL, SHOWN, Readings, Views, measuring, state_of
+from ecm.workflow.app.session import INCOMING, Session, model_of, suffix_of
+from ecm.workflow.app.views import NEED_MODEL, SHOWN, Readings, Views, fits_of, measuring, state_of
 
 if sys.platform == "win32":
     import msvcrt
@@ -263,14 +263,19 @@ class _Routes:
         name = request.path_params["name"]
         if name not in SHOWN:
             return _json({"error": f"no view; there are {', '.join(SHOWN)}"}, 404)
-        _, files = self.app.session.now()
+        history, files = self.app.session.now()
         data = files.dropped[:1] if name == "log" else files.data
         if not data or (name in NEED_MODEL and files.model is None):
             raise InputError("nothing to show yet: it needs a table, and most views a model")
+        models = [model_of(step) for step in fits_of(history, files)] if name in NEED_MODEL else []
         model = files.model if name in NEED_MODEL else None
-        now = ",".join([*data, *([] if model is None else [model])])
-        if request.query_params.get("of", now) != now:
-            raise Busy("the session has changed in the meantime")
+        wanted = request.query_params.get("of")
+        if wanted is not None:  # of the model of now, or of one of before
+            named = {",".join([*data, *([] if one is None else [one])]): one
+                     for one in [*models, model]}  # fmt: skip
+            if wanted not in named:
+                raise Busy("the session has changed in the meantime")
+            model = named[wanted]
         skip = files.skip_bad_rows and name != "log"
         path = await asyncio.to_thread(self.app.views.file, name, data, model, skip_bad_rows=skip)
         return _file(path)

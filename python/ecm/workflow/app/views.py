@@ -484,6 +484,7 @@ def state_of(session: Session) -> dict[str, Any]:
     compared = history.last("compare", **of_model) if files.model else None
     found = history.last("diagnose", **of_model) if files.model else None
     exported = history.last("export", **of_model) if files.model else None
+    tried = fits_of(history, files)
     return {
         "schema": 1,
         "version": history.records,
@@ -502,7 +503,8 @@ def state_of(session: Session) -> dict[str, Any]:
         "diagnosis": session.result(found),
         "export": session.result(exported),
         "truth": session.result(session.opened(history, files)),
-        "rungs": [_rung(session, history, step) for step in _rungs(history, files)],
+        "rungs": [_rung(session, history, step) for step in _rungs(tried)],
+        "tried": [_tried(session, history, step) for step in tried],
         "undo": history.can_undo(),
         "redo": bool(history.undone),
         "refused": _refused(history, files),
@@ -517,16 +519,23 @@ def _import_of(history: History, files: Files) -> Step | None:
     return step if step is not None and step.outputs[0] in files.data else None
 
 
-def _rungs(history: History, files: Files) -> list[Step]:
-    """Return the fits of these data that count, from the last base on."""
-    rungs: list[Step] = []
-    for number in history.active:
-        step = history.steps[number]
-        if step.verb == "fit" and step.inputs["data"] == files.data:
-            rungs = [step]
-        elif step.verb == "refit" and step.inputs["data"] == files.data:
-            rungs.append(step)
-    return rungs
+def fits_of(history: History, files: Files) -> list[Step]:
+    """Return the fits of these data that count, of all bases."""
+    steps = [history.steps[number] for number in history.active]
+    return [s for s in steps if s.verb in ("fit", "refit") and s.inputs["data"] == files.data]
+
+
+def _rungs(tried: list[Step]) -> list[Step]:
+    """Return the last base with the fits on it."""
+    bases = [i for i, step in enumerate(tried) if step.verb == "fit"]
+    return tried[bases[-1] :] if bases else tried
+
+
+def _tried(session: Session, history: History, step: Step) -> dict[str, Any]:
+    """Return a fit for the ladder of all of them: its errors, and the floors of their noise."""
+    rung = _rung(session, history, step)
+    report = rung.pop("report") or {}
+    return {**rung, "is_base": step.verb == "fit", "history": report.get("history", [])}
 
 
 def _rung(session: Session, history: History, step: Step) -> dict[str, Any]:
@@ -543,6 +552,7 @@ def _rung(session: Session, history: History, step: Step) -> dict[str, Any]:
         ),
         "train": document.get("whitened_rms"),
         "rmse": document.get("rmse"),
+        "floor": {item["name"]: item["floor"] for item in document.get("components", ())},
         "report": session.result(step),
     }  # fmt: skip
 

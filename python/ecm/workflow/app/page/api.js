@@ -29,12 +29,11 @@ export const busy = state => Boolean(state.running) && !state.running.automatic;
 // A view depends on the tables and the model only: it is fetched once for each of them.
 const views = new Map();
 
-export function view(name, state) {
-  const key = JSON.stringify([name, state.data, name === "poses" ? null : state.model]);
+export function view(name, state, model = state.model) {
+  const of = [...state.data.map(item => item.file), ...(name === "poses" ? [] : [model])].join(), key = JSON.stringify([name, of]);
   if (!views.has(key)) {
     if (views.size > 12) views.delete(views.keys().next().value);
     // The server refuses where another tab has changed tables or model in the meantime.
-    const of = [...state.data.map(item => item.file), ...(name === "poses" ? [] : [state.model])].join();
     const promise = get(`/api/view/${name}?of=${encodeURIComponent(of)}`);
     promise.catch(() => views.delete(key));
     views.set(key, promise);

@@ -232,7 +232,7 @@ export function panel({onbrush, say}) {
     }};
 }
 
-function spread(values, least, onesided = false) {
+export function spread(values, least, onesided = false) {
   let low = Infinity, high = -Infinity;
   for (const v of values) if (v !== null) { low = Math.min(low, v); high = Math.max(high, v); }
   if (!Number.isFinite(low)) [low, high] = [0, 1];
@@ -241,7 +241,7 @@ function spread(values, least, onesided = false) {
   return [onesided ? 0 : low - room, high + room];
 }
 
-function line(context, x0, y0, x1, y1) {
+export function line(context, x0, y0, x1, y1) {
   context.beginPath();
   context.moveTo(x0, y0);
   context.lineTo(x1, y1);
