@@ -327,11 +327,16 @@ class _Routes:
         action, body = request.path_params["action"], await _body(request)
         jobs, session = self.app.jobs, self.app.session
         if action == "step":
-            verb, then = body.pop("verb", None), body.pop("then", None)
-            if then is not None and not isinstance(then, dict):
-                raise InputError("then: expected the step that follows, as an object")
-            after = None if then is None else (str(then.pop("verb", None)), then)
-            return _json({"step": await asyncio.to_thread(jobs.start, str(verb), body, after)})
+            verb = str(body.pop("verb", None))
+            return _json({"step": await asyncio.to_thread(jobs.start, verb, body)})
+        described: dict[str, Callable[[], None]] = {
+            "leave_out": lambda: session.leave_out(body.get("rows")),
+            "describe": lambda: session.describe(body.get("sections")),
+        }
+        if action in described:
+            await asyncio.to_thread(jobs.alone, described[action])
+            check = {"then": body.get("then")}
+            return _json({"step": await asyncio.to_thread(jobs.start, "check", check)})
         if action == "again":
             wanted, steps = body.get("step"), session.journal.read().steps
             step = steps.get(wanted) if isinstance(wanted, int) else None
@@ -505,7 +510,8 @@ def begin(
     for i, table in enumerate(tables):
         app.session.add_table(table, table.name, more=i > 0)
     if app.session.now()[1].data:  # a log is to be imported first
-        app.jobs.start("check", {}, None if model is None else ("fit", {"model": model}))
+        then = None if model is None else {"verb": "fit", "model": model}
+        app.jobs.start("check", {"then": then})
 
 
 def _listen(port: int) -> Any:

@@ -97,6 +97,7 @@ def residuals(given: Given) -> dict[str, Any]:
     table = given.table("fit")
     result = compare(given.model(), table)
     maps = result.where(MOST_ROWS)
+    held = np.searchsorted(table.numbers_in_file, result.pose_error.row) + 1
     known = not result.noise.is_residual
     outputs, floors = list(maps.outputs), [component.floor for component in result.components]
     kinds: dict[str, dict[str, Any]] = {}
@@ -112,14 +113,14 @@ def residuals(given: Given) -> dict[str, Any]:
         "values": _columns(maps.physical["base"]),
         "floor": floors if known else None,
     }
-    pose = _pose_error(result.pose_error, maps.row, known=known)
+    pose = _pose_error(result.pose_error, held, maps.row, known=known)
     if pose is not None:
         kinds["pose"] = pose
     return {
         "row": maps.row.tolist(),
         "size": _short(maps.size),
         "measured": _columns(table.select(maps.row - 1).matrix(outputs)),
-        "change": _columns(_at_rows(result.pose_error.change, result.pose_error.row, maps.row)),
+        "change": _columns(_at_rows(result.pose_error.change, held, maps.row)),
         "variables": {name: _short(values) for name, values in maps.variables.items()},
         "follows": [list(item) for item in maps.follows[:10]],
         "strongest": maps.strongest(len(maps.variables)),
@@ -275,8 +276,11 @@ VIEWS: dict[str, Callable[[Given], dict[str, Any]]] = {
 }
 
 
-def _pose_error(found: Any, row: I, *, known: bool) -> dict[str, Any] | None:
-    """Return the pose error of these rows (from 1) as a kind of residual; None without one."""
+def _pose_error(found: Any, held: I, row: I, *, known: bool) -> dict[str, Any] | None:
+    """Return the pose error of these rows (from 1) as a kind of residual; None without one.
+
+    `held` are the rows that have one.
+    """
     sizes = [
         ("position", "mm", found.position_mm, found.noise_mm),
         ("rotation", "deg", found.rotation_deg, found.noise_deg),
@@ -288,7 +292,7 @@ def _pose_error(found: Any, row: I, *, known: bool) -> dict[str, Any] | None:
     return {
         "columns": [name for name, _, _, _ in sized],
         "units": [unit for _, unit, _, _ in sized],
-        "values": _columns(_at_rows(values, found.row, row)),
+        "values": _columns(_at_rows(values, held, row)),
         "floor": [floor for _, _, _, floor in sized] if known else None,
     }
 
@@ -492,8 +496,9 @@ def state_of(session: Session) -> dict[str, Any]:
         "simulated": files.simulated,
         "sealed": files.sealed is not None,
         "next_plan": files.next_plan,
-        "data": [{"file": name, "name": _own_name(history, name)} for name in files.data],
-        "dropped": [_own_name(history, name) for name in files.dropped],
+        "data": [{"file": name, "name": history.own_name(name)} for name in files.data],
+        "described": session.described(files),
+        "dropped": [history.own_name(name) for name in files.dropped],
         "imported": session.result(_import_of(history, files)),
         "check": session.result(check),
         "pending": [] if check is None else session.pending(history, check),
@@ -593,11 +598,3 @@ def _step(history: History, step: Step, files: Files) -> dict[str, Any]:
         "seconds": step.seconds,
         "counts": step.number in history.active,
     }
-
-
-def _own_name(history: History, table: str) -> str:
-    """Return the name under which a table was dropped, else that of its file."""
-    for step in history.steps.values():
-        if table in step.outputs:
-            return str(step.request.get("name") or table)
-    return table

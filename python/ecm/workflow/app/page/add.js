@@ -106,10 +106,10 @@ function parameters(state, app) {
   if (!effects.length) return [el("div", {class: "waiting"}, "No effect has been added yet.")];
   return effects.map(effect => el("div", {class: "card"},
     el("h3", {}, effectName(effect.id), effect.frozen ? el("span", {class: "tag"}, "frozen") : null),
-    effect.parameters.length < MANY ? effect.parameters.map(parameter) : table("Values, ± standard deviation, and between what they lie 95 % of the time",
-      ["", "value", "±", "from", "to", "unit"], effect.parameters.map(({name, value: own, sd: spread, unit}) => {
+    effect.parameters.length < MANY ? effect.parameters.map(parameter) : table("Values, ± standard deviation; 95\u00a0% of the time the true one lies between the last two",
+      ["", "value", "±", "unit", "from", "to"], effect.parameters.map(({name, value: own, sd: spread, unit}) => {
         const [value, words] = quantity(own, unit), [sd] = quantity(spread, unit);
-        return [parameterName(name), value, sd, value - 1.96 * sd, value + 1.96 * sd, words];
+        return [parameterName(name), value, sd, words, value - 1.96 * sd, value + 1.96 * sd];
       })),
     el("div", {class: "row"},
       button("Remove", () => app.step("refit", {remove: [effect.id]}),

@@ -14,9 +14,15 @@ export const post = (path, body = {}) => fetch(path, {
   body: JSON.stringify(body),
 }).then(answer);
 
-export const upload = (file, more) =>
-  fetch(`/api/upload?name=${encodeURIComponent(file.name)}${more ? "&more=1" : ""}`,
-    {method: "POST", body: file}).then(answer);
+// `told` hears how much of the file is here; only this kind of request says so.
+export const upload = (file, more, told) => new Promise((done, failed) => {
+  const request = new XMLHttpRequest();
+  request.open("POST", `/api/upload?name=${encodeURIComponent(file.name)}${more ? "&more=1" : ""}`);
+  request.upload.onprogress = event => told(event.loaded / (event.total || 1));
+  request.onload = () => answer(new Response(request.responseText, {status: request.status})).then(done, failed);
+  request.onerror = () => failed(new Error("the file did not come to its end"));
+  request.send(file);
+});
 
 // Resolves when nothing is computed: a table is checked as soon as it is here.
 export async function idle() {

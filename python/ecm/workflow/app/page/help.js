@@ -10,7 +10,7 @@ const TERMS = {
     + "than this on new rows.",
   "over noise": "The residual divided by its noise: 1 is as large as chance, 3 is rarely chance.",
   "noise not known": "No pose is repeated and no noise is stated, so nothing says how much of this error is noise. "
-    + "Record repeats, or give [instrument] figures.",
+    + "Record repeats, or say under Data how exact the instruments are.",
   "as pose error": "How far the top would have to move to feel the residual: the inverse stiffness "
     + "times the residual, in mm and degrees.",
   "held out": "Poses that the fit never saw. An error that falls only on fitted rows means that the "

@@ -1,7 +1,7 @@
 // The loop: polls the state of the session folder, and shows one of the seven stages.
 
 import {busy, get, post} from "./api.js";
-import {effectName} from "./columns.js";
+import {effectName, nameFiles, ownFiles} from "./columns.js";
 import {button, el, waiting} from "./dom.js";
 import {wayOut} from "./remedy.js";
 import {forget, mark} from "./selection.js";
@@ -29,6 +29,12 @@ export const app = {
     }
     await refresh();
   },
+  // The marked rows are left out of the tables, and the model of now is fitted to the others.
+  leaveOut: rows => app.act(() => {
+    const base = state.rungs[0]?.name, add = (state.fit?.effects ?? []).map(effect => effect.id);
+    const then = base ? {verb: "fit", model: base, ...add.length ? {then: {verb: "refit", add}} : {}} : null;
+    return post("/api/leave_out", {rows, then});
+  }),
   step: (verb, request = {}) => app.act(() => post("/api/step", {verb, ...request})),
 };
 
@@ -129,7 +135,7 @@ function trouble() {
   const last = state.steps.at(-1);
   if (!last || state.running) return null;
   const words = {
-    failed: `${WORK[last.verb] ?? last.verb}: this did not work.\n${advice(last)}\n`,
+    failed: `${WORK[last.verb] ?? last.verb}: this did not work.\n${ownFiles(advice(last))}\n`,
     cancelled: `${WORK[last.verb] ?? last.verb}: cancelled. Nothing was changed.\n`,
     interrupted: `${WORK[last.verb] ?? last.verb}: cut off (${last.message}). All else is kept.\n`,
   }[last.status];
@@ -188,6 +194,7 @@ async function refresh() {
     const found = await get("/api/state");
     if (state && found.version < state.version) return;  // an older answer that came later
     state = found;
+    nameFiles(state.steps);
   } catch (error) {
     lost = true;
     say(error.status ? error.message : "The server does not answer. The session is kept in its folder: start it again with ecm app "

@@ -28,7 +28,7 @@ export async function draw(root, state, app) {
   let pointed = null;  // the effect that is pointed at: as if its tick were turned
   const turned = id => new Set(ticked.has(id) ? [...ticked].filter(other => other !== id) : [...ticked, id]);
   const shown = () => linear.fit(pointed === null ? ticked : turned(pointed));
-  const panels = residualPanels(residuals, {moved: moves(linear, residuals, now, shown), onglide: share => count.glide(share)});
+  const panels = residualPanels(residuals, {moved: moves(linear, residuals, now, shown), onglide: share => count.glide(share), leave: app.leaveOut});
   const count = counter(error);
   const hint = el("p", {class: "hint", "aria-live": "polite"});
   const fitAgain = el("div", {class: "row"});

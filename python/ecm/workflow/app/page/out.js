@@ -1,7 +1,7 @@
 // Stage 7: files, the exported controller, and the commands that do the same.
 
 import {busy} from "./api.js";
-import {readable} from "./columns.js";
+import {ownFiles, readable} from "./columns.js";
 import {button, choices, copy, el} from "./dom.js";
 import {help} from "./help.js";
 
@@ -21,7 +21,7 @@ export async function draw(root, state, app) {
   const cards = [["Report", report], ["Model", state.model], ["Script", "script.sh"]];
   const undone = new Set(state.steps.filter(step => step.status === "done" && !step.counts).map(step => step.number));
   const counts = name => !undone.has(Number(/^[a-z]+-(\d+)/.exec(name)?.[1]));
-  const list = names => el("ul", {}, names.map(name => el("li", {}, link(name), el("span", {class: "soft"}, ` ${meaning(name)}`))));
+  const list = names => el("ul", {}, names.map(name => el("li", {}, link(name), el("span", {class: "soft"}, ` ${meaning(name)}${ownFiles(name) === name ? "" : ` ${ownFiles(name)}`}`))));
   const kept = state.files.filter(counts), left = state.files.filter(name => !counts(name));
   const script = el("pre", {tabindex: "0", id: "script"});
   root.append(

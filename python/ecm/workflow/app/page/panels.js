@@ -13,7 +13,7 @@ const LISTED = 400;
 const last = {variable: null, kind: null};
 
 // `moved`: where the points of a component lie under what is looked at, and `share` how far they are.
-export function residualPanels(residuals, {moved = () => null, onglide = () => {}} = {}) {
+export function residualPanels(residuals, {moved = () => null, onglide = () => {}, leave = null} = {}) {
   const variable = el("select", {id: "variable", onchange: () => { last.variable = variable.value; show(); }},
     residuals.strongest.map((name, i) => el("option", {value: name},
       label(name) + (i === 0 && residuals.follows.length ? " (strongest)" : ""))));
@@ -67,11 +67,19 @@ export function residualPanels(residuals, {moved = () => null, onglide = () => {
       return;
     }
     const text = list.slice(0, LISTED).join(", ") + (list.length > LISTED ? " …" : "");
-    rows.replaceChildren(el("output", {id: "marked-rows"},
+    rows.replaceChildren(...[el("output", {id: "marked-rows"},
       `${list.length} ${list.length === 1 ? "row" : "rows"} marked: ${text}`),
     button("Copy numbers", () => copy(list.join(", "), said => { live.textContent = said; })),
-    button("Clear", () => mark([])));
+    button("Clear", () => mark([])), leave ? button("Leave them out and fit again (X)", () => leave(list), {id: "leave-out"}) : null].filter(Boolean));
   }
+
+  // One key for the marked rows, wherever the focus is but where a person writes.
+  function onkey(event) {
+    if (!node.isConnected) document.removeEventListener("keydown", onkey);
+    else if (event.key.toLowerCase() === "x" && marked.size && !event.ctrlKey && !event.metaKey && !event.altKey
+      && !event.target.matches("input:not([type=checkbox]):not([type=radio]), select, textarea")) leave([...marked].sort((a, b) => a - b));
+  }
+  if (leave) document.addEventListener("keydown", onkey);
 
   // Lets the points slide to where they lie now.
   function look() {
