@@ -14,17 +14,6 @@ function coloured() {
     font: {color: own("--ink")}, ...(finger ? {dragmode: false} : {})};
   return found.map(f => ({...f, layout: {...page, ...f.layout}}));
 }
-async function unpacked(id) {
-  const packed = atob(document.getElementById(id).textContent);
-  const bytes = Uint8Array.from(packed, c => c.charCodeAt(0));
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
-  return new Response(stream).text();
-}
-async function run(id) {
-  const script = document.createElement("script");
-  script.textContent = await unpacked(id);
-  document.head.append(script);
-}
 async function drawMechanisms() {
   const views = JSON.parse(await unpacked("packed-views"));
   if (!views.length) return;

@@ -17,7 +17,7 @@ from ecm.io import events
 from ecm.workflow.app.journal import DiskError, Step
 from ecm.workflow.app.session import INTERRUPTED, Session
 
-_FOLLOWED_BY = {
+FOLLOWED_BY = {
     "example": "check",
     "campaign": "check",
     "import": "check",
@@ -184,8 +184,8 @@ class Jobs:
             self._end(step.number, "failed", str(error), 0.0)
             raise InputError(f"the command cannot be run: {error}") from None
         self._job = job = _Job(step, process, time.time(), automatic)
-        if then is None and verb in _FOLLOWED_BY:
-            then = self.session.following(step) or {"verb": _FOLLOWED_BY[verb]}
+        if then is None and verb in FOLLOWED_BY:
+            then = self.session.following(step) or {"verb": FOLLOWED_BY[verb]}
         thread = threading.Thread(target=self._wait, args=(job, then), daemon=True)
         self._threads = [t for t in self._threads if t.is_alive()] + [thread]
         thread.start()
@@ -248,6 +248,6 @@ class Jobs:
             return False
         verb = str(then.pop("verb", None))
         with suppress(InputError, DiskError):
-            self._begin(verb, then, automatic=verb in _FOLLOWED_BY.values())
+            self._begin(verb, then, automatic=verb in FOLLOWED_BY.values())
             return True
         return False

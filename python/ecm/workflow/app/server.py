@@ -19,11 +19,13 @@ from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import IO, Any
+from urllib.parse import quote
 
 from ecm.errors import EcmError, InputError, Refusal
 from ecm.io.arguments import check_arguments, listed
 from ecm.io.extras import require
 from ecm.report.page import WEB
+from ecm.workflow.app.copying import archive_of, copy_of
 from ecm.workflow.app.jobs import Busy, Jobs
 from ecm.workflow.app.journal import DiskError, sentence, writing
 from ecm.workflow.app.session import INCOMING, Session, model_of, suffix_of
@@ -223,6 +225,8 @@ def application(app: App, *, port: int, token: str) -> Any:
         "/api/state": routes.state,
         "/api/view/{name}": routes.view,
         "/api/live": routes.live,
+        "/api/copy": routes.copy,
+        "/api/zip": routes.zip,
         "/api/log/{number:int}": routes.log,
         "/files/{name:path}": routes.file,
     }
@@ -293,6 +297,14 @@ class _Routes:
             path = await asyncio.to_thread(self.app.views.file, "plan", [step.argv[1]], None)
             found["plan"] = json.loads(path.read_bytes())
         return _json({"step": step.number, **found})
+
+    async def copy(self, _request: Any) -> Any:
+        text = await asyncio.to_thread(copy_of, self.app.session, self.app.views)
+        return _attached(text.encode(), f"{self.app.session.folder.resolve().name}.html")
+
+    async def zip(self, _request: Any) -> Any:
+        content = await asyncio.to_thread(archive_of, self.app.session.folder)
+        return _attached(content, f"{self.app.session.folder.resolve().name}.zip")
 
     async def log(self, request: Any) -> Any:
         number = request.path_params["number"]
@@ -415,6 +427,12 @@ async def _body(request: Any) -> dict[str, Any]:
 def _json(document: Any, status: int = 200) -> Any:
     responses = require("starlette.responses", "app", _PURPOSE)
     return responses.JSONResponse(document, status_code=status)
+
+
+def _attached(content: bytes, name: str) -> Any:
+    responses = require("starlette.responses", "app", _PURPOSE)
+    named = {"content-disposition": f"attachment; filename*=UTF-8''{quote(name)}"}
+    return responses.Response(content, media_type="application/octet-stream", headers=named)
 
 
 def _file(path: Path, headers: dict[str, str] | None = None) -> Any:

@@ -52,6 +52,7 @@ MOST_ROWS = 20_000
 HOW = "evenly over their order"
 _ROWS_OF_EFFECTS = 1000
 """Rows at which the page shows what effects explain."""
+_FINEST = 32_000
 _MOST_SLIDERS = 6
 """Actuators that the page moves."""
 
@@ -210,13 +211,16 @@ def _linear_fit(problem: Problem, chosen: Sequence[Candidate], row: I) -> dict[s
     design = problem.design[at]
     beside = design[:, :, take] - design[:, :, base] @ np.linalg.solve(inner, whole[base][:, take])
     values = np.linalg.solve(problem.whitener[at], beside)
+    # Two bytes a number: a figure shows no more.
+    step = np.maximum(np.abs(values).max(axis=(0, 1), initial=0.0), 1e-300) / _FINEST
     return {
         "gram": [_short(line) for line in matrix[np.ix_(take, take)]],
         "slope": _short(slope[take]),
         "squares": problem.squares_beside_base / problem.scale,
         "mean": problem.scale / problem.size,
         "at": at.tolist(),
-        "values": b64encode(values.astype("<f4").tobytes()).decode("ascii"),
+        "step": _short(step),
+        "values": b64encode(np.round(values / step).astype("<i2").tobytes()).decode("ascii"),
     }
 
 
@@ -479,9 +483,10 @@ class Readings:
             self._rows.append([*pose, math.hypot(*(cell[name] for name in _FORCE))])
 
 
-def state_of(session: Session) -> dict[str, Any]:
-    """Return all that the page shows; it depends on the files of the folder only."""
-    history, files = session.now()
+def state_of(session: Session, history: History | None = None) -> dict[str, Any]:
+    """Return all that the page shows, now or of a history; it depends on the folder only."""
+    history = session.journal.read() if history is None else history
+    files = session.files(history)
     check = history.last("check", data=files.data)
     model = history.last("fit", "refit", data=files.data)
     of_model = {"data": files.data, "model": files.model}

@@ -1,14 +1,20 @@
 // Requests to the server of this page. An answer that is an error becomes an Error in its words.
 
+import * as recorded from "./recorded.js";
+import {isCopy} from "./recorded.js";
+
 async function answer(response) {
   const document = await response.json().catch(() => ({error: response.statusText}));
   if (!response.ok) throw Object.assign(new Error(document.error), {status: response.status, remedy: document.remedy});
   return document;
 }
 
-export const get = path => fetch(path, {cache: "no-store"}).then(answer);
+export const get = path => isCopy ? recorded.get(path) : fetch(path, {cache: "no-store"}).then(answer);
 
-export const post = (path, body = {}) => fetch(path, {
+// The text of a file of the session.
+export const text = path => isCopy ? recorded.text(path) : fetch(path, {cache: "no-store"}).then(response => response.text());
+
+export const post = (path, body = {}) => isCopy ? recorded.post(path, body) : fetch(path, {
   method: "POST",
   headers: {"content-type": "application/json"},
   body: JSON.stringify(body),

@@ -3,12 +3,12 @@
 
 const RIDGE = 1e-10;  // of the largest diagonal: as the server's
 
-export function linearFit({effects, gram, slope, squares, mean, at, row, columns, values}) {
+export function linearFit({effects, gram, slope, squares, mean, at, row, columns, step, values}) {
   const place = new Map(), signs = [];
   for (const [id, {parameters}] of Object.entries(effects))
     place.set(id, parameters.map(({sign}) => signs.push(sign) - 1));
   const total = signs.length, wide = columns.length * total;
-  const table = new Float32Array(Uint8Array.from(atob(values), c => c.charCodeAt(0)).buffer);
+  const table = new Int16Array(Uint8Array.from(atob(values), c => c.charCodeAt(0)).buffer);
   const ridge = RIDGE * gram.reduce((most, line, i) => Math.max(most, line[i]), 0);
   const place_of_row = new Map(at.map((i, k) => [row[i], k]));
 
@@ -34,7 +34,7 @@ export function linearFit({effects, gram, slope, squares, mean, at, row, columns
     const k = place_of_row.get(number), j = columns.indexOf(name);
     if (k === undefined || j < 0) return null;
     let sum = 0;
-    for (let c = 0; c < taken.length; c += 1) sum += theta[c] * table[k * wide + j * total + taken[c]];
+    for (let c = 0; c < taken.length; c += 1) sum += theta[c] * step[taken[c]] * table[k * wide + j * total + taken[c]];
     return sum;
   }
 

@@ -4,6 +4,7 @@ import {busy, get, post} from "./api.js";
 import {effectName, nameFiles, ownFiles} from "./columns.js";
 import {button, el, waiting} from "./dom.js";
 import {wayOut} from "./remedy.js";
+import {isCopy} from "./recorded.js";
 import {forget, mark} from "./selection.js";
 import {stages} from "./stages.js";
 
@@ -110,7 +111,7 @@ function announce(text) {
 }
 
 function drawTools() {
-  document.getElementById("folder").replaceChildren(el("span", {}, "Session folder: "), state.folder);
+  document.getElementById("folder").replaceChildren(el("span", {}, isCopy ? "A copy to read of " : "Session folder: "), state.folder);
   const off = busy(state);
   document.getElementById("tools").replaceChildren(
     button("Undo", () => app.act(() => post("/api/undo")),
@@ -208,7 +209,7 @@ async function refresh() {
 
 async function poll() {
   await refresh();
-  setTimeout(poll, state && state.running ? 400 : 1500);
+  if (!isCopy) setTimeout(poll, state && state.running ? 400 : 1500);
 }
 
 addEventListener("hashchange", () => {
@@ -223,5 +224,6 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
   if (state) draw();
 });
 addEventListener("resize", seeStage);
+document.documentElement.classList.toggle("copy", isCopy);
 document.body.append(el("div", {id: "announced", class: "hidden", "aria-live": "polite"}));
 poll();
