@@ -90,6 +90,11 @@ mkdir "$to"
 """
 
 
+def _said(warning: str) -> str:
+    """Return a warning without the number of the file, which changes with its description."""
+    return re.sub(r"\b(upload|data)-\d+", "", warning)
+
+
 INCOMING = ".ecm-incoming-"
 """Begin of the name of a file that is on its way here."""
 INTERRUPTED = "the server was stopped in the middle of it"
@@ -180,9 +185,9 @@ class Session:
                 data = step.inputs["data"]
             elif step.verb == "check" and step.inputs["data"] == data:
                 checks.add(step.number)
-        taken = {warning for number, warning in history.accepted if number in checks}
+        taken = {_said(warning) for number, warning in history.accepted if number in checks}
         warnings = document.get("warnings", [])
-        return [text for text in warnings if text not in taken and not _OWN_MARKS.search(text)]
+        return [w for w in warnings if _said(w) not in taken and not _OWN_MARKS.search(w)]
 
     def result(self, step: Step | None) -> Any:
         """Return the JSON document of a step, with its number."""
