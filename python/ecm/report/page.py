@@ -1,7 +1,7 @@
 """The report of a result: text, a notebook's HTML, and a page without external requests.
 
-All text is escaped by the template; figures are plotly's, drawn by its script that the page
-carries once. Script and figures are compressed, and unpacked by the browser.
+All text is escaped by the template. The modules that draw figures and mechanism are those of
+`ecm app`. Modules and figures are compressed, and unpacked by the browser.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import base64
 import gzip
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -107,7 +107,6 @@ class Report:
 
     def page(self) -> str:
         """Return the HTML text of the page."""
-        plotly = require_report()[1]
         sections = list(self.sections)
         if self.warnings:
             table = TableBlock(
@@ -126,8 +125,7 @@ class Report:
             unpack=web_file("unpack.js"),
             figures=packed(json.dumps(figures, allow_nan=False)),
             views=packed(json.dumps(views, allow_nan=False)),
-            space=packed(script_of("scene")),
-            plotly=_packed_script(plotly.get_plotlyjs),
+            modules=packed(script_of("scene", "figure")),
         )
 
 
@@ -177,12 +175,6 @@ def packed(text: str) -> str:
     return base64.b64encode(gzip.compress(text.encode("utf-8"), 6, mtime=0)).decode("ascii")
 
 
-@cache
-def _packed_script(script: Callable[[], str]) -> str:
-    return packed(script())
-
-
-def require_report() -> tuple[Any, Any]:
-    """Return the modules jinja2 and plotly.offline; MissingExtra where they are not installed."""
-    purpose = "The HTML report"
-    return require("jinja2", "report", purpose), require("plotly.offline", "report", purpose)
+def require_report() -> None:
+    """Raise MissingExtra where what writes a page is not installed."""
+    require("jinja2", "report", "The HTML report")

@@ -3,14 +3,7 @@
 import {glide, ticks} from "./canvas.js";
 import {colours} from "./colours.js";
 import {el, number} from "./dom.js";
-
-const NAME = "http://www.w3.org/2000/svg";
-const svg = (tag, attributes = {}, text = null) => {
-  const node = document.createElementNS(NAME, tag);
-  for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
-  if (text !== null) node.textContent = text;
-  return node;
-};
+import {svg} from "./figure.js";
 
 // lines: [{name, values, colour: "mark" or "second", dash, square}] over the labels; floor: a dotted line.
 // `log`: each step up is as many times as much; `begins`: labels at which a line begins anew; `grow`: the last
