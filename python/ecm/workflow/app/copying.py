@@ -1,15 +1,19 @@
-"""A session as one file: a page to read without a server, or its folder to go on with elsewhere."""
+"""A session as one file: a page to read without a server, a report, or its folder to go on with."""
 
 from __future__ import annotations
 
 import json
+import math
 import zipfile
+from collections.abc import Sequence
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
-from ecm.report.page import WEB, packed, script_of, web_file
+from ecm.report.blocks import Block, Cell, CodeBlock, FigureBlock, Section, TableBlock, TextBlock
+from ecm.report.figures import bars, lines
+from ecm.report.page import WEB, Report, packed, script_of, web_file
 from ecm.workflow.app.jobs import FOLLOWED_BY
 from ecm.workflow.app.session import INCOMING, Session
 from ecm.workflow.app.views import NEED_MODEL, Views, state_of
@@ -23,6 +27,8 @@ _LINKS = """<link rel="stylesheet" href="/page/look.css">
 _POLICY = """<meta http-equiv="Content-Security-Policy" content="default-src 'none';
  script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; font-src data:">
 """
+_IN_95 = 1.96
+"""Standard deviations on both sides that hold 95 % of a normal distribution."""
 _BEGIN = """unpacked("packed-session").then(text => {
   globalThis.recorded = JSON.parse(text);
   return run("packed-script");
@@ -72,6 +78,86 @@ def _packed(name: str, text: str) -> str:
 
 def _page_file(name: str) -> str:
     return (_PAGE / name).read_text(encoding="utf-8")
+
+
+def report_of(session: Session) -> Report:
+    """Return the report of a session: ladder, before and after, parameters, truth, commands."""
+    state = state_of(session)
+    tried = [rung for rung in state["tried"] if rung["rmse"]]
+    floor = min(tried, key=lambda rung: rung["train"])["floor"] if tried else {}
+    sections = [Section("Ladder of errors", _ladder(tried, floor))]
+    rungs = [rung for rung in state["rungs"] if rung["rmse"]]
+    if len(rungs) > 1:
+        sections.append(Section("Before and after", _before_and_after(rungs[0], rungs[-1], floor)))
+    effects = (state["fit"] or {}).get("effects", [])
+    if effects:
+        sections.append(Section("Parameters", [_parameters(effects)]))
+    found, truth = state["diagnosis"] or session.result(session.last_diagnosis()), state["truth"]
+    said = [] if found is None else [TextBlock(found["summary"]["missing"], strong=True)]
+    if truth is not None:
+        names = ", ".join(item["id"] for item in truth["effects"]) or "nothing"
+        said.append(TextBlock(f"The sealed truth: {names} was hidden."))
+    if said:
+        sections.append(Section("What is missing", said))
+    commands = CodeBlock("They write the files of this session again.", session.script())
+    sections.append(Section("Commands", [commands]))
+    names = ", ".join(item["name"] for item in state["data"]) or "no table"
+    return Report(f"Session {state['folder']}", f"{names}.", sections)
+
+
+Errors: TypeAlias = dict[str, Any]
+"""Root mean squares or floors of noise by component."""
+
+
+def _over(rung: dict[str, Any], floor: Errors) -> float:
+    """The error of a fit over one noise, which is that of all fits."""
+    squares = [(rung["rmse"][name] / size) ** 2 for name, size in floor.items() if size > 0.0]
+    return math.sqrt(sum(squares) / max(1, len(squares)))
+
+
+def _ladder(tried: Sequence[dict[str, Any]], floor: Errors) -> list[Block]:
+    """Every fit that counts: its error over the noise beside the best of them."""
+    if not tried:
+        return [TextBlock("No model has been fitted yet.")]
+    errors, places = [_over(rung, floor) for rung in tried], [*map(float, range(1, len(tried) + 1))]
+    series = {"error": (places, errors), "noise floor": (places, [1.0] * len(tried))}
+    figure = lines(series, x_title="fit", y_title="error / noise", log_y=True)
+    rows: list[list[Cell]] = []
+    for k, (rung, error) in enumerate(zip(tried, errors, strict=True), 1):
+        last = (rung["history"] or [None])[-1]
+        held = None if last is None else error * last["held_out"] / last["train"]
+        rows.append([k, rung["name"], error, held])
+    header = ("", "fit", "fitted rows", "held out")
+    return [
+        TableBlock("The error of every fit of these rows, times the noise.", header, rows),
+        FigureBlock("The same. The noise does not change with the model.", figure),
+    ]
+
+
+def _before_and_after(first: dict[str, Any], last: dict[str, Any], floor: Errors) -> list[Block]:
+    rows: list[list[Cell]] = [
+        [name, first["rmse"].get(name), error, floor.get(name)]
+        for name, error in last["rmse"].items()
+    ]
+    header = ("component", first["name"], last["name"], "noise floor")
+    over = {
+        rung["name"]: [rung["rmse"][name] / max(size, 1e-300) for name, size in floor.items()]
+        for rung in (first, last)
+    }
+    return [
+        TableBlock("Root mean square error of each component, in its unit.", header, rows),
+        FigureBlock("The same over the noise floor.", bars(over, list(floor), y_title="error")),
+    ]
+
+
+def _parameters(effects: Sequence[dict[str, Any]]) -> Block:
+    rows: list[list[Cell]] = [
+        [effect["id"], one["name"], one["value"], one["value"] - _IN_95 * one["sd"],
+         one["value"] + _IN_95 * one["sd"], one["unit"]]
+        for effect in effects for one in effect["parameters"]
+    ]  # fmt: skip
+    header = ("effect", "parameter", "value", "from", "to", "unit")
+    return TableBlock("95 of 100 times the true value lies between the two.", header, rows)
 
 
 def archive_of(folder: Path) -> bytes:

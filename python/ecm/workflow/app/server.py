@@ -25,7 +25,7 @@ from ecm.errors import EcmError, InputError, Refusal
 from ecm.io.arguments import check_arguments, listed
 from ecm.io.extras import require
 from ecm.report.page import WEB
-from ecm.workflow.app.copying import archive_of, copy_of
+from ecm.workflow.app.copying import archive_of, copy_of, report_of
 from ecm.workflow.app.jobs import Busy, Jobs
 from ecm.workflow.app.journal import DiskError, sentence, writing
 from ecm.workflow.app.session import INCOMING, Session, model_of, suffix_of
@@ -226,6 +226,7 @@ def application(app: App, *, port: int, token: str) -> Any:
         "/api/view/{name}": routes.view,
         "/api/live": routes.live,
         "/api/copy": routes.copy,
+        "/api/report": routes.report,
         "/api/zip": routes.zip,
         "/api/log/{number:int}": routes.log,
         "/files/{name:path}": routes.file,
@@ -301,6 +302,12 @@ class _Routes:
     async def copy(self, _request: Any) -> Any:
         text = await asyncio.to_thread(copy_of, self.app.session, self.app.views)
         return _attached(text.encode(), f"{self.app.session.folder.resolve().name}.html")
+
+    async def report(self, _request: Any) -> Any:
+        responses = require("starlette.responses", "app", _PURPOSE)
+        report = await asyncio.to_thread(report_of, self.app.session)
+        policy = {"content-security-policy": REPORT_POLICY}
+        return responses.HTMLResponse(report.page(), headers=policy)
 
     async def zip(self, _request: Any) -> Any:
         content = await asyncio.to_thread(archive_of, self.app.session.folder)
