@@ -10,7 +10,6 @@ export function linearFit({effects, gram, slope, squares, mean, at, row, columns
   const total = signs.length, wide = columns.length * total;
   const table = new Int16Array(Uint8Array.from(atob(values), c => c.charCodeAt(0)).buffer);
   const ridge = RIDGE * gram.reduce((most, line, i) => Math.max(most, line[i]), 0);
-  const place_of_row = new Map(at.map((i, k) => [row[i], k]));
 
   // Coefficients, their covariance over the noise, and the error (times the noise) that is left. A
   // coefficient that may have one sign only is left out where it has the other.
@@ -29,12 +28,12 @@ export function linearFit({effects, gram, slope, squares, mean, at, row, columns
     }
   }
 
-  // What a fit explains of a component at a row of the table; null where that was not sent.
-  function explained({taken, theta}, name, number) {
-    const k = place_of_row.get(number), j = columns.indexOf(name);
-    if (k === undefined || j < 0) return null;
+  // What a fit explains of a component at the k-th of the rows that were sent; null of one that is no column.
+  function explained({taken, theta}, name, k) {
+    const j = columns.indexOf(name), begin = k * wide + j * total;
+    if (j < 0) return null;
     let sum = 0;
-    for (let c = 0; c < taken.length; c += 1) sum += theta[c] * step[taken[c]] * table[k * wide + j * total + taken[c]];
+    for (let c = 0; c < taken.length; c += 1) sum += theta[c] * step[taken[c]] * table[begin + taken[c]];
     return sum;
   }
 
@@ -46,7 +45,7 @@ export function linearFit({effects, gram, slope, squares, mean, at, row, columns
     });
   }
 
-  return {fit, explained, parameters, has: id => place.has(id)};
+  return {fit, explained, parameters, has: id => place.has(id), rows: at.map(i => row[i])};
 }
 
 // The inverse of a small positive matrix, by Gauss and Jordan; a direction that is not there gets zeros.

@@ -25,15 +25,16 @@ export async function draw(root, state, app) {
   const linear = linearFit(effects), held = (state.fit?.effects ?? []).map(({id}) => id).filter(linear.has);
   if (kept.model !== state.model) kept = {model: state.model, ticked: new Set(held)};
   const {ticked} = kept, now = linear.fit(held), error = errorOf(state, effects, linear, now);
+  let last = null;  // the fit that is shown
   let pointed = null;  // the effect that is pointed at: as if its tick were turned
   const turned = id => new Set(ticked.has(id) ? [...ticked].filter(other => other !== id) : [...ticked, id]);
-  const shown = () => linear.fit(pointed === null ? ticked : turned(pointed));
-  const panels = residualPanels(residuals, {moved: moves(linear, residuals, now, shown), onglide: share => count.glide(share), leave: app.leaveOut});
+  const shown = () => last ??= linear.fit(pointed === null ? ticked : turned(pointed));
+  const panels = residualPanels(residuals, {...moves(linear, residuals, now, shown), onglide: share => count.glide(share), leave: app.leaveOut});
   const count = counter(error);
   const hint = el("p", {class: "hint", "aria-live": "polite"});
   const fitAgain = el("div", {class: "row"});
   const look = (id, node = null) => {
-    pointed = id;
+    [pointed, last] = [id, null];
     for (const other of root.querySelectorAll(".effects li")) other.classList.toggle("seen", other === node);
     hint.textContent = id === null && same(ticked, held) ? "Point at an effect, or go there with the Tab key: the points slide to what "
       + "it would leave, before it is added. Tick several: base and effects are fitted together, in this page."
@@ -94,19 +95,22 @@ function counter({of, unit, start}) {
   }};
 }
 
-// Where the points of a component lie: measured minus what another fit explains more than the model does.
+// Where the points of a component lie: measured minus what another fit explains more than the model does. The places
+// are those of the rows for which the server sent what effects explain.
 function moves(linear, residuals, now, shown) {
-  const {noise, wrench} = residuals.kinds;
-  return (kind, j) => {
+  const {noise, wrench} = residuals.kinds, place = new Map(residuals.row.map((row, i) => [row, i]));
+  const sent = linear.rows.flatMap((row, k) => place.has(row) ? [[place.get(row), k]] : []);
+  return {places: sent.map(([i]) => i), moved(kind, j) {
     const fit = shown(), name = wrench.columns[j];
-    if (kind === "pose" || (fit.taken.join() === now.taken.join())) return null;
-    if (linear.explained(fit, name, residuals.row[0]) === null && !residuals.row.some(row => linear.explained(fit, name, row) !== null)) return null;
-    return residuals.row.map((row, i) => {
-      const [more, less] = [linear.explained(fit, name, row), linear.explained(now, name, row)];
-      const left = more === null ? null : wrench.values[j][i] - more + less;
-      return left === null || kind !== "noise" ? left : left * noise.values[j][i] / wrench.values[j][i];
-    });
-  };
+    if (kind === "pose" || fit.taken.join() === now.taken.join() || linear.explained(fit, name, 0) === null) return null;
+    const values = new Array(residuals.row.length).fill(null);
+    for (const [i, k] of sent) {
+      const whole = wrench.values[j][i], left = whole - linear.explained(fit, name, k) + linear.explained(now, name, k);
+      values[i] = kind === "noise" ? left * noise.values[j][i] / whole : left;
+      if (!Number.isFinite(values[i])) values[i] = null;
+    }
+    return values;
+  }};
 }
 
 // The bar of each effect: the share that it takes of what the ticked ones leave, or of what they would leave without it.

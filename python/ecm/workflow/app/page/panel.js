@@ -15,7 +15,7 @@ export function panel({onbrush, say}) {
   const node = el("figure", {class: "panel"}, base, over);
   let data = null, low = [0, 0], high = [1, 1], width = 0, height = 0;
   // Where the points are, while they lie elsewhere than they were measured; from where to where they go.
-  let moved = null, start = null, to = null, chosen = [], box = null, cursor = -1, order = null, asked = false;
+  let moved = null, start = null, to = null, going = [], chosen = [], box = null, cursor = -1, order = null, asked = false;
   const now = () => moved ?? data.y;
 
   const px = v => LEFT + (v - low[0]) / (high[0] - low[0]) * (width - LEFT - RIGHT);
@@ -82,12 +82,12 @@ export function panel({onbrush, say}) {
   }
 
   // Points, of the indices `which` or all.
-  function dots(context, x, y, which, colour, r) {
+  function dots(context, x, y, which, colour, r, full = which !== null) {
     const n = which ? which.length : x.length;
     if (n > MANY) {
       const ink = rgb(colour), seen = which ?? x.map((_, i) => i);
       stamp(context, seen.filter(i => x[i] !== null && y[i] !== null),
-        {x: i => px(x[i]), y: i => py(y[i]), ink: () => ink, size: which ? 2.2 : 1.6});
+        {x: i => px(x[i]), y: i => py(y[i]), ink: () => ink, size: full ? 2.2 : 1.6});
       return;
     }
     context.strokeStyle = context.fillStyle = colour;
@@ -97,7 +97,7 @@ export function panel({onbrush, say}) {
       if (x[i] === null || y[i] === null) continue;
       context.beginPath();
       context.arc(px(x[i]), py(y[i]), r, 0, 7);
-      if (which) context.fill(); else context.stroke();
+      if (full) context.fill(); else context.stroke();
     }
   }
 
@@ -123,11 +123,11 @@ export function panel({onbrush, say}) {
     context.beginPath();
     context.rect(LEFT - 5, TOP - 5, w - LEFT - RIGHT + 10, h - TOP - BOTTOM + 10);
     context.clip();
-    if (moved) dots(context, data.x, moved, null, palette.second, 2.6);
+    if (moved) dots(context, data.x, moved, going, palette.second, 2.6, false);
     if (chosen.length) dots(context, data.x, now(), chosen, palette.second, 4.2);
     context.restore();
     if (chosen.length) bars(context, chosen.map(i => now()[i]), palette.second);
-    else if (moved) bars(context, moved, palette.second);
+    else if (moved) bars(context, going.map(i => moved[i]), palette.second);
     if (cursor >= 0) {
       context.strokeStyle = palette.ink;
       context.lineWidth = 2;
@@ -213,17 +213,23 @@ export function panel({onbrush, say}) {
 
   return {node, set,
     mark(indices) { chosen = indices; ask(); },
-    // Where the points shall go, (n,) or null for where they were measured; `slide` moves them there.
-    aim(values) {
-      if (values === null && to === null) return;
-      [start, to] = [now(), values];
-      moved = start;
-      redrawBase();
+    // Where the points at some places shall go, null for where they were measured; `slide` moves them there.
+    aim(values, places) {
+      if (values === null && moved === null) return;
+      const rest = moved === null;
+      if (rest) {
+        going = places;
+        moved = new Array(data.y.length).fill(null);
+        for (const i of going) moved[i] = data.y[i];
+      }
+      start = moved.slice();
+      to = values;
+      if (rest) redrawBase();
     },
     slide(share) {
       if (moved === null) return;
       const end = to ?? data.y;
-      moved = end.map((v, i) => v === null || start[i] === null ? v : start[i] + share * (v - start[i]));
+      for (const i of going) moved[i] = end[i] === null || start[i] === null ? end[i] : start[i] + share * (end[i] - start[i]);
       if (share === 1 && to === null) {
         moved = null;
         redrawBase();

@@ -12,8 +12,8 @@ const LISTED = 400;
 // The variable and the kind stay chosen in the next stage.
 const last = {variable: null, kind: null};
 
-// `moved`: where the points of a component lie under what is looked at, and `share` how far they are.
-export function residualPanels(residuals, {moved = () => null, onglide = () => {}, leave = null} = {}) {
+// `moved`: where the points of a component lie under what is looked at, at some places; null: where they were measured.
+export function residualPanels(residuals, {moved = () => null, places = [], onglide = () => {}, leave = null} = {}) {
   const variable = el("select", {id: "variable", onchange: () => { last.variable = variable.value; show(); }},
     residuals.strongest.map((name, i) => el("option", {value: name},
       label(name) + (i === 0 && residuals.follows.length ? " (strongest)" : ""))));
@@ -84,7 +84,7 @@ export function residualPanels(residuals, {moved = () => null, onglide = () => {
   // Lets the points slide to where they lie now.
   function look() {
     end();
-    panels.forEach((item, j) => item.aim(moved(kind, j)));
+    panels.forEach((item, j) => item.aim(moved(kind, j), places));
     end = glide(share => {
       for (const item of panels) item.slide(share);
       onglide(share);
