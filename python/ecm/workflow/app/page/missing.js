@@ -162,7 +162,7 @@ function verdict(found, state, app) {
   el("p", {}, el("strong", {}, "Next: "), readable(found.summary.next)),
   el("p", {class: "rests"}, readable(found.sentence)),
   el("p", {class: "rests"}, "It rests on: ", rests.join("; "), "."),
-  found.warnings.map(text => el("div", {class: "warning"}, text)),
+  found.warnings.map(text => el("div", {class: "warning"}, readable(text))),
   (found.look_alikes ?? []).map(item => el("p", {class: "rests"},
     `${effectName(item.id)} looks the same as ${item.what}. To tell them apart: ${item.apart}.`)),
   unknown ? own(unknown, found.family) : null);

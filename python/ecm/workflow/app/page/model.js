@@ -68,8 +68,8 @@ export async function draw(root, state, app) {
 
 // An energy needs six coordinates of both, and physics the body.
 async function known(state) {
-  const {columns, body} = await view("poses", state);
-  return {six: [...POSE, ...WRENCH].every(name => columns[name]) && !state.check.padding.length, body};
+  const {columns, outline_m: outline} = await view("poses", state);
+  return {six: [...POSE, ...WRENCH].every(name => columns[name]) && !state.check.padding.length, body: Boolean(outline)};
 }
 
 function report(fit) {

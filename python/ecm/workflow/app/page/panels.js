@@ -70,7 +70,7 @@ export function residualPanels(residuals, {moved = () => null, places = [], ongl
     rows.replaceChildren(...[el("output", {id: "marked-rows"},
       `${list.length} ${list.length === 1 ? "row" : "rows"} marked: ${text}`),
     button("Copy numbers", () => copy(list.join(", "), said => { live.textContent = said; })),
-    button("Clear", () => mark([])), leave ? button("Leave them out and fit again (X)", () => leave(list), {id: "leave-out"}) : null].filter(Boolean));
+    leave ? button("Leave them out and fit again (X)", () => leave(list), {id: "leave-out"}) : null, button("Clear", () => mark([]))].filter(Boolean));
   }
 
   // One key for the marked rows, wherever the focus is but where a person writes.
