@@ -143,7 +143,8 @@ PAINT = """new Promise(done => {
 })"""
 CLICK = """(async stages => {
   const at = items => items[Math.floor(next() * items.length)];
-  const plain = "nav a[href], .views button, .help, .marked button:not(#leave-out), [name=kind], summary";
+  const plain = "nav a[href], .views button, .help, [name=kind], summary, "
+    + ".marked button:not(#leave-out)";
   const radios = "[name=kind-of-residual]";
   at([...document.querySelectorAll(`${plain}, ${radios}`)].filter(n => n.offsetParent)).click();
   const canvas = at([...document.querySelectorAll("#main canvas[tabindex]")]);

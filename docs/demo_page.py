@@ -1,8 +1,8 @@
-"""Writes the demo of `ecm app` as one page without a server, which the site of the documentation shows.
+"""Writes the demo of `ecm app` as one page without a server, for the site of the documentation.
 
 .venv/bin/python docs/demo_page.py site/demo.html
 
-It goes round the loop of the demo: campaign, physics, diagnosis, the effect that is named, the truth.
+It goes round the loop of the demo: campaign, physics, diagnosis, the named effect, the truth.
 """
 
 from __future__ import annotations
