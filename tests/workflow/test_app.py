@@ -571,10 +571,14 @@ def test_what_is_typed_goes_into_the_descriptions(app: App, tmp_path: Path) -> N
         assert finished(client, app)["described"] == {"mechanism": {"length_m": 0.1}}
 
 
-def test_a_session_goes_on_from_its_zip(app: App, tmp_path: Path) -> None:
+def test_a_session_has_a_report_and_goes_on_from_its_zip(app: App, tmp_path: Path) -> None:
     begin(app, [table(tmp_path / "stage.csv", drift=2e-4)], model="linear")
     with client_of(app) as client:
-        state = finished(client, app)
+        finished(client, app)
+        state = step(client, app, "refit", add=["fts_drift"])
+        report = client.get("/api/report").text
+        for part in ("Ladder of errors", "Before and after", "Parameters", "ecm refit"):
+            assert part in report
         content = client.get("/api/zip").content
     shutil.unpack_archive(_written(tmp_path / "all.zip", content), tmp_path / "other")
     found = state_of(Session(tmp_path / "other" / "session"))
