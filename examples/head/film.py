@@ -50,7 +50,7 @@ def write_film(path: Path, robot: Robot, records: Sequence[tuple[str, Record]]) 
             _curves(draw, [mm for mm, _ in missed], i, WIDTH * len(records), dt)
             for number, ((title, _), (mm, deg)) in enumerate(zip(records, missed, strict=True)):
                 text = f"{title}\n{i * dt:.1f} s\n{mm[i]:.1f} mm {deg[i]:.1f} deg"
-                draw.text((number * WIDTH + 10, 10), text, fill=(20, 20, 30), font_size=16)
+                draw.text((number * WIDTH + 10, 10), text, fill=_CURVES[number % 3], font_size=16)
             frames.append(image.quantize(96))
     frames[0].save(
         path, save_all=True, append_images=frames[1:], duration=round(1000 / FRAMES_PER_S), loop=0
