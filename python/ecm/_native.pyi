@@ -143,8 +143,16 @@ class Mesh:
         platform_m: Sequence[Sequence[float]] = ...,
     ) -> Mesh:
         """With a tendon, straight between points of the base, of the body, then of the platform."""
-    def with_winding(self, surface: str, *, angle_rad: float, stiffness_N_m: float) -> Mesh:
-        """With threads bonded to a chamber's wall, another named surface or "outside"."""
+    def with_winding(
+        self,
+        on: str,
+        *,
+        angles_rad: Sequence[float],
+        stiffness_N_m: float | None = None,
+        stiffness_Pa: float | None = None,
+    ) -> Mesh:
+        """With threads bonded to a chamber's wall, another named surface or "outside" (N/m), or
+        through a named region or "body" (Pa); two angles from the direction round it."""
     @staticmethod
     def from_arrays(nodes_m: _F, tetrahedra: _I, *, base_nodes: _I, top_nodes: _I) -> Mesh:
         """(N, 3) and (M, 10) arrays, node numbers of the two faces."""
