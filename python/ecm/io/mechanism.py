@@ -270,11 +270,15 @@ class Mechanism(Checked):
     tendons: tuple[Tendon, ...] = setting((), any_size=True)
     """Tendons along points of their own."""
     winding_stiffness_N_m: float = setting(0.0, low=0.0)
-    """E A of a thread over the distance of the threads, N/m; 0: no winding."""
-    winding_angle_rad: float = setting(0.0, low=0.0, high=0.5 * math.pi)
-    """Angle of the two families of threads from the direction round the surface; 0: rings."""
+    """E A of a thread over the distance of the threads, N/m; 0: no winding on a surface."""
+    winding_stiffness_Pa: float = setting(0.0, low=0.0)
+    """E of the threads times their share of the volume; 0: no winding through a region."""
+    winding_angle_rad: float = setting(0.0, low=-0.5 * math.pi, high=0.5 * math.pi)
+    """Angle of the threads from the direction round the surface, right-handed; 0: rings."""
+    winding_second_angle_rad: float | None = setting(None, low=-0.5 * math.pi, high=0.5 * math.pi)
+    """Angle of the second family of threads; without it the first one's, left-handed."""
     winding_on: str = setting("chambers")
-    """Where the threads lie: chambers, outside, or a surface of the mesh file."""
+    """Where the threads lie: chambers, outside, a surface or region of the mesh file, or body."""
     young_modulus_Pa: float = setting(0.65e6, low=0.0)
     """E at small strain; 0: unknown."""
     poisson_ratio: float = setting(0.49, low=0.0, high=0.5)
@@ -307,6 +311,11 @@ class Mechanism(Checked):
             raise InputError(f"young_modulus_Pa = {modulus}: looks like MPa; give Pa (0.65e6)")
         if self.tendon_count and not self.tendon_offset_m > 0.0:
             raise InputError("tendon_count needs tendon_offset_m: their distance from the axis, m")
+        if self.winding_stiffness_N_m and self.winding_stiffness_Pa:
+            raise InputError(
+                "found winding_stiffness_N_m and winding_stiffness_Pa: give the first for threads "
+                "on a surface, the second for threads through a region"
+            )
         if self.builtin:
             self._check_dimensions()
 
@@ -391,7 +400,9 @@ class Mechanism(Checked):
             elif field.name == "tendons":
                 if value:
                     table["tendons"] = [asdict(tendon) for tendon in value]
-            elif value and (field.name in always or value != field.default):
+            elif (value or (value == 0.0 and field.default is None)) and (
+                field.name in always or value != field.default
+            ):
                 table[field.name] = value
         return table
 
@@ -441,14 +452,20 @@ class Mechanism(Checked):
         for number, tendon in enumerate((*self._round_the_axis(), *self.tendons), 1):
             points = {field.name: getattr(tendon, field.name) for field in fields(tendon)}
             mesh = mesh.with_tendon(f"tendon_{number}", **points)
-        if self.winding_stiffness_N_m > 0.0:
-            chambers = [name for name, _ in mesh.chambers]
-            for surface in chambers if self.winding_on == "chambers" else [self.winding_on]:
-                mesh = mesh.with_winding(
-                    surface,
-                    angle_rad=self.winding_angle_rad,
-                    stiffness_N_m=self.winding_stiffness_N_m,
-                )
+        stiffness: dict[str, float] = {}
+        if self.winding_stiffness_N_m:
+            stiffness["stiffness_N_m"] = self.winding_stiffness_N_m
+        if self.winding_stiffness_Pa:
+            stiffness["stiffness_Pa"] = self.winding_stiffness_Pa
+        second = self.winding_second_angle_rad
+        angles = (self.winding_angle_rad, -self.winding_angle_rad if second is None else second)
+        chambers = self.winding_on == "chambers" and not self.winding_stiffness_Pa
+        on = [name for name, _ in mesh.chambers] if chambers else [self.winding_on]
+        for place in on if stiffness else ():
+            try:
+                mesh = mesh.with_winding(place, angles_rad=angles, **stiffness)
+            except FemError as error:
+                raise InputError(f"[mechanism] winding_on: {error}") from None
         return mesh
 
     def _round_the_axis(self) -> Iterator[Tendon]:
