@@ -104,8 +104,8 @@ def test_wrong_actuators_are_refused_in_the_words_of_their_settings() -> None:
         arm(tendons=[{"base_m": [[0, 0, 0]]}])
     with pytest.raises(InputError, match=r"base_m: found \[0\.0, 0\.0\], expected \[x, y, z\]"):
         arm(tendons=[{"base_m": [[0, 0]], "platform_m": [[0, 0]]}])
-    with pytest.raises(InputError, match="found winding_stiffness_N_m and winding_stiffness_Pa"):
-        arm(winding_stiffness_N_m=1e4, winding_stiffness_Pa=1e6)
+    with pytest.raises(InputError, match="has either winding_stiffness_N_m, on a surface, or wind"):
+        arm(winding_stiffness_N_m=1e4, winding_stiffness_Pa=1e6).mesh()
     with pytest.raises(InputError, match="winding on `sleeve`: the mesh has no such region"):
         arm(winding_stiffness_Pa=1e6, winding_on="sleeve").mesh()
     with pytest.raises(InputError, match="winding_second_angle_rad = nan: expected a finite"):

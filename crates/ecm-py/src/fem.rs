@@ -173,7 +173,7 @@ impl Mesh {
             (None, Some(stiffness_Pa)) => Laid::InRegion { stiffness_Pa },
             _ => {
                 return Err(FemError::new_err(
-                    "a winding takes stiffness_N_m on a surface or stiffness_Pa in a region: give one",
+                    "a winding has either winding_stiffness_N_m, on a surface, or winding_stiffness_Pa, in a region",
                 ));
             }
         };

@@ -311,11 +311,6 @@ class Mechanism(Checked):
             raise InputError(f"young_modulus_Pa = {modulus}: looks like MPa; give Pa (0.65e6)")
         if self.tendon_count and not self.tendon_offset_m > 0.0:
             raise InputError("tendon_count needs tendon_offset_m: their distance from the axis, m")
-        if self.winding_stiffness_N_m and self.winding_stiffness_Pa:
-            raise InputError(
-                "found winding_stiffness_N_m and winding_stiffness_Pa: give the first for threads "
-                "on a surface, the second for threads through a region"
-            )
         if self.builtin:
             self._check_dimensions()
 
@@ -452,20 +447,21 @@ class Mechanism(Checked):
         for number, tendon in enumerate((*self._round_the_axis(), *self.tendons), 1):
             points = {field.name: getattr(tendon, field.name) for field in fields(tendon)}
             mesh = mesh.with_tendon(f"tendon_{number}", **points)
-        stiffness: dict[str, float] = {}
-        if self.winding_stiffness_N_m:
-            stiffness["stiffness_N_m"] = self.winding_stiffness_N_m
-        if self.winding_stiffness_Pa:
-            stiffness["stiffness_Pa"] = self.winding_stiffness_Pa
-        second = self.winding_second_angle_rad
-        angles = (self.winding_angle_rad, -self.winding_angle_rad if second is None else second)
-        chambers = self.winding_on == "chambers" and not self.winding_stiffness_Pa
-        on = [name for name, _ in mesh.chambers] if chambers else [self.winding_on]
-        for place in on if stiffness else ():
-            try:
-                mesh = mesh.with_winding(place, angles_rad=angles, **stiffness)
-            except FemError as error:
-                raise InputError(f"[mechanism] winding_on: {error}") from None
+        on_surface, in_region = (
+            self.winding_stiffness_N_m or None,
+            self.winding_stiffness_Pa or None,
+        )
+        if on_surface or in_region:
+            first, second = self.winding_angle_rad, self.winding_second_angle_rad
+            angles = (first, -first if second is None else second)
+            chambers = self.winding_on == "chambers" and in_region is None
+            for on in [name for name, _ in mesh.chambers] if chambers else [self.winding_on]:
+                try:
+                    mesh = mesh.with_winding(
+                        on, angles_rad=angles, stiffness_N_m=on_surface, stiffness_Pa=in_region
+                    )
+                except FemError as error:
+                    raise InputError(f"[mechanism]: {error}") from None
         return mesh
 
     def _round_the_axis(self) -> Iterator[Tendon]:

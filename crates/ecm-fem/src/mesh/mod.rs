@@ -80,6 +80,7 @@ pub struct Winding {
 
 /// What the threads of a winding lie on, with the stiffness of both families together.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Laid {
     /// On a surface.
     OnSurface {
