@@ -447,10 +447,8 @@ class Mechanism(Checked):
         for number, tendon in enumerate((*self._round_the_axis(), *self.tendons), 1):
             points = {field.name: getattr(tendon, field.name) for field in fields(tendon)}
             mesh = mesh.with_tendon(f"tendon_{number}", **points)
-        on_surface, in_region = (
-            self.winding_stiffness_N_m or None,
-            self.winding_stiffness_Pa or None,
-        )
+        on_surface = self.winding_stiffness_N_m or None
+        in_region = self.winding_stiffness_Pa or None
         if on_surface or in_region:
             first, second = self.winding_angle_rad, self.winding_second_angle_rad
             angles = (first, -first if second is None else second)
