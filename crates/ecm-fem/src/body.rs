@@ -106,7 +106,7 @@ impl Body {
                 });
             }
         }
-        let wound = wound(&mesh, rule, &points)?;
+        let wound = wound(&mesh, rule)?;
         let size = (mesh.volume_m3() / mesh.tetrahedra().len() as f64).cbrt();
         let pressure_unit_Pa = material.shear_modulus_Pa() / size;
         let dead_force_N = vec![0.0; 3 * mesh.nodes_m().len()];

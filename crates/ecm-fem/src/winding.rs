@@ -11,7 +11,6 @@
 //! well as they pull. Where a surface is nearly normal to x (an end wall) there is no winding.
 
 use crate::FemError;
-use crate::body::Point;
 use crate::chamber::outer_faces;
 use crate::element::{Rule, tet10};
 use crate::mesh::{Laid, Mesh, Winding, surface};
@@ -46,8 +45,8 @@ pub(crate) struct ThreadSums {
     pub stiffness: [[[[f64; 3]; 3]; 10]; 10],
 }
 
-/// The wound faces and elements of all windings, sorted by element; `points` are those of `rule`.
-pub(crate) fn wound(mesh: &Mesh, rule: Rule, points: &[Point]) -> Result<Vec<Wound>, FemError> {
+/// The wound faces and elements of all windings, sorted by element.
+pub(crate) fn wound(mesh: &Mesh, rule: Rule) -> Result<Vec<Wound>, FemError> {
     let mut wound = Vec::new();
     for winding in mesh.windings() {
         let before = wound.len();
@@ -57,10 +56,9 @@ pub(crate) fn wound(mesh: &Mesh, rule: Rule, points: &[Point]) -> Result<Vec<Wou
             }
             Laid::InRegion { stiffness_Pa } => {
                 let elements = mesh.region(&winding.on).unwrap_or_default();
-                wound.extend(elements.into_iter().map(|element| {
-                    let own = &points[element * rule.points().len()..];
-                    within(mesh, element, winding, stiffness_Pa, rule, own)
-                }));
+                let parts = elements.into_iter();
+                wound
+                    .extend(parts.map(|e| within(mesh, e, winding.angles_rad, stiffness_Pa, rule)));
             }
         }
         if wound[before..].iter().all(|part| part.threads.is_empty()) {
@@ -160,26 +158,24 @@ fn threads_on(
     threads
 }
 
-/// Threads within an element; `points` begin with its own.
+/// Threads within an element, at the points of the rule.
 fn within(
     mesh: &Mesh,
     element: usize,
-    winding: &Winding,
+    angles_rad: [f64; 2],
     stiffness_Pa: f64,
     rule: Rule,
-    points: &[Point],
 ) -> Wound {
     let x = mesh.tetrahedra()[element].map(|n| mesh.nodes_m()[n]);
     let mut threads = Vec::new();
-    for ((lambda, _), point) in rule.points().iter().zip(points) {
+    for (lambda, weight) in rule.points() {
         let shape = tet10::shape(lambda);
         let at = [0, 1, 2].map(|k| (0..10).map(|a| shape[a] * x[a][k]).sum());
-        for along in (directions(from_axis(at), winding.angles_rad).into_iter()).flatten() {
+        let (gradients, det) = tet10::gradients(&x, lambda);
+        for along in (directions(from_axis(at), angles_rad).into_iter()).flatten() {
             threads.push(Thread {
-                slope: std::array::from_fn(|a| {
-                    (0..3).map(|k| point.gradients[k][a] * along[k]).sum()
-                }),
-                weight_Nm: 0.5 * stiffness_Pa * point.volume_m3,
+                slope: gradients.map(|g| dot(g, along)),
+                weight_Nm: 0.5 * stiffness_Pa * weight * det,
             });
         }
     }
@@ -239,7 +235,7 @@ impl Wound {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::{BODY, Fem, NeoHookean};
+    use crate::mesh::BODY;
 
     const FACE: [[f64; 3]; 6] = [
         [0.00, 1.00, 0.10],
@@ -273,9 +269,8 @@ mod tests {
             angles_rad: [0.4, -1.1],
             laid: Laid::InRegion { stiffness_Pa: 3.0 },
         });
-        let law = Box::new(NeoHookean::new(1.0, 0.49).unwrap());
-        let fem = Fem::new(mesh.unwrap(), law, None).unwrap();
-        (fem.body().wound[0].clone(), nodes)
+        let mut wound = wound(&mesh.unwrap(), Rule::Degree2).unwrap();
+        (wound.swap_remove(0), nodes)
     }
 
     #[test]
