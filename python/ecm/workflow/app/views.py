@@ -85,6 +85,7 @@ def poses(given: Given) -> dict[str, Any]:
         "row": (rows + 1).tolist(),
         "columns": {name: _short(table.column(name)[rows]) for name in columns},
         **view_of(table.meta),
+        "body": table.meta.elastic_body() is not None,  # whether physics can be fitted
         "said": some_rows(len(rows), len(table), HOW).strip(),
     }
 
