@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,13 +10,14 @@ import pytest
 
 import ecm
 from ecm.errors import InputError
-from ecm.io.arrays import B
+from ecm.io.arrays import B, F
 from ecm.io.columns import POSE
 from ecm.io.table import Table
 from ecm.rig import Campaign, CampaignOptions, Hidden, RigSettings, run_campaign
 from ecm.rig.hidden.inject import whitener_of
 from ecm.rig.physics import TRUE_EFFECTS
-from ecm.rig.physics.true_effect import Supply
+from ecm.rig.physics.supply import Slip
+from ecm.rig.physics.true_effect import Conditions, RigScale, Supply
 from ecm.rig.plan import POSE_OFFSETS
 from ecm.rig.plant import residual
 from support.driven import PRESSURES, DrivenArm, arm_model, arm_plan, small_rig, tendon_table
@@ -112,12 +114,46 @@ def test_lag_and_leak_follow_the_time_since_the_pressure_was_set(plan: Table) ->
 
 
 def test_a_valve_with_play_depends_on_the_side(plan: Table) -> None:
-    hidden = campaign(plan, "pressure_hysteresis")
-    less = hidden.plant.acting(hidden.visits) - hidden.visits.inputs
-    size = hidden.injected[0].truth.size
+    quiet, size = campaign(plan), 300.0
+    less = quiet.plant.put(Slip(size)).acting(quiet.visits) - quiet.visits.inputs
     assert less.min() == pytest.approx(-size)
-    beyond = hidden.visits.at_poses & ~initial(hidden)
+    beyond = quiet.visits.at_poses & ~initial(quiet)
     assert less[beyond].max() == pytest.approx(size)
+
+
+def test_a_wall_gives_the_smooth_loop_of_masing() -> None:
+    """Its way back is its way up turned about and twice as large, and a small loop closes."""
+    size, reaches = 500.0, tuple(np.linspace(2e3, 9e3, 6).tolist())
+
+    def first(pressure: F) -> F:
+        shares = np.minimum(pressure[:, None] / reaches, 1.0)
+        return size * shares.mean(axis=1)
+
+    up, down = np.linspace(0.0, 1.2e4, 61), np.linspace(1.2e4, 0.0, 61)
+    dip = np.concatenate([np.linspace(1.2e4, 9e3, 16), np.linspace(9e3, 1.2e4, 16)])
+    asked = np.concatenate([up, dip, down])[:, None]
+    before = np.vstack([asked[:1], asked[:-1]])
+    ways = tuple(np.hstack([np.zeros((2, 6)), pair]) for pair in np.stack([before, asked], axis=1))
+    at = Conditions(0.1, inputs=asked, actuators=PRESSURES[:1], ways=ways)
+    held = (asked - Slip(size, reaches=reaches).acting(asked, at))[:, 0]
+    np.testing.assert_allclose(held[:61], first(up), atol=1e-9)
+    assert held[92] == pytest.approx(held[60])
+    np.testing.assert_allclose(held[93:], size - 2.0 * first((1.2e4 - down) / 2.0), atol=1e-9)
+    valve = (asked - Slip(size).acting(asked, at))[:, 0]
+    slopes = [len(np.unique(np.diff(loop[:61]).round(6))) for loop in (valve, held)]
+    assert slopes[0] <= 3
+    assert slopes[1] >= 7
+
+
+def test_hysteresis_is_drawn_of_valves_and_of_walls() -> None:
+    scale = RigScale(0.1, 1e3, 25.0, 25.0, 1.0)
+    drawn = [Slip.draw(np.random.default_rng(seed), scale) for seed in range(40)]
+    walls = [one for one in drawn if one.reaches]
+    assert 10 < len(walls) < 30
+    assert all(0.1 < max(one.reaches) / scale.largest_input < 0.9 for one in walls)
+    # A sealed wall is read back as it was.
+    document = json.loads(json.dumps(walls[0].parameters()))
+    assert Slip(1.0).with_parameters(document) == walls[0]
 
 
 @pytest.mark.parametrize("effect", OF_CHAMBERS)
