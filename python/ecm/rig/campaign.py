@@ -84,10 +84,6 @@ class Campaign(CampaignState):
         self.seed = seed
         self.base_columns = base_columns
         length, actuators = source.length_m, len(plan.actuation_columns)
-        if actuators and settings.rig.mode == "robot":
-            raise InputError(
-                f'{plan.source}: the arm has no actuators yet; set [rig] mode = "quasi_static"'
-            )
         remaining, lost, free = followed(
             requests(plan, settings.rig, length), partial(free_cached, source, folder=folder)
         )
