@@ -69,17 +69,20 @@ def test_the_arm_follows_the_mechanism_and_goes_on_by_the_offset(folder: Path) -
     left = np.abs(arm_model().predict(poses, inputs)).max(axis=0)
     floor = FREE_N * np.repeat([1.0, 0.033], 3)
     assert (left < 3.0 * floor + 5.0 * driven.mechanism.rms).all()
-    assert np.abs(arm_model().predict(np.tile(REST, (len(inputs), 1)), inputs)[:, 3:]).max() > 0.01
+    at_rest = np.abs(arm_model().predict(np.tile(REST, (len(inputs), 1)), inputs)).max(axis=0)
+    assert at_rest[0] > 5.0 * left[0]
+    assert (at_rest[4:] > 2.0 * left[4:]).all()
     for stop in driven.stops:
         visit = driven.planned.visits[stop.visit]
-        np.testing.assert_allclose(stop.reached, stop.goal, atol=1e-6)
+        np.testing.assert_allclose(stop.reached, stop.goal, atol=1e-5)
         away = np.abs(stop.reached - visit.pose[:6])
         assert (away < np.repeat([1e-3, 0.015], 3)).all()
     assert table.actuation_columns == PRESSURES
     assert table.has(*JOINTS)
     rows = table.measured()
     off = arm_model().predict(rows.poses, rows.matrix(PRESSURES)) - rows.wrenches
-    assert (off.std(axis=0) < 0.12 * rows.wrenches.std(axis=0)).all()
+    # Along the axis 37 um of the camera are 0.12 N, of a spread of 0.6 N.
+    assert (off.std(axis=0) < 0.25 * rows.wrenches.std(axis=0)).all()
     assert driven.record()["reached"] == 6
 
 
