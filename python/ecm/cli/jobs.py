@@ -274,22 +274,28 @@ def measure(
     keep_data(out, overwrite=overwrite)
     bench = Bench.read(rig)
     visits = session.read([plan], need="predict")
-    _, lines = envelope(visits, bench)
-    for line in lines:
-        session.print(line)
+
+    def agree(lines: list[str]) -> None:
+        for line in lines:
+            session.print(line)
+        if not dry_run and not yes and not _agreed():
+            remedy = Remedy(
+                "look at the numbers above, clear the rig's surroundings, and say --yes"
+            )
+            raise InputError("nobody has agreed to the moves above", remedy=remedy)
+        session.on_interrupt("the mover was stopped. The same command goes on there.")
+
     if dry_run:
+        agree(envelope(visits, bench)[1])
         session.print("dry run: nothing was moved")
         return
-    if not yes and not _agreed():
-        remedy = Remedy("look at the numbers above, clear the rig's surroundings, and say --yes")
-        raise InputError("nobody has agreed to the moves above", remedy=remedy)
-    session.on_interrupt("the mover was stopped. The same command goes on there.")
     data = measure_plan(
         visits,
         bench,
         out,
         minutes=minutes,
         model=None if model is None else open_model(str(model), session, visits),
+        agree=agree,
         overwrite=overwrite,
         say=session.warn,
         progress=session.progress("measure"),
