@@ -204,8 +204,11 @@ class TripStore:
         if arrays is None:
             return None
         count = sum(name.endswith(".visit") for name in arrays) - 1
-        stops = tuple(_stop(str(k), arrays) for k in range(count))
-        return TripResult(stops, float(arrays["duration_s"]), _stop("home", arrays))
+        try:
+            stops = tuple(_stop(str(k), arrays) for k in range(count))
+            return TripResult(stops, float(arrays["duration_s"]), _stop("home", arrays))
+        except KeyError:  # of another version, which stored less
+            return None
 
 
 def _arrays(name: str, stop: StopResult) -> dict[str, NDArray[Any]]:
