@@ -11,7 +11,6 @@ import pytest
 
 import ecm
 from ecm.effects import get_effect
-from ecm.effects.actuation import PressureHysteresis
 from ecm.effects.registry import effects_of_actuators
 from ecm.errors import InputError
 from ecm.io.arrays import F
@@ -98,23 +97,6 @@ def test_a_pressure_from_the_rest_pose_came_from_below() -> None:
     change = get_effect("pressure_hysteresis").change(rows, inputs)  # type: ignore[attr-defined]
     expected = -np.sign(inputs - np.vstack([np.zeros((2, 3)), inputs[1]]))
     np.testing.assert_array_equal(change, expected)
-
-
-def test_with_a_reach_a_pressure_turns_over_by_as_much_as_it_was_let_down() -> None:
-    table = arm_table().select(np.arange(3)).drop(*VOLUMES)
-    columns = {"pose_id": np.arange(3.0), "time_s": 60.0 * np.arange(3.0)}
-    columns |= {"approach": np.array(["initial", "0", "0"], dtype=object)}
-    columns |= {name: np.zeros(3) for name in PRESSURES}
-    columns[PRESSURES[0]] = np.array([10e3, 9e3, 2e3])
-    rows = Rows(table.with_columns(columns), arm_model().base)
-    inputs = rows.table.matrix(PRESSURES)
-    found = PressureHysteresis(PRESSURES[0], 2e3).change(rows, inputs)
-    np.testing.assert_allclose(found[:, 0], [-1.0, -0.5, 1.0])
-    small = PressureHysteresis(PRESSURES[0], 1e-6).change(rows, inputs)
-    at_once = PressureHysteresis(PRESSURES[0]).change(rows, inputs)
-    np.testing.assert_allclose(small[:, 0], at_once[:, 0])
-    shapes = {one.shape["reach_Pa"] for one in PressureHysteresis().variants(rows.table)}  # type: ignore[attr-defined]
-    assert shapes == {0.0, 1.5e3, 4.5e3}
 
 
 def test_effects_of_one_kind_leave_the_other_alone(pulled: Table, pulled_model: Model) -> None:

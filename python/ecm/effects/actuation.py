@@ -134,12 +134,8 @@ class PressureCrossTalk(_OfActuator):
         return np.asarray(others / max(own.sum() - 1, 1))
 
 
-@dataclass(frozen=True)
 class PressureHysteresis(_OfActuator):
     """The pressure that acts depends on whether it rose or fell."""
-
-    reach_Pa: float = 0.0
-    """Change of pressure after which all of it has turned over; 0: at once."""
 
     id = "pressure_hysteresis"
     physics = "A chamber that was filled from below acts as at less pressure than one let down."
@@ -150,30 +146,8 @@ class PressureHysteresis(_OfActuator):
     outside = LookAlike("a regulator with a dead band", "read the pressure in the chamber itself")
 
     def change(self, rows: Rows, inputs: F) -> F:
-        """Minus the sign of the last change, or the part of it that has turned over.
-
-        With a reach r it follows the change, from no pressure on, but never beyond -r to r.
-        """
-        before = _before(rows, inputs)
-        if self.reach_Pa == 0.0:
-            return -np.sign(np.nan_to_num(inputs - before))
-        held = np.clip(before, -self.reach_Pa, self.reach_Pa) + inputs - before
-        return np.asarray(-np.clip(held / self.reach_Pa, -1.0, 1.0))
-
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """At once, and by two reaches; of all chambers alike and of each."""
-        own = self._concerned(table.actuation_columns)
-        largest = float(np.abs(np.nan_to_num(table.matrix(own))).max(initial=0.0)) if own else 0.0
-        reaches = dict.fromkeys((0.0, 0.15 * largest, 0.45 * largest))
-        names = (ALL, *(own if len(own) > 1 else ()))
-        return tuple(PressureHysteresis(name, reach) for reach in reaches for name in names)
-
-    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Reaches on both sides."""
-        if self.reach_Pa == 0.0:
-            return ()
-        reaches = beside(self.reach_Pa, 1.8 ** (0.5 ** (round_ + 1)))
-        return tuple(PressureHysteresis(self.actuator, reach) for reach in reaches)
+        """Minus the sign of the last change."""
+        return -np.sign(np.nan_to_num(inputs - _before(rows, inputs)))
 
 
 class ChamberLeak(_OfActuator):
