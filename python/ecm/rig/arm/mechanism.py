@@ -60,7 +60,7 @@ _FEW = 20
 """With fewer solved poses, poses near rest are solved too, or the model may be unstable there."""
 _NEAR_LENGTHS, _NEAR_RAD = 0.03, 0.15
 _PUSH_DEGREE = 2
-"""Of the energy whose wrench an actuator adds. It errs 1 to 2 % of the spread; 3 needs rows."""
+"""Degree of the energy whose wrench an actuator adds: 1 to 2 % of the spread; 3 needs rows."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Surrogate:
     rms: F
     """Root mean square error of its wrench at the FEM poses that it was fitted to, (6,)."""
     pushes: tuple[tuple[F, F], ...] = ()
-    """Of each actuator scale and coefficients of an energy: the wrench per unit of its input."""
+    """Scale and coefficients of an energy for each actuator: the wrench per unit of its input."""
 
     def model(self) -> EnergyModel:
         """Return the energy model, without actuators."""
