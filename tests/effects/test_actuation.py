@@ -22,6 +22,7 @@ from ecm.regression.rows import Rows
 from support.driven import ARM, PRESSURES, TENSIONS, arm_model, arm_table, tendon_table
 from support.neck import Done
 
+VOLUMES = ("volume_1_m3", "volume_2_m3", "volume_3_m3")
 NOISE = {"force_sd_N": 0.004, "torque_sd_Nm": 1.2e-4}
 
 
@@ -131,3 +132,44 @@ def test_exchanged_chambers_are_refused_with_the_entry_that_mends_them(
     toml.write_text(toml.read_text() + "\n".join(entries) + "\n")
     done = ecm_command("fit", path, "--model", "actuated4", "--out", out)
     assert done.code == 0, done.err
+
+
+def test_diagnose_names_exchanged_chambers_with_a_command_that_mends_them(
+    tmp_path: Path, ecm_command: Callable[..., Done]
+) -> None:
+    """Of a model that was fitted before, and of one that was forced onto the exchanged columns."""
+    table, one, two = arm_table().drop(*VOLUMES), *PRESSURES[:2]
+    noisy = measured(table, arm_model(), table.matrix(PRESSURES))
+    path, model, forced = (tmp_path / name for name in ("s.csv", "arm.json", "forced.json"))
+    swapped = noisy.with_columns({one: noisy[two], two: noisy[one]}).select(np.arange(60))
+    swapped.write(path)
+    ecm.fit_model(noisy.select(np.arange(40, 100)), "actuated4").save(model)
+    ecm.fit_model(ecm.read_table(path), "actuated4", force=True).save(forced)
+    for given in (model, forced):
+        missing, add, after = ecm_command("diagnose", given, path).out.splitlines()[:3]
+        said = f"MISSING: no effect, the table looks misread: {one} and {two} look exchanged"
+        assert missing.startswith(said)
+        assert add == f"ADD IT:  ecm check {path} --mend"
+        assert after == "NEXT:    mend the table, and diagnose again"
+    found = ecm.diagnose(model, path)
+    assert (found.verdict, found.answer) == ("unknown", ())
+    assert f"{one} and {two} look exchanged" in ecm_command("check", path).err
+    # What is printed, typed; the rest of the description stays.
+    before = path.with_suffix(".toml").read_text()
+    mended = ecm_command(*add.split()[3:])
+    assert (mended.code, "[columns] has" in mended.out) == (0, True)
+    assert before.strip() in path.with_suffix(".toml").read_text()
+    assert "exchanged" not in mended.err
+    again = ecm_command("diagnose", model, path).out
+    assert again.startswith("MISSING: nothing that these data could show")
+    done = ecm_command("fit", path, "--model", "actuated4", "--out", tmp_path / "s.json")
+    assert done.code == 0, done.err
+    assert "nothing that an entry" in ecm_command("check", path, "--mend").out
+
+
+def test_a_model_without_symmetry_takes_its_columns_in_any_order() -> None:
+    table = arm_table().drop(*VOLUMES)
+    one, two = PRESSURES[:2]
+    swapped = table.with_columns({one: table[two], two: table[one]})
+    model = ecm.fit_model(swapped, ActuatedModel(degree=3, order=1, symmetry="general"))
+    assert "exchanged" not in ecm.diagnose(model, swapped).summary().missing

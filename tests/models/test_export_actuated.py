@@ -201,18 +201,35 @@ def test_rows_of_a_table_tell_where_the_export_is_inside(model: Model, table: Ta
     assert "--data DATA" in refusal.value.remedy.command
 
 
-def test_the_example_moves_the_tip_better_than_its_linear_part(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_the_example_holds_its_tip_when_a_payload_is_put_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """The whole example, whose figures docs/actuation.md has: moved, then loaded at 3 s."""
     need_program("cc")
     monkeypatch.syspath_prepend(ROOT / "examples")
-    arm = importlib.import_module("arm_controller")
-    monkeypatch.setattr(arm, "END_S", 0.8)
-    plant = arm.exported("wound_arm_other.csv", "actuated5", None, tmp_path)
-    exact = arm.exported("wound_arm.csv", "actuated4", 60, tmp_path)
-    away = {
-        kind: arm.run(plant, arm.Controller(model, reads_pose=False))
-        for kind, model in (("linear", arm.linear(exact)), ("exact", exact))
-    }
-    assert away["exact"][-100:].max() < 2e-4  # 0.2 mm, of 8
-    assert away["exact"].max() < 0.2 * away["linear"].max()
+    monkeypatch.setattr("sys.argv", ["arm_controller.py"])
+    importlib.import_module("arm_controller").main()
+    printed = capsys.readouterr().out
+    page = (ROOT / "docs" / "actuation.md").read_text(encoding="utf-8")
+    table = page[page.index("| distance in mm |") :].partition("\n\n")[0]
+    told, read = (
+        {row[0]: np.array(row[1:], dtype=np.float64) for row in table_rows(text)[2:]}
+        for text in (printed, table)
+    )
+    assert set(told) == set(read)
+    for name, numbers in told.items():
+        np.testing.assert_allclose(numbers, read[name], atol=0.021)
+    for how in ("without reading the pose", "reads the pose"):
+        linear, exact = told[f"linear, {how}"], told[f"exact, {how}"]
+        assert exact[0] < 0.2 * linear[0]  # on the way, of 8 mm
+        assert exact[1] < 0.02
+    assert told["linear, without reading the pose"][1] > 1.0
+    # Once the load is told by h(p, a): nearer half a second after, and both settle.
+    assert exact[2] < 0.7 * linear[2]
+    assert max(exact[3], linear[3]) < 0.1
+    assert told["exact, without reading the pose"][3] > 2.0  # nothing tells it of the payload
+
+
+def table_rows(text: str) -> list[list[str]]:
+    """Cells of the rows of a Markdown table."""
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines()]

@@ -2,23 +2,34 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import ecm
 from ecm.errors import InputError
-from ecm.io.arrays import B
+from ecm.io.arrays import B, F
 from ecm.io.columns import POSE
 from ecm.io.table import Table
 from ecm.rig import Campaign, CampaignOptions, Hidden, RigSettings, run_campaign
 from ecm.rig.hidden.inject import whitener_of
 from ecm.rig.physics import TRUE_EFFECTS
-from ecm.rig.physics.true_effect import Supply
+from ecm.rig.physics.supply import Slip
+from ecm.rig.physics.true_effect import Conditions, RigScale, Supply
 from ecm.rig.plan import POSE_OFFSETS
 from ecm.rig.plant import residual
-from support.driven import PRESSURES, DrivenArm, arm_model, arm_plan, small_rig, tendon_table
+from support.driven import (
+    PRESSURES,
+    SMALL_RIG,
+    DrivenArm,
+    arm_model,
+    arm_plan,
+    small_rig,
+    tendon_table,
+)
 from support.stand_in import StandIn, plan_of, some_poses
 
 OF_CHAMBERS = sorted(
@@ -112,12 +123,46 @@ def test_lag_and_leak_follow_the_time_since_the_pressure_was_set(plan: Table) ->
 
 
 def test_a_valve_with_play_depends_on_the_side(plan: Table) -> None:
-    hidden = campaign(plan, "pressure_hysteresis")
-    less = hidden.plant.acting(hidden.visits) - hidden.visits.inputs
-    size = hidden.injected[0].truth.size
+    quiet, size = campaign(plan), 300.0
+    less = quiet.plant.put(Slip(size)).acting(quiet.visits) - quiet.visits.inputs
     assert less.min() == pytest.approx(-size)
-    beyond = hidden.visits.at_poses & ~initial(hidden)
+    beyond = quiet.visits.at_poses & ~initial(quiet)
     assert less[beyond].max() == pytest.approx(size)
+
+
+def test_a_wall_gives_the_smooth_loop_of_masing() -> None:
+    """Its way back is its way up turned about and twice as large, and a small loop closes."""
+    size, reaches = 500.0, tuple(np.linspace(2e3, 9e3, 6).tolist())
+
+    def first(pressure: F) -> F:
+        shares = np.minimum(pressure[:, None] / reaches, 1.0)
+        return size * shares.mean(axis=1)
+
+    up, down = np.linspace(0.0, 1.2e4, 61), np.linspace(1.2e4, 0.0, 61)
+    dip = np.concatenate([np.linspace(1.2e4, 9e3, 16), np.linspace(9e3, 1.2e4, 16)])
+    asked = np.concatenate([up, dip, down])[:, None]
+    before = np.vstack([asked[:1], asked[:-1]])
+    ways = tuple(np.hstack([np.zeros((2, 6)), pair]) for pair in np.stack([before, asked], axis=1))
+    at = Conditions(0.1, inputs=asked, actuators=PRESSURES[:1], ways=ways)
+    held = (asked - Slip(size, reaches=reaches).acting(asked, at))[:, 0]
+    np.testing.assert_allclose(held[:61], first(up), atol=1e-9)
+    assert held[92] == pytest.approx(held[60])
+    np.testing.assert_allclose(held[93:], size - 2.0 * first((1.2e4 - down) / 2.0), atol=1e-9)
+    valve = (asked - Slip(size).acting(asked, at))[:, 0]
+    slopes = [len(np.unique(np.diff(loop[:61]).round(6))) for loop in (valve, held)]
+    assert slopes[0] <= 3
+    assert slopes[1] >= 7
+
+
+def test_hysteresis_is_drawn_of_valves_and_of_walls() -> None:
+    scale = RigScale(0.1, 1e3, 25.0, 25.0, 1.0)
+    drawn = [Slip.draw(np.random.default_rng(seed), scale) for seed in range(40)]
+    walls = [one for one in drawn if one.reaches]
+    assert 10 < len(walls) < 30
+    assert all(0.1 < max(one.reaches) / scale.largest_input < 0.9 for one in walls)
+    # A sealed wall is read back as it was.
+    document = json.loads(json.dumps(walls[0].parameters()))
+    assert Slip(1.0).with_parameters(document) == walls[0]
 
 
 @pytest.mark.parametrize("effect", OF_CHAMBERS)
@@ -153,14 +198,76 @@ def test_a_winch_that_stands_still_is_named_with_the_pose_at_which_it_was_set() 
     assert shape == {"actuator": "tension_1_N", "set_at": "free", "from_before": True}
 
 
+def streamed(plan: Table, hide: str = "") -> Campaign:
+    """On the small rig with a raw stream; its robot goes where it is told."""
+    rig = {"stream_Hz": 2.0, "pose_error_m": 0.0, "pose_error_rad": 0.0}
+    settings = RigSettings.from_dict({**SMALL_RIG, "rig": rig})
+    hidden = [Hidden(hide, 2.0)] if hide else []
+    columns = arm_model().actuated.columns
+    return Campaign(plan, settings, DrivenArm(), hide=hidden, seed=3, base_columns=columns)
+
+
+@pytest.mark.parametrize("offsets", [True, False])
+def test_the_raw_stream_knows_the_inputs_on_each_way(offsets: bool) -> None:
+    """Set when the robot departs: those of the pose on the way there, none on the way home."""
+    campaign = streamed(arm_plan(8, offsets=offsets))
+    stream = campaign.raw_stream()
+    assert stream is not None
+    table = stream.table(campaign, [campaign.measure(i) for i in range(len(campaign))])
+    asked = np.stack([leg.visit.pose[6:] * (not leg.home) for leg in stream.legs])
+    inputs = table.matrix(PRESSURES)
+    np.testing.assert_array_equal(inputs, asked[stream.leg])
+    seen, _ = stream.truth(campaign.plant.physics)
+    exact = arm_model().predict(seen, inputs)
+    miss = np.abs(stream.elastic_wrench() - exact)
+    assert (miss < 5e-3 * np.abs(exact).max(axis=0)).all()
+    moves = np.abs(table.matrix([f"v_{name}" for name in POSE])).max(axis=1) > 0.0
+    assert 0.2 < moves.mean() < 0.9
+    if offsets:  # a followed leg begins where the mechanism is free
+        first = [stream.legs[i].start for i in range(0, len(stream.legs), 2)]
+        free = arm_model().predict(np.stack(first), asked[::2])
+        sizes = np.repeat([0.1, 5e-3], 3)
+        initial_legs = np.array([leg.visit.approach == "initial" for leg in stream.legs[::2]])
+        assert (np.abs(free[initial_legs]) < sizes).all()
+
+
+@pytest.mark.parametrize("effect", ["pressure_gain", "pressure_hysteresis", "pressure_cross_talk"])
+def test_a_raw_stream_holds_what_acts_as_the_readings_do(effect: str, plan: Table) -> None:
+    campaign = streamed(plan, effect)
+    stream = campaign.raw_stream()
+    assert stream is not None
+    _, visits = stream._still
+    there = [i for i, leg in enumerate(stream.legs) if not leg.home]
+    last = [np.flatnonzero(stream.leg == i)[-1] for i in there]
+    more = (campaign.plant.acting(visits) - visits.inputs)[last]
+    read = (campaign.plant.acting(campaign.visits) - campaign.visits.inputs)[
+        campaign.visits.at_poses
+    ]
+    assert np.abs(read).max() > 100.0
+    np.testing.assert_allclose(more, read, atol=1e-6 * np.abs(read).max())
+    left = stream.residual(campaign.plant.physics) - stream.residual(streamed(plan).plant.physics)
+    assert np.abs(left).max() > 1e-3
+
+
+def test_every_command_reads_the_inputs_of_a_raw_stream(tmp_path: Path) -> None:
+    """As a table, and as a log that is imported."""
+    campaign, out = streamed(arm_plan(20)), tmp_path / "arm.csv"
+    options = CampaignOptions(source=DrivenArm())
+    run_campaign(campaign.plan, campaign.settings, out, options=options, seed=3)
+    raw = out.with_suffix(".raw.parquet")
+    table, imported = ecm.read_table(raw), ecm.import_log(raw).table
+    for one in (table, imported):
+        assert one.actuation_columns == PRESSURES
+    np.testing.assert_array_equal(imported.matrix(PRESSURES), table.matrix(PRESSURES))
+    left = ecm.fit(table, "actuated3").predict(table) - table.wrenches
+    assert (left.std(axis=0) < 0.15 * table.wrenches.std(axis=0)).all()
+
+
 def test_refusals() -> None:
     with pytest.raises(InputError, match="it acts in an actuator, and this plan has no pressure"):
         Campaign(
             plan_of(some_poses(30)), RigSettings(), StandIn(), hide=[Hidden("chamber_leak", 1)]
         )
-    robot = RigSettings.from_dict({"rig": {"mode": "robot"}})
-    with pytest.raises(InputError, match="have no actuators yet"):
-        Campaign(arm_plan(4), robot, DrivenArm())
 
     class NoFree(DrivenArm):
         free_poses = None  # type: ignore[assignment]

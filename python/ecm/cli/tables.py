@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,12 +15,14 @@ from ecm.effects.check import check as check_table
 from ecm.errors import InputError, Remedy
 from ecm.io.cache import write_atomically
 from ecm.io.csv import BadRows
+from ecm.io.description import with_columns
 from ecm.io.interrupts import uninterrupted
 from ecm.io.sanity import record_leave_out
 from ecm.io.templates import NEXT_STEP, data_template, description_template, template
 from ecm.logs import import_log as import_any
 from ecm.logs.importing import answered, import_report, read_log
 from ecm.logs.names import Question
+from ecm.models.actuated import misread
 from ecm.report.blocks import CodeBlock, Section, TableBlock, TextBlock, columns
 from ecm.report.page import Report
 
@@ -116,28 +119,53 @@ def _pairs(words: Sequence[str]) -> dict[str, str]:
     return pairs
 
 
-def check(session: Session, data: list[Path], *, leave_out: bool = False) -> None:
+def check(
+    session: Session, data: list[Path], *, leave_out: bool = False, mend: bool = False
+) -> None:
     """Check columns and units; say what was never excited and which effects can be tested.
 
     Parameters
     ----------
     leave_out
         Record what is no measurement in NAME.toml.
+    mend
+        Record in NAME.toml which columns are exchanged or negated.
     """
     if leave_out:
         _leave_out(data, session)
+    if mend:
+        _mend(data, session)
     table = session.read(data)
     load_installed()
     with session.working(f"checking {len(table)} rows") as tell:
         result = check_table(table, progress=tell)
+        if result.misread is None and (wrong := misread(table)) is not None:
+            doubts = (*result.warnings, wrong.sentence())
+            result = replace(result, misread=wrong, warnings=doubts)
     session.write_json(result.to_dict())
     _print(result, session)
     for doubt in result.warnings[len(table.warnings) :]:
         session.warn(doubt, wrong=True)
     if result.misread is not None and result.misread.mend:
-        session.note("To mend it, put under [columns] into the TOML beside the table:")
+        session.note("--mend puts under [columns] into the TOML beside the table:")
         for entry in result.misread.mend:
             session.note(f"    {entry}")
+
+
+def _mend(data: list[Path], session: Session) -> None:
+    """Record the exchanged and negated columns of each table in its description."""
+    if session.meta is not None and len(data) > 1:
+        raise InputError("--mend records columns per table: give one table with --meta")
+    for path in data:
+        description = session.meta or path.with_suffix(".toml")
+        session.check_output(description)
+        wrong = misread(session.read([path]))
+        if wrong is None or not wrong.mend:
+            session.print(f"{path}: nothing that an entry of [columns] mends")
+            continue
+        text = description.read_text(encoding="utf-8") if description.is_file() else ""
+        write_atomically(description, with_columns(text, wrong.mend))
+        session.print(f"{description}: [columns] has {', '.join(wrong.columns)}: {wrong.what}")
 
 
 def _leave_out(data: list[Path], session: Session) -> None:

@@ -372,7 +372,7 @@ def judge_given_model(
         neighbours_alike=result.neighbours_alike,
         unused_inputs=result.unused_inputs if answer == "inputs" else (),
         reason=reason if answer in ("numbers", "effect") else "",
-        remedy=_remedy(model, problem, answer, reason),
+        remedy=_remedy(model, decision, answer, reason),
     )
 
 
@@ -459,12 +459,15 @@ def _scale(result: Comparison, table: Table) -> float | None:
     return factor if before > 0.0 and after < _SCALED * before else None
 
 
-def _remedy(model: Model, problem: Problem, answer: Answer, reason: str) -> Remedy | None:
-    """The command that mends what is wrong with the model; None where an effect is missing."""
+def _remedy(model: Model, decision: Decision, answer: Answer, reason: str) -> Remedy | None:
+    """The command that mends table or model; None where an effect is missing."""
+    wrong = decision.prepared.misread
+    if decision.misread and wrong is not None and wrong.mend:
+        return Remedy("mend the columns, and read the table again", "ecm check DATA --mend")
     if reason == "rows":
         return Remedy("look at the rows that are unlike all others", "ecm check DATA")
     if answer in ("form", "inputs"):
-        name = problem.base.name
+        name = decision.problem.base.name
         return Remedy("change the model first", f"ecm fit DATA --model {name} --out OUT")
     if answer == "numbers":
         added = "".join(f" --add {item.id}" for item in model.effects)

@@ -12,9 +12,10 @@ from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows, effects_of, get_effect
 from ecm.errors import InputError
 from ecm.io.arrays import I
-from ecm.io.conventions import WrongConvention, wrong_convention
+from ecm.io.conventions import WrongConvention
 from ecm.io.sanity import zero_columns
 from ecm.io.table import Table
+from ecm.models.actuated import ActuatedMap, misread
 from ecm.models.model import Model
 from ecm.regression.folds import distinct_rows, rows_without_zero_readings, spread_rows, zero_times
 
@@ -99,7 +100,9 @@ def prepare(
         effects=tuple(effect for effect in given if effect.id not in of_model),
         carried={effect.id: why for effect in given if effect.id in of_model},
         zero_columns=zeros,
-        misread=wrong_convention(table),
+        misread=misread(
+            table, model.base.terms.body if isinstance(model.base, ActuatedMap) else "general"
+        ),
     )
 
 

@@ -33,7 +33,7 @@ from ecm.regression.normal_equations import (
     explained_squares,
     projected_out,
 )
-from ecm.regression.rows import UnknownLength, is_whole
+from ecm.regression.rows import UnknownLength, actuators_of, is_whole
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
@@ -226,6 +226,8 @@ def _not_absorbed(
             _ABSORBED_BY_PHYSICS,
             "pure axial and pure torsion poses, or a second specimen",
         )
+    elif actuators_of(base):
+        record = "a test of its own: an energy of pose and inputs takes it in"
     elif not is_whole(base):
         record = "the same poses again, in another order and at another speed"
     kept: list[ScoreColumns] = []

@@ -400,7 +400,7 @@ not passive there (pre-loaded, near buckling, driven)
                 f"{100 * self.error_stated:.2g} % of them, with that mended "
                 f"{100 * self.error_mended:.2g} %)"
             )
-        return f"{self.what}: {', and '.join(why)}"
+        return ": ".join(filter(None, (self.what, ", and ".join(why))))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain JSON, and the sentence."""
@@ -626,26 +626,34 @@ class _Elastic:
         said = list(items)[:_MOST_SAID]
         columns = dict.fromkeys(name for item in said for name, _, _ in item.columns)
         names = tuple(columns) or tuple(falling)
-        mend = self.entries(said[0]) if len(said) == 1 else ()
+        mend = entries_of(self.rows, said[0].columns) if len(said) == 1 else ()
         return WrongConvention(in_words(said), names, decided, tuple(falling), *errors, mend)
 
-    def entries(self, item: Convention) -> tuple[str, ...]:
-        """Return the entries of [columns] that mend columns, in place of those that are there."""
-        sources = self.rows.meta.applied_columns
-        entries = []
-        for name, stated, factor in item.columns:
-            # Where the description turns the frames, its columns are not those of the table.
-            if sources is None or not self.rows.has(stated):
-                continue
-            source = sources.get(stated, ColumnSource(stated))
-            own = f'"{source.column}"' if isinstance(source.column, str) else source.column
-            parts = [f"column = {own}"]
-            if factor * source.scale != 1.0:
-                parts.append(f"scale = {factor * source.scale!r}")
-            if source.offset:
-                parts.append(f"offset = {factor * source.offset!r}")
-            entries.append(f"{name} = {{ {', '.join(parts)} }}")
-        return tuple(entries)
+
+def entries_of(table: Table, columns: Columns) -> tuple[str, ...]:
+    """Return the entries of [columns] that mend columns of a table, in place of those there.
+
+    Examples
+    --------
+    >>> from ecm.io.table import as_table
+    >>> entries_of(as_table({"x_m": [0.1], "y_m": [0.2]}), (("x_m", "y_m", -1.0),))
+    ('x_m = { column = "y_m", scale = -1.0 }',)
+    """
+    sources = table.meta.applied_columns
+    entries = []
+    for name, stated, factor in columns:
+        # Where the description turns the frames, its columns are not those of the table.
+        if sources is None or not table.has(stated):
+            continue
+        source = sources.get(stated, ColumnSource(stated))
+        own = f'"{source.column}"' if isinstance(source.column, str) else source.column
+        parts = [f"column = {own}"]
+        if factor * source.scale != 1.0:
+            parts.append(f"scale = {factor * source.scale!r}")
+        if source.offset:
+            parts.append(f"offset = {factor * source.offset!r}")
+        entries.append(f"{name} = {{ {', '.join(parts)} }}")
+    return tuple(entries)
 
 
 def _rms_left(z: F, y: F) -> float:

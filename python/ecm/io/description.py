@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -137,6 +137,40 @@ def with_leave_out(text: str, leave_out: Mapping[str, str]) -> str:
         )
     section = write_toml({"leave_out": dict(leave_out)}).rstrip() if leave_out else ""
     return "\n\n".join(part for part in (head, section) if part) + "\n"
+
+
+def with_columns(text: str, entries: Sequence[str]) -> str:
+    """Return the text of a description with these entries of `[columns]` in place of its own.
+
+    Everything else stays as it was written, comments too.
+
+    Raises
+    ------
+    InputError
+        Where the text has `columns` in another form than a section.
+
+    Examples
+    --------
+    >>> print(with_columns("[columns]  # lab", ['x_m = { column = "y_m" }']))
+    [columns]  # lab
+    x_m = { column = "y_m" }
+    <BLANKLINE>
+    """
+    names = {entry.partition("=")[0].strip() for entry in entries}
+    kept: list[str] = []
+    head, own = -1, False
+    for line in text.splitlines():
+        if line.strip().startswith("["):
+            own = re.match(r"\s*\[\s*columns\s*\]", line) is not None
+            head = len(kept) + 1 if own else head
+        if not own or line.partition("=")[0].strip().strip("\"'") not in names:
+            kept.append(line)
+    if head < 0:
+        kept += ["", "[columns]"] if kept else ["[columns]"]
+        head = len(kept)
+    found = "\n".join([*kept[:head], *entries, *kept[head:]]).rstrip() + "\n"
+    parse_toml(found, "[columns]", "description of a table")
+    return found
 
 
 T = TypeVar("T")

@@ -12,6 +12,7 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH, amount_columns
+from ecm.io.conventions import WrongConvention, entries_of, wrong_convention
 from ecm.io.events import Progress
 from ecm.io.settings import setting
 from ecm.io.table import Table
@@ -24,7 +25,7 @@ from ecm.models.specification import FittedMap, ModelSpecification, Weights, len
 from ecm.regression.noise import whiteners
 from ecm.regression.rows import Rows
 
-__all__ = ["ActuatedMap", "ActuatedModel", "ActuatedTerms", "exchanged"]
+__all__ = ["ActuatedMap", "ActuatedModel", "ActuatedTerms", "exchanged", "misread"]
 
 _LEAST_DEGREE, _MOST_DEGREE, _MOST_ORDER = 3, 6, 4
 _WEIGHED = 2
@@ -41,8 +42,12 @@ _ALL_ORDERS = 4
 """Number of actuators up to which every order is tried; of more only two exchanged."""
 
 
-def exchanged(table: Table, model: ActuatedModel) -> tuple[tuple[str, ...], float] | None:
-    """The order in which the columns of the actuators fit far better, and how many times better.
+Exchanged = tuple[tuple[str, ...], float, float]
+"""The order that fits, and the errors as stated and in that order, over the spread of the loads."""
+
+
+def exchanged(table: Table, model: ActuatedModel) -> Exchanged | None:
+    """The order in which the columns of the actuators fit far better, and both errors.
 
     A model that knows how the actuators stand round the axis errs where two columns are exchanged.
     The error is the geometric mean of the components', for a pressure may show in one alone.
@@ -61,7 +66,8 @@ def exchanged(table: Table, model: ActuatedModel) -> tuple[tuple[str, ...], floa
         own = plain.with_columns(columns)
         fitted = low.fit_map(own, "spread").base
         left = fitted.predict(own.matrix((*POSE, *names))) - own.wrenches
-        return float(np.exp(np.mean(np.log(left.std(axis=0) + 1e-300))))
+        share = left.std(axis=0) / np.maximum(own.wrenches.std(axis=0), 1e-300)
+        return float(np.exp(np.mean(np.log(share + 1e-300))))
 
     if len(names) <= _ALL_ORDERS:
         orders = list(itertools.permutations(names))
@@ -72,8 +78,39 @@ def exchanged(table: Table, model: ActuatedModel) -> tuple[tuple[str, ...], floa
     orders = [order for order in orders if [kind_of(name) for name in order] == kinds]
     errors = {order: error(order) for order in orders}
     best = min(orders, key=lambda order: errors[order])
-    better = errors[names] / errors[best]
-    return (best, better) if better > _EXCHANGED else None
+    found = (best, errors[names], errors[best])
+    return found if errors[names] > _EXCHANGED * errors[best] else None
+
+
+def misread(table: Table, symmetry: Symmetry = "alike") -> WrongConvention | None:
+    """What looks wrong with the signs or the columns of a table, those of its actuators too.
+
+    Examples
+    --------
+    >>> from ecm.io.table import as_table
+    >>> x = np.linspace(-1e-3, 1e-3, 20)
+    >>> misread(as_table({"x_m": x, "fx_N": -1e4 * x})).falls
+    ('fx_N',)
+    """
+    wrong = wrong_convention(table)
+    rows = table.measured()
+    if wrong is not None or table.meta.length_m is None or not rows.has(*POSE, *WRENCH):
+        return wrong
+    found = exchanged(rows, ActuatedModel(symmetry=symmetry))
+    if found is None:
+        return None
+    order, stated, mended = found
+    names = table.actuation_columns
+    own = tuple(
+        (name, other, 1.0) for name, other in zip(names, order, strict=True) if name != other
+    )
+    said = " and ".join(name for name, *_ in own)
+    what = (
+        f"{said} look exchanged (chambers or tendons swapped): an energy of equal actuators errs "
+        f"{100.0 * stated:.2g} % of the spread, with that mended {100.0 * mended:.2g} %"
+    )
+    columns = tuple(name for name, *_ in own)
+    return WrongConvention(what, columns, decided=True, mend=entries_of(table, own))
 
 
 @dataclass(frozen=True)

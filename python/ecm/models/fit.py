@@ -130,13 +130,13 @@ def _refuse_exchanged(table: Table, specification: ActuatedModel) -> None:
     found = exchanged(table, specification)
     if found is None:
         return
-    order, better = found
+    order, stated, mended = found
     own = [(a, b) for a, b in zip(table.actuation_columns, order, strict=True) if a != b]
     columns = "\n".join(f'{name} = "{other}"' for name, other in own)
     raise InputError(
         f"{table.source}: chambers swapped: with {', '.join(order)} in the place of "
-        f"{', '.join(table.actuation_columns)} an energy errs {better:.2g} times less. --force "
-        "(force=True in Python) takes the table as it is.",
+        f"{', '.join(table.actuation_columns)} an energy errs {stated / mended:.2g} times less. "
+        "--force (force=True in Python) takes the table as it is.",
         remedy=Remedy(
             f"name the columns in the TOML beside the table:\n[columns]\n{columns}\nThen fit it "
             "again",

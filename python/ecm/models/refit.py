@@ -21,7 +21,7 @@ from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.events import Progress
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.errors import errors_and_noise, held_out
-from ecm.models.fit import choose_base, fit_rows
+from ecm.models.fit import choose_base, fit_rows, refuse_unused_inputs
 from ecm.models.given import as_model
 from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import EnergyMap, PolynomialMap
@@ -284,12 +284,14 @@ def _another_base(fitted: Model, table: Table) -> Remedy:
     stated = table.physics_body is not None and table.has(*POSE, *WRENCH)
     names = ["physics"] if stated else []
     if is_whole(fitted.base) and fitted.known_length_m is not None:
-        names += [f"energy{degree}" for degree in (6, 5, 4)]
+        driven = ["actuated4", "actuated5", "actuated3"]
+        names += driven if table.actuation_columns else ["energy6", "energy5", "energy4"]
     names += [f"poly:{degree}" for degree in (3, 2, 1)]
     for name in names:
         if name == fitted.base.name:
             continue
         try:
+            refuse_unused_inputs(table, parse_model(name))
             base = fit_rows(table, parse_model(name))
             found = base.add(*(item.effect for item in fitted.effects)).fit(table)
         except (EcmError, np.linalg.LinAlgError):

@@ -93,11 +93,6 @@ class Campaign(CampaignState):
         self.seed = seed
         self.base_columns = base_columns
         length, actuators = source.length_m, len(plan.actuation_columns)
-        if actuators and (settings.rig.mode == "robot" or settings.rig.stream_Hz):
-            raise InputError(
-                f"{plan.source}: the arm and the raw stream have no actuators yet; set [rig] mode "
-                '= "quasi_static" and stream_Hz = 0'
-            )
         remaining, lost, free = followed(
             requests(plan, settings.rig, length), partial(free_cached, source, folder=folder)
         )

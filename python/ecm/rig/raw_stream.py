@@ -53,16 +53,21 @@ class Leg:
     """Poses (6,)."""
     solved: tuple[int, int]
     commanded: tuple[F, F]
-    """Where it was to begin and to end, poses of these indices."""
+    """Where it was to begin and to end, poses of these indices, with the actuators' inputs."""
     departs_s: float
     home: bool
 
-    def inner(self) -> F:
-        """Commanded poses (2, 6) at a third and two thirds; the same ones there and back."""
+    def nodes(self) -> F:
+        """Commanded poses (4, 6 + m) at NODES; the same ones there and back.
+
+        The inputs are set to those of the end when the arm departs.
+        """
         (a, b), back = self.commanded, self.home
         first, last = (b, a) if back else (a, b)
         thirds = np.stack([first + (last - first) * u for u in NODES[1:3]])
-        return thirds[::-1] if back else thirds
+        nodes = np.stack([a, *(thirds[::-1] if back else thirds), b])
+        nodes[:, 6:] = b[6:]
+        return nodes
 
     def share(self, time_s: F) -> F:
         """u of the cubic timing law at (n,) times; 0 before the departure, 1 at rest."""
@@ -90,7 +95,7 @@ class RawStream:
     ) -> None:
         """solve: FEM at poses (N, 6)."""
         settings, smooth = plant.settings, plant.elastic.smooth
-        if smooth is None:
+        if smooth is None and not plant.actuators:
             raise InputError(
                 "[rig] stream_Hz: the way between poses needs a smooth map, and this plan has too "
                 "few poses for one. Plan 20 or more, or set stream_Hz = 0"
@@ -122,7 +127,7 @@ class RawStream:
     def elastic_wrench(self) -> F:
         """(N, 6) at the true poses."""
         plant, visits = self._still
-        return plant.elastic.wrench(visits.nearest, visits.reached)
+        return plant.elastic.wrench(visits.nearest, visits.states)
 
     def covariance(self) -> F:
         """(N, 6, 6) of a row: one image, the sensor's samples between two images."""
@@ -144,7 +149,7 @@ class RawStream:
         seen, sensor = self.truth(physics)
         plant, visits = self._still
         wrench = turn_wrench(rotation(seen[:, 3:]), plant.to_top(sensor - plant.offset))
-        return wrench - plant.elastic.wrench(visits.nearest, seen)
+        return wrench - plant.elastic.wrench(visits.nearest, np.hstack([seen, visits.inputs]))
 
     def table(self, campaign: CampaignState, readings: list[Reading]) -> Table:
         """The samples with the noise of one row each."""
@@ -182,6 +187,8 @@ class RawStream:
         columns |= dict(zip(WRENCH_NAMES, wrench.T.copy(), strict=True))
         names = (f"v_{name}" for name in POSE_NAMES)
         columns |= dict(zip(names, self.velocities().T.copy(), strict=True))
+        inputs = self._still[1].inputs
+        columns |= dict(zip(campaign.plan.actuation_columns, inputs.T.copy(), strict=True))
         columns["leds_visible"] = Optics(instrument).visible(seen).sum(axis=1).astype(np.float64)
         columns["temperature_degC"] = warmth[:, 0].copy()
         columns["sensor_temperature_degC"] = warmth[:, 1].copy()
@@ -204,13 +211,15 @@ class RawStream:
         ends = np.asarray([leg.solved for leg in self.legs])[self.leg]
         u = share[:, None]
         starts, goals = (np.stack([leg.commanded[k] for leg in self.legs]) for k in (0, 1))
-        off = poses - starts[self.leg] - u * (goals - starts)[self.leg]
+        off = poses - (starts[self.leg] + u * (goals - starts)[self.leg])[:, :6]
         weights = _lagrange(share)
         slope = np.einsum("nk,nkij->nij", weights, self._slope[self.leg])
         missed = np.einsum("nk,nki->ni", weights, self._miss[self.leg])
-        wrenches = self._smooth.predict(poses) + missed + _times(slope, off)
-        stiffness = self._smooth.stiffness(poses) + slope
-        samples = SolvedPoses(poses, wrenches, stiffness, ("solved",) * len(poses))
+        smooth, smooth_slope = self._map(poses)
+        wrenches = smooth + missed + _times(slope[:, :, :6], off)
+        stiffness = smooth_slope + slope
+        rows = np.hstack([poses, goals[self.leg, 6:]])
+        samples = SolvedPoses(rows, wrenches, stiffness, ("solved",) * len(rows))
         gradings: Mapping[str, Grading] = {
             name: Grading(
                 np.concatenate([g.wrenches, _between(g.wrenches, ends, u) + _times(k, off)]),
@@ -221,30 +230,45 @@ class RawStream:
         }
         plant = replace(self._plant, elastic=Elastic(known.joined(samples)), gradings=gradings)
         index = len(known.poses) + np.arange(len(poses))
-        visits = self._visits(time_s, poses)
+        visits = self._visits(time_s, rows)
         return plant, visits_of(visits, poses, index, self._air, moving=True)
 
+    def _map(self, poses: F) -> tuple[F, F]:
+        """The smooth map and its slope at poses (N, 6 + m); 0 where inputs vary."""
+        if self._smooth is None:
+            width = 6 + len(self._plant.actuators)
+            return np.zeros((len(poses), 6)), np.zeros((len(poses), 6, width))
+        return self._smooth.predict(poses), self._smooth.stiffness(poses)
+
     def _misses(self, solve: Callable[[F], SolvedPoses]) -> tuple[F, F]:
-        """FEM less the smooth map at the nodes of all legs: (legs, 4, 6) and (legs, 4, 6, 6)."""
+        """FEM less the smooth map at the nodes of all legs: (legs, 4, 6), (legs, 4, 6, 6 + m)."""
         known = self._plant.elastic.solved
-        inner, index = unique_poses(np.concatenate([leg.inner() for leg in self.legs]))
-        between = solve(inner)
-
-        def miss(solved: SolvedPoses) -> tuple[F, F]:
-            return (
-                solved.wrenches - self._smooth.predict(solved.poses),
-                solved.stiffness - self._smooth.stiffness(solved.poses),
-            )
-
-        ends = np.asarray([leg.solved for leg in self.legs])
-        ok = np.asarray([s == "solved" for s in between.status])[index].reshape(-1, 2).all(axis=1)
+        nodes = np.stack([leg.nodes() for leg in self.legs])
+        solved = {pose.tobytes() for pose in known.poses}
+        flat = nodes.reshape(-1, nodes.shape[2])
+        every = known.joined(
+            solve(unique_poses(flat[[p.tobytes() not in solved for p in flat]])[0])
+        )
+        index = {pose.tobytes(): i for i, pose in enumerate(every.poses)}
+        at = np.asarray([index[pose.tobytes()] for pose in flat]).reshape(nodes.shape[:2])
+        ok = np.asarray([s == "solved" for s in every.status])[at]
+        # Where the body is not stable under the inputs of the end, G leads there from the start.
+        starts = np.asarray([leg.solved[0] for leg in self.legs])
+        more = (nodes[:, 0] - known.poses[starts])[:, 6:]
+        begin = known.wrenches[starts] + _times(known.stiffness[starts][:, :, 6:], more)
         parts = []
-        for at_ends, at_inner in zip(miss(known), miss(between), strict=True):
-            a, b = at_ends[ends[:, 0]], at_ends[ends[:, 1]]
-            c, d = np.moveaxis(at_inner[index].reshape(-1, 2, *at_inner.shape[1:]), 1, 0)
-            solved = ok.reshape(-1, *(1,) * (a.ndim - 1))
+        for values, first, smooth in zip(
+            (every.wrenches, every.stiffness),
+            (begin, known.stiffness[starts]),
+            self._map(flat),
+            strict=True,
+        ):
+            ends = values[at]
+            ends[~ok[:, 0], 0] = first[~ok[:, 0]]
+            a, c, d, b = np.moveaxis(ends - smooth.reshape(ends.shape), 1, 0)
+            both = ok[:, 1:3].all(axis=1).reshape(-1, *(1,) * (a.ndim - 1))
             # A straight line where FEM finds nothing stable on the way.
-            c, d = np.where(solved, c, (2 * a + b) / 3), np.where(solved, d, (a + 2 * b) / 3)
+            c, d = np.where(both, c, (2 * a + b) / 3), np.where(both, d, (a + 2 * b) / 3)
             parts.append(np.stack([a, c, d, b], axis=1))
         return parts[0], parts[1]
 
@@ -293,15 +317,19 @@ def _legs(plant: Plant, visits: Visits, procedure: Procedure) -> list[Leg]:
             ends = (known[start.tobytes()], nearest)
             arrives = visit.time_s - 0.5 * visit.window_s - visit.dwell_s
             way = (start, visit.pose)
+            followed = visit.free is not None and np.array_equal(start, visit.free)
+            # From where the mechanism is free the offset is exact.
+            start = start[:6] + followed * (reached - visit.pose[:6])
             legs.append(Leg(visit, start, reached, ends, way, arrives - visit.travel_s, False))
         if after is not None and len(after.way) > 1 and np.array_equal(after.way[1], rest):
             home = replace(
-                visit, way=np.stack([reached, rest]), rested=False, dwell_s=0.0,
-                travel_s=travel_s(rest - visit.pose, procedure),
+                visit, way=np.stack([np.append(reached, visit.pose[6:]), rest]), rested=False,
+                dwell_s=0.0, travel_s=travel_s(rest - visit.pose, procedure),
+                set_s=visit.time_s + 0.5 * visit.window_s,
             )  # fmt: skip
-            departs = visit.time_s + 0.5 * visit.window_s
             way = (visit.pose, rest)
-            legs.append(Leg(home, reached, rest, (nearest, REST_INDEX), way, departs, True))
+            ends = (nearest, REST_INDEX)
+            legs.append(Leg(home, reached, rest[:6], ends, way, home.set_s, True))
     return legs
 
 

@@ -292,6 +292,7 @@ def evaluation_times(model: Model, mechanism: Mechanism, poses: F, loads: F) -> 
     model_s = [_seconds_a_call(model.predict, pose) for pose in poses]
     both_s = [_seconds_a_call(model.wrench_and_stiffness, pose) for pose in poses]
     return {
+        "model": model.name,
         "fem_s": fem_s,
         "model_s": model_s,
         "model_with_stiffness_s": both_s,

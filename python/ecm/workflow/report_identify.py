@@ -391,8 +391,8 @@ def stiffness_section(step: Mapping[str, Any], figures: Figures, paper: bool) ->
     smallest = step["symmetric_share"]["smallest"]
     blocks: list[Block] = [
         FigureBlock(
-            f"K = ∂h/∂p at rest of the polynomial of degree {step['degree']} identified from "
-            "measurements (N/m, N, N m/rad); colour by size relative to the diagonal.",
+            f"K = ∂h/∂p at rest of {step['stiffness_of']} identified from measurements (N/m, N, "
+            "N m/rad); colour by size relative to the diagonal.",
             draw.stiffness_map(np.asarray(step["stiffness_at_rest"]), "K at rest"),
         ),
         _equation_11("Its significant entries", step["equation_11"], paper),
@@ -414,9 +414,9 @@ def speed_section(evaluation: Mapping[str, Any], paper: bool) -> Section:
         float(np.median(evaluation[key])) for key in ("model_s", "model_with_stiffness_s")
     )
     text = (
-        f"One pose a call from Python, the mean of many calls: {1e6 * model_s:.1f} µs, with the "
-        f"stiffness {1e6 * both_s:.1f} µs. The model is {evaluation['ratio_of_medians']:.0f} times "
-        f"faster than the FEM by the medians"
+        f"{evaluation['model']}, one pose a call from Python, the mean of many calls: "
+        f"{1e6 * model_s:.1f} µs, with the stiffness {1e6 * both_s:.1f} µs. The model is "
+        f"{evaluation['ratio_of_medians']:.0f} times faster than the FEM by the medians"
         f"{f' (the paper: at least {FEM_RATIO:.0f} times)' * paper}."
     )
     figure = draw.histogram(

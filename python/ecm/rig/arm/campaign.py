@@ -26,6 +26,7 @@ from ecm.rig.arm.mechanism import (
     fem_pairs,
     fit_surrogate,
     require_library,
+    with_inputs,
 )
 from ecm.rig.arm.procedure import ArmSetup, SimulatedArm, unusable
 from ecm.rig.arm.trips import (
@@ -43,6 +44,8 @@ from ecm.rig.arm.worker import run_trips
 from ecm.rig.campaign import Campaign
 from ecm.rig.elastic import Elastic, Progress, Source
 from ecm.rig.instruments import Optics
+from ecm.rig.physics import Physics
+from ecm.rig.physics.true_effect import Supply
 from ecm.rig.plan import HOME, OFFSET, POSE, Skipped, Visit, rest_pose
 from ecm.rig.plant import visits_of
 from ecm.rig.readings import Reading
@@ -77,17 +80,21 @@ class RobotCampaign(Campaign):
         settings, length = self.settings, source.length_m
         folder = folder or cache_directory()
         self.planned: Timeline = self.timeline
-        self.goals = self.visits.reached
+        self.goals = self.visits.reached.copy()
         self._nearest = self.visits.nearest
         self._out_of_reach = self.skipped
-        poses, wrenches = fem_pairs(source, self.plant.elastic.solved, folder, progress)
-        self.mechanism = fit_surrogate(poses, wrenches, length)
+        rows, wrenches, slopes = fem_pairs(source, self.plant.elastic.solved, folder, progress)
+        self.mechanism = fit_surrogate(rows, wrenches, length, slopes)
+        poses = np.ascontiguousarray(rows[:, :6])
+        if slopes.shape[2]:  # the controller knows the body without its actuators
+            wrenches = self.mechanism.model().predict(poses)
         model = controller_document(settings.arm.controller_model, poses, wrenches, length)
         self.setup = ArmSetup(
             settings, self.mechanism, compile_model(model, folder), self._hidden_physics()
         )
         visits = self.planned.visits
-        self.trips: list[PlannedTrip] = plan_trips(visits, self.goals, settings.rig, length)
+        acting = self.plant.acting(self.visits)
+        self.trips: list[PlannedTrip] = plan_trips(visits, self.goals, settings.rig, length, acting)
         self.home_rad = scene(settings, length).home_rad
         self.stops: list[StopResult] = []
         """What happened at the poses that were driven to, in their order."""
@@ -129,7 +136,7 @@ class RobotCampaign(Campaign):
         not_driven = [s for s in self.skipped if s.row not in driven_rows]
         reached = [s for s in stops if not s.reason]
         total = len(stops) + len(not_driven)
-        plan = np.stack([visit.pose for visit in planned if visit.kind == POSE])
+        plan = np.stack([visit.pose[:6] for visit in planned if visit.kind == POSE])
         away = [
             float(distance_m(s.trace[::5], plan, rest_pose(length), length).max(initial=0.0))
             for s in stops
@@ -172,7 +179,7 @@ class RobotCampaign(Campaign):
         if reached:
             goals = np.stack([self.goals[s.visit] for s in reached])
             document["phases"] = phases_of(reached, goals, rest_pose(length))
-            commanded = np.stack([planned[s.visit].pose for s in reached])
+            commanded = np.stack([planned[s.visit].pose[:6] for s in reached])
             distance, angle = pose_errors(np.stack([s.reached for s in reached]), commanded)
             document["calibration"] = {
                 "median_m": float(np.median(distance)),
@@ -202,7 +209,9 @@ class RobotCampaign(Campaign):
 
     def _carry_out(self, results: Sequence[TripResult]) -> None:
         """Lay out the timeline as the arm kept it: when it rested where, along which way."""
-        rest = rest_pose(self.plant.length_m)
+        home = rest_pose(self.plant.length_m)[None]
+        off = np.zeros(len(self.plant.actuators))
+        rest = with_inputs(home, off)
         at_stop = {
             stop.visit: (trip, result, k)
             for trip, result in zip(self.trips, results, strict=True)
@@ -211,42 +220,46 @@ class RobotCampaign(Campaign):
         visits, reached, joints = list[Visit](), list[F](), list[F]()
         self.stops, self._visited, self.skipped = [], [], self._out_of_reach
         self.timeline = Timeline(runs=self.planned.runs)
-        way, shift_s = rest[None], 0.0
+        way, shift_s = rest, 0.0
         for i, planned in enumerate(self.planned.visits):
             begun = [times for times in self.planned.heating if times[0] <= planned.time_s]
             for begin, end in begun[len(self.timeline.heating) :]:
                 self.timeline.heating.append((begin + shift_s, end + shift_s))
             if i not in at_stop:
                 self._visited.append(i)
-                visits.append(replace(planned, time_s=planned.time_s + shift_s, way=way))
+                late = {name: getattr(planned, name) + shift_s for name in ("time_s", "set_s")}
+                visits.append(replace(planned, way=way, **late))
                 reached.append(self.goals[i])
                 joints.append(np.concatenate([self.home_rad, np.zeros(7)]))
-                way = np.stack([self.goals[i], rest])
+                way = np.concatenate([with_inputs(self.goals[i][None], planned.pose[6:]), rest])
                 continue
             trip, result, k = at_stop[i]
             stop = result.stops[k]
             self.stops.append(stop)
-            way = np.concatenate([way, _thinned(stop.trace)])
-            after, began_s = np.empty((0, 6)), trip.depart_s + shift_s
+            own_inputs = planned.pose[6:]
+            way = np.concatenate([way, with_inputs(_thinned(stop.trace), own_inputs)])
+            after, began_s = rest[:0], trip.depart_s + shift_s
             if k == len(trip.stops) - 1:
-                after = _thinned(result.home.trace)
+                after = with_inputs(_thinned(result.home.trace), off)
                 shift_s += result.duration_s - (trip.home_s - trip.depart_s)
             if stop.reason:
                 way = np.concatenate([way, after])
                 self._skip(stop, stop.reason)
                 continue
             self._visited.append(i)
+            self.goals[i] = stop.goal
             own = stop.from_home and not trip.stops[k].via
             visits.append(
                 replace(
                     planned, time_s=began_s + stop.reading_s, travel_s=stop.travel_s,
                     dwell_s=stop.rest_s, approach=HOME if own else planned.approach,
-                    way=np.concatenate([way, stop.reached[None]]),
+                    way=np.concatenate([way, with_inputs(stop.reached[None], own_inputs)]),
+                    set_s=began_s + stop.set_s,
                 )
             )  # fmt: skip
             reached.append(stop.reached)
             joints.append(np.concatenate([stop.joints_rad, stop.directions]))
-            way = np.concatenate([stop.reached[None], after])
+            way = np.concatenate([with_inputs(stop.reached[None], own_inputs), after])
         self.timeline.end_s = self.planned.end_s + shift_s
         self._air = Climate.build(
             self.settings, self.seed, self.timeline.end_s, self.timeline.heating
@@ -267,10 +280,13 @@ class RobotCampaign(Campaign):
 
     def _hidden_physics(self) -> HiddenPhysics | None:
         """Return what acts on the platform beyond the bare mechanism; None if nothing is hidden."""
-        if not self.injected:
+        # What an actuator does in place of what it was set to is in the inputs of each stop.
+        beside = tuple(e for e in self.plant.physics.effects if not isinstance(e, Supply))
+        if all(isinstance(effect.truth, Supply) for effect in self.injected):
             return None
         end_s, heating = 3.0 * self.planned.end_s + _EXTRA_S, self.planned.heating
-        bare = replace(self.plant, elastic=Elastic(self.plant.elastic.solved))
+        elastic = Elastic(self.plant.elastic.solved)
+        bare = replace(self.plant, elastic=elastic, physics=Physics(beside))
         air = Climate.build(self.settings, self.seed, end_s, heating)
         return HiddenPhysics(bare, air, tuple(self.planned.visits), self._nearest)
 

@@ -20,6 +20,7 @@ import hashlib
 import json
 import shutil
 import subprocess
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -58,6 +59,8 @@ _SHARES = (0.35, 0.7)
 _FEW = 20
 """With fewer solved poses, poses near rest are solved too, or the model may be unstable there."""
 _NEAR_LENGTHS, _NEAR_RAD = 0.03, 0.15
+_PUSH_DEGREE = 2
+"""Degree of the energy whose wrench an actuator adds: 1 to 2 % of the spread; 3 needs rows."""
 
 
 @dataclass(frozen=True)
@@ -70,9 +73,11 @@ class Surrogate:
     coefficients: F
     rms: F
     """Root mean square error of its wrench at the FEM poses that it was fitted to, (6,)."""
+    pushes: tuple[tuple[F, F], ...] = ()
+    """Scale and coefficients of an energy for each actuator: the wrench per unit of its input."""
 
     def model(self) -> EnergyEvaluator:
-        """Return the energy model."""
+        """Return the energy model, without actuators."""
         return EnergyEvaluator.from_coefficients(
             length_m=self.length_m,
             degree=self.degree,
@@ -81,26 +86,76 @@ class Surrogate:
             coefficients=self.coefficients,
         )
 
+    def wrench(self) -> Callable[[F], F]:
+        """Return h of rows (N, 6 + m), poses with the inputs of the actuators."""
+        passive = self.model().predict
+        pushes = [
+            EnergyModel.from_coefficients(
+                length_m=self.length_m,
+                degree=_PUSH_DEGREE,
+                symmetry="general",
+                scale=scale,
+                coefficients=coefficients,
+            ).predict
+            for scale, coefficients in self.pushes
+        ]
+        if not pushes:
+            return passive
+
+        def driven(rows: F) -> F:
+            poses = np.ascontiguousarray(rows[:, :6])
+            wrench: F = passive(poses)
+            for push, amount in zip(pushes, rows[:, 6:].T, strict=True):
+                wrench = wrench + amount[:, None] * push(poses)
+            return wrench
+
+        return driven
+
 
 def fem_pairs(
     source: Source, solved: SolvedPoses, folder: Path | None, progress: Progress
-) -> tuple[F, F]:
-    """Return poses and wrenches (N, 6): the solved poses, and more poses if they are few."""
-    poses, wrenches = solved.loaded
-    if len(poses) >= _ENOUGH:
-        return poses, wrenches
-    rest = solved.poses[0]
-    extra = [rest + share * (poses - rest) for share in _SHARES]
-    if len(poses) < _FEW:
-        steps = np.diag(np.repeat([_NEAR_LENGTHS * float(rest[0]), _NEAR_RAD], 3))
-        extra += [rest + steps, rest - steps]
-    more = solve_cached(source, np.concatenate(extra), UNIFORM, folder, progress)
-    ok = np.asarray([s == "solved" for s in more.status])
-    return np.concatenate([poses, more.poses[ok]]), np.concatenate([wrenches, more.wrenches[ok]])
+) -> tuple[F, F, F]:
+    """Return poses (N, 6 + m), wrenches (N, 6) and G (N, 6, m): the solved ones, and more if few.
+
+    A free pose has no load and tells what the inputs do.
+    """
+    driven = solved.poses.shape[1] > 6
+    loaded = np.asarray([s == "solved" for s in solved.status])
+    loaded &= driven | (np.linalg.norm(solved.wrenches, axis=1) > 0.0)
+    poses, rest = solved.poses[loaded], solved.poses[0]
+    pairs = SolvedPoses(poses, solved.wrenches[loaded], solved.stiffness[loaded], ())
+    if len(poses) < _ENOUGH:
+        extra = [rest + share * (poses - rest) for share in _SHARES]
+        if len(poses) < _FEW:
+            sizes = np.repeat([_NEAR_LENGTHS * float(rest[0]), _NEAR_RAD], 3)
+            steps = np.diag(sizes) @ np.eye(6, len(rest))
+            extra += [rest + steps, rest - steps]
+        more = solve_cached(source, np.concatenate(extra), UNIFORM, folder, progress)
+        ok = np.asarray([s == "solved" for s in more.status])
+        more = SolvedPoses(more.poses[ok], more.wrenches[ok], more.stiffness[ok], ())
+        pairs = pairs.joined(more)
+    return pairs.poses, pairs.wrenches, pairs.stiffness[:, :, 6:]
 
 
-def fit_surrogate(poses: F, wrenches: F, length_m: float) -> Surrogate:
-    """Fit the surrogate to FEM pairs; InputError if there are too few of them."""
+def fit_surrogate(poses: F, wrenches: F, length_m: float, slopes: F | None = None) -> Surrogate:
+    """Fit the surrogate to FEM pairs; InputError if there are too few of them.
+
+    Parameters
+    ----------
+    slopes
+        G (N, 6, m) of a body with actuators, whose poses are (N, 6 + m).
+    """
+    if slopes is not None and slopes.shape[2]:
+        own = np.ascontiguousarray(poses[:, :6])
+        fits = [
+            EnergyModel.fit(own, g, length_m=length_m, degree=_PUSH_DEGREE, symmetry="general")
+            for g in np.ascontiguousarray(np.moveaxis(slopes, 2, 0))
+        ]
+        pushed = sum(
+            a[:, None] * one.predict(own) for one, a in zip(fits, poses[:, 6:].T, strict=True)
+        )
+        passive = fit_surrogate(own, wrenches - pushed, length_m)
+        return replace(passive, pushes=tuple((one.scale, one.coefficients) for one in fits))
     if len(poses) < 6:
         raise InputError(
             f"the plan has {len(poses)} solved poses, those between included; the simulated "
@@ -128,12 +183,19 @@ class HiddenPhysics:
     nearest: I
 
 
+def with_inputs(poses: F, inputs: F) -> F:
+    """Return poses (N, 6) with the same inputs (m,) of actuators behind each."""
+    return np.hstack([poses, np.tile(inputs, (len(poses), 1))])
+
+
 class NonElasticWrench:
     """The wrench beyond elasticity along one trip."""
 
     def __init__(self, hidden: HiddenPhysics, surrogate: Surrogate) -> None:
         self._hidden = hidden
-        elastic = Elastic(hidden.plant.elastic.solved, surrogate.model())
+        # No energy of the pose alone goes through inputs: then only the slopes of the solved rows.
+        smooth = None if surrogate.pushes else surrogate.model()
+        elastic = Elastic(hidden.plant.elastic.solved, smooth)
         self._plant = replace(hidden.plant, elastic=elastic)
         self._bare = replace(self._plant, physics=Physics())
         self._way: list[F] = []
@@ -164,7 +226,10 @@ class NonElasticWrench:
         index = np.unique(np.linspace(0, len(self._way) - 1, _WAY_POINTS).round().astype(int))
         visit = replace(
             self._visit, time_s=self._depart_s + time_s, travel_s=self._moved_s,
-            dwell_s=self._rested_s, way=np.stack([*(self._way[i] for i in index), pose]),
+            dwell_s=self._rested_s,
+            way=with_inputs(
+                np.stack([*(self._way[i] for i in index), pose]), self._visit.pose[6:]
+            ),
             rested=True,
         )  # fmt: skip
         visits = visits_of((visit,), pose[None].copy(), self._nearest, self._hidden.air)
@@ -217,6 +282,11 @@ def _read(path: Path) -> str:
         document = open_model(text)
     except (OSError, UnicodeDecodeError, ModelError) as error:
         raise InputError(f"[rig] controller_model = {path}: {error}") from None
+    if "actuators" in document.get("parameters", {}):
+        raise InputError(
+            f"[rig] controller_model = {path}: it takes the inputs of actuators, and the arm's "
+            "controller knows poses alone; name an energy of poses, or none"
+        )
     effects = [item["id"] for item in document["effects"] or () if item.get("side") == "physics"]
     if effects:
         raise InputError(

@@ -21,6 +21,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from ecm.io.arrays import F
+from ecm.io.se3 import displaced
 from ecm.rig.arm.kuka import (
     RANGE_RAD,
     SPEED_RAD_S,
@@ -40,6 +41,7 @@ from ecm.rig.arm.mechanism import (
 from ecm.rig.arm.simulation import Diverged, Impedance, Servo, Simulation
 from ecm.rig.arm.trips import Stop, StopResult, TripResult, cubic_profile, duration_s, motion_s
 from ecm.rig.physics.camera import LEDS, LEDS_NEEDED
+from ecm.rig.physics.true_effect import SENSOR_SCALE
 from ecm.rig.plan import rest_pose
 from ecm.rig.readings import Reading
 from ecm.rig.settings import Instruments, RigSettings
@@ -48,6 +50,8 @@ TICK = 10
 """Steps between two checks of the safety limits, two damping designs, two points of the trace."""
 _AT_REST_RAD_S = 2e-3
 _AT_REST_TICKS = 5
+_FOLLOWS_S = 0.3
+"""Time constant with which the wrench of a driven mechanism is given way to."""
 _SLOW_RAD_S = 0.3
 """Peak joint speed of the position phase, and of the return after a stop in motion."""
 _MOVED_RAD = 1e-6
@@ -79,8 +83,9 @@ class SimulatedArm:
         self._settings = settings
         self._arm = arm = settings.arm
         self._scene = scene(settings, length_m)
-        self.simulation = Simulation(self._scene, setup.surrogate.model().predict)
-        model = ControllerModel(setup.library)
+        mechanism, actuators = setup.surrogate.wrench(), len(setup.surrogate.pushes)
+        self.simulation = Simulation(self._scene, mechanism, actuators)
+        self._model = model = ControllerModel(setup.library)
         self._impedance = Impedance(arm, self.simulation, model)
         self._servo = Servo(arm, self.simulation, model)
         self._limits = SafetyLimits(settings, self.simulation, model, length_m)
@@ -109,12 +114,17 @@ class SimulatedArm:
             results.append(self._result)
             try:
                 for via in stop.via:
-                    self._drive(via)
+                    self.simulation.inputs[:] = via[6:]
+                    self._drive(via[:6])
                     self._result.from_home = False
-                begin = self.simulation.time_s
-                self._drive(stop.goal)
+                begin = self._result.set_s = self.simulation.time_s
+                self.simulation.inputs[:] = stop.inputs
+                goal = stop.goal if stop.offset is None else self._followed(stop.offset)
+                begin = begin if stop.offset is None else self.simulation.time_s
+                self._result.goal = goal
+                self._drive(goal)
                 self._result.travel_s = self.simulation.time_s - begin
-                self._read(stop)
+                self._read(stop, goal)
                 if not from_home and not stop.via:
                     self._recorded = self._direct_path()
                 from_home = False
@@ -174,6 +184,32 @@ class SimulatedArm:
         self._begin_phase()
         self._position(goal, goal_rotation)
         self._end_phase("position")
+
+    def _followed(self, offset: F) -> F:
+        """Phase follow: the arm gives way until the driven mechanism no longer pushes it.
+
+        The target goes where the stiffness of the controller's model says that the wrench vanishes;
+        without a spring the arm's own inertia would swing on the soft body for half a minute.
+        Returns the pose (6,) that is `offset` away from where it ends.
+        """
+        simulation, rig = self.simulation, self._settings.rig
+        self._begin_phase()
+        self._servo.release()
+        place, turned = simulation.position.copy(), Rotation.from_rotvec(simulation.pose[3:])
+        share = TICK * simulation.step_s / _FOLLOWS_S
+        for _ in range(max(1, round(rig.follow_s / (TICK * simulation.step_s)))):
+            self._impedance.design()
+            step = -share * np.linalg.solve(self._model.stiffness, simulation.wrench)
+            place = place + step[:3]
+            turned = Rotation.from_rotvec(step[3:]) * turned
+            quaternion = turned.as_quat(scalar_first=True)
+            self._cartesian("follow", np.tile(place, (TICK, 1)), np.tile(quaternion, (TICK, 1)))
+            if (np.abs(simulation.wrench) < rig.free_N * SENSOR_SCALE).all():
+                break
+        self._settle(place, quaternion)
+        self._end_phase("follow")
+        goal: F = displaced(simulation.pose[None], offset[None])[0]
+        return goal
 
     def _cartesian(self, phase: str, positions: F, quaternions: F) -> None:
         for k in range(len(positions)):
@@ -241,7 +277,7 @@ class SimulatedArm:
             points.append(solution.joints_rad)
         return np.stack([*points, end])
 
-    def _read(self, stop: Stop) -> None:
+    def _read(self, stop: Stop, wanted: F) -> None:
         """Phases rest and reading."""
         simulation, arm, result = self.simulation, self._arm, self._result
         self._begin_phase()
@@ -255,8 +291,8 @@ class SimulatedArm:
         self._end_phase("reading")
         # The arm judges by its encoders; a yield behind them is seen by the camera only.
         lag = simulation.jacobian.dot(self._servo.encoders_rad() - simulation.joints_rad)
-        error_m = float(np.linalg.norm(result.reached[:3] + lag[:3] - stop.goal[:3]))
-        goal = Rotation.from_rotvec(stop.goal[3:])
+        error_m = float(np.linalg.norm(result.reached[:3] + lag[:3] - wanted[:3]))
+        goal = Rotation.from_rotvec(wanted[3:])
         turn = goal.inv() * Rotation.from_rotvec(simulation.pose[3:])
         error_rad = float(np.linalg.norm(turn.as_rotvec() + goal.as_matrix().T @ lag[3:]))
         if error_m > arm.reach_tolerance_m or error_rad > arm.reach_tolerance_rad:
@@ -284,6 +320,7 @@ class SimulatedArm:
         """Go back along the recorded joints, without safety limits: that way was free before."""
         simulation = self.simulation
         self._begin_phase()
+        simulation.inputs[:] = 0.0
         self._servo.engage()
         back = np.stack(self._recorded[::-1])
         joints = self._servo.encoders_rad().copy()
@@ -341,7 +378,7 @@ class SimulatedArm:
         if phase == "return":
             return
         total = torque + simulation.gravity_Nm
-        if phase not in ("impedance", "settle"):
+        if phase not in ("follow", "impedance", "settle"):
             total = total - self._servo.damper_torque_Nm()
         broken = self._limits.broken(total)
         if not broken and simulation.steps % (10 * TICK) == 0:

@@ -172,14 +172,14 @@ class Diverged(Exception):
 class Simulation:
     """State of the simulation; the arrays are views into MuJoCo's own, valid between steps."""
 
-    def __init__(self, scene: Scene, mechanism: Callable[[F], F]) -> None:
+    def __init__(self, scene: Scene, mechanism: Callable[[F], F], actuators: int = 0) -> None:
         self.library = mujoco()
         self.model: Any = self.library.MjModel.from_xml_string(scene.text)
         self.model.dof_damping *= scene.friction
         self.model.dof_frictionloss *= scene.friction
         self.data: Any = self.library.MjData(self.model)
         self.mechanism = mechanism
-        """Function from pose (1, 6) to wrench h (1, 6)."""
+        """Function from pose, with the actuators' inputs behind it, (1, 6 + m) to h (1, 6)."""
         self.home_rad = scene.home_rad
         self.joints_rad: F = self.data.qpos
         self.speeds_rad_s: F = self.data.qvel
@@ -190,8 +190,8 @@ class Simulation:
         self._linear, self._angular = self.jacobian[:3], self.jacobian[3:]
         self.quaternion: F = np.zeros(4)
         """Orientation of the top frame, w x y z."""
-        self._row: F = np.zeros((1, 6))
-        self.pose = self._row[0]
+        self._row: F = np.zeros((1, 6 + actuators))
+        self.pose, self.inputs = self._row[0, :6], self._row[0, 6:]
         self.position, self._rotation = self.pose[:3], self.pose[3:]
         self._site_position: F = self.data.site_xpos[0]
         self._site_axes: F = self.data.site_xmat[0]
@@ -213,6 +213,7 @@ class Simulation:
         self.library.mj_resetData(self.model, self.data)
         self.joints_rad[:] = self.home_rad if joints_rad is None else joints_rad
         self.steps = 0
+        self.inputs[:] = 0.0
         self._extra_wrench[:] = 0.0
         self._extra_rate = None
         self.update()

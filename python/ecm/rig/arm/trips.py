@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ecm.io.arrays import F
 from ecm.io.cache import Stage
 from ecm.io.columns import POSE as POSE_COLUMNS
+from ecm.io.se3 import rotation, rotation_vector, transpose
 from ecm.rig.plan import POSE, Visit, rest_pose
 from ecm.rig.readings import disk_error
 from ecm.rig.settings import Procedure
@@ -65,6 +66,10 @@ class Stop:
     window_s: float
     depart_s: float = 0.0
     """Planned time at which the trip leaves home."""
+    inputs: F = field(default_factory=lambda: np.zeros(0))
+    """What acts in the actuators on the way there and at the pose, (m,)."""
+    offset: F | None = None
+    """Way (6,) from where the driven mechanism comes to rest by itself, which the arm follows."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +90,10 @@ class StopResult:
     """Why it was skipped; empty if it was reached."""
     from_home: bool = True
     """Whether the last leg began at home."""
+    goal: F = field(default_factory=lambda: np.zeros(6))
+    """Where the arm was to go: after it followed the mechanism, from there."""
+    set_s: float = 0.0
+    """When the actuators were last set."""
     reached: F = field(default_factory=lambda: np.zeros(6))
     """Mean pose over the reading window."""
     after_impedance: F = field(default_factory=lambda: np.zeros(6))
@@ -112,10 +121,13 @@ class TripResult:
 
 
 def plan_trips(
-    visits: Sequence[Visit], goals: F, procedure: Procedure, length_m: float
+    visits: Sequence[Visit], goals: F, procedure: Procedure, length_m: float, acting: F
 ) -> list[PlannedTrip]:
-    """Group the pose visits of a timeline into trips; `goals` (N, 6) has one row per visit."""
-    rest = rest_pose(length_m)
+    """Group the pose visits of a timeline into trips.
+
+    `goals` (N, 6) and what acts in the actuators (N, m) have one row per visit.
+    """
+    rest = rest_pose(length_m, acting.shape[1])
     trips: list[PlannedTrip] = []
     stops: list[Stop] = []
     depart = last = 0.0
@@ -137,11 +149,21 @@ def plan_trips(
         legs = sum(_leg_s(a, b, procedure) for a, b in pairwise(points))
         if at_home:
             depart = visit.time_s - 0.5 * visit.window_s - visit.dwell_s - legs
-        via = tuple(points[1:-1])
-        stops.append(Stop(i, goals[i], via, visit.dwell_s, visit.window_s, depart))
+        via, offset = tuple(points[1:-1]), None
+        if visit.free is not None and via and np.array_equal(via[-1], visit.free):
+            via, offset = via[:-1], _offset(visit.free, visit.pose)
+        stops.append(
+            Stop(i, goals[i], via, visit.dwell_s, visit.window_s, depart, acting[i], offset)
+        )
         last = visit.time_s + 0.5 * visit.window_s + _leg_s(visit.pose, rest, procedure)
     close()
     return trips
+
+
+def _offset(free: F, pose: F) -> F:
+    """Shift and turn (6,) in base axes from one pose to another."""
+    turn = rotation(pose[None, 3:6]) @ transpose(rotation(free[None, 3:6]))
+    return np.concatenate([pose[:3] - free[:3], rotation_vector(turn)[0]])
 
 
 def extra_s(visit: Visit, procedure: Procedure) -> float:
@@ -157,7 +179,7 @@ def extra_s(visit: Visit, procedure: Procedure) -> float:
 
 def _leg_s(start: F, end: F, procedure: Procedure) -> float:
     """Duration of a leg in the planned timeline."""
-    return motion_s(end[:3] - start[:3], float(np.linalg.norm((end - start)[3:])), procedure)
+    return motion_s(end[:3] - start[:3], float(np.linalg.norm((end - start)[3:6])), procedure)
 
 
 class TripStore:
@@ -182,8 +204,11 @@ class TripStore:
         if arrays is None:
             return None
         count = sum(name.endswith(".visit") for name in arrays) - 1
-        stops = tuple(_stop(str(k), arrays) for k in range(count))
-        return TripResult(stops, float(arrays["duration_s"]), _stop("home", arrays))
+        try:
+            stops = tuple(_stop(str(k), arrays) for k in range(count))
+            return TripResult(stops, float(arrays["duration_s"]), _stop("home", arrays))
+        except KeyError:  # of another version, which stored less
+            return None
 
 
 def _arrays(name: str, stop: StopResult) -> dict[str, NDArray[Any]]:
@@ -208,6 +233,7 @@ PANELS = ("x - L [mm]", "y [mm]", "z [mm]", "θx [mrad]", "θy [mrad]", "θz [mr
 """Components of a pose minus the rest pose."""
 
 COLOURS = {
+    "follow": "#e6dcf5",
     "impedance": "#cfe3f7",
     "settle": "#e4eefb",
     "position": "#fbe3c4",

@@ -25,6 +25,8 @@ _WARM_K = 30.0
 """Warming in which the zero of a regulator doubles."""
 _BEND = 0.3
 """How much more a gain is at half of the largest pressure than at the ends, as a share."""
+_VALVES = 0.5
+"""Share of the drawn hystereses that are of a valve; the others are of a wall."""
 
 
 @dataclass(frozen=True)
@@ -112,25 +114,45 @@ class Supplied(OfActuator):
 
 
 @dataclass(frozen=True)
-class Play(OfActuator):
-    """A valve with play: the pressure stays until it is asked for more than `size` beyond it."""
+class Slip(OfActuator):
+    """A valve with play, or a wall of elements that stick and then slip (Maxwell slip).
+
+    a -> a - s mean(z_k / r_k): z_k follows each change of a, but never beyond its reach -r_k to
+    r_k. One element whose reach is s itself is the play of a valve, which stays until it is asked
+    for more than s beyond. Several are the wall of a chamber, whose rubber and threads hold a part
+    of the pressure back, -s to s once all of them slip: a smooth loop.
+    """
+
+    reaches: tuple[float, ...] = ()
+    """Reaches of the elements of a wall, Pa; none: a valve."""
 
     effect: ClassVar[str] = "pressure_hysteresis"
-    name: ClassVar[str] = "play of a valve"
+    name: ClassVar[str] = "slip in a valve or a wall"
     unit: ClassVar[str] = "Pa"
     limit: ClassVar[Limit] = Limit(0.3, "pressures approached from below and from above")
 
-    def given(self, inputs: F, at: Conditions) -> F:
-        return at.from_all(self._states)
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Slip:
+        valve, longest = super().draw(random, rig), random.uniform(0.2, 0.8) * rig.largest_input
+        if random.uniform() < _VALVES:
+            return valve
+        return replace(valve, reaches=tuple((longest * np.arange(1, 7) / 6.0).tolist()))
 
-    def _states(self, whole: Conditions) -> F:
-        state = np.zeros(whole.inputs.shape[1])
-        states = np.zeros_like(whole.inputs)
+    def given(self, inputs: F, at: Conditions) -> F:
+        return inputs - at.from_all(self._held)
+
+    def _held(self, whole: Conditions) -> F:
+        """(N, m) what is held back."""
+        reach = np.array(self.reaches or (self.size,))[:, None]
+        before = np.zeros(whole.inputs.shape[1])
+        state = np.zeros((len(reach), len(before)))
+        held = np.zeros_like(whole.inputs)
         for i, way in enumerate(whole.ways):
             for asked in way[:, 6:]:
-                state = np.clip(state, asked - self.size, asked + self.size)
-            states[i] = state
-        return states
+                state = np.clip(state + asked - before, -reach, reach)
+                before = asked
+            held[i] = self.size * (state / reach).mean(axis=0)
+        return held
 
 
 @dataclass(frozen=True)
