@@ -1,0 +1,149 @@
+"""Which row of a plan tells most per minute about the cause, while it is measured.
+
+Each effect that the data so far suggest predicts, with the size that it has in them, what the rows
+that are left would read beside a base fitted again. A row tells as much as these predictions
+differ, and as each of them is still unsure, in units of its noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ecm.diagnosis.next_experiment import Added, ConfusionClass, joined_rows
+from ecm.diagnosis.procedure import find_missing
+from ecm.diagnosis.search import rank
+from ecm.diagnosis.verdict import Decision
+from ecm.errors import EcmError
+from ecm.io.arrays import F, I
+from ecm.io.table import Table
+from ecm.models import EnergyModel, Model
+from ecm.models.fit import fit_rows
+from ecm.regression.normal_equations import solve
+
+_FEWEST = 12
+"""Rows before the first diagnosis."""
+_GROWTH = 1.15
+"""Growth of the rows between two diagnoses."""
+_COMPARED = 12
+"""Effects that are compared at most."""
+_DOUBT = 8.0
+"""Chi² by which an effect must fit worse to weigh e times less: sizes and shapes are not sure."""
+_PAUSE_S = 30.0
+
+
+def is_due(rows: int) -> bool:
+    """Whether the rows are diagnosed at this number.
+
+    Examples
+    --------
+    >>> [n for n in range(40) if is_due(n)]
+    [12, 15, 19, 23, 28, 34]
+    """
+    due = _FEWEST
+    while due < rows:
+        due = int(_GROWTH * due) + 2
+    return due == rows
+
+
+class NextRow:
+    """Chooses rows of a plan by what they tell about the missing effect.
+
+    Parameters
+    ----------
+    plan
+        The plan whose rows are chosen from: poses, home checks and unloaded readings.
+    model
+        The model that lacks something; None: an energy that is fitted to the rows so far.
+    seed
+        Seed of the diagnosis.
+
+    Examples
+    --------
+    Before a diagnosis the plan's own order is taken.
+
+    >>> import ecm
+    >>> plan = ecm.as_table({"x_m": [0.1, 0.101]}, meta={"mechanism": {"length_m": 0.1}})
+    >>> NextRow(plan).order([1, 0], np.ones(2), []).tolist()
+    [1, 0]
+    """
+
+    def __init__(self, plan: Table, model: Model | None = None, seed: int = 0) -> None:
+        self._plan, self._model, self._seed = plan, model, seed
+        self.answer: tuple[str, ...] = ()
+        """Names of the last diagnosis; empty where it named nothing alone."""
+        self.names: list[tuple[str, ...]] = []
+        """Those of all diagnoses."""
+        self._told: _Told | None = None
+
+    def learn(self, rows: Table) -> None:
+        """Diagnose the rows so far."""
+        self.answer, self._told = (), None
+        try:
+            model = fit_rows(rows, EnergyModel(4)) if self._model is None else self._model
+            decision = find_missing(model, rows, seed=self._seed)
+            if decision.verdict == "named":
+                self.answer = tuple(members[0] for members in decision.answer)
+            self._told = _Told.of(decision, self._plan)
+        except EcmError:  # too few rows, or none that the base determines
+            pass
+        self.names.append(self.answer)
+
+    def order(self, left: Sequence[int], minutes: F, since: Sequence[int]) -> I:
+        """Rows of the plan, that which tells most per minute first.
+
+        minutes: (n,) that each of the rows `left` takes; since: rows after the last diagnosis.
+        """
+        rows = np.asarray(left, dtype=np.int64)
+        if self._told is None:
+            return rows
+        gain = self._told.of_each(since)[rows]
+        return rows[np.argsort(-gain / minutes, kind="stable")]
+
+
+class _Told:
+    """What each row of a plan would tell about some effects."""
+
+    def __init__(self, added: Added, weights: F, prior: dict[str, F], rows: int) -> None:
+        self._added, self._weights, self._prior = added, weights, prior
+        self._design = added.design.reshape(rows, -1, added.design.shape[1])
+
+    @staticmethod
+    def of(decision: Decision, plan: Table) -> _Told | None:
+        problem = decision.problem
+        best = {item.id: item for item in reversed(rank(problem))}
+        items = sorted(best.values(), key=lambda item: -item.drop)[:_COMPARED]
+        if not items:
+            return None
+        shapes = {item.id: [item.candidate] for item in items}
+        rows = joined_rows(problem, plan, pause_s=_PAUSE_S, is_campaign=False)
+        added = Added.of(ConfusionClass(problem, (), shapes), rows)
+        drops = np.asarray([item.drop for item in items])
+        weights = np.exp((drops - drops.max()) / _DOUBT)
+        prior = {
+            item.id: problem.norms[list(item.candidate.columns)]
+            * [parameter.scale for parameter in item.candidate.effect.parameters]
+            for item in items
+        }
+        return _Told(added, weights / weights.sum(), prior, len(plan))
+
+    def of_each(self, since: Sequence[int]) -> F:
+        """(n,) of each row of the plan, where some of them were measured after the data."""
+        group, design = self._added.group, self._design
+        new = design[list(since)].reshape(-1, design.shape[2])
+        matrix = self._added.old + new.T @ new
+        base = list(group.problem.base_index)
+        predicted, unsure = [], np.zeros(len(design))
+        for (id, forms), weight in zip(group.shapes.items(), self._weights, strict=True):
+            own = self._added.place[forms[0]]
+            absorbed = solve(matrix[np.ix_(base, base)], matrix[np.ix_(base, own)])
+            seen = design[:, :, own] - design[:, :, base] @ absorbed
+            known = matrix[np.ix_(own, own)] - matrix[np.ix_(own, base)] @ absorbed
+            spread = np.linalg.inv(known + np.diag(self._prior[id] ** -2.0))
+            unsure += weight * np.einsum("nij,jk,nik->n", seen, spread, seen)
+            predicted.append(seen @ group.values[id])
+        stack = np.asarray(predicted)
+        middle = np.tensordot(self._weights, stack, 1)
+        apart = np.tensordot(self._weights, ((stack - middle) ** 2).sum(axis=2), 1)
+        return np.asarray(apart + unsure)
