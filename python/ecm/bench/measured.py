@@ -143,7 +143,8 @@ class Run:
     _beside: list[F] = field(default_factory=list)
     """Measured minus commanded pose (6,) of each reading."""
     _home_every: int = _HOME_EVERY
-    _suspected: bool = False
+    _slipped: int = 0
+    """Poses before the last slip: those after it are not compared with them."""
 
     @property
     def timeline(self) -> Timeline:
@@ -236,13 +237,14 @@ class Run:
             # Where nothing moves, looks are lost time; where it does, they tell when.
             every = self._home_every // 2 if size > 0.5 * _MOVED else 2 * self._home_every
             self._home_every = int(np.clip(every, *_HOME_RANGE))
-            self.home_due, self._suspected = self._home_every, False
-        elif enough and len(before) > 2 * _ROWS_OF_SLIP and not self._suspected:
-            earlier = np.asarray(before[-_ROWS_COMPARED:-_ROWS_OF_SLIP])
+            self.home_due = self._home_every
+        elif enough and len(before) - self._slipped > 2 * _ROWS_OF_SLIP:
+            since = max(self._slipped, len(before) - _ROWS_COMPARED)
+            earlier = np.asarray(before[since:-_ROWS_OF_SLIP])
             step = np.mean(before[-_ROWS_OF_SLIP:], axis=0) - np.median(earlier, axis=0)
             limit = _MOVED * sd * np.sqrt(1.0 / _ROWS_OF_SLIP + 1.0 / len(earlier))
             if (np.abs(step) > limit).any():
-                self.home_due, self._suspected = 0, True
+                self.home_due, self._slipped = 0, len(before)
                 found.append(
                     f"the last {_ROWS_OF_SLIP} poses are {_size(step)} farther from the commanded "
                     "ones than those before: a marker may have slipped; the rest pose is looked at"
@@ -254,12 +256,12 @@ class Run:
         weight = self.timeline.visits[taken.number].dead_weight_kg
         return taken.kind in (OFFSET, UNLOADED) and not weight
 
-    def wrenches(self) -> F:
-        """Wrenches (N, 6) of all readings, by the zero that the procedure asks for."""
-        zeros = [taken for taken in self.taken if self._reads_zero(taken)]
-        readings = [t.reading for t in self.taken]
+    def wrenches(self, taken: Sequence[Taken]) -> F:
+        """Wrenches (N, 6) of readings, by the zeros among them that the procedure asks for."""
+        zeros = [one for one in taken if self._reads_zero(one)]
+        readings = [t.reading for t in taken]
         zero = zero_at(
-            np.asarray([t.time_s for t in self.taken]),
+            np.asarray([t.time_s for t in taken]),
             np.asarray([t.time_s for t in zeros]),
             np.asarray([t.reading.sensor for t in zeros]).reshape(-1, 6),
             self.bench.procedure.offset_compensation,
@@ -350,11 +352,11 @@ def _size(step: F) -> str:
     return f"{shift:.2g} mm and {turn:.2g} rad"
 
 
-def table_of(run: Run, plan: Table, out: Path) -> Table:
-    """The table of what was measured."""
-    wrenches = run.wrenches()
-    rows = [i for i, taken in enumerate(run.taken) if taken.kind != OFFSET]
-    taken = [run.taken[i] for i in rows]
+def table_of(run: Run, plan: Table, out: Path, readings: Sequence[Taken]) -> Table:
+    """The table of what was measured, or of the first of it."""
+    wrenches = run.wrenches(readings)
+    rows = [i for i, one in enumerate(readings) if one.kind != OFFSET]
+    taken = [readings[i] for i in rows]
     visits = [run.timeline.visits[one.number] for one in taken]
     repeats = Counter[tuple[str, int]]()
     for i, (one, visit) in enumerate(zip(taken, visits, strict=True)):
@@ -363,14 +365,14 @@ def table_of(run: Run, plan: Table, out: Path) -> Table:
         repeats[key] += 1
     began = run.taken[0].time_s if run.taken[0].time_s > _AN_EPOCH_S else 0.0
     columns = visit_columns(visits, np.asarray([one.time_s - began for one in taken]))
-    readings = [one.reading for one in taken]
-    columns |= dict(zip(POSE, np.stack([r.pose for r in readings]).T.copy(), strict=True))
+    means = [one.reading for one in taken]
+    columns |= dict(zip(POSE, np.stack([r.pose for r in means]).T.copy(), strict=True))
     columns |= dict(zip(WRENCH, wrenches[rows].T.copy(), strict=True))
     for name in ("temperature_degC", "sensor_temperature_degC"):
-        degrees = np.asarray([getattr(reading, name) for reading in readings])
+        degrees = np.asarray([getattr(reading, name) for reading in means])
         if np.isfinite(degrees).all():
             columns[name] = degrees
-    columns |= spread_columns(readings)
+    columns |= spread_columns(means)
     known, bench = plan.meta, run.bench
     meta = Meta(
         mechanism=known.mechanism,

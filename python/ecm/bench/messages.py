@@ -183,9 +183,13 @@ class Messages:
         """Every visit from the first that is missing, and those that are chosen on the way."""
         visits = self._run.timeline.visits
         yield from self._stubs.open_run()
-        if first:
-            yield from self._home_check(visits[-1])
         number, ended = first, False
+        if first:
+            last = visits[first - 1]
+            # By what was measured before the cut: a run that was not cut chose the same.
+            while number == len(visits) and not ended:
+                ended = self._go_on(number)
+            yield from self._home_check(last)
         while True:
             while number == len(visits) and not ended:
                 ended = self._go_on(number)

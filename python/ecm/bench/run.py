@@ -20,6 +20,7 @@ from ecm.bench.devices import Device, DeviceError, closed
 from ecm.bench.measured import THE_END, Run, Taken, table_of
 from ecm.bench.messages import Messages, Status, Stopped
 from ecm.bench.settings import Bench
+from ecm.bench.until import Goal, Until, certify
 from ecm.errors import InputError, Remedy
 from ecm.io.arguments import check_arguments
 from ecm.io.columns import POSE
@@ -37,6 +38,7 @@ from ecm.rig.plan import POSE as AT_POSE
 from ecm.rig.readings import (
     HEADER,
     Journal,
+    clear_beside,
     journal_path,
     keep_data,
 )
@@ -111,6 +113,9 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
     *,
     minutes: float | None = None,
     model: Any = None,
+    until: str = "",
+    fit: str = "",
+    seed: int = 0,
     agree: Callable[[list[str]], object] | None = None,
     resume: bool = True,
     overwrite: bool = False,
@@ -132,6 +137,14 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
         No pose is begun after this time.
     model
         A model of pose and wrench: `progress` says how far each row is from it.
+    until
+        What is enough: an error at fresh poses, `0.3 mm` or `0.5 N`, or `named`. After each row the
+        next is that which tells most per minute about it. NAME.until.json says why it stopped.
+    fit
+        Model whose error counts, such as `energy6`; by default the best of degree 4 to 6. With
+        `minutes` and without `until`: what tells most about it until the time is over.
+    seed
+        Seed of the diagnoses of `named`.
     agree
         Gets the lines of `envelope` before anything moves; what it raises ends the run there.
     resume
@@ -176,6 +189,9 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
     keep_data(out, overwrite=overwrite, resume=resume)
     engine_of = require("bluesky.run_engine", "measure", "ecm measure").RunEngine
     run, lines = envelope(plan, bench)
+    if until or fit:
+        goal = Goal.parse(until) if until else Goal("the end of the plan", "N")
+        run.chooser = Until(goal, plan, fit, model, seed)
     if agree is not None:
         agree(lines)
     run.model = model
@@ -203,8 +219,10 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
             _drive(engine_of, run, first, parts, keep, say, minutes)
         if not any(taken.kind == AT_POSE for taken in run.taken):
             raise InputError(f"{out}: no pose was measured, so no table is written")
-        table = table_of(run, plan, out)
+        table = table_of(run, plan, out, run.taken)
         table.write(out)
+        clear_beside(out, keep=())
+        certify(run, out)
         journal.remove()
     return table
 

@@ -166,30 +166,33 @@ class NextPose:
         noise = declared_noise(rows)
         nominal = NominalModel(fitted.base, noise, rows.meta)
         variances = np.linalg.eigvals(self._mean_square(fitted) @ covariance).real
-        mean, spread = float(variances.sum()), 2.0 * float((variances**2).sum())
         freedom = max(1, 6 * len(rows) - len(covariance))
         excess = self._squares(fitted, rows) / freedom
-        significant = float(stats.chi2.sf(excess * freedom, freedom)) < 1.0 - _CHANCE
-        into = self._into_unit(fitted, self._region)
+        # The noise may be declared too large as well as too small.
+        variances = excess * variances
+        mean, spread = float(variances.sum()), 2.0 * float((variances**2).sum())
+        known = not noise.is_assumed
+        significant = known and float(stats.chi2.sf(excess * freedom, freedom)) < 1.0 - _CHANCE
+        into = self._into_unit(fitted)
         each = noise.covariance(nominal.rows(self._region))
-        reading = float(np.einsum("nij,njk,nik->n", into, each, into).mean())
+        reading = float(np.trace(into @ each.mean(axis=0) @ into.T))
         form = max(0.0, excess - 1.0) * reading if significant else 0.0
         gamma = stats.gamma(mean**2 / spread, scale=spread / mean)
         low, high = (float(np.sqrt(gamma.ppf(q) + form)) for q in (1.0 - _CHANCE, _CHANCE))
         now = float(np.sqrt(mean + form))
         return FreshError(fitted.base.name, self._unit, now, low, high, significant)
 
-    def _into_unit(self, fitted: Model, poses: F) -> F:
-        """(N, 3, 6) from an error of the wrench to one in the unit."""
+    def _into_unit(self, fitted: Model) -> F:
+        """(3, 6) from an error of the wrench to one in the unit; mm by the stiffness at rest."""
         if self._unit == "N":
-            return np.broadcast_to(np.eye(6)[:3], (len(poses), 3, 6))
-        stiffness = fitted.base.stiffness(np.ascontiguousarray(poses))
-        return np.asarray(UNITS["mm"] * np.linalg.pinv(stiffness)[:, :3])
+            return np.eye(6)[:3]
+        rest = np.array([[self._length_m, 0.0, 0.0, 0.0, 0.0, 0.0]])
+        return np.asarray(UNITS["mm"] * np.linalg.pinv(fitted.base.stiffness(rest)[0])[:3])
 
     def _mean_square(self, fitted: Model) -> F:
         """(k, k) mean square error over the region per square of the coefficients' errors."""
         columns = fitted.base.columns(np.ascontiguousarray(self._region))
-        part = (self._into_unit(fitted, self._region) @ columns).reshape(-1, columns.shape[2])
+        part = (self._into_unit(fitted) @ columns).reshape(-1, columns.shape[2])
         return np.asarray(part.T @ part / len(self._region))
 
     def order(self, left: Sequence[int], minutes: F) -> I:

@@ -58,6 +58,7 @@ BESIDE = {
     ".raw.parquet": "a table",
     ".raw.toml": "the description of a table",
     ".robot.json": "the record of an arm",
+    ".until.json": "the certificate of a run",
 }
 """Suffixes of what belongs to a table, and goes when another takes its place."""
 
