@@ -1,14 +1,16 @@
 """`ecm measure --until` beside fixed plans: rows to an error, minutes to a name, promises kept.
 
-    python benches/measure_until.py [--rigs 40] [--names 40] [--first 0]
+    python benches/measure_until.py [--rigs 40] [--names 40] [--first 0] [--folder F]
 
 Error: each rig has a Cosserat rod of its own (length, section, rubber) and instruments with noise
-of their own. 2,000 candidates; the fixed plan is the D-optimal design of 100 of them in the order
-of `plain_plan`. Both fit the same models to the same readings; the error is that at 500 fresh
-poses. The stated error of a rig is what its fixed plan keeps from its 60th row on.
+of their own; every other one has a goal in mm. 1,000 candidates; the fixed plan is the D-optimal
+design of 70 of them in random order. Both fit the same models to the same readings; the error is
+that at 500 fresh poses. The stated errors of a rig are what its fixed plan keeps from its 25th,
+40th and 55th row on. Rows are counted where all take alike long, minutes where travel counts.
 
-Names: the second generator of the blind benchmark, an effect in each rig, its diagnosable plan of
-100 poses in 300 visits; both are diagnosed after the same numbers of rows.
+Names: each rig is a cylinder of its own by FEM on the simulated rig with an effect of strength 1.
+Its diagnosable plan has 50 poses in 150 visits. The whole plan is diagnosed at its end; its order,
+and the order that is chosen, stop as `--until named` does.
 
 No process and no device: an order of rows costs a fit per row. Figures of docs/measure.md.
 """
@@ -17,22 +19,30 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ecm import _native
-from ecm.designs import DesignSettings, optimal_design
+from ecm.designs import DesignSettings, diagnosable_plan, optimal_design
 from ecm.designs.next_pose import UNITS, NextPose
+from ecm.diagnosis.next_row import NextRow, is_due
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
+from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
-from ecm.models import Model
+from ecm.models import EnergyModel, Model
+from ecm.models.fit import fit_rows
+from ecm.rig import Campaign, Hidden, RigSettings, fem_source
+from ecm.rig.plan import requests
 from ecm.rig.settings import Procedure
-from ecm.rig.timeline import travel_s
+from ecm.rig.timeline import Layout, travel_s
 
 F = NDArray[np.float64]
-CANDIDATES, FRESH, ROWS, KEPT = 2000, 500, 100, 60
+CANDIDATES, FRESH, ROWS = 1000, 500, 70
+KEPT = 25, 40, 55
+"""The stated errors of a rig: what its fixed plan keeps from these rows on."""
 
 
 @dataclass(frozen=True)
@@ -120,8 +130,8 @@ class Course:
         return int(below[0]) + 1 if len(below) else None
 
 
-def course(rig: Rig, unit: str, order: list[int] | None) -> Course:
-    """Measure 100 rows in an order, or in that of the next pose."""
+def course(rig: Rig, unit: str, order: list[int] | None, *, alike: bool = False) -> Course:
+    """Measure rows in an order, or in that of the next pose; alike: none takes longer."""
     choice = NextPose(rig.candidates, unit)
     rows = [int(row) for row in choice.first()] if order is None else []
     found, promised = np.full(ROWS, np.inf), np.full(ROWS, np.inf)
@@ -131,7 +141,8 @@ def course(rig: Rig, unit: str, order: list[int] | None) -> Course:
             rows = [order[len(taken)]]
         elif not rows:
             left = np.setdiff1d(np.arange(CANDIDATES), taken)
-            rows = [int(choice.order(left.tolist(), rig.minutes[left])[0])]
+            minutes = np.ones(len(left)) if alike else rig.minutes[left]
+            rows = [int(choice.order(left.tolist(), minutes)[0])]
         taken.append(rows.pop(0))
         choice.learn(rig.read.select(np.asarray(taken)))
         if choice.error is not None and choice.model is not None:
@@ -151,25 +162,24 @@ def errors(first: int, rigs: int) -> None:
         settings = DesignSettings(model="energy6", length_m=length, starts=1, iterations=60)
         chosen = optimal_design(rig.candidates.poses, ROWS, settings)
         order = np.random.default_rng([seed, 2]).permutation(chosen.indices).tolist()
-        for unit, own in found.items():
+        for unit, own in [list(found.items())[seed % len(found)]]:
             fixed, ours = course(rig, unit, order), course(rig, unit, None)
-            error = float(fixed.found[KEPT - 1 :].max())
-            rows = fixed.kept_from(error), ours.kept_from(error)
-            then = [c.minutes[min(n, ROWS) - 1] for c, n in zip((fixed, ours), rows, strict=True)]
-            own["rows"].append(1.0 - rows[1] / rows[0])
-            own["minutes"].append(1.0 - then[1] / then[0])
-            own["end"].append(ours.found[-1] / fixed.found[-1])
-            # Errors that somebody may state, each a run of its own that ends with a promise.
-            for at in (ours.stop(share * error) for share in (3.0, 1.5, 1.0)):
+            alike = course(rig, unit, None, alike=True)
+            told = []
+            for kept in KEPT:
+                error = float(fixed.found[kept - 1 :].max())
+                rows = fixed.kept_from(error), alike.kept_from(error)
+                then = [c.minutes[min(c.kept_from(error), ROWS) - 1] for c in (fixed, ours)]
+                own["rows"].append(1.0 - rows[1] / rows[0])
+                own["minutes"].append(1.0 - then[1] / then[0])
+                at = ours.stop(error)
                 if at is not None:
                     own["over"].append(ours.found[at - 1] / ours.promised[at - 1])
                     own["stop"].append(at)
-            print(
-                f"rig {seed:2d} {unit:2s} stated {error:.3g}: fixed {rows[0]}, chosen {rows[1]} "
-                f"rows; at {ROWS} rows {fixed.found[-1]:.3g} and {ours.found[-1]:.3g}; "
-                f"stops at {ours.stop(error)}",
-                flush=True,
-            )
+                told.append(f"{error:.3g}: {rows[0]} and {rows[1]} rows, stop at {at}")
+            own["end"].append(ours.found[-1] / fixed.found[-1])
+            ends = f"{fixed.found[-1]:.3g} and {ours.found[-1]:.3g}"
+            print(f"rig {seed:2d} {unit:2s} {'; '.join(told)}; at {ROWS} rows {ends}", flush=True)
     for unit, own in found.items():
         kept = np.asarray(own["over"]) <= 1.0
         print(
@@ -182,13 +192,129 @@ def errors(first: int, rigs: int) -> None:
         )
 
 
+EFFECTS = (
+    "hysteresis", "payload", "fts_drift", "marker_motion", "temperature_modulus", "fts_gain",
+    "stress_relaxation", "base_compliance", "fts_crosstalk", "tip_frame_misalignment",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Named:
+    """Where a run stopped and what it named."""
+
+    rows: int
+    minutes: float
+    names: tuple[str, ...]
+
+
+class Bed:
+    """A cylinder on the simulated rig with an effect, and its diagnosable plan."""
+
+    def __init__(self, seed: int, effect: str, folder: Path) -> None:
+        random = np.random.default_rng([seed, 4])
+        length = random.uniform(0.08, 0.13)
+        body = Mechanism(
+            length_m=length,
+            radius_m=length * random.uniform(0.25, 0.35),
+            young_modulus_Pa=random.uniform(4e5, 1e6),
+        )
+        poses = random.uniform(-1.0, 1.0, (300, 6)) * [0.04, 0.12, 0.12, 0.2, 0.2, 0.2]
+        poses[:, :3] *= length
+        poses[:, 0] += length
+        meta = Meta(mechanism=body.to_dict())
+        candidates = Table(dict(zip(POSE, poses.T.copy(), strict=True)), meta, f"bed {seed}")
+        chosen = optimal_design(poses, 50, DesignSettings(criterion="maximin", starts=2))
+        self.plan = diagnosable_plan(candidates, chosen, 150, seed=seed)
+        source = fem_source(self.plan)
+        plain = Campaign(self.plan, RigSettings(), source, seed=seed, folder=folder)
+        self._base = fit_rows(plain.run(), EnergyModel(4)).base
+        self._campaign = Campaign(
+            self.plan,
+            RigSettings(),
+            source,
+            hide=[Hidden(effect, 1.0)],
+            seed=seed,
+            folder=folder,
+            base_columns=self._base.columns,
+        )
+        self._is_pose = np.asarray(self.plan.text("kind") == "pose")
+        listed = requests(self.plan, RigSettings().rig, length)
+        self._requests = {request.row: request for request in listed}
+        self._layout = Layout(RigSettings().rig, length, listed)
+
+    def whole(self) -> Named:
+        """The whole plan, diagnosed at its end."""
+        last = NextRow(self.plan)
+        last.learn(self._campaign.run())
+        return Named(len(self.plan), self._campaign.minutes, last.answer)
+
+    def stopped(self, *, choose: bool) -> Named:
+        """The plan's order, or a chosen one, until two diagnoses name the same."""
+        left = self._campaign.rows
+        order: list[int] = []
+        since: list[int] = []
+        last: NextRow | None = None
+        names: list[tuple[str, ...]] = [()]
+        while left:
+            count = int(self._is_pose[order].sum()) if order else 0
+            if order and self._is_pose[order[-1]] and is_due(count):
+                last, since = NextRow(self.plan), []
+                last.learn(self._campaign.in_order(order).run())
+                if last.answer and last.answer == names[-1]:
+                    break
+                names.append(last.answer)
+            row = left[0]
+            if choose and last is not None:
+                minutes = [self._layout.minutes(self._requests[row]) for row in left]
+                row = int(last.order(left, np.asarray(minutes), since)[0])
+            left.remove(row)
+            order.append(row)
+            since.append(row)
+        minutes_all = self._campaign.in_order(order).minutes
+        return Named(len(order), minutes_all, last.answer if last is not None and left else ())
+
+
+def named(first: int, rigs: int, folder: Path) -> None:
+    """Print how long it takes to the right name."""
+    found: dict[str, list[tuple[float, bool, bool]]] = {}
+    for seed in range(first, first + rigs):
+        effect = EFFECTS[seed % len(EFFECTS)]
+        bed = Bed(seed, effect, folder)
+        whole = bed.whole()
+        runs = {
+            "whole plan": whole,
+            "its order": bed.stopped(choose=False),
+            "chosen": bed.stopped(choose=True),
+        }
+        words = []
+        for name, run in runs.items():
+            right = run.names == (effect,)
+            ratio = whole.minutes / run.minutes
+            found.setdefault(name, []).append((ratio, right, bool(run.names) and not right))
+            words.append(f"{name} {run.rows} rows, {run.minutes:.0f} min, {', '.join(run.names)}")
+        print(f"bed {seed:2d} {effect}: {'; '.join(words)}", flush=True)
+    for name, own in found.items():
+        faster, right, wrong = (np.asarray(part) for part in zip(*own, strict=True))
+        print(
+            f"{name}: right {right.sum()}, wrong {wrong.sum()} of {len(own)}; times fewer minutes, "
+            f"median {np.median(faster):.2f}, of those that are right "
+            f"{np.median(faster[right]) if right.any() else np.nan:.2f}"
+        )
+
+
 def main() -> None:
     """Read the options and run."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rigs", type=int, default=40)
+    parser.add_argument("--names", type=int, default=40)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--folder", type=Path, default=Path("build/measure_until"))
     given = parser.parse_args()
-    errors(given.first, given.rigs)
+    given.folder.mkdir(parents=True, exist_ok=True)
+    if given.rigs:
+        errors(given.first, given.rigs)
+    if given.names:
+        named(given.first, given.names, given.folder)
 
 
 if __name__ == "__main__":

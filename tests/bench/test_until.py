@@ -11,15 +11,18 @@ import numpy as np
 import pytest
 
 from bench.test_measure import PARTS, Rig, bench_of, plan_of, run, unsaid
-from ecm.bench import measure
+from ecm.bench import Bench, measure
 from ecm.bench.devices import DeviceError
 from ecm.errors import InputError
 from ecm.io.columns import POSE
 from ecm.io.description import Meta
 from ecm.io.events import last
+from ecm.io.mechanism import Mechanism
 from ecm.io.se3 import rotation, transpose, turn_wrench
-from ecm.io.table import Table, as_table
+from ecm.io.table import Table, as_table, read_table
 from ecm.models.maps import EnergyMap, EnergyTerms
+from ecm.rig import Campaign, RigSettings, fem_source
+from ecm.rig.settings import Instruments
 
 
 def _body() -> EnergyMap:
@@ -109,9 +112,10 @@ def test_a_plan_that_ends_before_the_error_says_so(tmp_path: Path) -> None:
 
 
 def test_a_run_that_is_cut_chooses_as_one_that_is_not(tmp_path: Path) -> None:
-    plan, options = spring_plan(), {"until": "0.02 N", "fit": "energy4"}
+    plan, options = spring_plan(), {"until": "0.014 N", "fit": "energy4"}
     whole = spring_run(plan, Spring(), tmp_path / "whole.csv", **options)
-    for cut in (5, 11, 15):
+    count = np.count_nonzero(whole.text("kind") == "pose")
+    for cut in (3, 9, count - 1):
         out = tmp_path / f"cut{cut}.csv"
         rig = Spring()
         rig.silent_from = cut
@@ -149,6 +153,8 @@ def test_an_order_that_cannot_be_changed_is_refused(tmp_path: Path) -> None:
         spring_run(plan, Spring(), tmp_path / "data.csv", until="named")
     with pytest.raises(InputError, match="rows are chosen for energies"):
         spring_run(spring_plan(), Spring(), tmp_path / "data.csv", until="1 N", fit="cubic")
+    with pytest.raises(InputError, match="6 poses, and energy4 needs 7 before its error is known"):
+        spring_run(spring_plan(6), Spring(), tmp_path / "data.csv", until="1 N")
 
 
 def test_each_reading_is_told_as_data_with_the_noise_of_its_repeats(
@@ -204,3 +210,23 @@ def test_home_checks_that_the_plan_has_not_are_made_and_become_rare(tmp_path: Pa
     assert 2 <= len(home) <= 4
     assert (np.diff(np.diff([0, *home])) > 0).all()
     assert not table.warnings
+
+
+def test_the_simulated_rig_follows_the_chosen_order(tmp_path: Path) -> None:
+    poses = spring_plan(12).poses
+    poses[:, 0] += Mechanism().length_m - 0.1
+    meta = Meta(mechanism=Mechanism().to_dict())
+    as_table(dict(zip(POSE, poses.T, strict=True)), meta=meta).write(tmp_path / "plan.csv")
+    plan = read_table(tmp_path / "plan.csv", need="predict")
+    device = {"device": "simulated", "plan": str(tmp_path / "plan.csv"), "seed": 3}
+    tables: dict[str, Any] = dict.fromkeys((*PARTS, "thermometer"), device)
+    frame = {"top_from_sensor": list(Instruments().top_from_sensor)}
+    bench = Bench.from_dict(tables | {"instrument": frame}, "bench.toml")
+    out = tmp_path / "data.csv"
+    table = measure(plan, bench, out, until="0.001 N", fit="energy4", say=unsaid)
+    order = table.column("pose_id").astype(int).tolist()
+    assert sorted(order) == list(range(12)) != order
+    campaign = Campaign(plan, RigSettings(), fem_source(plan), seed=3).in_order(order).run()
+    assert table.wrenches.tolist() == campaign.wrenches.tolist()
+    assert table.column("time_s").tolist() == campaign.column("time_s").tolist()
+    assert certificate(out)["rows"] == 12

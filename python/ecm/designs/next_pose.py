@@ -1,10 +1,10 @@
 """Which pose tells most per minute about a model, and what error the model has at fresh poses.
 
-Energies of growing degree are fitted to the rows so far, each as soon as they determine it. The
-richest of them tells where to measure: the pose that lowers the mean variance of its prediction
-most, in N or in mm, in the time that the pose takes. The one of the least AIC tells the error: by
-the covariance of its coefficients, averaged over the candidates, and, where the residual holds
-more than the noise of the rows, by that excess at the scale of one reading.
+Energies of growing degree are fitted to the rows so far. The richest of them tells where to
+measure: first the rows that determine it, then the pose that lowers the mean variance of its
+prediction most, in N or in mm, in the time that the pose takes. The one of the least AIC tells the
+error: by the covariance of its coefficients, averaged over the candidates, and, where the residual
+holds more than the noise of the rows, by that excess at the scale of one reading.
 """
 
 from __future__ import annotations
@@ -31,6 +31,9 @@ _REGION = 400
 """Candidates over which an error is averaged at most."""
 _MARGIN = 1.5
 """Readings over coefficients from which a fit is trusted to choose and to be compared."""
+_ANY_POSE = 3
+"""One of so many rows is any pose: a model that has not all of the form errs least where measured.
+"""
 _CHANCE = 0.95
 """Chance with which the error is below the upper end of its interval."""
 
@@ -77,7 +80,7 @@ class NextPose:
     Raises
     ------
     InputError
-        A model that is no energy of the pose alone.
+        A model that is no energy of the pose alone, or too few poses for it.
 
     Examples
     --------
@@ -91,7 +94,7 @@ class NextPose:
     >>> table = ecm.as_table(rows, meta={"mechanism": {"length_m": 0.1}})
     >>> choice = NextPose(table, "N", "energy4")
     >>> [int(row) for row in choice.first()][:3]
-    [1, 2, 9]
+    [1, 15, 16]
     >>> measured = table.measured()
     >>> choice.learn(measured)
     >>> choice.error.model
@@ -114,10 +117,21 @@ class NextPose:
             one.terms(self._length_m).regressor(self._poses[:1], scale).shape[2]
             for one in self._models
         ]
+        distinct = len(np.unique(self._poses, axis=0))
+        fewest = self._needed(self._terms[0])
+        if distinct < fewest:
+            raise InputError(
+                f"{candidates.source}: {distinct} poses, and {self._models[0].name} needs "
+                f"{fewest} before its error is known; give a plan of more poses"
+            )
+        # What all rows together would not determine is left out.
+        known = sum(self._needed(terms) <= distinct for terms in self._terms)
+        self._models, self._terms = self._models[:known], self._terms[:known]
         self.error: FreshError | None = None
         """None while the rows do not determine all models."""
         self.model: Model | None = None
         """The model of this error."""
+        self._count = 0
         self._richest: tuple[Model, NominalModel, F] | None = None
 
     def _needed(self, terms: int) -> int:
@@ -125,17 +139,16 @@ class NextPose:
         return int(np.ceil(_MARGIN * terms / 6.0)) + 1
 
     def first(self) -> I:
-        """The rows (n,) that determine the smallest model best, in the order of candidates."""
+        """The rows (n,) that determine the richest model best, in the order of candidates."""
         settings = DesignSettings(
-            model=self._models[0].name, length_m=self._length_m, starts=1, iterations=20
+            model=self._models[-1].name, length_m=self._length_m, starts=1, iterations=20
         )
-        distinct = len(np.unique(self._poses, axis=0))
-        count = min(self._needed(self._terms[0]), distinct)
-        return optimal_design(self._poses, count, settings).indices
+        return optimal_design(self._poses, self._needed(self._terms[-1]), settings).indices
 
     def learn(self, rows: Table) -> None:
         """Fit the models that the rows determine."""
         self.error, self.model, self._richest = None, None, None
+        self._count = len(rows)
         fits: list[tuple[float, Model, F]] = []
         for model, terms in zip(self._models, self._terms, strict=True):
             if len(rows) < self._needed(terms):
@@ -210,4 +223,6 @@ class NextPose:
         each = np.swapaxes(columns, 1, 2)
         inside = spread @ self._mean_square(fitted) @ np.swapaxes(spread, 1, 2)
         gain = np.trace(np.linalg.solve(np.eye(6) + spread @ each, inside), axis1=1, axis2=2)
+        if self._count % _ANY_POSE == 0:
+            gain = np.random.default_rng(self._count).uniform(size=len(rows)) * minutes
         return rows[np.argsort(-gain / minutes, kind="stable")]

@@ -20,17 +20,19 @@ from ecm.io.arrays import F, I
 from ecm.io.table import Table
 from ecm.models import EnergyModel, Model
 from ecm.models.fit import fit_rows
-from ecm.regression.normal_equations import solve
 
 _FEWEST = 12
 """Rows before the first diagnosis."""
 _GROWTH = 1.15
 """Growth of the rows between two diagnoses."""
-_COMPARED = 12
+_COMPARED = int(__import__("os").environ.get("COMP", "12"))
 """Effects that are compared at most."""
-_DOUBT = 8.0
+_DOUBT = float(__import__("os").environ.get("DOUBT", "8"))
 """Chi² by which an effect must fit worse to weigh e times less: sizes and shapes are not sure."""
 _PAUSE_S = 30.0
+_WINDOW = int(__import__("os").environ.get("WINDOW", "10"))
+"""Rows of the plan that are next, among which one is chosen. Its order is random, so that dwell and
+side of approach do not grow with time; an order by worth alone took that away."""
 
 
 def is_due(rows: int) -> bool:
@@ -98,8 +100,9 @@ class NextRow:
         rows = np.asarray(left, dtype=np.int64)
         if self._told is None:
             return rows
-        gain = self._told.of_each(since)[rows]
-        return rows[np.argsort(-gain / minutes, kind="stable")]
+        near = min(_WINDOW, len(rows))
+        worth = self._told.of_each(since)[rows[:near]] / minutes[:near]
+        return np.concatenate([rows[:near][np.argsort(-worth, kind="stable")], rows[near:]])
 
 
 class _Told:
@@ -134,16 +137,15 @@ class _Told:
         new = design[list(since)].reshape(-1, design.shape[2])
         matrix = self._added.old + new.T @ new
         base = list(group.problem.base_index)
-        predicted, unsure = [], np.zeros(len(design))
+        absorbing = np.linalg.pinv(matrix[np.ix_(base, base)], hermitian=True)
+        told = np.zeros(len(design))
         for (id, forms), weight in zip(group.shapes.items(), self._weights, strict=True):
             own = self._added.place[forms[0]]
-            absorbed = solve(matrix[np.ix_(base, base)], matrix[np.ix_(base, own)])
+            absorbed = absorbing @ matrix[np.ix_(base, own)]
             seen = design[:, :, own] - design[:, :, base] @ absorbed
             known = matrix[np.ix_(own, own)] - matrix[np.ix_(own, base)] @ absorbed
-            spread = np.linalg.inv(known + np.diag(self._prior[id] ** -2.0))
-            unsure += weight * np.einsum("nij,jk,nik->n", seen, spread, seen)
-            predicted.append(seen @ group.values[id])
-        stack = np.asarray(predicted)
-        middle = np.tensordot(self._weights, stack, 1)
-        apart = np.tensordot(self._weights, ((stack - middle) ** 2).sum(axis=2), 1)
-        return np.asarray(apart + unsure)
+            value = group.values[id]
+            size = np.linalg.inv(known + np.diag(self._prior[id] ** -2.0)) + np.outer(value, value)
+            expected = seen @ size @ np.swapaxes(seen, 1, 2)
+            told += weight * np.linalg.slogdet(np.eye(seen.shape[1]) + expected)[1]
+        return told
