@@ -45,7 +45,7 @@ class FreshError:
     Examples
     --------
     >>> FreshError("energy4", "mm", 0.21, 0.15, 0.28, False).sentence()
-    'energy4 errs 0.21 mm at fresh poses, 0.15 to 0.28 mm with 90 %'
+    'energy4 errs 0.21 mm at new poses, 0.15 to 0.28 mm with 90 %'
     """
 
     model: str
@@ -60,7 +60,7 @@ class FreshError:
         """The error in one line."""
         low, high = (f"{value:.2g}" for value in (self.low, self.high))
         return (
-            f"{self.model} errs {self.now:.2g} {self.unit} at fresh poses, {low} to {high} "
+            f"{self.model} errs {self.now:.2g} {self.unit} at new poses, {low} to {high} "
             f"{self.unit} with 90 %"
         )
 
@@ -109,7 +109,7 @@ class NextPose:
                 raise InputError(f"model {model!r}: rows are chosen for energies; give energyD")
             self._models.append(one)
         self._poses, self._unit = np.ascontiguousarray(candidates.poses), unit
-        self._length_m = length_of(candidates, "the choice of poses")
+        self._length_m = length_of(candidates, "a plan")
         stride = -(-len(self._poses) // _REGION)
         self._region = self._poses[::stride]
         scale = np.array([self._length_m, 1.0])
