@@ -50,6 +50,9 @@ SHIPPED = {
     "ati-net-ft": "ecm.bench.lines:AtiNetFt",
     "manual": "ecm.bench.manual:Manual",
     "simulated": "ecm.bench.simulated:SimulatedRig",
+    "epics": "ecm.bench.epics:Epics",
+    "epics-motors": "ecm.bench.epics:EpicsMotors",
+    "epics-actuators": "ecm.bench.epics:EpicsActuators",
 }
 """Kinds of devices of this package: module and class."""
 

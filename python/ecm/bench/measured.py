@@ -156,7 +156,7 @@ class Run:
 
     def again(self) -> str:
         """Words for why the last reading is to be repeated; empty where it agrees."""
-        if self.taken[-1].kind != AT_POSE or self._repeats.off.max() < _OUTLIER:
+        if not self.taken or self.taken[-1].kind != AT_POSE or self._repeats.off.max() < _OUTLIER:
             return ""
         worst = int(np.argmax(self._repeats.off))
         return f"{WRENCH[worst]} is {self._repeats.off[worst]:.0f} sd from its repeat"
