@@ -96,9 +96,7 @@ def test_a_plan_through_process_variables(tmp_path: Path) -> None:
 
 
 def test_a_motor_is_stopped_on_its_way_and_has_not_settled() -> None:
-    stage = opened_as(
-        **({"kind": "epics-motors"} | {k: v for k, v in motors().items() if k != "device"})
-    )
+    stage = opened_as(**motors())
     at, _ = stage.pose(0.0)
     stage.start(at + 0.02 * np.eye(6)[0])
     assert not stage.settled()

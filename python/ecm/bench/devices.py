@@ -50,6 +50,7 @@ SHIPPED = {
     "ati-net-ft": "ecm.bench.lines:AtiNetFt",
     "manual": "ecm.bench.manual:Manual",
     "simulated": "ecm.bench.simulated:SimulatedRig",
+    "aruco": "ecm.bench.aruco:Aruco",
     "epics": "ecm.bench.epics:Epics",
     "epics-motors": "ecm.bench.epics:EpicsMotors",
     "epics-actuators": "ecm.bench.epics:EpicsActuators",
