@@ -11,10 +11,13 @@ be called at any moment.
 | pose | `pose(window_s)` |
 | thermometer | `temperature()` |
 | person | `ask(text)` |
+| actuation | `actuate(values)`, `actuation()` |
+| follower | `follow(free_N)` |
 
 A device that needs settings takes them as arguments of its class; `close()` is called at the end
 where there is one. `now()` and `wait(seconds)` give a mover a clock of its own, as a simulated rig
-has; `begin(visit, again)` tells a device which visit of the plan comes.
+has; `begin(visit, again)` tells a device which visit of the plan comes. `by_hand` is true of a
+person, for whom no watchdog waits.
 """
 
 from __future__ import annotations
@@ -36,11 +39,15 @@ PARTS: Mapping[str, tuple[str, ...]] = {
     "pose": ("pose",),
     "thermometer": ("temperature",),
     "person": ("ask",),
+    "actuation": ("actuate", "actuation"),
+    "follower": ("follow",),
 }
 """Methods of each part of a rig. `start(pose)` takes (6,) x y z in m and the rotation vector in
 rad, in the base frame; `wrench(window_s)` gives (n, 6) samples in the sensor's axes, N and N m;
 `pose(window_s)` the mean (6,) and the standard deviation (6,) of the platform's pose in the base
-frame; `temperature()` degrees Celsius."""
+frame; `temperature()` degrees Celsius; `actuate(values)` sets (m,) pressures or tensions in Pa and
+N, `actuation()` reads them; `follow(free_N)` moves a platform that a driven mechanism pushes until
+the force is below free_N, and returns when it rests there."""
 
 NEEDED = ("mover", "wrench", "pose")
 """Parts without which nothing can be measured."""
