@@ -16,8 +16,8 @@ be called at any moment.
 
 A device that needs settings takes them as arguments of its class; `close()` is called at the end
 where there is one. `now()` and `wait(seconds)` give a mover a clock of its own, as a simulated rig
-has; `begin(visit, again)` tells a device which visit of the plan comes. `by_hand` is true of a
-person, for whom no watchdog waits.
+has; `begin(visit, again, rows)` tells a device which visit comes, and the rows of the plan so far.
+`by_hand` is true of a person, for whom no watchdog waits.
 """
 
 from __future__ import annotations

@@ -4,35 +4,46 @@ from __future__ import annotations
 
 from bisect import insort
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from ecm.bench.settings import Bench
+from ecm.bench.settings import ALL, Bench
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.se3 import rotation, turn_wrench, wrench_adjoint
 from ecm.io.table import Table
 from ecm.rig.instruments import zero_at
-from ecm.rig.plan import AT_HOME, OFFSET, UNLOADED, Skipped
+from ecm.rig.plan import AT_HOME, LOOK_HOME, OFFSET, UNLOADED, Request, Skipped
 from ecm.rig.plan import POSE as AT_POSE
-from ecm.rig.readings import Reading, spread_columns, visit_columns
-from ecm.rig.timeline import Timeline
+from ecm.rig.readings import HEADER, Reading, spread_columns, visit_columns
+from ecm.rig.timeline import Layout, Timeline
 
-_ENOUGH_REPEATS = 5
-"""Differences of repeats from which their scatter is known well enough to call one an outlier."""
+THE_END = -3
+"""In place of a row: the zero that is read last."""
+_ENOUGH = 5
+"""Differences from which their scatter is known well enough to call one an outlier."""
 _OUTLIER = 8.0
 """Robust standard deviations of the differences of repeats beyond which one is measured again: of
 a thousand rows of normal noise none is."""
 _MOVED = 6.0
 """Standard deviations by which the rest pose may differ from the first look at it."""
+_HOME_EVERY = 20
+"""Readings before the first home check that the plan has not; later as the drift so far asks."""
+_HOME_RANGE = (5, 80)
+_ROWS_OF_SLIP = 3
+"""Rows within which a marker that slips is told."""
+_ROWS_COMPARED = 30
+"""Latest rows that they are compared with."""
 _AN_EPOCH_S = 1e8
 """A time stamp beyond it counts from 1970, not from the begin of a run."""
+_GAUGE = 0.05
+"""Share of the actuators' limits by which one may be off what was asked for."""
 _SATURATED = 0.999
 """Share of the sensor's range from which a reading counts as clipped."""
 
@@ -42,48 +53,63 @@ class Taken:
     """A reading with the visit that it belongs to."""
 
     number: int
-    """Place of the visit in the plan's order, from 0."""
+    """Place of the visit among all, from 0."""
+    row: int
+    """Row of the plan that was gone to, LOOK_HOME or THE_END."""
     kind: str
     time_s: float
     """Since 1970, or of the clock of the rig."""
     reading: Reading
+    inputs: F = field(default_factory=lambda: np.empty(0))
+    """What the actuators were read at, (m,)."""
 
     def line(self) -> str:
         """A line of the journal."""
-        return f"{self.number},{self.kind},{self.time_s!r},{self.reading.line()}"
+        words = (self.number, self.row, self.kind, repr(self.time_s), self.reading.line())
+        return ",".join([*map(str, words), *map(repr, self.inputs.tolist())])
 
     @staticmethod
     def parse(line: str, where: str) -> Taken:
         """The inverse of `line`."""
-        number, kind, time_s, *rest = line.split(",", 3)
-        return Taken(int(number), kind, float(time_s), Reading.parse("".join(rest), where))
+        number, row, kind, time_s, *cells = line.split(",")
+        count = HEADER.count(",") + 1
+        reading = Reading.parse(",".join(cells[:count]), where)
+        inputs = np.asarray(cells[count:], dtype=np.float64)
+        return Taken(int(number), int(row), kind, float(time_s), reading, inputs)
 
 
-class _Repeats:
-    """Differences between a pose and the visit to it before, sorted as they come."""
+class Chooser(Protocol):
+    """Chooses what to measure next."""
+
+    def choose(self, run: Run, left: list[Request]) -> list[Request]:
+        """Rows in the order in which they tell most; empty where it is enough."""
+        ...
+
+    def state(self) -> dict[str, Any]:
+        """How far the goal is."""
+        ...
+
+    def words(self) -> list[str]:
+        """The same for people."""
+        ...
+
+
+class _Scatter:
+    """Robust standard deviation of columns (6,), of sizes that are kept sorted as they come."""
 
     def __init__(self) -> None:
-        self._before: dict[int, F] = {}
         self._sizes: list[list[float]] = [[] for _ in range(6)]
-        self.off = np.zeros(6)
-        """Robust standard deviations (6,) from the last reading to its repeat; 0 where unknown."""
 
-    def add(self, pose_id: int, wrench: F) -> None:
-        """Hold a wrench (6,) against the last one at its pose."""
-        self.off = np.zeros(6)
-        if pose_id in self._before:
-            size = np.abs(wrench - self._before[pose_id])
-            if len(self._sizes[0]) >= _ENOUGH_REPEATS:
-                scatter = self.scatter()
-                self.off = size / np.where(scatter > 0.0, scatter, np.inf)
-            for column, one in zip(self._sizes, size.tolist(), strict=True):
-                insort(column, one)
-        self._before[pose_id] = wrench
+    def __len__(self) -> int:
+        return len(self._sizes[0])
 
-    def scatter(self) -> F:
-        """Robust standard deviation (6,) of the differences."""
-        middle = len(self._sizes[0]) // 2
-        odd = len(self._sizes[0]) % 2
+    def add(self, difference: F) -> None:
+        for column, one in zip(self._sizes, np.abs(difference).tolist(), strict=True):
+            insort(column, one)
+
+    def sd(self) -> F:
+        """Return that of one difference."""
+        middle, odd = divmod(len(self), 2)
         medians = [c[middle] if odd else 0.5 * (c[middle - 1] + c[middle]) for c in self._sizes]
         return 1.4826 * np.asarray(medians)
 
@@ -93,60 +119,186 @@ class Run:
     """What is to be visited, what has been measured, and what was said about it."""
 
     bench: Bench
-    timeline: Timeline
+    requests: list[Request]
+    """Rows of the plan that can be visited."""
+    layout: Layout
+    """The visits so far and those that are next."""
+    total: int
+    """Visits of the whole plan."""
     skipped: list[Skipped]
     taken: list[Taken] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    order: list[int] = field(default_factory=list)
+    """Rows of the plan as they were gone to, LOOK_HOME for a home check."""
     zero: F = field(default_factory=lambda: np.zeros(6))
     """Last reading of the unloaded sensor (6,), sensor axes."""
     model: Any = None
     """A model to hold each row against: it has predict(poses) and stiffness(poses)."""
-    _repeats: _Repeats = field(default_factory=_Repeats)
+    chooser: Chooser | None = None
+    """Chooses the next row; None: that of the plan."""
+    off: F = field(default_factory=lambda: np.zeros(6))
+    """Robust standard deviations (6,) from the last reading to its repeat; 0 where unknown."""
+    home_due: int = _HOME_EVERY
+    """Readings until the next home check."""
+    _repeats: _Scatter = field(default_factory=_Scatter)
+    _before: dict[int, F] = field(default_factory=dict)
+    """Last wrench (6,) at each pose."""
+    _homes: list[F] = field(default_factory=list)
+    """Those of the home checks."""
+    _steps: _Scatter = field(default_factory=_Scatter)
+    _beside: list[F] = field(default_factory=list)
+    """Measured minus commanded pose (6,) of each reading."""
+    _home_every: int = _HOME_EVERY
+    _suspected: bool = False
 
-    def add(self, taken: Taken) -> None:
-        """Keep a reading."""
+    @property
+    def timeline(self) -> Timeline:
+        """The visits."""
+        return self.layout.timeline
+
+    def left(self) -> list[Request]:
+        """Rows of the plan that were not gone to."""
+        gone = set(self.order)
+        return [request for request in self.requests if request.row not in gone]
+
+    def go_on(self, row: int) -> None:
+        """Lay the visits of a row out that come next, LOOK_HOME and THE_END included."""
+        if row == THE_END:
+            self.layout.ended()
+            return
+        self.order.append(row)
+        if row == LOOK_HOME:
+            self.layout.look_home()
+            return
+        self.layout.add(next(request for request in self.requests if request.row == row))
+
+    def next_row(self) -> int:
+        """What to go to next: a row of the plan, LOOK_HOME or THE_END."""
+        left = self.left()
+        if self.chooser is not None:
+            left = self.chooser.choose(self, left)
+        if not left:
+            return THE_END
+        if self.home_due <= 0 and left[0].action.name == "measure":
+            return LOOK_HOME
+        return left[0].row
+
+    def again_at(self, taken: Taken) -> None:
+        """Lay out what led to a reading of the journal."""
+        while taken.number >= len(self.timeline.visits):
+            if self.chooser is None and taken.row >= 0:
+                self.go_on(self.left()[0].row)
+            else:
+                self.go_on(taken.row)
+
+    def add(self, taken: Taken) -> list[str]:
+        """Keep a reading and return what is wrong with it or with the rig at it."""
+        visit = self.timeline.visits[taken.number]
         self.taken.append(taken)
         if self._reads_zero(taken):
             self.zero = taken.reading.sensor
+        self.off = np.zeros(6)
         if taken.kind == AT_POSE:
-            pose_id = self.timeline.visits[taken.number].pose_id
-            self._repeats.add(pose_id, taken.reading.sensor @ self.top_from_sensor.T)
+            self._hold_to_repeat(visit.pose_id, taken.reading)
+        found = self._at_range(taken.reading) + self._at_gauge(taken.inputs, visit.pose[6:])
+        self.home_due -= 1
+        if taken.kind == AT_HOME or (taken.kind == AT_POSE and self.offset(visit.row) is None):
+            at_home = taken.kind == AT_HOME
+            pose = self.layout.rest if at_home else visit.pose
+            found += self._beside_commanded(taken.reading.pose - pose[:6], at_home=at_home)
+        return found
+
+    def _hold_to_repeat(self, pose_id: int, reading: Reading) -> None:
+        wrench = reading.sensor @ self.top_from_sensor.T
+        if pose_id in self._before:
+            difference = wrench - self._before[pose_id]
+            if len(self._repeats) >= _ENOUGH:
+                sd = self._repeats.sd()
+                self.off = np.abs(difference) / np.where(sd > 0.0, sd, np.inf)
+            self._repeats.add(difference)
+        self._before[pose_id] = wrench
+
+    def _beside_commanded(self, beside: F, *, at_home: bool) -> list[str]:
+        """Words for a pose that left the commanded one; when to look home follows from it."""
+        before, found = self._beside, []
+        enough = len(self._steps) >= _ENOUGH
+        sd = self._steps.sd() / np.sqrt(2.0) if enough else np.zeros(6)
+        instrument = self.bench.instrument
+        stated = instrument.pose_position_sd_m or 0.0, instrument.pose_rotation_sd_rad or 0.0
+        sd = np.maximum(sd, np.repeat(stated, 3))
+        if before:
+            self._steps.add(beside - before[-1])
+        before.append(beside)
+        if at_home:
+            step = beside - self._homes[0] if self._homes else np.zeros(6)
+            self._homes.append(beside)
+            size = float((np.abs(step) / np.where(sd > 0.0, np.sqrt(2.0) * sd, np.inf)).max())
+            moved = size > _MOVED
+            if moved:
+                found.append(
+                    f"the rest pose has moved by {_size(step)} since the first look at it: a "
+                    "marker has slipped, or the mechanism has set"
+                )
+            # Where nothing moves, looks are lost time; where it does, they tell when.
+            every = self._home_every // 2 if size > 0.5 * _MOVED else 2 * self._home_every
+            self._home_every = int(np.clip(every, *_HOME_RANGE))
+            self.home_due, self._suspected = self._home_every, False
+        elif enough and len(before) > 2 * _ROWS_OF_SLIP and not self._suspected:
+            earlier = np.asarray(before[-_ROWS_COMPARED:-_ROWS_OF_SLIP])
+            step = np.mean(before[-_ROWS_OF_SLIP:], axis=0) - np.median(earlier, axis=0)
+            limit = _MOVED * sd * np.sqrt(1.0 / _ROWS_OF_SLIP + 1.0 / len(earlier))
+            if (np.abs(step) > limit).any():
+                self.home_due, self._suspected = 0, True
+                found.append(
+                    f"the last {_ROWS_OF_SLIP} poses are {_size(step)} farther from the commanded "
+                    "ones than those before: a marker may have slipped; the rest pose is looked at"
+                )
+        return found
 
     def _reads_zero(self, taken: Taken) -> bool:
         """Whether the sensor was free, with nothing on it."""
         weight = self.timeline.visits[taken.number].dead_weight_kg
         return taken.kind in (OFFSET, UNLOADED) and not weight
 
-    def words(self, taken: Taken) -> str:
-        """What the progress says of a reading: how far the model is from it."""
-        if self.model is None or taken.kind != AT_POSE:
-            return "measuring"
-        pose = taken.reading.pose[None]
-        wrench = self._in_base(pose, (taken.reading.sensor - self.zero)[None])
-        off = (wrench - self.model.predict(pose))[0]
-        # Least squares: a model need not be stiff in all directions.
-        way = np.linalg.lstsq(self.model.stiffness(pose)[0], off)[0]
-        force, distance = np.linalg.norm(off[:3]), 1e3 * np.linalg.norm(way[:3])
-        return f"measuring, {force:.2g} N or {distance:.2g} mm from the model"
-
     def wrenches(self) -> F:
         """Wrenches (N, 6) of all readings, by the zero that the procedure asks for."""
-        zeros = [taken for taken in self.taken if self._reads_zero(taken)]
         readings = [t.reading for t in self.taken]
-        zero = zero_at(
+        return self.compensated(
             np.asarray([t.time_s for t in self.taken]),
+            np.stack([reading.pose for reading in readings]),
+            np.stack([reading.sensor for reading in readings]),
+            np.asarray([r.sensor_temperature_degC for r in readings]),
+        )
+
+    def compensated(self, time_s: F, poses: F, sensor: F, degC: F) -> F:
+        """Wrenches (N, 6) of samples at (N,) times and temperatures of the sensor."""
+        zeros = [taken for taken in self.taken if self._reads_zero(taken)]
+        zero = zero_at(
+            time_s,
             np.asarray([t.time_s for t in zeros]),
             np.asarray([t.reading.sensor for t in zeros]).reshape(-1, 6),
             self.bench.procedure.offset_compensation,
-            temperature_degC=np.asarray([r.sensor_temperature_degC for r in readings]),
+            temperature_degC=degC,
             reading_temperature_degC=np.asarray([t.reading.sensor_temperature_degC for t in zeros]),
         )
-        poses = np.stack([reading.pose for reading in readings])
-        return self._in_base(poses, np.stack([reading.sensor for reading in readings]) - zero)
+        return self._in_base(poses, sensor - zero)
 
     def _in_base(self, poses: F, sensor: F) -> F:
+        if self.bench.columns != ALL:
+            return sensor
         turned: F = turn_wrench(rotation(poses[:, 3:]), sensor @ self.top_from_sensor.T)
         return turned
+
+    @property
+    def began_s(self) -> float:
+        """What is taken off all times: they count from the first reading."""
+        first = self.taken[0].time_s
+        return first if first > _AN_EPOCH_S else 0.0
+
+    def six(self, poses: F, wrenches: F) -> dict[str, Any]:
+        """The columns of poses and wrenches (N, 6) that the rig measures."""
+        both = zip(ALL, [*poses.T, *wrenches.T], strict=True)
+        return {name: column.copy() for name, column in both if name in self.bench.columns}
 
     @cached_property
     def top_from_sensor(self) -> F:
@@ -156,33 +308,85 @@ class Run:
 
     def again(self) -> str:
         """Words for why the last reading is to be repeated; empty where it agrees."""
-        if not self.taken or self.taken[-1].kind != AT_POSE or self._repeats.off.max() < _OUTLIER:
+        if self.off.max() < _OUTLIER:
             return ""
-        worst = int(np.argmax(self._repeats.off))
-        return f"{WRENCH[worst]} is {self._repeats.off[worst]:.0f} sd from its repeat"
+        worst = int(np.argmax(self.off))
+        return f"{WRENCH[worst]} is {self.off[worst]:.0f} sd from its repeat"
 
-    def findings(self, taken: Taken) -> Iterator[str]:
-        """Words for what is wrong with a reading or with the rig at it."""
+    def _at_range(self, reading: Reading) -> list[str]:
         limit = self.bench.instrument.fts_range
-        if limit is not None:
-            share = np.abs(taken.reading.sensor) / np.asarray(limit)
-            if share.max() >= _SATURATED:
-                yield f"the sensor is at its range along {WRENCH[int(np.argmax(share))]}"
-        if taken.kind == AT_HOME:
-            first = next(t for t in self.taken if t.kind == AT_HOME)
-            yield from self._moved(first.reading, taken.reading)
+        if limit is None:
+            return []
+        share = np.abs(reading.sensor) / np.asarray(limit)
+        if share.max() < _SATURATED:
+            return []
+        return [f"the sensor is at its range along {WRENCH[int(np.argmax(share))]}"]
 
-    def _moved(self, first: Reading, now: Reading) -> Iterator[str]:
-        instrument = self.bench.instrument
-        stated = instrument.pose_position_sd_m or 0.0, instrument.pose_rotation_sd_rad or 0.0
-        sd = np.maximum(np.hypot(first.pose_sd, now.pose_sd), np.repeat(stated, 3) * np.sqrt(2.0))
-        step = now.pose - first.pose
-        if (np.abs(step) > _MOVED * sd).any():
-            shift, turn = 1e3 * np.linalg.norm(step[:3]), np.linalg.norm(step[3:])
-            yield (
-                f"the rest pose has moved by {shift:.2g} mm and {turn:.2g} rad since the first "
-                "look at it: a marker has slipped, or the mechanism has set"
-            )
+    def _at_gauge(self, read: F, asked: F) -> list[str]:
+        low, high = self.bench.limits.actuation
+        far = np.abs(read - asked) > _GAUGE * (high - low)
+        return [
+            f"an actuator is at {read[i]:g}, {asked[i]:g} was asked for"
+            for i in np.flatnonzero(far)
+        ]
+
+    def offset(self, row: int) -> F | None:
+        """Way (6,) from the free pose of a row whose pose a driven mechanism takes first."""
+        return next((r.offset for r in self.requests if r.row == row), None)
+
+    def noise(self) -> F | None:
+        """Robust standard deviation (6,) of one reading by its repeats; None with too few."""
+        return self._repeats.sd() / np.sqrt(2.0) if len(self._repeats) >= _ENOUGH else None
+
+    def off_model(self, taken: Taken) -> tuple[float, float] | None:
+        """How far a reading is from the model, N and mm."""
+        if self.model is None or taken.kind != AT_POSE:
+            return None
+        state = np.concatenate([taken.reading.pose, taken.inputs])[None]
+        off = (self.wrench(taken) - self.model.predict(state))[0]
+        # Least squares: a model need not be stiff in all directions.
+        way = np.linalg.lstsq(self.model.stiffness(state)[0][:, :6], off)[0]
+        return float(np.linalg.norm(off[:3])), float(1e3 * np.linalg.norm(way[:3]))
+
+    def wrench(self, taken: Taken) -> F:
+        """Wrench (1, 6) of a reading by the last zero, base axes."""
+        return self._in_base(taken.reading.pose[None], (taken.reading.sensor - self.zero)[None])
+
+    def words(self, taken: Taken) -> str:
+        """What the progress says of a reading."""
+        words, off, noise = ["measuring"], self.off_model(taken), self.noise()
+        if off is not None:
+            words.append(f"{off[0]:.2g} N or {off[1]:.2g} mm from the model")
+        if noise is not None:
+            words.append(f"noise {np.linalg.norm(noise[:3]):.2g} N")
+        if self.chooser is not None:
+            words += self.chooser.words()
+        return ", ".join(words)
+
+    def record(self, taken: Taken, findings: Sequence[str]) -> dict[str, Any]:
+        """The state at a reading, for programs that draw it."""
+        off, noise = self.off_model(taken), self.noise()
+        return {
+            "visit": taken.number + 1,
+            "of": self.total,
+            "row": taken.row,
+            "kind": taken.kind,
+            "time_s": taken.time_s,
+            "pose": taken.reading.pose.tolist(),
+            "wrench": self.wrench(taken)[0].tolist(),
+            "noise_N": None if noise is None else float(np.linalg.norm(noise[:3])),
+            "noise_Nm": None if noise is None else float(np.linalg.norm(noise[3:])),
+            "model_N": None if off is None else off[0],
+            "model_mm": None if off is None else off[1],
+            "findings": list(findings),
+            "goal": None if self.chooser is None else self.chooser.state(),
+        }
+
+
+def _size(step: F) -> str:
+    """A step (6,) in words."""
+    shift, turn = 1e3 * np.linalg.norm(step[:3]), np.linalg.norm(step[3:])
+    return f"{shift:.2g} mm and {turn:.2g} rad"
 
 
 def table_of(run: Run, plan: Table, out: Path) -> Table:
@@ -196,23 +400,46 @@ def table_of(run: Run, plan: Table, out: Path) -> Table:
         key = (one.kind, visit.pose_id)
         visits[i] = replace(visit, kind=one.kind, repeat=repeats[key])
         repeats[key] += 1
-    began = run.taken[0].time_s if run.taken[0].time_s > _AN_EPOCH_S else 0.0
-    columns = visit_columns(visits, np.asarray([one.time_s - began for one in taken]))
+    columns = visit_columns(visits, np.asarray([one.time_s for one in taken]) - run.began_s)
     readings = [one.reading for one in taken]
-    columns |= dict(zip(POSE, np.stack([r.pose for r in readings]).T.copy(), strict=True))
-    columns |= dict(zip(WRENCH, wrenches[rows].T.copy(), strict=True))
+    columns |= run.six(np.stack([r.pose for r in readings]), wrenches[rows])
+    inputs = np.stack([one.inputs for one in taken])
+    columns |= dict(zip(plan.actuation_columns, inputs.T.copy(), strict=True))
     for name in ("temperature_degC", "sensor_temperature_degC"):
         degrees = np.asarray([getattr(reading, name) for reading in readings])
         if np.isfinite(degrees).all():
             columns[name] = degrees
-    columns |= spread_columns(readings)
-    known, bench = plan.meta, run.bench
-    meta = Meta(
-        mechanism=known.mechanism,
-        instrument=bench.instrument,
-        scene=bench.scene,
-        runs=run.timeline.runs,
-        source=known.source,
-    )
+    spread, own = spread_columns(readings), {f"sd_{name}" for name in run.bench.columns}
+    columns |= {name: column for name, column in spread.items() if name in own}
     skipped = (f"row {s.row + 1}, pose {s.pose_id}: skipped: {s.reason}" for s in run.skipped)
-    return Table(columns, meta, str(out), (*skipped, *run.warnings))
+    return Table(columns, _described(run, plan), str(out), (*skipped, *run.warnings))
+
+
+def _described(run: Run, plan: Table) -> Meta:
+    return Meta(
+        mechanism=plan.meta.mechanism,
+        instrument=run.bench.instrument,
+        scene=run.bench.scene,
+        runs=run.timeline.runs,
+        source=plan.meta.source,
+    )
+
+
+STREAM_HEADER = ",".join(["run", "time_s", *POSE, *(f"sensor_{name}" for name in WRENCH)])
+"""Header of the samples while they come: the wrench as in the journal, with the sensor's zero."""
+
+
+def stream_of(run: Run, plan: Table, lines: Sequence[str]) -> Table:
+    """The samples as a continuous test: one row a look at sensor and camera."""
+    numbers = np.asarray([line.split(",") for line in lines], dtype=np.float64)
+    numbers = numbers[np.argsort(numbers[:, 1], kind="stable")]
+    time_s, poses, sensor = numbers[:, 1], numbers[:, 2:8], numbers[:, 8:14]
+    known = [t for t in run.taken if np.isfinite(t.reading.sensor_temperature_degC)]
+    degC = np.full(len(time_s), np.nan)
+    if known:
+        warm = [t.reading.sensor_temperature_degC for t in known]
+        degC = np.interp(time_s, [t.time_s for t in known], warm)
+    columns = {"run": numbers[:, 0].copy(), "time_s": time_s - run.began_s}
+    columns |= run.six(poses, run.compensated(time_s, poses, sensor, degC))
+    meta = _described(run, plan)
+    return Table(columns, replace(meta, file=replace(meta.file, kind="continuous")), "stream")

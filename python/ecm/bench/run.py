@@ -10,19 +10,20 @@ import hashlib
 import json
 import logging
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ecm.bench.devices import Device, DeviceError, closed
-from ecm.bench.measured import Run, Taken, table_of
+from ecm.bench.measured import STREAM_HEADER, THE_END, Run, Taken, stream_of, table_of
 from ecm.bench.messages import Messages, Status, Stopped
-from ecm.bench.settings import Bench
+from ecm.bench.settings import ALL, Bench
 from ecm.errors import InputError, Remedy
 from ecm.io.arguments import check_arguments
 from ecm.io.columns import POSE
+from ecm.io.events import tell
 from ecm.io.extras import require
 from ecm.io.table import Table
 from ecm.rig.plan import (
@@ -36,10 +37,12 @@ from ecm.rig.plan import POSE as AT_POSE
 from ecm.rig.readings import (
     HEADER,
     Journal,
+    clear_beside,
     journal_path,
     keep_data,
+    raw_path,
 )
-from ecm.rig.timeline import timeline_of
+from ecm.rig.timeline import Layout, timeline_of
 
 _ENDS_S = 2.0
 """Seconds for which an interrupted run may finish the reading that is under way."""
@@ -60,19 +63,23 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
         needed and not there.
     """
     length = plan.meta.length_m
-    if length is None:
+    if length is None and POSE[0] in bench.columns:
         raise InputError(f"{plan.source}: its TOML names no [mechanism] length_m; add it")
-    if plan.actuation_columns:
+    length = length or 1.0  # of a table without x, where it is nowhere seen
+    plan = _filled(plan, bench, length)
+    if plan.actuation_columns and "actuation" not in bench.devices:
         raise InputError(
-            f"{plan.source}: ecm measure drives no actuators yet; take the columns out"
+            f"{bench.where}: {plan.source} has {', '.join(plan.actuation_columns)}, and there is "
+            "no [actuation] to set them; add that table (docs/measure.md)"
         )
-    procedure, limits, rest = bench.procedure, bench.limits, rest_pose(length)
+    procedure, limits = bench.procedure, bench.limits
+    rest = rest_pose(length, len(plan.actuation_columns))
     visited, skipped = split_by_limits(requests(plan, procedure, length), procedure, length)
-    timeline = timeline_of(visited, procedure, length)
+    timeline = timeline_of(visited, procedure, length)  # of the plan's own order
     poses = np.stack([visit.pose for visit in timeline.visits])
     for visit in timeline.visits:
         for point in visit.way:
-            breach = limits.pose_breach(point, rest)
+            breach = limits.pose_breach(point, rest) or limits.actuation_breach(point[6:])
             if breach:
                 raise InputError(
                     f"{plan.source} row {visit.row + 1}: {breach} of [limits]. Take the row out, "
@@ -87,19 +94,45 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
             '[person] to free it; set [rig] offset_compensation = "none" where it is zeroed before',
             remedy=remedy,
         )
-    low, high = poses.min(axis=0), poses.max(axis=0)
-    shift = 1e3 * np.linalg.norm(poses[:, :3] - rest[:3], axis=1).max()
-    turn = np.linalg.norm(poses[:, 3:6], axis=1).max()
+    driven = poses[:, 6:]
     lines = [
         f"{len(timeline.visits)} visits, about {timeline.end_s / 60.0:.0f} minutes",
         *(
-            f"{name:12s} {1e3 * a:8.2f} to {1e3 * b:8.2f} {'mm' if name.endswith('_m') else 'mrad'}"
-            for name, a, b in zip(POSE, low, high, strict=True)
+            f"{name:12s} {1e3 * column.min():8.2f} to {1e3 * column.max():8.2f} "
+            + ("mm" if name.endswith("_m") else "mrad")
+            for name, column in zip(POSE, poses[:, :6].T, strict=True)
+            if name in bench.columns
         ),
-        f"farthest {shift:.2f} mm and {turn:.3f} rad from rest; limits {1e3 * limits.shift_m:g} mm "
-        f"and {limits.rotation_rad:g} rad, {limits.force_N:g} N and {limits.torque_Nm:g} N m",
+        *(
+            f"{name:12s} {column.min():8g} to {column.max():8g} {name.rpartition('_')[2]}, "
+            f"limits {limits.actuation[0]:g} to {limits.actuation[1]:g}"
+            for name, column in zip(plan.actuation_columns, driven.T, strict=True)
+        ),
     ]
-    return Run(bench, timeline, skipped), lines
+    if any(request.offset is not None for request in visited):
+        lines.append(
+            "each row of the plan is an offset from the pose to which the follower goes"
+            if "follower" in bench.devices
+            else "there is no [follower]: the poses are those that the plan expects"
+        )
+    shift = 1e3 * np.linalg.norm(poses[:, :3] - rest[:3], axis=1).max()
+    turn = np.linalg.norm(poses[:, 3:6], axis=1).max()
+    lines.append(
+        f"farthest {shift:.2f} mm and {turn:.3f} rad from rest; limits {1e3 * limits.shift_m:g} mm "
+        f"and {limits.rotation_rad:g} rad, {limits.force_N:g} N and {limits.torque_Nm:g} N m"
+    )
+    layout = Layout(procedure, length, visited)
+    return Run(bench, visited, layout, len(timeline.visits), skipped), lines
+
+
+def _filled(plan: Table, bench: Bench, length_m: float) -> Table:
+    """A plan with all coordinates: those that the rig does not measure stay at rest."""
+    missing = {
+        name: np.full(len(plan), at)
+        for name, at in zip(POSE, rest_pose(length_m), strict=True)
+        if name not in bench.columns and not plan.has(name)
+    }
+    return plan.with_columns(missing) if missing else plan
 
 
 def measure(  # noqa: PLR0913 - each is a choice of its own
@@ -177,56 +210,58 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
     if agree is not None:
         agree(lines)
     run.model = model
-    if model is not None and np.shape(model.predict(run.timeline.visits[0].pose[None])) != (1, 6):
+    few = bench.columns != ALL
+    if model is not None and (few or np.shape(model.predict(run.layout.rest[None])) != (1, 6)):
         raise InputError(
-            "the model has not all six columns of pose and wrench, which rows are held to"
+            "the model or the rig has not all six columns of pose and wrench, by which rows are "
+            "compared"
         )
-    visits = run.timeline.visits
     path = journal_path(out)
-    with Journal(path, _key(plan, bench), "visit,kind,time_s," + HEADER, resume=resume) as journal:
+    head = ",".join(["visit,row,kind,time_s", HEADER, *plan.actuation_columns])
+    key = _key(plan, bench)
+    with ExitStack() as files:
+        journal = files.enter_context(Journal(path, key, head, resume=resume))
+        samples = None
+        if bench.procedure.stream_Hz:
+            beside = journal_path(out.with_suffix(".raw.csv"))
+            samples = files.enter_context(Journal(beside, key, STREAM_HEADER, resume=resume))
         for line in journal.lines:
-            run.add(Taken.parse(line, str(path)))
+            taken = Taken.parse(line, str(path))
+            run.again_at(taken)
+            run.add(taken)
         first = 1 + max((taken.number for taken in run.taken), default=-1)
 
-        def keep(taken: Taken) -> None:
+        def keep(taken: Taken, findings: list[str]) -> None:
             journal.append(taken.line())
+            tell(measured=run.record(taken, findings))
             if progress is not None:
-                progress(taken.number + 1, len(visits), run.words(taken))
+                progress(taken.number + 1, run.total, run.words(taken))
 
-        if first < len(visits):
-            _drive(
-                engine_of,
-                run,
-                first,
-                bench.open() if devices is None else devices,
-                keep,
-                say,
-                minutes,
-            )
+        if not run.taken or run.taken[-1].row != THE_END:
+            parts = bench.open() if devices is None else devices
+            sample = None if samples is None else samples.append
+            _drive(Messages(run, parts, keep, say, minutes, sample), engine_of, run, first, parts)
         if not any(taken.kind == AT_POSE for taken in run.taken):
             raise InputError(f"{out}: no pose was measured, so no table is written")
         table = table_of(run, plan, out)
         table.write(out)
+        clear_beside(out, keep=())
+        if samples is not None and samples.lines:
+            stream_of(run, plan, samples.lines).write(raw_path(out).with_suffix(".csv"))
+            samples.remove()
         journal.remove()
     return table
 
 
 def _drive(
-    engine_of: Any,
-    run: Run,
-    first: int,
-    devices: Mapping[str, Device],
-    keep: Callable[[Taken], None],
-    say: Callable[[str], None],
-    minutes: float | None,
+    messages: Messages, engine_of: Any, run: Run, first: int, devices: Mapping[str, Device]
 ) -> None:
     """Let Bluesky go through the visits; whatever happens, the mover is stopped first."""
-    messages = Messages(run, devices, keep, say, minutes)
     if first:
-        run.timeline.runs.setdefault(run.timeline.visits[first].run, {})["note"] = (
+        run.timeline.runs.setdefault(run.timeline.visits[-1].run, {})["note"] = (
             f"interrupted before visit {first + 1}; the zero and the rest pose were read again"
         )
-        messages.told(f"going on at visit {first + 1} of {len(run.timeline.visits)}")
+        messages.told(f"going on at visit {first + 1} of {run.total}")
     # Its errors are raised here and told once.
     logging.getLogger("bluesky").addHandler(logging.NullHandler())
     engine = engine_of({}, context_managers=[])
@@ -269,5 +304,5 @@ def _told_error(error: BaseException, run: Run) -> BaseException:
 
 def _key(plan: Table, bench: Bench) -> str:
     columns = {name: np.asarray(plan.columns[name]).tolist() for name in sorted(plan.columns)}
-    document = json.dumps([1, columns, bench.key()], sort_keys=True, default=str)
+    document = json.dumps([2, columns, bench.key()], sort_keys=True, default=str)
     return hashlib.sha256(document.encode()).hexdigest()

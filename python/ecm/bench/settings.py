@@ -176,7 +176,7 @@ class Bench:
     def key(self) -> str:
         """Hash of what readings mean; the addresses of devices may change between two days."""
         parts = (self.procedure, self.instrument, self.scene)
-        document = json.dumps([*map(asdict, parts), self.columns], sort_keys=True)
+        document = json.dumps([[asdict(part) for part in parts], self.columns], sort_keys=True)
         return hashlib.sha256(document.encode()).hexdigest()
 
     def open(self) -> dict[str, Device]:

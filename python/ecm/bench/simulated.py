@@ -11,6 +11,7 @@ import json
 import socket
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -59,12 +60,13 @@ class SimulatedRig(LineDevice):
             raise InputError(said or "the simulated rig ended before it was ready")
         super().__init__(said, timeout_s=60.0)
 
-    def begin(self, visit: int, again: str = "") -> None:
-        """Tell which visit of the plan comes next: the rig has a clock of its own.
+    def begin(self, visit: int, again: str, rows: Sequence[int]) -> None:
+        """Tell which visit comes next: the rig has a clock of its own.
 
-        again: kind of a reading at rest that is made once more after this visit.
+        again: kind of a reading at rest that is made once more after this visit; rows: those of
+        the plan in the order in which they were gone to.
         """
-        self._ask({"do": "begin", "visit": visit, "again": again})
+        self._ask({"do": "begin", "visit": visit, "again": again, "rows": list(rows)})
 
     def now(self) -> float:
         """Time of the rig's clock, s."""
@@ -94,6 +96,7 @@ class _Server:
 
     def __init__(self, campaign: Campaign) -> None:
         self._campaign, self._begun = campaign, dict[int, int]()
+        self._rows = campaign.rows
         self._time_s, self._more_s = 0.0, 0.0
         self._reading: Reading | None = None
         self._samples = np.zeros((0, 6))
@@ -106,7 +109,9 @@ class _Server:
         return {"ok": True} | (method(question) or {})
 
     def _begin(self, question: dict[str, Any]) -> None:
-        index = int(question["visit"])
+        index, rows = int(question["visit"]), question["rows"]
+        if rows != self._rows[: len(rows)]:
+            self._campaign, self._rows = self._campaign.in_order(rows), rows
         visits = self._campaign.timeline.visits
         if not 0 <= index < len(visits):
             raise InputError(f"visit {index}: the plan has {len(visits)} visits")

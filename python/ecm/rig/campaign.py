@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -37,12 +38,20 @@ from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.physics.sensor import SensorWarmUp
 from ecm.rig.physics.supply import Gain, Lag, Leak, Zero
 from ecm.rig.physics.true_effect import SENSOR_SCALE, Supply
-from ecm.rig.plan import Visits, followed, reachable, requests, rest_pose, split_by_limits
+from ecm.rig.plan import (
+    LOOK_HOME,
+    Visits,
+    followed,
+    reachable,
+    requests,
+    rest_pose,
+    split_by_limits,
+)
 from ecm.rig.plant import Plant, visits_of
 from ecm.rig.raw_stream import RawStream
 from ecm.rig.readings import CampaignState, Reading, table_of
 from ecm.rig.settings import PlantTable, RigSettings
-from ecm.rig.timeline import Climate, stream, timeline_of
+from ecm.rig.timeline import Climate, Layout, stream, timeline_of
 
 
 class Campaign(CampaignState):
@@ -106,6 +115,7 @@ class Campaign(CampaignState):
         if not any(r.action.name == "measure" for r in remaining):
             reasons = "; ".join(s.reason for s in self.skipped[:3])
             raise InputError(f"{plan.source}: no pose of the plan can be visited: {reasons}")
+        self._requests = {request.row: request for request in remaining}
         self.timeline = timeline_of(remaining, settings.rig, length)
         self._solve = partial(solve_cached, source, grade=UNIFORM, folder=folder, progress=progress)
         self._raw: tuple[Mapping[str, Grading], RawStream] | None = None
@@ -140,6 +150,29 @@ class Campaign(CampaignState):
 
     def _complete(self, source: Source, folder: Path | None, progress: Progress) -> None:
         """What the laid out campaign needs besides: nothing on the quasi-static rig."""
+
+    @property
+    def rows(self) -> list[int]:
+        """Rows of the plan that the rig can visit."""
+        return list(self._requests)
+
+    def in_order(self, rows: Sequence[int]) -> Campaign:
+        """The same rig with these rows of the plan in this order; LOOK_HOME is a home check."""
+        other = copy.copy(self)
+        length = float(self.plant.length_m)
+        layout = Layout(self.settings.rig, length, list(self._requests.values()))
+        for row in rows:
+            if row == LOOK_HOME:
+                layout.look_home()
+            elif row in self._requests:
+                layout.add(self._requests[row])
+            else:
+                why = next(s.reason for s in self.skipped if s.row == row)
+                raise InputError(f"{self.plan.source} row {row + 1}: {why}; take the row out")
+        other.timeline = layout.ended()
+        other.visits = other._following(other._visits(self.plant.elastic.solved))
+        other._truth = other.plant.truth(other.visits)
+        return other
 
     def __len__(self) -> int:
         """Readings, those of the sensor's zero included."""

@@ -214,6 +214,9 @@ def _action(word: str, kind: str, place: str) -> Action:
     return Action.parse(word or implied[kind], f"{place}, column action")
 
 
+LOOK_HOME = -2
+"""In an order of rows: a look at the rest pose that is no row of the plan."""
+
 POSE, AT_HOME, UNLOADED, OFFSET = "pose", "home", "unloaded", "offset"
 """Kinds of reading; `offset` serves the compensation alone and is in no table."""
 

@@ -125,7 +125,10 @@ class Timeline:
 def timeline_of(requests: Iterable[Request], procedure: Procedure, length_m: float) -> Timeline:
     """The timeline of a plan; poses that cannot be visited have been taken out before."""
     listed = list(requests)
-    return _Rig(procedure, length_m, listed).through(listed)
+    layout = Layout(procedure, length_m, listed)
+    for request in listed:
+        layout.add(request)
+    return layout.ended()
 
 
 def travel_s(way: F, procedure: Procedure) -> float:
@@ -136,17 +139,18 @@ def travel_s(way: F, procedure: Procedure) -> float:
     )
 
 
-class _Rig:
-    """State of the rig while the plan is laid out."""
+class Layout:
+    """A timeline that grows request by request, in whatever order they are chosen."""
 
     def __init__(self, procedure: Procedure, length_m: float, requests: list[Request]) -> None:
+        """requests: all that may be added."""
         self._procedure = procedure
-        self._rest = rest_pose(length_m, len(requests[0].pose) - 6 if requests else 0)
-        self._timeline = Timeline()
+        self.rest = rest_pose(length_m, len(requests[0].pose) - 6 if requests else 0)
+        self.timeline = Timeline()
         self._clock = 0.0
         self._set_s = 0.0
-        self._at = self._rest
-        self._way = [self._rest]
+        self._at = self.rest
+        self._way = [self.rest]
         self._last_id = HOME
         self._seen: dict[tuple[str, int], int] = {}
         self._rested = True
@@ -156,20 +160,34 @@ class _Rig:
         self._bump = 0
         self._poses_since_offset = 0
         self._poses = {r.pose_id: r.pose for r in requests if r.action.name == "measure"}
-
-    def through(self, requests: list[Request]) -> Timeline:
+        self._previous = self._run
         self._offset()
-        previous = self._run
-        for request in requests:
-            if request.run != previous:
-                previous = request.run
-                self._new_run(self._procedure.unload_s)
-                self._enter(request.run + self._bump)
-            self._do(request)
-        if self._timeline.visits[-1].kind not in (OFFSET, UNLOADED):
+
+    def add(self, request: Request) -> None:
+        """Go on with a request: no visit, one, or several with the zeros before it."""
+        if request.run != self._previous:
+            self._previous = request.run
+            self._new_run(self._procedure.unload_s)
+            self._enter(request.run + self._bump)
+        self._do(request)
+
+    def look_home(self) -> None:
+        """Add a look at the rest pose that no plan asked for."""
+        self._home(None, self._procedure.dwell_s)
+
+    def ended(self) -> Timeline:
+        """Read the sensor's zero a last time, and return all."""
+        if self.timeline.visits[-1].kind not in (OFFSET, UNLOADED):
             self._offset()
-        self._timeline.end_s = self._clock
-        return self._timeline
+        self.timeline.end_s = self._clock
+        return self.timeline
+
+    def minutes(self, request: Request) -> float:
+        """How long a pose would take now, from rest and back."""
+        way = 2.0 * travel_s(request.pose - self.rest, self._procedure)
+        if request.approach not in ("", HOME, self._last_id):
+            way += travel_s(self._poses[int(request.approach)] - self.rest, self._procedure)
+        return (way + request.dwell_s + self._procedure.window_s) / 60.0
 
     def _do(self, request: Request) -> None:
         name, value = request.action.name, request.action.value
@@ -179,21 +197,18 @@ class _Rig:
                 self._offset()
             self._measure(request)
         elif name == "home":
-            self._go_home()
-            self._clock += request.dwell_s
-            window = self._procedure.window_s
-            self._read(AT_HOME, request, window, dwell_s=request.dwell_s)
+            self._home(request, request.dwell_s)
         elif name == "unload":
             self._unloaded(UNLOADED, request)
         elif name == "dead_weight":
             self._new_run(self._procedure.handling_s)
             self._next_run()
-            self._timeline.runs[self._run] = {"payload_mass_kg": value}
+            self.timeline.runs[self._run] = {"payload_mass_kg": value}
             self._unloaded(UNLOADED, request, value)
             self._next_run()
         elif name == "warm_up":
             self._go_home()
-            self._timeline.heating.append((self._clock, self._clock + 60.0 * value))
+            self.timeline.heating.append((self._clock, self._clock + 60.0 * value))
             self._clock += 60.0 * value
         else:
             self._new_run(self._procedure.handling_s)
@@ -216,7 +231,7 @@ class _Rig:
         if not self._payload:
             different["payload_mass_kg"] = 0.0
         if different:
-            self._timeline.runs[run] = different
+            self.timeline.runs[run] = different
 
     def _new_run(self, pause_s: float) -> None:
         self._go_home()
@@ -254,6 +269,11 @@ class _Rig:
         self._last_id = str(request.pose_id)
         self._poses_since_offset += 1
 
+    def _home(self, request: Request | None, dwell_s: float) -> None:
+        self._go_home()
+        self._clock += dwell_s
+        self._read(AT_HOME, request, self._procedure.window_s, dwell_s=dwell_s)
+
     def _offset(self) -> None:
         self._unloaded(OFFSET, None)
 
@@ -266,8 +286,8 @@ class _Rig:
         self._poses_since_offset = 0
 
     def _go_home(self) -> None:
-        if self._at is not self._rest:
-            self._go(self._rest)
+        if self._at is not self.rest:
+            self._go(self.rest)
         self._last_id = HOME
 
     def _go(self, pose: F) -> float:
@@ -294,7 +314,7 @@ class _Rig:
         pose_id = -1 if request is None else request.pose_id
         repeat = self._seen.get((kind, pose_id), 0)
         self._seen[kind, pose_id] = repeat + 1
-        self._timeline.visits.append(
+        self.timeline.visits.append(
             Visit(
                 kind=kind,
                 row=-1 if request is None else request.row,
