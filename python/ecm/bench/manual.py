@@ -129,9 +129,8 @@ def _number(word: str, name: str) -> float:
     if not said:
         return value
     unit = find_unit(_WEIGHTS.get(said, said))
-    dimension = _DIMENSIONS[(*POSE, *WRENCH).index(name) // 3]
-    if unit is None or unit.dimension != dimension:
-        raise InputError(f"`{said}` is no unit of a {dimension}, as {name} is")
+    if unit is None or unit.dimension != _DIMENSIONS[(*POSE, *WRENCH).index(name) // 3]:
+        raise InputError(f"`{said}` is no unit of {name}")
     return unit.factor * value
 
 
