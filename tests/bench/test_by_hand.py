@@ -8,6 +8,7 @@ import threading
 import time
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -56,6 +57,9 @@ def test_a_person_types_one_angle_and_one_torque_a_row_and_has_time(tmp_path: Pa
     assert table.column("tau_z_Nm").tolist() == [0.0, 0.08, 0.165, 0.079]
     assert "bring the platform to theta_z 20 deg. Enter when it is done: " in prompts
     assert sum("wrench" in prompt for prompt in prompts) == 5  # no look in between, one mistake
+    picture = ElementTree.parse(tmp_path / "data.envelope.svg").getroot()
+    texts = [element.text or "" for element in picture.iter() if element.tag.endswith("text")]
+    assert [text for text in texts if "up" in text] == ["θy [rad] to the right, θz [rad] up"]
     assert read_table(tmp_path / "data.csv").pose_columns == ("theta_z_rad",)
 
 
@@ -81,10 +85,9 @@ def test_a_wrong_entry_is_asked_again(
 def test_columns_that_do_not_exist_are_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"columns = \['theta'\]: expected some of x_m, y_m"):
         hinge(["theta"])
+    devices = dict.fromkeys(HAND, Manual())
+    plan = as_table({"theta_z_rad": [0.1]})
     with pytest.raises(InputError, match="the rig has not all six columns"):
-        person = Manual()
-        devices = dict.fromkeys(HAND, person)
-        plan = as_table({"theta_z_rad": [0.1]})
         measure(plan, hinge(), tmp_path / "d.csv", model=object(), devices=devices, say=unsaid)
 
 

@@ -126,6 +126,10 @@ class Run:
     total: int
     """Visits of the whole plan."""
     skipped: list[Skipped]
+    ways: F = field(default_factory=lambda: np.empty((0, 6)))
+    """Every point (k, 6) that the mover passes in the plan's own order."""
+    poses: F = field(default_factory=lambda: np.empty((0, 6)))
+    """Poses (n, 6) of the plan."""
     taken: list[Taken] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     order: list[int] = field(default_factory=list)

@@ -19,9 +19,11 @@ import numpy as np
 from ecm.bench.devices import Device, DeviceError, closed
 from ecm.bench.measured import STREAM_HEADER, THE_END, Run, Taken, stream_of, table_of
 from ecm.bench.messages import Messages, Status, Stopped
+from ecm.bench.picture import envelope_svg
 from ecm.bench.settings import ALL, Bench
 from ecm.errors import InputError, Remedy
 from ecm.io.arguments import check_arguments
+from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE
 from ecm.io.events import tell
 from ecm.io.extras import require
@@ -122,7 +124,25 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
         f"and {limits.rotation_rad:g} rad, {limits.force_N:g} N and {limits.torque_Nm:g} N m"
     )
     layout = Layout(procedure, length, visited)
-    return Run(bench, visited, layout, len(timeline.visits), skipped), lines
+    run = Run(bench, visited, layout, len(timeline.visits), skipped)
+    run.ways = np.concatenate([visit.way for visit in timeline.visits])
+    run.poses = poses[[visit.kind == AT_POSE for visit in timeline.visits]]
+    return run, lines
+
+
+def pictured(run: Run, out: Path) -> str:
+    """Draw where a plan goes beside its table, and say where the picture is."""
+    path, limits = out.with_suffix(".envelope.svg"), run.bench.limits
+    text = envelope_svg(
+        run.ways,
+        run.poses,
+        run.layout.rest,
+        shift_m=limits.shift_m,
+        rotation_rad=limits.rotation_rad,
+        columns=run.bench.columns,
+    )
+    write_atomically(path, text)
+    return f"{path} shows the poses, the ways and the limits"
 
 
 def _filled(plan: Table, bench: Bench, length_m: float) -> Table:
@@ -164,7 +184,8 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
     model
         A model of pose and wrench: `progress` says how far each row is from it.
     agree
-        Gets the lines of `envelope` before anything moves; what it raises ends the run there.
+        Gets the lines of `envelope` before anything moves, when NAME.envelope.svg is drawn; what
+        it raises ends the run there.
     resume
         Go on after the last reading of a run that was cut; False starts again.
     overwrite
@@ -207,6 +228,7 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
     keep_data(out, overwrite=overwrite, resume=resume)
     engine_of = require("bluesky.run_engine", "measure", "ecm measure").RunEngine
     run, lines = envelope(plan, bench)
+    lines.append(pictured(run, out))
     if agree is not None:
         agree(lines)
     run.model = model
