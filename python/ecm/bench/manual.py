@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from ecm.bench.devices import DeviceError
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH, find_unit
@@ -65,7 +66,13 @@ class Manual:
 
     def ask(self, text: str) -> None:
         """Ask for something to be done, and wait for Enter."""
-        self._ask_for(f"{text}. Enter when it is done: ")
+        self._answer(f"{text}. Enter when it is done: ")
+
+    def _answer(self, prompt: str) -> str:
+        try:
+            return self._ask_for(prompt).strip()
+        except EOFError:
+            raise DeviceError("nobody answers at the terminal") from None
 
     def pose(self, window_s: float) -> tuple[F, F]:
         """Ask for the pose as it was read off."""
@@ -93,7 +100,7 @@ class Manual:
         prompt += ": " if empty is None else ", Enter: as asked: "
         numbers = np.zeros(6) if empty is None else np.array(empty)
         while True:
-            line = self._ask_for(prompt).strip()
+            line = self._answer(prompt)
             if not line and empty is not None and np.isfinite(empty).all():
                 return numbers
             words = [word.strip() for word in line.split(",")]

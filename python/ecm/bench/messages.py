@@ -101,6 +101,8 @@ class _Mover:
         self._run, self._devices, self._rig = run, devices, rig
         self.ended = threading.Event()
         """Whether nothing may move any more."""
+        self.over = False
+        """Whether the run has come to its end, where the mover rests."""
 
     def set(self, pose: F) -> Status:
         return Status(lambda: self._move(np.asarray(pose)))
@@ -119,7 +121,9 @@ class _Mover:
                 raise Stopped(f"the move has not ended within {limits.move_s:g} s (move_s)")
 
     def stop(self, *, success: bool = False) -> None:
-        del success
+        del success  # which is true whatever happened
+        if self.over:
+            return
         with suppress(Exception):  # the reason of the stop is what is told
             self._devices["mover"].stop()
         with suppress(Exception):
@@ -271,6 +275,7 @@ class Messages:
                 yield from self._visit(number)
             number += 1
         yield from self._stubs.close_run()
+        self.mover.over = True
 
     def _go_on(self, number: int) -> bool:
         """Lay out what comes next; whether that was the end."""

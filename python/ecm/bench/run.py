@@ -88,7 +88,8 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
                     "or raise the limit where the mechanism and the mover bear it"
                 )
     freed = [v for v in timeline.visits if v.kind in (OFFSET, UNLOADED)]
-    asks = any(v.kind == UNLOADED for v in freed) or procedure.offset_compensation != "none"
+    zeros = procedure.offset_compensation != "none"
+    asks = any(v.kind == UNLOADED for v in freed) or zeros
     if asks and "person" not in bench.devices:
         remedy = Remedy('or add the table [person] with device = "manual"')
         raise InputError(
@@ -98,7 +99,7 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
         )
     driven = poses[:, 6:]
     lines = [
-        f"{len(timeline.visits)} visits, about {timeline.end_s / 60.0:.0f} minutes",
+        f"{sum(v.kind != OFFSET or zeros for v in timeline.visits)} visits, about {timeline.end_s / 60.0:.0f} minutes",
         *(
             f"{name:12s} {1e3 * column.min():8.2f} to {1e3 * column.max():8.2f} "
             + ("mm" if name.endswith("_m") else "mrad")

@@ -153,6 +153,9 @@ class Bench:
                 raise InputError(
                     f"{where} [{part}]: the key device is missing; write device = 'line' or another"
                 )
+            if table["device"] in devices and len(table) == 1:
+                devices[part] = devices[table["device"]]
+                continue
             rest = {key: value for key, value in table.items() if key != "device"}
             devices[part] = DeviceTable(table["device"], rest)
         procedure = read_settings(Procedure, tables.get("rig", {}), f"{where} [rig]")
