@@ -150,7 +150,7 @@ def test_what_a_camera_lacks_is_told(eye: Any, tmp_path: Path) -> None:
         camera(tmp_path, camera="nowhere.png")
     with pytest.raises(InputError, match="50 markers, two boards of 9 by 6 squares have 54"):
         camera(tmp_path, columns=9)
-    with pytest.raises(InputError, match="OpenCV has no DICT_4X4; try 4X4_50"):
+    with pytest.raises(InputError, match="OpenCV has no DICT_4X4; take 4X4_50"):
         camera(tmp_path, dictionary="4X4")
     (tmp_path / "spoilt.yml").write_text("camera_matrix: 3")
     with pytest.raises(InputError, match=r"spoilt\.yml"):

@@ -65,7 +65,7 @@ class Aruco:
         aruco = cv.aruco
         name = f"DICT_{dictionary}"
         if not hasattr(aruco, name):
-            raise InputError(f"dictionary = '{dictionary}': OpenCV has no {name}; try 4X4_50")
+            raise InputError(f"dictionary = '{dictionary}': OpenCV has no {name}; take 4X4_50")
         self._lens = _calibrated(cv, calibration)
         known = aruco.getPredefinedDictionary(getattr(aruco, name))
         count, size = columns * rows // 2, (columns, rows)
@@ -109,8 +109,8 @@ class Aruco:
                 seen.append(pose)
             elif time.monotonic() > until + self._timeout_s and not seen:
                 raise DeviceError(
-                    f"none of {images} images shows {self._least} corners of both boards; look for "
-                    "glare, shade and what stands in the way"
+                    f"none of {images} images shows {self._least} corners of both boards; look at "
+                    "the light and at what stands in the way"
                 )
         poses = np.stack(seen)
         return poses.mean(axis=0), poses.std(axis=0)

@@ -78,7 +78,7 @@ def device_kinds() -> dict[str, Callable[[], Any]]:
     Examples
     --------
     >>> sorted(device_kinds())[:2]
-    ['ati-net-ft', 'line']
+    ['aruco', 'ati-net-ft']
     """
     own = {point.name: point.load for point in metadata.entry_points(group="ecm.bench")}
     shipped = {name: _loader(place) for name, place in SHIPPED.items()}

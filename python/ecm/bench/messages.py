@@ -171,7 +171,7 @@ class _Rig:
         if follows:
             window_s = min(window_s, 1.0 / rate)
             seen = Status(lambda: devices["pose"].pose(window_s))
-        sensor = devices["wrench"].wrench(window_s).mean(axis=0)
+        sensor = self._samples(window_s).mean(axis=0)
         breach = limits.wrench_breach(sensor - self._run.zero)
         if not breach and "thermometer" in devices:
             degrees = float(np.ravel(devices["thermometer"].temperature())[0])
@@ -184,6 +184,12 @@ class _Rig:
             pose, _ = seen.result(window_s + limits.answer_s)
             self._keep(np.asarray(pose), sensor[None], window_s)
 
+    def _samples(self, window_s: float) -> F:
+        samples: F = np.atleast_2d(self._devices["wrench"].wrench(window_s))
+        if samples.ndim != 2 or samples.shape[1] != 6:
+            raise DeviceError("the sensor gave no samples of six numbers")
+        return samples
+
     def trigger(self) -> Status:
         return Status(self._take)
 
@@ -192,7 +198,7 @@ class _Rig:
         seen = Status(lambda: devices["pose"].pose(window_s))
         if self._by_hand:
             seen.result(None)
-        samples = np.atleast_2d(devices["wrench"].wrench(window_s))
+        samples = self._samples(window_s)
         warm = [np.nan, np.nan]
         if "thermometer" in devices:
             degrees = np.ravel(devices["thermometer"].temperature())

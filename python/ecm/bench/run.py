@@ -98,8 +98,9 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
             remedy=remedy,
         )
     driven = poses[:, 6:]
+    count = sum(visit.kind != OFFSET or zeros for visit in timeline.visits)
     lines = [
-        f"{sum(v.kind != OFFSET or zeros for v in timeline.visits)} visits, about {timeline.end_s / 60.0:.0f} minutes",
+        f"{count} visits, about {timeline.end_s / 60.0:.0f} minutes",
         *(
             f"{name:12s} {1e3 * column.min():8.2f} to {1e3 * column.max():8.2f} "
             + ("mm" if name.endswith("_m") else "mrad")
@@ -116,7 +117,7 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
         lines.append(
             "each row of the plan is an offset from the pose to which the follower goes"
             if "follower" in bench.devices
-            else "there is no [follower]: the poses are those that the plan expects"
+            else "there is no [follower]: the poses are those of the plan"
         )
     shift = 1e3 * np.linalg.norm(poses[:, :3] - rest[:3], axis=1).max()
     turn = np.linalg.norm(poses[:, 3:6], axis=1).max()

@@ -142,7 +142,7 @@ class Bench:
         columns = tables.get("columns", list(ALL))
         if not isinstance(columns, list) or not {*columns} <= {*ALL} or not columns:
             raise InputError(f"{where}: columns = {columns}: expected some of {', '.join(ALL)}")
-        devices = {}
+        devices: dict[str, DeviceTable] = {}
         for part in PARTS:
             table = tables.get(part)
             if table is None:
