@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 
 from ecm.bench.devices import DeviceError
+from ecm.bench.targets import OWN, platform_pose
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.extras import readable, require
-from ecm.io.frames import frame_pose
-from ecm.io.se3 import compose, seen_from
 
 _STALE = 5
 """Images that a camera's driver may hold from the time before the window."""
@@ -57,8 +56,8 @@ class Aruco:
         columns: int = 8,
         rows: int = 6,
         dictionary: str = "4X4_50",
-        top_from_board: Sequence[float] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
-        base_from_board: Sequence[float] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
+        top_from_board: Sequence[float] = OWN,
+        base_from_board: Sequence[float] = OWN,
         timeout_s: float = 2.0,
     ) -> None:
         cv = self._cv = require("cv2", "camera", _PURPOSE)
@@ -84,8 +83,7 @@ class Aruco:
         within = aruco.CharucoParameters()
         self._detectors = [aruco.CharucoDetector(board, within, fine) for board in self.boards]
         self._least, self._timeout_s = (columns - 1) * (rows - 1) // 2, timeout_s
-        self._base_from_board = frame_pose(tuple(base_from_board))
-        self._board_from_top = seen_from(frame_pose(tuple(top_from_board)), np.zeros((1, 6)))
+        self._pose = platform_pose(top_from_board, base_from_board)
         self._stale = _STALE if isinstance(camera, int) else 0
         self._camera = cv.VideoCapture(camera)
         if not self._camera.isOpened():
@@ -123,18 +121,15 @@ class Aruco:
             if names is None or len(names) < self._least:
                 return None
             places.append(self._placed(*board.matchImagePoints(corners, names)))
-        platform, base = places
-        board = compose(self._base_from_board, seen_from(base, platform))
-        pose: F = compose(board, self._board_from_top)[0]
-        return pose
+        return self._pose(*places)
 
     def _placed(self, points: Any, pixels: Any) -> F:
-        """Pose (1, 6) of a board in the camera's frame."""
+        """Pose (6,) of a board in the camera's frame."""
         # A flat board allows two poses; IPPE takes the one that fits better.
         flat = self._cv.SOLVEPNP_IPPE
         _, turn, place = self._cv.solvePnP(points, pixels, *self._lens, flags=flat)
         turn, place = self._cv.solvePnPRefineLM(points, pixels, *self._lens, turn, place)
-        return np.concatenate([place[:, 0], turn[:, 0]])[None]
+        return np.concatenate([place[:, 0], turn[:, 0]])
 
     def close(self) -> None:
         """Give the camera back."""

@@ -58,6 +58,7 @@ SHIPPED = {
     "manual": "ecm.bench.manual:Manual",
     "simulated": "ecm.bench.simulated:SimulatedRig",
     "aruco": "ecm.bench.aruco:Aruco",
+    "natnet": "ecm.bench.natnet:NatNet",
     "epics": "ecm.bench.epics:Epics",
     "epics-motors": "ecm.bench.epics:EpicsMotors",
     "epics-actuators": "ecm.bench.epics:EpicsActuators",

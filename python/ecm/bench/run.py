@@ -61,8 +61,8 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
     Raises
     ------
     InputError
-        A plan without a length or with actuators, a pose beyond the limits, or a person who is
-        needed and not there.
+        A plan without a length, a pose or an actuator beyond the limits, or a person or actuators
+        that are needed and not there.
     """
     length = plan.meta.length_m
     if length is None and POSE[0] in bench.columns:
