@@ -105,7 +105,7 @@ def test_a_body_that_is_hidden_a_wrong_version_and_silence_are_told() -> None:
         device.pose(0.05)
     with (
         stream([frame(moved(pose), 4.1)], version=3.0) as device,
-        pytest.raises(DeviceError, match="is no frame of NatNet; check version"),
+        pytest.raises(DeviceError, match="are no frame of NatNet; check version"),
     ):
         device.pose(0.05)
     began = time.monotonic()

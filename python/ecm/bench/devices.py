@@ -17,7 +17,8 @@ be called at any moment.
 A device that needs settings takes them as arguments of its class; `close()` is called at the end
 where there is one. `now()` and `wait(seconds)` give a mover a clock of its own, as a simulated rig
 has; `begin(visit, again, rows)` tells a device which visit comes, and the rows of the plan so far.
-`by_hand` is true of a person, for whom no watchdog waits.
+`by_hand` is true of a person, for whom no watchdog waits; `columns`, where it has them, become
+those of the bench.
 """
 
 from __future__ import annotations

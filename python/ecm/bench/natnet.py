@@ -83,8 +83,8 @@ class NatNet:
             left = until - time.monotonic() + (0.0 if seen else self._timeout_s)
             if left <= 0.0:
                 raise DeviceError(
-                    f"bodies {self._bodies[0]} and {self._bodies[1]} were not both seen in {frames} "
-                    "frames; check their numbers, and what hides a marker"
+                    "bodies {} and {} were not both seen in ".format(*self._bodies)
+                    + f"{frames} frames; check their numbers, and what hides a marker"
                 )
             self._socket.settimeout(left)
             try:
@@ -121,7 +121,7 @@ class NatNet:
             bodies = [_BODY.unpack_from(packet, at + i * _BODY.size) for i in range(count)]
         except (struct.error, ValueError):
             raise DeviceError(
-                f"a message of {len(packet)} bytes is no frame of NatNet; check version"
+                f"{len(packet)} bytes are no frame of NatNet; check version"
             ) from None
         return {
             name: np.concatenate([numbers[:3], vectors_of(np.array([numbers[3:7]]), "xyzw")[0]])
