@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import socket
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -134,3 +136,28 @@ def test_lines_of_csv() -> None:
     device.close()
     with pytest.raises(InputError, match="form = 'xml': expected json or csv"):
         opened("line", {"address": os.devnull, "form": "xml"}, "bench.toml [mover]")
+
+
+def test_what_is_typed_at_the_terminal_is_a_table(tmp_path: Path) -> None:
+    as_table({"theta_z_rad": np.deg2rad([0.0, 10.0, -10.0])}).write(tmp_path / "plan.csv")
+    (tmp_path / "bench.toml").write_text(
+        'columns = ["theta_z_rad", "tau_z_Nm"]\n[rig]\noffset_compensation = "none"\ndwell_s = 0.0\n'
+        + "".join(f'[{part}]\ndevice = "manual"\n' for part in HAND)
+    )
+    command = [sys.executable, "-m", "ecm.cli", "measure", "plan.csv", "--rig", "bench.toml"]
+    command += ["--out", "data.csv", "--yes"]
+    options: dict[str, Any] = {"cwd": tmp_path, "capture_output": True, "text": True}
+    typed = ["", "0 deg", "0", "", "10.5 deg", "80 N mm"]
+    cut = subprocess.run(command, input="\n".join(typed) + "\n", check=False, **options)
+    assert cut.returncode == 1
+    assert "nobody answers at the terminal. The mover was stopped, and 2 readings" in cut.stderr
+    assert "STOP: bring the platform back to rest" in cut.stdout
+    # It goes on after a look at the rest pose.
+    typed = ["", "0.1 deg", "0", "", "", "-82 N mm"]
+    whole = subprocess.run(command, input="\n".join(typed) + "\n", check=True, **options)
+    assert "STOP" not in whole.stdout
+    table = read_table(tmp_path / "data.csv")
+    assert table.text("kind").tolist() == ["pose", "pose", "home", "pose"]
+    angles = np.deg2rad([0.0, 10.5, 0.1, -10.0])
+    assert table.column("theta_z_rad") == pytest.approx(angles)
+    assert table.column("tau_z_Nm").tolist() == [0.0, 0.08, 0.0, -0.082]
