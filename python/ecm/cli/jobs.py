@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from ecm.bench import Bench
 from ecm.bench import measure as measure_plan
-from ecm.bench.run import envelope
+from ecm.bench.run import envelope, pictured
 from ecm.bench.until import certificate_path
 from ecm.cli.command import Count, Natural
 from ecm.cli.models import open_model
@@ -289,13 +289,14 @@ def measure(
             session.print(line)
         if not dry_run and not yes and not _agreed():
             remedy = Remedy(
-                "look at the numbers above, clear the rig's surroundings, and say --yes"
+                "look at numbers and picture, clear the rig's surroundings, and say --yes"
             )
             raise InputError("nobody has agreed to the moves above", remedy=remedy)
         session.on_interrupt("the mover was stopped. The same command goes on there.")
 
     if dry_run:
-        agree(envelope(visits, bench)[1])
+        run, lines = envelope(visits, bench)
+        agree([*lines, pictured(run, out)])
         session.print("dry run: nothing was moved")
         return
     data = measure_plan(
