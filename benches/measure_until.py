@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from ecm import _native
 from ecm.designs import DesignSettings, diagnosable_plan, optimal_design
 from ecm.designs.next_pose import UNITS, NextPose
-from ecm.diagnosis.next_row import NextRow, is_due
+from ecm.diagnosis.next_row import NextRow, agreed, is_due
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.mechanism import Mechanism
@@ -249,15 +249,15 @@ class Bed:
         order: list[int] = []
         since: list[int] = []
         last: NextRow | None = None
-        names: list[tuple[str, ...]] = [()]
+        names: list[tuple[str, ...]] = []
         while left:
             count = int(self._is_pose[order].sum()) if order else 0
             if order and self._is_pose[order[-1]] and is_due(count):
                 last, since = NextRow(self.plan), []
                 last.learn(self._campaign.in_order(order).run())
-                if last.answer and last.answer == names[-1]:
-                    break
                 names.append(last.answer)
+                if agreed(names):
+                    break
             row = left[0]
             if choose and last is not None:
                 minutes = [self._layout.minutes(self._requests[row]) for row in left]

@@ -13,6 +13,7 @@ import pytest
 from bench.test_measure import PARTS, Rig, bench_of, plan_of, run, unsaid
 from ecm.bench import Bench, measure
 from ecm.bench.devices import DeviceError
+from ecm.designs import Design, diagnosable_plan
 from ecm.errors import InputError
 from ecm.io.columns import POSE
 from ecm.io.description import Meta
@@ -230,3 +231,28 @@ def test_the_simulated_rig_follows_the_chosen_order(tmp_path: Path) -> None:
     assert table.wrenches.tolist() == campaign.wrenches.tolist()
     assert table.column("time_s").tolist() == campaign.column("time_s").tolist()
     assert certificate(out)["rows"] == 12
+
+
+def test_a_run_until_named_stops_when_three_diagnoses_name_the_same(tmp_path: Path) -> None:
+    poses = np.random.default_rng(0).uniform(-1.0, 1.0, (40, 6))
+    poses *= [0.004, 0.012, 0.012, 0.2, 0.2, 0.2]
+    poses[:, 0] += Mechanism().length_m
+    candidates = as_table(
+        dict(zip(POSE, poses.T, strict=True)), meta=Meta(mechanism=Mechanism().to_dict())
+    )
+    chosen = Design(np.arange(40), "maximin", 0.0, 0.0, 1.0, "converged")
+    diagnosable_plan(candidates, chosen, 80).write(tmp_path / "plan.csv")
+    plan = read_table(tmp_path / "plan.csv", need="predict")
+    device = {"device": "simulated", "plan": str(tmp_path / "plan.csv"), "hide": "payload=3"}
+    tables: dict[str, Any] = dict.fromkeys((*PARTS, "thermometer"), device)
+    noise = {"pose_position_sd_m": 4e-5, "pose_rotation_sd_rad": 4e-4, "force_sd_N": 0.1}
+    frame = {"top_from_sensor": list(Instruments().top_from_sensor)}
+    own = {"instrument": noise | frame, "limits": {"force_N": 1e3, "torque_Nm": 1e2}}
+    bench = Bench.from_dict(tables | own, "bench.toml")
+    out = tmp_path / "data.csv"
+    table = measure(plan, bench, out, until="named", say=unsaid)
+    promise = certificate(out)
+    assert (promise["names"], promise["reached"]) == (["payload"], True)
+    assert promise["rows"] == np.count_nonzero(table.text("kind") == "pose") < 60
+    assert promise["words"][0].endswith("named was reached")
+    assert promise["words"][1] == "named payload"

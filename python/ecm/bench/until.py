@@ -16,7 +16,7 @@ import numpy as np
 
 from ecm.bench.measured import Run, Taken, table_of
 from ecm.designs.next_pose import UNITS, NextPose
-from ecm.diagnosis.next_row import NextRow, is_due
+from ecm.diagnosis.next_row import AGREE, NextRow, agreed, is_due
 from ecm.errors import InputError
 from ecm.io.cache import write_atomically
 from ecm.io.table import Table
@@ -27,8 +27,6 @@ from ecm.rig.plan import Request
 NAMED = "named"
 _ANY_ORDER = ("measure", "home", "unload")
 """Actions that may stand in any order; what else a person does ends a run of the plan."""
-_AGREE = 2
-"""Diagnoses in a row that give the same name before it is believed."""
 
 
 @dataclass(frozen=True)
@@ -156,13 +154,12 @@ the rig is another; take this row out, and measure it with a plan of its own
 
     def _for_name(self, run: Run, left: list[Request]) -> list[Request]:
         at = [i for i, taken in enumerate(run.taken) if taken.kind == AT_POSE]
-        due = [n for n in range(len(at) + 1) if is_due(n)][-_AGREE:]
+        due = [n for n in range(len(at) + 1) if is_due(n)][-AGREE:]
         for n in due:
             if n not in self._diagnosed:
                 self._diagnosed[n] = NextRow(self._plan, self._model, self._seed)
                 self._diagnosed[n].learn(self._table(run, run.taken[: at[n - 1] + 1]))
-        names = [self._diagnosed[n].answer for n in due]
-        self.reached = len(names) == _AGREE and bool(names[0]) and len(set(names)) == 1
+        self.reached = agreed([self._diagnosed[n].answer for n in due])
         if self.reached or not left:
             return []
         if not due:

@@ -11,28 +11,45 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ecm.designs.next_pose import NextPose
 from ecm.diagnosis.next_experiment import Added, ConfusionClass, joined_rows
 from ecm.diagnosis.procedure import find_missing
 from ecm.diagnosis.search import rank
 from ecm.diagnosis.verdict import Decision
-from ecm.errors import EcmError
+from ecm.errors import EcmError, ModelError
 from ecm.io.arrays import F, I
 from ecm.io.table import Table
-from ecm.models import EnergyModel, Model
-from ecm.models.fit import fit_rows
+from ecm.models import Model
 
 _FEWEST = 12
 """Rows before the first diagnosis."""
 _GROWTH = 1.15
 """Growth of the rows between two diagnoses."""
-_COMPARED = int(__import__("os").environ.get("COMP", "12"))
+_COMPARED = 12
 """Effects that are compared at most."""
-_DOUBT = float(__import__("os").environ.get("DOUBT", "8"))
+_DOUBT = 30.0
 """Chi² by which an effect must fit worse to weigh e times less: sizes and shapes are not sure."""
 _PAUSE_S = 30.0
-_WINDOW = int(__import__("os").environ.get("WINDOW", "10"))
+_WINDOW = 10
 """Rows of the plan that are next, among which one is chosen. Its order is random, so that dwell and
 side of approach do not grow with time; an order by worth alone took that away."""
+
+
+AGREE = 3
+"""Diagnoses in a row that must give the same name: with few rows a rival fits as well for a while.
+"""
+
+
+def agreed(names: Sequence[tuple[str, ...]]) -> bool:
+    """Whether the last diagnoses named the same.
+
+    Examples
+    --------
+    >>> agreed([("payload",)] * 3), agreed([(), (), ()]), agreed([("payload",)] * 2)
+    (True, False, False)
+    """
+    last = list(names)[-AGREE:]
+    return len(last) == AGREE and bool(last[0]) and len(set(last)) == 1
 
 
 def is_due(rows: int) -> bool:
@@ -57,7 +74,7 @@ class NextRow:
     plan
         The plan whose rows are chosen from: poses, home checks and unloaded readings.
     model
-        The model that lacks something; None: an energy that is fitted to the rows so far.
+        The model that lacks something; None: the energy of the least AIC of the rows so far.
     seed
         Seed of the diagnosis.
 
@@ -75,22 +92,28 @@ class NextRow:
         self._plan, self._model, self._seed = plan, model, seed
         self.answer: tuple[str, ...] = ()
         """Names of the last diagnosis; empty where it named nothing alone."""
-        self.names: list[tuple[str, ...]] = []
-        """Those of all diagnoses."""
         self._told: _Told | None = None
 
     def learn(self, rows: Table) -> None:
         """Diagnose the rows so far."""
         self.answer, self._told = (), None
         try:
-            model = fit_rows(rows, EnergyModel(4)) if self._model is None else self._model
-            decision = find_missing(model, rows, seed=self._seed)
+            decision = find_missing(self._base(rows), rows, seed=self._seed)
             if decision.verdict == "named":
                 self.answer = tuple(members[0] for members in decision.answer)
             self._told = _Told.of(decision, self._plan)
         except EcmError:  # too few rows, or none that the base determines
             pass
-        self.names.append(self.answer)
+
+    def _base(self, rows: Table) -> Model:
+        if self._model is not None:
+            return self._model
+        poses = rows.measured()
+        energies = NextPose(poses, "N")
+        energies.learn(poses)
+        if energies.model is None:
+            raise ModelError("the rows determine no energy yet")
+        return energies.model
 
     def order(self, left: Sequence[int], minutes: F, since: Sequence[int]) -> I:
         """Rows of the plan, that which tells most per minute first.
