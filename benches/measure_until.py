@@ -18,6 +18,7 @@ No process and no device: an order of rows costs a fit per row. Figures of docs/
 from __future__ import annotations
 
 import argparse
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -56,8 +57,8 @@ class Rig:
     """(N,) that each candidate takes."""
 
     @staticmethod
-    def of(seed: int) -> Rig:
-        """Draw a rig."""
+    def of(seed: int, count: int = CANDIDATES) -> Rig:
+        """Draw a rig with so many candidates."""
         random = np.random.default_rng([seed, 1])
 
         def between(low: float, high: float) -> float:
@@ -70,7 +71,7 @@ class Rig:
         bending, torsion = modulus * inertia, 2.0 * shear * inertia
         side, turn = 0.6 * bending / length**2, 0.2 * bending / length
         box = [0.025 * modulus * area, side, side, 0.25 * torsion / length, turn, turn]
-        wrenches = random.uniform(-1.0, 1.0, (2 * (CANDIDATES + FRESH), 6)) * box
+        wrenches = random.uniform(-1.0, 1.0, (2 * (count + FRESH), 6)) * box
         poses, solved = _native.rod_poses(
             wrenches,
             length_m=length,
@@ -80,7 +81,7 @@ class Rig:
             torsion_stiffness_Nm2=torsion,
         )
         good = solved & (np.linalg.norm(poses[:, 3:], axis=1) < 0.6)
-        true = np.hstack([poses, wrenches])[good][: CANDIDATES + FRESH]
+        true = np.hstack([poses, wrenches])[good][: count + FRESH]
         sizes = [between(1e-5, 8e-5), between(1e-4, 8e-4), between(0.03, 0.3), between(1e-3, 0.015)]
         names = ("pose_position_sd_m", "pose_rotation_sd_rad", "force_sd_N", "torque_sd_Nm")
         instrument = Instrument(**dict(zip(names, sizes, strict=True)))
@@ -93,12 +94,12 @@ class Rig:
 
         rest = np.array([length, 0.0, 0.0, 0.0, 0.0, 0.0])
         procedure = Procedure()
-        travel = np.array([travel_s(pose - rest, procedure) for pose in true[:CANDIDATES, :6]])
+        travel = np.array([travel_s(pose - rest, procedure) for pose in true[:count, :6]])
         still = procedure.dwell_s + procedure.window_s
         return Rig(
-            table(true[:CANDIDATES]),
-            table((true + noise)[:CANDIDATES]),
-            table(true[CANDIDATES:]),
+            table(true[:count]),
+            table((true + noise)[:count]),
+            table(true[count:]),
             (2.0 * travel + still) / 60.0,
         )
 
@@ -190,6 +191,26 @@ def errors(first: int, rigs: int) -> None:
             f"promised, median {np.median(own['over']):.2f}; rows at the stop, median "
             f"{np.median(own['stop']):.0f}"
         )
+
+
+def choices(rows: int = 60, count: int = 2000) -> None:
+    """Print how long a choice takes: fits, worth of every candidate, and its time."""
+    rig = Rig.of(0, count)
+    choice, procedure = NextPose(rig.candidates, "mm"), Procedure()
+    listed = requests(rig.candidates, procedure, float(rig.candidates.meta.length_m or 0.0))
+    layout = Layout(procedure, float(rig.candidates.meta.length_m or 0.0), listed)
+    taken = [int(row) for row in choice.first()]
+    spent = []
+    while len(taken) < rows:
+        began = time.perf_counter()
+        choice.learn(rig.read.select(np.asarray(taken)))
+        gone = set(taken)
+        left = [request for request in listed if request.row not in gone]
+        minutes = np.asarray([layout.minutes(request) for request in left])
+        taken.append(int(choice.order([request.row for request in left], minutes)[0]))
+        spent.append(time.perf_counter() - began)
+    middle, worst = np.median(spent), max(spent)
+    print(f"choice among {count} candidates: median {middle:.3f} s, worst {worst:.3f} s")
 
 
 EFFECTS = (
@@ -306,6 +327,7 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, default=Path("build/measure_until"))
     given = parser.parse_args()
     given.folder.mkdir(parents=True, exist_ok=True)
+    choices()
     if given.rigs:
         errors(given.first, given.rigs)
     if given.names:
