@@ -159,7 +159,10 @@ class NextPose:
                 break
             if fitted.covariance is None:
                 break
-            fits.append((self._squares(fitted, rows) + 2.0 * terms, fitted, fitted.covariance))
+            # AIC as it is for few rows.
+            count = 6 * len(rows)
+            price = 2.0 * terms * count / (count - terms - 1)
+            fits.append((self._squares(fitted, rows) + price, fitted, fitted.covariance))
         if not fits:
             return
         _, richest, covariance = fits[-1]
