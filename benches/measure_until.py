@@ -194,7 +194,7 @@ def errors(first: int, rigs: int) -> None:
 
 
 def choices(rows: int = 60, count: int = 2000) -> None:
-    """Print how long a choice takes: fits, worth of every candidate, and its time."""
+    """Print how long a choice takes on an idle core: fits, worth of each candidate, its minutes."""
     rig = Rig.of(0, count)
     choice, procedure = NextPose(rig.candidates, "mm"), Procedure()
     listed = requests(rig.candidates, procedure, float(rig.candidates.meta.length_m or 0.0))
@@ -202,13 +202,13 @@ def choices(rows: int = 60, count: int = 2000) -> None:
     taken = [int(row) for row in choice.first()]
     spent = []
     while len(taken) < rows:
-        began = time.perf_counter()
+        began = time.process_time()
         choice.learn(rig.read.select(np.asarray(taken)))
         gone = set(taken)
         left = [request for request in listed if request.row not in gone]
         minutes = np.asarray([layout.minutes(request) for request in left])
         taken.append(int(choice.order([request.row for request in left], minutes)[0]))
-        spent.append(time.perf_counter() - began)
+        spent.append(time.process_time() - began)
     middle, worst = np.median(spent), max(spent)
     print(f"choice among {count} candidates: median {middle:.3f} s, worst {worst:.3f} s")
 
