@@ -9,8 +9,7 @@ that at 500 fresh poses. The stated errors of a rig are what its fixed plan keep
 40th and 55th row on. Rows are counted where all take alike long, minutes where travel counts.
 
 Names: the neck by FEM on simulated rigs (noise, zero, climate and robot of their own), each with an
-effect of strength 1. The diagnosable plan has 50 poses in 150 visits. The whole plan is diagnosed
-at its end; its order, and the order that is chosen, stop as `--until named` does.
+effect of strength 1. The diagnosable plan has 50 poses in 150 visits; `--until named` stops it.
 
 No process and no device: an order of rows costs a fit per row. Figures of docs/measure.md.
 """
@@ -28,7 +27,7 @@ from numpy.typing import NDArray
 from ecm import _native
 from ecm.designs import DesignSettings, diagnosable_plan, optimal_design
 from ecm.designs.next_pose import UNITS, NextPose
-from ecm.diagnosis.next_row import NextRow, agreed, is_due
+from ecm.diagnosis.agreement import agreed, is_due, names_of
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.mechanism import Mechanism
@@ -254,40 +253,24 @@ class Bed:
             base_columns=self._base.columns,
         )
         self._is_pose = np.asarray(self.plan.text("kind") == "pose")
-        listed = requests(self.plan, RigSettings().rig, length)
-        self._requests = {request.row: request for request in listed}
-        self._layout = Layout(RigSettings().rig, length, listed)
 
     def whole(self) -> Named:
         """The whole plan, diagnosed at its end."""
-        last = NextRow(self.plan)
-        last.learn(self._campaign.run())
-        return Named(len(self.plan), self._campaign.minutes, last.answer)
+        names = names_of(self._campaign.run())
+        return Named(len(self.plan), self._campaign.minutes, names)
 
-    def stopped(self, *, choose: bool) -> Named:
-        """The plan's order, or a chosen one, until two diagnoses name the same."""
-        left = self._campaign.rows
-        order: list[int] = []
-        since: list[int] = []
-        last: NextRow | None = None
+    def stopped(self) -> Named:
+        """The plan until the diagnoses agree."""
         names: list[tuple[str, ...]] = []
-        while left:
-            count = int(self._is_pose[order].sum()) if order else 0
-            if order and self._is_pose[order[-1]] and is_due(count):
-                last, since = NextRow(self.plan), []
-                last.learn(self._campaign.in_order(order).run())
-                names.append(last.answer)
-                if agreed(names):
-                    break
-            row = left[0]
-            if choose and last is not None:
-                minutes = [self._layout.minutes(self._requests[row]) for row in left]
-                row = int(last.order(left, np.asarray(minutes), since)[0])
-            left.remove(row)
+        order: list[int] = []
+        for row in self._campaign.rows:
             order.append(row)
-            since.append(row)
-        minutes_all = self._campaign.in_order(order).minutes
-        return Named(len(order), minutes_all, last.answer if last is not None and left else ())
+            if self._is_pose[row] and is_due(int(self._is_pose[order].sum())):
+                campaign = self._campaign.in_order(order)
+                names.append(names_of(campaign.run()))
+                if agreed(names):
+                    return Named(len(order), campaign.minutes, names[-1])
+        return Named(len(order), self._campaign.minutes, ())
 
 
 def named(first: int, rigs: int, folder: Path) -> None:
@@ -297,11 +280,7 @@ def named(first: int, rigs: int, folder: Path) -> None:
         effect = EFFECTS[seed % len(EFFECTS)]
         bed = Bed(seed, effect, folder)
         whole = bed.whole()
-        runs = {
-            "whole plan": whole,
-            "its order": bed.stopped(choose=False),
-            "chosen": bed.stopped(choose=True),
-        }
+        runs = {"whole plan": whole, "until named": bed.stopped()}
         words = []
         for name, run in runs.items():
             right = run.names == (effect,)

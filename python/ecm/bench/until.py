@@ -1,7 +1,7 @@
 """`--until`: which row is measured next, when it is enough, and what is promised then.
 
-The next row is that which tells most per minute; travel, dwell and window count. A choice depends
-on the readings so far alone, so a run that was cut chooses as one that was not.
+For an error the next row is that which tells most per minute; travel, dwell and window count. A
+choice depends on the readings so far alone, so a run that was cut chooses as one that was not.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from ecm.bench.measured import Run, Taken, table_of
 from ecm.designs.next_pose import UNITS, NextPose
-from ecm.diagnosis.next_row import AGREE, NextRow, agreed, is_due
+from ecm.diagnosis.agreement import AGREE, agreed, is_due, names_of
 from ecm.errors import InputError
 from ecm.io.cache import write_atomically
 from ecm.io.table import Table
@@ -119,7 +119,7 @@ the rig is another; take this row out, and measure it with a plan of its own
         self._rows: list[int] = []
         self._first: list[int] = []
         self._seed, self._model = seed, model
-        self._diagnosed: dict[int, NextRow] = {}
+        self._diagnosed: dict[int, tuple[str, ...]] = {}
         if goal.unit in UNITS:
             kinds = plan.text("kind") if plan.has("kind") else [""] * len(plan)
             moves = [
@@ -157,18 +157,10 @@ the rig is another; take this row out, and measure it with a plan of its own
         due = [n for n in range(len(at) + 1) if is_due(n)][-AGREE:]
         for n in due:
             if n not in self._diagnosed:
-                self._diagnosed[n] = NextRow(self._plan, self._model, self._seed)
-                self._diagnosed[n].learn(self._table(run, run.taken[: at[n - 1] + 1]))
-        self.reached = agreed([self._diagnosed[n].answer for n in due])
-        if self.reached or not left:
-            return []
-        if not due:
-            return left
-        since = [run.taken[i].row for i in at[due[-1] :]]
-        minutes = np.asarray([run.layout.minutes(request) for request in left])
-        waiting = {request.row: request for request in left}
-        order = self._diagnosed[due[-1]].order(list(waiting), minutes, since)
-        return [waiting[row] for row in order.tolist()]
+                rows = self._table(run, run.taken[: at[n - 1] + 1])
+                self._diagnosed[n] = names_of(rows, self._model, self._seed)
+        self.reached = agreed([self._diagnosed[n] for n in due])
+        return [] if self.reached else left
 
     def _table(self, run: Run, taken: list[Taken]) -> Table:
         return table_of(run, self._plan, Path("so far"), taken)
@@ -176,7 +168,7 @@ the rig is another; take this row out, and measure it with a plan of its own
     @property
     def names(self) -> tuple[str, ...]:
         """What the last diagnosis named."""
-        return self._diagnosed[max(self._diagnosed)].answer if self._diagnosed else ()
+        return self._diagnosed[max(self._diagnosed)] if self._diagnosed else ()
 
     def state(self) -> dict[str, Any]:
         """How far the goal is."""

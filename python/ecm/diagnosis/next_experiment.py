@@ -190,7 +190,7 @@ class ConfusionClass:
         read = experiment.readings
         if rows is None and not set(read) & set(self.members):
             return _NOTHING_TOLD
-        added = None if rows is None else Added.of(self, rows)
+        added = None if rows is None else _Added.of(self, rows)
 
         def chance(truth: str, rival: str) -> float:
             seen = [self._seen(id, read[id]) for id in (truth, rival) if id in read]
@@ -230,7 +230,7 @@ def _with_entry(one: Candidate, name: str, value: str) -> Candidate | None:
 
 
 @dataclass(frozen=True)
-class Added:
+class _Added:
     """Whitened rows of a campaign in the columns of a class, run by run."""
 
     group: ConfusionClass
@@ -244,7 +244,7 @@ class Added:
     """(r,)."""
 
     @staticmethod
-    def of(group: ConfusionClass, joined: Rows) -> Added:
+    def of(group: ConfusionClass, joined: Rows) -> _Added:
         problem = group.problem
         fresh = np.arange(len(problem.table), len(joined))
         whitener = whiteners(problem.noise.covariance(joined, problem.base.error))
@@ -261,7 +261,7 @@ class Added:
         n, m, k = design.shape
         run = np.unique(joined.table.column("run")[fresh], return_inverse=True)[1]
         old = problem.equations[0][np.ix_(use, use)]
-        return Added(group, place, old, design.reshape(n * m, k), np.repeat(run, m))
+        return _Added(group, place, old, design.reshape(n * m, k), np.repeat(run, m))
 
     @cached_property
     def matrix(self) -> F:
@@ -465,25 +465,20 @@ class _Choice:
 
 def _joined_rows(problem: Problem, experiment: Experiment) -> Rows | None:
     """Return the data, then what the experiment's campaign would record; None if by hand."""
+    table = problem.table
     try:
-        plan = follow_up_plan(problem.table, experiment.id)
-        return joined_rows(problem, plan, pause_s=_PAUSE_S, is_campaign=True)
+        plan = follow_up_plan(table, experiment.id)
+        nominal = NominalModel(problem.base, problem.noise, table.meta)
+        predicted = predicted_table(plan, nominal)
     except EcmError:
         return None
-
-
-def joined_rows(problem: Problem, plan: Table, *, pause_s: float, is_campaign: bool) -> Rows:
-    """Return the data, then what a plan would record after a pause; whether it is a campaign."""
-    table = problem.table
-    predicted = predicted_table(plan, NominalModel(problem.base, problem.noise, table.meta))
     meta = replace(table.meta, runs={**table.meta.runs, **predicted.meta.runs})
     if table.has("time_s"):
-        begin_s = float(table.column("time_s").max()) + pause_s
+        begin_s = float(table.column("time_s").max()) + _PAUSE_S
         time = predicted.column("time_s") + begin_s
         predicted = predicted.with_columns({"time_s": time})
-        if is_campaign:
-            begins_s = (*meta.file.begins_s, float(time[0]))
-            meta = replace(meta, file=replace(meta.file, begins_s=begins_s))
+        begins_s = (*meta.file.begins_s, float(time[0]))
+        meta = replace(meta, file=replace(meta.file, begins_s=begins_s))
     columns = {name: _continued(table, name, predicted) for name in table.columns}
     columns["run"] = np.concatenate(
         [table.column("run") if table.has("run") else np.zeros(len(table)), predicted.column("run")]
