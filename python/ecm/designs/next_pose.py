@@ -159,10 +159,7 @@ class NextPose:
                 break
             if fitted.covariance is None:
                 break
-            # AIC as it is for few rows.
-            count = 6 * len(rows)
-            price = 2.0 * terms * count / (count - terms - 1)
-            fits.append((self._squares(fitted, rows) + price, fitted, fitted.covariance))
+            fits.append((self._squares(fitted, rows) + 2.0 * terms, fitted, fitted.covariance))
         if not fits:
             return
         _, richest, covariance = fits[-1]
@@ -193,8 +190,12 @@ class NextPose:
         each = noise.covariance(nominal.rows(self._region))
         reading = float(np.trace(into @ each.mean(axis=0) @ into.T))
         form = max(0.0, excess - 1.0) * reading if significant else 0.0
+        # What the residual may hold of a form that is not seen yet: few rows hide much of it.
+        hidden = excess * freedom / float(stats.chi2.ppf(1.0 - _CHANCE, freedom)) - 1.0
+        most = max(0.0, hidden) * reading if known else 0.0
         gamma = stats.gamma(mean**2 / spread, scale=spread / mean)
-        low, high = (float(np.sqrt(gamma.ppf(q) + form)) for q in (1.0 - _CHANCE, _CHANCE))
+        low = float(np.sqrt(gamma.ppf(1.0 - _CHANCE) + form))
+        high = float(np.sqrt(gamma.ppf(_CHANCE) + most))
         now = float(np.sqrt(mean + form))
         return FreshError(fitted.base.name, self._unit, now, low, high, significant)
 
