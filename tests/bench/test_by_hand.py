@@ -141,7 +141,8 @@ def test_lines_of_csv() -> None:
 def test_what_is_typed_at_the_terminal_is_a_table(tmp_path: Path) -> None:
     as_table({"theta_z_rad": np.deg2rad([0.0, 10.0, -10.0])}).write(tmp_path / "plan.csv")
     (tmp_path / "bench.toml").write_text(
-        'columns = ["theta_z_rad", "tau_z_Nm"]\n[rig]\noffset_compensation = "none"\ndwell_s = 0.0\n'
+        'columns = ["theta_z_rad", "tau_z_Nm"]\n'
+        '[rig]\noffset_compensation = "none"\ndwell_s = 0.0\n'
         + "".join(f'[{part}]\ndevice = "manual"\n' for part in HAND)
     )
     command = [sys.executable, "-m", "ecm.cli", "measure", "plan.csv", "--rig", "bench.toml"]

@@ -157,6 +157,8 @@ class _Rig:
         self.run_number = 0
         self.clock = Clock(devices["mover"])
         self.reading: Reading | None = None
+        self.time_s = 0.0
+        """Of the middle of the reading's window."""
         self.inputs = np.empty(0)
         # Two questions at once would be one too many for a person.
         self._by_hand = by_hand(devices, "pose", "wrench")
@@ -182,7 +184,7 @@ class _Rig:
             raise Stopped(breach)
         if follows:
             pose, _ = seen.result(window_s + limits.answer_s)
-            self._keep(np.asarray(pose), sensor[None], window_s)
+            self._keep(np.asarray(pose), sensor[None], self.clock.middle(window_s), window_s)
 
     def _samples(self, window_s: float) -> F:
         samples: F = np.atleast_2d(self._devices["wrench"].wrench(window_s))
@@ -206,6 +208,7 @@ class _Rig:
         if "actuation" in devices:
             self.inputs = np.asarray(devices["actuation"].actuation(), dtype=np.float64)
         mean, spread = seen.result(window_s + self._run.bench.limits.answer_s)
+        self.time_s = self.clock.middle(window_s)
         self.reading = Reading.of_samples(
             Window(np.asarray(mean), np.asarray(spread)),
             samples,
@@ -216,14 +219,14 @@ class _Rig:
         if self._sample is not None:
             count = max(1, round(window_s * self._run.bench.procedure.stream_Hz))
             parts = np.array_split(samples, min(count, len(samples)))
-            self._keep(self.reading.pose, np.stack([p.mean(axis=0) for p in parts]), window_s)
+            means = np.stack([part.mean(axis=0) for part in parts])
+            self._keep(self.reading.pose, means, self.time_s, window_s)
 
-    def _keep(self, pose: F, sensor: F, window_s: float) -> None:
-        """Keep samples (n, 6) that are spread over the window that has just passed."""
+    def _keep(self, pose: F, sensor: F, middle_s: float, window_s: float) -> None:
+        """Keep samples (n, 6) that are spread over a window."""
         assert self._sample is not None
-        middle = self.clock.middle(window_s)
         for i, row in enumerate(sensor):
-            time_s = middle + ((i + 0.5) / len(sensor) - 0.5) * window_s
+            time_s = middle_s + ((i + 0.5) / len(sensor) - 0.5) * window_s
             numbers = [float(self.run_number), time_s, *pose.tolist(), *row.tolist()]
             self._sample(",".join(map(repr, numbers)))
 
@@ -355,8 +358,7 @@ class Messages:
         yield from stubs.read(rig)
         yield from stubs.save()
         assert rig.reading is not None
-        time_s = self._clock.middle(visit.window_s)
-        taken = Taken(number, self._row, visit.kind, time_s, rig.reading, rig.inputs)
+        taken = Taken(number, self._row, visit.kind, rig.time_s, rig.reading, rig.inputs)
         findings = [f"visit {number + 1}: {finding}" for finding in self._run.add(taken)]
         self._keep(taken, findings)
         for finding in findings:
