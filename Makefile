@@ -51,7 +51,7 @@ $(VENV)/.demo: pyproject.toml | $(VENV)/bin/python
 	@touch $@
 
 $(VENV)/.ready: pyproject.toml | $(VENV)/bin/python
-	@$(BIN)/python scripts/requirements.py mesh cad data logs report app learn cluster robot measure >$(VENV)/requirements.txt
+	@$(BIN)/python scripts/requirements.py mesh cad data logs report app learn cluster robot measure epics camera >$(VENV)/requirements.txt
 	@$(STEP) "Python packages for the tests" \
 	  sh -c "$(PIP) 'pip>=25.1' && $(PIP) --group dev -r $(VENV)/requirements.txt"
 	@touch $@

@@ -414,7 +414,9 @@ def test_a_person_is_asked_again_until_the_entry_is_six_numbers(
     person.start(np.array([0.1, 0.002, 0.0, 0.0, 0.0, 0.1]))
     assert person.wrench(0.1).tolist() == [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]
     assert person.pose(0.1)[0].tolist() == [0.1, 0.002, 0.0, 0.0, 0.0, 0.1]
-    assert capsys.readouterr().out.count("expected 6 numbers") == 2
+    said = capsys.readouterr().out
+    assert "`1 2 3`: found 3, expected 6 numbers" in said
+    assert "`1 2 3 4 5 x`: `x` is no number" in said
 
 
 def test_what_a_bench_lacks_is_named() -> None:

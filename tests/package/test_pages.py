@@ -16,12 +16,15 @@ from support.jobs import copy_cases
 from support.neck import ROOT
 from support.pages import blocks, follow, run_here
 
-PAGES = sorted(
-    page
-    for part in ("tutorials", "howto", "explain")
-    for page in (ROOT / "docs" / part).glob("*.md")
-    if any(block.language in ("python", "sh") for block in blocks(page))
-)
+PAGES = [
+    ROOT / "docs" / "measure.md",
+    *sorted(
+        page
+        for part in ("tutorials", "howto", "explain")
+        for page in (ROOT / "docs" / part).glob("*.md")
+        if any(block.language in ("python", "sh") for block in blocks(page))
+    ),
+]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

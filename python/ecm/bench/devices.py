@@ -11,10 +11,14 @@ be called at any moment.
 | pose | `pose(window_s)` |
 | thermometer | `temperature()` |
 | person | `ask(text)` |
+| actuation | `actuate(values)`, `actuation()` |
+| follower | `follow(free_N)` |
 
 A device that needs settings takes them as arguments of its class; `close()` is called at the end
 where there is one. `now()` and `wait(seconds)` give a mover a clock of its own, as a simulated rig
 has; `begin(visit, again, rows)` tells a device which visit comes, and the rows of the plan so far.
+`by_hand` is true of a person, for whom no watchdog waits; `columns`, where it has them, become
+those of the bench.
 """
 
 from __future__ import annotations
@@ -36,11 +40,15 @@ PARTS: Mapping[str, tuple[str, ...]] = {
     "pose": ("pose",),
     "thermometer": ("temperature",),
     "person": ("ask",),
+    "actuation": ("actuate", "actuation"),
+    "follower": ("follow",),
 }
 """Methods of each part of a rig. `start(pose)` takes (6,) x y z in m and the rotation vector in
 rad, in the base frame; `wrench(window_s)` gives (n, 6) samples in the sensor's axes, N and N m;
 `pose(window_s)` the mean (6,) and the standard deviation (6,) of the platform's pose in the base
-frame; `temperature()` degrees Celsius."""
+frame; `temperature()` degrees Celsius; `actuate(values)` sets (m,) pressures or tensions in Pa and
+N, `actuation()` reads them; `follow(free_N)` moves a platform that a driven mechanism pushes until
+the force is below free_N, and returns when it rests there."""
 
 NEEDED = ("mover", "wrench", "pose")
 """Parts without which nothing can be measured."""
@@ -50,6 +58,11 @@ SHIPPED = {
     "ati-net-ft": "ecm.bench.lines:AtiNetFt",
     "manual": "ecm.bench.manual:Manual",
     "simulated": "ecm.bench.simulated:SimulatedRig",
+    "aruco": "ecm.bench.aruco:Aruco",
+    "natnet": "ecm.bench.natnet:NatNet",
+    "epics": "ecm.bench.epics:Epics",
+    "epics-motors": "ecm.bench.epics:EpicsMotors",
+    "epics-actuators": "ecm.bench.epics:EpicsActuators",
 }
 """Kinds of devices of this package: module and class."""
 
@@ -67,7 +80,7 @@ def device_kinds() -> dict[str, Callable[[], Any]]:
     Examples
     --------
     >>> sorted(device_kinds())[:2]
-    ['ati-net-ft', 'line']
+    ['aruco', 'ati-net-ft']
     """
     own = {point.name: point.load for point in metadata.entry_points(group="ecm.bench")}
     shipped = {name: _loader(place) for name, place in SHIPPED.items()}

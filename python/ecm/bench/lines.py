@@ -1,4 +1,4 @@
-"""Devices behind a line of text: JSON over TCP or a serial port, and the ATI Net F/T over UDP.
+"""Devices behind a line of text: JSON or CSV over TCP or a serial port, and the ATI Net F/T.
 
 One line asks, one line answers, each a JSON object:
 
@@ -9,8 +9,17 @@ One line asks, one line answers, each a JSON object:
     {"do": "pose", "window_s": 0.2}                 ->  {"ok": true, "mean": [...], "sd": [...]}
     {"do": "temperature"}                           ->  {"ok": true, "degC": 22.5}
     {"do": "ask", "text": "..."}                    ->  {"ok": true}
+    {"do": "actuate", "values": [20000, 0]}         ->  {"ok": true}
+    {"do": "actuation"}                             ->  {"ok": true, "values": [19900, 0]}
+    {"do": "follow", "free_N": 0.02}                ->  {"ok": true} when it is there
 
-{"ok": false, "error": "words"} refuses.
+{"ok": false, "error": "words"} refuses. The same as CSV, for a microcontroller without JSON:
+
+    start,0.1,0,0,0,0,0   ->  ok
+    settled               ->  ok,0
+    wrench,0.2            ->  ok,fx,fy,fz,tx,ty,tz,fx,...
+    pose,0.2              ->  ok,mean of six,sd of six
+    ask,words             ->  error,words
 """
 
 from __future__ import annotations
@@ -33,19 +42,26 @@ from ecm.io.extras import require
 
 
 class LineDevice:
-    """A program or a microcontroller that answers lines of JSON.
+    """A program or a microcontroller that answers lines of JSON or CSV.
 
     Parameters
     ----------
     address
         `HOST:PORT`, or the name of a serial port such as /dev/ttyACM0.
+    form
+        Of the lines, json or csv.
     baud
         Speed of the serial port.
     timeout_s
         Longest silence, beyond the window of a reading.
     """
 
-    def __init__(self, address: str, *, baud: int = 115200, timeout_s: float = 5.0) -> None:
+    def __init__(
+        self, address: str, *, form: str = "json", baud: int = 115200, timeout_s: float = 5.0
+    ) -> None:
+        if form not in ("json", "csv"):
+            raise InputError(f"form = '{form}': expected json or csv")
+        self._csv = form == "csv"
         self._timeout_s, self._lock, self._rest = timeout_s, threading.Lock(), b""
         self._address = address
         self._socket: socket.socket | None = None
@@ -90,6 +106,18 @@ class LineDevice:
         """Have something done by a person or a machine there."""
         self._ask({"do": "ask", "text": text}, 3600.0)
 
+    def actuate(self, values: F) -> None:
+        """Ask for (m,) pressures or tensions, in Pa and N."""
+        self._ask({"do": "actuate", "values": np.asarray(values).tolist()})
+
+    def actuation(self) -> F:
+        """What is there, (m,)."""
+        return np.asarray(self._ask({"do": "actuation"})["values"], dtype=np.float64)
+
+    def follow(self, free_N: float) -> None:
+        """Go where the driven mechanism goes, until the force is below free_N."""
+        self._ask({"do": "follow", "free_N": free_N}, 60.0)
+
     def close(self) -> None:
         """Close the connection."""
         for thing in (self._socket, self._port):
@@ -98,15 +126,17 @@ class LineDevice:
 
     def _ask(self, question: dict[str, Any], more_s: float = 0.0) -> dict[str, Any]:
         with self._lock:
-            os.write(self._fd, json.dumps(question).encode() + b"\n")
+            text = _csv_line(question) if self._csv else json.dumps(question)
+            os.write(self._fd, text.encode() + b"\n")
             line = self._line(time.monotonic() + self._timeout_s + more_s)
         try:
-            answer = json.loads(line)
+            answer = _csv_answer(question["do"], line.decode()) if self._csv else json.loads(line)
             good = isinstance(answer, dict) and "ok" in answer
-        except ValueError:
+        except (ValueError, IndexError):
             good = False
         if not good:
-            raise DeviceError(f"{self._address}: answered `{line[:60]!r}`, expected a JSON object")
+            expected = "ok or error, then numbers" if self._csv else "a JSON object"
+            raise DeviceError(f"{self._address}: answered `{line[:60]!r}`, expected {expected}")
         if not answer["ok"]:
             raise DeviceError(f"{self._address}: {answer.get('error', 'refused without a reason')}")
         return dict(answer)
@@ -122,6 +152,40 @@ class LineDevice:
             self._rest += more
         line, _, self._rest = self._rest.partition(b"\n")
         return line
+
+
+def _csv_line(question: dict[str, Any]) -> str:
+    """A question as a line of CSV.
+
+    Examples
+    --------
+    >>> _csv_line({"do": "actuate", "values": [20000.0, 0.0]})
+    'actuate,20000.0,0.0'
+    """
+    values = (v if isinstance(v, list) else [v] for v in question.values())
+    return ",".join(str(cell) for part in values for cell in part)
+
+
+def _csv_answer(do: str, line: str) -> dict[str, Any]:
+    """A line of CSV as the JSON object that it stands for."""
+    word, *cells = line.strip().split(",")
+    if word == "error":
+        return {"ok": False, "error": ",".join(cells)}
+    if word != "ok":
+        raise ValueError
+    numbers = [float(cell) for cell in cells]
+    if do == "settled":
+        return {"ok": True, "settled": numbers[0] != 0.0}
+    if do == "temperature":
+        return {"ok": True, "degC": numbers[0]}
+    samples = [numbers[i : i + 6] for i in range(0, len(numbers), 6)]
+    return {
+        "ok": True,
+        "samples": samples,
+        "mean": numbers[:6],
+        "sd": numbers[6:],
+        "values": numbers,
+    }
 
 
 def _matrix(answer: dict[str, Any], key: str) -> F:

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from ecm.bench.devices import DeviceError
+from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import POSE, WRENCH, find_unit
 
-_SHOWN = {"x_m": ("x", "mm", 1e3), "y_m": ("y", "mm", 1e3), "z_m": ("z", "mm", 1e3)}
+_DIMENSIONS = ("length", "angle", "force", "torque")
+_WEIGHTS = {"g": "gf", "kg": "kgf"}
+"""What is hung on a string is said in grams."""
 
 
 class Manual:
     """Asks a person at the terminal; each entry is checked at once.
+
+    An entry is a number in SI units, or one with its unit: `12 deg`, `3.5 mm`, `200 g` for what
+    hangs there, `40 N mm`; several are parted by commas.
 
     Parameters
     ----------
@@ -23,6 +30,9 @@ class Manual:
     ask_for
         Reads a line after a prompt; default: the terminal.
     """
+
+    by_hand = True
+    """No watchdog waits for an answer, and nothing is asked while the person moves."""
 
     def __init__(
         self,
@@ -34,12 +44,15 @@ class Manual:
         self._sd = np.repeat([sd_m, sd_rad], 3)
         self._ask_for = ask_for
         self._pose = np.full(6, np.nan)
+        self._asked = np.empty(0)
         self._stopped = False
+        self.columns: Sequence[str] = (*POSE, *WRENCH)
+        """What is told and asked; the rest of a pose is taken to be as planned."""
 
     def start(self, pose: F) -> None:
         """Tell where the platform is to be brought."""
         self._pose, self._stopped = np.asarray(pose, dtype=np.float64), False
-        self.ask(f"bring the platform to {_words(self._pose)}")
+        self.ask(f"bring the platform to {_words(self._pose, self.columns)}")
 
     def settled(self) -> bool:
         """The person said so."""
@@ -53,47 +66,95 @@ class Manual:
 
     def ask(self, text: str) -> None:
         """Ask for something to be done, and wait for Enter."""
-        self._ask_for(f"{text}. Enter when it is done: ")
+        self._answer(f"{text}. Enter when it is done: ")
+
+    def _answer(self, prompt: str) -> str:
+        try:
+            return self._ask_for(prompt).strip()
+        except EOFError:
+            raise DeviceError("nobody answers at the terminal") from None
 
     def pose(self, window_s: float) -> tuple[F, F]:
         """Ask for the pose as it was read off."""
         del window_s
-        text = " ".join(f"{name}" for name in POSE)
-        return self._numbers(
-            f"pose as you read it ({text}), Enter: as asked: ", self._pose
-        ), self._sd
+        return self._numbers("pose as you read it", POSE, self._pose), self._sd
 
     def wrench(self, window_s: float) -> F:
         """Ask for the wrench; one sample of it."""
         del window_s
-        text = " ".join(WRENCH)
-        return self._numbers(f"wrench on the platform ({text}): ", None)[None]
+        return self._numbers("wrench on the platform", WRENCH, None)[None]
 
-    def _numbers(self, prompt: str, empty: F | None) -> F:
+    def actuate(self, values: F) -> None:
+        """Tell what the actuators are to be set to."""
+        self._asked = np.asarray(values)
+        self.ask("set the actuators to " + ", ".join(f"{value:g}" for value in self._asked))
+
+    def actuation(self) -> F:
+        """What the person was told to set."""
+        return self._asked
+
+    def _numbers(self, what: str, names: Sequence[str], empty: F | None) -> F:
+        """Ask for the numbers of some columns; those that are not asked for are as in `empty`."""
+        asked = [i for i, name in enumerate(names) if name in self.columns]
+        prompt = f"{what} ({' '.join(names[i] for i in asked)})"
+        prompt += ": " if empty is None else ", Enter: as asked: "
+        numbers = np.zeros(6) if empty is None else np.array(empty)
         while True:
-            words = self._ask_for(prompt).replace(",", " ").split()
-            if not words and empty is not None and np.isfinite(empty).all():
-                return empty
+            line = self._answer(prompt)
+            if not line and empty is not None and np.isfinite(empty).all():
+                return numbers
+            words = [word.strip() for word in line.split(",")]
+            if len(words) == 1 < len(asked):
+                words = line.split()
             try:
-                numbers = [float(word) for word in words]
-            except ValueError:
-                numbers = []
-            if len(numbers) == 6 and all(map(math.isfinite, numbers)):
-                return np.asarray(numbers)
-            print(f"found {len(words)} entries in `{' '.join(words)}`, expected 6 numbers")
+                if len(words) != len(asked):
+                    raise InputError(f"found {len(words)}, expected {len(asked)} numbers")
+                for i, word in zip(asked, words, strict=True):
+                    numbers[i] = _number(word, names[i])
+            except InputError as error:
+                print(f"`{line}`: {error}")
+            else:
+                return numbers
 
 
-def _words(pose: F) -> str:
+def _number(word: str, name: str) -> float:
+    """An entry in SI units.
+
+    Examples
+    --------
+    >>> _number("200 g", "fz_N"), _number("40 Nmm", "tau_z_Nm"), round(_number("5 deg", POSE[5]), 4)
+    (1.96133, 0.04, 0.0873)
+    """
+    digits = word.rstrip("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ°µ ")
+    said = word[len(digits) :].strip()
+    try:
+        value = float(digits)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"`{word}` is no number")
+    if not said:
+        return value
+    unit = find_unit(_WEIGHTS.get(said, said))
+    if unit is None or unit.dimension != _DIMENSIONS[(*POSE, *WRENCH).index(name) // 3]:
+        raise InputError(f"`{said}` is no unit of {name}")
+    return unit.factor * value
+
+
+def _words(pose: F, columns: Sequence[str] = POSE) -> str:
     """A pose for a person: mm and degrees.
 
     Examples
     --------
     >>> _words(np.array([0.1, 0.002, 0.0, 0.0, 0.0, 0.1]))
-    'x 100 mm, y 2 mm, z 0 mm, rotation vector 0 0 5.73 degrees'
+    'x 100 mm, y 2 mm, z 0 mm, theta_x 0 deg, theta_y 0 deg, theta_z 5.73 deg'
+    >>> _words(np.array([0.1, 0.002, 0.0, 0.0, 0.0, 0.1]), ["theta_z_rad", "tau_z_Nm"])
+    'theta_z 5.73 deg'
     """
-    place = ", ".join(
-        f"{name} {scale * value:.4g} {unit}"
-        for value, (name, unit, scale) in zip(pose[:3], _SHOWN.values(), strict=True)
+    return ", ".join(
+        f"{name[:-2]} {1e3 * value:.4g} mm"
+        if name.endswith("_m")
+        else f"{name[:-4]} {math.degrees(value):.3g} deg"
+        for name, value in zip(POSE, pose[:6], strict=True)
+        if name in columns
     )
-    turn = " ".join(f"{angle:.3g}" for angle in np.rad2deg(pose[3:6]))
-    return f"{place}, rotation vector {turn} degrees"

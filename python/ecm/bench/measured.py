@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ecm.bench.settings import Bench
+from ecm.bench.settings import ALL, Bench
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
@@ -21,7 +21,7 @@ from ecm.io.table import Table
 from ecm.rig.instruments import zero_at
 from ecm.rig.plan import AT_HOME, LOOK_HOME, OFFSET, UNLOADED, Request, Skipped
 from ecm.rig.plan import POSE as AT_POSE
-from ecm.rig.readings import Reading, spread_columns, visit_columns
+from ecm.rig.readings import HEADER, Reading, spread_columns, visit_columns
 from ecm.rig.timeline import Layout, Timeline
 
 THE_END = -3
@@ -42,6 +42,8 @@ _ROWS_COMPARED = 30
 """Latest rows that they are compared with."""
 _AN_EPOCH_S = 1e8
 """A time stamp beyond it counts from 1970, not from the begin of a run."""
+_GAUGE = 0.05
+"""Share of the actuators' limits by which one may be off what was asked for."""
 _SATURATED = 0.999
 """Share of the sensor's range from which a reading counts as clipped."""
 
@@ -58,18 +60,22 @@ class Taken:
     time_s: float
     """Since 1970, or of the clock of the rig."""
     reading: Reading
+    inputs: F = field(default_factory=lambda: np.empty(0))
+    """What the actuators were read at, (m,)."""
 
     def line(self) -> str:
         """A line of the journal."""
-        return f"{self.number},{self.row},{self.kind},{self.time_s!r},{self.reading.line()}"
+        words = (self.number, self.row, self.kind, repr(self.time_s), self.reading.line())
+        return ",".join([*map(str, words), *map(repr, self.inputs.tolist())])
 
     @staticmethod
     def parse(line: str, where: str) -> Taken:
         """The inverse of `line`."""
-        number, row, kind, time_s, *rest = line.split(",", 4)
-        return Taken(
-            int(number), int(row), kind, float(time_s), Reading.parse("".join(rest), where)
-        )
+        number, row, kind, time_s, *cells = line.split(",")
+        count = HEADER.count(",") + 1
+        reading = Reading.parse(",".join(cells[:count]), where)
+        inputs = np.asarray(cells[count:], dtype=np.float64)
+        return Taken(int(number), int(row), kind, float(time_s), reading, inputs)
 
 
 class Chooser(Protocol):
@@ -120,6 +126,10 @@ class Run:
     total: int
     """Visits of the whole plan."""
     skipped: list[Skipped]
+    ways: F = field(default_factory=lambda: np.empty((0, 6)))
+    """Every point (k, 6) that the mover passes in the plan's own order."""
+    poses: F = field(default_factory=lambda: np.empty((0, 6)))
+    """Poses (n, 6) of the plan."""
     taken: list[Taken] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     order: list[int] = field(default_factory=list)
@@ -143,7 +153,8 @@ class Run:
     _beside: list[F] = field(default_factory=list)
     """Measured minus commanded pose (6,) of each reading."""
     _home_every: int = _HOME_EVERY
-    _suspected: bool = False
+    _slipped: int = 0
+    """Poses before the last slip: those after it are not compared with them."""
 
     @property
     def timeline(self) -> Timeline:
@@ -194,9 +205,9 @@ class Run:
         self.off = np.zeros(6)
         if taken.kind == AT_POSE:
             self._hold_to_repeat(visit.pose_id, taken.reading)
-        found = self._at_range(taken.reading)
+        found = self._at_range(taken.reading) + self._at_gauge(taken.inputs, visit.pose[6:])
         self.home_due -= 1
-        if taken.kind in (AT_POSE, AT_HOME):
+        if taken.kind == AT_HOME or (taken.kind == AT_POSE and self.offset(visit.row) is None):
             at_home = taken.kind == AT_HOME
             pose = self.layout.rest if at_home else visit.pose
             found += self._beside_commanded(taken.reading.pose - pose[:6], at_home=at_home)
@@ -236,13 +247,14 @@ class Run:
             # Where nothing moves, looks are lost time; where it does, they tell when.
             every = self._home_every // 2 if size > 0.5 * _MOVED else 2 * self._home_every
             self._home_every = int(np.clip(every, *_HOME_RANGE))
-            self.home_due, self._suspected = self._home_every, False
-        elif enough and len(before) > 2 * _ROWS_OF_SLIP and not self._suspected:
-            earlier = np.asarray(before[-_ROWS_COMPARED:-_ROWS_OF_SLIP])
+            self.home_due = self._home_every
+        elif enough and len(before) - self._slipped > 2 * _ROWS_OF_SLIP:
+            since = max(self._slipped, len(before) - _ROWS_COMPARED)
+            earlier = np.asarray(before[since:-_ROWS_OF_SLIP])
             step = np.mean(before[-_ROWS_OF_SLIP:], axis=0) - np.median(earlier, axis=0)
             limit = _MOVED * sd * np.sqrt(1.0 / _ROWS_OF_SLIP + 1.0 / len(earlier))
             if (np.abs(step) > limit).any():
-                self.home_due, self._suspected = 0, True
+                self.home_due, self._slipped = 0, len(before)
                 found.append(
                     f"the last {_ROWS_OF_SLIP} poses are {_size(step)} farther from the commanded "
                     "ones than those before: a marker may have slipped; the rest pose is looked at"
@@ -254,24 +266,46 @@ class Run:
         weight = self.timeline.visits[taken.number].dead_weight_kg
         return taken.kind in (OFFSET, UNLOADED) and not weight
 
-    def wrenches(self) -> F:
-        """Wrenches (N, 6) of all readings, by the zero that the procedure asks for."""
-        zeros = [taken for taken in self.taken if self._reads_zero(taken)]
-        readings = [t.reading for t in self.taken]
+    def wrenches(self, taken: Sequence[Taken]) -> F:
+        """Wrenches (N, 6) of readings, by the zeros among them that the procedure asks for."""
+        readings = [t.reading for t in taken]
+        return self.compensated(
+            taken,
+            np.asarray([t.time_s for t in taken]),
+            np.stack([reading.pose for reading in readings]),
+            np.stack([reading.sensor for reading in readings]),
+            np.asarray([r.sensor_temperature_degC for r in readings]),
+        )
+
+    def compensated(self, taken: Sequence[Taken], time_s: F, poses: F, sensor: F, degC: F) -> F:
+        """Wrenches (N, 6) of samples at (N,) times and temperatures, by the zeros of readings."""
+        zeros = [one for one in taken if self._reads_zero(one)]
         zero = zero_at(
-            np.asarray([t.time_s for t in self.taken]),
+            time_s,
             np.asarray([t.time_s for t in zeros]),
             np.asarray([t.reading.sensor for t in zeros]).reshape(-1, 6),
             self.bench.procedure.offset_compensation,
-            temperature_degC=np.asarray([r.sensor_temperature_degC for r in readings]),
+            temperature_degC=degC,
             reading_temperature_degC=np.asarray([t.reading.sensor_temperature_degC for t in zeros]),
         )
-        poses = np.stack([reading.pose for reading in readings])
-        return self._in_base(poses, np.stack([reading.sensor for reading in readings]) - zero)
+        return self._in_base(poses, sensor - zero)
 
     def _in_base(self, poses: F, sensor: F) -> F:
+        if self.bench.columns != ALL:
+            return sensor
         turned: F = turn_wrench(rotation(poses[:, 3:]), sensor @ self.top_from_sensor.T)
         return turned
+
+    @property
+    def began_s(self) -> float:
+        """What is taken off all times: they count from the first reading."""
+        first = self.taken[0].time_s
+        return first if first > _AN_EPOCH_S else 0.0
+
+    def six(self, poses: F, wrenches: F) -> dict[str, Any]:
+        """The columns of poses and wrenches (N, 6) that the rig measures."""
+        both = zip(ALL, [*poses.T, *wrenches.T], strict=True)
+        return {name: column.copy() for name, column in both if name in self.bench.columns}
 
     @cached_property
     def top_from_sensor(self) -> F:
@@ -295,6 +329,18 @@ class Run:
             return []
         return [f"the sensor is at its range along {WRENCH[int(np.argmax(share))]}"]
 
+    def _at_gauge(self, read: F, asked: F) -> list[str]:
+        low, high = self.bench.limits.actuation
+        far = np.abs(read - asked) > _GAUGE * (high - low)
+        return [
+            f"an actuator is at {read[i]:g}, {asked[i]:g} was asked for"
+            for i in np.flatnonzero(far)
+        ]
+
+    def offset(self, row: int) -> F | None:
+        """Way (6,) from the free pose of a row whose pose a driven mechanism takes first."""
+        return next((r.offset for r in self.requests if r.row == row), None)
+
     def noise(self) -> F | None:
         """Robust standard deviation (6,) of one reading by its repeats; None with too few."""
         return self._repeats.sd() / np.sqrt(2.0) if len(self._repeats) >= _ENOUGH else None
@@ -303,10 +349,10 @@ class Run:
         """How far a reading is from the model, N and mm."""
         if self.model is None or taken.kind != AT_POSE:
             return None
-        pose = taken.reading.pose[None]
-        off = (self.wrench(taken) - self.model.predict(pose))[0]
+        state = np.concatenate([taken.reading.pose, taken.inputs])[None]
+        off = (self.wrench(taken) - self.model.predict(state))[0]
         # Least squares: a model need not be stiff in all directions.
-        way = np.linalg.lstsq(self.model.stiffness(pose)[0], off)[0]
+        way = np.linalg.lstsq(self.model.stiffness(state)[0][:, :6], off)[0]
         return float(np.linalg.norm(off[:3])), float(1e3 * np.linalg.norm(way[:3]))
 
     def wrench(self, taken: Taken) -> F:
@@ -350,34 +396,57 @@ def _size(step: F) -> str:
     return f"{shift:.2g} mm and {turn:.2g} rad"
 
 
-def table_of(run: Run, plan: Table, out: Path) -> Table:
-    """The table of what was measured."""
-    wrenches = run.wrenches()
-    rows = [i for i, taken in enumerate(run.taken) if taken.kind != OFFSET]
-    taken = [run.taken[i] for i in rows]
+def table_of(run: Run, plan: Table, out: Path, readings: Sequence[Taken]) -> Table:
+    """The table of what was measured, or of the first of it."""
+    wrenches = run.wrenches(readings)
+    rows = [i for i, one in enumerate(readings) if one.kind != OFFSET]
+    taken = [readings[i] for i in rows]
     visits = [run.timeline.visits[one.number] for one in taken]
     repeats = Counter[tuple[str, int]]()
     for i, (one, visit) in enumerate(zip(taken, visits, strict=True)):
         key = (one.kind, visit.pose_id)
         visits[i] = replace(visit, kind=one.kind, repeat=repeats[key])
         repeats[key] += 1
-    began = run.taken[0].time_s if run.taken[0].time_s > _AN_EPOCH_S else 0.0
-    columns = visit_columns(visits, np.asarray([one.time_s - began for one in taken]))
-    readings = [one.reading for one in taken]
-    columns |= dict(zip(POSE, np.stack([r.pose for r in readings]).T.copy(), strict=True))
-    columns |= dict(zip(WRENCH, wrenches[rows].T.copy(), strict=True))
+    columns = visit_columns(visits, np.asarray([one.time_s for one in taken]) - run.began_s)
+    means = [one.reading for one in taken]
+    columns |= run.six(np.stack([r.pose for r in means]), wrenches[rows])
+    inputs = np.stack([one.inputs for one in taken])
+    columns |= dict(zip(plan.actuation_columns, inputs.T.copy(), strict=True))
     for name in ("temperature_degC", "sensor_temperature_degC"):
-        degrees = np.asarray([getattr(reading, name) for reading in readings])
+        degrees = np.asarray([getattr(reading, name) for reading in means])
         if np.isfinite(degrees).all():
             columns[name] = degrees
-    columns |= spread_columns(readings)
-    known, bench = plan.meta, run.bench
-    meta = Meta(
-        mechanism=known.mechanism,
-        instrument=bench.instrument,
-        scene=bench.scene,
-        runs=run.timeline.runs,
-        source=known.source,
-    )
+    spread, own = spread_columns(means), {f"sd_{name}" for name in run.bench.columns}
+    columns |= {name: column for name, column in spread.items() if name in own}
     skipped = (f"row {s.row + 1}, pose {s.pose_id}: skipped: {s.reason}" for s in run.skipped)
-    return Table(columns, meta, str(out), (*skipped, *run.warnings))
+    return Table(columns, _described(run, plan), str(out), (*skipped, *run.warnings))
+
+
+def _described(run: Run, plan: Table) -> Meta:
+    return Meta(
+        mechanism=plan.meta.mechanism,
+        instrument=run.bench.instrument,
+        scene=run.bench.scene,
+        runs=run.timeline.runs,
+        source=plan.meta.source,
+    )
+
+
+STREAM_HEADER = ",".join(["run", "time_s", *POSE, *(f"sensor_{name}" for name in WRENCH)])
+"""Header of the samples while they come: the wrench as in the journal, with the sensor's zero."""
+
+
+def stream_of(run: Run, plan: Table, lines: Sequence[str]) -> Table:
+    """The samples as a continuous test: one row a look at sensor and camera."""
+    numbers = np.asarray([line.split(",") for line in lines], dtype=np.float64)
+    numbers = numbers[np.argsort(numbers[:, 1], kind="stable")]
+    time_s, poses, sensor = numbers[:, 1], numbers[:, 2:8], numbers[:, 8:14]
+    known = [t for t in run.taken if np.isfinite(t.reading.sensor_temperature_degC)]
+    degC = np.full(len(time_s), np.nan)
+    if known:
+        warm = [t.reading.sensor_temperature_degC for t in known]
+        degC = np.interp(time_s, [t.time_s for t in known], warm)
+    columns = {"run": numbers[:, 0].copy(), "time_s": time_s - run.began_s}
+    columns |= run.six(poses, run.compensated(run.taken, time_s, poses, sensor, degC))
+    meta = _described(run, plan)
+    return Table(columns, replace(meta, file=replace(meta.file, kind="continuous")), "stream")

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -22,9 +22,14 @@ from ecm.bench.devices import Device, DeviceError
 from ecm.bench.measured import THE_END, Run, Taken
 from ecm.io.arrays import F
 from ecm.io.extras import require
+from ecm.io.se3 import displaced
 from ecm.rig.instruments import Window
 from ecm.rig.plan import AT_HOME, OFFSET, UNLOADED, Visit
+from ecm.rig.plan import POSE as AT_POSE
 from ecm.rig.readings import HEADER, Reading
+
+_CALL_S = 60.0
+"""Longest time of a call that has no limit of its own."""
 
 
 class Stopped(DeviceError):
@@ -49,6 +54,10 @@ class Status:
     def add_callback(self, callback: Callable[[Any], None]) -> None:
         self._future.add_done_callback(lambda _: callback(self))
 
+    def result(self, timeout: float | None) -> Any:
+        """What the work returned."""
+        return self._future.result(timeout)
+
     def exception(self, timeout: float | None = 0.0) -> BaseException | None:
         return self._future.exception(timeout)
 
@@ -61,16 +70,39 @@ class Status:
         return self.done and self._future.exception() is None
 
 
+def by_hand(devices: Mapping[str, Device], *parts: str) -> bool:
+    """Whether one of these parts is a person, for whom no watchdog waits."""
+    return any(getattr(devices.get(part), "by_hand", False) for part in parts)
+
+
+class Clock:
+    """The clock of the mover, where it has one of its own, or that of this machine."""
+
+    def __init__(self, mover: Device) -> None:
+        self.own = hasattr(mover, "now")
+        self._mover = mover
+
+    def passed(self) -> float:
+        """Seconds that only grow."""
+        return float(self._mover.now()) if self.own else time.monotonic()
+
+    def middle(self, window_s: float) -> float:
+        """Time of the middle of a window that has just passed; a clock of its own stands there."""
+        return float(self._mover.now()) if self.own else time.time() - 0.5 * window_s
+
+
 class _Mover:
     """The mover as Bluesky sets and stops it; it looks at the sensor while it moves."""
 
     name = "mover"
     parent = None
 
-    def __init__(self, run: Run, devices: Mapping[str, Device]) -> None:
-        self._run, self._devices = run, devices
+    def __init__(self, run: Run, devices: Mapping[str, Device], rig: _Rig) -> None:
+        self._run, self._devices, self._rig = run, devices, rig
         self.ended = threading.Event()
         """Whether nothing may move any more."""
+        self.over = False
+        """Whether the run has come to its end, where the mover rests."""
 
     def set(self, pose: F) -> Status:
         return Status(lambda: self._move(np.asarray(pose)))
@@ -84,24 +116,19 @@ class _Mover:
         while not mover.settled():
             if self.ended.is_set():
                 break
-            look(self._run, self._devices, limits.check_s)
+            self._rig.look()
             if time.monotonic() > until:
                 raise Stopped(f"the move has not ended within {limits.move_s:g} s (move_s)")
 
     def stop(self, *, success: bool = False) -> None:
-        del success
+        del success  # which is true whatever happened
+        if self.over:
+            return
         with suppress(Exception):  # the reason of the stop is what is told
             self._devices["mover"].stop()
-
-
-def look(run: Run, devices: Mapping[str, Device], window_s: float) -> None:
-    """Read the sensor and the thermometer; Stopped where they are beyond a limit."""
-    limits = run.bench.limits
-    breach = limits.wrench_breach(devices["wrench"].wrench(window_s).mean(axis=0) - run.zero)
-    if not breach and "thermometer" in devices:
-        breach = limits.temperature_breach(float(np.ravel(devices["thermometer"].temperature())[0]))
-    if breach:
-        raise Stopped(breach)
+        with suppress(Exception):
+            if "actuation" in self._devices and self._run.bench.limits.release_on_stop:
+                self._devices["actuation"].actuate(np.zeros_like(self._run.layout.rest[6:]))
 
 
 @dataclass(frozen=True)
@@ -122,10 +149,48 @@ class _Rig:
     name = "reading"
     parent = None
 
-    def __init__(self, run: Run, devices: Mapping[str, Device]) -> None:
-        self._run, self._devices = run, devices
+    def __init__(
+        self, run: Run, devices: Mapping[str, Device], sample: Callable[[str], None] | None
+    ) -> None:
+        self._run, self._devices, self._sample = run, devices, sample
         self.window_s = run.bench.procedure.window_s
+        self.run_number = 0
+        self.clock = Clock(devices["mover"])
         self.reading: Reading | None = None
+        self.time_s = 0.0
+        """Of the middle of the reading's window."""
+        self.inputs = np.empty(0)
+        # Two questions at once would be one too many for a person.
+        self._by_hand = by_hand(devices, "pose", "wrench")
+
+    def look(self) -> None:
+        """Read sensor, thermometer and gauges; Stopped where they are beyond a limit."""
+        limits, devices = self._run.bench.limits, self._devices
+        if by_hand(devices, "wrench"):
+            return
+        rate, window_s = self._run.bench.procedure.stream_Hz, limits.check_s
+        follows = self._sample is not None and not self._by_hand
+        if follows:
+            window_s = min(window_s, 1.0 / rate)
+            seen = Status(lambda: devices["pose"].pose(window_s))
+        sensor = self._samples(window_s).mean(axis=0)
+        breach = limits.wrench_breach(sensor - self._run.zero)
+        if not breach and "thermometer" in devices:
+            degrees = float(np.ravel(devices["thermometer"].temperature())[0])
+            breach = limits.temperature_breach(degrees)
+        if not breach and "actuation" in devices:
+            breach = limits.actuation_breach(devices["actuation"].actuation())
+        if breach:
+            raise Stopped(breach)
+        if follows:
+            pose, _ = seen.result(window_s + limits.answer_s)
+            self._keep(np.asarray(pose), sensor[None], self.clock.middle(window_s), window_s)
+
+    def _samples(self, window_s: float) -> F:
+        samples: F = np.atleast_2d(self._devices["wrench"].wrench(window_s))
+        if samples.ndim != 2 or samples.shape[1] != 6:
+            raise DeviceError("the sensor gave no samples of six numbers")
+        return samples
 
     def trigger(self) -> Status:
         return Status(self._take)
@@ -133,12 +198,17 @@ class _Rig:
     def _take(self) -> None:
         devices, window_s = self._devices, self.window_s
         seen = Status(lambda: devices["pose"].pose(window_s))
-        samples = np.atleast_2d(devices["wrench"].wrench(window_s))
+        if self._by_hand:
+            seen.result(None)
+        samples = self._samples(window_s)
         warm = [np.nan, np.nan]
         if "thermometer" in devices:
             degrees = np.ravel(devices["thermometer"].temperature())
             warm[: len(degrees)] = degrees.tolist()
-        mean, spread = seen._future.result(window_s + self._run.bench.limits.answer_s)
+        if "actuation" in devices:
+            self.inputs = np.asarray(devices["actuation"].actuation(), dtype=np.float64)
+        mean, spread = seen.result(window_s + self._run.bench.limits.answer_s)
+        self.time_s = self.clock.middle(window_s)
         self.reading = Reading.of_samples(
             Window(np.asarray(mean), np.asarray(spread)),
             samples,
@@ -146,6 +216,19 @@ class _Rig:
             float(warm[0]),
             float(warm[1]),
         )
+        if self._sample is not None:
+            count = max(1, round(window_s * self._run.bench.procedure.stream_Hz))
+            parts = np.array_split(samples, min(count, len(samples)))
+            means = np.stack([part.mean(axis=0) for part in parts])
+            self._keep(self.reading.pose, means, self.time_s, window_s)
+
+    def _keep(self, pose: F, sensor: F, middle_s: float, window_s: float) -> None:
+        """Keep samples (n, 6) that are spread over a window."""
+        assert self._sample is not None
+        for i, row in enumerate(sensor):
+            time_s = middle_s + ((i + 0.5) / len(sensor) - 0.5) * window_s
+            numbers = [float(self.run_number), time_s, *pose.tolist(), *row.tolist()]
+            self._sample(",".join(map(repr, numbers)))
 
     def read(self) -> dict[str, Any]:
         reading = self.reading
@@ -168,14 +251,17 @@ class Messages:
         keep: Callable[[Taken, list[str]], None],
         say: Callable[[str], None],
         minutes: float | None,
+        sample: Callable[[str], None] | None = None,
     ) -> None:
         self._run, self._devices, self._keep, self._say = run, devices, keep, say
         self._stubs = require("bluesky.plan_stubs", "measure", "ecm measure")
-        self.mover, self._rig = _Mover(run, devices), _Rig(run, devices)
+        self._rig = _Rig(run, devices, sample)
+        self.mover = _Mover(run, devices, self._rig)
         self._at: F | None = None
-        self._clock = devices["mover"] if hasattr(devices["mover"], "now") else time
-        self._passed = self._clock.now if hasattr(self._clock, "now") else time.monotonic
-        self._ends_s = np.inf if minutes is None else self._passed() + 60.0 * minutes
+        self._free: dict[bytes, F] = {}
+        """Poses (6,) that the driven mechanism took without a load, by the inputs."""
+        self._clock = self._rig.clock
+        self._ends_s = np.inf if minutes is None else self._clock.passed() + 60.0 * minutes
         self._row = run.taken[-1].row if run.taken else -1
         self._mount, self._payload, self._weight, self._heated = 0.0, True, 0.0, 0.0
 
@@ -183,9 +269,13 @@ class Messages:
         """Every visit from the first that is missing, and those that are chosen on the way."""
         visits = self._run.timeline.visits
         yield from self._stubs.open_run()
-        if first:
-            yield from self._home_check(visits[-1])
         number, ended = first, False
+        if first:
+            last = visits[first - 1]
+            # By what was measured before the cut: a run that was not cut chose the same.
+            while number == len(visits) and not ended:
+                ended = self._go_on(number)
+            yield from self._home_check(last)
         while True:
             while number == len(visits) and not ended:
                 ended = self._go_on(number)
@@ -198,11 +288,12 @@ class Messages:
                 yield from self._visit(number)
             number += 1
         yield from self._stubs.close_run()
+        self.mover.over = True
 
     def _go_on(self, number: int) -> bool:
         """Lay out what comes next; whether that was the end."""
         row = self._run.next_row()
-        if row != THE_END and self._passed() > self._ends_s:
+        if row != THE_END and self._clock.passed() > self._ends_s:
             self.told(f"the time was over after {number} of {self._run.total} visits")
             row = THE_END
         self._run.go_on(row)
@@ -237,11 +328,19 @@ class Messages:
     def _read(self, visit: Visit, number: int) -> Iterator[Any]:
         stubs, limits = self._stubs, self._run.bench.limits
         yield from stubs.checkpoint()
-        for point in visit.way[1:] if len(visit.way) > 1 else visit.way:
+        way = visit.way[1:] if len(visit.way) > 1 else visit.way
+        offset = self._run.offset(visit.row) if visit.kind == AT_POSE else None
+        for i, point in enumerate(way):
             if self._at is not None and np.array_equal(point, self._at):
                 continue
-            yield from stubs.abs_set(self.mover, point, group="move")
-            yield from stubs.wait("move", timeout=limits.move_s + limits.answer_s)
+            yield from self._driven(point[6:])
+            goal = point[:6]
+            if offset is not None and i == len(way) - 1 and "follower" in self._devices:
+                goal = yield from self._followed(point[6:], offset)
+            yield from stubs.abs_set(self.mover, goal, group="move")
+            patient = by_hand(self._devices, "mover")
+            most_s = None if patient else limits.move_s + limits.answer_s
+            yield from stubs.wait("move", timeout=most_s)
             self._at = point
         yield from self._handled(visit)
         freed = visit.kind in (OFFSET, UNLOADED)
@@ -249,22 +348,52 @@ class Messages:
             yield from self._asked("free the sensor from the mechanism")
         yield from self._waited(visit.dwell_s)
         if not freed:
-            yield from self._called(lambda: look(self._run, self._devices, limits.check_s))
+            yield from self._called(self._rig.look)
         rig = self._rig
-        rig.window_s = visit.window_s
+        rig.window_s, rig.run_number = visit.window_s, visit.run
+        patient = by_hand(self._devices, "pose", "wrench")
         yield from stubs.trigger(rig, group="read")
-        yield from stubs.wait("read", timeout=visit.window_s + limits.answer_s)
+        yield from stubs.wait("read", timeout=None if patient else visit.window_s + limits.answer_s)
         yield from stubs.create("primary")
         yield from stubs.read(rig)
         yield from stubs.save()
         assert rig.reading is not None
-        taken = Taken(number, self._row, visit.kind, float(self._now()), rig.reading)
+        taken = Taken(number, self._row, visit.kind, rig.time_s, rig.reading, rig.inputs)
         findings = [f"visit {number + 1}: {finding}" for finding in self._run.add(taken)]
         self._keep(taken, findings)
         for finding in findings:
             self.told(finding)
         if freed:
             yield from self._asked("connect the sensor to the mechanism again")
+
+    def _driven(self, values: F) -> Iterator[Any]:
+        """Set the actuators (m,), where they are to be changed."""
+        if not values.size or (self._at is not None and np.array_equal(values, self._at[6:])):
+            return
+        breach = self._run.bench.limits.actuation_breach(values)
+        if breach:
+            raise Stopped(breach)
+        patient = by_hand(self._devices, "actuation")
+        yield from self._called(
+            lambda: self._devices["actuation"].actuate(values), None if patient else _CALL_S
+        )
+
+    def _followed(self, values: F, offset: F) -> Generator[Any, Any, F]:
+        """Pose (6,) that is `offset` away from the free one, which is looked for where unknown."""
+        bench = self._run.bench
+        if values.tobytes() not in self._free:
+            follower, camera = self._devices["follower"], self._devices["pose"]
+
+            def find() -> None:
+                follower.follow(bench.procedure.free_N)
+                self._free[values.tobytes()] = np.asarray(camera.pose(bench.procedure.window_s)[0])
+
+            yield from self._called(find, bench.limits.move_s + bench.limits.answer_s)
+        goal: F = displaced(self._free[values.tobytes()][None], offset[None])[0]
+        breach = bench.limits.pose_breach(goal, self._run.layout.rest)
+        if breach:
+            raise Stopped(breach)
+        return goal
 
     def _handled(self, visit: Visit) -> Iterator[Any]:
         """What a person does between two runs."""
@@ -291,19 +420,16 @@ class Messages:
     def _asked(self, text: str) -> Iterator[Any]:
         yield from self._called(lambda: self._devices["person"].ask(text), None)
 
-    def _called(self, work: Callable[[], Any], most_s: float | None = 60.0) -> Iterator[Any]:
+    def _called(self, work: Callable[[], Any], most_s: float | None = _CALL_S) -> Iterator[Any]:
         """Wait for a call in a thread of its own, so that Bluesky may stop in between."""
         yield from self._stubs.trigger(_Call(work), group="call")
         yield from self._stubs.wait("call", timeout=most_s)
 
     def _waited(self, seconds: float) -> Iterator[Any]:
-        if hasattr(self._clock, "wait"):
-            self._clock.wait(seconds)
+        if self._clock.own:
+            self._devices["mover"].wait(seconds)
         else:
             yield from self._stubs.sleep(seconds)
-
-    def _now(self) -> float:
-        return float(time.time() if self._clock is time else self._clock.now())
 
     def told(self, words: str) -> None:
         self._run.warnings.append(words)

@@ -10,18 +10,22 @@ import hashlib
 import json
 import logging
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ecm.bench.devices import Device, DeviceError, closed
-from ecm.bench.measured import THE_END, Run, Taken, table_of
+from ecm.bench.measured import STREAM_HEADER, THE_END, Run, Taken, stream_of, table_of
 from ecm.bench.messages import Messages, Status, Stopped
-from ecm.bench.settings import Bench
+from ecm.bench.picture import envelope_svg
+from ecm.bench.settings import ALL, Bench
+from ecm.bench.until import Goal, Until, certify
+from ecm.designs.next_pose import UNITS
 from ecm.errors import InputError, Remedy
 from ecm.io.arguments import check_arguments
+from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE
 from ecm.io.events import tell
 from ecm.io.extras import require
@@ -37,8 +41,10 @@ from ecm.rig.plan import POSE as AT_POSE
 from ecm.rig.readings import (
     HEADER,
     Journal,
+    clear_beside,
     journal_path,
     keep_data,
+    raw_path,
 )
 from ecm.rig.timeline import Layout, timeline_of
 
@@ -57,30 +63,35 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
     Raises
     ------
     InputError
-        A plan without a length or with actuators, a pose beyond the limits, or a person who is
-        needed and not there.
+        A plan without a length, a pose or an actuator beyond the limits, or a person or actuators
+        that are needed and not there.
     """
     length = plan.meta.length_m
-    if length is None:
+    if length is None and POSE[0] in bench.columns:
         raise InputError(f"{plan.source}: its TOML names no [mechanism] length_m; add it")
-    if plan.actuation_columns:
+    length = length or 1.0  # of a table without x, where it is nowhere seen
+    plan = _filled(plan, bench, length)
+    if plan.actuation_columns and "actuation" not in bench.devices:
         raise InputError(
-            f"{plan.source}: ecm measure drives no actuators yet; take the columns out"
+            f"{bench.where}: {plan.source} has {', '.join(plan.actuation_columns)}, and there is "
+            "no [actuation] to set them; add that table (docs/measure.md)"
         )
-    procedure, limits, rest = bench.procedure, bench.limits, rest_pose(length)
+    procedure, limits = bench.procedure, bench.limits
+    rest = rest_pose(length, len(plan.actuation_columns))
     visited, skipped = split_by_limits(requests(plan, procedure, length), procedure, length)
     timeline = timeline_of(visited, procedure, length)  # of the plan's own order
     poses = np.stack([visit.pose for visit in timeline.visits])
     for visit in timeline.visits:
         for point in visit.way:
-            breach = limits.pose_breach(point, rest)
+            breach = limits.pose_breach(point, rest) or limits.actuation_breach(point[6:])
             if breach:
                 raise InputError(
                     f"{plan.source} row {visit.row + 1}: {breach} of [limits]. Take the row out, "
                     "or raise the limit where the mechanism and the mover bear it"
                 )
     freed = [v for v in timeline.visits if v.kind in (OFFSET, UNLOADED)]
-    asks = any(v.kind == UNLOADED for v in freed) or procedure.offset_compensation != "none"
+    zeros = procedure.offset_compensation != "none"
+    asks = any(v.kind == UNLOADED for v in freed) or zeros
     if asks and "person" not in bench.devices:
         remedy = Remedy('or add the table [person] with device = "manual"')
         raise InputError(
@@ -88,20 +99,64 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
             '[person] to free it; set [rig] offset_compensation = "none" where it is zeroed before',
             remedy=remedy,
         )
-    low, high = poses.min(axis=0), poses.max(axis=0)
+    driven = poses[:, 6:]
+    count = sum(visit.kind != OFFSET or zeros for visit in timeline.visits)
+    lines = [
+        f"{count} visits, about {timeline.end_s / 60.0:.0f} minutes",
+        *(
+            f"{name:12s} {1e3 * column.min():8.2f} to {1e3 * column.max():8.2f} "
+            + ("mm" if name.endswith("_m") else "mrad")
+            for name, column in zip(POSE, poses[:, :6].T, strict=True)
+            if name in bench.columns
+        ),
+        *(
+            f"{name:12s} {column.min():8g} to {column.max():8g} {name.rpartition('_')[2]}, "
+            f"limits {limits.actuation[0]:g} to {limits.actuation[1]:g}"
+            for name, column in zip(plan.actuation_columns, driven.T, strict=True)
+        ),
+    ]
+    if any(request.offset is not None for request in visited):
+        lines.append(
+            "each row of the plan is an offset from the pose to which the follower goes"
+            if "follower" in bench.devices
+            else "there is no [follower]: the poses are those of the plan"
+        )
     shift = 1e3 * np.linalg.norm(poses[:, :3] - rest[:3], axis=1).max()
     turn = np.linalg.norm(poses[:, 3:6], axis=1).max()
-    lines = [
-        f"{len(timeline.visits)} visits, about {timeline.end_s / 60.0:.0f} minutes",
-        *(
-            f"{name:12s} {1e3 * a:8.2f} to {1e3 * b:8.2f} {'mm' if name.endswith('_m') else 'mrad'}"
-            for name, a, b in zip(POSE, low, high, strict=True)
-        ),
+    lines.append(
         f"farthest {shift:.2f} mm and {turn:.3f} rad from rest; limits {1e3 * limits.shift_m:g} mm "
-        f"and {limits.rotation_rad:g} rad, {limits.force_N:g} N and {limits.torque_Nm:g} N m",
-    ]
+        f"and {limits.rotation_rad:g} rad, {limits.force_N:g} N and {limits.torque_Nm:g} N m"
+    )
     layout = Layout(procedure, length, visited)
-    return Run(bench, visited, layout, len(timeline.visits), skipped), lines
+    run = Run(bench, visited, layout, len(timeline.visits), skipped)
+    run.ways = np.concatenate([visit.way for visit in timeline.visits])
+    run.poses = poses[[visit.kind == AT_POSE for visit in timeline.visits]]
+    return run, lines
+
+
+def pictured(run: Run, out: Path) -> str:
+    """Draw where a plan goes beside its table, and say where the picture is."""
+    path, limits = out.with_suffix(".envelope.svg"), run.bench.limits
+    text = envelope_svg(
+        run.ways,
+        run.poses,
+        run.layout.rest,
+        shift_m=limits.shift_m,
+        rotation_rad=limits.rotation_rad,
+        columns=run.bench.columns,
+    )
+    write_atomically(path, text)
+    return f"{path} shows the poses, the ways and the limits"
+
+
+def _filled(plan: Table, bench: Bench, length_m: float) -> Table:
+    """A plan with all coordinates: those that the rig does not measure stay at rest."""
+    missing = {
+        name: np.full(len(plan), at)
+        for name, at in zip(POSE, rest_pose(length_m), strict=True)
+        if name not in bench.columns and not plan.has(name)
+    }
+    return plan.with_columns(missing) if missing else plan
 
 
 def measure(  # noqa: PLR0913 - each is a choice of its own
@@ -111,6 +166,9 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
     *,
     minutes: float | None = None,
     model: Any = None,
+    until: str = "",
+    fit: str = "",
+    seed: int = 0,
     agree: Callable[[list[str]], object] | None = None,
     resume: bool = True,
     overwrite: bool = False,
@@ -132,8 +190,17 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
         No pose is begun after this time.
     model
         A model of pose and wrench: `progress` says how far each row is from it.
+    until
+        What is enough: an error at fresh poses, `0.3 mm` or `0.5 N`, or `named`. After each row the
+        next is that which tells most per minute about it. NAME.until.json says why it stopped.
+    fit
+        Model whose error counts, such as `energy6`; by default the best of degree 4 to 6. With
+        `minutes` and without `until`: what tells most about it until the time is over.
+    seed
+        Seed of the diagnoses of `named`.
     agree
-        Gets the lines of `envelope` before anything moves; what it raises ends the run there.
+        Gets the lines of `envelope` before anything moves, when NAME.envelope.svg is drawn; what
+        it raises ends the run there.
     resume
         Go on after the last reading of a run that was cut; False starts again.
     overwrite
@@ -176,16 +243,33 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
     keep_data(out, overwrite=overwrite, resume=resume)
     engine_of = require("bluesky.run_engine", "measure", "ecm measure").RunEngine
     run, lines = envelope(plan, bench)
+    if until or fit:
+        goal = Goal.parse(until) if until else Goal("the end of the plan", "N")
+        if goal.unit in UNITS and (bench.columns != ALL or plan.actuation_columns):
+            raise InputError(
+                f"--until {goal.text}: an error needs all six pose and wrench columns and no "
+                "actuators; leave --until out"
+            )
+        run.chooser = Until(goal, plan, fit, model, seed)
+    lines.append(pictured(run, out))
     if agree is not None:
         agree(lines)
     run.model = model
-    if model is not None and np.shape(model.predict(run.layout.rest[None])) != (1, 6):
+    few = bench.columns != ALL
+    if model is not None and (few or np.shape(model.predict(run.layout.rest[None])) != (1, 6)):
         raise InputError(
-            "the model has not all six columns of pose and wrench, which rows are held to"
+            "the model or the rig has not all six columns of pose and wrench, by which rows are "
+            "compared"
         )
     path = journal_path(out)
-    head = "visit,row,kind,time_s," + HEADER
-    with Journal(path, _key(plan, bench), head, resume=resume) as journal:
+    head = ",".join(["visit,row,kind,time_s", HEADER, *plan.actuation_columns])
+    key = _key(plan, bench)
+    with ExitStack() as files:
+        journal = files.enter_context(Journal(path, key, head, resume=resume))
+        samples = None
+        if bench.procedure.stream_Hz:
+            beside = journal_path(out.with_suffix(".raw.csv"))
+            samples = files.enter_context(Journal(beside, key, STREAM_HEADER, resume=resume))
         for line in journal.lines:
             taken = Taken.parse(line, str(path))
             run.again_at(taken)
@@ -200,26 +284,25 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
 
         if not run.taken or run.taken[-1].row != THE_END:
             parts = bench.open() if devices is None else devices
-            _drive(engine_of, run, first, parts, keep, say, minutes)
+            sample = None if samples is None else samples.append
+            _drive(Messages(run, parts, keep, say, minutes, sample), engine_of, run, first, parts)
         if not any(taken.kind == AT_POSE for taken in run.taken):
             raise InputError(f"{out}: no pose was measured, so no table is written")
-        table = table_of(run, plan, out)
+        table = table_of(run, plan, out, run.taken)
         table.write(out)
+        clear_beside(out, keep=())
+        if samples is not None and samples.lines:
+            stream_of(run, plan, samples.lines).write(raw_path(out).with_suffix(".csv"))
+            samples.remove()
+        certify(run, out)
         journal.remove()
     return table
 
 
 def _drive(
-    engine_of: Any,
-    run: Run,
-    first: int,
-    devices: Mapping[str, Device],
-    keep: Callable[[Taken, list[str]], None],
-    say: Callable[[str], None],
-    minutes: float | None,
+    messages: Messages, engine_of: Any, run: Run, first: int, devices: Mapping[str, Device]
 ) -> None:
     """Let Bluesky go through the visits; whatever happens, the mover is stopped first."""
-    messages = Messages(run, devices, keep, say, minutes)
     if first:
         run.timeline.runs.setdefault(run.timeline.visits[-1].run, {})["note"] = (
             f"interrupted before visit {first + 1}; the zero and the rest pose were read again"

@@ -14,10 +14,13 @@ import numpy as np
 from ecm.bench.devices import NEEDED, PARTS, Device, closed, opened, require_part
 from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Scene
 from ecm.io.settings import Checked, read_settings, setting
 from ecm.io.toml import check_keys, read_toml
 from ecm.rig.settings import Procedure
+
+ALL = (*POSE, *WRENCH)
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,10 @@ class LimitsTable(Checked):
     """Longest silence of a device that reads, beyond the window, s."""
     check_s: float = setting(0.1, above=0.0)
     """Time between two looks at the sensor while the mover moves, s."""
+    actuation: tuple[float, float] = setting((0.0, 0.0))
+    """Lowest and highest pressure or tension of every actuator, Pa or N."""
+    release_on_stop: bool = setting(False)
+    """Whether a stop also sets the actuators to zero."""
 
     def pose_breach(self, pose: F, rest: F) -> str:
         """Words for what a pose (6,) breaks; empty where it breaks nothing."""
@@ -58,6 +65,14 @@ class LimitsTable(Checked):
         if turn > self.rotation_rad:
             return f"rotation {turn:.3f} rad, limit {self.rotation_rad:g} rad (rotation_rad)"
         return ""
+
+    def actuation_breach(self, values: F) -> str:
+        """Words for an actuator (m,) beyond its limits; empty where all are within."""
+        low, high = self.actuation
+        far = values[~((values >= low) & (values <= high))]
+        return (
+            f"an actuator at {far[0]:g}, limits {low:g} to {high:g} (actuation)" if len(far) else ""
+        )
 
     def wrench_breach(self, wrench: F) -> str:
         """Words for what a wrench (6,) in sensor axes breaks; empty where it breaks nothing."""
@@ -109,6 +124,9 @@ class Bench:
     instrument: Instrument = field(default_factory=Instrument)
     scene: Scene = field(default_factory=Scene)
     devices: Mapping[str, DeviceTable] = field(default_factory=dict)
+    columns: tuple[str, ...] = ALL
+    """Columns of pose and wrench that this rig measures; with fewer than all the wrench is read in
+    base axes."""
     where: str = "bench.toml"
 
     @staticmethod
@@ -120,8 +138,11 @@ class Bench:
         InputError
             Naming file, table, key and the nearest known name.
         """
-        check_keys(tables, ("rig", "limits", "instrument", "scene", *PARTS), where)
-        devices = {}
+        check_keys(tables, ("columns", "rig", "limits", "instrument", "scene", *PARTS), where)
+        columns = tables.get("columns", list(ALL))
+        if not isinstance(columns, list) or not {*columns} <= {*ALL} or not columns:
+            raise InputError(f"{where}: columns = {columns}: expected some of {', '.join(ALL)}")
+        devices: dict[str, DeviceTable] = {}
         for part in PARTS:
             table = tables.get(part)
             if table is None:
@@ -132,17 +153,21 @@ class Bench:
                 raise InputError(
                     f"{where} [{part}]: the key device is missing; write device = 'line' or another"
                 )
+            if table["device"] in devices and len(table) == 1:
+                devices[part] = devices[table["device"]]
+                continue
             rest = {key: value for key, value in table.items() if key != "device"}
             devices[part] = DeviceTable(table["device"], rest)
         procedure = read_settings(Procedure, tables.get("rig", {}), f"{where} [rig]")
-        if procedure.mode != "quasi_static" or procedure.stream_Hz:
-            raise InputError(f"{where} [rig]: mode and stream_Hz belong to the simulated rig")
+        if procedure.mode != "quasi_static":
+            raise InputError(f"{where} [rig]: mode belongs to the simulated rig")
         return Bench(
             procedure,
             read_settings(LimitsTable, tables.get("limits", {}), f"{where} [limits]"),
             read_settings(Instrument, tables.get("instrument", {}), f"{where} [instrument]"),
             read_settings(Scene, tables.get("scene", {}), f"{where} [scene]"),
             devices,
+            tuple(name for name in ALL if name in columns),
             where,
         )
 
@@ -154,7 +179,7 @@ class Bench:
     def key(self) -> str:
         """Hash of what readings mean; the addresses of devices may change between two days."""
         parts = (self.procedure, self.instrument, self.scene)
-        document = json.dumps([asdict(part) for part in parts], sort_keys=True)
+        document = json.dumps([[asdict(part) for part in parts], self.columns], sort_keys=True)
         return hashlib.sha256(document.encode()).hexdigest()
 
     def open(self) -> dict[str, Device]:
@@ -173,6 +198,8 @@ class Bench:
             try:
                 if same not in shared:
                     shared[same] = opened(table.device, table.settings, where)
+                    if hasattr(shared[same], "columns"):
+                        shared[same].columns = self.columns
                 parts[part] = require_part(shared[same], part, where)
             except EcmError:
                 for device in shared.values():

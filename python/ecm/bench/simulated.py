@@ -34,7 +34,7 @@ _PAUSE_S = 1e-3
 
 
 class SimulatedRig(LineDevice):
-    """Mover, sensor, camera, thermometer and person of the simulated rig.
+    """Mover, sensor, camera, thermometer, actuators, follower and person of the simulated rig.
 
     Parameters
     ----------
@@ -99,6 +99,8 @@ class _Server:
         self._rows = campaign.rows
         self._time_s, self._more_s = 0.0, 0.0
         self._reading: Reading | None = None
+        self._state, self._free = np.empty(0), np.empty(0)
+        self._following = False
         self._samples = np.zeros((0, 6))
 
     def answer(self, question: dict[str, Any]) -> dict[str, Any]:
@@ -127,12 +129,24 @@ class _Server:
         visit = visits[index]
         if again:
             visits[index] = replace(visit, repeat=visit.repeat + 1000 * again)
+        self._state, self._free = visit.pose, visit.pose if visit.free is None else visit.free
         self._reading = self._campaign.measure(index)
         self._samples = self._campaign.sensor_samples(index)
         visits[index] = visit
 
     def _start(self, question: dict[str, Any]) -> None:
         """The pose is that of the visit that was begun."""
+        self._following = False
+
+    def _follow(self, question: dict[str, Any]) -> None:
+        """The camera sees the free pose next."""
+        self._following = True
+
+    def _actuate(self, question: dict[str, Any]) -> None:
+        """The inputs are those of the visit that was begun."""
+
+    def _actuation(self, question: dict[str, Any]) -> dict[str, Any]:
+        return {"values": self._state[6:].tolist()}
 
     def _settled(self, question: dict[str, Any]) -> dict[str, Any]:
         return {"settled": True}
@@ -153,6 +167,8 @@ class _Server:
         return {"samples": self._samples.tolist()}
 
     def _pose(self, question: dict[str, Any]) -> dict[str, Any]:
+        if self._following:
+            return {"mean": self._free[:6].tolist(), "sd": [0.0] * 6}
         reading = self._now_reading()
         return {"mean": reading.pose.tolist(), "sd": reading.pose_sd.tolist()}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 import time
@@ -12,7 +13,8 @@ from typing import Any, Literal
 
 from ecm.bench import Bench
 from ecm.bench import measure as measure_plan
-from ecm.bench.run import envelope
+from ecm.bench.run import envelope, pictured
+from ecm.bench.until import certificate_path
 from ecm.cli.command import Count, Natural
 from ecm.cli.models import open_model
 from ecm.cli.session import Session, check_output_directory, check_plan
@@ -245,6 +247,8 @@ def measure(
     out: Path,
     minutes: float | None = None,
     model: Path | None = None,
+    until: str = "",
+    fit: str = "",
     dry_run: bool = False,
     yes: bool = False,
     overwrite: bool = False,
@@ -263,6 +267,11 @@ def measure(
         Begin no pose after N minutes.
     model : MODEL
         Say how far each row is from this model.
+    until : GOAL
+        Stop when it is enough: "0.3 mm" or "0.5 N" at fresh poses, or named. The plan's rows are
+        taken in the order in which they tell most per minute.
+    fit : NAME
+        Model whose error counts, such as energy6; default: the best of degree 4 to 6.
     dry_run
         Say where the mover would go, and move nothing.
     yes
@@ -280,13 +289,14 @@ def measure(
             session.print(line)
         if not dry_run and not yes and not _agreed():
             remedy = Remedy(
-                "look at the numbers above, clear the rig's surroundings, and say --yes"
+                "look at numbers and picture, clear the rig's surroundings, and say --yes"
             )
             raise InputError("nobody has agreed to the moves above", remedy=remedy)
         session.on_interrupt("the mover was stopped. The same command goes on there.")
 
     if dry_run:
-        agree(envelope(visits, bench)[1])
+        run, lines = envelope(visits, bench)
+        agree([*lines, pictured(run, out)])
         session.print("dry run: nothing was moved")
         return
     data = measure_plan(
@@ -295,6 +305,9 @@ def measure(
         out,
         minutes=minutes,
         model=None if model is None else open_model(str(model), session, visits),
+        until=until,
+        fit=fit,
+        seed=session.seed,
         agree=agree,
         overwrite=overwrite,
         say=session.warn,
@@ -302,6 +315,9 @@ def measure(
     )
     session.write_json({"schema": 1, "rows": len(data), "data": str(out)})
     session.print(f"{out}: {len(data)} rows")
+    if until or fit:
+        for line in json.loads(certificate_path(out).read_text(encoding="utf-8"))["words"]:
+            session.print(line)
 
 
 def _agreed() -> bool:

@@ -172,13 +172,13 @@ def _tops(columns: Mapping[str, NDArray[Any]], frames: Frames, source: str) -> F
     tool = np.column_stack([columns[name] for name in POSE]).astype(np.float64)
     bad = ~np.isfinite(tool).all(axis=1)
     tool[bad] = 0.0  # a row with NaN stays one
-    robot, inside = _pose(frames.base_from_robot), _pose(frames.top_from_tool)
+    robot, inside = frame_pose(frames.base_from_robot), frame_pose(frames.top_from_tool)
     top = compose(compose(robot, tool), seen_from(inside, _REST))
     top[bad, :3] = np.nan
     return top
 
 
-def _pose(frame: tuple[float, ...] | None) -> F:
+def frame_pose(frame: tuple[float, ...] | None) -> F:
     """(1, 6) of position and quaternion w x y z; None: that of its own frame."""
     if frame is None:
         return _REST
@@ -226,7 +226,7 @@ def _frame(
     if word in ("base", "top"):
         return top if word == "top" else _REST
     if word == "tool":
-        return compose(top, _pose(frames.top_from_tool))
+        return compose(top, frame_pose(frames.top_from_tool))
     given, name = frames.base_from_robot, "base_from_robot"
     if word == "sensor":
         given = frames.base_from_sensor or top_from_sensor
@@ -234,7 +234,7 @@ def _frame(
     if given is None:
         raise InputError(f"{source} [frames]: wrench in '{word}': {name} is missing")
     moving = word == "sensor" and frames.base_from_sensor is None
-    return compose(top, _pose(given)) if moving else _pose(given)
+    return compose(top, frame_pose(given)) if moving else frame_pose(given)
 
 
 def _refuse_velocities(columns: Mapping[str, NDArray[Any]], source: str) -> None:

@@ -56,8 +56,10 @@ def robot_path(out: Path) -> Path:
 BESIDE = {
     ".truth.json": "a sealed truth",
     ".raw.parquet": "a table",
+    ".raw.csv": "a table",
     ".raw.toml": "the description of a table",
     ".robot.json": "the record of an arm",
+    ".until.json": "the certificate of a run",
 }
 """Suffixes of what belongs to a table, and goes when another takes its place."""
 

@@ -183,7 +183,9 @@ class Layout:
         return self.timeline
 
     def minutes(self, request: Request) -> float:
-        """How long a pose would take now, from rest and back."""
+        """How long a request would take now, from rest and back."""
+        if request.action.name == "unload":
+            return (2.0 * self._procedure.unload_s + self._procedure.offset_window_s) / 60.0
         way = 2.0 * travel_s(request.pose - self.rest, self._procedure)
         if request.approach not in ("", HOME, self._last_id):
             way += travel_s(self._poses[int(request.approach)] - self.rest, self._procedure)

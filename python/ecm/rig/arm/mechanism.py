@@ -90,7 +90,7 @@ class Surrogate:
         """Return h of rows (N, 6 + m), poses with the inputs of the actuators."""
         passive = self.model().predict
         pushes = [
-            EnergyModel.from_coefficients(
+            EnergyEvaluator.from_coefficients(
                 length_m=self.length_m,
                 degree=_PUSH_DEGREE,
                 symmetry="general",
@@ -148,7 +148,7 @@ def fit_surrogate(poses: F, wrenches: F, length_m: float, slopes: F | None = Non
     if slopes is not None and slopes.shape[2]:
         own = np.ascontiguousarray(poses[:, :6])
         fits = [
-            EnergyModel.fit(own, g, length_m=length_m, degree=_PUSH_DEGREE, symmetry="general")
+            EnergyEvaluator.fit(own, g, length_m=length_m, degree=_PUSH_DEGREE, symmetry="general")
             for g in np.ascontiguousarray(np.moveaxis(slopes, 2, 0))
         ]
         pushed = sum(

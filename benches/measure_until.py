@@ -1,0 +1,317 @@
+"""`ecm measure --until` beside fixed plans: rows to an error, minutes to a name, promises kept.
+
+    python benches/measure_until.py [--rigs 40] [--names 40] [--first 0] [--folder F]
+
+Error: each rig has a Cosserat rod of its own (length, section, rubber) and instruments with noise
+of their own; every other one has a goal in mm. 1,000 candidates; the fixed plan is the D-optimal
+design of 70 of them in random order. Both fit the same models to the same readings; the error is
+that at 500 fresh poses. The stated errors of a rig are what its fixed plan keeps from its 25th,
+40th and 55th row on. Rows are counted where all take alike long, minutes where travel counts.
+
+Names: the neck by FEM on simulated rigs (noise, zero, climate and robot of their own), each with an
+effect of strength 1. The diagnosable plan has 50 poses in 150 visits; `--until named` stops it.
+
+No process and no device: an order of rows costs a fit per row. Figures of docs/measure.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm import _native
+from ecm.designs import DesignSettings, diagnosable_plan, optimal_design
+from ecm.designs.next_pose import UNITS, NextPose
+from ecm.diagnosis.agreement import agreed, is_due, names_of
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Instrument, Meta
+from ecm.io.mechanism import Mechanism
+from ecm.io.table import Table
+from ecm.models import EnergyModel, Model
+from ecm.models.fit import fit_rows
+from ecm.rig import Campaign, Hidden, RigSettings, fem_source
+from ecm.rig.plan import requests
+from ecm.rig.settings import Procedure
+from ecm.rig.timeline import Layout, travel_s
+
+F = NDArray[np.float64]
+CANDIDATES, FRESH, ROWS = 1000, 500, 70
+KEPT = 25, 40, 55
+"""The stated errors of a rig: what its fixed plan keeps from these rows on."""
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A rod with its instruments: what is true, and what would be read, at each candidate."""
+
+    candidates: Table
+    read: Table
+    fresh: Table
+    minutes: F
+    """(N,) that each candidate takes."""
+
+    @staticmethod
+    def of(seed: int, count: int = CANDIDATES) -> Rig:
+        """Draw a rig with so many candidates."""
+        random = np.random.default_rng([seed, 1])
+
+        def between(low: float, high: float) -> float:
+            return float(np.exp(random.uniform(np.log(low), np.log(high))))
+
+        length = between(0.06, 0.15)
+        radius, modulus = length * between(0.15, 0.3), between(2e5, 2e6)
+        shear = modulus / (2.0 + 2.0 * random.uniform(0.45, 0.495))
+        area, inertia = np.pi * radius**2, 0.25 * np.pi * radius**4
+        bending, torsion = modulus * inertia, 2.0 * shear * inertia
+        side, turn = 0.6 * bending / length**2, 0.2 * bending / length
+        box = [0.025 * modulus * area, side, side, 0.25 * torsion / length, turn, turn]
+        wrenches = random.uniform(-1.0, 1.0, (2 * (count + FRESH), 6)) * box
+        poses, solved = _native.rod_poses(
+            wrenches,
+            length_m=length,
+            axial_stiffness_N=modulus * area,
+            shear_stiffness_N=0.9 * shear * area,
+            bending_stiffness_Nm2=bending,
+            torsion_stiffness_Nm2=torsion,
+        )
+        good = solved & (np.linalg.norm(poses[:, 3:], axis=1) < 0.6)
+        true = np.hstack([poses, wrenches])[good][: count + FRESH]
+        sizes = [between(1e-5, 8e-5), between(1e-4, 8e-4), between(0.03, 0.3), between(1e-3, 0.015)]
+        names = ("pose_position_sd_m", "pose_rotation_sd_rad", "force_sd_N", "torque_sd_Nm")
+        instrument = Instrument(**dict(zip(names, sizes, strict=True)))
+        meta = Meta(mechanism={"length_m": length}, instrument=instrument)
+        noise = np.repeat(sizes, 3) * random.standard_normal(true.shape)
+
+        def table(pairs: F) -> Table:
+            columns = dict(zip((*POSE, *WRENCH), pairs.T.copy(), strict=True))
+            return Table(columns, meta, f"rig {seed}")
+
+        rest = np.array([length, 0.0, 0.0, 0.0, 0.0, 0.0])
+        procedure = Procedure()
+        travel = np.array([travel_s(pose - rest, procedure) for pose in true[:count, :6]])
+        still = procedure.dwell_s + procedure.window_s
+        return Rig(
+            table(true[:count]),
+            table((true + noise)[:count]),
+            table(true[count:]),
+            (2.0 * travel + still) / 60.0,
+        )
+
+
+def error_of(model: Model, fresh: Table, unit: str) -> float:
+    """Root mean square error at fresh poses, N or mm."""
+    off = model.predict(fresh.poses) - fresh.wrenches
+    if unit == "mm":
+        off = off @ np.linalg.inv(model.stiffness(model.rest_pose("an error in mm"))[0]).T
+    return float(UNITS[unit] * np.sqrt((off[:, :3] ** 2).sum(axis=1).mean()))
+
+
+@dataclass(frozen=True)
+class Course:
+    """Errors (n,) found, and promised at most, after each number of rows."""
+
+    found: F
+    promised: F
+    minutes: F
+
+    def kept_from(self, error: float) -> int:
+        """Rows from which the found error stays below one; one too many where it never does."""
+        beyond = np.flatnonzero(~(self.found <= error))
+        return int(beyond[-1]) + 2 if len(beyond) else 1
+
+    def stop(self, error: float) -> int | None:
+        """Rows at which the promise is below an error for the first time."""
+        below = np.flatnonzero(self.promised <= error)
+        return int(below[0]) + 1 if len(below) else None
+
+
+def course(rig: Rig, unit: str, order: list[int] | None, *, alike: bool = False) -> Course:
+    """Measure rows in an order, or in that of the next pose; alike: none takes longer."""
+    choice = NextPose(rig.candidates, unit)
+    rows = [int(row) for row in choice.first()] if order is None else []
+    found, promised = np.full(ROWS, np.inf), np.full(ROWS, np.inf)
+    taken: list[int] = []
+    while len(taken) < ROWS:
+        if order is not None:
+            rows = [order[len(taken)]]
+        elif not rows:
+            left = np.setdiff1d(np.arange(CANDIDATES), taken)
+            minutes = np.ones(len(left)) if alike else rig.minutes[left]
+            rows = [int(choice.order(left.tolist(), minutes)[0])]
+        taken.append(rows.pop(0))
+        choice.learn(rig.read.select(np.asarray(taken)))
+        if choice.error is not None and choice.model is not None:
+            found[len(taken) - 1] = error_of(choice.model, rig.fresh, unit)
+            promised[len(taken) - 1] = choice.error.high
+    return Course(found, promised, np.cumsum(rig.minutes[taken]))
+
+
+def errors(first: int, rigs: int) -> None:
+    """Print what the chosen order saves, and whether the promises are kept."""
+    found: dict[str, dict[str, list[float]]] = {
+        unit: {"rows": [], "minutes": [], "end": [], "over": [], "stop": []} for unit in UNITS
+    }
+    for seed in range(first, first + rigs):
+        rig = Rig.of(seed)
+        length = rig.candidates.meta.length_m
+        settings = DesignSettings(model="energy6", length_m=length, starts=1, iterations=60)
+        chosen = optimal_design(rig.candidates.poses, ROWS, settings)
+        order = np.random.default_rng([seed, 2]).permutation(chosen.indices).tolist()
+        for unit, own in [list(found.items())[seed % len(found)]]:
+            fixed, ours = course(rig, unit, order), course(rig, unit, None)
+            alike = course(rig, unit, None, alike=True)
+            told = []
+            for kept in KEPT:
+                error = float(fixed.found[kept - 1 :].max())
+                rows = fixed.kept_from(error), alike.kept_from(error)
+                then = [c.minutes[min(c.kept_from(error), ROWS) - 1] for c in (fixed, ours)]
+                own["rows"].append(1.0 - rows[1] / rows[0])
+                own["minutes"].append(1.0 - then[1] / then[0])
+                at = ours.stop(error)
+                if at is not None:
+                    own["over"].append(ours.found[at - 1] / ours.promised[at - 1])
+                    own["stop"].append(at)
+                told.append(f"{error:.3g}: {rows[0]} and {rows[1]} rows, stop at {at}")
+            own["end"].append(ours.found[-1] / fixed.found[-1])
+            ends = f"{fixed.found[-1]:.3g} and {ours.found[-1]:.3g}"
+            print(f"rig {seed:2d} {unit:2s} {'; '.join(told)}; at {ROWS} rows {ends}", flush=True)
+    for unit, own in found.items():
+        kept = np.asarray(own["over"]) <= 1.0
+        print(
+            f"{unit}: rows saved, median {np.median(own['rows']):.0%} (mean "
+            f"{np.mean(own['rows']):.0%}), minutes {np.median(own['minutes']):.0%}; "
+            f"error at {ROWS} rows over the fixed plan's, median {np.median(own['end']):.2f}, "
+            f"worst {max(own['end']):.2f}; promises kept {kept.sum()} of {len(kept)}, found over "
+            f"promised, median {np.median(own['over']):.2f}; rows at the stop, median "
+            f"{np.median(own['stop']):.0f}"
+        )
+
+
+def choices(rows: int = 60, count: int = 2000) -> None:
+    """Print how long a choice takes on an idle core: fits, worth of each candidate, its minutes."""
+    rig = Rig.of(0, count)
+    choice, procedure = NextPose(rig.candidates, "mm"), Procedure()
+    listed = requests(rig.candidates, procedure, float(rig.candidates.meta.length_m or 0.0))
+    layout = Layout(procedure, float(rig.candidates.meta.length_m or 0.0), listed)
+    taken = [int(row) for row in choice.first()]
+    spent = []
+    while len(taken) < rows:
+        began = time.process_time()
+        choice.learn(rig.read.select(np.asarray(taken)))
+        gone = set(taken)
+        left = [request for request in listed if request.row not in gone]
+        minutes = np.asarray([layout.minutes(request) for request in left])
+        taken.append(int(choice.order([request.row for request in left], minutes)[0]))
+        spent.append(time.process_time() - began)
+    middle, worst = np.median(spent), max(spent)
+    print(f"choice among {count} candidates: median {middle:.3f} s, worst {worst:.3f} s")
+
+
+EFFECTS = (
+    "hysteresis", "payload", "fts_drift", "marker_motion", "temperature_modulus", "fts_gain",
+    "stress_relaxation", "base_compliance", "fts_crosstalk", "tip_frame_misalignment",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Named:
+    """Where a run stopped and what it named."""
+
+    rows: int
+    minutes: float
+    names: tuple[str, ...]
+
+
+class Bed:
+    """The neck on a simulated rig of its own with an effect, and a diagnosable plan."""
+
+    def __init__(self, seed: int, effect: str, folder: Path) -> None:
+        body = Mechanism()
+        length = body.length_m
+        random = np.random.default_rng(4)
+        poses = random.uniform(-1.0, 1.0, (300, 6)) * [0.004, 0.012, 0.012, 0.2, 0.2, 0.2]
+        poses[:, 0] += length
+        meta = Meta(mechanism=body.to_dict())
+        candidates = Table(dict(zip(POSE, poses.T.copy(), strict=True)), meta, "neck")
+        chosen = optimal_design(poses, 50, DesignSettings(criterion="maximin", starts=2))
+        self.plan = diagnosable_plan(candidates, chosen, 150, seed=1)
+        source = fem_source(self.plan)
+        plain = Campaign(self.plan, RigSettings(), source, seed=seed, folder=folder)
+        self._base = fit_rows(plain.run(), EnergyModel(4)).base
+        self._campaign = Campaign(
+            self.plan,
+            RigSettings(),
+            source,
+            hide=[Hidden(effect, 1.0)],
+            seed=seed,
+            folder=folder,
+            base_columns=self._base.columns,
+        )
+        self._is_pose = np.asarray(self.plan.text("kind") == "pose")
+
+    def whole(self) -> Named:
+        """The whole plan, diagnosed at its end."""
+        names = names_of(self._campaign.run())
+        return Named(len(self.plan), self._campaign.minutes, names)
+
+    def stopped(self) -> Named:
+        """The plan until the diagnoses agree."""
+        names: list[tuple[str, ...]] = []
+        order: list[int] = []
+        for row in self._campaign.rows:
+            order.append(row)
+            if self._is_pose[row] and is_due(int(self._is_pose[order].sum())):
+                campaign = self._campaign.in_order(order)
+                names.append(names_of(campaign.run()))
+                if agreed(names):
+                    return Named(len(order), campaign.minutes, names[-1])
+        return Named(len(order), self._campaign.minutes, ())
+
+
+def named(first: int, rigs: int, folder: Path) -> None:
+    """Print how long it takes to the right name."""
+    found: dict[str, list[tuple[float, bool, bool]]] = {}
+    for seed in range(first, first + rigs):
+        effect = EFFECTS[seed % len(EFFECTS)]
+        bed = Bed(seed, effect, folder)
+        whole = bed.whole()
+        runs = {"whole plan": whole, "until named": bed.stopped()}
+        words = []
+        for name, run in runs.items():
+            right = run.names == (effect,)
+            ratio = whole.minutes / run.minutes
+            found.setdefault(name, []).append((ratio, right, bool(run.names) and not right))
+            words.append(f"{name} {run.rows} rows, {run.minutes:.0f} min, {', '.join(run.names)}")
+        print(f"bed {seed:2d} {effect}: {'; '.join(words)}", flush=True)
+    for name, own in found.items():
+        faster, right, wrong = (np.asarray(part) for part in zip(*own, strict=True))
+        print(
+            f"{name}: right {right.sum()}, wrong {wrong.sum()} of {len(own)}; times fewer minutes, "
+            f"median {np.median(faster):.2f}, of those that are right "
+            f"{np.median(faster[right]) if right.any() else np.nan:.2f}"
+        )
+
+
+def main() -> None:
+    """Read the options and run."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rigs", type=int, default=40)
+    parser.add_argument("--names", type=int, default=40)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--folder", type=Path, default=Path("build/measure_until"))
+    given = parser.parse_args()
+    given.folder.mkdir(parents=True, exist_ok=True)
+    choices()
+    if given.rigs:
+        errors(given.first, given.rigs)
+    if given.names:
+        named(given.first, given.names, given.folder)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,219 @@
+"""`--until`: which row is measured next, when it is enough, and what is promised then.
+
+For an error the next row is that which tells most per minute; travel, dwell and window count. A
+choice depends on the readings so far alone, so a run that was cut chooses as one that was not.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ecm.bench.measured import Run, Taken, table_of
+from ecm.designs.next_pose import UNITS, NextPose
+from ecm.diagnosis.agreement import AGREE, agreed, is_due, names_of
+from ecm.errors import InputError
+from ecm.io.cache import write_atomically
+from ecm.io.table import Table
+from ecm.models import Model
+from ecm.rig.plan import POSE as AT_POSE
+from ecm.rig.plan import Request
+
+NAMED = "named"
+_ANY_ORDER = ("measure", "home", "unload")
+"""Actions that may stand in any order; what else a person does ends a run of the plan."""
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What is enough: an error, or a name of what the model lacks.
+
+    Examples
+    --------
+    >>> Goal.parse("0.3 mm").limit, Goal.parse("named").unit
+    (0.3, 'named')
+    >>> Goal.parse("3 apples")
+    Traceback (most recent call last):
+        ...
+    ecm.errors.InputError: --until 3 apples: expected an error such as "0.3 mm" or "0.5 N", or named
+    """
+
+    text: str
+    unit: str
+    limit: float = 0.0
+
+    @staticmethod
+    def parse(text: str) -> Goal:
+        """Read `--until`.
+
+        Raises
+        ------
+        InputError
+            For anything but an error above 0 with its unit, or `named`.
+        """
+        words = text.strip()
+        if words == NAMED:
+            return Goal(words, NAMED)
+        found = re.fullmatch(r"([0-9.eE+-]+)\s*(mm|N)", words)
+        try:
+            limit = float(found[1]) if found else 0.0
+        except ValueError:
+            limit = 0.0
+        if found is None or not 0.0 < limit < np.inf:
+            raise InputError(
+                f'--until {text}: expected an error such as "0.3 mm" or "0.5 N", or {NAMED}'
+            )
+        return Goal(f"{limit:g} {found[2]}", found[2], limit)
+
+
+class Until:
+    """Chooses rows of a plan until a goal is reached.
+
+    Parameters
+    ----------
+    goal
+        What is enough.
+    plan
+        The rows that can be measured.
+    fit
+        Model whose error counts, `energyD`; by default that of the least AIC of degree 4 to 6.
+    model
+        Model that lacks something, for `named`; by default an energy fitted to the rows.
+    seed
+        Seed of the diagnosis.
+
+    Raises
+    ------
+    InputError
+        Where the plan has actions that cannot be put in another order.
+
+    Examples
+    --------
+    >>> from ecm.io.table import as_table
+    >>> plan = as_table({"x_m": [0.1], "action": ["remount:90"]})
+    >>> Until(Goal.parse("named"), plan)
+    Traceback (most recent call last):
+        ...
+    ecm.errors.InputError: row 1: --until takes the rows in another order, and after `remount:90` \
+the rig is another; take this row out, and measure it with a plan of its own
+    """
+
+    def __init__(
+        self, goal: Goal, plan: Table, fit: str = "", model: Model | None = None, seed: int = 0
+    ) -> None:
+        self.goal, self._plan = goal, plan
+        words = [str(a) for a in plan.text("action")] if plan.has("action") else []
+        for row, word in enumerate(words):
+            if word.partition(":")[0] not in ("", *_ANY_ORDER):
+                raise InputError(
+                    f"row {row + 1}: --until takes the rows in another order, and after `{word}` "
+                    "the rig is another; take this row out, and measure it with a plan of its own"
+                )
+        self.reached = False
+        self._poses: NextPose | None = None
+        self._rows: list[int] = []
+        self._first: list[int] = []
+        self._seed, self._model = seed, model
+        self._diagnosed: dict[int, tuple[str, ...]] = {}
+        if goal.unit in UNITS:
+            kinds = plan.text("kind") if plan.has("kind") else [""] * len(plan)
+            moves = [
+                (words[i] if words else "") in ("", "measure") and str(kinds[i]) in ("", AT_POSE)
+                for i in range(len(plan))
+            ]
+            self._rows = np.flatnonzero(moves).tolist()
+            self._poses = NextPose(plan.select(np.asarray(self._rows)), goal.unit, fit)
+            self._first = [self._rows[i] for i in self._poses.first().tolist()]
+
+    def choose(self, run: Run, left: list[Request]) -> list[Request]:
+        """Rows in the order in which they tell most; empty where it is enough."""
+        if self._poses is not None:
+            return self._for_error(run, left, self._poses)
+        return self._for_name(run, left)
+
+    def _for_error(self, run: Run, left: list[Request], poses: NextPose) -> list[Request]:
+        waiting = {r.row: r for r in left if r.action.name == "measure"}
+        taken = [t for t in run.taken if t.kind == AT_POSE]
+        if taken:
+            poses.learn(self._table(run, run.taken).measured())
+        self.reached = poses.error is not None and poses.error.high <= self.goal.limit
+        if self.reached or not waiting:
+            return []
+        first = [waiting[row] for row in self._first if row in waiting]
+        if first:
+            return first
+        place = {row: i for i, row in enumerate(self._rows)}
+        minutes = np.asarray([run.layout.minutes(r) for r in waiting.values()])
+        order = poses.order([place[row] for row in waiting], minutes)
+        return [waiting[self._rows[i]] for i in order.tolist()]
+
+    def _for_name(self, run: Run, left: list[Request]) -> list[Request]:
+        at = [i for i, taken in enumerate(run.taken) if taken.kind == AT_POSE]
+        due = [n for n in range(len(at) + 1) if is_due(n)][-AGREE:]
+        for n in due:
+            if n not in self._diagnosed:
+                rows = self._table(run, run.taken[: at[n - 1] + 1])
+                self._diagnosed[n] = names_of(rows, self._model, self._seed)
+        self.reached = agreed([self._diagnosed[n] for n in due])
+        return [] if self.reached else left
+
+    def _table(self, run: Run, taken: list[Taken]) -> Table:
+        return table_of(run, self._plan, Path("so far"), taken)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What the last diagnosis named."""
+        return self._diagnosed[max(self._diagnosed)] if self._diagnosed else ()
+
+    def state(self) -> dict[str, Any]:
+        """How far the goal is."""
+        error = None if self._poses is None else self._poses.error
+        known = {"text": self.goal.text, "reached": self.reached}
+        if self._poses is None:
+            return known | {"names": list(self.names)}
+        return known | {"error": None if error is None else asdict(error)}
+
+    def words(self) -> list[str]:
+        """The same for people."""
+        if self._poses is None:
+            return [f"named {', '.join(self.names)}"] if self.names else []
+        return [self._poses.error.sentence()] if self._poses.error is not None else []
+
+    def certificate(self, run: Run) -> dict[str, Any]:
+        """Why the run stopped, and what is promised, of all readings."""
+        reached = self.reached
+        count = sum(taken.kind == AT_POSE for taken in run.taken)
+        minutes = (run.taken[-1].time_s - run.taken[0].time_s) / 60.0
+        if self._poses is not None:
+            self._poses.learn(self._table(run, run.taken).measured())
+        if reached:
+            why = f"{self.goal.text} was reached"
+        elif run.left():
+            why = f"the time was over before {self.goal.text}"
+        else:
+            why = f"the plan has no more rows, and {self.goal.text} was not reached"
+        words = [f"stopped after {count} poses and {minutes:.0f} minutes: {why}", *self.words()]
+        error = None if self._poses is None else self._poses.error
+        if error is not None and error.lacks_form and not reached:
+            words.append(
+                f"{error.model} lacks form: its residual holds more than the readings' noise. No "
+                "further row helps it; ecm diagnose says what is missing"
+            )
+        return {"schema": 1, "rows": count, "minutes": minutes, "words": words} | self.state()
+
+
+def certificate_path(out: Path) -> Path:
+    """Where the certificate of a table lies."""
+    return out.with_suffix(".until.json")
+
+
+def certify(run: Run, out: Path) -> None:
+    """Write the certificate of a run that chose its rows."""
+    if isinstance(run.chooser, Until):
+        document = json.dumps(run.chooser.certificate(run), indent=1)
+        write_atomically(certificate_path(out), document + "\n")

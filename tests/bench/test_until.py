@@ -1,0 +1,258 @@
+"""Which row is next, when it is enough, what is promised, and that a cut changes none of it."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bench.test_measure import PARTS, Rig, bench_of, plan_of, run, unsaid
+from ecm.bench import Bench, measure
+from ecm.bench.devices import DeviceError
+from ecm.designs import Design, diagnosable_plan
+from ecm.errors import InputError
+from ecm.io.columns import POSE
+from ecm.io.description import Meta
+from ecm.io.events import last
+from ecm.io.mechanism import Mechanism
+from ecm.io.se3 import rotation, transpose, turn_wrench
+from ecm.io.table import Table, as_table, read_table
+from ecm.models.maps import EnergyMap, EnergyTerms
+from ecm.rig import Campaign, RigSettings, fem_source
+from ecm.rig.settings import Instruments
+
+
+def _body() -> EnergyMap:
+    """An energy of degree 4 that is near a spring."""
+    bent = spring_plan(60).poses
+    wrenches = [2e4, 5e3, 5e3, 8.0, 10.0, 10.0] * (bent - [0.1, 0.0, 0.0, 0.0, 0.0, 0.0])
+    return EnergyTerms(0.1, 4).fit(bent, wrenches)
+
+
+BODY = cache(_body)
+
+
+class Spring(Rig):
+    """A body with a wrench at every pose, on a sensor that turns with the platform."""
+
+    freed = False
+
+    def ask(self, text: str) -> None:
+        self.freed = text.startswith("free")
+
+    def wrench(self, window_s: float) -> np.ndarray:
+        self.readings += window_s > 0.15
+        if self.readings > self.silent_from:
+            raise OSError("the cable is out")
+        back = transpose(rotation(self.at[None, 3:]))
+        true = 0.0 if self.freed else turn_wrench(back, BODY().predict(self.at[None]))[0]
+        noise = np.repeat([0.05, 1e-3], 3)
+        random = np.random.default_rng(np.abs(self.at * 1e9).astype(np.int64))
+        return true + noise * random.standard_normal((20, 6))
+
+
+def spring_plan(rows: int = 80, **columns: Any) -> Table:
+    """Random poses."""
+    poses = np.random.default_rng(1).uniform(-1.0, 1.0, (rows, 6))
+    poses *= [1e-3, 4e-3, 4e-3, 0.1, 0.1, 0.1]
+    poses[:, 0] += 0.1
+    table = dict(zip(POSE, poses.T, strict=True)) | columns
+    return as_table(table, meta=Meta(mechanism={"length_m": 0.1}))
+
+
+def spring_run(plan: Table, rig: Rig, out: Path, **options: Any) -> Table:
+    """Measure without a person."""
+    bench = bench_of(force_N=1000.0, torque_Nm=100.0)
+    return measure(plan, bench, out, devices=dict.fromkeys(PARTS, rig), say=unsaid, **options)
+
+
+def certificate(out: Path) -> dict[str, Any]:
+    """What the run promises."""
+    document: dict[str, Any] = json.loads(out.with_suffix(".until.json").read_text())
+    return document
+
+
+def test_a_run_stops_when_the_error_is_reached_and_promises_it(tmp_path: Path) -> None:
+    out = tmp_path / "data.csv"
+    table = spring_run(spring_plan(), Spring(), out, until="0.02 N", fit="energy4")
+    at = table.text("kind") == "pose"
+    assert 8 <= np.count_nonzero(at) < 40
+    promise = certificate(out)
+    assert promise["reached"] is True
+    assert promise["error"]["high"] <= 0.02
+    assert promise["rows"] == np.count_nonzero(at)
+    assert promise["words"][0].endswith("0.02 N was reached")
+    assert "energy4 errs" in promise["words"][1]
+
+
+def test_a_stricter_error_takes_more_rows_and_another_order_than_the_plan_s(
+    tmp_path: Path,
+) -> None:
+    rows = []
+    for name, until in (("a", "0.03 N"), ("b", "0.02 N")):
+        table = spring_run(
+            spring_plan(), Spring(), tmp_path / f"{name}.csv", until=until, fit="energy4"
+        )
+        rows.append(table.column("pose_id")[table.text("kind") == "pose"].tolist())
+    assert len(rows[0]) < len(rows[1])
+    assert rows[1][: len(rows[0])] == rows[0] != sorted(rows[0])
+
+
+def test_a_plan_that_ends_before_the_error_says_so(tmp_path: Path) -> None:
+    out = tmp_path / "data.csv"
+    spring_run(spring_plan(12), Spring(), out, until="0.001 mm", fit="energy4")
+    promise = certificate(out)
+    assert promise["reached"] is False
+    assert promise["rows"] == 12
+    assert promise["words"][0].endswith("the plan has no more rows, and 0.001 mm was not reached")
+    assert promise["error"]["high"] > 0.001
+
+
+def test_a_run_that_is_cut_chooses_as_one_that_is_not(tmp_path: Path) -> None:
+    plan, options = spring_plan(), {"until": "0.014 N", "fit": "energy4"}
+    whole = spring_run(plan, Spring(), tmp_path / "whole.csv", **options)
+    count = np.count_nonzero(whole.text("kind") == "pose")
+    for cut in (3, 9, count - 1):
+        out = tmp_path / f"cut{cut}.csv"
+        rig = Spring()
+        rig.silent_from = cut
+        with pytest.raises(DeviceError, match="the cable is out"):
+            spring_run(plan, rig, out, **options)
+        again = spring_run(plan, Spring(), out, **options)
+        order = [
+            table.column("pose_id")[table.text("kind") == "pose"].tolist()
+            for table in (whole, again)
+        ]
+        assert order[0][: cut + 1] == order[1][: cut + 1]
+        assert sorted(order[0]) == sorted(order[1])
+        assert again.text("kind").tolist().count("home") == 1
+
+
+def test_the_same_seed_gives_the_same_bytes(tmp_path: Path) -> None:
+    texts = []
+    for name in ("a", "b"):
+        out = tmp_path / f"{name}.csv"
+        spring_run(spring_plan(), Spring(), out, until="0.1 N")
+        document = certificate(out)
+        texts.append(json.dumps(document | {"minutes": 0.0, "words": []}))
+    assert texts[0] == texts[1]
+
+
+@pytest.mark.parametrize("text", ["0.3", "0 mm", "-1 N", "nan mm", "1e999 N", "3 apples", "name"])
+def test_a_goal_that_cannot_be_meant_is_refused(tmp_path: Path, text: str) -> None:
+    with pytest.raises(InputError, match=r'expected an error such as "0.3 mm" or "0.5 N"'):
+        spring_run(spring_plan(), Spring(), tmp_path / "data.csv", until=text)
+
+
+def test_an_order_that_cannot_be_changed_is_refused(tmp_path: Path) -> None:
+    plan = spring_plan(4, action=["measure", "measure", "remount:90", "measure"])
+    with pytest.raises(InputError, match=r"row 3: --until .* after `remount:90` the rig is"):
+        spring_run(plan, Spring(), tmp_path / "data.csv", until="named")
+    with pytest.raises(InputError, match="rows are chosen for energies"):
+        spring_run(spring_plan(), Spring(), tmp_path / "data.csv", until="1 N", fit="cubic")
+    with pytest.raises(InputError, match="6 poses, and energy4 needs 7 before its error is known"):
+        spring_run(spring_plan(6), Spring(), tmp_path / "data.csv", until="1 N")
+
+
+def test_each_reading_is_told_as_data_with_the_noise_of_its_repeats(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    events = tmp_path / "events"
+    monkeypatch.setenv("ECM_EVENTS", str(events))
+    run(plan_of(18), Rig(), tmp_path / "data.csv")
+    records = [json.loads(line)["measured"] for line in events.read_text().splitlines()]
+    assert [record["visit"] for record in records] == list(range(1, 21))
+    assert records[6]["noise_N"] is None
+    # A mean of 20 samples of 0.02 N along each of three axes.
+    assert records[-1]["noise_N"] == pytest.approx(0.02 * np.sqrt(3.0 / 20.0), rel=0.7)
+    found = last(events.read_bytes(), "measured")
+    assert found is not None
+    assert found["measured"]["goal"] is None
+
+
+def test_a_marker_that_slips_is_told_within_three_rows_and_the_rest_pose_is_looked_at(
+    tmp_path: Path,
+) -> None:
+    rig = Spring()
+    start = rig.start
+
+    def slip_at_the_fifteenth(pose: np.ndarray) -> None:
+        start(pose)
+        if rig.told.count("start") == 30:
+            rig.slip[1] = 3e-4
+
+    rig.start = slip_at_the_fifteenth  # type: ignore[method-assign]
+    table = spring_run(spring_plan(30), rig, tmp_path / "data.csv")
+    said = [words for words in table.warnings if "a marker may have slipped" in words]
+    assert len(said) == 1
+    kinds = table.text("kind").tolist()
+    # Visit n of the words is row n - 1 of the table: the zero comes before it.
+    told = int(said[0].split()[1].rstrip(":")) - 1
+    rows = [i for i, kind in enumerate(kinds) if kind == "pose"]
+    moves = table.column("y_m") - _commanded(table)
+    first = next(i for i in rows if moves[i] > 1.5e-4)
+    assert told - (first + 1) <= 3
+    assert "home" in kinds[told : told + 2]
+
+
+def _commanded(table: Table) -> np.ndarray:
+    plan = spring_plan(30)
+    ids = table.column("pose_id").astype(int)
+    return np.where(ids >= 0, plan.column("y_m")[np.maximum(ids, 0)], 0.0)
+
+
+def test_home_checks_that_the_plan_has_not_are_made_and_become_rare(tmp_path: Path) -> None:
+    table = spring_run(spring_plan(130), Spring(), tmp_path / "data.csv")
+    home = np.flatnonzero(table.text("kind") == "home")
+    assert 2 <= len(home) <= 4
+    assert (np.diff(np.diff([0, *home])) > 0).all()
+    assert not table.warnings
+
+
+def test_the_simulated_rig_follows_the_chosen_order(tmp_path: Path) -> None:
+    poses = spring_plan(12).poses
+    poses[:, 0] += Mechanism().length_m - 0.1
+    meta = Meta(mechanism=Mechanism().to_dict())
+    as_table(dict(zip(POSE, poses.T, strict=True)), meta=meta).write(tmp_path / "plan.csv")
+    plan = read_table(tmp_path / "plan.csv", need="predict")
+    device = {"device": "simulated", "plan": str(tmp_path / "plan.csv"), "seed": 3}
+    tables: dict[str, Any] = dict.fromkeys((*PARTS, "thermometer"), device)
+    frame = {"top_from_sensor": list(Instruments().top_from_sensor)}
+    bench = Bench.from_dict(tables | {"instrument": frame}, "bench.toml")
+    out = tmp_path / "data.csv"
+    table = measure(plan, bench, out, until="0.001 N", fit="energy4", say=unsaid)
+    order = table.column("pose_id").astype(int).tolist()
+    assert sorted(order) == list(range(12)) != order
+    campaign = Campaign(plan, RigSettings(), fem_source(plan), seed=3).in_order(order).run()
+    assert table.wrenches.tolist() == campaign.wrenches.tolist()
+    assert table.column("time_s").tolist() == campaign.column("time_s").tolist()
+    assert certificate(out)["rows"] == 12
+
+
+def test_a_run_until_named_stops_when_three_diagnoses_name_the_same(tmp_path: Path) -> None:
+    poses = np.random.default_rng(0).uniform(-1.0, 1.0, (40, 6))
+    poses *= [0.004, 0.012, 0.012, 0.2, 0.2, 0.2]
+    poses[:, 0] += Mechanism().length_m
+    candidates = as_table(
+        dict(zip(POSE, poses.T, strict=True)), meta=Meta(mechanism=Mechanism().to_dict())
+    )
+    chosen = Design(np.arange(40), "maximin", 0.0, 0.0, 1.0, "converged")
+    diagnosable_plan(candidates, chosen, 80).write(tmp_path / "plan.csv")
+    plan = read_table(tmp_path / "plan.csv", need="predict")
+    device = {"device": "simulated", "plan": str(tmp_path / "plan.csv"), "hide": "payload=3"}
+    tables: dict[str, Any] = dict.fromkeys((*PARTS, "thermometer"), device)
+    noise = {"pose_position_sd_m": 4e-5, "pose_rotation_sd_rad": 4e-4, "force_sd_N": 0.1}
+    frame = {"top_from_sensor": list(Instruments().top_from_sensor)}
+    own = {"instrument": noise | frame, "limits": {"force_N": 1e3, "torque_Nm": 1e2}}
+    bench = Bench.from_dict(tables | own, "bench.toml")
+    out = tmp_path / "data.csv"
+    table = measure(plan, bench, out, until="named", say=unsaid)
+    promise = certificate(out)
+    assert (promise["names"], promise["reached"]) == (["payload"], True)
+    assert promise["rows"] == np.count_nonzero(table.text("kind") == "pose") < 60
+    assert promise["words"][0].endswith("named was reached")
+    assert promise["words"][1] == "named payload"
