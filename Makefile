@@ -36,6 +36,7 @@ docs: build
 	@$(STEP) "Pages of the crates by rustdoc" env RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release \
 	  --quiet --no-deps -p ecm-se3 -p ecm-poly -p ecm-fem -p ecm-doe
 	@$(STEP) "Site of the documentation" env PYTHONPATH=scripts $(BIN)/python -m docsite target/doc
+	@$(STEP) "Demo of the page" $(BIN)/python docs/demo_page.py site/demo.html
 	@echo "Open site/index.html in a browser."
 
 setup: $(VENV)/.ready

@@ -279,7 +279,7 @@ def test_the_report_opens_in_a_browser(quick_job: Path) -> None:
     assert seen.attribute("blocked") is None
     figures = int(seen.attribute("figures") or 0)
     assert figures >= 12
-    assert seen.html.count('class="main-svg"') >= figures
+    assert seen.html.count('<svg class="figure"') >= figures
     assert (quick_job / "report.html").stat().st_size < 10e6
     text = (quick_job / "report.html").read_text(encoding="utf-8")
     assert text.index('id="mechanism-0"') < text.index("<table>")
