@@ -121,7 +121,7 @@ fn a_volume_block_of_triangles_is_refused() {
     let good = gmsh(&cylinder(), false);
     for (kind, nodes) in [(2, "1 2 3"), (9, "1 2 3 4 5 6"), (15, "1"), (1, "1 2")] {
         let block = format!("3 1 {kind} 1\n1 {nodes}\n$EndElements");
-        let text = good.replace("$Elements\n3 0", "$Elements\n4 0");
+        let text = good.replace("$Elements\n4 0", "$Elements\n5 0");
         assert_ne!(text, good);
         let error = parse(&text.replace("$EndElements", &block)).unwrap_err();
         let message = error.to_string();
