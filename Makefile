@@ -23,7 +23,7 @@ OLDEST_RUST = $(shell sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
 
 demo: build-demo
 	@$(BIN)/ecm identify examples/neck.toml --out demo
-	@echo "Open demo/report.html in a browser."
+	@echo "Open demo/report.html in a browser, or go round the loop in one: $(BIN)/ecm app --demo"
 
 # The tests of the crates run beside those of Python: some of them use one core alone.
 test: build
@@ -36,6 +36,7 @@ docs: build
 	@$(STEP) "Pages of the crates by rustdoc" env RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release \
 	  --quiet --no-deps -p ecm-se3 -p ecm-poly -p ecm-fem -p ecm-doe
 	@$(STEP) "Site of the documentation" env PYTHONPATH=scripts $(BIN)/python -m docsite target/doc
+	@$(STEP) "Demo of the page" $(BIN)/python docs/demo_page.py site/demo.html
 	@echo "Open site/index.html in a browser."
 
 setup: $(VENV)/.ready
@@ -61,8 +62,9 @@ BUILD := $(STEP) "Rust core (a first build takes minutes)" $(BIN)/maturin develo
 build: setup
 	@$(BUILD)
 
+# Told no group, maturin installs all that the tests need.
 build-demo: $(VENV)/.demo
-	@$(BUILD)
+	@$(BUILD) --group demo
 
 # What maturin tells pyo3: told otherwise, clippy and the next build would each compile it anew.
 PYO3 = $(addprefix PYO3_BUILD_EXTENSION_MODULE=1 PYO3_CONFIG_FILE=, \

@@ -111,6 +111,27 @@ BRUSH = """new Promise(async done => {
 })"""
 
 
+TURN = """new Promise(async done => {
+  const frame = () => new Promise(r => requestAnimationFrame(() => setTimeout(r)));
+  const canvas = document.querySelector('.space canvas');
+  canvas.setPointerCapture = () => {};
+  const box = canvas.getBoundingClientRect(), times = [];
+  const send = (type, x) => canvas.dispatchEvent(new PointerEvent(type, {bubbles: true,
+    pointerId: 1, isPrimary: true, button: 0, buttons: 1, clientX: box.left + x,
+    clientY: box.top + 0.5 * box.height}));
+  await frame();
+  send('pointerdown', 100);
+  for (let i = 1; i <= 40; i++) {
+    const begun = performance.now();
+    send('pointermove', 100 + 12 * i);
+    await frame();
+    times.push(performance.now() - begun);
+  }
+  send('pointerup', 600);
+  done([box.width, box.height, times]);
+})"""
+
+
 PAINT = """new Promise(done => {
   const look = () => {
     const paint = performance.getEntriesByName("first-contentful-paint")[0];
@@ -122,7 +143,8 @@ PAINT = """new Promise(done => {
 })"""
 CLICK = """(async stages => {
   const at = items => items[Math.floor(next() * items.length)];
-  const plain = "nav a[href], .views button, .help, .marked button, [name=kind], summary";
+  const plain = "nav a[href], .views button, .help, [name=kind], summary, "
+    + ".marked button:not(#leave-out)";
   const radios = "[name=kind-of-residual]";
   at([...document.querySelectorAll(`${plain}, ${radios}`)].filter(n => n.offsetParent)).click();
   const canvas = at([...document.querySelectorAll("#main canvas[tabindex]")]);
@@ -167,6 +189,17 @@ def cancelled(page: Page) -> float:
     })()"""))  # fmt: skip
 
 
+def turned(page: Page) -> list[float]:
+    """Size of the picture in space in a wide window, and the time of a frame while it is turned."""
+    page.size(2560, 1400)
+    go(page, "fails")
+    page.until("!!document.querySelector('.space canvas')", LONG_S)
+    time.sleep(1.0)
+    width, height, times = page.js(TURN)
+    page.size(1400, 900)
+    return [width, height, statistics.median(times), max(times)]
+
+
 def opened(page: Page, address: str) -> dict[str, Any]:
     """Open an address; when it was painted and when its stage was drawn."""
     page.size(1400, 900)
@@ -189,6 +222,7 @@ def large(page: Page, place: Path, rows: int, clicks: int) -> dict[str, Any]:
         go(page, "missing")
         page.until("document.querySelectorAll('.effects li').length > 3", LONG_S)
         hover = page.js(HOVER)
+        turn = turned(page)
         stop = cancelled(page)
         page.js(
             "window.seed = 1; window.next = () => (seed = (seed * 16807) % 2147483647) / 2147483647"
@@ -207,6 +241,7 @@ def large(page: Page, place: Path, rows: int, clicks: int) -> dict[str, Any]:
         "brush, median and longest [ms]": [statistics.median(brush), max(brush)],
         "marked": marked.split(":")[0],
         "hover, median and longest [ms]": [statistics.median(hover), max(hover)],
+        "turning in space at 2560 px, [px, px, median and longest ms]": turn,
         "cancel [ms]": stop,
         "clicks": clicks,
         "held after the first of them": before,

@@ -2,7 +2,8 @@
 
     python benches/fem_peers.py
 
-prints the processor time of one case with actuators over the same body and wrench without any.
+prints the processor time of one case with actuators over the same body and wrench without any, and
+that of the peers over ours where pressures act (two minutes).
 `tests/fem/test_fem_peers.py` holds the poses of the peers against ours; needs FElupe (PyPI) and
 CalculiX (Debian's calculix-ccx). All solve the reference case of docs/fem.md: neo-Hookean cylinder,
 dead wrench with a SPATIAL moment about the top centre. FElupe assembles; the rigid platform,
@@ -20,7 +21,8 @@ import subprocess
 import tempfile
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +45,19 @@ MU = YOUNG_PA / (2.0 * (1.0 + POISSON))
 KAPPA = YOUNG_PA / (3.0 * (1.0 - 2.0 * POISSON))
 
 
+@dataclass(frozen=True)
+class Load:
+    """A wrench on the top, and a pressure in each chamber, Pa."""
+
+    wrench: F
+    pressures_Pa: tuple[float, ...] = ()
+
+
+NECK = Load(WRENCH)
+DRIVEN = Load(0.3 * WRENCH, (6e4, 1e4, 0.0))
+"""Beyond these loads CalculiX does not converge."""
+
+
 def chambered(quality: str) -> Mesh:
     """A body with three closed chambers, of the reference length and radius."""
     return Mesh.chambered(
@@ -57,7 +72,7 @@ def chambered(quality: str) -> Mesh:
     )
 
 
-def ours(mesh: Mesh, element: str, pressures_Pa: Sequence[float] = ()) -> F:
+def ours(mesh: Mesh, element: str, load: Load = NECK) -> F:
     """Pose (6,) of the top by this solver."""
     fem = Fem(
         mesh,
@@ -65,7 +80,7 @@ def ours(mesh: Mesh, element: str, pressures_Pa: Sequence[float] = ()) -> F:
         poisson_ratio=POISSON,
         element=element,  # type: ignore[arg-type]
     )
-    found = fem.solve_wrenches(np.concatenate([WRENCH, pressures_Pa])[None], threads=1)
+    found = fem.solve_wrenches(np.concatenate([load.wrench, load.pressures_Pa])[None], threads=1)
     if found.status != ["solved"]:
         raise RuntimeError(f"ours {element}: {found.status}")
     return found.poses[0]
@@ -82,8 +97,36 @@ def _superlu(matrix: Any, right: F) -> F:
     return np.asarray(factor.solve(right))
 
 
+def _walls(mesh: Mesh, load: Load) -> list[tuple[F, float]]:
+    """The nodes of each chamber that is under pressure, and the pressure."""
+    walls = [np.asarray(nodes) for _, nodes in mesh.chambers]
+    return [(nodes, p) for nodes, p in zip(walls, load.pressures_Pa, strict=False) if p]
+
+
+def _felupe_pressure(felupe: Any, body: Any, wall: F) -> Any:
+    """FElupe's pressure load on the faces whose nodes are all on `wall`.
+
+    FElupe has boundary regions of quadrilaterals and hexahedra only. This is a region of the wall's
+    tetrahedra, the loaded face first, with the points of a triangle on it; load and tangent are
+    FElupe's own.
+    """
+    cells = []
+    for corners in ((0, 1, 2, 3), (0, 3, 1, 2), (1, 3, 2, 0), (0, 2, 3, 1)):
+        middle = [_EDGES.index(tuple(sorted((corners[i], corners[j])))) for i, j in _EDGES]
+        own = body.cells[:, [*corners, *(4 + np.array(middle))]]
+        cells.append(own[np.isin(own[:, [0, 1, 2, 4, 5, 6]], wall).all(axis=1)])
+    rule = felupe.TriangleQuadrature(order=5)
+    flat = felupe.quadrature.Scheme(np.pad(rule.points, ((0, 0), (0, 1))), rule.weights)
+    faces = felupe.Mesh(body.points, np.concatenate(cells), cell_type="tetra10")
+    region = felupe.Region(faces, felupe.QuadraticTetra(), flat)
+    area = -np.cross(region.dXdr[:, 0], region.dXdr[:, 1], axis=0) * rule.weights[:, None]
+    region.dV = np.linalg.norm(area, axis=0)
+    region.normals = area / region.dV
+    return felupe.SolidBodyPressure(felupe.FieldContainer([felupe.Field(region, dim=3)]))
+
+
 def felupe_p2(  # noqa: PLR0915 - a program of the peer as its manual writes it
-    mesh: Mesh, tolerance: float = 1e-8
+    mesh: Mesh, tolerance: float = 1e-8, load: Load = NECK
 ) -> F:
     """FElupe's quadratic tetrahedra under the same platform and wrench."""
     import felupe  # noqa: PLC0415 - not all peers are installed
@@ -95,6 +138,10 @@ def felupe_p2(  # noqa: PLR0915 - a program of the peer as its manual writes it
     body_mesh = felupe.Mesh(x, np.asarray(mesh.tetrahedra), cell_type="tetra10")
     field = felupe.FieldContainer([felupe.Field(felupe.RegionQuadraticTetra(body_mesh), dim=3)])
     body = felupe.SolidBody(felupe.NeoHooke(mu=MU, bulk=KAPPA), field)
+    walls = [
+        (_felupe_pressure(felupe, body_mesh, wall), pressure)
+        for wall, pressure in _walls(mesh, load)
+    ]
     top, base = np.asarray(mesh.top_nodes), np.asarray(mesh.base_nodes)
     free = np.ones(3 * n, dtype=bool)
     for nodes in (top, base):
@@ -113,11 +160,14 @@ def felupe_p2(  # noqa: PLR0915 - a program of the peer as its manual writes it
             u[top] = origin + arm - x[top]
             field[0].values[:] = u
             force = np.asarray(body.assemble.vector(field).todense()).ravel()
+            for wall, pressure in walls:
+                wall.update(target * pressure)
+                force -= np.asarray(wall.assemble.vector(field).todense()).ravel()
             if not np.isfinite(force).all():
                 break
             platform = force[t_dofs].reshape(-1, 3)
             moment = np.cross(arm, platform).sum(axis=0)
-            gap = target * WRENCH - np.concatenate([platform.sum(axis=0), moment])
+            gap = target * load.wrench - np.concatenate([platform.sum(axis=0), moment])
             residual = np.sqrt(
                 force[f_dofs] @ force[f_dofs]
                 + gap[:3] @ gap[:3]
@@ -127,6 +177,8 @@ def felupe_p2(  # noqa: PLR0915 - a program of the peer as its manual writes it
                 converged = True
                 break
             stiffness = body.assemble.matrix(field).tocsc()
+            for wall, _ in walls:
+                stiffness = stiffness - wall.assemble.matrix(field).tocsc()
             # dx = dr + dphi x arm = [I, -skew(arm)] (dr, dphi)
             shift = np.zeros((3 * len(top), 6))
             geometric = np.zeros((3, 3))
@@ -160,17 +212,15 @@ def _skew(v: F) -> F:
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
-def calculix(
-    mesh: Mesh, rotation: F, tolerance: float | None = None, pressures_Pa: Sequence[float] = ()
-) -> F:
+def calculix(mesh: Mesh, rotation: F, tolerance: float | None = None, load: Load = NECK) -> F:
     """CalculiX C3D10; `rotation` is the rotation vector for which the moment is converted.
 
     Pressures are its face loads (*DLOAD), which follow the wall where *STEP has NLGEOM.
     """
-    moment = left_jacobians(rotation[None])[0].T @ WRENCH[3:]
+    moment = left_jacobians(rotation[None])[0].T @ load.wrench[3:]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "neck.inp").write_text(_deck(mesh, WRENCH[:3], moment, tolerance, pressures_Pa))
+        (folder / "neck.inp").write_text(_deck(mesh, load, moment, tolerance))
         done = subprocess.run(
             ["ccx", "neck"],
             cwd=folder,
@@ -189,13 +239,12 @@ def calculix(
     return np.concatenate([1e-3 * values["REF"] + [LENGTH_M, 0.0, 0.0], values["ROT"]])
 
 
+_EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))
 _FACES = ((0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 2, 3))
 """Corners of the faces P1 to P4 of C3D10."""
 
 
-def _deck(
-    mesh: Mesh, force: F, moment: F, tolerance: float | None, pressures_Pa: Sequence[float]
-) -> str:
+def _deck(mesh: Mesh, load: Load, moment: F, tolerance: float | None) -> str:
     # Millimetres, N and MPa: in SI units CalculiX does not converge beyond 22 % of the load.
     # CalculiX reads twenty characters of a number: twelve digits leave room for an exponent.
     x, tets = 1e3 * np.asarray(mesh.nodes_m), np.asarray(mesh.tetrahedra)
@@ -220,13 +269,13 @@ def _deck(
     if tolerance is not None:
         lines += ["*CONTROLS, PARAMETERS=FIELD", f"{tolerance}, {tolerance}"]
     lines += ["*CLOAD"]
-    lines += [f"{ref}, {k + 1}, {force[k]:.12g}" for k in range(3)]
+    lines += [f"{ref}, {k + 1}, {load.wrench[k]:.12g}" for k in range(3)]
     lines += [f"{rot}, {k + 1}, {1e3 * moment[k]:.12g}" for k in range(3)]
-    for (_, wall), pressure in zip(mesh.chambers, pressures_Pa, strict=bool(pressures_Pa)):
+    for wall, pressure in _walls(mesh, load):
         on_wall = np.isin(tets, wall)
-        lines += ["*DLOAD"] if pressure else []
+        lines += ["*DLOAD"]
         for label, corners in enumerate(_FACES, 1):
-            loaded = np.flatnonzero(on_wall[:, corners].all(axis=1)) if pressure else []
+            loaded = np.flatnonzero(on_wall[:, corners].all(axis=1))
             lines += [f"{e + 1}, P{label}, {1e-6 * pressure:.12g}" for e in loaded]
     lines += ["*NODE PRINT, NSET=REF, FREQUENCY=1000", "U"]
     lines += ["*NODE PRINT, NSET=ROT, FREQUENCY=1000", "U", "*END STEP", ""]
@@ -248,7 +297,12 @@ def actuation(pairs: int = 7) -> None:
         "three given volumes": (mesh, [4e-7, 1e-7, 0.0], [True] * 3),
         "a guided tendon": (plain.with_tendon("t", **tendon, body_m=guides), [2.0], []),
         "a winding": (
-            plain.with_winding("outside", angle_rad=0.1, stiffness_N_m=2e3),
+            plain.with_winding("outside", angles_rad=(0.1, -0.1), stiffness_N_m=2e3),
+            [],
+            [],
+        ),
+        "a winding all through": (
+            plain.with_winding("body", angles_rad=(0.1, -0.1), stiffness_Pa=1e5),
             [],
             [],
         ),
@@ -272,10 +326,38 @@ def actuation(pairs: int = 7) -> None:
         )
 
 
+def peers(rounds: int = 3) -> None:
+    """Processor time of the peers over ours, from mesh to pose, under wrench and pressures."""
+
+    def time_of(solve: Callable[..., F], *arguments: object) -> float:
+        start = sum(os.times()[:4])  # with the processes that it starts
+        solve(*arguments)
+        return sum(os.times()[:4]) - start
+
+    for quality in ("1x3x4", "standard"):
+        mesh = chambered(quality)
+        turned = ours(mesh, "P2", DRIVEN)[3:]
+        rows = [
+            [
+                time_of(ours, mesh, "P2", DRIVEN),
+                time_of(ours, mesh, "P2/P1", DRIVEN),
+                time_of(felupe_p2, mesh, 1e-8, DRIVEN),
+                time_of(calculix, mesh, turned, None, DRIVEN),
+            ]
+            for _ in range(rounds)
+        ]
+        _, mixed, felupe, ccx = np.median(np.array(rows) / np.array(rows)[:, :1], axis=0)
+        print(
+            f"{len(mesh.nodes_m)} nodes: ours P2 {np.median(rows, axis=0)[0]:.2f} s; ours P2/P1 "
+            f"{mixed:.1f} times as long, FElupe with SuperLU {felupe:.1f}, CalculiX {ccx:.0f}"
+        )
+
+
 def main() -> None:
     """Command line."""
     argparse.ArgumentParser(description=__doc__).parse_args()
     actuation()
+    peers()
 
 
 if __name__ == "__main__":

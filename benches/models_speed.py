@@ -246,11 +246,11 @@ def main() -> None:
     points = random.uniform(-1.0, 1.0, (ROWS, 6))
     unit = np.ones(6)
     coefficients = random.normal(size=(84, 6))
-    cubic = _native.PolynomialModel.from_coefficients(3, -unit, unit, coefficients)
+    cubic = _native.PolynomialEvaluator.from_coefficients(3, -unit, unit, coefficients)
     poses = points * [0.01, 0.02, 0.02, 0.4, 0.4, 0.4] + [0.1034, 0, 0, 0, 0, 0]
     energies = {}
     for degree, count in ((4, 22), (6, 65), (7, 100)):
-        energies[degree] = _native.EnergyModel.from_coefficients(
+        energies[degree] = _native.EnergyEvaluator.from_coefficients(
             length_m=0.1034, degree=degree, symmetry="alike", scale=np.array([0.03, 0.8]),
             coefficients=random.normal(size=count),
         )  # fmt: skip

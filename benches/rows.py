@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm import DesignSettings, diagnosable_plan, optimal_design
-from ecm._native import EnergyModel as Energy
+from ecm._native import EnergyEvaluator
 from ecm.fem.simulate import fem_poses
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import FileMeta, Instrument, Meta
@@ -56,16 +56,16 @@ finally:
 """
 
 
-def body() -> Energy:
+def body() -> EnergyEvaluator:
     """A body of revolution: a spring of 25 and 2 N/mm, and terms up to degree 8 that stiffen it."""
     kind = {"length_m": LENGTH_M, "degree": 8, "symmetry": "alike", "scale": np.array([0.02, 0.6])}
     poses = np.array([[LENGTH_M, 0.0, 0.0, 0.0, 0.0, 0.0]])
-    count = Energy.regressor(poses, **kind).shape[2]
-    powers = Energy.from_coefficients(coefficients=np.zeros(count), **kind).terms
+    count = EnergyEvaluator.regressor(poses, **kind).shape[2]
+    powers = EnergyEvaluator.from_coefficients(coefficients=np.zeros(count), **kind).terms
     degrees = powers @ [1, 2, 2, 1, 2, 2]
     coefficients = 0.3 * 0.4**degrees * np.random.default_rng(8).normal(size=count)
     coefficients[:5] = 0.0, 5.0, 0.4, 0.23, 0.16  # J: c_x, c_x^2, |c_perp|^2, |theta_perp|^2 ...
-    return Energy.from_coefficients(coefficients=coefficients, **kind)
+    return EnergyEvaluator.from_coefficients(coefficients=coefficients, **kind)
 
 
 def slow_ramp(rows: int, seed: int = 0) -> Table:

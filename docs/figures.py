@@ -2,11 +2,12 @@
 
 frames.svg and midframe.svg show where the frames are; models.svg and stiffness.svg are made from
 examples/neck_measured.csv. chambers.svg shows an arm with chambers; potential.svg and valve.svg are
-made from examples/wound_arm.csv.
+made from examples/wound_arm.csv. models_learning.svg and blind.svg show records of benches/results.
 """
 
 from __future__ import annotations
 
+import csv
 import sys
 from pathlib import Path
 
@@ -250,13 +251,59 @@ def valve() -> plt.Figure:
     return figure
 
 
+def results(name: str) -> list[dict[str, str]]:
+    """Lines of a record of measurements."""
+    with (EXAMPLE.parents[1] / "benches" / "results" / name).open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def models_learning() -> plt.Figure:
+    """Error over noise against the number of random poses."""
+    figure, axes = plt.subplots(
+        1, 2, figsize=(9, 3.4), sharex=True, sharey=True, layout="constrained"
+    )
+    for place, noise in zip(axes, ("no noise", "the rig's noise"), strict=True):
+        lines = [
+            line
+            for line in results("models_learning.csv")
+            if line["poses_and_noise"] == f"Neck, random poses, {noise}" and line["over_noise"]
+        ]
+        for name in dict.fromkeys(line["model"] for line in lines):
+            own = [line for line in lines if line["model"] == name]
+            poses, error = ([float(line[key]) for line in own] for key in ("poses", "over_noise"))
+            place.loglog(poses, error, "o-", ms=3, lw=1.2, label=name)
+        place.axhline(1.0, color=INK, lw=0.6, ls=":")
+        place.set(title=f"random poses, {noise}", xlabel="poses")
+    axes[0].set_ylabel("error over the noise of one row")
+    axes[1].legend(frameon=False)
+    return figure
+
+
+def blind() -> plt.Figure:
+    """Share of right answers of the blind benchmark, with goals as lines."""
+    lines = [one for one in results("blind_first.csv") if one["goal"].startswith(">=")]
+    figure, axes = plt.subplots(figsize=(7, 3.2), layout="constrained")
+    places = np.arange(len(lines))[::-1]
+    axes.barh(places, [float(one["57fc533b"]) for one in lines], color=BLUE, height=0.6)
+    goals = [float(one["goal"].split()[-1]) for one in lines]
+    axes.vlines(goals, places - 0.4, places + 0.4, color=ORANGE, lw=2)
+    axes.set_yticks(places, [one["figure"] for one in lines], fontsize=8)
+    axes.set(xlim=(0.5, 1.0), xlabel="share of the sets (lines: goals)")
+    return figure
+
+
 def main(folder: Path) -> None:
     """Write every picture."""
     plt.rcParams["svg.hashsalt"] = "ecm"
-    for draw in (frames, midframe, models, stiffness, chambers, potential, valve):
+    for draw in PICTURES:
         figure = draw()
         figure.savefig(folder / f"{draw.__name__}.svg", metadata={"Date": None})
         plt.close(figure)
+
+
+PICTURES = (
+    frames, midframe, models, stiffness, chambers, potential, valve, models_learning, blind
+)  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ try:
     from neck import HIDDEN, fem_neck
     from robot import HeadSettings
 except ModuleNotFoundError as error:
-    sys.exit(f"error: {error}; the head needs MuJoCo: pip install 'ecm-stiffness[robot]'")
+    sys.exit(f"error: {ecm.MissingExtra(str(error.name), 'robot', 'The head')}")
 
 
 def main() -> None:

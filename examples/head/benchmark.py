@@ -4,7 +4,8 @@
 
 Each row and seed is one file below --out and is not run again,
 so that the command goes on where it was stopped. `--rows` takes a part. Instead of the tables,
-`--steps N` measures the worst step of N, `--loop` runs the loop through the loop with each effect
+`--steps N` measures the worst step of N, `--unknown N` lets the robot differ from what its
+controller was told, with N seeds, `--loop` runs the loop through the loop with each effect
 that can be hidden, and `--workspace` says what four tendons can hold. `--docs` writes what is
 printed into its part of a page.
 """
@@ -38,7 +39,7 @@ from experiment import Robot
 from loop import campaign, run_loop, with_effects, without_integral, workspace_poses
 from motions import Motion, Motions, held_pose
 from neck import HIDDEN, TrueNeck, fem_neck
-from robot import SHAPE, HeadSettings, tendon_matrix
+from robot import SHAPE, Body, HeadSettings, tendon_matrix
 
 F = NDArray[np.float64]
 PLAIN, WITHOUT = "set points", "set points without integral"
@@ -262,6 +263,46 @@ def loop_lines(bench: Bench) -> list[str]:
     return lines
 
 
+def _unknown(told: HeadSettings) -> dict[str, HeadSettings]:
+    """The robot as it may be built, where nobody tells the controller so."""
+    body, (x, y, z) = told.body, told.body.centre_m
+    heavy = Body(1.1 * body.mass_kg, body.centre_m, body.inertia_kg_m2)
+    return {
+        "nothing": told,
+        "head 10 % heavier": replace(told, body=heavy),
+        "centre 5 mm off": replace(told, body=replace(body, centre_m=(x, y + 0.005, z))),
+        "friction 4 N": replace(told, tendons=replace(told.tendons, friction_N=4.0)),
+        "camera 0.5 mm and 5 mrad off": replace(
+            told, sensor=replace(told.sensor, constant_m=5e-4, constant_rad=5e-3)
+        ),
+    }
+
+
+def unknown_lines(bench: Bench, seeds: int) -> list[str]:
+    """What the set points are missed by where the robot is not what its controller was told."""
+    rows = {"integral, no model": "no model (PD)", "integral and energy6": "energy6, 50 poses"}
+    ends = [f"{name} {unit}" for name in rows for unit in _UNITS]
+    lines = _heading("what nobody told the controller", "energy6 alone mm", "deg", *ends)
+    found: dict[str, dict[str, list[float]]] = {}
+    for seed in range(seeds):
+        robots = {name: bench.robot(row, seed) for name, row in rows.items()}
+        alone = replace(
+            robots["integral and energy6"], settings=without_integral(bench.settings)
+        )  # fmt: skip
+        motion = Motions(bench.neck, bench.settings).all()[0]
+        for what, built in _unknown(bench.settings).items():
+            cells = found.setdefault(what, {})
+            for name, robot in {"alone": alone, **robots}.items():
+                figures = replace(robot, built=built).run(motion, seed).figures()
+                for unit in _UNITS:
+                    cells.setdefault(f"{name} {unit}", []).append(figures[f"settled_{unit}"])
+            print(f"seed {seed}, {what}", file=sys.stderr)
+    return lines + [
+        f"| {what} | {' | '.join(_shown(values) for values in cells.values())} |"
+        for what, cells in found.items()
+    ]
+
+
 _SET_POINTS = {
     "model alone mm": (WITHOUT, "settled_mm"), "model alone deg": (WITHOUT, "settled_deg"),
     "settled mm": (PLAIN, "settled_mm"), "settled deg": (PLAIN, "settled_deg"),
@@ -374,6 +415,7 @@ def main() -> None:
     )
     parser.add_argument("--steps", type=int, default=0)
     parser.add_argument("--loop", action="store_true", help="miss, measure, name, hit")
+    parser.add_argument("--unknown", type=int, default=0, help="seeds of what nobody told")
     parser.add_argument("--workers", type=int, default=own_cores())
     parser.add_argument("--docs", type=Path, help="page to write into, such as docs/head.md")
     parser.add_argument("--workspace", action="store_true", help="what four tendons can hold")
@@ -385,6 +427,8 @@ def main() -> None:
     failed: list[Any] = []
     if given.workspace:
         part, lines = "workspace", workspace_lines(bench)
+    elif given.unknown:
+        part, lines = "unknown", unknown_lines(bench, given.unknown)
     elif given.loop:
         part, lines = "loop", loop_lines(bench)
     elif given.steps:

@@ -100,6 +100,8 @@ class Robot:
         Whether the controller is told what the true neck remembers; the model is then its energy.
     more_delay_s
         Delay of the readings that the controller does not expect.
+    built
+        The robot as it is, where it differs from what the controller was told; None: as told.
     """
 
     settings: HeadSettings
@@ -108,6 +110,7 @@ class Robot:
     plugin: Path
     knows_the_truth: bool = False
     more_delay_s: float = 0.0
+    built: HeadSettings | None = None
 
     @staticmethod
     def with_model(
@@ -128,7 +131,7 @@ class Robot:
 
     def run(self, motion: Motion, seed: int = 0) -> Record:
         """Carry out a motion; a head that falls ends it. The seed is that of all noise."""
-        settings, dt = self.settings, self.settings.control.dt_s
+        settings, dt = self.built or self.settings, self.settings.control.dt_s
         plant = HeadPlant(settings, self.neck, self.plugin, seed)
         controller = self.controller(motion.poses[0])
         readings = PoseReadings(settings.sensor, dt, seed, self.more_delay_s)

@@ -15,11 +15,12 @@ from experiment import Record, Robot, errors
 from plant import HeadPlant
 from robot import F, rotation
 
-WIDTH, HEIGHT = 340, 400
-"""Pixels of the picture of one controller."""
+WIDTH, HEIGHT, CURVE = 340, 400, 130
+"""Pixels of the picture of one controller, and height of the curves of the error below."""
 FRAMES_PER_S = 12
 _NECK = np.array([0.55, 0.75, 0.95, 1.0], dtype=np.float32)
 _WANTED = np.array([0.2, 0.7, 0.3, 0.35], dtype=np.float32)
+_CURVES = ((173, 69, 0), (0, 96, 156), (0, 102, 74))
 _RADIUS_M, _PIECES = 0.033, 12
 _HEAD_M, _HALF_AXES_M = np.array([0.10, 0.005, 0.0]), np.array([0.09, 0.075, 0.075])
 
@@ -43,16 +44,37 @@ def write_film(path: Path, robot: Robot, records: Sequence[tuple[str, Record]]) 
     with mujoco.Renderer(plant.model, HEIGHT, WIDTH) as renderer:
         for i in range(0, len(records[0][1].reached), round(1.0 / FRAMES_PER_S / dt)):
             views = [_view(renderer, plant, record, i) for _, record in records]
-            image = Image.fromarray(np.hstack(views))
+            image = Image.new("RGB", (WIDTH * len(records), HEIGHT + CURVE), "white")
+            image.paste(Image.fromarray(np.hstack(views)))
             draw = ImageDraw.Draw(image)
+            _curves(draw, [mm for mm, _ in missed], i, WIDTH * len(records), dt)
             for number, ((title, _), (mm, deg)) in enumerate(zip(records, missed, strict=True)):
                 text = f"{title}\n{i * dt:.1f} s\n{mm[i]:.1f} mm {deg[i]:.1f} deg"
-                draw.text((number * WIDTH + 10, 10), text, fill=(20, 20, 30), font_size=16)
+                draw.text((number * WIDTH + 10, 10), text, fill=_CURVES[number % 3], font_size=16)
             frames.append(image.quantize(96))
     frames[0].save(
         path, save_all=True, append_images=frames[1:], duration=round(1000 / FRAMES_PER_S), loop=0
     )
     return len(frames)
+
+
+def _curves(
+    draw: ImageDraw.ImageDraw, missed: Sequence[F], now: int, width: int, dt: float
+) -> None:
+    """Draw how far each head is off over the time, up to now: an error is too small to be seen."""
+    left, bottom, tall = 46, HEIGHT + CURVE - 22, CURVE - 44
+    most, count = max(float(mm.max()) for mm in missed), len(missed[0])
+    draw.line([(left, bottom), (width - 8, bottom)], fill=(120, 120, 130))
+    for value in (most, 0.5 * most):
+        y = bottom - tall * value / most
+        draw.line([(left, y), (width - 8, y)], fill=(225, 225, 230))
+        draw.text((4, y - 8), f"{value:.1f} mm", fill=(60, 60, 70), font_size=12)
+    draw.text((left, HEIGHT + 2), "error of the position", fill=(20, 20, 30), font_size=13)
+    draw.text((width - 60, bottom + 4), f"{count * dt:.0f} s", fill=(60, 60, 70), font_size=12)
+    for mm, colour in zip(missed, _CURVES, strict=False):
+        at = np.linspace(0, now, min(now + 1, width)).astype(int)
+        points = [(left + (width - 8 - left) * k / count, bottom - tall * mm[k] / most) for k in at]
+        draw.line(points if len(points) > 1 else points * 2, fill=colour, width=2)
 
 
 def _view(

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import ecm
-from ecm._native import EnergyModel  # ecm.EnergyModel ends at degree 6
+from ecm._native import EnergyEvaluator  # ecm.EnergyModel ends at degree 6
 from ecm.models import EnergyMap, Model
 from ecm.rig import Hidden, SolvedPoses
 from ecm.rig.physics.material import Hysteresis, Relaxation, Temperature
@@ -172,7 +172,7 @@ def fem_neck(
         offsets[:, 0] += mechanism.length_m - 0.75 * _SPREAD[0]
         solved = mechanism.fem().solve_poses(offsets, progress=progress)
         good = np.asarray(solved.status) == "solved"
-        energy = EnergyModel.fit(
+        energy = EnergyEvaluator.fit(
             offsets[good], solved.wrenches[good],
             length_m=mechanism.length_m, degree=_DEGREE, symmetry="revolution",
         )  # fmt: skip

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ecm.bench.settings import Bench
     from ecm.comparison.comparison import compare
     from ecm.comparison.result import Comparison
+    from ecm.comparison.sines import dynamic_stiffness
     from ecm.designs.optimal import Design, optimal_design
     from ecm.designs.plans import diagnosable_plan, paper_plan
     from ecm.designs.regressors import DesignSettings
@@ -66,6 +67,7 @@ _NAMES = {
     "bench.settings": ("Bench",),
     "comparison.comparison": ("compare",),
     "comparison.result": ("Comparison",),
+    "comparison.sines": ("dynamic_stiffness",),
     "designs.optimal": ("Design", "optimal_design"),
     "designs.plans": ("diagnosable_plan", "paper_plan"),
     "designs.regressors": ("DesignSettings",),
@@ -146,6 +148,7 @@ __all__ = [
     "design",
     "diagnosable_plan",
     "diagnose",
+    "dynamic_stiffness",
     "export",
     "fem_poses",
     "fit",

@@ -15,13 +15,13 @@ __all__ = [
     "DesignError",
     "DesignResult",
     "EcmError",
-    "EnergyModel",
+    "EnergyEvaluator",
     "Fem",
     "FemError",
     "FemResults",
     "Mesh",
     "ModelError",
-    "PolynomialModel",
+    "PolynomialEvaluator",
     "Stepper",
     "WarmStart",
     "__version__",
@@ -143,8 +143,16 @@ class Mesh:
         platform_m: Sequence[Sequence[float]] = ...,
     ) -> Mesh:
         """With a tendon, straight between points of the base, of the body, then of the platform."""
-    def with_winding(self, surface: str, *, angle_rad: float, stiffness_N_m: float) -> Mesh:
-        """With threads bonded to a chamber's wall, another named surface or "outside"."""
+    def with_winding(
+        self,
+        on: str,
+        *,
+        angles_rad: Sequence[float],
+        stiffness_N_m: float | None = None,
+        stiffness_Pa: float | None = None,
+    ) -> Mesh:
+        """With threads bonded to a chamber's wall, another named surface or "outside" (N/m), or
+        through a named region or "body" (Pa); two angles from the direction round it."""
     @staticmethod
     def from_arrays(nodes_m: _F, tetrahedra: _I, *, base_nodes: _I, top_nodes: _I) -> Mesh:
         """(N, 3) and (M, 10) arrays, node numbers of the two faces."""
@@ -329,7 +337,7 @@ def polynomial_regressor(inputs: _F, degree: int, lower: _F, upper: _F) -> _F:
     """(N, k) regressor of inputs mapped from [lower, upper] to [-1, 1]."""
 
 @final
-class PolynomialModel:
+class PolynomialEvaluator:
     """n inputs to m outputs; the paper's map has n = m = 6."""
     @staticmethod
     def fit(
@@ -341,19 +349,19 @@ class PolynomialModel:
         threshold: float = 0.0,
         ridge: float = 0.0,
         weights: _F | None = None,
-    ) -> PolynomialModel:
+    ) -> PolynomialEvaluator:
         """threshold: PCR drops singular values of the normalised, un-centred regressor below it."""
     @staticmethod
     def from_coefficients(
         degree: int, lower: _F, upper: _F, coefficients: _F
-    ) -> PolynomialModel: ...
+    ) -> PolynomialEvaluator: ...
     @staticmethod
     def triangle(inputs: _F, outputs: _F, degree: int, lower: _F, upper: _F) -> _F:
         """(c, c) triangle of [regressor | outputs] of some of the rows of `fit_triangles`."""
     @staticmethod
     def fit_triangles(
         triangles: Sequence[_F], rows: int, degree: int, lower: _F, upper: _F
-    ) -> PolynomialModel:
+    ) -> PolynomialEvaluator:
         """Least squares of the rows of several triangles, `rows` in all."""
     @staticmethod
     def condition_number_raw(inputs: _F, degree: int) -> float:
@@ -393,7 +401,7 @@ class PolynomialModel:
         """(m,) residual square per degree of freedom; NaN where it was not fitted."""
 
 @final
-class EnergyModel:
+class EnergyEvaluator:
     """U(q) in mid-frame coordinates; Q = dU/dq; h by inverting conventions' two lines."""
     @staticmethod
     def fit(
@@ -405,7 +413,7 @@ class EnergyModel:
         symmetry: Literal["alike", "revolution", "general"] = "alike",
         covariance: _F | None = None,
         groups: Sequence[str] = ...,
-    ) -> EnergyModel:
+    ) -> EnergyEvaluator:
         """covariance: (N, 6, 6) of each row's wrench; without it the components are weighted
         by the spread of each. groups: broken symmetries, unlike_ends, handedness, precurvature,
         face_tilt, anisotropy."""
@@ -436,7 +444,7 @@ class EnergyModel:
         symmetry: Literal["alike", "revolution", "general"],
         scale: _F,
         groups: Sequence[str] = ...,
-    ) -> EnergyModel:
+    ) -> EnergyEvaluator:
         """The fit of several triangles, which stand for `rows` poses."""
     @staticmethod
     def from_coefficients(
@@ -447,7 +455,7 @@ class EnergyModel:
         scale: _F,
         coefficients: _F,
         groups: Sequence[str] = ...,
-    ) -> EnergyModel: ...
+    ) -> EnergyEvaluator: ...
     @staticmethod
     def regressor(
         poses: _F,

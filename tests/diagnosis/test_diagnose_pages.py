@@ -145,15 +145,12 @@ def test_unknown_tells_variables_nearest_effect_and_a_skeleton_that_runs(
 OPEN = """<script>
 const say = (name, value) => { document.documentElement.dataset[name] = value; };
 drawn.then(() => {
-const press = node => node.dispatchEvent(new MouseEvent("click", {bubbles: true}));
-press(document.querySelector(".updatemenu-header"));
-const buttons = [...document.querySelectorAll(".updatemenu-dropdown-button")];
-say("names", JSON.stringify(buttons.map(b => b.textContent)));
-press(buttons.find(b => b.textContent.includes("script")));
-setTimeout(() => {
-  const titles = [...document.querySelectorAll(".annotation-text")].map(t => t.textContent);
-  say("title", titles.find(t => t.startsWith("against")));
-}, 500);
+const menu = document.querySelector(".menus select"), options = [...menu.options];
+say("names", JSON.stringify(options.map(option => option.textContent)));
+menu.value = options.find(option => option.textContent.includes("script")).value;
+menu.dispatchEvent(new Event("change"));
+const titles = [...document.querySelectorAll(".figure text")].map(t => t.textContent);
+say("title", titles.find(t => t.startsWith("against")));
 });
 </script></body>"""
 """After the page's own script: open the menu of variables and choose the hostile one."""
@@ -164,7 +161,7 @@ setTimeout(() => {
 def test_each_page_opens_without_error_or_request_and_the_name_stays_text(
     verdict: str, told: dict[str, Told], tmp_path: Path
 ) -> None:
-    """Plotly draws tags in its labels: a name that is not escaped loses them, or becomes bold."""
+    """Labels may be bold by a tag: a name that is not escaped loses its own."""
     page = told[verdict].page
     assert page.stat().st_size < 10e6
     opened = tmp_path / "opened.html"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import ecm
-from ecm._native import EnergyModel
+from ecm._native import EnergyEvaluator
 from ecm.diagnosis.procedure import find_missing
 from ecm.effects import effect, effects_of, unregister, with_shape
 from ecm.io.columns import POSE, WRENCH
@@ -23,11 +23,13 @@ META = {
 }  # fmt: skip
 
 
-def _spring() -> EnergyModel:
+def _spring() -> EnergyEvaluator:
     """An energy of a body of revolution, fitted to a linear spring."""
     poses = np.random.default_rng(0).uniform(-1.0, 1.0, (60, 6)) * np.repeat([4e-3, 0.05], 3)
     wrenches = poses @ np.diag([2e4, 900.0, 900.0, 4.0, 6.0, 6.0])
-    return EnergyModel.fit(poses + LENGTH_M * np.eye(6)[0], wrenches, length_m=LENGTH_M, degree=4)
+    return EnergyEvaluator.fit(
+        poses + LENGTH_M * np.eye(6)[0], wrenches, length_m=LENGTH_M, degree=4
+    )
 
 
 SPRING = _spring()

@@ -50,6 +50,25 @@ def test_windings_turn_swelling_into_lengthening() -> None:
     assert rings > 0.0 > fibres  # McKibben's muscle shortens below 54.7 degrees to the axis
 
 
+def test_threads_through_a_region_turn_the_arm_where_they_are_one_screw() -> None:
+    def tip(second: float | None) -> np.ndarray:
+        body = arm(
+            winding_on="body",
+            winding_stiffness_Pa=1e6,
+            winding_angle_rad=0.6,
+            winding_second_angle_rad=second,
+        )
+        assert Mechanism.from_dict(body.to_dict()) == body
+        pairs = solve_wrenches(body, np.zeros((1, 6)), pressures_Pa=[[2e4] * 3])
+        assert pairs.status == ("solved",)
+        return np.asarray(pairs.poses[0])
+
+    both, rings, screw = (tip(second) for second in (None, 0.0, 0.6))
+    assert abs(both[3]) < 1e-3
+    # A right-handed screw that is swollen turns back.
+    assert screw[3] < 1.5 * rings[3] < -0.05
+
+
 def test_given_volumes_and_lengths_are_the_other_side_of_pressures_and_tensions() -> None:
     body = arm(tendons=[{"base_m": [[0, 0.03, 0]], "platform_m": [[0.1, 0.03, 0]]}])
     load = np.array([[0.5, 0.1, 0.0, 0.0, 0.0, 0.0]])
@@ -85,6 +104,12 @@ def test_wrong_actuators_are_refused_in_the_words_of_their_settings() -> None:
         arm(tendons=[{"base_m": [[0, 0, 0]]}])
     with pytest.raises(InputError, match=r"base_m: found \[0\.0, 0\.0\], expected \[x, y, z\]"):
         arm(tendons=[{"base_m": [[0, 0]], "platform_m": [[0, 0]]}])
+    with pytest.raises(InputError, match="has either winding_stiffness_N_m, on a surface, or wind"):
+        arm(winding_stiffness_N_m=1e4, winding_stiffness_Pa=1e6).mesh()
+    with pytest.raises(InputError, match="winding on `sleeve`: the mesh has no such region"):
+        arm(winding_stiffness_Pa=1e6, winding_on="sleeve").mesh()
+    with pytest.raises(InputError, match="winding_second_angle_rad = nan: expected a finite"):
+        arm(winding_stiffness_Pa=1e6, winding_second_angle_rad=float("nan"))
     body = arm(tendon_count=2, tendon_offset_m=0.019)
     with pytest.raises(InputError, match="tension_max_N has 3 numbers, the mechanism 2 tendons"):
         Workspace(tension_max_N=(1.0, 2.0, 3.0)).box(body)

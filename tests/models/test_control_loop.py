@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ecm._native import PolynomialModel, left_jacobians
+from ecm._native import PolynomialEvaluator, left_jacobians
 from ecm.errors import InputError
 from ecm.models import Model, fit_model
 from ecm.models.control_loop import ControlLoop, Gains, LoopSettings, design_loop
@@ -162,7 +162,9 @@ def test_what_no_gain_can_hold_is_said() -> None:
 def test_a_model_without_stiffness_is_exported_without_a_loop() -> None:
     model = fit_model(campaign(seed=3), "linear")
     known = model.base.model
-    pushing = PolynomialModel.from_coefficients(1, known.lower, known.upper, -known.coefficients)
+    pushing = PolynomialEvaluator.from_coefficients(
+        1, known.lower, known.upper, -known.coefficients
+    )
     flat = replace(model, base=replace(model.base, model=pushing), covariance=None)
     exported = export_files(flat, "c", "neck")
     assert "neck_control.c" not in exported.files

@@ -120,7 +120,7 @@ def test_the_fixed_point_is_the_maximum_of_the_likelihood() -> None:
     table = drawn(poses, truth.predict(poses), COARSE, 1)
 
     def solve(p: F, h: F, covariance: F) -> tuple[StiffnessMap, F, float]:
-        model = _native.EnergyModel.fit(
+        model = _native.EnergyEvaluator.fit(
             np.ascontiguousarray(p), np.ascontiguousarray(h), length_m=L, degree=4,
             covariance=np.ascontiguousarray(covariance),
         )  # fmt: skip
@@ -176,7 +176,7 @@ def test_generalised_least_squares_of_a_polynomial_is_the_stacked_one() -> None:
 def test_weights_by_spread_and_for_exact_data() -> None:
     poses = workspace_poses(60, 9)
     exact = table_of(poses, wrench(poses), Noise(0, 0, 0, 0))
-    own = _native.EnergyModel.fit(poses, wrench(poses), length_m=L, degree=4)
+    own = _native.EnergyEvaluator.fit(poses, wrench(poses), length_m=L, degree=4)
     found = fit_model(exact, "energy4", weights="spread").base
     np.testing.assert_array_equal(found.coefficients, own.coefficients)
     # No noise to weigh with: that of a common rig is taken.

@@ -52,16 +52,16 @@ def test_the_memory_of_a_fit_does_not_grow_with_its_terms() -> None:
         pytest.skip("the largest memory of a process is read from /proc")
     program = """
 import numpy as np
-from ecm._native import PolynomialModel
+from ecm._native import PolynomialEvaluator
 
 def peak_MB():  # of this process alone: getrusage counts the one that started it
     with open("/proc/self/status") as status:
         return next(int(line.split()[1]) / 1024.0 for line in status if line.startswith("VmHWM"))
 
 x = np.random.default_rng(0).uniform(-1.0, 1.0, (100_000, 6))
-PolynomialModel.fit(x[:200], x[:200], 3)
+PolynomialEvaluator.fit(x[:200], x[:200], 3)
 before = peak_MB()
-PolynomialModel.fit(x, x, 3)
+PolynomialEvaluator.fit(x, x, 3)
 print(peak_MB() - before)
 """
     ran = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True)
@@ -113,10 +113,10 @@ from hashlib import sha256
 import numpy as np
 os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: int(sys.argv[1])])
 from models.test_many_rows import slow_ramp
-from ecm._native import PolynomialModel
+from ecm._native import PolynomialEvaluator
 from ecm.models import fit_model
 x = np.random.default_rng(0).uniform(-1.0, 1.0, (60_000, 6))
-print(sha256(PolynomialModel.fit(x, x**4, 3).coefficients.tobytes()).hexdigest())
+print(sha256(PolynomialEvaluator.fit(x, x**4, 3).coefficients.tobytes()).hexdigest())
 print(sha256(fit_model(slow_ramp(9000), "energy4").base.coefficients.tobytes()).hexdigest())
 """
     tests = str(Path(__file__).parents[1])
@@ -140,10 +140,10 @@ def test_a_forked_process_fits_and_evaluates_as_its_parent_did() -> None:
 import os, signal
 from hashlib import sha256
 import numpy as np
-from ecm._native import PolynomialModel
+from ecm._native import PolynomialEvaluator
 x = np.random.default_rng(0).uniform(-1.0, 1.0, (60_000, 6))
 def found():
-    model = PolynomialModel.fit(x, x**4, 3)
+    model = PolynomialEvaluator.fit(x, x**4, 3)
     return sha256(model.coefficients.tobytes() + model.jacobian(x[:5000]).tobytes()).hexdigest()
 before = found()
 child = os.fork()

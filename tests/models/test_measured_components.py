@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import ecm
-from ecm._native import EnergyModel
+from ecm._native import EnergyEvaluator
 from ecm.errors import InputError, remedy_of
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
@@ -32,7 +32,7 @@ def body() -> EnergyMap:
     poses = np.random.default_rng(0).uniform(-1.0, 1.0, (60, 6)) * np.repeat([4e-3, 0.05], 3)
     wrenches = poses @ np.diag([2e4, 900.0, 900.0, 4.0, 6.0, 6.0])
     poses[:, 0] += LENGTH_M
-    return EnergyMap(EnergyModel.fit(poses, wrenches, length_m=LENGTH_M, degree=4))
+    return EnergyMap(EnergyEvaluator.fit(poses, wrenches, length_m=LENGTH_M, degree=4))
 
 
 def measured(outputs: tuple[str, ...] = FORCES, rows: int = 120, seed: int = 1) -> ecm.Table:

@@ -140,7 +140,7 @@ def test_pcr_thresholds_in_four_ways() -> None:
     assert singular_threshold("0.02/sqrtN", poses, wrenches, 3) == pytest.approx(b)
     kept = fit_model(table, PolynomialModel(3, pcr="0.02/sqrtN")).base.model.rank  # type: ignore[attr-defined]
     assert kept == int((values >= b).sum())
-    found, rmse = _native.PolynomialModel.leave_one_out(poses, wrenches, 3)
+    found, rmse = _native.PolynomialEvaluator.leave_one_out(poses, wrenches, 3)
     np.testing.assert_allclose(found, values, rtol=1e-9)
     rank = press_rank(rmse, len(poses))
     assert fit_model(table, PolynomialModel(3, pcr="press")).base.model.rank == rank  # type: ignore[attr-defined]
@@ -153,7 +153,7 @@ def test_leave_one_out_is_leaving_one_out() -> None:
     """Every rank against the naive loop over left-out rows, directions held."""
     table = campaign(seed=3).measured()
     poses, wrenches = table.poses[:110].copy(), table.wrenches[:110].copy()
-    _, rmse = _native.PolynomialModel.leave_one_out(poses, wrenches, 2)
+    _, rmse = _native.PolynomialEvaluator.leave_one_out(poses, wrenches, 2)
     x = _native.polynomial_regressor(poses, 2, poses.min(axis=0), poses.max(axis=0))
     _, _, vt = np.linalg.svd(x, full_matrices=False)
     for rank in (3, 10, 28):
@@ -172,7 +172,7 @@ def test_the_energy_fit_is_numpys_generalised_least_squares() -> None:
     random = np.random.default_rng(1)
     root = random.normal(size=(len(poses), 6, 6)) + 4.0 * np.eye(6)
     covariance = root @ np.swapaxes(root, 1, 2)
-    model = _native.EnergyModel.fit(
+    model = _native.EnergyEvaluator.fit(
         poses, wrenches, length_m=L, degree=4, covariance=covariance, groups=["anisotropy"]
     )
     columns = EnergyMap(model).columns(poses)
@@ -207,18 +207,18 @@ def test_scikit_learn_gives_the_same_polynomials() -> None:
 
     size = np.abs(wrenches).max(axis=0)
     plain = linear_model.LinearRegression(fit_intercept=False).fit(features(poses), wrenches)
-    ours = _native.PolynomialModel.fit(poses, wrenches, 3)
+    ours = _native.PolynomialEvaluator.fit(poses, wrenches, 3)
     assert np.all(np.abs(ours.predict(poses) - plain.predict(features(poses))) < 1e-9 * size)
     ridge = linear_model.Ridge(alpha=0.3, fit_intercept=False, solver="svd").fit(
         features(poses), wrenches
     )
-    ours = _native.PolynomialModel.fit(poses, wrenches, 3, method="ridge", ridge=0.3)
+    ours = _native.PolynomialEvaluator.fit(poses, wrenches, 3, method="ridge", ridge=0.3)
     assert np.all(np.abs(ours.predict(test) - ridge.predict(features(test))) < 1e-9 * size)
     svd = decomposition.TruncatedSVD(40, algorithm="arpack", tol=1e-13, random_state=0)
     scores = svd.fit_transform(features(poses))
     component = linear_model.LinearRegression(fit_intercept=False).fit(scores, wrenches)
     threshold = singular_threshold("rank:40", poses, wrenches, 3)
-    ours = _native.PolynomialModel.fit(poses, wrenches, 3, method="pcr", threshold=threshold)
+    ours = _native.PolynomialEvaluator.fit(poses, wrenches, 3, method="pcr", threshold=threshold)
     expected = component.predict(scores)
     assert np.all(np.abs(ours.predict(poses) - expected) < 1e-9 * size)
 

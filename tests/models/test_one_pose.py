@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ecm._native import EnergyModel, PolynomialModel
+from ecm._native import EnergyEvaluator, PolynomialEvaluator
 from ecm.errors import EcmError
 from ecm.io.columns import POSE, WRENCH
 from ecm.models import EnergyMap, Model, PhysicsMap, PolynomialMap, fit_model
@@ -20,7 +20,7 @@ POSES = workspace_poses(5, 7)
 def energy(*groups: str) -> EnergyMap:
     poses = workspace_poses(60, 1)
     return EnergyMap(
-        EnergyModel.fit(
+        EnergyEvaluator.fit(
             poses, physics().predict(poses), length_m=0.1034, degree=4, groups=list(groups)
         )
     )
@@ -28,7 +28,7 @@ def energy(*groups: str) -> EnergyMap:
 
 def cubic() -> PolynomialMap:
     values = np.random.default_rng(3).normal(size=(84, 6))
-    model = PolynomialModel.from_coefficients(3, -np.ones(6), np.ones(6), values)
+    model = PolynomialEvaluator.from_coefficients(3, -np.ones(6), np.ones(6), values)
     return PolynomialMap(model, POSE, WRENCH)
 
 
@@ -78,7 +78,7 @@ def test_few_columns_and_other_number_types() -> None:
 class Counted:
     """A native energy that counts the calls."""
 
-    model: EnergyModel
+    model: EnergyEvaluator
     calls: list[str] = field(default_factory=list)
 
     def __getattr__(self, name: str) -> Any:

@@ -17,7 +17,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm import _native
-from ecm._native import EnergyModel
+from ecm._native import EnergyEvaluator
 from ecm.diagnosis import diagnose
 from ecm.errors import InputError
 from ecm.fem.simulate import fem_poses
@@ -64,14 +64,14 @@ class ClosedForm:
         terms = 65
         random = np.random.default_rng(4)
         self.slopes = 0.02 * random.uniform(-1.0, 1.0, (3, 3, terms))
-        self.rest = _native.EnergyModel.fit(
+        self.rest = _native.EnergyEvaluator.fit(
             *_neck_like(), length_m=LENGTH_M, degree=6, symmetry="alike"
         )
 
-    def energy(self, s: float, x: float) -> _native.EnergyModel:
+    def energy(self, s: float, x: float) -> _native.EnergyEvaluator:
         t = (s - compressibility(NECK.poisson_ratio)) / 0.2
         change = np.einsum("a,b,abk->k", [1.0, t, t * t], [1.0, x, x * x], self.slopes)
-        return _native.EnergyModel.from_coefficients(
+        return _native.EnergyEvaluator.from_coefficients(
             length_m=LENGTH_M,
             degree=6,
             symmetry="alike",
@@ -105,7 +105,7 @@ def _neck_like() -> tuple[F, F]:
     rest[2, 4] = rest[4, 2] = 186.0
     poses = workspace_poses(rest, LENGTH_M, 200, seed=1)
     diagonal = [24000.0, 3600.0, 3600.0, 4.0, 6.4, 6.4]
-    linear = _native.EnergyModel.from_coefficients(
+    linear = _native.EnergyEvaluator.from_coefficients(
         length_m=LENGTH_M, degree=2, symmetry="alike", scale=np.ones(2),
         coefficients=0.5 * np.array([0.0, diagonal[0], diagonal[1], diagonal[4], diagonal[3]]),
     )  # fmt: skip
@@ -247,7 +247,7 @@ def test_an_interrupted_build_goes_on(
 
 
 def test_ends_that_differ_are_noticed(closed_form: ClosedForm, tmp_path: Path) -> None:
-    wanted = EnergyModel.from_coefficients(
+    wanted = EnergyEvaluator.from_coefficients(
         length_m=LENGTH_M, degree=4, symmetry="revolution", scale=np.array([0.04, 0.8]),
         coefficients=np.concatenate([[0.0, 20.0, 3.0, 2.0, 1.3, 0.4], np.full(22, 0.01)]),
     )  # fmt: skip

@@ -231,7 +231,7 @@ def test_exceptions_from_the_rules_are_few_and_say_why() -> None:
 
 
 def test_no_name_of_the_binding_is_renamed_at_its_import() -> None:
-    """`EnergyModel` is a specification, `_native.EnergyModel` its fitted evaluator."""
+    """What the binding calls EnergyEvaluator is called so everywhere."""
     renamed = [
         (path.name, alias.name)
         for path in PACKAGE.rglob("*.py")

@@ -1,8 +1,7 @@
-"""docs/columns.md follows the list of columns in the code; the templates run."""
+"""The pages of columns and effects, and the help of the page, are what scripts write."""
 
 from __future__ import annotations
 
-import re
 import runpy
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +12,16 @@ from ecm.io.columns import STANDARD, is_standard
 from ecm.io.table import read_table
 from support.neck import ROOT, Done
 
-WRITER = runpy.run_path(str(ROOT / "docs" / "columns.py"))
+DOCS = ROOT / "docs"
+WRITER, EFFECTS, WORDS = (
+    runpy.run_path(str(DOCS / f"{name}.py")) for name in ("columns", "effects_pages", "page_words")
+)
+WRITTEN = {
+    DOCS / "columns.md": WRITER["page"](),
+    WORDS["WORDS"]: WORDS["page"](),
+    **{DOCS / "effects" / name: text for name, text in EFFECTS["pages"]().items()},
+}
+"""What the scripts of docs/ write, by the file that is in the repository."""
 
 
 def test_every_standard_column_is_in_the_guide_once() -> None:
@@ -23,17 +31,9 @@ def test_every_standard_column_is_in_the_guide_once() -> None:
     assert all(is_standard(name) for name in names)
 
 
-def test_the_page_is_the_one_that_the_code_writes() -> None:
-    made = WRITER["page"]()
-    page = (ROOT / "docs" / "columns.md").read_text(encoding="utf-8")
-    assert page == made, "run: python docs/columns.py"
-
-
-def test_the_page_cites_files_that_exist() -> None:
-    page = (ROOT / "docs" / "columns.md").read_text(encoding="utf-8")
-    cited = set(re.findall(r"docs/[a-z_]+\.md", page))
-    assert cited
-    assert all((ROOT / name).is_file() for name in cited)
+@pytest.mark.parametrize("path", WRITTEN, ids=lambda path: path.name)
+def test_a_page_is_the_one_that_the_code_writes(path: Path) -> None:
+    assert path.read_text(encoding="utf-8") == WRITTEN[path], "see docs/: columns.py and others"
 
 
 @pytest.mark.parametrize(("dof", "columns"), [("1", 2), ("3", 6), ("6", 12)])

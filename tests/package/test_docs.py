@@ -235,3 +235,9 @@ def test_a_broken_link_is_noticed() -> None:
     assert list(broken_links(page, text)) == ["nowhere.md", "robot.md#nowhere", "#here"]
     assert slug("Where it `fails`: fx, [y](z.md)") == "where-it-fails-fx-y"
     assert anchors("# A b\n\n## A b\n") == {"a-b", "a-b_1"}
+
+
+def test_the_index_links_every_page_that_a_person_writes() -> None:
+    index = ROOT / "docs" / "index.md"
+    linked = {link.file for link in links(index, index.read_text(encoding="utf-8"))}
+    assert set(source_pages().values()) - {index} - linked == set()

@@ -162,3 +162,12 @@ def test_private_words_are_gone(sources: dict[str, str]) -> None:
 def test_the_glossary_is_sorted_and_each_term_once() -> None:
     headings = re.findall(r"^## (.+)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
     assert headings == sorted(set(headings), key=str.lower)
+
+
+def test_messages_that_a_page_quotes_are_in_the_code(sources: dict[str, str]) -> None:
+    page = (ROOT / "docs" / "howto" / "messages.md").read_text(encoding="utf-8")
+    quoted = re.findall(r"^\| `([^`]+)` \|", page, re.MULTILINE)
+    rust = (path.read_text(encoding="utf-8") for path in (ROOT / "crates").glob("*/src/**/*.rs"))
+    said = re.sub(r'"\s*f?"', "", "\n".join([*sources.values(), *rust]))  # pieces of a string
+    assert len(quoted) > 30
+    assert [one for one in quoted if not all(part in said for part in one.split("…"))] == []

@@ -95,6 +95,7 @@ def right(folder: Path) -> dict[str, dict[str, Any]]:
             "model": MODEL, "table": TABLE, "meta": None, "effects": ["kink"], "noise": None,
             "settings": ecm.DiagnosisSettings(), "seed": 0,
         },
+        "dynamic_stiffness": {"table": TABLE, "model": MODEL, "skip": 1.0, "meta": None},
         "export": {
             "model": MODEL, "to": "c", "directory": folder, "name": "a", "precision": "double",
             "loop": None, "adapt": None, "force": False,

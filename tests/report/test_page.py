@@ -77,7 +77,8 @@ def test_every_figure_is_drawn_and_hostile_text_stays_text(tmp_path: Path) -> No
     assert seen.attribute("blocked") is None
     assert seen.attribute("owned") is None
     assert seen.attribute("figures") == "8"
-    assert seen.html.count('class="main-svg"') >= 8
+    assert seen.html.count('<svg class="figure"') == 8
+    assert seen.html.count("<circle") > 1000
 
 
 @pytest.mark.browser
@@ -105,18 +106,43 @@ def test_the_mechanism_stands_before_the_first_table_and_shares_the_marks(tmp_pa
 
 def test_a_dark_page_has_dark_figures_and_a_phone_can_scroll_over_them(tmp_path: Path) -> None:
     Report("t", "l", sections()[1:]).write(tmp_path / "page.html")
-    layout = "document.getElementById('figure-{}').layout.{}"
+    ink = "getComputedStyle(document.querySelector('#figure-0 text')).fill"
     with open_chromium() as page:
         page.size(360, 800, dark=True)
         page.open((tmp_path / "page.html").as_uri())
-        page.until("document.documentElement.dataset.figures > 0")
-        assert page.js(layout.format(0, "paper_bgcolor")) == "#11151b"
-        assert page.js(layout.format(0, "font.color")) == "#e8ecf2"
-        assert page.js(layout.format(0, "dragmode")) is False
+        page.until("document.querySelectorAll('#figure-0 text').length > 0")
+        assert page.js(ink) == "rgb(232, 236, 242)"
         assert page.js("document.getElementById('figure-0').offsetWidth") >= 640
         assert page.js("document.documentElement.scrollWidth") <= 360
         page.size(1200, 800)
-        page.until(f"{layout.format(0, 'paper_bgcolor')} === 'white'")
+        page.until(f"{ink} === 'rgb(23, 32, 43)'")
+        assert page.problems() == []
+
+
+def test_a_printed_report_cuts_no_table_and_numbers_its_sections_once(tmp_path: Path) -> None:
+    """On A4 no table is wider than the sheet, and a short one does not go over an edge."""
+    rows = [
+        [f"a rather long name of effect {i}", 1.0, "words that go on for a while"]
+        for i in range(12)
+    ]
+    blocks: list[Block] = [
+        TableBlock("Errors.", ("effect", "size", "what"), rows) for _ in range(4)
+    ]
+    Report("t", "l", [Section("First", blocks), *sections()[1:]]).write(tmp_path / "page.html")
+    with open_chromium() as page:
+        page.size(690, 1000)  # A4 without its margins, at 96 dots an inch
+        page.open((tmp_path / "page.html").as_uri())
+        page.until("!!document.documentElement.dataset.figures")
+        page.call("Emulation.setEmulatedMedia", media="print")
+        assert page.js("document.documentElement.scrollWidth") <= 690
+        breaks = "f => getComputedStyle(f).breakInside"
+        found = page.js(f"[...document.querySelectorAll('figure.table')].map({breaks}).join()")
+        assert found == ",".join(["avoid"] * 4)
+        assert page.js("getComputedStyle(document.querySelector('nav')).display") == "none"
+        number = "getComputedStyle(document.querySelectorAll('h2')[1], '::before').content"
+        assert "counter(section)" in page.js(number)
+        assert len(page.call("Page.printToPDF", preferCSSPageSize=True)["data"]) > 10_000
+        page.call("Emulation.setEmulatedMedia", media="")
 
 
 def test_the_page_asks_for_nothing_from_outside_and_is_small(tmp_path: Path) -> None:
@@ -126,7 +152,7 @@ def test_the_page_asks_for_nothing_from_outside_and_is_small(tmp_path: Path) -> 
     for own in (text, json.dumps(figures_of(path))):
         assert "http:" not in own
         assert "https:" not in own
-    assert len(text) < 2.2e6  # plotly's script is 4.8 MB before it is compressed
+    assert len(text) < 3e5
 
 
 @pytest.mark.parametrize(
@@ -202,9 +228,8 @@ class Hostile(Shown):
 
 PLAY = """<script>
 drawn.then(() => {
-const graph = i => document.getElementById("figure-" + i);
-const marks = () => figures.flatMap((f, i) => graph(i).data.filter(t => t.meta).map(
-  t => (t.selectedpoints || []).map(k => t.customdata[k]).join())).join(" ");
+const marks = () => figures.map((f, i) => [...document.querySelectorAll(`#figure-${i} .chosen`)]
+  .map(node => node.dataset.row).join(" ")).filter(Boolean).join(" ");
 const rows = () => [...document.querySelectorAll("tr.marked")].map(r => r.dataset.row).join(" ");
 const say = (name, value) => { document.documentElement.dataset[name] = value; };
 const worst = document.querySelector("tr[data-row]");
@@ -212,13 +237,10 @@ worst.click();
 say("worst", worst.dataset.row); say("seen", marks()); say("rows", rows());
 worst.click();
 say("after", marks().trim());
-// A point of the last linked figure, as plotly tells of a click on it.
-const last = figures.map((f, i) => i).filter(i => figures[i].data.some(t => t.meta)).pop();
-const trace = graph(last).data.find(t => t.meta);
+// A point of the last linked figure.
 const row = document.querySelectorAll("tr[data-row]")[3].dataset.row;
-const at = trace.customdata.map(String).indexOf(row);
-const click = () => graph(last).emit("plotly_click",
-  {points: [{data: trace, pointNumber: at, customdata: trace.customdata[at]}]});
+const point = () => [...document.querySelectorAll(`.figure [data-row="${row}"]`)].pop();
+const click = () => point().dispatchEvent(new MouseEvent("click"));
 click();
 say("point", row); say("seenpoint", marks()); say("rowspoint", rows());
 click();

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ecm._native import EnergyModel
+from ecm._native import EnergyEvaluator
 from ecm.rig.arm import kuka as arm
 from ecm.rig.arm.kuka import flange_pose, inverse_kinematics, joints_at_swivel, scene, swivel_angle
 from ecm.rig.arm.mechanism import ControllerModel
@@ -243,7 +243,7 @@ def test_gravity_is_compensated_with_the_payload_on() -> None:
 def swing(step_s: float, method: str) -> F:
     """Total energy over half a second of free swinging on the mechanism, nothing damped."""
     sim = simulation(step_s)
-    body: EnergyModel = mechanism().model()
+    body: EnergyEvaluator = mechanism().model()
     solution = inverse_kinematics(
         *scene(settings(), L).flange_goal(np.array([L - 0.002, 0.006, -0.004]), np.eye(3)),
         0.0, sim.home_rad, 0.035,
@@ -296,7 +296,7 @@ def stability_number(sim: Simulation, stiffness: NDArray[np.float64]) -> float:
 
 def test_explicit_steps_are_far_from_their_limit() -> None:
     sim = simulation()
-    body: EnergyModel = mechanism().model()
+    body: EnergyEvaluator = mechanism().model()
     for joints in near_home(20, 0.2, seed=6):
         sim.reset(joints)
         assert stability_number(sim, body.stiffness(REST[None])[0]) < 0.2
@@ -305,7 +305,9 @@ def test_explicit_steps_are_far_from_their_limit() -> None:
 def test_the_loop_evaluates_the_exported_model() -> None:
     model = ControllerModel(library())
     poses = some_poses(80, seed=9)
-    fitted = EnergyModel.fit(poses, 0.97 * wrench(poses), length_m=L, degree=4, symmetry="alike")
+    fitted = EnergyEvaluator.fit(
+        poses, 0.97 * wrench(poses), length_m=L, degree=4, symmetry="alike"
+    )
     for pose in some_poses(20, seed=10):
         model.pose[:] = pose
         model.evaluate()

@@ -13,8 +13,9 @@ from ecm.io.columns import POSE
 from ecm.io.description import Meta
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table, read_table
-from ecm.rig import CampaignOptions, RigSettings, reveal, run_campaigns
+from ecm.rig import CampaignOptions, RigSettings, reveal, run_campaign, run_campaigns
 from ecm.rig.run import rig_paths
+from support.meshes import block_mesh
 from support.neck import Done
 from support.programs import need_program
 
@@ -54,6 +55,29 @@ def test_rigs_differ_and_workers_give_the_same_bytes(tmp_path: Path) -> None:
             options=CampaignOptions(scheduler=cluster.scheduler_address),
         )  # fmt: skip
     assert files(there) == files(here)
+
+
+def test_a_mesh_beside_the_plan_is_found_from_other_folders_and_named_from_the_tables(
+    tmp_path: Path,
+) -> None:
+    there, out = tmp_path / "plans" / "of" / "block", tmp_path / "out"
+    there.mkdir(parents=True)
+    out.mkdir()
+    (there.parent / "block.msh").write_text(block_mesh(), encoding="utf-8")
+    rows = "0.1,0.0005,0,0,0,0\n0.1,0,0.0005,0,0,0\n"
+    (there / "plan.csv").write_text(",".join(POSE) + "\n" + rows, encoding="utf-8")
+    (there / "plan.toml").write_text(
+        '[mechanism]\nmesh = "../block.msh"\nyoung_modulus_Pa = 6.5e5\n', encoding="utf-8"
+    )
+    table = read_table(there / "plan.csv", need="predict")
+    run_campaign(table, RigSettings(), out / "one.csv", seed=4)
+    paths = run_campaigns(table, RigSettings(), out / "d.csv", seeds=range(4, 6))
+    for suffix in (".csv", ".toml"):
+        one = (out / "one.csv").with_suffix(suffix)
+        assert paths[0].with_suffix(suffix).read_bytes() == one.read_bytes()
+    body = read_table(paths[1]).meta.body()
+    assert body is not None
+    assert body.mesh().length_m == pytest.approx(0.1)
 
 
 def test_what_is_done_is_not_measured_again(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm._native import EnergyModel
+from ecm._native import EnergyEvaluator
 from ecm.models import EnergyMap
 from neck import TrueEffect, TrueNeck
 from support.neck import LENGTH_M, STIFFNESS
@@ -25,5 +25,7 @@ def neck_pairs(n: int, seed: int = 0) -> tuple[F, F]:
 def closed_neck(*effects: TrueEffect) -> TrueNeck:
     """A true neck without FEM."""
     poses, wrenches = neck_pairs(200)
-    energy = EnergyModel.fit(poses, wrenches, length_m=LENGTH_M, degree=4, symmetry="revolution")
+    energy = EnergyEvaluator.fit(
+        poses, wrenches, length_m=LENGTH_M, degree=4, symmetry="revolution"
+    )
     return TrueNeck(EnergyMap(energy), effects)

@@ -80,28 +80,28 @@ def se3_calls() -> Iterator[tuple[str, Call]]:
 def fit_calls() -> Iterator[tuple[str, Call]]:
     """Polynomial and energy models of the native module."""
     good = matrices(2)["ordinary"]
-    fitted = native.PolynomialModel.fit(good, good, 2)
+    fitted = native.PolynomialEvaluator.fit(good, good, 2)
     for name, m in matrices(2).items():
         for method in ("least_squares", "ridge", "pcr"):
             for value in (0.1, *NUMBERS[4:]):
                 yield (
                     f"fit {name} {method} {value}",
                     lambda m=m, how=method, v=value: model_numbers(
-                        native.PolynomialModel.fit(m, m, 2, method=how, ridge=v, threshold=v)
+                        native.PolynomialEvaluator.fit(m, m, 2, method=how, ridge=v, threshold=v)
                     ),
                 )
         weights = m[:, 0] if m.shape[1] else m.sum(axis=1)
         yield (
             f"fit weights {name}",
             lambda w=weights: model_numbers(
-                native.PolynomialModel.fit(good[: len(w)], good[: len(w)], 1, weights=w)
+                native.PolynomialEvaluator.fit(good[: len(w)], good[: len(w)], 1, weights=w)
             ),
         )
         for call in (fitted.predict, fitted.jacobian, fitted.leverage, fitted.prediction_sd):
             yield f"{call.__name__} {name}", lambda m=m, call=call: call(m)
         yield (
             f"leave_one_out {name}",
-            lambda m=m: native.PolynomialModel.leave_one_out(m, m, 1)[0],
+            lambda m=m: native.PolynomialEvaluator.leave_one_out(m, m, 1)[0],
         )
         yield (
             f"polynomial_regressor {name}",
@@ -110,7 +110,7 @@ def fit_calls() -> Iterator[tuple[str, Call]]:
         yield (
             f"polynomial from_coefficients {name}",
             lambda m=m: (
-                native.PolynomialModel.from_coefficients(1, m[0], m[-1], m[:3]).predict(good)
+                native.PolynomialEvaluator.from_coefficients(1, m[0], m[-1], m[:3]).predict(good)
                 if len(m)
                 else None
             ),
@@ -120,16 +120,16 @@ def fit_calls() -> Iterator[tuple[str, Call]]:
         yield f"exponents of none {degree}", lambda d=degree: native.polynomial_exponents(0, d)
     spread = np.array([1e-2, 1e-2, 1e-2, 0.3, 0.3, 0.3])
     poses = spread * np.random.default_rng(2).uniform(-1.0, 1.0, (30, 6)) + [0.1, 0, 0, 0, 0, 0]
-    energy = native.EnergyModel.fit(poses, poses, length_m=0.1, degree=2)
+    energy = native.EnergyEvaluator.fit(poses, poses, length_m=0.1, degree=2)
     for name, m in matrices(6).items():
         yield (
             f"energy fit {name}",
-            lambda m=m: model_numbers(native.EnergyModel.fit(m, m, length_m=0.1, degree=2)),
+            lambda m=m: model_numbers(native.EnergyEvaluator.fit(m, m, length_m=0.1, degree=2)),
         )
         yield (
             f"energy wrenches {name}",
             lambda m=m: model_numbers(
-                native.EnergyModel.fit(poses[: len(m)], m, length_m=0.1, degree=2)
+                native.EnergyEvaluator.fit(poses[: len(m)], m, length_m=0.1, degree=2)
             ),
         )
         for call in (
@@ -143,13 +143,13 @@ def fit_calls() -> Iterator[tuple[str, Call]]:
         yield (
             f"energy length {value}",
             lambda v=value: model_numbers(
-                native.EnergyModel.fit(poses, poses, length_m=v, degree=2)
+                native.EnergyEvaluator.fit(poses, poses, length_m=v, degree=2)
             ),
         )
         yield (
             f"energy covariance {value}",
             lambda v=value: model_numbers(
-                native.EnergyModel.fit(
+                native.EnergyEvaluator.fit(
                     poses, poses, length_m=0.1, degree=2, covariance=np.full((30, 6, 6), v)
                 )
             ),

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import ecm
-from ecm._native import EnergyModel
+from ecm._native import EnergyEvaluator
 from ecm.effects.load import Payload
 from ecm.io.description import Meta
 from ecm.io.table import Table, as_table
@@ -42,7 +42,7 @@ def _energy() -> EnergyMap:
     coefficients = np.zeros(5)
     stiff = np.diag(STIFFNESS)
     coefficients[1:5] = 0.5 * np.array([stiff[0], stiff[1], stiff[4], stiff[3]])
-    model = EnergyModel.from_coefficients(
+    model = EnergyEvaluator.from_coefficients(
         length_m=LENGTH_M, degree=2, symmetry="alike", scale=np.ones(2), coefficients=coefficients
     )
     return EnergyMap(model)

@@ -94,6 +94,15 @@ def accept_all(client: TestClient, state: dict[str, Any]) -> None:
         assert client.post("/api/accept", json={"warning": warning}).status_code == 200
 
 
+def _fitted_linearly(view: dict[str, Any], ids: list[str]) -> float:
+    """What a linear fit of the base and of these effects leaves, over the noise, of a view."""
+    names = [id for id, item in view["effects"].items() for _ in item["parameters"]]
+    take = [i for i, name in enumerate(names) if name in ids]
+    gram, slope = np.array(view["gram"])[np.ix_(take, take)], np.array(view["slope"])[take]
+    left = view["squares"] - (slope @ np.linalg.solve(gram, slope) if ids else 0.0)
+    return float(np.sqrt(view["mean"] * left))
+
+
 # --- the loop ----------------------------------------------------------
 def test_the_loop_by_its_routes_and_the_script_that_repeats_it(app: App, tmp_path: Path) -> None:
     begin(app, [table(tmp_path / "stage.csv", drift=2e-4)], model="linear")
@@ -107,11 +116,15 @@ def test_the_loop_by_its_routes_and_the_script_that_repeats_it(app: App, tmp_pat
         before = state["compare"]["whitened_rms"]
         residuals = client.get("/api/view/residuals").json()
         assert len(residuals["row"]) == 24
-        effects = client.get("/api/view/effects").json()["effects"]
-        assert max(effects, key=lambda id: effects[id]["share"]) == "fts_drift"
+        view = client.get("/api/view/effects").json()
+        assert next(iter(view["effects"])) == "fts_drift"  # the one that explains most
+        foreseen = before * _fitted_linearly(view, ["fts_drift"]) / _fitted_linearly(view, [])
 
         state = step(client, app, "refit", add=["fts_drift"])
-        assert state["compare"]["whitened_rms"] < before
+        assert state["compare"]["whitened_rms"] == pytest.approx(foreseen, rel=0.05)
+        assert foreseen < 0.5 * before
+        held = client.get("/api/view/effects").json()  # of the model that has it, the same problem
+        assert _fitted_linearly(held, []) == pytest.approx(_fitted_linearly(view, []), rel=0.05)
         assert [rung["name"] for rung in state["rungs"]] == ["linear", "+ fts_drift"]
 
         added = state["model"]
@@ -511,6 +524,72 @@ def test_every_effect_that_the_page_lists_can_be_added(app: App, tmp_path: Path)
         assert [item["status"] for item in state["steps"][-2:]] == ["done", "done"]
 
 
+def test_marked_rows_are_left_out_and_the_model_fitted_again(app: App, tmp_path: Path) -> None:
+    with client_of(app) as client:
+        for name in ("a.csv", "b.csv"):
+            path = table(tmp_path / name, drift=2e-4, rows=20)
+            of = {"name": name, "more": "1" if name == "b.csv" else "0"}
+            assert client.post("/api/upload", params=of, content=path.read_bytes()).is_success
+            state = finished(client, app)
+        accept_all(client, state)
+        step(client, app, "fit", model="linear")
+        then = {"verb": "fit", "model": "linear", "then": {"verb": "refit", "add": ["fts_drift"]}}
+        for wrong in ([], [0], [41], ["3"], list(range(1, 21))):  # the last: all rows of a table
+            answer = client.post("/api/leave_out", json={"rows": wrong})
+            assert answer.status_code == 400, wrong
+        asked = {"rows": [3, 4, 22], "then": then}
+        assert client.post("/api/leave_out", json=asked).status_code == 200
+        state = finished(client, app)
+        assert state["check"]["rows"] == 37
+        assert [item["name"] for item in state["data"]] == ["a.csv", "b.csv"]
+        assert state["pending"] == []  # what was accepted before stays so, and this was wanted
+        assert [rung["name"] for rung in state["rungs"]] == ["linear", "+ fts_drift"]
+        # Row 3 of what is left is row 5 of the file.
+        client.post("/api/leave_out", json={"rows": [3]})
+        state = finished(client, app)
+        written = (app.session.folder / state["data"][0]["file"]).with_suffix(".toml").read_text()
+        assert 'marked = "3-5"' in written
+        script = client.get("/files/script.sh").text
+    _same_bytes_by(script, app.session, tmp_path)
+
+
+def test_what_is_typed_goes_into_the_descriptions(app: App, tmp_path: Path) -> None:
+    with client_of(app) as client:
+        upload(client, table(tmp_path / "stage.csv", drift=2e-4))
+        accept_all(client, finished(client, app))
+        said = {"mechanism": {"length_m": 0.1}, "instrument": {"force_sd_N": 0.02}}
+        assert client.post("/api/describe", json={"sections": said}).status_code == 200
+        state = finished(client, app)
+        assert state["described"] == said
+        assert state["compare"] is None
+        wrong = client.post("/api/describe", json={"sections": {"mechanism": {"length_m": -1.0}}})
+        assert wrong.status_code == 400
+        assert "stage.csv [mechanism]: length_m = -1.0" in wrong.json()["error"]
+        assert client.post("/api/describe", json={"sections": {"file": {}}}).status_code == 400
+        taken = {"instrument": {"force_sd_N": None}}
+        client.post("/api/describe", json={"sections": taken})
+        assert finished(client, app)["described"] == {"mechanism": {"length_m": 0.1}}
+
+
+def test_a_session_has_a_report_and_goes_on_from_its_zip(app: App, tmp_path: Path) -> None:
+    begin(app, [table(tmp_path / "stage.csv", drift=2e-4)], model="linear")
+    with client_of(app) as client:
+        finished(client, app)
+        state = step(client, app, "refit", add=["fts_drift"])
+        report = client.get("/api/report").text
+        for part in ("Ladder of errors", "Before and after", "Parameters", "ecm refit"):
+            assert part in report
+        content = client.get("/api/zip").content
+    shutil.unpack_archive(_written(tmp_path / "all.zip", content), tmp_path / "other")
+    found = state_of(Session(tmp_path / "other" / "session"))
+    assert {**found, "running": None} == state
+
+
+def _written(path: Path, content: bytes) -> Path:
+    path.write_bytes(content)
+    return path
+
+
 def test_an_import_is_shown_beside_its_own_table_only(app: App, tmp_path: Path) -> None:
     with client_of(app) as client:
         (tmp_path / "a.log").write_text(f"x [mm],Force\n{ROWS}", encoding="utf-8")
@@ -649,11 +728,11 @@ if __name__ == "__main__":
 
 
 def test_a_tab_gets_no_view_of_other_tables_than_it_asks_for(app: App, tmp_path: Path) -> None:
-    for name in ("a.csv", "b.csv"):
-        app.session.add_table(table(tmp_path / name), name)
+    for path in (table(tmp_path / "a.csv"), ROOT / "examples" / "neck_measured.csv"):
+        app.session.add_table(path, path.name)
     with client_of(app) as client:
         assert client.get("/api/view/poses?of=upload-1.csv").status_code == 409
-        assert client.get("/api/view/poses?of=upload-2.csv").status_code == 200
+        assert client.get("/api/view/poses?of=upload-2.csv").json()["body"] is True
 
 
 def test_a_killed_server_leaves_no_process_of_views(tmp_path: Path) -> None:

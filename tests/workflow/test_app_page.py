@@ -141,6 +141,8 @@ def test_the_loop_by_clicks_and_keys_down_to_a_lower_rung(page: Page, tmp_path: 
         assert "Record temperature_degC" in page.text()
         page.tab_to("#diagnose")
         page.keys("Enter")
+        page.until("!!document.querySelector('.effects .named')")
+        _ticked_and_counted_down(page)
         page.tab_to(".effects .named [data-add=fts_drift]")
         page.keys("Enter")
         page.until("document.documentElement.dataset.stage === 'add'")
@@ -167,6 +169,20 @@ def test_the_loop_by_clicks_and_keys_down_to_a_lower_rung(page: Page, tmp_path: 
         assert page.js("document.querySelectorAll('#main img').length") == 0
         _every_stage_on_a_phone(page)
     assert page.problems() == []
+
+
+def _ticked_and_counted_down(page: Page) -> None:
+    """A tick fits base and effect in the page: the error counts down, and up again without it."""
+    error = "document.querySelector('#error-now').textContent"
+    page.js("document.querySelector('#untick')?.click()")
+    before = float(page.until(f"/^[0-9.]+$/.test({error}) && {error}"))
+    assert before == pytest.approx(_state(page)["compare"]["whitened_rms"], abs=0.01)
+    page.js("document.querySelector('#tick-fts_drift').click()")
+    page.until(f"Number({error}.split('→ ')[1]) < {0.9 * before}")  # it counts for a moment
+    page.until("!!document.querySelector('#fit-ticked')")
+    page.js("document.querySelector('#untick').click()")
+    page.until(f"{error} === '{before:.2f}'")
+    assert page.js("document.querySelector('#fit-ticked')") is None
 
 
 def _next_and_out_by_keys(page: Page) -> None:
@@ -376,6 +392,58 @@ def test_a_finger_and_the_keys_alone_mark_rows_and_go_on(page: Page, tmp_path: P
 
 _FIT = """fetch("/api/step", {method: "POST", body: JSON.stringify({verb: "fit", model: "linear"}),
   headers: {"content-type": "application/json"}}).then(answer => answer.status)"""
+
+
+def test_a_fit_foreseen_in_the_page_is_confirmed_and_rows_are_left_out_by_a_key(
+    page: Page, tmp_path: Path
+) -> None:
+    data = drifting_table(tmp_path / "stage.csv")
+    with served(data, folder=tmp_path / "session") as address:
+        page.open(address)
+        page.click(".warning button")
+        page.click("#to-model")
+        page.click("[name=kind][value=linear]")
+        _click_to_the_end(page, "#fit")
+        page.js("location.hash = 'missing'")
+        page.click("#tick-fts_drift")
+        state = _click_to_the_end(page, "#fit-ticked")
+        said = page.until("document.querySelector('#confirmed')?.textContent")
+        foreseen, given = (float(x) for x in re.findall(r"\d+\.\d+", said))
+        assert given == pytest.approx(state["compare"]["whitened_rms"], abs=0.006)
+        assert foreseen == pytest.approx(given, rel=0.02)
+        page.until("!!document.querySelector('#enlarged') && !!document.querySelector('#wipe')")
+        drawn = "document.querySelector('.versus canvas').toDataURL()"
+        page.until("document.querySelector('#wipe').value === '0'")  # it went over once
+        after = page.js(drawn)
+        page.js("(w => { w.value = 1; w.dispatchEvent(new Event('input')); })"
+                "(document.querySelector('#wipe'))")  # fmt: skip
+        page.until(f"{drawn} !== {json.dumps(after)}")  # the model of before
+        assert "times as large" in page.text()
+        page.js("location.hash = 'fails'")
+        page.until("document.querySelectorAll('.panel canvas').length > 6")
+        page.js("[...document.querySelectorAll('.panel canvas')].at(-1).focus()")
+        page.keys("ArrowRight", " ", "ArrowRight", "ArrowRight", " ")
+        page.until("!!document.querySelector('#leave-out')")
+        steps = len(state["steps"])
+        page.keys("x")
+        state = _done(page, steps + 4)
+        assert state["check"]["rows"] == 78
+        assert [rung["name"] for rung in state["rungs"]] == ["linear", "+ fts_drift"]
+        copied = tmp_path / "copy.html"
+        text = page.js("fetch('/api/copy').then(r => r.text())")
+        copied.write_text(text, encoding="utf-8")
+        assert HOSTILE not in text
+    page.open(copied.as_uri())
+    page.until("document.documentElement.dataset.stage === 'model'"
+               " || document.documentElement.dataset.stage === 'fails'")  # fmt: skip
+    for stage in ("missing", "add", "out", "data"):
+        page.js(f"location.hash = '{stage}'")
+        page.until(f"document.documentElement.dataset.stage === '{stage}' && {_DRAWN}")
+    for back in range(1, 5):  # the fit without the rows, their check, the rows, the effect
+        page.click("#undo")
+        page.until(f"document.documentElement.dataset.version === '{back}'")
+    assert "the base only" in page.js("document.querySelector('nav').textContent")
+    assert page.problems() == []
 
 
 def test_what_is_focused_and_ticked_stays_so_when_the_stage_is_drawn_again(

@@ -110,14 +110,34 @@ SMALLER_ARM = {
 }
 
 
-def test_an_arm_with_chambers_goes_the_whole_way(tmp_path: Path) -> None:
-    """examples/soft_arm.toml with a shorter arm and fewer of everything."""
-    text = (ROOT / "examples" / "soft_arm.toml").read_text()
+def smaller_arm(text: str) -> str:
+    """A configuration of an arm with a shorter one and fewer of everything."""
     for old, new in SMALLER_ARM.items():
         assert text.count(f"\n{old}\n") == 1, old
         text = text.replace(f"\n{old}\n", f"\n{new}\n")
+    return text
+
+
+def test_what_ecm_new_arm_writes_is_simulated(
+    tmp_path: Path, ecm_command: Callable[..., Done]
+) -> None:
+    config, out = tmp_path / "arm.toml", tmp_path / "pairs.csv"
+    assert ecm_command("new", "arm", "--out", config).code == 0
+    config.write_text(smaller_arm(config.read_text()))
+    done = ecm_command("simulate", config, "--out", out, "--threads", 2)
+    assert done.code == 0, done.err
+    table = read_table(out, need="fit")
+    assert len(table) == 24
+    pressures = table.matrix(("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa"))
+    assert 0.0 <= pressures.min() < 5e3
+    assert 1.5e4 < pressures.max() <= 2e4
+    assert np.linalg.norm(table.poses[:, 3:], axis=1).max() <= 0.8
+
+
+def test_an_arm_with_chambers_goes_the_whole_way(tmp_path: Path) -> None:
+    """examples/soft_arm.toml with a shorter arm and fewer of everything."""
     config, out = tmp_path / "arm.toml", tmp_path / "out"
-    config.write_text(text)
+    config.write_text(smaller_arm((ROOT / "examples" / "soft_arm.toml").read_text()))
     identify_with_kept_fem(config, out, "--threads", "2", "--quiet")
     summary = json.loads((out / "summary.json").read_text())
     assert [row["model"] for row in summary["select"]["energy"]] == ["actuated3"]
@@ -259,7 +279,7 @@ def test_the_report_opens_in_a_browser(quick_job: Path) -> None:
     assert seen.attribute("blocked") is None
     figures = int(seen.attribute("figures") or 0)
     assert figures >= 12
-    assert seen.html.count('class="main-svg"') >= figures
+    assert seen.html.count('<svg class="figure"') >= figures
     assert (quick_job / "report.html").stat().st_size < 10e6
     text = (quick_job / "report.html").read_text(encoding="utf-8")
     assert text.index('id="mechanism-0"') < text.index("<table>")

@@ -118,10 +118,10 @@ impl Sums {
                 }
                 element.add_pressure(&face.local, &volume, self.inputs[face.chamber]);
             }
-            while let Some(face) = wound.next_if(|face| face.element == e) {
-                let threads = face.at(&face.local.map(|k| body.place_m(field, tet[k])));
+            while let Some(part) = wound.next_if(|part| part.element == e) {
+                let threads = part.at(|k| body.place_m(field, tet[k]));
                 self.energy_J += threads.energy_J;
-                element.add_face(&face.local, &threads.force, |a, b| threads.stiffness[a][b]);
+                element.add_nodes(&part.local, &threads.force, |a, b| threads.stiffness[a][b]);
             }
             for a in 0..10 {
                 for i in 0..3 {

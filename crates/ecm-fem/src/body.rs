@@ -8,7 +8,7 @@ use crate::mesh::Mesh;
 use crate::platform::Platform;
 use crate::tendon::Tendons;
 use crate::tensor::Mat3;
-use crate::winding::{WoundFace, wound_faces};
+use crate::winding::{Wound, wound};
 
 /// Shape functions per element, padded so that loops over them run in vector registers.
 pub(crate) const PAD: usize = 12;
@@ -60,8 +60,8 @@ pub struct Body {
     pub(crate) chambers: Chambers,
     /// Tendons, one actuator each, behind the chambers.
     pub(crate) tendons: Tendons,
-    /// Faces with threads on them, sorted by element.
-    pub(crate) wound: Vec<WoundFace>,
+    /// Faces and elements with threads, sorted by element.
+    pub(crate) wound: Vec<Wound>,
 }
 
 /// Displacements (3 per node, m) and scaled pressures: P2/P1 one per node, used at corners;
@@ -89,7 +89,6 @@ impl Body {
         tendons: Tendons,
     ) -> Result<Self, FemError> {
         let chambers = Chambers::new(&mesh)?;
-        let wound = wound_faces(&mesh)?;
         let mut points = Vec::with_capacity(mesh.tetrahedra().len() * rule.points().len());
         for tet in mesh.tetrahedra() {
             let x = tet.map(|i| mesh.nodes_m()[i]);
@@ -107,6 +106,7 @@ impl Body {
                 });
             }
         }
+        let wound = wound(&mesh, rule)?;
         let size = (mesh.volume_m3() / mesh.tetrahedra().len() as f64).cbrt();
         let pressure_unit_Pa = material.shear_modulus_Pa() / size;
         let dead_force_N = vec![0.0; 3 * mesh.nodes_m().len()];

@@ -78,14 +78,13 @@ pub enum FemError {
         /// What was found and what was expected.
         problem: String,
     },
-    /// A winding without a surface to lie on.
-    #[error(
-        "winding on `{surface}`: the mesh has no such surface with faces along x; name a chamber, a \
-         surface `winding...` of the mesh file, or \"outside\""
-    )]
+    /// A winding without a surface or region to lie on.
+    #[error("winding on `{on}`: the mesh has no such {expected}")]
     Winding {
-        /// Name of the surface.
-        surface: String,
+        /// Name of the surface or region.
+        on: String,
+        /// What it has to be, and where the names come from.
+        expected: &'static str,
     },
     /// An inverted or flat element.
     #[error(

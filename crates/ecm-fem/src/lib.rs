@@ -70,7 +70,9 @@ mod winding;
 pub use body::{Body, Field, Formulation};
 pub use error::FemError;
 pub use material::{Fibre, Gent, Material, MooneyRivlin, NeoHookean, Ogden, Response, Yeoh};
-pub use mesh::{ChamberShape, Chambered, Mesh, OUTSIDE, Profile, Quality, Tendon, Winding};
+pub use mesh::{
+    BODY, ChamberShape, Chambered, Laid, Mesh, OUTSIDE, Profile, Quality, Tendon, Winding,
+};
 pub use ordering_cost::{Ordering, OrderingCost};
 pub use pattern::Constraint;
 pub use result::{Actuator, CREASE, CaseResult, Reason, Status};

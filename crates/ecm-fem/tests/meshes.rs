@@ -27,19 +27,19 @@ fn gmsh(mesh: &Mesh, quadratic: bool) -> String {
     named.extend(chambers.map(|(name, nodes)| (name.as_str(), nodes.as_slice())));
     let count = named.len();
     let mut text = String::from("$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$PhysicalNames\n");
-    writeln!(text, "{}", count + 1).unwrap();
+    writeln!(text, "{}", count + 2).unwrap();
     for (k, (name, _)) in named.iter().enumerate() {
         writeln!(text, "2 {} \"{name}\"", k + 1).unwrap();
     }
     writeln!(
         text,
-        "3 3 \"soft body\"\n$EndPhysicalNames\n$Entities\n0 0 {count} 1"
+        "3 1 \"soft body\"\n3 2 \"sleeve\"\n$EndPhysicalNames\n$Entities\n0 0 {count} 2"
     )
     .unwrap();
     for k in 1..=count {
         writeln!(text, "{k} 0 0 0 0 0 0 1 {k} 0").unwrap();
     }
-    text.push_str("1 0 0 0 0 0 0 1 3 0\n$EndEntities\n");
+    text.push_str("1 0 0 0 0 0 0 1 1 0\n2 0 0 0 0 0 0 1 2 0\n$EndEntities\n");
     let n = kept.len();
     writeln!(text, "$Nodes\n1 {n} 1 {n}\n3 1 0 {n}").unwrap();
     kept.iter()
@@ -77,12 +77,15 @@ fn gmsh(mesh: &Mesh, quadratic: bool) -> String {
     } else {
         &[0, 1, 2, 3]
     };
-    let tets: Vec<Vec<usize>> = mesh
+    let mut tets: Vec<Vec<usize>> = mesh
         .tetrahedra()
         .iter()
         .map(|t| order.iter().map(|&i| t[i]).collect())
         .collect();
-    blocks.push((3, 1, if quadratic { 11 } else { 4 }, tets));
+    // The first half is one region, the second another.
+    let sleeve = tets.split_off(tets.len() / 2);
+    let kind = if quadratic { 11 } else { 4 };
+    blocks.extend([(3, 1, kind, tets), (3, 2, kind, sleeve)]);
     writeln!(text, "$Elements\n{} 0 0 0", blocks.len()).unwrap();
     for (dimension, entity, kind, lines) in blocks {
         writeln!(text, "{dimension} {entity} {kind} {}", lines.len()).unwrap();
@@ -171,7 +174,7 @@ fn broken_files_name_line_and_remedy() {
 }
 
 #[test]
-fn chambers_of_a_file_are_those_of_the_mesh() {
+fn chambers_and_regions_of_a_file_are_those_of_the_mesh() {
     let body = ecm_fem::Chambered {
         length_m: 0.1,
         radius_m: 0.02,
@@ -194,6 +197,11 @@ fn chambers_of_a_file_are_those_of_the_mesh() {
     // A linear file has straight edges.
     for (quadratic, most) in [(true, 1e-12), (false, 0.1)] {
         let read = parse(&gmsh(&mesh, quadratic)).unwrap();
+        let all = mesh.tetrahedra().len();
+        let sleeve: Vec<usize> = (all / 2..all).collect();
+        assert_eq!(read.region("sleeve"), Some(sleeve));
+        assert_eq!(read.region("body").map(|list| list.len()), Some(all));
+        assert_eq!(read.region("base"), None);
         for (found, given) in volumes(&read).iter().zip(volumes(&mesh)) {
             assert!((found / given - 1.0).abs() < most, "{found} {given}");
         }

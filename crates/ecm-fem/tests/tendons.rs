@@ -1,9 +1,10 @@
 //! Tendons, windings and given amounts: closed forms, derivatives, and both ways to drive a body.
 #![allow(clippy::unwrap_used, non_snake_case, missing_docs)]
 
+use ecm_fem::tensor::{cofactor, determinant};
 use ecm_fem::{
-    Case, CaseResult, ChamberShape, Chambered, Constraint, Fem, FemError, Load, Mesh, NeoHookean,
-    OUTSIDE, Quality, Settings, Status, Tendon, Watch, Winding,
+    BODY, Case, CaseResult, ChamberShape, Chambered, Constraint, Fem, FemError, Laid, Load, Mesh,
+    NeoHookean, OUTSIDE, Quality, Settings, Status, Tendon, Watch, Winding,
 };
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -31,7 +32,7 @@ fn along(name: &str, [y, z]: [f64; 2], length_m: f64, guides: usize) -> Tendon {
     }
 }
 
-/// Three chambers, two tendons, one of them free between base and platform, and a winding.
+/// Three chambers, two tendons, one of them free between base and platform, and two windings.
 fn arm() -> Fem {
     let body = Chambered {
         length_m: 0.1,
@@ -57,9 +58,15 @@ fn arm() -> Fem {
         .with_tendon(free)
         .unwrap()
         .with_winding(Winding {
-            surface: OUTSIDE.into(),
-            angle_rad: 0.4,
-            stiffness_N_m: 2e3,
+            on: OUTSIDE.into(),
+            angles_rad: [0.4, -0.4],
+            laid: Laid::OnSurface { stiffness_N_m: 2e3 },
+        })
+        .unwrap()
+        .with_winding(Winding {
+            on: BODY.into(),
+            angles_rad: [0.3, -0.8],
+            laid: Laid::InRegion { stiffness_Pa: 5e4 },
         })
         .unwrap();
     Fem::new(mesh, neo(0.49), None).unwrap()
@@ -209,9 +216,9 @@ fn threads_round_a_cylinder_take_their_share_of_its_stretch() {
         let mesh = Mesh::cylinder(length, radius, quality).unwrap();
         let mesh = mesh
             .with_winding(Winding {
-                surface: OUTSIDE.into(),
-                angle_rad: angle,
-                stiffness_N_m: k,
+                on: OUTSIDE.into(),
+                angles_rad: [angle, -angle],
+                laid: Laid::OnSurface { stiffness_N_m: k },
             })
             .unwrap();
         // Ends that slide: the state is homogeneous.
@@ -246,6 +253,114 @@ fn threads_round_a_cylinder_take_their_share_of_its_stretch() {
     }
 }
 
+const TUBE: [f64; 2] = [0.01, 0.02];
+
+/// Potential per undeformed length of a tube of constant volume and closed ends under a pressure,
+/// wound all through its wall. `state`: stretch of the inner radius, stretch along x, twist times the
+/// outer radius.
+fn tube_potential(state: [f64; 3], pressure: f64, k: f64, angles: [f64; 2]) -> f64 {
+    let [inner, outer] = TUBE;
+    let (bore, along, twist) = (state[0] * inner, state[1], state[2] / outer);
+    let points = 400;
+    let width = (outer - inner) / points as f64;
+    let mut sum = -pressure * PI * bore * bore * along;
+    for i in 0..points {
+        let at_rest = inner + width * (i as f64 + 0.5);
+        let r = (bore * bore + (at_rest * at_rest - inner * inner) / along).sqrt();
+        let (hoop, turn) = (r / at_rest, twist * r);
+        let across = 1.0 / (hoop * along);
+        let solid = 0.5 * MU * (across.powi(2) + hoop.powi(2) + along.powi(2) + turn.powi(2) - 3.0);
+        let threads = angles.map(|angle| {
+            let (s, c) = angle.sin_cos();
+            0.25 * k * ((c * hoop + s * turn).hypot(s * along) - 1.0).powi(2)
+        });
+        sum += 2.0 * PI * at_rest * width * (solid + threads[0] + threads[1]);
+    }
+    sum
+}
+
+/// Where that potential is least, by Newton's method on central differences.
+fn tube_state(pressure: f64, k: f64, angles: [f64; 2]) -> [f64; 3] {
+    let step = 1e-4;
+    let mut state = [1.0, 1.0, 0.0];
+    for _ in 0..12 {
+        let at = |moves: [f64; 3]| {
+            let moved = std::array::from_fn(|i| state[i] + step * moves[i]);
+            tube_potential(moved, pressure, k, angles)
+        };
+        let unit = |i: usize, by: f64| std::array::from_fn(|j| if i == j { by } else { 0.0 });
+        let sum = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|i| a[i] + b[i]);
+        let gradient = [0, 1, 2].map(|i| (at(unit(i, 1.0)) - at(unit(i, -1.0))) / (2.0 * step));
+        let curvature = [0, 1, 2].map(|i| {
+            [0, 1, 2].map(|j| {
+                let pair = |a, b| at(sum(unit(i, a), unit(j, b)));
+                let crossed = pair(1.0, 1.0) - pair(1.0, -1.0) - pair(-1.0, 1.0) + pair(-1.0, -1.0);
+                crossed / (4.0 * step * step)
+            })
+        });
+        let inverse = cofactor(&curvature);
+        let det = determinant(&curvature);
+        for i in 0..3 {
+            state[i] -= (0..3).map(|j| inverse[i][j] * gradient[j]).sum::<f64>() / det;
+        }
+    }
+    state
+}
+
+#[test]
+fn a_tube_wound_all_through_follows_the_closed_form_in_swelling_length_and_twist() {
+    let ([inner, outer], length) = (TUBE, 0.2);
+    let radius = |x: &[f64; 3]| x[1].hypot(x[2]);
+    for (angles, k) in [([0.5, -0.5], 5.0 * MU), ([0.4, 1.0], 5.0 * MU)] {
+        let mesh = Mesh::tube(length, outer, inner, Quality::Standard).unwrap();
+        let bore: Vec<usize> = (0..mesh.nodes_m().len())
+            .filter(|&n| (radius(&mesh.nodes_m()[n]) - inner).abs() < 1e-6 * inner)
+            .collect();
+        let mesh = mesh.with_chamber("bore", bore.clone()).unwrap();
+        let mesh = mesh.with_winding(Winding {
+            on: BODY.into(),
+            angles_rad: angles,
+            laid: Laid::InRegion { stiffness_Pa: k },
+        });
+        let mesh = mesh.unwrap();
+        let nodes = mesh.nodes_m().to_vec();
+        let fem = Fem::new(mesh, neo(0.5), None).unwrap();
+        let pressure = 0.4 * MU;
+        let case = Case::new(Load::Wrench([0.0; 6]), &[pressure]).unwrap();
+        let (result, field) = fem.solve_field(case, Watch::default()).unwrap();
+        assert_eq!(result.status, Status::Solved);
+        // Far from the bonded ends: radius, and slopes along x of place and of angle.
+        let middle = (bore.iter()).filter(|&&n| (nodes[n][0] - 0.5 * length).abs() < 0.1 * length);
+        let mut sums = [0.0; 5];
+        for &n in middle {
+            let (from, u) = (nodes[n], &field.displacement[3 * n..3 * n + 3]);
+            let to: [f64; 3] = std::array::from_fn(|i| from[i] + u[i]);
+            let turned = from[1] * to[2] - from[2] * to[1];
+            let angle = turned.atan2(from[1] * to[1] + from[2] * to[2]);
+            let x = from[0] - 0.5 * length;
+            let values = [
+                1.0,
+                radius(&to) / inner,
+                x * x,
+                x * (to[0] - 0.5 * length),
+                x * angle,
+            ];
+            (0..5).for_each(|i| sums[i] += values[i]);
+        }
+        let found = [
+            sums[1] / sums[0],
+            sums[3] / sums[2],
+            outer * sums[4] / sums[2],
+        ];
+        let expected = tube_state(pressure, k, angles);
+        for (i, rest) in [1.0, 1.0, 0.0].into_iter().enumerate() {
+            let (found, expected) = (found[i] - rest, expected[i] - rest);
+            let most = 1e-2 * expected.abs() + 1e-6;
+            assert!((found - expected).abs() < most, "{i}: {found} {expected}");
+        }
+    }
+}
+
 #[test]
 fn windings_keep_chambers_from_swelling() {
     let swelling = |k: f64| {
@@ -265,9 +380,9 @@ fn windings_keep_chambers_from_swelling() {
             if k > 0.0 {
                 mesh = mesh
                     .with_winding(Winding {
-                        surface: chamber.into(),
-                        angle_rad: 0.05,
-                        stiffness_N_m: k,
+                        on: chamber.into(),
+                        angles_rad: [0.05, -0.05],
+                        laid: Laid::OnSurface { stiffness_N_m: k },
                     })
                     .unwrap();
             }
@@ -375,13 +490,35 @@ fn tendons_and_windings_that_are_none_are_refused() {
         ..Tendon::default()
     };
     assert!(error(double).contains("at one place"));
-    let winding = |surface: &str, stiffness_N_m: f64| Winding {
-        surface: surface.into(),
-        angle_rad: 0.1,
-        stiffness_N_m,
+    let on_surface = |stiffness_N_m| Laid::OnSurface { stiffness_N_m };
+    let in_region = |stiffness_Pa| Laid::InRegion { stiffness_Pa };
+    let refused = |on: &str, angles_rad: [f64; 2], laid: Laid| {
+        let on = on.into();
+        let winding = Winding {
+            on,
+            angles_rad,
+            laid,
+        };
+        mesh().with_winding(winding).unwrap_err()
     };
-    let wrong = mesh().with_winding(winding("chamber_9", 1.0)).unwrap_err();
-    assert!(matches!(wrong, FemError::Winding { .. }));
-    let wrong = mesh().with_winding(winding(OUTSIDE, 0.0)).unwrap_err();
-    assert!(wrong.to_string().contains("stiffness of a winding"));
+    let error = refused("chamber_9", [0.1; 2], on_surface(1.0));
+    assert!(matches!(error, FemError::Winding { .. }));
+    let error = refused("sleeve", [0.1; 2], in_region(1.0)).to_string();
+    assert!(error.contains("winding on `sleeve`: the mesh has no such region"));
+    let error = refused(OUTSIDE, [0.1; 2], on_surface(0.0)).to_string();
+    assert!(error.contains("stiffness of a winding is 0"), "{error}");
+    let error = refused(BODY, [0.1; 2], in_region(f64::NAN)).to_string();
+    assert!(error.contains("in a region is NaN; expected a positive number in Pa"));
+    for angles in [[f64::NAN, 0.1], [0.1, f64::INFINITY], [0.1, -1.6]] {
+        let error = refused(BODY, angles, in_region(1.0)).to_string();
+        assert!(error.contains("the angle of a winding"), "{error}");
+    }
+    let error = mesh()
+        .with_region("sleeve", vec![0, 1_000_000])
+        .unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .contains("a tetrahedron of a region is 1000000")
+    );
 }

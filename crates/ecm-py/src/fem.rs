@@ -5,8 +5,8 @@ use std::sync::Mutex;
 
 use ecm_fem::output::vtu;
 use ecm_fem::{
-    Case, CaseResult, ChamberShape, Chambered, Formulation, Load, MOST_ACTUATORS, Outcome, Quality,
-    Rod, Settings, Status, Tendon, Watch, Winding, material,
+    Case, CaseResult, ChamberShape, Chambered, Formulation, Laid, Load, MOST_ACTUATORS, Outcome,
+    Quality, Rod, Settings, Status, Tendon, Watch, Winding, material,
 };
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -157,14 +157,30 @@ impl Mesh {
             .map_err(fem_error)
     }
 
-    /// With threads bonded to a surface, at +-angle from the direction round it.
-    #[pyo3(signature = (surface, *, angle_rad, stiffness_N_m))]
+    /// With threads bonded to a surface (stiffness in N/m) or through a region (Pa), at two angles
+    /// from the direction round it.
+    #[pyo3(signature = (on, *, angles_rad, stiffness_N_m = None, stiffness_Pa = None))]
     #[allow(non_snake_case)]
-    fn with_winding(&self, surface: &str, angle_rad: f64, stiffness_N_m: f64) -> PyResult<Self> {
+    fn with_winding(
+        &self,
+        on: &str,
+        angles_rad: [f64; 2],
+        stiffness_N_m: Option<f64>,
+        stiffness_Pa: Option<f64>,
+    ) -> PyResult<Self> {
+        let laid = match (stiffness_N_m, stiffness_Pa) {
+            (Some(stiffness_N_m), None) => Laid::OnSurface { stiffness_N_m },
+            (None, Some(stiffness_Pa)) => Laid::InRegion { stiffness_Pa },
+            _ => {
+                return Err(FemError::new_err(
+                    "a winding has either winding_stiffness_N_m, on a surface, or winding_stiffness_Pa, in a region",
+                ));
+            }
+        };
         let winding = Winding {
-            surface: surface.into(),
-            angle_rad,
-            stiffness_N_m,
+            on: on.into(),
+            angles_rad,
+            laid,
         };
         (self.0.clone().with_winding(winding))
             .map(Self)

@@ -37,8 +37,8 @@ mod _native {
 
     #[pymodule_export]
     use crate::poly::{
-        Adapter, EnergyModel, PolynomialModel, Stepper, export_model, merged_triangle, open_model,
-        polynomial_exponents, polynomial_regressor, seal_model,
+        Adapter, EnergyEvaluator, PolynomialEvaluator, Stepper, export_model, merged_triangle,
+        open_model, polynomial_exponents, polynomial_regressor, seal_model,
     };
 
     #[pymodule_export]

@@ -22,7 +22,7 @@ import numpy as np
 from scipy import special
 from scipy.optimize import least_squares
 
-from ecm._native import EnergyModel
+from ecm._native import EnergyEvaluator
 from ecm.diagnosis.problem import (
     Candidate,
     Problem,
@@ -301,9 +301,11 @@ def _bodies(base: StiffnessMap) -> list[StiffnessMap]:
     terms: dict[str, Any] = {
         "length_m": own.length_m, "degree": own.degree, "symmetry": "revolution"
     }  # fmt: skip
-    count = EnergyModel.regressor(np.array([[own.length_m, *[0.0] * 5]]), scale=own.scale, **terms)
+    count = EnergyEvaluator.regressor(
+        np.array([[own.length_m, *[0.0] * 5]]), scale=own.scale, **terms
+    )
     zeros = np.zeros(count.shape[2])
-    unlike = EnergyModel.from_coefficients(scale=own.scale, coefficients=zeros, **terms)
+    unlike = EnergyEvaluator.from_coefficients(scale=own.scale, coefficients=zeros, **terms)
     return [base, EnergyMap(unlike)]
 
 
@@ -315,7 +317,7 @@ def _any_elastic_body(poses: F, wrench: F) -> list[StiffnessMap]:
     if not degrees or not length > 0.0:
         return []
     terms: dict[str, Any] = {"length_m": length, "degree": degrees[0], "symmetry": "general"}
-    return [EnergyMap(EnergyModel.fit(poses, wrench, **terms))]
+    return [EnergyMap(EnergyEvaluator.fit(poses, wrench, **terms))]
 
 
 def _falls(poses: F, wrench: F) -> bool:

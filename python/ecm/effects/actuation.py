@@ -85,7 +85,7 @@ class _OfActuator(LinearEffect):
 
 
 class PressureOffset(_OfActuator):
-    """The pressure is off by a constant."""
+    """G o: the pressure is off by a constant o."""
 
     id = "pressure_offset"
     needs = "pressure_1_Pa"
@@ -101,7 +101,7 @@ class PressureOffset(_OfActuator):
 
 
 class PressureGain(_OfActuator):
-    """The pressure is off in proportion."""
+    """G s a: the pressure a is off by a share s of itself."""
 
     id = "pressure_gain"
     needs = "pressure_1_Pa"
@@ -117,7 +117,7 @@ class PressureGain(_OfActuator):
 
 
 class PressureCrossTalk(_OfActuator):
-    """A part of the other chambers' mean pressure acts as well."""
+    """G s m: a share s of m, the mean pressure of the other chambers, acts as well."""
 
     id = "pressure_cross_talk"
     physics = (
@@ -135,7 +135,7 @@ class PressureCrossTalk(_OfActuator):
 
 
 class PressureHysteresis(_OfActuator):
-    """The pressure that acts depends on whether it rose or fell."""
+    """-G p sign(a - a_before): the pressure that acts depends on whether it rose or fell."""
 
     id = "pressure_hysteresis"
     physics = "A chamber that was filled from below acts as at less pressure than one let down."
@@ -151,7 +151,7 @@ class PressureHysteresis(_OfActuator):
 
 
 class ChamberLeak(_OfActuator):
-    """A chamber loses pressure while it is held."""
+    """-G r a d: a chamber loses pressure a at a rate r while it is held for the dwell d."""
 
     id = "chamber_leak"
     physics = "A chamber leaks during the dwell: its pressure falls by a share of itself a second."
@@ -167,7 +167,7 @@ class ChamberLeak(_OfActuator):
 
 @dataclass(frozen=True)
 class RegulatorLag(_OfActuator):
-    """A part of the last change of pressure is still to come."""
+    """-G s (a - a_before) exp(-t / tau): a part of the last change is to come, t after it."""
 
     tau_s: float = 0.0
     """Time constant; 0: the same part of each change, whatever the time."""
@@ -221,7 +221,10 @@ def _before(rows: Rows, inputs: F) -> F:
 
 
 class CapstanFriction(_OfActuator):
-    """A tendon loses tension along the bent body."""
+    """-G mu a b, and + after it was let out: a tendon loses tension a along the bend b = |theta_t|.
+
+    Source: the rope on a post of Euler and Eytelwein, to first order in the bend.
+    """
 
     id = "capstan_friction"
     acts_on = "tension"
@@ -247,7 +250,7 @@ class CapstanFriction(_OfActuator):
 
 @dataclass(frozen=True)
 class TendonStretch(_OfActuator):
-    """The winch stands still while the pose changes."""
+    """-G k (l - l_set): the winch stands still while the way l of the tendon shortens."""
 
     set_at: str = "rest"
     """Where the tension was set: at rest, or at the free pose of these inputs."""

@@ -65,7 +65,10 @@ def _load(wrenches: F, outputs: tuple[str, ...]) -> F:
 
 @dataclass(eq=False)
 class TemperatureModulus(LinearEffect):
-    """h (1 - beta (T - T0)); T0 is the table's mean, the modulus takes what is left."""
+    """h (1 - beta (T - T0)); T0 is the table's mean, the modulus takes what is left.
+
+    Source: Treloar, The Physics of Rubber Elasticity, 1975.
+    """
 
     id = "temperature_modulus"
     physics = "The modulus follows the temperature of the material, and the whole wrench with it."
@@ -128,6 +131,8 @@ class MullinsSoftening(LinearEffect):
     maximum: h (1 - eta tanh((W_max - W) / (width W_typical))), W_typical the median. In place of
     the energy the largest `bend` or distance (`reach`) may count, m: h (1 - eta u / (u + width b)),
     u = m_max - m and b the median, or a straight line without a width.
+
+    Source: Mullins, Rubber Chemistry and Technology 1969; Ogden and Roxburgh 1999.
     """
 
     id = "mullins_softening"

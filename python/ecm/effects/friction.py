@@ -58,6 +58,8 @@ class Hysteresis(LinearEffect):
     With fewer than the twelve columns there is no frame, and the stiffness may be far from that of
     the friction: then springs slip along pairs of columns (`of`), c z / y in N or N m, and c > 0
     where the loops of the motion lose work.
+
+    Source: Iwan, J. Applied Mechanics 1966 (springs that slip).
     """
 
     id = "hysteresis"

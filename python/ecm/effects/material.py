@@ -103,6 +103,8 @@ class StrainStiffening(LinearEffect):
     A filled rubber has a modulus of its strain rather than an energy (Payne): then each section is
     secant (`sections`), N = E A e m and M = E I kappa m with m = 1 + c1 e / e0 + c2 b, b = (r kappa
     / e0)^2, its torsion times 1 + c3 b and its lateral shear times 1 + c4 b.
+
+    Source: Yeoh 1993, Gent 1996; Mooney 1940, Ogden 1972.
     """
 
     id = "strain_stiffening"
@@ -214,6 +216,8 @@ class Compressibility(Effect):
     """G / E larger by g: torsion and the shear part of the lateral stiffness grow alike.
 
     On the physics base 1 + nu smaller by 1 + g, which its free nu absorbs.
+
+    Source: E = 2 (1 + nu) G of an isotropic body.
     """
 
     id = "compressibility"
@@ -347,7 +351,10 @@ class Taper(LinearEffect):
 
 
 class Pretension(LinearEffect):
-    """A tension N0 along the centre line: V = N0 (c_x + 3/5 |c_t|^2 / L + L |theta_t|^2 / 24)."""
+    """A tension N0 along the centre line: V = N0 (c_x + 3/5 |c_t|^2 / L + L |theta_t|^2 / 24).
+
+    Source: Timoshenko and Gere, Theory of Elastic Stability, 1961 (beam column).
+    """
 
     id = "pretension"
     physics = "The mechanism is mounted stretched, and the tension stiffens it sideways."
@@ -438,6 +445,8 @@ class PreCurvature(LinearEffect):
     m is the moment in each section of the straight mechanism, in axes of the section.
     kappa(s) = k (p + 1) |s|^p / L, s from -1 to 1, k the total bend about the body's y and z: one
     arc for p = 0, near both bonds for larger p (straight in the middle, with tilted end faces).
+
+    Source: Love, Mathematical Theory of Elasticity, 1927 (rods curved at rest).
     """
 
     id = "pre_curvature"

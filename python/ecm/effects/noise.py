@@ -119,7 +119,10 @@ class PoseNoise(NoiseEffect):
 
 
 class FtsQuantisation(NoiseEffect):
-    """B A diag(step^2 / 12) A' B': rounding to the sensor's steps."""
+    """B A diag(step^2 / 12) A' B': rounding to the sensor's steps.
+
+    Source: Sheppard 1898 (step^2 / 12).
+    """
 
     id = "fts_quantisation"
     physics = "The sensor's converter has steps, and readings are rounded to them."

@@ -280,6 +280,8 @@ class RobotCompliance(_JointEffect):
 
     The arm yields to -h until both springs balance, under the tangent stiffness; to first order
     -M h.
+
+    Source: Siciliano et al., Robotics, 2009 (joint stiffness seen at the tool).
     """
 
     id = "robot_compliance"
@@ -392,7 +394,10 @@ class Backlash(_JointEffect, LinearEffect):
 
 
 class JointOffset(_JointEffect, LinearEffect):
-    """-K_s B J dq, dq constant."""
+    """-K_s B J dq, dq constant.
+
+    Source: Siciliano et al., Robotics, 2009 (kinematic calibration).
+    """
 
     id = "joint_offset"
     physics = "The encoders' zeros are off, so that poses err smoothly with the joints."

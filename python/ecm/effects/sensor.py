@@ -488,6 +488,8 @@ class FtsHysteresis(LinearEffect):
     The operator follows the load at its width or less, from reading to reading and over the load of
     the pose before. Its lag while the sensor's zero is read becomes part of the zero and shifts all
     readings about it.
+
+    Source: Krasnoselskii and Pokrovskii, Systems with Hysteresis, 1989 (play).
     """
 
     id = "fts_hysteresis"

@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ecm._native import EnergyModel, left_jacobians, rotation_matrices, rotation_vectors
+from ecm._native import EnergyEvaluator, left_jacobians, rotation_matrices, rotation_vectors
 from ecm.errors import EcmError, InputError, Remedy
 from ecm.io.arrays import B, F, evenly, rest_of
 from ecm.io.columns import POSE, WRENCH, factor_of
@@ -529,12 +529,12 @@ class _Elastic:
         """Return (N, 6, k) of an energy's terms; None where the rows cannot tell them."""
         symmetry, degree = kind
         try:
-            terms = EnergyModel.regressor(
+            terms = EnergyEvaluator.regressor(
                 poses,
                 length_m=self.length_m,
                 degree=degree,
                 symmetry=symmetry,
-                scale=EnergyModel.scale_of(poses, self.length_m),
+                scale=EnergyEvaluator.scale_of(poses, self.length_m),
             )
         except EcmError:
             return None

@@ -270,11 +270,15 @@ class Mechanism(Checked):
     tendons: tuple[Tendon, ...] = setting((), any_size=True)
     """Tendons along points of their own."""
     winding_stiffness_N_m: float = setting(0.0, low=0.0)
-    """E A of a thread over the distance of the threads, N/m; 0: no winding."""
-    winding_angle_rad: float = setting(0.0, low=0.0, high=0.5 * math.pi)
-    """Angle of the two families of threads from the direction round the surface; 0: rings."""
+    """E A of a thread over the distance of the threads, N/m; 0: no winding on a surface."""
+    winding_stiffness_Pa: float = setting(0.0, low=0.0)
+    """E of the threads times their share of the volume; 0: no winding through a region."""
+    winding_angle_rad: float = setting(0.0, low=-0.5 * math.pi, high=0.5 * math.pi)
+    """Angle of the threads from the direction round the surface, right-handed; 0: rings."""
+    winding_second_angle_rad: float | None = setting(None, low=-0.5 * math.pi, high=0.5 * math.pi)
+    """Angle of the second family of threads; without it the first one's, left-handed."""
     winding_on: str = setting("chambers")
-    """Where the threads lie: chambers, outside, or a surface of the mesh file."""
+    """Where the threads lie: chambers, outside, a surface or region of the mesh file, or body."""
     young_modulus_Pa: float = setting(0.65e6, low=0.0)
     """E at small strain; 0: unknown."""
     poisson_ratio: float = setting(0.49, low=0.0, high=0.5)
@@ -391,7 +395,9 @@ class Mechanism(Checked):
             elif field.name == "tendons":
                 if value:
                     table["tendons"] = [asdict(tendon) for tendon in value]
-            elif value and (field.name in always or value != field.default):
+            elif (value or (value == 0.0 and field.default is None)) and (
+                field.name in always or value != field.default
+            ):
                 table[field.name] = value
         return table
 
@@ -441,14 +447,19 @@ class Mechanism(Checked):
         for number, tendon in enumerate((*self._round_the_axis(), *self.tendons), 1):
             points = {field.name: getattr(tendon, field.name) for field in fields(tendon)}
             mesh = mesh.with_tendon(f"tendon_{number}", **points)
-        if self.winding_stiffness_N_m > 0.0:
-            chambers = [name for name, _ in mesh.chambers]
-            for surface in chambers if self.winding_on == "chambers" else [self.winding_on]:
-                mesh = mesh.with_winding(
-                    surface,
-                    angle_rad=self.winding_angle_rad,
-                    stiffness_N_m=self.winding_stiffness_N_m,
-                )
+        on_surface = self.winding_stiffness_N_m or None
+        in_region = self.winding_stiffness_Pa or None
+        if on_surface or in_region:
+            first, second = self.winding_angle_rad, self.winding_second_angle_rad
+            angles = (first, -first if second is None else second)
+            chambers = self.winding_on == "chambers" and in_region is None
+            for on in [name for name, _ in mesh.chambers] if chambers else [self.winding_on]:
+                try:
+                    mesh = mesh.with_winding(
+                        on, angles_rad=angles, stiffness_N_m=on_surface, stiffness_Pa=in_region
+                    )
+                except FemError as error:
+                    raise InputError(f"[mechanism]: {error}") from None
         return mesh
 
     def _round_the_axis(self) -> Iterator[Tendon]:

@@ -175,7 +175,7 @@ class PolynomialMap(MapDefaults):
     ('poly:1', ('fx_N',), 2)
     """
 
-    model: _native.PolynomialModel
+    model: _native.PolynomialEvaluator
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
 
@@ -239,7 +239,7 @@ class PolynomialMap(MapDefaults):
     def with_coefficients(self, coefficients: F) -> PolynomialMap:
         """The same terms with other coefficients (k,)."""
         shaped = coefficients.reshape(len(self.outputs), -1).T
-        model = _native.PolynomialModel.from_coefficients(
+        model = _native.PolynomialEvaluator.from_coefficients(
             self.model.degree, self.model.lower, self.model.upper, np.ascontiguousarray(shaped)
         )
         return PolynomialMap(model, self.inputs, self.outputs)
@@ -252,7 +252,7 @@ class PolynomialMap(MapDefaults):
     def from_document(document: dict[str, Any]) -> PolynomialMap:
         """Return the map of an opened model file."""
         ranges = document["normalisation"]
-        model = _native.PolynomialModel.from_coefficients(
+        model = _native.PolynomialEvaluator.from_coefficients(
             int(document["degree"]),
             np.asarray(ranges["lower"], dtype=np.float64),
             np.asarray(ranges["upper"], dtype=np.float64),
@@ -283,7 +283,7 @@ class EnergyMap(SixAxisMap):
     ('energy4', 22)
     """
 
-    model: _native.EnergyModel
+    model: _native.EnergyEvaluator
 
     kind = "energy"
 
@@ -372,31 +372,31 @@ class EnergyTerms:
     def regressor(self, poses: F, scale: F) -> F:
         """(N, 6, k) wrench of each term at poses (N, 6); `scale` (2,) of length and angle."""
         poses = np.ascontiguousarray(poses)
-        return _native.EnergyModel.regressor(poses, scale=scale, **vars(self))
+        return _native.EnergyEvaluator.regressor(poses, scale=scale, **vars(self))
 
     def map(self, scale: F, coefficients: F) -> EnergyMap:
         """The map with these coefficients (k,)."""
         values = np.ascontiguousarray(coefficients)
-        model = _native.EnergyModel.from_coefficients
+        model = _native.EnergyEvaluator.from_coefficients
         return EnergyMap(model(scale=scale, coefficients=values, **vars(self)))
 
     def fit(self, poses: F, wrenches: F) -> EnergyMap:
         """The fit that weighs each component by its own spread."""
         pairs = np.ascontiguousarray(poses), np.ascontiguousarray(wrenches)
-        return EnergyMap(_native.EnergyModel.fit(*pairs, **vars(self)))
+        return EnergyMap(_native.EnergyEvaluator.fit(*pairs, **vars(self)))
 
     def frame(self, poses: F) -> F:
         """(2,) scale of length and angle, which all blocks of a fit share."""
-        return _native.EnergyModel.scale_of(poses, self.length_m)
+        return _native.EnergyEvaluator.scale_of(poses, self.length_m)
 
     def reduce(self, frame: F, poses: F, wrenches: F, covariance: F) -> F:
         """(c, c) triangle of the whitened rows of a block."""
-        triangle = _native.EnergyModel.triangle
+        triangle = _native.EnergyEvaluator.triangle
         return triangle(poses, wrenches, covariance, scale=frame, **vars(self))
 
     def solve(self, frame: F, parts: Sequence[F], rows: int) -> Solved:
         """The fit of the blocks' triangles."""
-        model = _native.EnergyModel.fit_triangles(parts, rows, scale=frame, **vars(self))
+        model = _native.EnergyEvaluator.fit_triangles(parts, rows, scale=frame, **vars(self))
         return EnergyMap(model), np.asarray(model.covariance), model.residual_variance
 
 

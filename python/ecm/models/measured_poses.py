@@ -367,7 +367,7 @@ def folded(model: EvaluatedModel) -> tuple[EnergyMap | PolynomialMap, float]:
         most = MOST_OF_ONE_INPUT if len(base.inputs) == 1 else POLYNOMIAL_DEGREES[1]
 
         def polynomial(degree: int, poses: F, wrenches: F) -> PolynomialMap:
-            fitted = _native.PolynomialModel.fit(poses, wrenches, degree)
+            fitted = _native.PolynomialEvaluator.fit(poses, wrenches, degree)
             return PolynomialMap(fitted, base.inputs, base.outputs)
 
         return _first_near_enough(range(least, most + 1), polynomial, model)

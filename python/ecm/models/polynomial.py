@@ -50,7 +50,7 @@ def singular_threshold(pcr: float | str, poses: F, wrenches: F, degree: int) -> 
         return _positive(_number(text[:-6], pcr), pcr) * float(np.sqrt(len(poses)))
     if text != "press" and not text.startswith("rank:"):
         return _positive(_number(text, pcr), pcr)
-    values, rmse = _native.PolynomialModel.leave_one_out(poses, wrenches, degree)
+    values, rmse = _native.PolynomialEvaluator.leave_one_out(poses, wrenches, degree)
     if text == "press":
         rank = press_rank(rmse, len(poses))
     else:
@@ -230,8 +230,8 @@ class PolynomialModel(ModelSpecification):
         if self.pcr is not None:
             threshold = singular_threshold(self.pcr, poses, wrenches, self.degree)
 
-        def solved(rows: int) -> _native.PolynomialModel:
-            return _native.PolynomialModel.fit(
+        def solved(rows: int) -> _native.PolynomialEvaluator:
+            return _native.PolynomialEvaluator.fit(
                 np.ascontiguousarray(poses[:rows]),
                 np.ascontiguousarray(wrenches[:rows]),
                 self.degree,
@@ -271,12 +271,12 @@ class PolynomialModel(ModelSpecification):
         frame = (self.degree, poses.min(axis=0), poses.max(axis=0))
 
         def triangle(rows: I) -> F:
-            return _native.PolynomialModel.triangle(poses[rows], wrenches[rows], *frame)
+            return _native.PolynomialEvaluator.triangle(poses[rows], wrenches[rows], *frame)
 
         parts = triangles_of_folds(fold, triangle, progress)
 
         def solved(own: Sequence[F], count: int) -> StiffnessMap:
-            model = _native.PolynomialModel.fit_triangles(own, count, *frame)
+            model = _native.PolynomialEvaluator.fit_triangles(own, count, *frame)
             return PolynomialMap(model, inputs, outputs)
 
         return without_each(fold, parts, solved)

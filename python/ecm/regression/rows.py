@@ -46,23 +46,43 @@ def derived_columns(table: Table, inputs: Sequence[str], outputs: Sequence[str])
     >>> table = Table({"x_m": x, "fx_N": force, "load_N": load, "force_lbf": 0.2248 * force})
     >>> derived_columns(table, ["x_m"], ["fx_N"])
     ('force_lbf',)
+
+    So does a strain that the machine computed, also where the motion passes each pose often.
+
+    >>> way = table.select(np.tile(np.arange(30), 4)).column("x_m").round(7)
+    >>> noisy = {"x_m": way, "fx_N": 900.0 * way + random.standard_normal(120)}
+    >>> strained = Table(noisy | {"strain": (way / 0.04).round(5)})
+    >>> derived_columns(strained, ["x_m"], ["fx_N"])
+    ('strain',)
     """
     known = table.matrix((*inputs, *outputs))
-    known = known[:, np.ptp(known, axis=0) > 0.0] if len(known) else known
-    design = np.column_stack([np.ones(len(table)), known])
-    rounding = np.array([_rounding(column) for column in known.T])
+    of_pose = np.repeat([True, False], [len(inputs), len(outputs)])
+    if len(known):
+        moved = np.ptp(known, axis=0) > 0.0
+        known, of_pose = known[:, moved], of_pose[moved]
     derived = []
     for name in table.covariates:
         values = np.nan_to_num(table.column(name))
-        if float(np.ptp(values)) <= 0.0 or len(values) <= 2 * design.shape[1]:
+        if float(np.ptp(values)) <= 0.0 or len(values) <= 2 * (known.shape[1] + 1):
             continue
-        slope = np.linalg.lstsq(design, values, rcond=1e-12)[0]
-        left = values - design @ slope
-        rounded = float(np.hypot(_rounding(values), np.linalg.norm(slope[1:] * rounding)))
-        is_rounding = left.var() < min(rounded**2, _DERIVED * values.var())
-        if is_rounding and not _is_setting(values, left, known):
+        left = _left_of_rounding(values, known)
+        # What follows from the pose alone may repeat as the pose does.
+        if left is not None and (
+            not _is_setting(values, left, known)
+            or _left_of_rounding(values, known[:, of_pose]) is not None
+        ):
             derived.append(name)
     return tuple(derived)
+
+
+def _left_of_rounding(values: F, known: F) -> F | None:
+    """What a linear function of known columns leaves, where that is no more than rounding."""
+    design = np.column_stack([np.ones(len(values)), known])
+    slope = np.linalg.lstsq(design, values, rcond=1e-12)[0]
+    left: F = values - design @ slope
+    roundings = np.array([_rounding(column) for column in known.T])
+    rounded = float(np.hypot(_rounding(values), np.linalg.norm(slope[1:] * roundings)))
+    return left if left.var() < min(rounded**2, _DERIVED * values.var()) else None
 
 
 def _rounding(values: F) -> float:

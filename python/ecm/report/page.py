@@ -1,7 +1,7 @@
 """The report of a result: text, a notebook's HTML, and a page without external requests.
 
-All text is escaped by the template; figures are plotly's, drawn by its script that the page
-carries once. Script and figures are compressed, and unpacked by the browser.
+All text is escaped by the template. The modules that draw figures and mechanism are those of
+`ecm app`. Modules and figures are compressed, and unpacked by the browser.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import base64
 import gzip
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -26,29 +26,38 @@ WEB = Path(__file__).parent / "web"
 _LINE = 99
 """Characters of a line that `print` shows, but the first."""
 _TEMPLATES = Path(__file__).parent / "template"
-_MODULES = ("dom", "colours", "canvas", "selection", "depth", "bend", "space", "scene")
-"""Each imports only from those before it."""
-_IMPORT = re.compile(r'^import \{([^}]*)\} from "\./(\w+)\.js";$', re.MULTILINE)
+_IMPORT = re.compile(r'^import (?:\* as )?(\{[^}]*\}|\w+) from "\./(\w+)\.js";$', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(?:async )?(?:function|const) (\w+))", re.MULTILINE)
 
 
 @cache
-def look() -> str:
-    """Return the style sheet that all pages have."""
-    return (WEB / "look.css").read_text(encoding="utf-8")
+def web_file(name: str) -> str:
+    """Return a file that several pages hold, as the style sheet of all."""
+    return (WEB / name).read_text(encoding="utf-8")
 
 
 @cache
-def script_of_space() -> str:
-    """Return the modules as one plain script, which sets `modules`: their exports by name."""
-    parts = ["const modules = {};"]
-    for name in _MODULES:
-        text = (WEB / f"{name}.js").read_text(encoding="utf-8")
+def script_of(*entries: str, folders: tuple[Path, ...] = (WEB,)) -> str:
+    """Return modules with those that they import as one plain script.
+
+    It sets `modules`: the exports of each by its name.
+    """
+    files = {path.stem: path for folder in folders for path in folder.glob("*.js")}
+    parts = {"": "const modules = {};"}
+
+    def take(name: str) -> None:
+        if name in parts:
+            return
+        text = files[name].read_text(encoding="utf-8")
+        for _, imported in _IMPORT.findall(text):
+            take(imported)
         exported = ", ".join(_EXPORT.findall(text))
-        text = _IMPORT.sub(r"const {\1} = modules.\2;", text)
-        text = _EXPORT.sub("", text)
-        parts.append(f"modules.{name} = (() => {{\n{text}return {{{exported}}};\n}})();")
-    return "\n".join(parts) + "\n"
+        text = _EXPORT.sub("", _IMPORT.sub(r"const \1 = modules.\2;", text))
+        parts[name] = f"modules.{name} = (() => {{\n{text}return {{{exported}}};\n}})();"
+
+    for name in entries:
+        take(name)
+    return "\n".join(parts.values()) + "\n"
 
 
 @dataclass(frozen=True)
@@ -98,7 +107,6 @@ class Report:
 
     def page(self) -> str:
         """Return the HTML text of the page."""
-        plotly = require_report()[1]
         sections = list(self.sections)
         if self.warnings:
             table = TableBlock(
@@ -113,11 +121,11 @@ class Report:
             title=self.title,
             lead=self.lead,
             sections=sections,
-            look=look(),
-            figures=_packed(json.dumps(figures, allow_nan=False)),
-            views=_packed(json.dumps(views, allow_nan=False)),
-            space=_packed(script_of_space()),
-            plotly=_packed_script(plotly.get_plotlyjs),
+            look=web_file("look.css"),
+            unpack=web_file("unpack.js"),
+            figures=packed(json.dumps(figures, allow_nan=False)),
+            views=packed(json.dumps(views, allow_nan=False)),
+            modules=packed(script_of("scene", "figure")),
         )
 
 
@@ -162,17 +170,11 @@ def _rendered(template: str, **values: Any) -> str:
     return text
 
 
-def _packed(text: str) -> str:
+def packed(text: str) -> str:
     """Compress text to characters that neither end a script nor stand for anything in HTML."""
     return base64.b64encode(gzip.compress(text.encode("utf-8"), 6, mtime=0)).decode("ascii")
 
 
-@cache
-def _packed_script(script: Callable[[], str]) -> str:
-    return _packed(script())
-
-
-def require_report() -> tuple[Any, Any]:
-    """Return the modules jinja2 and plotly.offline; MissingExtra where they are not installed."""
-    purpose = "The HTML report"
-    return require("jinja2", "report", purpose), require("plotly.offline", "report", purpose)
+def require_report() -> None:
+    """Raise MissingExtra where what writes a page is not installed."""
+    require("jinja2", "report", "The HTML report")

@@ -17,7 +17,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from ecm._native import EnergyModel, FemResults
+from ecm._native import EnergyEvaluator, FemResults
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F, I
 from ecm.io.cache import array_key, read_arrays, write_arrays
@@ -114,10 +114,12 @@ def modulus_grade(mechanism: Mechanism, grade: str) -> F | None:
     return factor
 
 
-def fitted_energy(poses: F, wrenches: F, length_m: float) -> tuple[EnergyModel, int]:
+def fitted_energy(poses: F, wrenches: F, length_m: float) -> tuple[EnergyEvaluator, int]:
     """A symmetric energy of these poses and wrenches (N, 6), and its degree."""
     degree = 6 if len(poses) >= 60 else 4
-    model = EnergyModel.fit(poses, wrenches, length_m=length_m, degree=degree, symmetry=SYMMETRY)
+    model = EnergyEvaluator.fit(
+        poses, wrenches, length_m=length_m, degree=degree, symmetry=SYMMETRY
+    )
     return model, degree
 
 

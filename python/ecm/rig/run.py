@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shutil
 import tempfile
 from collections.abc import Iterable, Sequence
@@ -21,6 +22,7 @@ from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.cache import cache_directory, write_atomically, write_json
 from ecm.io.extras import dask_client, dask_completed, require_pyarrow, write_parquet
+from ecm.io.mesh import mesh_bytes
 from ecm.io.table import Table, read_table
 from ecm.rig.arm.trips import extra_s
 from ecm.rig.campaign import Campaign
@@ -331,7 +333,8 @@ def run_campaigns(
         )
     rigs, seed, threads = len(seeds), seeds.start, options.threads
     paths = rig_paths(out, rigs)
-    key = _key(plan, rig, hide, seed)
+    meta, mesh = plan.meta.beside(out), _relative_mesh(plan, out)
+    key = _key(plan, rig, hide, seed, mesh)
     own, done = _ledger(ledger_path(out), key, overwrite=overwrite)
 
     def save() -> None:
@@ -348,7 +351,6 @@ def run_campaigns(
     save()
     open_ = [i for i, path in enumerate(paths) if i not in done or not path.exists()]
     settings = rig.to_dict()
-    meta = plan.meta.to_toml()
     text = _csv(plan)
 
     def finished(i: int, files: dict[str, bytes]) -> None:
@@ -362,7 +364,7 @@ def run_campaigns(
         if progress is not None:
             progress(len(done & numbers), rigs, "rigs")
 
-    work = ((i, (text, meta, settings, hide, seed + i, threads)) for i in open_)
+    work = ((i, (text, meta.to_toml(), mesh, settings, hide, seed + i, threads)) for i in open_)
     if options.scheduler is None:
         for i, arguments in work:
             finished(i, measured_files(*arguments))
@@ -372,15 +374,32 @@ def run_campaigns(
 
 
 def measured_files(
-    plan: str, meta: str, settings: dict[str, Any], hide: str | None, seed: int, threads: int
+    plan: str,
+    meta: str,
+    mesh: tuple[str, bytes] | None,
+    settings: dict[str, Any],
+    hide: str | None,
+    seed: int,
+    threads: int,
 ) -> dict[str, bytes]:
-    """The files of one campaign by suffix; everything comes and goes as text, to any machine."""
-    with tempfile.TemporaryDirectory() as folder:
-        source = Path(folder) / "plan.csv"
+    """The files of one campaign by suffix; everything comes and goes as text, to any machine.
+
+    `mesh` is the mesh file as seen from the tables, and its content.
+    """
+    with tempfile.TemporaryDirectory() as root:
+        name, content = mesh or ("", b"")
+        # So deep that a mesh file above the tables is still within the temporary folder.
+        folder = Path(root, *("d" for part in Path(name).parts if part == ".."))
+        folder.mkdir(parents=True, exist_ok=True)
+        if mesh is not None:
+            path = Path(os.path.normpath(folder / name))
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+        source = folder / "plan.csv"
         source.write_text(plan, encoding="utf-8")
         source.with_suffix(".toml").write_text(meta, encoding="utf-8")
         table = read_table(source, need="predict")
-        out = Path(folder) / "data.csv"
+        out = folder / "data.csv"
         rig = RigSettings.from_dict(settings)
         run_campaign(
             table, rig, out, hide=hide, seed=seed, options=CampaignOptions(threads=threads)
@@ -396,8 +415,20 @@ def _csv(plan: Table) -> str:
         return path.read_text(encoding="utf-8")
 
 
-def _key(plan: Table, rig: RigSettings, hide: str | None, seed: int) -> str:
+def _relative_mesh(plan: Table, out: Path) -> tuple[str, bytes] | None:
+    """The plan's relative mesh file as seen from the tables, and its content."""
+    name = plan.meta.beside(out).mechanism.get("mesh")
+    if name is None or Path(name).is_absolute():
+        return None
+    return name, mesh_bytes(Path(plan.meta.absolute_mechanism()["mesh"]))
+
+
+def _key(
+    plan: Table, rig: RigSettings, hide: str | None, seed: int, mesh: tuple[str, bytes] | None
+) -> str:
     document = [_csv(plan), plan.meta.to_toml(), rig.to_dict(), hide, seed]
+    if mesh is not None:
+        document.append(hashlib.sha256(mesh[1]).hexdigest())
     return hashlib.sha256(json.dumps(document).encode()).hexdigest()
 
 

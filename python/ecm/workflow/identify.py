@@ -227,7 +227,7 @@ def select(job: Job, train: tuple[F, F], test: tuple[F, F]) -> dict[str, Design]
     settings = job.config.select
     paper = job.of_paper
     table_two = steps.table_two(train, test, settings.degrees, settings.thresholds, paper)
-    b01 = _native.PolynomialModel.fit(*train, settings.degrees[-1], method="pcr", threshold=0.1)
+    b01 = _native.PolynomialEvaluator.fit(*train, settings.degrees[-1], method="pcr", threshold=0.1)
     predicted = b01.predict(test[0])
     job.figures["e_rel_b01"] = steps.relative_error(predicted, test[1])
     energy = steps.energy_learning(

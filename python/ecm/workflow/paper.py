@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm._native import EnergyModel, PolynomialModel
+from ecm._native import EnergyEvaluator, PolynomialEvaluator
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
@@ -113,14 +113,14 @@ def table_two(
     """
     by_degree = []
     for degree in degrees:
-        model = PolynomialModel.fit(*train, degree)
+        model = PolynomialEvaluator.fit(*train, degree)
         errors = _errors(model, test, TABLE_II_DEGREE.get(degree) if paper else None)
         row = {"degree": degree, "terms": len(model.coefficients), "rmse": errors.pop("rmse")}
-        row["kappa_raw"] = PolynomialModel.condition_number_raw(train[0], degree)
+        row["kappa_raw"] = PolynomialEvaluator.condition_number_raw(train[0], degree)
         by_degree.append(row | errors)
     by_threshold = []
     for b in thresholds:
-        model = PolynomialModel.fit(*train, degrees[-1], method="pcr", threshold=b)
+        model = PolynomialEvaluator.fit(*train, degrees[-1], method="pcr", threshold=b)
         ranked = {"threshold": b, "rank": model.rank}
         own = TABLE_II_THRESHOLD.get(b) if paper else None
         by_threshold.append(ranked | _errors(model, test, own))
@@ -128,7 +128,7 @@ def table_two(
 
 
 def _errors(
-    model: PolynomialModel, test: Pairs, paper: tuple[Sequence[float], float] | None = None
+    model: PolynomialEvaluator, test: Pairs, paper: tuple[Sequence[float], float] | None = None
 ) -> dict[str, Any]:
     """RMSE on test pairs and kappa(X), and those of the paper."""
     errors = rmse(model.predict(test[0]), test[1]).tolist()
@@ -185,7 +185,7 @@ def energy_learning(
                 table = Table(columns, Meta(mechanism={"length_m": length_m}), "simulated pairs")
                 model: Any = fit_model(table, f"actuated{degree}").base
             else:
-                model = EnergyModel.fit(*own, length_m=length_m, degree=degree)
+                model = EnergyEvaluator.fit(*own, length_m=length_m, degree=degree)
             errors.append(rmse(model.predict(test[0]), test[1]))
         rows.append(
             {
@@ -206,7 +206,7 @@ def design_errors(
     rows = []
     errors = {}
     for name, indices in designs.items():
-        model = PolynomialModel.fit(train[0][indices], train[1][indices], degree)
+        model = PolynomialEvaluator.fit(train[0][indices], train[1][indices], degree)
         errors[name] = relative_error(model.predict(test[0]), test[1])
         share = (np.abs(errors[name]) <= 0.2).mean(axis=0).tolist()
         rows.append({"design": name} | _errors(model, test) | {"share_within_0.2": share})
@@ -242,7 +242,7 @@ def table_three(
     for on, other in ((first, second), (second, first)):
         test = pairs[other]
         for b in thresholds:
-            model = PolynomialModel.fit(*pairs[on], degree, method="pcr", threshold=b)
+            model = PolynomialEvaluator.fit(*pairs[on], degree, method="pcr", threshold=b)
             row = {"trained_on": on, "tested_on": other, "threshold": b, "rank": model.rank}
             own = TABLE_III.get(on, {}).get(b) if paper else None
             rows.append(row | _errors(model, test, own))

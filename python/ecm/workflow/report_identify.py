@@ -50,7 +50,7 @@ def arm_section(
     )
     caption = f"Fig. 7: {shown}; dashed: the goal. {times}."
     blocks.append(FigureBlock(caption, _figure(figures, phases_s)))
-    return Section("3 The arm", blocks)
+    return Section("The arm", blocks)
 
 
 def _phases(records: Mapping[str, Any], names: Mapping[str, str]) -> TableBlock:
@@ -247,7 +247,7 @@ def simulation_section(step: Mapping[str, Any], figures: Figures, paper: bool) -
             draw.pose_cloud(figures["simulated_poses"]),
         ),
     ]
-    return Section("1 Simulate", blocks)
+    return Section("Simulate", blocks)
 
 
 def selection_section(step: Mapping[str, Any], figures: Figures, paper: bool) -> Section:
@@ -292,7 +292,7 @@ def selection_section(step: Mapping[str, Any], figures: Figures, paper: bool) ->
         ),
         FigureBlock("Error in fy against the number of training poses.", _learning_curves(step)),
     ]
-    return Section("2 Select a model", blocks)
+    return Section("Select a model", blocks)
 
 
 def _learning_curves(step: Mapping[str, Any]) -> dict[str, Any]:
@@ -347,7 +347,7 @@ def design_section(step: Mapping[str, Any], figures: Figures, paper: bool) -> Se
             0.2,
         ),
     ]
-    return Section("2 Select poses", blocks)
+    return Section("Select poses", blocks)
 
 
 def measurement_section(step: Mapping[str, Any], figures: Figures, paper: bool) -> Section:
@@ -383,7 +383,7 @@ def measurement_section(step: Mapping[str, Any], figures: Figures, paper: bool) 
         + draw.drawn_sentence(figures["predicted_d"] - figures["observed_d"]),
         draw.actual_predicted(figures["observed_d"], figures["predicted_d"], draw.COMPONENT_LABELS),
     )
-    return Section("3 Measure and identify", [*blocks, fig_8, fig_9, fig_10])
+    return Section("Measure and identify", [*blocks, fig_8, fig_9, fig_10])
 
 
 def stiffness_section(step: Mapping[str, Any], figures: Figures, paper: bool) -> Section:
@@ -405,7 +405,7 @@ def stiffness_section(step: Mapping[str, Any], figures: Figures, paper: bool) ->
             ),
         ),
     ]
-    return Section("3 Stiffness", blocks)
+    return Section("Stiffness", blocks)
 
 
 def speed_section(evaluation: Mapping[str, Any], paper: bool) -> Section:
@@ -427,7 +427,7 @@ def speed_section(evaluation: Mapping[str, Any], paper: bool) -> Section:
         bins=20,
     )
     caption = _named("Fig. 11", f"Times of {len(evaluation['fem_s'])} pairs.", paper)
-    return Section("3 Evaluation time", [TextBlock(text), FigureBlock(caption, figure)])
+    return Section("Evaluation time", [TextBlock(text), FigureBlock(caption, figure)])
 
 
 def loop_section(step: Mapping[str, Any], figures: Mapping[str, F]) -> Section:
@@ -465,7 +465,7 @@ def loop_section(step: Mapping[str, Any], figures: Mapping[str, F]) -> Section:
         )
     if diagnosis["not_testable"]:
         blocks.append(not_testable_table(diagnosis))
-    return Section("4 Find the missing effect", blocks)
+    return Section("Find the missing effect", blocks)
 
 
 def _loop_sentence(step: Mapping[str, Any]) -> str:

@@ -168,16 +168,16 @@ impl Element {
     /// Force and stiffness of a gauge pressure, Pa, on one face.
     pub fn add_pressure(&mut self, local: &[usize; 6], of: &FaceVolume, pressure_Pa: f64) {
         let force = of.gradient.map(|g| g.map(|v| -pressure_Pa * v));
-        self.add_face(local, &force, |a, b| {
+        self.add_nodes(local, &force, |a, b| {
             skew(of.turn[a][b].map(|v| -pressure_Pa * v))
         });
     }
 
-    /// Force by node and stiffness by pair of nodes of one face.
-    pub fn add_face(
+    /// Force by node and stiffness by pair of nodes, of those at `local` in the element.
+    pub fn add_nodes(
         &mut self,
-        local: &[usize; 6],
-        force: &[[f64; 3]; 6],
+        local: &[usize],
+        force: &[[f64; 3]],
         stiffness: impl Fn(usize, usize) -> Mat3,
     ) {
         for (a, &la) in local.iter().enumerate() {

@@ -63,12 +63,15 @@ impl<'a> Words<'a> {
 
 #[derive(Default)]
 struct File {
-    names: BTreeMap<i64, String>,
-    surface_groups: HashMap<i64, Vec<i64>>,
+    /// By dimension and physical tag.
+    names: BTreeMap<(usize, i64), String>,
+    /// Physical tags by dimension and entity.
+    groups: HashMap<(usize, i64), Vec<i64>>,
     nodes: Vec<[f64; 3]>,
     index_of_tag: HashMap<u64, usize>,
     tets: Vec<Vec<usize>>,
     faces: BTreeMap<String, Vec<usize>>,
+    regions: BTreeMap<String, Vec<usize>>,
 }
 
 /// Reads linear (type 4, 2) or quadratic (type 11, 9) tetrahedra and triangles.
@@ -145,12 +148,9 @@ fn format(words: &mut Words) -> Result<(), FemError> {
 fn physical_names(words: &mut Words, file: &mut File) -> Result<(), FemError> {
     let count: usize = words.number("the number of physical names")?;
     for _ in 0..count {
-        let dimension: u32 = words.number("a dimension")?;
+        let dimension: usize = words.number("a dimension")?;
         let tag: i64 = words.number("a physical tag")?;
-        let name = words.name()?;
-        if dimension == 2 {
-            file.names.insert(tag, name);
-        }
+        file.names.insert((dimension, tag), words.name()?);
     }
     Ok(())
 }
@@ -176,9 +176,7 @@ fn entities(words: &mut Words, file: &mut File) -> Result<(), FemError> {
                 let bounding: usize = words.number("the number of bounding entities")?;
                 words.skip(bounding, "a bounding entity")?;
             }
-            if dimension == 2 {
-                file.surface_groups.insert(tag, tags);
-            }
+            file.groups.insert((dimension, tag), tags);
         }
     }
     Ok(())
@@ -216,7 +214,7 @@ fn elements(words: &mut Words, file: &mut File) -> Result<(), FemError> {
     let blocks: usize = words.number("the number of element blocks")?;
     words.skip(3, "element counts")?;
     for _ in 0..blocks {
-        let dimension: u32 = words.number("a dimension")?;
+        let dimension: usize = words.number("a dimension")?;
         let entity: i64 = words.number("an entity tag")?;
         let kind: u32 = words.number("an element type")?;
         let count: usize = words.number("the number of elements in the block")?;
@@ -241,6 +239,10 @@ fn elements(words: &mut Words, file: &mut File) -> Result<(), FemError> {
                 "tetrahedra (type 4 or 11) there; save with Mesh.SaveAll = 0",
             );
         }
+        let groups = file.groups.get(&(dimension, entity)).into_iter().flatten();
+        let named: Vec<String> = groups
+            .filter_map(|group| file.names.get(&(dimension, *group)).cloned())
+            .collect();
         for _ in 0..count {
             words.skip(1, "an element tag")?;
             let mut list = Vec::with_capacity(size);
@@ -252,12 +254,14 @@ fn elements(words: &mut Words, file: &mut File) -> Result<(), FemError> {
                 }
             }
             if dimension == 3 {
+                for name in &named {
+                    let region = file.regions.entry(name.clone()).or_default();
+                    region.push(file.tets.len());
+                }
                 file.tets.push(list);
             } else if dimension == 2 {
-                for group in file.surface_groups.get(&entity).map_or(&[][..], |g| g) {
-                    if let Some(name) = file.names.get(group) {
-                        file.faces.entry(name.clone()).or_default().extend(&list);
-                    }
+                for name in &named {
+                    file.faces.entry(name.clone()).or_default().extend(&list);
                 }
             }
         }
@@ -279,7 +283,11 @@ fn build(words: &Words, mut file: File) -> Result<Mesh, FemError> {
     let mut faces = Vec::new();
     for name in ["base", "top"] {
         let Some(mut list) = file.faces.remove(name) else {
-            let known: Vec<&str> = file.names.values().map(String::as_str).collect();
+            let surfaces = file
+                .names
+                .iter()
+                .filter(|((dimension, _), _)| *dimension == 2);
+            let known: Vec<&str> = surfaces.map(|(_, name)| name.as_str()).collect();
             let found = if known.is_empty() {
                 "none".into()
             } else {
@@ -321,7 +329,10 @@ fn build(words: &Words, mut file: File) -> Result<Mesh, FemError> {
     };
     let top = faces.pop().unwrap_or_default();
     let base = faces.pop().unwrap_or_default();
-    let mesh = Mesh::new(file.nodes, tets, base, top)?;
+    let mut mesh = Mesh::new(file.nodes, tets, base, top)?;
+    for (name, tetrahedra) in file.regions {
+        mesh = mesh.with_region(&name, tetrahedra)?;
+    }
     (named.into_iter()).try_fold(mesh, |mesh, (name, nodes)| {
         match name.starts_with("chamber") {
             true => mesh.with_chamber(&name, nodes),

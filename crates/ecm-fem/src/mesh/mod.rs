@@ -40,12 +40,17 @@ pub struct Mesh {
     chambers: Vec<(String, Vec<usize>)>,
     /// Name and sorted nodes of other surfaces, for windings.
     surfaces: Vec<(String, Vec<usize>)>,
+    /// Name and tetrahedra of each region.
+    regions: Vec<(String, Vec<usize>)>,
     tendons: Vec<Tendon>,
     windings: Vec<Winding>,
 }
 
 /// The surface of [`Mesh::with_winding`] that looks away from the axis, chambers left out.
 pub const OUTSIDE: &str = "outside";
+
+/// The region of [`Mesh::with_winding`] that is the whole body, where no other has this name.
+pub const BODY: &str = "body";
 
 /// A thread that is pulled: straight between points of the base, then of the body, then of the
 /// platform, all in the undeformed body in the base frame.
@@ -61,15 +66,50 @@ pub struct Tendon {
     pub platform_m: Vec<[f64; 3]>,
 }
 
-/// Threads bonded to a surface, at ±angle from the direction round it.
+/// Threads bonded to a surface or through a region, at two angles from the direction round it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Winding {
-    /// Name of a chamber or of another surface of the mesh, or [`OUTSIDE`].
-    pub surface: String,
-    /// Angle from the direction round the surface, rad; 0: rings.
-    pub angle_rad: f64,
-    /// E A of a thread over the distance of the threads, N/m, both families together.
-    pub stiffness_N_m: f64,
+    /// Name of a chamber or of another surface of the mesh, or [`OUTSIDE`]; or of a region, or [`BODY`].
+    pub on: String,
+    /// Angles of the two families from the direction round it, rad; 0: rings. A positive one is a
+    /// right-handed screw.
+    pub angles_rad: [f64; 2],
+    /// Whether `on` is a surface or a region, and how stiff the threads are.
+    pub laid: Laid,
+}
+
+/// What the threads of a winding lie on, with the stiffness of both families together.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Laid {
+    /// On a surface.
+    OnSurface {
+        /// E A of a thread over the distance of the threads, N/m.
+        stiffness_N_m: f64,
+    },
+    /// All through a region.
+    InRegion {
+        /// E of the threads times their share of the volume, Pa.
+        stiffness_Pa: f64,
+    },
+}
+
+impl Winding {
+    /// The mesh has no such place for it.
+    pub(crate) fn nowhere(&self) -> FemError {
+        FemError::Winding {
+            on: self.on.clone(),
+            expected: match self.laid {
+                Laid::OnSurface { .. } => {
+                    "surface with faces along x; name a chamber, a surface `winding...` of the mesh \
+                     file, or \"outside\""
+                }
+                Laid::InRegion { .. } => {
+                    "region; name a physical volume of the mesh file, or \"body\" for all of it"
+                }
+            },
+        }
+    }
 }
 
 impl Mesh {
@@ -95,6 +135,7 @@ impl Mesh {
             volume_m3: 0.0,
             chambers: Vec::new(),
             surfaces: Vec::new(),
+            regions: Vec::new(),
             tendons: Vec::new(),
             windings: Vec::new(),
         };
@@ -169,6 +210,7 @@ impl Mesh {
             volume_m3: 0.0,
             chambers: Vec::new(),
             surfaces: Vec::new(),
+            regions: Vec::new(),
             tendons: Vec::new(),
             windings: Vec::new(),
         };
@@ -341,15 +383,44 @@ impl Mesh {
         Ok(self)
     }
 
-    /// With threads round a surface.
+    /// With a name for a region, for a winding.
     ///
     /// # Errors
-    /// No surface of that name; an angle beyond π/2; a stiffness that is not positive.
-    pub fn with_winding(mut self, winding: Winding) -> Result<Self, FemError> {
-        if winding.surface != OUTSIDE && self.surface(&winding.surface).is_none() {
-            return Err(FemError::Winding {
-                surface: winding.surface,
+    /// A tetrahedron that does not exist.
+    pub fn with_region(mut self, name: &str, tetrahedra: Vec<usize>) -> Result<Self, FemError> {
+        let count = self.tetrahedra.len();
+        if let Some(wrong) = tetrahedra.iter().find(|e| **e >= count) {
+            return Err(FemError::Parameter {
+                name: "a tetrahedron of a region",
+                value: *wrong as f64,
+                expected: "one of the mesh, counted from 0",
             });
+        }
+        self.regions.push((name.into(), tetrahedra));
+        Ok(self)
+    }
+
+    /// With threads round a surface or through a region.
+    ///
+    /// # Errors
+    /// No surface or region of that name; an angle beyond π/2; a stiffness that is not positive.
+    pub fn with_winding(mut self, winding: Winding) -> Result<Self, FemError> {
+        let (there, name, k, expected) = match winding.laid {
+            Laid::OnSurface { stiffness_N_m } => (
+                winding.on == OUTSIDE || self.surface(&winding.on).is_some(),
+                "the stiffness of a winding",
+                stiffness_N_m,
+                "a positive number in N/m",
+            ),
+            Laid::InRegion { stiffness_Pa } => (
+                self.region(&winding.on).is_some(),
+                "the stiffness of a winding in a region",
+                stiffness_Pa,
+                "a positive number in Pa",
+            ),
+        };
+        if !there {
+            return Err(winding.nowhere());
         }
         let refused = |name, value, expected| {
             Err(FemError::Parameter {
@@ -358,15 +429,26 @@ impl Mesh {
                 expected,
             })
         };
-        let (angle, k) = (winding.angle_rad, winding.stiffness_N_m);
-        if !(0.0..=std::f64::consts::FRAC_PI_2).contains(&angle) {
-            return refused("the angle of a winding", angle, "0 to pi / 2, in rad");
+        let quarter = std::f64::consts::FRAC_PI_2;
+        for angle in winding.angles_rad {
+            if !(-quarter..=quarter).contains(&angle) {
+                let expected = "-pi / 2 to pi / 2, in rad";
+                return refused("the angle of a winding", angle, expected);
+            }
         }
         if !(k.is_finite() && k > 0.0) {
-            return refused("the stiffness of a winding", k, "a positive number in N/m");
+            return refused(name, k, expected);
         }
         self.windings.push(winding);
         Ok(self)
+    }
+
+    /// Tetrahedra of a named region.
+    pub fn region(&self, name: &str) -> Option<Vec<usize>> {
+        match self.regions.iter().find(|(known, _)| known == name) {
+            Some((_, tetrahedra)) => Some(tetrahedra.clone()),
+            None => (name == BODY).then(|| (0..self.tetrahedra.len()).collect()),
+        }
     }
 
     fn checked_nodes(

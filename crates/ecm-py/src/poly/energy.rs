@@ -21,10 +21,10 @@ use crate::threads::detached;
 
 /// U(q) in mid-frame coordinates; Q = dU/dq; h by inverting conventions' two lines.
 #[pyclass(frozen, module = "ecm._native")]
-pub struct EnergyModel(ecm_poly::EnergyModel);
+pub struct EnergyEvaluator(ecm_poly::EnergyModel);
 
 #[pymethods]
-impl EnergyModel {
+impl EnergyEvaluator {
     /// covariance: (N, 6, 6) of each row's wrench; without it the components are weighted
     /// by the spread of each.
     #[staticmethod]
@@ -348,7 +348,7 @@ impl EnergyModel {
     }
 }
 
-impl EnergyModel {
+impl EnergyEvaluator {
     fn both(&self, poses: &[[f64; 6]], kind: StiffnessKind) -> PyResult<Both> {
         let wrenches = self.0.predict(poses).map_err(error)?;
         Ok((wrenches, self.0.stiffness(poses, kind).map_err(error)?))

@@ -8,9 +8,9 @@ mod stepper;
 mod triangle;
 
 pub use adapter::Adapter;
-pub use energy::EnergyModel;
+pub use energy::EnergyEvaluator;
 pub use model_file::{export_model, open_model, seal_model};
-pub use polynomial::{PolynomialModel, polynomial_exponents, polynomial_regressor};
+pub use polynomial::{PolynomialEvaluator, polynomial_exponents, polynomial_regressor};
 pub use stepper::Stepper;
 pub use triangle::merged_triangle;
 

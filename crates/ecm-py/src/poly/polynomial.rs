@@ -54,10 +54,10 @@ const NEAR_HALF_A_TURN: f64 = 9.8;
 
 /// n inputs to m outputs; the paper's map has n = m = 6.
 #[pyclass(frozen, module = "ecm._native")]
-pub struct PolynomialModel(ecm_poly::PolynomialModel);
+pub struct PolynomialEvaluator(ecm_poly::PolynomialModel);
 
 #[pymethods]
-impl PolynomialModel {
+impl PolynomialEvaluator {
     /// threshold: PCR drops singular values of the normalised, un-centred regressor below it.
     #[staticmethod]
     #[pyo3(signature = (inputs, outputs, degree, *, method = "least_squares", threshold = 0.0, ridge = 0.0, weights = None))]
@@ -316,7 +316,7 @@ impl PolynomialModel {
     }
 }
 
-impl PolynomialModel {
+impl PolynomialEvaluator {
     /// Refuses a rotation vector longer than pi, where the last three inputs are one.
     fn check_turns(&self, points: &[f64], turns: bool) -> PyResult<()> {
         let columns = self.0.inputs();

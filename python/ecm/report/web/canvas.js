@@ -17,6 +17,20 @@ export function sized(canvas, draw) {
   return fit;
 }
 
+// Calls draw(share) with a share from 0 to 1; at once with 1 where a person wants no motion. Returns what ends it.
+export function glide(draw, ms = 450) {
+  const still = matchMedia("(prefers-reduced-motion: reduce)").matches, begun = performance.now();
+  let ended = false;
+  const step = now => {
+    if (ended) return;
+    const at = still ? 1 : Math.min(1, Math.max(0, (now - begun) / ms));
+    draw(1 - (1 - at) ** 3);
+    if (at < 1) requestAnimationFrame(step);
+  };
+  requestAnimationFrame(step);
+  return () => { ended = true; };
+}
+
 // A layer to write pixels into, kept for each size: a new one for every picture takes tens of ms.
 const layers = new Map();
 function layerOf(width, height) {

@@ -11,6 +11,7 @@ const WHILE_TURNING = 4000, MANY = 1500;
 const START = {turn: -0.75, lift: 0.32, zoom: 1};
 const VIEWS = [START, {turn: 0, lift: 0, zoom: 1}, {turn: -Math.PI / 2, lift: 0, zoom: 1}, {turn: 0, lift: 1.5, zoom: 1}];
 const FAINT = 0.3, ROOM = 0.006;  // of what lies behind a body; room of a point on its surface, of the whole
+const IN_MOTION = 130_000;  // pixels
 const REST_MS = 150, SHARP = 2, STILL = 4, TOUCH = 24, MOUSE = 12;
 
 // scene: {points: {x, y, z, row, colour, text}, bodies: [{points, triangles, colour, alpha}],
@@ -46,12 +47,14 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
     boxes.setAttribute("aria-pressed", String(on));
   };
 
-  function set(next) {
+  // `keep`: seen from where it is seen now, while something moves.
+  function set(next, keep = false) {
     // Marked bodies are drawn a moment later: who goes from row to row by keys stays at the row.
     if (next.points?.x !== scene.points?.x) cursor = -1;
     scene = {bodies: [], frames: [], lines: [], ...next};
     soon();
     for (const body of scene.bodies) body.normals = normalsOf(body);
+    if (keep) return;
     const all = [...scene.bodies.flatMap(body => body.points),
       ...scene.frames.flatMap(({origin, axes, size}) => axes.map(axis => origin.map((v, m) => v + size * axis[m])))];
     if (scene.points) all.push(...outermost(scene.points));
@@ -89,7 +92,9 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
   function draw(context, width, height) {
     const project = projection(width, height), palette = colours();
     context.clearRect(0, 0, width, height);
-    const solid = picture(width, height, coarse || turning ? 1 : Math.max(SHARP, devicePixelRatio || 1));
+    // In motion a large picture has fewer pixels than the screen, so that each frame is there in time.
+    const moving = Math.min(1, Math.sqrt(IN_MOTION / (width * height)));
+    const solid = picture(width, height, coarse || turning ? moving : Math.max(SHARP, devicePixelRatio || 1));
     for (const body of scene.bodies) if (body.alpha === 1) drawBody(solid, body, project);
     solid.show(context);
     const clear = scene.bodies.filter(body => body.alpha < 1);

@@ -27,9 +27,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from ecm._native import (
-    EnergyModel,
+    EnergyEvaluator,
     ModelError,
-    PolynomialModel,
+    PolynomialEvaluator,
     export_model,
     open_model,
     seal_model,
@@ -71,9 +71,9 @@ class Surrogate:
     rms: F
     """Root mean square error of its wrench at the FEM poses that it was fitted to, (6,)."""
 
-    def model(self) -> EnergyModel:
+    def model(self) -> EnergyEvaluator:
         """Return the energy model."""
-        return EnergyModel.from_coefficients(
+        return EnergyEvaluator.from_coefficients(
             length_m=self.length_m,
             degree=self.degree,
             symmetry=SYMMETRY,
@@ -205,9 +205,9 @@ def controller_document(path: str, poses: F, wrenches: F, length_m: float) -> st
     if path:
         return _read(Path(path))
     if len(poses) >= _ENERGY_PAIRS:
-        energy = EnergyModel.fit(poses, wrenches, length_m=length_m, degree=4)
+        energy = EnergyEvaluator.fit(poses, wrenches, length_m=length_m, degree=4)
         return seal_model(json.dumps(energy.document()))
-    linear = PolynomialModel.fit(poses, wrenches, 1)
+    linear = PolynomialEvaluator.fit(poses, wrenches, 1)
     return seal_model(json.dumps(linear.document(POSE, WRENCH)))
 
 

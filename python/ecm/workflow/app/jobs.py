@@ -17,7 +17,7 @@ from ecm.io import events
 from ecm.workflow.app.journal import DiskError, Step
 from ecm.workflow.app.session import INTERRUPTED, Session
 
-_FOLLOWED_BY = {
+FOLLOWED_BY = {
     "example": "check",
     "campaign": "check",
     "import": "check",
@@ -59,18 +59,14 @@ class Jobs:
         self._ends: list[tuple[Any, ...]] = []
         """Ends of steps that are still to be written: the disk was full."""
 
-    def start(
-        self, verb: str, request: dict[str, Any], then: tuple[str, dict[str, Any]] | None = None
-    ) -> int:
+    def start(self, verb: str, request: dict[str, Any]) -> int:
         """Begin a step and return its number; one that began without a click may end first.
 
         Parameters
         ----------
         verb, request
-            The step.
-        then
-            Step that follows when it is done, where it is possible then; by default the one that
-            shows its result.
+            The step. Its `then` is the step that follows when it is done, where it is possible
+            then, with its `verb`; by default the one that shows its result.
 
         Raises
         ------
@@ -81,7 +77,7 @@ class Jobs:
         """
         with self._lock:
             self._require_none()
-            return self._begin(verb, request, then)
+            return self._begin(verb, request)
 
     def alone(self, change: Callable[[], T]) -> T:
         """Change the session while no step is computed, and none can begin.
@@ -174,10 +170,13 @@ class Jobs:
         self,
         verb: str,
         request: dict[str, Any],
-        then: tuple[str, dict[str, Any]] | None = None,
         *,
         automatic: bool = False,
     ) -> int:
+        request = dict(request)
+        then = request.pop("then", None)
+        if then is not None and not isinstance(then, dict):
+            raise InputError("then: expected the step that follows, as an object")
         step = self.session.begin(verb, request)
         try:
             process = self._process(step)
@@ -185,8 +184,8 @@ class Jobs:
             self._end(step.number, "failed", str(error), 0.0)
             raise InputError(f"the command cannot be run: {error}") from None
         self._job = job = _Job(step, process, time.time(), automatic)
-        if then is None and verb in _FOLLOWED_BY:
-            then = self.session.following(step) or (_FOLLOWED_BY[verb], {})
+        if then is None and verb in FOLLOWED_BY:
+            then = self.session.following(step) or {"verb": FOLLOWED_BY[verb]}
         thread = threading.Thread(target=self._wait, args=(job, then), daemon=True)
         self._threads = [t for t in self._threads if t.is_alive()] + [thread]
         thread.start()
@@ -219,7 +218,7 @@ class Jobs:
             job.process.kill()
         return True
 
-    def _wait(self, job: _Job, then: tuple[str, dict[str, Any]] | None) -> None:
+    def _wait(self, job: _Job, then: dict[str, Any] | None) -> None:
         code = job.process.wait()
         if job.process.stdin is not None:
             job.process.stdin.close()
@@ -243,11 +242,12 @@ class Jobs:
                         self._job = None
                         self._free.notify_all()
 
-    def _follow(self, status: str, then: tuple[str, dict[str, Any]] | None) -> bool:
+    def _follow(self, status: str, then: dict[str, Any] | None) -> bool:
         """Begin the step that follows; False where there is none, or a warning is open."""
         if status != "done" or then is None or self._closed or self._ends:
             return False
+        verb = str(then.pop("verb", None))
         with suppress(InputError, DiskError):
-            self._begin(*then, automatic=then[0] in _FOLLOWED_BY.values())
+            self._begin(verb, then, automatic=verb in FOLLOWED_BY.values())
             return True
         return False

@@ -133,6 +133,13 @@ class History:
         elif event == "accept":
             self.accepted.add((record["number"], record["warning"]))
 
+    def own_name(self, table: str) -> str:
+        """Return the name under which a table was dropped, else that of its file."""
+        for step in self.steps.values():
+            if table in step.outputs:
+                return str(step.request.get("name") or table)
+        return table
+
     def can_undo(self) -> bool:
         """Whether a change of data or model is left."""
         return self._last_change() is not None

@@ -19,15 +19,17 @@ from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import IO, Any
+from urllib.parse import quote
 
 from ecm.errors import EcmError, InputError, Refusal
 from ecm.io.arguments import check_arguments, listed
 from ecm.io.extras import require
 from ecm.report.page import WEB
+from ecm.workflow.app.copying import archive_of, copy_of, report_of
 from ecm.workflow.app.jobs import Busy, Jobs
 from ecm.workflow.app.journal import DiskError, sentence, writing
-from ecm.workflow.app.session import INCOMING, Session, suffix_of
-from ecm.workflow.app.views import NEED_MODEL, SHOWN, Readings, Views, measuring, state_of
+from ecm.workflow.app.session import INCOMING, Session, model_of, suffix_of
+from ecm.workflow.app.views import NEED_MODEL, SHOWN, Readings, Views, fits_of, measuring, state_of
 
 if sys.platform == "win32":
     import msvcrt
@@ -223,6 +225,9 @@ def application(app: App, *, port: int, token: str) -> Any:
         "/api/state": routes.state,
         "/api/view/{name}": routes.view,
         "/api/live": routes.live,
+        "/api/copy": routes.copy,
+        "/api/report": routes.report,
+        "/api/zip": routes.zip,
         "/api/log/{number:int}": routes.log,
         "/files/{name:path}": routes.file,
     }
@@ -263,14 +268,19 @@ class _Routes:
         name = request.path_params["name"]
         if name not in SHOWN:
             return _json({"error": f"no view; there are {', '.join(SHOWN)}"}, 404)
-        _, files = self.app.session.now()
+        history, files = self.app.session.now()
         data = files.dropped[:1] if name == "log" else files.data
         if not data or (name in NEED_MODEL and files.model is None):
             raise InputError("nothing to show yet: it needs a table, and most views a model")
+        models = [model_of(step) for step in fits_of(history, files)] if name in NEED_MODEL else []
         model = files.model if name in NEED_MODEL else None
-        now = ",".join([*data, *([] if model is None else [model])])
-        if request.query_params.get("of", now) != now:
-            raise Busy("the session has changed in the meantime")
+        wanted = request.query_params.get("of")
+        if wanted is not None:  # of the model of now, or of one of before
+            named = {",".join([*data, *([] if one is None else [one])]): one
+                     for one in [*models, model]}  # fmt: skip
+            if wanted not in named:
+                raise Busy("the session has changed in the meantime")
+            model = named[wanted]
         skip = files.skip_bad_rows and name != "log"
         path = await asyncio.to_thread(self.app.views.file, name, data, model, skip_bad_rows=skip)
         return _file(path)
@@ -288,6 +298,20 @@ class _Routes:
             path = await asyncio.to_thread(self.app.views.file, "plan", [step.argv[1]], None)
             found["plan"] = json.loads(path.read_bytes())
         return _json({"step": step.number, **found})
+
+    async def copy(self, _request: Any) -> Any:
+        text = await asyncio.to_thread(copy_of, self.app.session, self.app.views)
+        return _attached(text.encode(), f"{self.app.session.folder.resolve().name}.html")
+
+    async def report(self, _request: Any) -> Any:
+        responses = require("starlette.responses", "app", _PURPOSE)
+        report = await asyncio.to_thread(report_of, self.app.session)
+        policy = {"content-security-policy": REPORT_POLICY}
+        return responses.HTMLResponse(report.page(), headers=policy)
+
+    async def zip(self, _request: Any) -> Any:
+        content = await asyncio.to_thread(archive_of, self.app.session.folder)
+        return _attached(content, f"{self.app.session.folder.resolve().name}.zip")
 
     async def log(self, request: Any) -> Any:
         number = request.path_params["number"]
@@ -322,11 +346,16 @@ class _Routes:
         action, body = request.path_params["action"], await _body(request)
         jobs, session = self.app.jobs, self.app.session
         if action == "step":
-            verb, then = body.pop("verb", None), body.pop("then", None)
-            if then is not None and not isinstance(then, dict):
-                raise InputError("then: expected the step that follows, as an object")
-            after = None if then is None else (str(then.pop("verb", None)), then)
-            return _json({"step": await asyncio.to_thread(jobs.start, str(verb), body, after)})
+            verb = str(body.pop("verb", None))
+            return _json({"step": await asyncio.to_thread(jobs.start, verb, body)})
+        described: dict[str, Callable[[], None]] = {
+            "leave_out": lambda: session.leave_out(body.get("rows")),
+            "describe": lambda: session.describe(body.get("sections")),
+        }
+        if action in described:
+            await asyncio.to_thread(jobs.alone, described[action])
+            check = {"then": body.get("then")}
+            return _json({"step": await asyncio.to_thread(jobs.start, "check", check)})
         if action == "again":
             wanted, steps = body.get("step"), session.journal.read().steps
             step = steps.get(wanted) if isinstance(wanted, int) else None
@@ -405,6 +434,12 @@ async def _body(request: Any) -> dict[str, Any]:
 def _json(document: Any, status: int = 200) -> Any:
     responses = require("starlette.responses", "app", _PURPOSE)
     return responses.JSONResponse(document, status_code=status)
+
+
+def _attached(content: bytes, name: str) -> Any:
+    responses = require("starlette.responses", "app", _PURPOSE)
+    named = {"content-disposition": f"attachment; filename*=UTF-8''{quote(name)}"}
+    return responses.Response(content, media_type="application/octet-stream", headers=named)
 
 
 def _file(path: Path, headers: dict[str, str] | None = None) -> Any:
@@ -500,7 +535,8 @@ def begin(
     for i, table in enumerate(tables):
         app.session.add_table(table, table.name, more=i > 0)
     if app.session.now()[1].data:  # a log is to be imported first
-        app.jobs.start("check", {}, None if model is None else ("fit", {"model": model}))
+        then = None if model is None else {"verb": "fit", "model": model}
+        app.jobs.start("check", {"then": then})
 
 
 def _listen(port: int) -> Any:

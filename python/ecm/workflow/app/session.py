@@ -10,16 +10,22 @@ views/          what the page draws, computed from the files above; may be delet
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import shutil
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ecm.errors import EcmError, InputError, Remedy, remedy_of
 from ecm.io import events
 from ecm.io.cache import write_atomically
-from ecm.io.toml import read_toml, write_toml
+from ecm.io.description import Meta, row_ranges, rows_of, with_leave_out
+from ecm.io.table import read_table
+from ecm.io.toml import parse_toml, read_toml, write_toml
 from ecm.workflow.app.journal import DATA, History, Journal, Step, writing
 from ecm.workflow.app.steps import DEMO_FILES, PLAN, RIG, Files, command_of, way_out, write_demo
 
@@ -27,6 +33,12 @@ TABLES = (".csv", ".parquet")
 LOGS = (".txt", ".tsv", ".dat", ".log", ".mat", ".h5", ".hdf5", ".npz", ".mcap", ".db3")
 """Suffixes of files that `ecm import` makes a table of."""
 TRUTH = ".truth.json"
+MARKED = "marked"
+"""The reason of rows that a person leaves out."""
+_OWN_MARKS = re.compile(rf"left out by \[leave_out\]: {MARKED} [^:]*$")
+"""Tells that rows are left out as the person has marked them, and says no more."""
+TYPED = ("mechanism", "instrument", "scene")
+"""Sections of a description that a person types."""
 BESIDE = (".toml", TRUTH, ".raw.parquet")
 """What belongs to a table, by suffix."""
 
@@ -76,6 +88,11 @@ to=${1:?"give a new folder: sh script.sh NEW_FOLDER"}
 [ -f "$from/steps.jsonl" ] || { echo "put this script into the session folder" >&2; exit 1; }
 mkdir "$to"
 """
+
+
+def _said(warning: str) -> str:
+    """Return a warning without the number of the file, which changes with its description."""
+    return re.sub(r"\b(upload|data)-\d+", "", warning)
 
 
 INCOMING = ".ecm-incoming-"
@@ -158,9 +175,19 @@ class Session:
         return events.last(self.log(number, "events"), name) or {}
 
     def pending(self, history: History, check: Step) -> list[str]:
-        document = self.result(check) or {}
-        taken = {warning for number, warning in history.accepted if number == check.number}
-        return [text for text in document.get("warnings", []) if text not in taken]
+        """Return the open warnings of a check.
+
+        One that was accepted stays so where rows were left out, or more was said of the tables.
+        """
+        document, data, checks = self.result(check) or {}, check.inputs["data"], {check.number}
+        for step in reversed(history.steps.values()):
+            if "of" in step.request and step.inputs["data_after"] == data:
+                data = step.inputs["data"]
+            elif step.verb == "check" and step.inputs["data"] == data:
+                checks.add(step.number)
+        taken = {_said(warning) for number, warning in history.accepted if number in checks}
+        warnings = document.get("warnings", [])
+        return [w for w in warnings if _said(w) not in taken and not _OWN_MARKS.search(w)]
 
     def result(self, step: Step | None) -> Any:
         """Return the JSON document of a step, with its number."""
@@ -171,6 +198,11 @@ class Session:
         except (OSError, ValueError):
             return None
         return {**document, "step": None if step is None else step.number}
+
+    def last_diagnosis(self) -> Step | None:
+        """Return the last diagnosis of the tables that count, of whichever model."""
+        history, files = self.now()
+        return history.last("diagnose", data=files.data)
 
     def opened(self, history: History, files: Files) -> Step | None:
         """Return the last step that opened the truth of these tables; undo does not close it."""
@@ -274,7 +306,7 @@ class Session:
         data = files.data if suffix in LOGS else [*(files.data if more else []), target.name]
         dropped = [*(files.dropped if more else []), target.name]
         after = {"data_after": data, "dropped_after": dropped}
-        return self._add_upload(number, name, outputs, files, after)
+        return self._add_upload(number, {"name": name}, outputs, files, after)
 
     def add_description(self, source: Path, name: str) -> Step:
         """Put a description (TOML) beside the last table, or the last log, of the session.
@@ -286,35 +318,77 @@ class Session:
         InputError
             Where there is neither, or the description is no TOML.
         """
-        history, files = self.now()
+        files = self.now()[1]
         last = (files.data or files.dropped)[-1:]
         if not last:
             raise InputError(f"{name}: drop the table first, then its description")
-        number = self._next_number(history)
-        table = self.folder / last[0]
-        target = self.folder / f"upload-{number}{table.suffix}"
-        described = sealed_description(source, table, name)
-        with writing(target, name):
-            shutil.copyfile(table, target)
-            extras = copy_beside(table, target, without=(".toml",))
-            source.replace(target.with_suffix(".toml"))
-            if described is not None:
-                write_atomically(target.with_suffix(".toml"), described)
-        outputs = [target.name, target.with_suffix(".toml").name, *extras]
-        renamed = {last[0]: target.name}
-        after = {
-            "data_after": [renamed.get(name, name) for name in files.data],
-            "dropped_after": [renamed.get(name, name) for name in files.dropped],
-        }
-        return self._add_upload(number, name, outputs, files, after)
+        described = sealed_description(source, self.folder / last[0], name)
+        content = source.read_bytes() if described is None else described.encode()
+        return self._redescribe(last[0], content, {"name": name})
 
-    def following(self, step: Step) -> tuple[str, dict[str, Any]] | None:
+    def leave_out(self, rows: Any) -> None:
+        """Leave rows out of the tables, by their descriptions: the tables stay as they are.
+
+        Raises
+        ------
+        InputError
+            Where they are no rows of the tables, or all of them.
+        """
+        history, files = self.now()
+        if not isinstance(rows, list) or not rows or not all(type(row) is int for row in rows):
+            raise InputError("rows: expected a list of row numbers")
+        chosen = np.unique(np.array(rows, dtype=np.int64)) - 1
+        numbers = [
+            read_table([self.folder / name], skip_bad_rows=files.skip_bad_rows).numbers_in_file
+            for name in files.data
+        ]
+        ends = np.cumsum([len(own) for own in numbers], dtype=np.int64)
+        if not len(ends) or chosen[0] < 0 or chosen[-1] >= ends[-1]:
+            raise InputError(f"rows: expected numbers from 1 to {ends[-1] if len(ends) else 0}")
+        for name, own, end in zip(files.data, numbers, ends.tolist(), strict=True):
+            inside = chosen[(chosen >= end - len(own)) & (chosen < end)] - (end - len(own))
+            if not len(inside):
+                continue
+            if len(inside) == len(own):
+                raise InputError(f"{history.own_name(name)}: these are all of its rows")
+            text = self._description(name)
+            left = parse_toml(text, name, "description of a table").get("leave_out", {})
+            marked = {*own[inside].tolist(), *rows_of(left.get(MARKED, ""), name).tolist()}
+            text = with_leave_out(text, {**left, MARKED: row_ranges(marked)})
+            self._redescribe(name, text.encode(), {"name": history.own_name(name), "of": name})
+
+    def describe(self, sections: Any) -> None:
+        """Say of all tables what a person typed: keys and values by section; None takes one out.
+
+        Raises
+        ------
+        InputError
+            Where there is no table, or a value is not possible.
+        """
+        history, files = self.now()
+        if not isinstance(sections, dict) or not set(sections) <= set(TYPED):
+            raise InputError(f"sections: expected {' or '.join(TYPED)}")
+        written = []
+        for name in files.data:
+            document = parse_toml(self._description(name), name, "description of a table")
+            for section, given in sections.items():
+                own = {**document.get(section, {}), **given}
+                document[section] = {key: value for key, value in own.items() if value is not None}
+                if not document[section]:
+                    del document[section]
+            text = write_toml(document)
+            Meta.from_dict(document, history.own_name(name))
+            written.append((name, text))
+        for name, text in written:
+            self._redescribe(name, text.encode(), {"name": history.own_name(name), "of": name})
+
+    def following(self, step: Step) -> dict[str, Any] | None:
         """Return the import of the next log that was dropped with that of a step."""
         if step.verb != "import":
             return None
         logs = self.now()[1].dropped
         rest = logs[logs.index(step.argv[1]) + 1 :]
-        return ("import", {**step.request, "log": rest[0], "more": True}) if rest else None
+        return {**step.request, "verb": "import", "log": rest[0], "more": True} if rest else None
 
     def accept(self, warning: str) -> None:
         """Record that the person takes responsibility for a warning of the check."""
@@ -347,13 +421,48 @@ class Session:
         lines += [shlex.join(["ecm", *step.argv]) for step in steps if step.argv]
         return _SCRIPT + "\n".join(lines) + "\n"
 
+    def described(self, files: Files) -> dict[str, Any]:
+        """Return what is said of the first table in the sections that a person types."""
+        document: dict[str, Any] = {}
+        for name in files.data[:1]:
+            with suppress(EcmError, OSError, ValueError):
+                document = parse_toml(self._description(name), name, "description of a table")
+        return {name: document[name] for name in TYPED if name in document}
+
     # --- parts -------------------------------------------------------------
+    def _description(self, table: str) -> str:
+        path = self._beside(table, ".toml")
+        return path.read_text(encoding="utf-8") if path.is_file() else ""
+
+    def _redescribe(self, table: str, content: bytes, request: dict[str, Any]) -> Step:
+        """Put a description beside a copy of a table, which takes its place."""
+        history, files = self.now()
+        number = self._next_number(history)
+        old = self.folder / table
+        target = self.folder / f"upload-{number}{old.suffix}"
+        with writing(target, request["name"]):
+            shutil.copyfile(old, target)
+            extras = copy_beside(old, target, without=(".toml",))
+            write_atomically(target.with_suffix(".toml"), content)
+        outputs = [target.name, target.with_suffix(".toml").name, *extras]
+        renamed = {table: target.name}
+        after = {
+            "data_after": [renamed.get(name, name) for name in files.data],
+            "dropped_after": [renamed.get(name, name) for name in files.dropped],
+        }
+        return self._add_upload(number, request, outputs, files, after)
+
     def _add_upload(
-        self, number: int, name: str, outputs: list[str], files: Files, after: dict[str, list[str]]
+        self,
+        number: int,
+        request: dict[str, Any],
+        outputs: list[str],
+        files: Files,
+        after: dict[str, list[str]],
     ) -> Step:
         """Record an upload; `after`: the tables that count then, and the files to import."""
         inputs = {"data": files.data, **after}
-        step = self.journal.begin(Step(number, "upload", {"name": name}, [], inputs, outputs))
+        step = self.journal.begin(Step(number, "upload", request, [], inputs, outputs))
         self.end(number, "done", "", 0.0)
         return step
 

@@ -12,11 +12,12 @@ import os
 import shlex
 import signal
 import threading
+from base64 import b64encode
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -27,18 +28,18 @@ import numpy as np
 from ecm.comparison.comparison import compare
 from ecm.diagnosis.preparation import prepare
 from ecm.diagnosis.problem import Candidate, Problem, assemble, best_of_each
-from ecm.diagnosis.search import estimate
-from ecm.effects import get_effect, load_installed
+from ecm.effects import load_installed
 from ecm.errors import ComputationError, InputError
-from ecm.io.arrays import F, I
+from ecm.io.arrays import F, I, evenly
 from ecm.io.cache import hash_of, write_json
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.table import Need, Table, read_table
 from ecm.logs.importing import list_columns
 from ecm.models import Model, load_model
 from ecm.models.fit import choose_base
+from ecm.models.maps import StiffnessMap
 from ecm.regression.blas import one_blas_thread
-from ecm.regression.normal_equations import explained_by_blocks, projected_out
+from ecm.regression.normal_equations import RIDGE, explained_by_blocks, projected_out
 from ecm.regression.rows import actuators_of
 from ecm.report.figures import some_rows, view_of
 from ecm.rig.readings import POSE_NAMES, journal_path
@@ -49,6 +50,9 @@ from ecm.workflow.app.steps import Files, way_out
 MOST_ROWS = 20_000
 """Rows that a view holds; of more, every k-th, and the view says so."""
 HOW = "evenly over their order"
+_ROWS_OF_EFFECTS = 1000
+"""Rows at which the page shows what effects explain."""
+_FINEST = 32_000
 _MOST_SLIDERS = 6
 """Actuators that the page moves."""
 
@@ -85,14 +89,17 @@ def poses(given: Given) -> dict[str, Any]:
         "row": (rows + 1).tolist(),
         "columns": {name: _short(table.column(name)[rows]) for name in columns},
         **view_of(table.meta),
+        "body": table.meta.elastic_body() is not None,  # whether physics can be fitted
         "said": some_rows(len(rows), len(table), HOW).strip(),
     }
 
 
 def residuals(given: Given) -> dict[str, Any]:
     """Return the residual of each measured pose in its unit, over the noise, and as a pose."""
-    result = compare(given.model(), given.table("fit"))
+    table = given.table("fit")
+    result = compare(given.model(), table)
     maps = result.where(MOST_ROWS)
+    held = np.searchsorted(table.numbers_in_file, result.pose_error.row) + 1
     known = not result.noise.is_residual
     outputs, floors = list(maps.outputs), [component.floor for component in result.components]
     kinds: dict[str, dict[str, Any]] = {}
@@ -108,12 +115,14 @@ def residuals(given: Given) -> dict[str, Any]:
         "values": _columns(maps.physical["base"]),
         "floor": floors if known else None,
     }
-    pose = _pose_error(result.pose_error, maps.row, known=known)
+    pose = _pose_error(result.pose_error, held, maps.row, known=known)
     if pose is not None:
         kinds["pose"] = pose
     return {
         "row": maps.row.tolist(),
         "size": _short(maps.size),
+        "measured": _columns(table.select(maps.row - 1).matrix(outputs)),
+        "change": _columns(_at_rows(result.pose_error.change, held, maps.row)),
         "variables": {name: _short(values) for name, values in maps.variables.items()},
         "follows": [list(item) for item in maps.follows[:10]],
         "strongest": maps.strongest(len(maps.variables)),
@@ -125,57 +134,95 @@ def residuals(given: Given) -> dict[str, Any]:
 
 
 def effects(given: Given) -> dict[str, Any]:
-    """Return what each effect would explain of the residual, with its own sentence."""
-    load_installed()
-    outputs, row, explained = explained_by_each(given.model(), given.table("fit"))
-    at = _thinned(len(row))
-    return {
-        "row": row[at].tolist(),
-        "columns": list(outputs),
-        "effects": {
-            id: {
-                "share": share,
-                "what": get_effect(id).physics,
-                "side": get_effect(id).side,
-                "values": _columns(values[at]),
-            }
-            for id, (share, values) in explained.items()
-        },
-    }
+    """Return the effects as columns of one linear fit, with which the page fits again by itself.
 
-
-@one_blas_thread()
-def explained_by_each(
-    model: Model, table: Table
-) -> tuple[tuple[str, ...], I, dict[str, tuple[float, F]]]:
-    """Fit the score columns of each effect alone to what model and base leave.
-
-    Returns
-    -------
-    The m columns of the wrench, the rows from 1 (n,), and by effect, largest first: the share of
-    the whitened squares that its best shape takes away, and (n, m) what it explains beside the
-    base.
+    Each effect has its best shape; those of the model are among them. All is beside the base: its
+    part of each column is taken out. `gram` and `slope` are the normal equations of the whitened
+    columns, `squares` what the base alone leaves, all over the variance that no effect explains;
+    times `mean` they are mean squares over the noise. `values` are what a column of length 1 gives
+    at the rows `at`, in the units of the wrench.
     """
-    prepared = prepare(model, table)
+    load_installed()
+    model, table = given.model(), given.table("fit")
+    with one_blas_thread():
+        outputs, row, problem, chosen = linear_problem(model, table)
+        return {
+            "row": row.tolist(),
+            "columns": list(outputs),
+            "base": problem.base.name,
+            "other_base": not _same(model.base, problem.base),
+            "effects": {item.id: _listed(item, problem) for item in chosen},
+            **_linear_fit(problem, chosen, row),
+        }
+
+
+def linear_problem(
+    model: Model, table: Table
+) -> tuple[tuple[str, ...], I, Problem, list[Candidate]]:
+    """Return the columns of the wrench, the rows from 1, the problem, and each effect's best shape.
+
+    The effects that the model holds come first, in the shape that it has; the others by what they
+    explain beside base and these.
+    """
+    own = {item.id: item.effect for item in model.effects}
+    prepared = prepare(replace(model, effects=()), table)
     base = choose_base(model, prepared.table.drop(*prepared.zero_columns))
-    problem = assemble(base, prepared.unexplained, prepared.effects)
-    alone = _fitted(problem, ())
-    left = projected_out(*problem.equations, problem.base_index)
-    blocks = [candidate.columns for candidate in problem.candidates]
-    gains = explained_by_blocks(problem.equations, left, blocks).tolist()
-    total = problem.squares_of(problem.response) / problem.scale
-    best = best_of_each(problem.candidates, gains)
-    explained = {
-        id: (gain / total, problem.in_units(_fitted(problem, (candidate,)) - alone))
-        for id, (gain, candidate) in sorted(best.items(), key=lambda item: -item[1][0])
+    tried = [own.get(effect.id, effect) for effect in prepared.effects]
+    problem = assemble(base, prepared.unexplained, tried)
+
+    def best(candidates: list[Candidate], beside: Sequence[Candidate]) -> list[Candidate]:
+        left = projected_out(*problem.equations, problem.columns_of(beside))
+        blocks = [item.columns for item in candidates]
+        gains = explained_by_blocks(problem.equations, left, blocks, problem.signs).tolist()
+        found = best_of_each(candidates, gains).values()
+        return [item for _, item in sorted(found, key=lambda of: -of[0])]
+
+    held = best([item for item in problem.candidates if item.id in own], ())
+    others = best([item for item in problem.candidates if item.id not in own], held)
+    return tuple(base.outputs), prepared.rows + 1, problem, [*held, *others]
+
+
+def _same(one: StiffnessMap, other: StiffnessMap) -> bool:
+    """Whether two bases are one model with other numbers."""
+    return one.name == other.name or one.kind == other.kind == "physics"
+
+
+def _listed(item: Candidate, problem: Problem) -> dict[str, Any]:
+    """Return an effect in words, and its columns in those of the chosen effects."""
+    lengths = problem.norms[list(item.columns)].tolist()
+    return {
+        "what": item.effect.physics,
+        "side": item.effect.side,
+        "parameters": [
+            {"name": one.name, "unit": one.unit, "length": length, "sign": problem.signs[column]}
+            for one, length, column in zip(
+                item.effect.parameters, lengths, item.columns, strict=True
+            )
+        ],
     }
-    return tuple(base.outputs), prepared.rows + 1, explained
 
 
-def _fitted(problem: Problem, chosen: Sequence[Candidate]) -> F:
-    """(N, m) whitened what base and chosen effects follow of the residual."""
-    fit = estimate(problem, chosen)
-    return np.asarray(problem.design[:, :, fit.columns] @ fit.theta)
+def _linear_fit(problem: Problem, chosen: Sequence[Candidate], row: I) -> dict[str, Any]:
+    """Return normal equations and values of the columns of the chosen effects beside the base."""
+    base, take = list(problem.base_index), [c for item in chosen for c in item.columns]
+    matrix, slope = projected_out(*problem.equations, base)
+    at = evenly(len(row), _ROWS_OF_EFFECTS)
+    whole = problem.equations[0]
+    inner = whole[np.ix_(base, base)] + RIDGE * np.diag(np.diag(whole)[base])
+    design = problem.design[at]
+    beside = design[:, :, take] - design[:, :, base] @ np.linalg.solve(inner, whole[base][:, take])
+    values = np.linalg.solve(problem.whitener[at], beside)
+    # Two bytes a number: a figure shows no more.
+    step = np.maximum(np.abs(values).max(axis=(0, 1), initial=0.0), 1e-300) / _FINEST
+    return {
+        "gram": [_short(line) for line in matrix[np.ix_(take, take)]],
+        "slope": _short(slope[take]),
+        "squares": problem.squares_beside_base / problem.scale,
+        "mean": problem.scale / problem.size,
+        "at": at.tolist(),
+        "step": _short(step),
+        "values": b64encode(np.round(values / step).astype("<i2").tobytes()).decode("ascii"),
+    }
 
 
 def plan(given: Given) -> dict[str, Any]:
@@ -234,8 +281,11 @@ VIEWS: dict[str, Callable[[Given], dict[str, Any]]] = {
 }
 
 
-def _pose_error(found: Any, row: I, *, known: bool) -> dict[str, Any] | None:
-    """Return the pose error of these rows (from 1) as a kind of residual; None without one."""
+def _pose_error(found: Any, held: I, row: I, *, known: bool) -> dict[str, Any] | None:
+    """Return the pose error of these rows (from 1) as a kind of residual; None without one.
+
+    `held` are the rows that have one.
+    """
     sizes = [
         ("position", "mm", found.position_mm, found.noise_mm),
         ("rotation", "deg", found.rotation_deg, found.noise_deg),
@@ -243,17 +293,21 @@ def _pose_error(found: Any, row: I, *, known: bool) -> dict[str, Any] | None:
     sized = [item for item in sizes if item[2] is not None and len(found.row)]
     if not sized:
         return None
-    # Rows at which the model holds no pose have none.
-    there = np.isin(row, found.row)
-    at = np.searchsorted(found.row, row[there])
-    columns = np.full((len(row), len(sized)), np.nan)
-    columns[there] = np.stack([values[at] for _, _, values, _ in sized], axis=1)
+    values = np.stack([values for _, _, values, _ in sized], axis=1)
     return {
         "columns": [name for name, _, _, _ in sized],
         "units": [unit for _, unit, _, _ in sized],
-        "values": _columns(columns),
+        "values": _columns(_at_rows(values, held, row)),
         "floor": [floor for _, _, _, floor in sized] if known else None,
     }
+
+
+def _at_rows(values: F, of: I, row: I) -> F:
+    """Return values (n, k) of rows `of` at other rows; those at which there are none are NaN."""
+    there = np.isin(row, of)
+    found = np.full((len(row), values.shape[1]), np.nan)
+    found[there] = values[np.searchsorted(of, row[there])]
+    return found
 
 
 def _thinned(rows: int) -> I:
@@ -430,15 +484,17 @@ class Readings:
             self._rows.append([*pose, math.hypot(*(cell[name] for name in _FORCE))])
 
 
-def state_of(session: Session) -> dict[str, Any]:
-    """Return all that the page shows; it depends on the files of the folder only."""
-    history, files = session.now()
+def state_of(session: Session, history: History | None = None) -> dict[str, Any]:
+    """Return all that the page shows, now or of a history; it depends on the folder only."""
+    history = session.journal.read() if history is None else history
+    files = session.files(history)
     check = history.last("check", data=files.data)
     model = history.last("fit", "refit", data=files.data)
     of_model = {"data": files.data, "model": files.model}
     compared = history.last("compare", **of_model) if files.model else None
     found = history.last("diagnose", **of_model) if files.model else None
     exported = history.last("export", **of_model) if files.model else None
+    tried = fits_of(history, files)
     return {
         "schema": 1,
         "version": history.records,
@@ -446,8 +502,9 @@ def state_of(session: Session) -> dict[str, Any]:
         "simulated": files.simulated,
         "sealed": files.sealed is not None,
         "next_plan": files.next_plan,
-        "data": [{"file": name, "name": _own_name(history, name)} for name in files.data],
-        "dropped": [_own_name(history, name) for name in files.dropped],
+        "data": [{"file": name, "name": history.own_name(name)} for name in files.data],
+        "described": session.described(files),
+        "dropped": [history.own_name(name) for name in files.dropped],
         "imported": session.result(_import_of(history, files)),
         "check": session.result(check),
         "pending": [] if check is None else session.pending(history, check),
@@ -457,7 +514,8 @@ def state_of(session: Session) -> dict[str, Any]:
         "diagnosis": session.result(found),
         "export": session.result(exported),
         "truth": session.result(session.opened(history, files)),
-        "rungs": [_rung(session, history, step) for step in _rungs(history, files)],
+        "rungs": [_rung(session, history, step) for step in _rungs(tried)],
+        "tried": [_tried(session, history, step) for step in tried],
         "undo": history.can_undo(),
         "redo": bool(history.undone),
         "refused": _refused(history, files),
@@ -472,16 +530,23 @@ def _import_of(history: History, files: Files) -> Step | None:
     return step if step is not None and step.outputs[0] in files.data else None
 
 
-def _rungs(history: History, files: Files) -> list[Step]:
-    """Return the fits of these data that count, from the last base on."""
-    rungs: list[Step] = []
-    for number in history.active:
-        step = history.steps[number]
-        if step.verb == "fit" and step.inputs["data"] == files.data:
-            rungs = [step]
-        elif step.verb == "refit" and step.inputs["data"] == files.data:
-            rungs.append(step)
-    return rungs
+def fits_of(history: History, files: Files) -> list[Step]:
+    """Return the fits of these data that count, of all bases."""
+    steps = [history.steps[number] for number in history.active]
+    return [s for s in steps if s.verb in ("fit", "refit") and s.inputs["data"] == files.data]
+
+
+def _rungs(tried: list[Step]) -> list[Step]:
+    """Return the last base with the fits on it."""
+    bases = [i for i, step in enumerate(tried) if step.verb == "fit"]
+    return tried[bases[-1] :] if bases else tried
+
+
+def _tried(session: Session, history: History, step: Step) -> dict[str, Any]:
+    """Return a fit for the ladder of all of them: its errors, and the floors of their noise."""
+    rung = _rung(session, history, step)
+    report = rung.pop("report") or {}
+    return {**rung, "is_base": step.verb == "fit", "history": report.get("history", [])}
 
 
 def _rung(session: Session, history: History, step: Step) -> dict[str, Any]:
@@ -498,6 +563,7 @@ def _rung(session: Session, history: History, step: Step) -> dict[str, Any]:
         ),
         "train": document.get("whitened_rms"),
         "rmse": document.get("rmse"),
+        "floor": {item["name"]: item["floor"] for item in document.get("components", ())},
         "report": session.result(step),
     }  # fmt: skip
 
@@ -538,11 +604,3 @@ def _step(history: History, step: Step, files: Files) -> dict[str, Any]:
         "seconds": step.seconds,
         "counts": step.number in history.active,
     }
-
-
-def _own_name(history: History, table: str) -> str:
-    """Return the name under which a table was dropped, else that of its file."""
-    for step in history.steps.values():
-        if table in step.outputs:
-            return str(step.request.get("name") or table)
-    return table

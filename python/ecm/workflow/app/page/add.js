@@ -1,40 +1,85 @@
 // Stage 5: the ladder of errors, its parameters, undo, and the sealed truth.
 
-import {busy} from "./api.js";
+import {busy, view} from "./api.js";
 import {chart} from "./chart.js";
 import {chance, column, effectName, parameterName, quantity} from "./columns.js";
-import {button, el, number, table} from "./dom.js";
+import {button, el, number, table, waiting} from "./dom.js";
+import {gapOf} from "./fails.js";
 import {help, term} from "./help.js";
+import {foreseen} from "./missing.js";
 import {knowsNoise, share} from "./noise.js";
+import {workspace} from "./scene.js";
+import {versus} from "./versus.js";
 
-export function draw(root, state, app) {
+export async function draw(root, state, app) {
   const rungs = rungsOf(state), known = knowsNoise(state), unit = known ? "times the noise" : "% of the spread";
-  root.append(el("p", {class: "lead"}, sentence(rungs, known, unit)),
-    el("div", {class: "split"},
-      el("section", {"aria-label": "The ladder of errors"}, el("h3", {}, "The ladder of errors", help("held out")),
+  const own = rungs.slice(rungs.findLastIndex(rung => rung.base)), grow = rungs.length > seen.rungs && state.folder === seen.folder;
+  if (state.compare || !state.running) seen = {folder: state.folder, rungs: rungs.length};
+  const space = el("section", {"aria-label": "Measured and modelled in space"}), over = el("div");
+  root.append(el("p", {class: "lead"}, sentence(own, known, unit), confirmed(state)),
+    el("div", {class: "split even"},
+      el("div", {}, el("section", {"aria-label": "The ladder of errors"}, el("h3", {}, "The ladder of errors", help("held out")),
         chart({title: `Error of each fit, ${unit}: ${rungs.map(rung => `${rung.name} ${number(rung.train)}`).join(", ")}`,
-          labels: rungs.map(rung => rung.name), floor: known ? 1 : null, yTitle: `error [${unit}]`,
+          labels: rungs.map(rung => rung.name), floor: known ? 1 : null, yTitle: `error [${unit}]`, log: true, grow,
+          begins: rungs.flatMap((rung, i) => rung.base ? [i] : []),
           lines: [{name: "fitted rows", values: rungs.map(rung => rung.train), colour: "mark"},
-            {name: "held out", values: rungs.map(rung => rung.held), colour: "second", dash: "7 5", square: true}]}),
-        table(`The rungs of the ladder, in ${unit}`, ["fit", "fitted rows", "held out", el("span", {}, "is the change real?", help("is the change real?"))],
-          rungs.map(rung => [rung.name, rung.train, rung.held, rung.test]))),
-      el("section", {class: "stack", "aria-label": "Parameters"}, el("h3", {}, "Effects in the model"),
-        ...parameters(state, app), state.sealed ? sealed(state, app) : null, compare(state))),
-    el("div", {class: "row"}, button(rungs.length < 2 ? "What is missing?" : "What else is missing?", () => app.go("missing"),
+            {name: "held out", values: rungs.map(rung => rung.held), colour: "second", dash: "7 5", square: true}]})), over), space),
+    table(`The rungs of the ladder, in ${unit}`, ["fit", "fitted rows", "held out", el("span", {}, "is the change real?", help("is the change real?"))],
+      rungs.map(rung => [rung.name, rung.train, rung.held, rung.test])),
+    el("div", {class: "split even"},
+      el("section", {class: "stack", "aria-label": "Parameters"}, el("h3", {}, "Effects in the model"), ...parameters(state, app)),
+      el("div", {class: "stack"}, state.sealed ? sealed(state, app) : null, compare(state))),
+    el("div", {class: "row"}, button(own.length < 2 ? "What is missing?" : "What else is missing?", () => app.go("missing"),
       {id: "to-missing", class: "first"}), button("To the results", () => app.go("out"), {id: "to-out"})));
+  if (state.compare) await figures(state, space, over, grow);
 }
 
-// The history of the last fit knows held-out errors; without one there is the base only. Without a noise
-// it counts in one that is assumed: then the errors are those of the readings' spread.
+// Before and after the last change: the gap in space goes home, and the wipe goes over.
+async function figures(state, space, over, grow) {
+  space.append(waiting("Computing the residuals …"));
+  const last = state.rungs.at(-1), earlier = state.rungs.at(-2);
+  const [now, poses, before] = await Promise.all([view("residuals", state), view("poses", state), earlier && view("residuals", state, earlier.model)]);
+  const gap = gapOf(now), was = before?.kinds.pose && before.row.length === now.row.length ? before.change : null;
+  space.replaceChildren();
+  if (gap) space.append(el("h3", {}, "Measured, and where the model puts it"), workspace(poses, now.row, now.variables, now.size,
+    {title: "largest residual", unit: knowsNoise(state) ? "times the noise" : "times the model's own error",
+      name: "The measured pose and that of the model", gap: grow && was ? {...gap, before: was} : gap}));
+  over.append(versus(now, effectName(last.name), {grow, before: earlier ? {residuals: before, name: effectName(earlier.name)} : null}));
+}
+
+const MANY = 3;  // parameters from which on they are a table
+let seen = {folder: "", rungs: Infinity};
+
+// All fits of these data over one noise, which does not change with the model: that beside the best of them. Without
+// a noise the errors are those of the readings' spread. What a fit says of its rungs tells the held-out errors.
 function rungsOf(state) {
-  const history = state.fit?.history ?? [], known = knowsNoise(state);
-  const shares = state.rungs.map(rung => share(state, rung.rmse));
-  const named = state.rungs.map((rung, i) => ({name: effectName(rung.name), train: known ? rung.train : shares[i],
-    held: null, test: ""}));
-  if (!history.length) return named;
-  const scale = (shares.at(-1) ?? 0) / history.at(-1).train;
-  return history.map(item => ({name: effectName(item.name), test: real(item.test ?? ""),
-    train: known ? item.train : scale * item.train, held: known ? item.held_out : scale * item.held_out}));
+  const known = knowsNoise(state), floor = floorOf(state.tried.filter(({rmse}) => rmse));
+  const begins = state.tried.flatMap(({is_base: base}, i) => base ? [i] : []);
+  return state.tried.map((rung, i) => {
+    const first = begins.findLast(at => at <= i) ?? 0, end = begins.find(at => at > i) ?? state.tried.length;
+    const history = state.tried[end - 1].history, of = history.length === end - first ? history[i - first] : null;
+    const train = known ? overNoise(rung.rmse, floor) : share(state, rung.rmse);
+    return {name: effectName(rung.name), base: rung.is_base, train, test: real(of?.test ?? ""),
+      held: of && train !== null ? train * of.held_out / of.train : null};
+  });
+}
+
+function floorOf(tried) {
+  const over = tried.map(({rmse}) => overNoise(rmse, tried[0].floor) ?? Infinity);
+  return tried[over.indexOf(Math.min(...over))]?.floor ?? {};
+}
+
+function overNoise(rmse, floor) {
+  const squares = Object.entries(rmse ?? {}).flatMap(([name, error]) => floor[name] > 0 ? [(error / floor[name]) ** 2] : []);
+  return squares.length ? Math.sqrt(squares.reduce((sum, v) => sum + v, 0) / squares.length) : null;
+}
+
+// Beside what the page foresaw by its linear fit, what the fit gives.
+function confirmed(state) {
+  const held = (state.fit?.effects ?? []).map(({id}) => id).sort().join();
+  if (foreseen.error === null || foreseen.effects !== held || !state.compare) return null;
+  const given = knowsNoise(state) ? state.compare.whitened_rms : share(state, state.compare.rmse);
+  return el("span", {id: "confirmed"}, ` The page foresaw ${foreseen.error}; the fit gives ${given < 10 ? given.toFixed(2) : number(given)}.`);
 }
 
 // The server's test of a change, with the answer first.
@@ -61,7 +106,11 @@ function parameters(state, app) {
   if (!effects.length) return [el("div", {class: "waiting"}, "No effect has been added yet.")];
   return effects.map(effect => el("div", {class: "card"},
     el("h3", {}, effectName(effect.id), effect.frozen ? el("span", {class: "tag"}, "frozen") : null),
-    effect.parameters.map(parameter),
+    effect.parameters.length < MANY ? effect.parameters.map(parameter) : table("Values, ± standard deviation; 95\u00a0% of the time the true one lies between the last two",
+      ["", "value", "±", "unit", "from", "to"], effect.parameters.map(({name, value: own, sd: spread, unit}) => {
+        const [value, words] = quantity(own, unit), [sd] = quantity(spread, unit);
+        return [parameterName(name), value, sd, words, value - 1.96 * sd, value + 1.96 * sd];
+      })),
     el("div", {class: "row"},
       button("Remove", () => app.step("refit", {remove: [effect.id]}),
         {disabled: off, "aria-label": `Remove ${effectName(effect.id)}`}),

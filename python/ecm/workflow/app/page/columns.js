@@ -25,8 +25,15 @@ export function label(name) {
 
 const POLYNOMIAL = {1: "linear", 3: "cubic"};
 
-// Names of columns and effects in a sentence of the server, as words.
-export const readable = text => String(text ?? "").replaceAll("->", "→").replace("kept as covariates", "kept as possible causes").replace(
+// Files of the session by the names under which a person dropped them.
+let dropped = new Map();
+export function nameFiles(steps) {
+  dropped = new Map(steps.filter(step => step.name).map(step => [String(step.number), step.name]));
+}
+export const ownFiles = text => String(text ?? "").replace(/\b(?:upload|data)-(\d+)\.\w+/g, (file, number) => dropped.get(number) ?? file);
+
+// Names of files, columns and effects in a sentence of the server, as words.
+export const readable = text => ownFiles(text).replace(/ by \[leave_out\]: marked /, ", as you marked them: ").replaceAll("->", "→").replaceAll("+-", "±").replace("kept as covariates", "kept as possible causes").replace(
   /\b[a-z][a-z0-9_]*_(?:Nm|N|m|rad|s|degC|Pa)\b/g, name => column(name).words)
   .replace(/\bpoly:(\d)\b/g, (_, degree) => POLYNOMIAL[degree] ?? `polynomial of degree ${degree}`)
   .replace(/\d+(?:\.\d+)?e[+-]\d+/g, text => number(Number(text)))

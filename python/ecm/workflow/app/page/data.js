@@ -2,6 +2,7 @@
 
 import {busy, idle, post, upload, view} from "./api.js";
 import {column, label, measured, readable} from "./columns.js";
+import {describe} from "./describe.js";
 import {button, el, number, table, waiting} from "./dom.js";
 import {term} from "./help.js";
 import {live, measures} from "./live.js";
@@ -17,7 +18,9 @@ export async function draw(root, state, app) {
   const unread = !state.running && (!state.check || !measured(state.check));
   if (state.dropped.length && unread) root.append(mapping(state, app));
   if (state.imported) root.append(imported(state.imported));
+  if (state.data.length && !measures(state)) root.append(describe(state, app));
   if (state.dropped.length && !unread) root.append(otherwise(state, app));
+  if (state.data.length) root.append(el("p", {class: "rests", id: "tables"}, `Tables of this session: ${state.data.map(item => item.name).join(", ")}.`));
   if (state.data.length && state.check) await picture(root, state);
   if (state.data.length || state.dropped.length) root.append(el("details", {}, el("summary", {}, "Bring in another table"), dropZone(state, app)));
 }
@@ -41,12 +44,16 @@ function dropZone(state, app) {
   const more = el("input", {type: "checkbox", id: "more"});
   const input = el("input", {type: "file", id: "file", multiple: true, class: "hidden", tabindex: "-1", "aria-hidden": "true",
     onchange: () => take(input.files)});
+  const told = el("p", {id: "upload", hidden: true, role: "status"});
   const take = files => app.act(async () => {
     // Tables or logs dropped together are runs of one; a description belongs to the last of them.
     const last = file => /\.toml$/i.test(file.name), given = [...files].sort((a, b) => last(a) - last(b));
     for (const [i, file] of given.entries()) {
       if (i) await idle();
-      await upload(file, more.checked || i > 0);
+      await upload(file, more.checked || i > 0, part => {
+        told.hidden = false;
+        told.textContent = `${file.name}: ${Math.round(100 * part)} % is here${given.length > 1 ? `, file ${i + 1} of ${given.length}` : ""}`;
+      });
     }
   });
   const zone = el("div", {class: "drop",
@@ -58,9 +65,9 @@ function dropZone(state, app) {
       take(event.dataTransfer.files);
     }},
   el("p", {}, el("strong", {}, "Drop tables or logs here")),
-  el("p", {class: "soft"}, "CSV, Parquet, MAT, HDF5, MCAP or another log, up to 2 GB; several become runs of one table. A description (TOML) belongs "
-    + "to the last of them. Nothing leaves this machine."),
-  button("Choose files", () => input.click(), {id: "choose"}), input,
+  el("p", {class: "soft"}, "CSV, Parquet, MAT, HDF5, MCAP or another log, up to 2 GB; several become runs of one table. A description beside them "
+    + "belongs to the last. Nothing leaves this machine."),
+  button("Choose files", () => input.click(), {id: "choose"}), input, told,
   state.data.length ? el("p", {}, more, el("label", {for: "more"}, " as another run of the same data")) : null);
   return zone;
 }
@@ -76,7 +83,7 @@ function checkResult(state, app) {
   for (const warning of check.warnings) {
     const pending = state.pending.includes(warning);
     parts.push(el("div", {class: warning === check.misread?.sentence ? "error" : "warning"}, readable(warning), "\n",
-      pending ? button("I take responsibility for this", () => app.act(() => post("/api/accept", {warning})))
+      /\[leave_out\]: marked/.test(warning) && !pending ? el("em", {}, "Undo brings them back.") : pending ? button("I take responsibility for this", () => app.act(() => post("/api/accept", {warning})))
         : el("em", {}, "You took responsibility for this.")));
   }
   for (const remark of check.remarks ?? []) parts.push(el("p", {class: "soft"}, readable(remark)));

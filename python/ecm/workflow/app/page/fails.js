@@ -2,25 +2,30 @@
 
 import {view} from "./api.js";
 import {button, el, number, table, waiting} from "./dom.js";
-import {column, label, readable} from "./columns.js";
+import {column, effectName, label, readable} from "./columns.js";
 import {help} from "./help.js";
 import {knowsNoise, share} from "./noise.js";
 import {residualPanels} from "./panels.js";
 import {workspace} from "./scene.js";
 import {mark} from "./selection.js";
+import {versus} from "./versus.js";
 
 export async function draw(root, state, app) {
   root.append(el("p", {class: "lead"}, readable(state.compare.sentence)));
   const wait = waiting("Computing the residuals …");
   root.append(wait);
-  const [residuals, poses] = await Promise.all([view("residuals", state), view("poses", state)]);
+  const first = state.rungs.length > 1 ? state.rungs[0] : null;
+  const [residuals, poses, before] = await Promise.all([view("residuals", state), view("poses", state),
+    first && view("residuals", state, first.model)]);
   wait.remove();
   root.append(el("p", {class: "rests"}, readable(residuals.sentence), help("signature"), " ", residuals.said),
-    figures(state, residuals));
-  const panels = residualPanels(residuals);
+    figures(state, residuals),
+    versus(residuals, effectName(state.rungs.at(-1).name), {before: first && {residuals: before, name: effectName(first.name)}}));
+  const panels = residualPanels(residuals, {leave: app.leaveOut});
   const place = el("section", {"aria-label": "The mechanism in its measured poses"},
     workspace(poses, residuals.row, residuals.variables, residuals.size,
-      {title: "largest residual", unit: knowsNoise(state) ? "times the noise" : "times the model's own error", name: "Measured poses, coloured by residual"}));
+      {title: "largest residual", unit: knowsNoise(state) ? "times the noise" : "times the model's own error", name: "Measured poses, coloured by residual",
+        gap: gapOf(residuals)}));
   root.append(el("div", {class: "split"},
     el("div", {class: "sticky"}, el("h3", {}, "In the workspace"), place),
     el("section", {"aria-label": "Residuals over a variable"}, el("h3", {}, "Residual over every variable", help("residual")), panels.node)),
@@ -28,6 +33,8 @@ export async function draw(root, state, app) {
   el("div", {class: "row"}, button("What is missing?", () => app.go("missing"), {class: "first", id: "to-missing"})));
   panels.show();
 }
+
+export const gapOf = residuals => residuals.kinds.pose ? {now: residuals.change} : null;
 
 function figures(state, residuals) {
   const {whitened_rms: error, pose_error: pose, rmse} = state.compare;

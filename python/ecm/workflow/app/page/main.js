@@ -1,9 +1,10 @@
 // The loop: polls the state of the session folder, and shows one of the seven stages.
 
 import {busy, get, post} from "./api.js";
-import {effectName} from "./columns.js";
+import {effectName, nameFiles, ownFiles} from "./columns.js";
 import {button, el, waiting} from "./dom.js";
 import {wayOut} from "./remedy.js";
+import {isCopy} from "./recorded.js";
 import {forget, mark} from "./selection.js";
 import {stages} from "./stages.js";
 
@@ -29,6 +30,12 @@ export const app = {
     }
     await refresh();
   },
+  // The marked rows are left out of the tables, and the model of now is fitted to the others.
+  leaveOut: rows => app.act(() => {
+    const base = state.rungs[0]?.name, add = (state.fit?.effects ?? []).map(effect => effect.id);
+    const then = base ? {verb: "fit", model: base, ...add.length ? {then: {verb: "refit", add}} : {}} : null;
+    return post("/api/leave_out", {rows, then});
+  }),
   step: (verb, request = {}) => app.act(() => post("/api/step", {verb, ...request})),
 };
 
@@ -104,7 +111,7 @@ function announce(text) {
 }
 
 function drawTools() {
-  document.getElementById("folder").replaceChildren(el("span", {}, "Session folder: "), state.folder);
+  document.getElementById("folder").replaceChildren(el("span", {}, isCopy ? "A copy to read of " : "Session folder: "), state.folder);
   const off = busy(state);
   document.getElementById("tools").replaceChildren(
     button("Undo", () => app.act(() => post("/api/undo")),
@@ -129,7 +136,7 @@ function trouble() {
   const last = state.steps.at(-1);
   if (!last || state.running) return null;
   const words = {
-    failed: `${WORK[last.verb] ?? last.verb}: this did not work.\n${advice(last)}\n`,
+    failed: `${WORK[last.verb] ?? last.verb}: this did not work.\n${ownFiles(advice(last))}\n`,
     cancelled: `${WORK[last.verb] ?? last.verb}: cancelled. Nothing was changed.\n`,
     interrupted: `${WORK[last.verb] ?? last.verb}: cut off (${last.message}). All else is kept.\n`,
   }[last.status];
@@ -188,6 +195,7 @@ async function refresh() {
     const found = await get("/api/state");
     if (state && found.version < state.version) return;  // an older answer that came later
     state = found;
+    nameFiles(state.steps);
   } catch (error) {
     lost = true;
     say(error.status ? error.message : "The server does not answer. The session is kept in its folder: start it again with ecm app "
@@ -201,7 +209,7 @@ async function refresh() {
 
 async function poll() {
   await refresh();
-  setTimeout(poll, state && state.running ? 400 : 1500);
+  if (!isCopy) setTimeout(poll, state && state.running ? 400 : 1500);
 }
 
 addEventListener("hashchange", () => {
@@ -216,5 +224,6 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
   if (state) draw();
 });
 addEventListener("resize", seeStage);
+document.documentElement.classList.toggle("copy", isCopy);
 document.body.append(el("div", {id: "announced", class: "hidden", "aria-live": "polite"}));
 poll();

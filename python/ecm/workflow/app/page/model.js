@@ -32,7 +32,7 @@ export async function draw(root, state, app) {
   const lacks = name => name === "actuated4" && !driven ? " Needs columns of actuators: pressure_1_Pa, tension_1_N, ..."
     : OF_POSE.includes(name) && driven ? " Takes no inputs of actuators."
     : OF_SIX.includes(name) && !six ? " Needs all six columns of the pose and of the wrench."
-    : name === "physics" && !body ? " Needs the body: [mechanism] builtin, its dimensions and modulus in the description." : "";
+    : name === "physics" && !body ? " Needs the body: say under Data its shape, dimensions and modulus." : "";
   // Nothing that needs more than these data hold; of many kinds the one that predicts best.
   const first = !lacks("actuated4") ? "actuated4" : lacks("physics") ? lacks("choose") ? "linear" : "choose" : "physics";
   const now = [picked, state.rungs[0]?.name].find(name => name && !lacks(name)) ?? first;
@@ -68,8 +68,8 @@ export async function draw(root, state, app) {
 
 // An energy needs six coordinates of both, and physics the body.
 async function known(state) {
-  const {columns, body} = await view("poses", state);
-  return {six: [...POSE, ...WRENCH].every(name => columns[name]) && !state.check.padding.length, body};
+  const {columns, outline_m: outline} = await view("poses", state);
+  return {six: [...POSE, ...WRENCH].every(name => columns[name]) && !state.check.padding.length, body: Boolean(outline)};
 }
 
 function report(fit) {

@@ -4,7 +4,7 @@ import {sized, stamp, ticks, tip} from "./canvas.js";
 import {colours, rgb} from "./colours.js";
 import {el, number} from "./dom.js";
 
-const FINGER = 24, MOUSE = 10;
+const FINGER = 24, MOUSE = 10, TRACE = 0.3;
 const LEFT = 52, RIGHT = 46, TOP = 24, BOTTOM = 34, BINS = 28, MANY = 1500;
 const FONT = "12px system-ui, DejaVu Sans, sans-serif";
 
@@ -14,7 +14,9 @@ export function panel({onbrush, say}) {
   const over = el("canvas", {tabindex: "0", role: "application", "aria-roledescription": "figure"});
   const node = el("figure", {class: "panel"}, base, over);
   let data = null, low = [0, 0], high = [1, 1], width = 0, height = 0;
-  let preview = null, chosen = [], box = null, cursor = -1, order = null, asked = false;
+  // Where the points are, while they lie elsewhere than they were measured; from where to where they go.
+  let moved = null, start = null, to = null, going = [], chosen = [], box = null, cursor = -1, order = null, asked = false;
+  const now = () => moved ?? data.y;
 
   const px = v => LEFT + (v - low[0]) / (high[0] - low[0]) * (width - LEFT - RIGHT);
   const py = v => height - BOTTOM - (v - low[1]) / (high[1] - low[1]) * (height - TOP - BOTTOM);
@@ -25,7 +27,7 @@ export function panel({onbrush, say}) {
 
   function set(next) {
     data = next;
-    preview = null;
+    moved = start = to = null;
     order = null;
     cursor = -1;
     over.setAttribute("aria-label", `${data.title}, ${data.yTitle} over ${data.xTitle}. `
@@ -49,8 +51,11 @@ export function panel({onbrush, say}) {
     }
     context.lineWidth = 1;
     axes(context, palette, right, bottom);
+    // Points that are elsewhere leave a trace where they were measured.
+    context.globalAlpha = moved ? TRACE : 1;
     dots(context, data.x, data.y, null, palette.point, 2.6);
     bars(context, data.y, palette.point);
+    context.globalAlpha = 1;
     context.fillStyle = palette.ink;
     context.font = `600 13px system-ui, sans-serif`;
     context.fillText(data.title, LEFT, 14);
@@ -77,12 +82,12 @@ export function panel({onbrush, say}) {
   }
 
   // Points, of the indices `which` or all.
-  function dots(context, x, y, which, colour, r) {
+  function dots(context, x, y, which, colour, r, full = which !== null) {
     const n = which ? which.length : x.length;
     if (n > MANY) {
       const ink = rgb(colour), seen = which ?? x.map((_, i) => i);
       stamp(context, seen.filter(i => x[i] !== null && y[i] !== null),
-        {x: i => px(x[i]), y: i => py(y[i]), ink: () => ink, size: which ? 2.2 : 1.6});
+        {x: i => px(x[i]), y: i => py(y[i]), ink: () => ink, size: full ? 2.2 : 1.6});
       return;
     }
     context.strokeStyle = context.fillStyle = colour;
@@ -92,7 +97,7 @@ export function panel({onbrush, say}) {
       if (x[i] === null || y[i] === null) continue;
       context.beginPath();
       context.arc(px(x[i]), py(y[i]), r, 0, 7);
-      if (which) context.fill(); else context.stroke();
+      if (full) context.fill(); else context.stroke();
     }
   }
 
@@ -118,24 +123,16 @@ export function panel({onbrush, say}) {
     context.beginPath();
     context.rect(LEFT - 5, TOP - 5, w - LEFT - RIGHT + 10, h - TOP - BOTTOM + 10);
     context.clip();
-    if (preview) {
-      if (preview.length > MANY) dots(context, data.x, preview, null, palette.second, 0);
-      else {
-        context.strokeStyle = palette.second;
-        context.lineWidth = 1.4;
-        preview.forEach((v, i) => v !== null && plus(context, px(data.x[i]), py(v)));
-      }
-    }
-    if (chosen.length) dots(context, data.x, data.y, chosen, palette.second, 4.2);
+    if (moved) dots(context, data.x, moved, going, palette.second, 2.6, false);
+    if (chosen.length) dots(context, data.x, now(), chosen, palette.second, 4.2);
     context.restore();
-    if (chosen.length) {
-      bars(context, chosen.map(i => data.y[i]), palette.second);
-    }
+    if (chosen.length) bars(context, chosen.map(i => now()[i]), palette.second);
+    else if (moved) bars(context, going.map(i => moved[i]), palette.second);
     if (cursor >= 0) {
       context.strokeStyle = palette.ink;
       context.lineWidth = 2;
       context.beginPath();
-      context.arc(px(data.x[cursor]), py(data.y[cursor]), 7, 0, 7);
+      context.arc(px(data.x[cursor]), py(now()[cursor]), 7, 0, 7);
       context.stroke();
     }
     if (box) {
@@ -150,8 +147,8 @@ export function panel({onbrush, say}) {
     const [x0, x1] = [box[0], box[2]].sort((a, b) => a - b), [y0, y1] = [box[1], box[3]].sort((a, b) => a - b);
     const found = [];
     for (let i = 0; i < data.x.length; i += 1) {
-      if (data.x[i] === null || data.y[i] === null) continue;
-      const x = px(data.x[i]), y = py(data.y[i]);
+      if (data.x[i] === null || now()[i] === null) continue;
+      const x = px(data.x[i]), y = py(now()[i]);
       if (x >= x0 && x <= x1 && y >= y0 && y <= y1) found.push(i);
     }
     return found;
@@ -160,13 +157,13 @@ export function panel({onbrush, say}) {
   function nearest(x, y, within) {
     let best = -1, distance = within ** 2;
     for (let i = 0; i < data.x.length; i += 1) {
-      const d = (px(data.x[i]) - x) ** 2 + (py(data.y[i]) - y) ** 2;
+      const d = (px(data.x[i]) - x) ** 2 + (py(now()[i]) - y) ** 2;
       if (d < distance) { distance = d; best = i; }
     }
     return best;
   }
 
-  const text = i => `row ${data.row[i]}: ${data.title} ${number(data.y[i])} ${data.unit}, `
+  const text = i => `row ${data.row[i]}: ${data.title} ${number(now()[i])} ${data.unit}, `
     + `${data.xTitle} ${number(data.x[i], 4)}`;
   let from = null;
   over.addEventListener("pointerdown", event => {
@@ -216,10 +213,32 @@ export function panel({onbrush, say}) {
 
   return {node, set,
     mark(indices) { chosen = indices; ask(); },
-    preview(values) { preview = values; ask(); }};
+    // Where the points at some places shall go, null for where they were measured; `slide` moves them there.
+    aim(values, places) {
+      if (values === null && moved === null) return;
+      const rest = moved === null;
+      if (rest) {
+        going = places;
+        moved = new Array(data.y.length).fill(null);
+        for (const i of going) moved[i] = data.y[i];
+      }
+      start = moved.slice();
+      to = values;
+      if (rest) redrawBase();
+    },
+    slide(share) {
+      if (moved === null) return;
+      const end = to ?? data.y;
+      for (const i of going) moved[i] = end[i] === null || start[i] === null ? end[i] : start[i] + share * (end[i] - start[i]);
+      if (share === 1 && to === null) {
+        moved = null;
+        redrawBase();
+      }
+      redrawOver();
+    }};
 }
 
-function spread(values, least, onesided = false) {
+export function spread(values, least, onesided = false) {
   let low = Infinity, high = -Infinity;
   for (const v of values) if (v !== null) { low = Math.min(low, v); high = Math.max(high, v); }
   if (!Number.isFinite(low)) [low, high] = [0, 1];
@@ -228,14 +247,9 @@ function spread(values, least, onesided = false) {
   return [onesided ? 0 : low - room, high + room];
 }
 
-function line(context, x0, y0, x1, y1) {
+export function line(context, x0, y0, x1, y1) {
   context.beginPath();
   context.moveTo(x0, y0);
   context.lineTo(x1, y1);
   context.stroke();
-}
-
-function plus(context, x, y) {
-  line(context, x - 4, y, x + 4, y);
-  line(context, x, y - 4, x, y + 4);
 }

@@ -1,5 +1,6 @@
 // The residual of every component against one variable: menus, panels, and the rows marked in all.
 
+import {glide} from "./canvas.js";
 import {column, label} from "./columns.js";
 import {button, choices, copy, el} from "./dom.js";
 import {help, term} from "./help.js";
@@ -11,12 +12,13 @@ const LISTED = 400;
 // The variable and the kind stay chosen in the next stage.
 const last = {variable: null, kind: null};
 
-export function residualPanels(residuals, {explained = () => null} = {}) {
+// `moved`: where the points of a component lie under what is looked at, at some places; null: where they were measured.
+export function residualPanels(residuals, {moved = () => null, places = [], onglide = () => {}, leave = null} = {}) {
   const variable = el("select", {id: "variable", onchange: () => { last.variable = variable.value; show(); }},
     residuals.strongest.map((name, i) => el("option", {value: name},
       label(name) + (i === 0 && residuals.follows.length ? " (strongest)" : ""))));
   if (residuals.strongest.includes(last.variable)) variable.value = last.variable;
-  let kind = last.kind in residuals.kinds ? last.kind : Object.keys(residuals.kinds)[0], panels = [], effect = null;
+  let kind = last.kind in residuals.kinds ? last.kind : Object.keys(residuals.kinds)[0], panels = [], end = () => {};
   const kinds = choices("Show the error", "kind-of-residual",
     Object.keys(residuals.kinds).map(name => [name, KINDS[name]]), value => { kind = last.kind = value; show(); }, kind);
   const grid = el("div", {class: "panels", role: "group", "aria-label": "Residuals of each component"});
@@ -47,7 +49,7 @@ export function residualPanels(residuals, {explained = () => null} = {}) {
         onesided: kind === "pose"});
     });
     showMarks();
-    look(effect);
+    look();
   }
 
   // Null: the page took the finger, and the marks stay as they were.
@@ -65,16 +67,28 @@ export function residualPanels(residuals, {explained = () => null} = {}) {
       return;
     }
     const text = list.slice(0, LISTED).join(", ") + (list.length > LISTED ? " …" : "");
-    rows.replaceChildren(el("output", {id: "marked-rows"},
+    rows.replaceChildren(...[el("output", {id: "marked-rows"},
       `${list.length} ${list.length === 1 ? "row" : "rows"} marked: ${text}`),
     button("Copy numbers", () => copy(list.join(", "), said => { live.textContent = said; })),
-    button("Clear", () => mark([])));
+    leave ? button("Leave them out and fit again (X)", () => leave(list), {id: "leave-out"}) : null, button("Clear", () => mark([]))].filter(Boolean));
   }
 
-  // Draws what an effect would explain over the residuals; null draws nothing.
-  function look(id) {
-    effect = id;
-    panels.forEach((item, j) => item.preview(id === null ? null : explained(id, kind, j)));
+  // One key for the marked rows, wherever the focus is but where a person writes.
+  function onkey(event) {
+    if (!node.isConnected) document.removeEventListener("keydown", onkey);
+    else if (event.key.toLowerCase() === "x" && marked.size && !event.ctrlKey && !event.metaKey && !event.altKey
+      && !event.target.matches("input:not([type=checkbox]):not([type=radio]), select, textarea")) leave([...marked].sort((a, b) => a - b));
+  }
+  if (leave) document.addEventListener("keydown", onkey);
+
+  // Lets the points slide to where they lie now.
+  function look() {
+    end();
+    panels.forEach((item, j) => item.aim(moved(kind, j), places));
+    end = glide(share => {
+      for (const item of panels) item.slide(share);
+      onglide(share);
+    });
   }
 
   onMark(showMarks);

@@ -1,0 +1,172 @@
+"""A session as one file: a page to read without a server, a report, or its folder to go on with."""
+
+from __future__ import annotations
+
+import json
+import math
+import zipfile
+from collections.abc import Sequence
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from ecm.report.blocks import Block, Cell, CodeBlock, FigureBlock, Section, TableBlock, TextBlock
+from ecm.report.figures import bars, lines
+from ecm.report.page import WEB, Report, packed, script_of, web_file
+from ecm.workflow.app.jobs import FOLLOWED_BY
+from ecm.workflow.app.session import INCOMING, Session
+from ecm.workflow.app.views import NEED_MODEL, Views, state_of
+
+_PAGE = Path(__file__).parent / "page"
+_LINKS = """<link rel="stylesheet" href="/page/look.css">
+<link rel="stylesheet" href="/page/style.css">
+<script type="module" src="/page/main.js"></script>
+"""
+"""What a server gives to the page."""
+_POLICY = """<meta http-equiv="Content-Security-Policy" content="default-src 'none';
+ script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; font-src data:">
+"""
+_IN_95 = 1.96
+"""Standard deviations on both sides that hold 95 % of a normal distribution."""
+_BEGIN = """unpacked("packed-session").then(text => {
+  globalThis.recorded = JSON.parse(text);
+  return run("packed-script");
+});
+"""
+
+
+def copy_of(session: Session, views: Views) -> str:
+    """Return the page with the states of the steps that count, and all that it draws of them."""
+    history, files = session.now()
+    states: list[dict[str, Any]] = []
+    begun, drawn = None, {}
+    for k, number in enumerate(history.active, 1):
+        step = history.steps[number]
+        begun = step if begun is None or step.verb in FOLLOWED_BY else begun
+        if step.verb in FOLLOWED_BY and k < len(history.active):
+            continue
+        taken = history.active[:k]
+        part = replace(history, steps={n: history.steps[n] for n in taken}, active=taken)
+        then = session.files(part)
+        states.append(
+            {"verb": begun.verb, "request": begun.request, "state": state_of(session, part)}
+        )
+        for name in ("poses", *NEED_MODEL):
+            model = then.model if name in NEED_MODEL else None
+            if not then.data or (name in NEED_MODEL and model is None):
+                continue
+            path = views.file(name, then.data, model, skip_bad_rows=files.skip_bad_rows)
+            of = "%2C".join([*then.data, *([] if model is None else [model])])
+            drawn[f"/api/view/{name}?of={of}"] = json.loads(path.read_bytes())
+        begun = None
+    recorded = {"states": states, "views": drawn, "script": session.script()}
+    html = _page_file("index.html")
+    for served, own in (
+        (_LINKS, f"{_POLICY}<style>\n{web_file('look.css')}{_page_file('style.css')}</style>\n"),
+        ("</body>", f"{_packed('session', json.dumps(recorded, allow_nan=False))}"
+         f"{_packed('script', script_of('main', folders=(WEB, _PAGE)))}"
+         f"<script>\n{web_file('unpack.js')}{_BEGIN}</script>\n</body>"),
+    ):  # fmt: skip
+        html = html.replace(served, own)
+    return html
+
+
+def _packed(name: str, text: str) -> str:
+    return f'<script type="text/plain" id="packed-{name}">{packed(text)}</script>\n'
+
+
+def _page_file(name: str) -> str:
+    return (_PAGE / name).read_text(encoding="utf-8")
+
+
+def report_of(session: Session) -> Report:
+    """Return the report of a session: ladder, before and after, parameters, truth, commands."""
+    state = state_of(session)
+    tried = [rung for rung in state["tried"] if rung["rmse"]]
+    floor = min(tried, key=lambda rung: rung["train"])["floor"] if tried else {}
+    sections = [Section("Ladder of errors", _ladder(tried, floor))]
+    rungs = [rung for rung in state["rungs"] if rung["rmse"]]
+    if len(rungs) > 1:
+        sections.append(Section("Before and after", _before_and_after(rungs[0], rungs[-1], floor)))
+    effects = (state["fit"] or {}).get("effects", [])
+    if effects:
+        sections.append(Section("Parameters", [_parameters(effects)]))
+    found, truth = state["diagnosis"] or session.result(session.last_diagnosis()), state["truth"]
+    said = [] if found is None else [TextBlock(found["summary"]["missing"], strong=True)]
+    if truth is not None:
+        names = ", ".join(item["id"] for item in truth["effects"]) or "nothing"
+        said.append(TextBlock(f"The sealed truth: {names} was hidden."))
+    if said:
+        sections.append(Section("What is missing", said))
+    commands = CodeBlock("They write the files of this session again.", session.script())
+    sections.append(Section("Commands", [commands]))
+    names = ", ".join(item["name"] for item in state["data"]) or "no table"
+    return Report(f"Session {state['folder']}", f"{names}.", sections)
+
+
+Errors: TypeAlias = dict[str, Any]
+"""Root mean squares or floors of noise by component."""
+
+
+def _over(rung: dict[str, Any], floor: Errors) -> float:
+    """The error of a fit over one noise, which is that of all fits."""
+    squares = [(rung["rmse"][name] / size) ** 2 for name, size in floor.items() if size > 0.0]
+    return math.sqrt(sum(squares) / max(1, len(squares)))
+
+
+def _ladder(tried: Sequence[dict[str, Any]], floor: Errors) -> list[Block]:
+    """Every fit that counts: its error over the noise beside the best of them."""
+    if not tried:
+        return [TextBlock("No model has been fitted yet.")]
+    errors, places = [_over(rung, floor) for rung in tried], [*map(float, range(1, len(tried) + 1))]
+    series = {"error": (places, errors), "noise floor": (places, [1.0] * len(tried))}
+    figure = lines(series, x_title="fit", y_title="error / noise", log_y=True)
+    rows: list[list[Cell]] = []
+    for k, (rung, error) in enumerate(zip(tried, errors, strict=True), 1):
+        last = (rung["history"] or [None])[-1]
+        held = None if last is None else error * last["held_out"] / last["train"]
+        rows.append([k, rung["name"], error, held])
+    header = ("", "fit", "fitted rows", "held out")
+    return [
+        TableBlock("The error of every fit of these rows, times the noise.", header, rows),
+        FigureBlock("The same. The noise does not change with the model.", figure),
+    ]
+
+
+def _before_and_after(first: dict[str, Any], last: dict[str, Any], floor: Errors) -> list[Block]:
+    rows: list[list[Cell]] = [
+        [name, first["rmse"].get(name), error, floor.get(name)]
+        for name, error in last["rmse"].items()
+    ]
+    header = ("component", first["name"], last["name"], "noise floor")
+    over = {
+        rung["name"]: [rung["rmse"][name] / max(size, 1e-300) for name, size in floor.items()]
+        for rung in (first, last)
+    }
+    return [
+        TableBlock("Root mean square error of each component, in its unit.", header, rows),
+        FigureBlock("The same over the noise floor.", bars(over, list(floor), y_title="error")),
+    ]
+
+
+def _parameters(effects: Sequence[dict[str, Any]]) -> Block:
+    rows: list[list[Cell]] = [
+        [effect["id"], one["name"], one["value"], one["value"] - _IN_95 * one["sd"],
+         one["value"] + _IN_95 * one["sd"], one["unit"]]
+        for effect in effects for one in effect["parameters"]
+    ]  # fmt: skip
+    header = ("effect", "parameter", "value", "from", "to", "unit")
+    return TableBlock("95 of 100 times the true value lies between the two.", header, rows)
+
+
+def archive_of(folder: Path) -> bytes:
+    """Return the files of a session as a zip; the page draws its views again."""
+    written = BytesIO()
+    with zipfile.ZipFile(written, "w", zipfile.ZIP_DEFLATED) as archive:
+        for path in sorted(folder.rglob("*")):
+            inside = path.relative_to(folder)
+            left_out = inside.parts[0] in ("views", ".lock") or path.name.startswith(INCOMING)
+            if path.is_file() and not left_out:
+                archive.write(path, Path(folder.resolve().name) / inside)
+    return written.getvalue()

@@ -1,0 +1,59 @@
+// What a table does not say of itself: length, body and instruments, typed in the units that people use.
+
+import {busy, post} from "./api.js";
+import {button, el} from "./dom.js";
+
+const LENGTH = {unit: "mm", scale: 1e-3}, ANGLE = {unit: "deg", scale: Math.PI / 180};
+const SHAPES = [["", "not described"], ["cylinder", "cylinder"], ["tube", "tube"], ["hourglass", "hourglass"], ["stacked_discs", "stacked discs"]];
+const BODY = [
+  ["radius_m", "Outer radius", LENGTH, ["cylinder", "tube", "hourglass", "stacked_discs"]],
+  ["inner_radius_m", "Inner radius", LENGTH, ["tube"]],
+  ["waist_radius_m", "Smallest radius", LENGTH, ["hourglass", "stacked_discs"]],
+  ["disc_count", "Number of discs", {unit: "", scale: 1}, ["stacked_discs"]],
+  ["young_modulus_Pa", "Young's modulus", {unit: "MPa", scale: 1e6}, ["cylinder", "tube", "hourglass", "stacked_discs"]],
+  ["poisson_ratio", "Poisson's ratio", {unit: "", scale: 1}, ["cylinder", "tube", "hourglass", "stacked_discs"]],
+  ["density_kg_m3", "Density", {unit: "kg/m³", scale: 1}, ["cylinder", "tube", "hourglass", "stacked_discs"]],
+];
+const NOISE = [
+  ["pose_position_sd_m", "of a position", LENGTH], ["pose_rotation_sd_rad", "of an angle", ANGLE],
+  ["force_sd_N", "of a force", {unit: "N", scale: 1}], ["torque_sd_Nm", "of a moment", {unit: "N m", scale: 1}],
+];
+
+export function describe(state, app) {
+  const {mechanism = {}, instrument = {}, scene = {}} = state.described, inputs = [];
+  const field = (section, key, words, {unit, scale}, known, least = 0) => {
+    const value = known[key] === undefined ? "" : Number((known[key] / scale).toPrecision(6));
+    const input = el("input", {type: "number", id: `say-${key}`, value, step: "any", min: least});
+    // An empty field takes back what was said.
+    inputs.push({section, key, input, get: () => input.value === "" ? null : key === "disc_count" ? Math.round(input.value) : Number((input.value * scale).toPrecision(12))});
+    return el("label", {}, el("span", {}, words), input, el("small", {class: "soft"}, unit));
+  };
+  const shape = el("select", {id: "say-shape", onchange: () => show()},
+    SHAPES.map(([value, text]) => el("option", {value, selected: value === (mechanism.builtin ?? "")}, text)));
+  const body = BODY.map(([key, words, unit, shapes]) => [field("mechanism", key, words, unit, mechanism), shapes]);
+  const show = () => { for (const [label, shapes] of body) label.hidden = !shapes.includes(shape.value); };
+  const other = Boolean(mechanism.mesh || mechanism.builtin && !SHAPES.some(([value]) => value === mechanism.builtin));
+  const save = () => {
+    const wrong = inputs.find(({input}) => !input.checkValidity());
+    if (wrong) { wrong.input.reportValidity(); return; }
+    const sections = {};
+    for (const {section, key, input, get} of inputs) {
+      const hidden = input.parentElement.hidden, known = state.described[section]?.[key];
+      const value = hidden ? null : get();
+      if (value !== (known ?? null)) (sections[section] ??= {})[key] = value;
+    }
+    if (!other && shape.value !== (mechanism.builtin ?? "")) (sections.mechanism ??= {}).builtin = shape.value || null;
+    app.act(() => post("/api/describe", {sections}));
+  };
+  show();
+  return el("details", {id: "describe"}, el("summary", {}, "Length, body and instruments",
+    Object.keys(state.described).length ? null : el("span", {class: "soft"}, " (nothing is said of them yet)")),
+  el("p", {class: "hint"}, "Typed here it counts for all tables of the session; an empty field says nothing."),
+  el("h3", {}, "The mechanism"), el("div", {class: "fields"},
+    field("mechanism", "length_m", "Length from the base frame to the top frame", LENGTH, mechanism),
+    other ? el("p", {class: "soft"}, "Its body is described in its own file.") : el("label", {}, el("span", {}, "Shape"), shape), other ? null : body.map(([label]) => label),
+    field("scene", "payload_mass_kg", "Mass on the platform", {unit: "kg", scale: 1}, scene)),
+  el("h3", {}, "The noise of one row: its standard deviation"), el("div", {class: "fields"},
+    NOISE.map(([key, words, unit]) => field("instrument", key, words, unit, instrument))),
+  button("Say this of the tables", save, {id: "say", class: "first", disabled: busy(state)}));
+}
