@@ -158,7 +158,7 @@ class _Rig:
         self.clock = Clock(devices["mover"])
         self.reading: Reading | None = None
         self.time_s = 0.0
-        """Of the middle of the reading's window."""
+        """Time of the middle of the reading's window."""
         self.inputs = np.empty(0)
         # Two questions at once would be one too many for a person.
         self._by_hand = by_hand(devices, "pose", "wrench")
