@@ -173,7 +173,8 @@ class LeftOut:
         """Return those of rows (N,) with square roots of weights."""
         parts = (further_columns(rows, base), base_columns(rows, base))
         terms, own = (
-            ((whitener @ part) * root[:, None, None]).reshape(-1, part.shape[2]) for part in parts
+            ((whitener @ part) * root[:, None, None]).reshape(whitener[:, 0].size, part.shape[2])
+            for part in parts
         )
         shares = np.linalg.lstsq(own, terms, rcond=1e-10)[0]
         _, sizes, turns = np.linalg.svd(terms - own @ shares, full_matrices=False)
