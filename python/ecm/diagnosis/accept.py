@@ -54,9 +54,9 @@ from ecm.regression.normal_equations import (
 
 SEPARABLE = 0.1
 """Effects are alike when a rival leaves less than this share."""
-_LOST_BY_IMITATOR = 0.2
-"""Share of a gain that an effect which cannot be tested may lose in the best of its shapes and
-still be the cause."""
+_LOST_BY_ONE, _LOST_BY_SHAPES = 0.5, 0.2
+"""Share of a gain that an effect which cannot be tested may lose in its plain form, or in the best
+of several shapes, and still be the cause."""
 CHOSEN_SHARE = 0.8
 """Share of group bootstraps that must choose a name or class."""
 KEPT_WITHIN_BOUNDS = 0.8
@@ -276,8 +276,11 @@ def confusion_class(
     one, total = _Chosen(problem, chosen, item), delta_bic(problem, chosen)
 
     def is_member(rival: Candidate, loss: float) -> bool:
-        if rival in problem.imitators and loss < _LOST_BY_IMITATOR * one.gain:
-            return True  # the data cannot show its true form
+        if rival in problem.imitators:
+            # The data cannot show its true form; one of several shapes comes nearer to it.
+            shaped = bool(problem.untestable[rival.id].forms)
+            if loss < (_LOST_BY_SHAPES if shaped else _LOST_BY_ONE) * one.gain:
+                return True
         form = rival.effect.plain_form()
         if form is not None and form.id == item.id and loss >= least:
             return False  # its own sign explains nothing: it is this effect

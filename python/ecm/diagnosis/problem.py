@@ -206,7 +206,7 @@ def all_score_columns(
         lacking = effect.missing(table)
         if effect.kind == "noise" or (lacking is not None and not lacking.imitates):
             return [], lacking
-        variants = effect.variants(table)
+        variants = effect.variants(table) if lacking is None else lacking.forms or (effect,)
         if base.kind != "physics":  # the two numbers of a stated body follow from the forces
             variants = tuple(v for v in variants if not guesses_torques(v, rows))
         if not variants:

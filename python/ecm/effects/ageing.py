@@ -54,8 +54,9 @@ def _needs_time_beside_pose(table: Table) -> Missing | None:
     if lacking is None or not lacking.imitates:
         return lacking
     measured = table.measured()
-    time, poses = measured.column("time_s"), measured.matrix(measured.pose_columns)
-    if any(in_one_order(time, own) for own in poses.T if np.ptp(own) > 0.0):
+    time = measured.column("time_s")
+    poses = [measured.column(name) for name in measured.pose_columns]
+    if any(in_one_order(time, own) for own in poses if np.ptp(own) > 0.0):
         return lacking
     return None
 
@@ -270,7 +271,7 @@ class PermanentSet(LinearEffect):
         if lacking is not None or _has_home(table):
             return lacking
         record = "home pose after every sample"
-        return Missing("no home checks", record, imitates=True)
+        return Missing("no home checks", record, imitates=True, forms=self.variants(table))
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Both memories, the second with four yield lengths; without home checks also `each`."""

@@ -74,6 +74,8 @@ class Missing:
     imitates
         Whether its columns can be computed all the same, so that another effect may be named in
         its place.
+    forms
+        Shapes in which it imitates; empty: its plain form.
 
     Examples
     --------
@@ -85,6 +87,7 @@ class Missing:
     record: str
     absent: bool = False
     imitates: bool = False
+    forms: tuple[Effect, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -143,23 +146,24 @@ def needs_columns(*names: str) -> Need:
     return need
 
 
-def is_full(names: Iterable[str]) -> bool:
-    """Whether the six poses and six wrenches, or of these the forces, are among the names."""
+def is_full(names: Iterable[str], length_known: bool = True) -> bool:
+    """Whether the six poses and six wrenches, or of a known length the forces, are the names."""
     known = set(names)
-    all_twelve = {*POSE, *WRENCH} <= known
-    return all_twelve or ({*POSE, *WRENCH[:3]} <= known and not actuation_columns(known))
+    if {*POSE, *WRENCH} <= known:
+        return True
+    return length_known and {*POSE, *WRENCH[:3]} <= known and not actuation_columns(known)
 
 
 _needs_all_twelve = needs_columns(*POSE, *WRENCH)
 
 
 def needs_full(table: Table) -> Missing | None:
-    """Missing without all of the six pose and six wrench columns."""
-    if is_full(table.columns):
+    """Missing without the six pose and six wrench columns; of a known length forces are enough."""
+    if is_full(table.columns, table.meta.length_m is not None):
         return None
     lacking = _needs_all_twelve(table)
     record = "" if lacking is None else lacking.record
-    return Missing("not all six poses and three forces are columns", record, absent=True)
+    return Missing("not all six poses and six wrenches are columns", record, absent=True)
 
 
 needs_time = needs_columns("time_s")
@@ -356,8 +360,8 @@ UNKNOWN_LENGTH = Missing("the mechanism's length is not known", "[mechanism] len
 _ROWS = 30
 
 
-def missing_length(effect: Effect, table: Table) -> Missing | None:
-    """Return `UNKNOWN_LENGTH` where an effect needs a length that the table does not tell.
+def missing_beside_columns(effect: Effect, table: Table) -> Missing | None:
+    """Return what an effect needs beside columns: a length that is not told, or the torques.
 
     Parameters
     ----------
@@ -374,18 +378,23 @@ def missing_length(effect: Effect, table: Table) -> Missing | None:
     >>> from ecm.io.columns import POSE, WRENCH, actuation_columns
     >>> columns = {name: np.arange(9.0) / 100 for name in (*POSE, *WRENCH)}
     >>> table = as_table(columns)
-    >>> missing_length(get_effect("length_error"), table).record
+    >>> missing_beside_columns(get_effect("length_error"), table).record
     '[mechanism] length_m'
-    >>> missing_length(get_effect("length_error"), table.with_length(0.1)) is None
+    >>> missing_beside_columns(get_effect("length_error"), table.with_length(0.1)) is None
     True
-    >>> missing_length(get_effect("fts_gain"), table) is None
+    >>> missing_beside_columns(get_effect("fts_gain"), table) is None
     True
     """
     none = not (table.pose_columns and table.wrench_columns)
-    if table.meta.length_m is not None or effect.kind == "noise" or none:
+    if effect.kind == "noise" or none:
         return None
     some = table.select(np.arange(min(_ROWS, len(table))))
     rows = Rows(some, _Spring(table.pose_columns, table.wrench_columns))
+    if table.meta.length_m is not None:
+        if rows.of_six is rows or table.meta.elastic_body() is not None:
+            return None
+        guessed = all(guesses_torques(shape, rows) for shape in effect.variants(table))
+        return UNKNOWN_TORQUES if guessed else None
     try:
         with np.errstate(all="ignore"):
             for shape in effect.variants(table):

@@ -202,11 +202,9 @@ def joint_fit(
         if np.all(smallest >= lower - near) and np.all(smallest <= upper + near):
             step = np.clip(smallest, lower, upper) - values
         converged = change < _TOLERANCE * np.sqrt(max(1, here.residual.size))
-        before, squares, rows = at, here.squares, here.rows
+        squares, rows = here.squares, here.rows
         del here  # its columns are most of the memory
-        at, here = data.no_worse(before, step, rows, squares)
-        if at is before and not converged:
-            raise ModelError(_RAN_AWAY)
+        at, here = data.stepped(at, step, rows, squares)
     rows, residual, z = here.rows, here.residual, here.columns
     size, products = unit_products(here.flat)
     least = at.least_effects(size, products)
@@ -277,11 +275,13 @@ class _Data:
         )
         return _Here(rows, residual, columns, flat, response)
 
-    def no_worse(self, at: _At, step: F, rows: Rows, squares: float) -> tuple[_At, _Here]:
+    def stepped(self, at: _At, step: F, rows: Rows, squares: float) -> tuple[_At, _Here]:
         """The fit after a step, or after the largest part of it that leaves no more squares.
 
-        Where every part leaves more it stays where it is.
+        Where every part leaves more it is the largest that can be evaluated: steps of a fit may
+        rise before they fall.
         """
+        first: tuple[_At, _Here] | None = None
         for part in _PARTS:
             moved = at.moved(part * step)
             try:
@@ -291,7 +291,11 @@ class _Data:
                 continue  # so far from the rows nothing can be evaluated
             if after.squares <= _NO_WORSE * squares:
                 return moved, after
-        return at, self.linearised(at, rows)
+            if first is None and np.isfinite(after.squares):
+                first = moved, after
+        if first is None:
+            raise ModelError(_RAN_AWAY)
+        return first
 
 
 @dataclass(frozen=True)

@@ -82,7 +82,7 @@ class NormalEquations:
         """The equations of the same groups for other columns (r, k) and another response (r,)."""
         sizes = np.diff(self.bounds)
         group = np.repeat(np.arange(len(sizes)), sizes)
-        squares = np.bincount(group, response**2, len(sizes))
+        squares = np.asarray(np.bincount(group, response**2, len(sizes)), dtype=np.float64)
         return NormalEquations(rows, response, self.bounds, squares, np.zeros(rows.shape[1]))
 
     @cached_property

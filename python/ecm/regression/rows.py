@@ -272,10 +272,10 @@ class _OfSix:
         return self.base.length_m
 
     def predict(self, poses: F) -> F:
-        return self._placed(self.base.predict(poses)) + poses @ self.more.T
+        return np.asarray(self._placed(self.base.predict(poses)) + poses @ self.more.T)
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
-        return self._placed(self.base.stiffness(poses)) + self.more
+        return np.asarray(self._placed(self.base.stiffness(poses)) + self.more)
 
     def other_body(self, change: BodyChange) -> BaseMap | None:
         other = self.base.other_body(change)
