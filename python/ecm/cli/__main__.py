@@ -2,4 +2,5 @@
 
 from ecm.cli import main
 
-main()
+if __name__ == "__main__":  # not in a process that is spawned
+    main()

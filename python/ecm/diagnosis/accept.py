@@ -40,7 +40,9 @@ from ecm.diagnosis.settings import (
     REFUTED_SHARE,
     DiagnosisSettings,
 )
-from ecm.io.arrays import F, I
+from ecm.errors import ModelError
+from ecm.io.arrays import F, I, rest_of
+from ecm.models.joint_fit import joint_fit
 from ecm.regression.blocks import in_threads
 from ecm.regression.normal_equations import (
     RIDGE,
@@ -58,7 +60,7 @@ of several shapes, and still be the cause."""
 CHOSEN_SHARE = 0.8
 """Share of group bootstraps that must choose a name or class."""
 KEPT_WITHIN_BOUNDS = 0.8
-"""Share that parameters within their bounds must still explain."""
+"""Share that parameters within their bounds, and not only to first order, must still explain."""
 CLOSE_BIC = 20.0
 """A rival that wins some bootstraps is close within this loss of BIC."""
 _SOME_BOOTSTRAPS = 0.02
@@ -499,11 +501,36 @@ class Accepted:
     checks: tuple[AcceptanceCheck, ...] = ()
 
 
+def _reached(problem: Problem, chosen: Sequence[Candidate]) -> bool:
+    """Whether base and effects, fitted together, explain what their first derivatives promise.
+
+    A compliance in series with a base of many terms, each of which takes the other back, explains
+    anything to first order and nothing at the size that it would need.
+    """
+    effects = [item.effect for item in chosen]
+    try:
+        fit = joint_fit(
+            problem.base, effects, problem.table, problem.noise, row_weights=problem.weights
+        )
+    except ModelError:
+        return False
+    linear = bounded_estimate(problem, chosen, chosen)
+    own = linear.columns >= problem.n_base
+    fixed, free = (linear.columns[own & at] for at in (linear.at_bound, ~linear.at_bound))
+    response = problem.response - problem.design[:, :, fixed] @ linear.theta[own & linear.at_bound]
+    # The base's own errors have no part in a fit.
+    columns = [problem.coefficient_block, problem.design[:, :, free]]
+    every = problem.flat(np.concatenate(columns, axis=2))
+    promised = float((rest_of(every, problem.flat(response)) ** 2).sum())
+    missed = (problem.squares_of(fit.whitened) - promised) / problem.scale
+    return missed < (1.0 - KEPT_WITHIN_BOUNDS) * delta_chi2(problem, chosen)
+
+
 def accept(problem: Problem, chosen: Sequence[Candidate], seed: int = 0) -> Accepted:
     """Drop the weakest chosen effect until each of the rest passes every check.
 
-    An effect that explains the rows only beyond the bounds of its parameters is no candidate: the
-    search begins again without it.
+    An effect that explains the rows only beyond the bounds of its parameters, or only along its
+    first derivative, is no candidate: the search begins again without it.
 
     Parameters
     ----------
@@ -526,6 +553,11 @@ def accept(problem: Problem, chosen: Sequence[Candidate], seed: int = 0) -> Acce
             if item.id not in found or not found[item.id][0].accepted:
                 break
         else:
+            if not _reached(problem, chosen):
+                weakest = min(chosen, key=lambda one: found[one.id][0].delta_bic)
+                problem = problem.without_effect(weakest.id)
+                chosen = search(problem, rank(problem))
+                continue
             pairs = [found[item.id] for item in chosen]
             return Accepted(chosen, tuple(own for _, own in pairs), tuple(c for c, _ in pairs))
         checks = (found[item.id][0],) if item.id in found else ()

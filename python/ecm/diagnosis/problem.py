@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 from scipy import special
@@ -18,10 +18,15 @@ from scipy import special
 from ecm.comparison.residuals import feature_columns
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
-from ecm.effects.protocol import UNKNOWN_LENGTH, jacobian_of
+from ecm.effects.protocol import (
+    UNKNOWN_LENGTH,
+    UNKNOWN_TORQUES,
+    guesses_torques,
+    jacobian_of,
+)
 from ecm.errors import ModelError
 from ecm.io.arrays import B, F, I
-from ecm.models.joint_fit import JointFit, base_columns, error_columns, joint_fit
+from ecm.models.joint_fit import JointFit, base_columns, error_columns, further_columns, joint_fit
 from ecm.models.noise_estimate import declared_or_fitted, estimate_noise
 from ecm.regression.blocks import in_threads
 from ecm.regression.f_test import explained_by_span, omnibus_test, orthonormal
@@ -52,6 +57,8 @@ SHAPE_REFINEMENTS = 4
 _ROUNDING = 1e-9
 _BENT = 0.02
 """Change of columns, as a share of them, from which they are those of another base."""
+_SEEN = 1e-6
+"""Share of the terms of the next degree from which a direction of them is none of the base's."""
 _AT_ONCE = 64
 """Columns that are projected together, about."""
 
@@ -147,6 +154,39 @@ class Projection:
         return flat, np.cumsum([block.shape[2] for block in part])[:-1]
 
 
+@dataclass(frozen=True)
+class LeftOut:
+    """Directions of the terms of the next degree, which the choice of the base's degree left out.
+
+    What they explain is about the noise along each of them: more would have been taken, for it
+    would have lowered the error of prediction. So each is unit long over the rows, beside the base,
+    and has a coefficient of standard deviation 1.
+    """
+
+    turn: F
+    """(k, e) of the terms."""
+    of_base: F
+    """(b, e) of the columns of the base."""
+
+    @staticmethod
+    def of(rows: Rows, base: StiffnessMap, whitener: F, root: F) -> LeftOut:
+        """Return those of rows (N,) with square roots of weights."""
+        parts = (further_columns(rows, base), base_columns(rows, base))
+        terms, own = (
+            ((whitener @ part) * root[:, None, None]).reshape(whitener[:, 0].size, part.shape[2])
+            for part in parts
+        )
+        shares = np.linalg.lstsq(own, terms, rcond=1e-10)[0]
+        _, sizes, turns = np.linalg.svd(terms - own @ shares, full_matrices=False)
+        seen = sizes > _SEEN * np.linalg.norm(terms)
+        turn = turns[seen].T / sizes[seen]
+        return LeftOut(turn, shares @ turn)
+
+    def columns(self, rows: Rows, base: StiffnessMap) -> F:
+        """(N, m, e) of any rows."""
+        return further_columns(rows, base) @ self.turn - base_columns(rows, base) @ self.of_base
+
+
 def _of_parts(work: Callable[[Sequence[F]], list[float]], blocks: Sequence[F]) -> list[float]:
     """Return the numbers of `work` for each block (N, m, k); blocks are given some at a time."""
     ends = np.cumsum([block.shape[2] for block in blocks]) // _AT_ONCE
@@ -160,13 +200,17 @@ def all_score_columns(
     rows: Rows, whitener: F, effects: Sequence[Effect]
 ) -> tuple[list[ScoreColumns], dict[str, Missing]]:
     """Return every variant of every effect that has columns, and what cannot be tested."""
-    table = rows.whole.table
+    table, base = rows.whole.table, cast("StiffnessMap", rows.base)
 
     def of_effect(effect: Effect) -> tuple[list[ScoreColumns], Missing | None]:
         lacking = effect.missing(table)
         if effect.kind == "noise" or (lacking is not None and not lacking.imitates):
             return [], lacking
         variants = effect.variants(table) if lacking is None else lacking.forms or (effect,)
+        if base.kind != "physics":  # the two numbers of a stated body follow from the forces
+            variants = tuple(v for v in variants if not guesses_torques(v, rows))
+        if not variants:
+            return [], lacking or UNKNOWN_TORQUES
         try:
             return [
                 ScoreColumns(v, score_columns(rows, whitener, v), lacking is not None)
@@ -418,6 +462,8 @@ class Problem:
     base_error: float
     """Whitened rms of the base's own error."""
     settings: DiagnosisSettings
+    left_out: LeftOut | None = None
+    """What the base leaves out of the next degree; None of one that is projected out."""
     reduced: tuple[F, F] | None = None
     """Normal equations in place of those of the rows, to study a stage."""
 
@@ -444,6 +490,13 @@ class Problem:
     def base_block(self) -> F:
         """(N, m, k) columns of the base, which a test must give its degrees of freedom."""
         return self.design[:, :, : self.n_base] if self.n_base else self.projected_base
+
+    @property
+    def coefficient_block(self) -> F:
+        """(N, m, k) columns of the base's coefficients, without those of its own errors."""
+        if not self.n_base:
+            return self.projected_base
+        return self.design[:, :, : len(self.base.coefficients)]
 
     @cached_property
     def squares_beside_base(self) -> float:
@@ -560,9 +613,11 @@ def assemble(
         projected = projection.basis.reshape(*response.shape, -1) / projection.root[:, None, None]
         base_block = base_block[:, :, :0]
     free = base_block.shape[2]
-    if free:
-        errs = whitener @ error_columns(rows, base)
-        base_block = np.concatenate([base_block, errs], axis=2)
+    left_out = LeftOut.of(rows, base, whitener, np.sqrt(weights)) if free else None
+    if left_out is not None:
+        base_block = np.concatenate(
+            [base_block, whitener @ known_errors(rows, base, left_out)], axis=2
+        )
     norms = _lengths(base_block)
     precision = np.zeros(len(norms))
     precision[free:] = 1.0 / norms[free:] ** 2
@@ -590,6 +645,7 @@ def assemble(
         scale_freedom=0,
         base_error=_base_error(base, rows, whitener),
         settings=settings,
+        left_out=left_out,
     )
     imitates = [one.imitates for one in kept]
     problem, placed = with_shapes(bare, kept)
@@ -598,6 +654,11 @@ def assemble(
     pairs = list(zip(placed, imitates, strict=True))
     offered = {alike: tuple(c for c, own in pairs if own == alike) for alike in (False, True)}
     return _scaled(replace(problem, candidates=offered[False], imitators=offered[True]))
+
+
+def known_errors(rows: Rows, base: StiffnessMap, left_out: LeftOut) -> F:
+    """Return (N, m, e) columns of the base's own errors, each with a standard deviation of 1."""
+    return np.concatenate([error_columns(rows, base), left_out.columns(rows, base)], axis=2)
 
 
 def base_beside(problem: Problem, chosen: Sequence[Candidate]) -> StiffnessMap | None:

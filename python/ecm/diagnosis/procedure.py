@@ -131,11 +131,17 @@ def base_of_next_degree(decision: Decision) -> StiffnessMap | None:
     if longer is None:
         return None
     table, noise, weights = problem.table, problem.noise, problem.weights
-    fits = (
-        joint_fit(base, [item.effect for item in effects], table, noise, row_weights=weights)
-        for base, effects in ((longer, ()), (problem.base, named))
-    )
-    alone, beside_names = (held_out(fit) for fit in fits)
+
+    def error(base: StiffnessMap, effects: Sequence[Candidate]) -> float | None:
+        try:
+            return held_out(
+                joint_fit(base, [one.effect for one in effects], table, noise, row_weights=weights)
+            )
+        except ModelError:
+            # The step along an effect that is not in these rows ran away.
+            return np.inf
+
+    alone, beside_names = error(longer, ()), error(problem.base, named)
     if alone is None or beside_names is None:
         return None
     return longer if alone < beside_names else None

@@ -381,10 +381,21 @@ def bounded_estimate(
 
 
 def held_out_delta(problem: Problem, others: Sequence[Candidate], item: Candidate) -> float:
-    """Return the fall of the held-out error over its standard error, in the effect's folds."""
-    before = held_out_squares(problem, others, item.effect.kind)
-    after = held_out_squares(problem, (*others, item), item.effect.kind)
-    falls = (before - after)[_scored_groups(problem) > 0.0]
+    """Return the fall of the held-out error by an effect over its standard error, in its folds.
+
+    Held out is the effect: base and other effects are those of all rows. Of few rows a base that
+    must reach beyond its own errs there by more than any effect explains.
+    """
+    fixed, own = list(problem.columns_of(others)), list(item.columns)
+    matrix, vector = problem.equations
+    inner, rows = matrix[np.ix_(fixed, fixed)], problem.normal.rows
+    columns = (*matrix[np.ix_(own, fixed)], vector[fixed])
+    shares = np.stack([solve(inner, one) for one in columns], axis=1)
+    left = np.column_stack([rows[:, own], problem.normal.response]) - rows[:, fixed] @ shares
+    beside = problem.normal.beside(left[:, :-1], left[:, -1])
+    scored = _scored_groups(problem)
+    fold = _fold_of_group(problem, item.effect.kind)
+    falls = (beside.squares - beside.held_out(range(len(own)), fold, scored))[scored > 0.0]
     error = float(falls.std(ddof=1)) * np.sqrt(len(falls)) if len(falls) > 2 else np.inf
     return float(falls.sum() / max(error, 1e-300))
 

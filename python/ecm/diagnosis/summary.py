@@ -45,6 +45,8 @@ def path_taken(table: Table, named: Iterable[str]) -> list[str]:
 LINES = (("missing", "MISSING"), ("add", "ADD IT"), ("next", "NEXT"))
 """The lines, each by its key in the report and as it is shown."""
 _NOTHING = "nothing"
+_SOME_UNTESTED = 3
+"""Effects that cannot be tested which the first line names, in the order of the catalogue."""
 
 
 @dataclass(frozen=True)
@@ -168,7 +170,17 @@ def _missing_beside(document: Mapping[str, Any]) -> str:
     }
     bound = document["upper_bound"]
     bounded = f" (below {bound:.2g} times the noise)" if bound < np.inf else ""
-    return said_of_model.get(model["answer"], f"nothing that these data could show{bounded}")
+    said = said_of_model.get(model["answer"], f"nothing that these data could show{bounded}")
+    return f"{said}{_untested(document)}"
+
+
+def _untested(document: Mapping[str, Any]) -> str:
+    """What could be missing all the same, because nothing in these data would show it."""
+    ids = [item["id"] for item in document["not_testable"]]
+    if not ids or document["model"]["answer"] == "table":
+        return ""
+    some = ", ".join(ids[:_SOME_UNTESTED]) + (", ..." if len(ids) > _SOME_UNTESTED else "")
+    return f"; not testable here: {len(ids)} effects ({some})"
 
 
 def _cause(members: list[str], sizes: Mapping[str, str]) -> str:

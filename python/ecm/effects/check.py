@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.effects import Effect, effects_of
-from ecm.effects.protocol import missing_length
+from ecm.effects.protocol import missing_beside_columns
 from ecm.io.columns import KINDS, POSE, TEXT, WRENCH, is_standard
 from ecm.io.conventions import WrongConvention, wrong_convention
 from ecm.io.events import Progress, Steps
@@ -266,7 +266,7 @@ def _lacking(
     for i, effect in enumerate(effects):
         if progress is not None:
             progress(i, len(effects), "")
-        missing = effect.missing(table) or missing_length(effect, table)
+        missing = effect.missing(table) or missing_beside_columns(effect, table)
         if missing is not None:
             yield NotTestable(effect.id, missing.reason, missing.record)
         elif constant:

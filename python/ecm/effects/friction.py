@@ -37,13 +37,16 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.table import Table
-from ecm.regression.approach import approach_sides, order_of_visits
+from ecm.regression.approach import approach_cosines, order_of_visits
 from ecm.regression.rows import Rows
 
 _PATHS = (0.02, 0.05, 0.12)
 """Paths to the slip that are tried, over the spread of the poses."""
 _SLIPS = (0.002, 0.03, 0.1, 0.3)
 """The same along single pose columns, over the range of each."""
+
+_STRAIGHT = 0.95
+"""Cosine between way and deflection from which the way follows from the pose."""
 
 
 @dataclass(eq=False)
@@ -119,11 +122,12 @@ class Hysteresis(LinearEffect):
             return lacking
         if not table.has("approach") and not table.has("time_s"):
             return Missing("no column approach", "approach, or time_s", absent=True)
-        side = approach_sides(table)
-        known = side[side != 0.0]
+        cosines = approach_cosines(table)
+        known = cosines[cosines != 0.0]
         if len(known) == 0:
             return Missing("the approach of every row is unknown", "approach")
-        if min(float((known > 0).mean()), float((known < 0).mean())) < 0.05:
+        one_sided = min(float((known > 0).mean()), float((known < 0).mean())) < 0.05
+        if one_sided and float(np.median(np.abs(known))) > _STRAIGHT:
             return Missing("one approach direction", "approach from both sides", imitates=True)
         return None
 

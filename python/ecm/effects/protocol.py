@@ -19,7 +19,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ecm.io.arrays import F, central_differences
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import POSE, WRENCH, actuation_columns
 from ecm.io.table import Table
 from ecm.regression.rows import BodyChange, Rows, UnknownLength
 
@@ -146,20 +146,24 @@ def needs_columns(*names: str) -> Need:
     return need
 
 
-def is_full(names: Iterable[str]) -> bool:
-    """Whether all six pose and six wrench columns are among the names."""
-    return {*POSE, *WRENCH} <= set(names)
+def is_full(names: Iterable[str], length_known: bool = True) -> bool:
+    """Whether the six poses and six wrenches, or of a known length the forces, are the names."""
+    known = set(names)
+    if {*POSE, *WRENCH} <= known:
+        return True
+    return length_known and {*POSE, *WRENCH[:3]} <= known and not actuation_columns(known)
 
 
 _needs_all_twelve = needs_columns(*POSE, *WRENCH)
 
 
 def needs_full(table: Table) -> Missing | None:
-    """Missing without all of the six pose and six wrench columns."""
-    lacking = _needs_all_twelve(table)
-    if lacking is None:
+    """Missing without the six pose and six wrench columns; of a known length forces are enough."""
+    if is_full(table.columns, table.meta.length_m is not None):
         return None
-    return Missing("not all six poses and six wrenches are columns", lacking.record, absent=True)
+    lacking = _needs_all_twelve(table)
+    record = "" if lacking is None else lacking.record
+    return Missing("not all six poses and six wrenches are columns", record, absent=True)
 
 
 needs_time = needs_columns("time_s")
@@ -308,16 +312,47 @@ class LinearEffect(Effect):
 
 def correction_of(effect: Effect, rows: Rows, values: F) -> F:
     """(N, m) correction of the rows, with the history of all rows of their table."""
-    if effect.kind == "pose":
-        return effect.correction(rows, values)
-    return rows.of_whole(effect.correction(rows.whole, values))
+    return _evaluated(effect.correction, effect.kind, rows, values)
 
 
 def jacobian_of(effect: Effect, rows: Rows, values: F) -> F:
     """(N, m, k) derivative of the correction, with the history of all rows of their table."""
-    if effect.kind == "pose":
-        return effect.jacobian(rows, values)
-    return rows.of_whole(effect.jacobian(rows.whole, values))
+    return _evaluated(effect.jacobian, effect.kind, rows, values)
+
+
+def _evaluated(function: Callable[[Rows, F], F], kind: Kind, rows: Rows, values: F) -> F:
+    """What an effect gives for the rows: by all rows where it has a memory, by all six columns."""
+    own = rows if kind == "pose" else rows.whole
+    found = own.of_own(function(own.of_six, values))
+    return found if kind == "pose" else rows.of_whole(found)
+
+
+_SAME = 1e-3
+"""Share of the columns by which other torques may change them."""
+UNKNOWN_TORQUES = Missing(
+    "its forces follow from torques, which are not measured", ", ".join(WRENCH[3:])
+)
+"""Reason and remedy of an effect that needs the torques."""
+
+
+def guesses_torques(effect: Effect, rows: Rows) -> bool:
+    """Whether the measured components of an effect follow from torques that are not measured.
+
+    Parameters
+    ----------
+    effect
+        An effect in one of its shapes.
+    rows
+        Rows under a map of fewer than six wrench columns; of others none is guessed.
+    """
+    if rows.of_six is rows:
+        return False
+    own = rows if effect.kind == "pose" else rows.whole
+    zero = np.zeros(len(effect.parameters))
+    first, other = (
+        own.of_own(effect.jacobian(at, zero)) for at in (own.of_six, own.of_other_torques)
+    )
+    return bool(np.linalg.norm(other - first) > _SAME * np.linalg.norm(first))
 
 
 UNKNOWN_LENGTH = Missing("the mechanism's length is not known", "[mechanism] length_m")
@@ -325,8 +360,8 @@ UNKNOWN_LENGTH = Missing("the mechanism's length is not known", "[mechanism] len
 _ROWS = 30
 
 
-def missing_length(effect: Effect, table: Table) -> Missing | None:
-    """Return `UNKNOWN_LENGTH` where an effect needs a length that the table does not tell.
+def missing_beside_columns(effect: Effect, table: Table) -> Missing | None:
+    """Return what an effect needs beside columns: a length that is not told, or the torques.
 
     Parameters
     ----------
@@ -340,21 +375,26 @@ def missing_length(effect: Effect, table: Table) -> Missing | None:
     >>> import numpy as np
     >>> from ecm import as_table
     >>> from ecm.effects import get_effect
-    >>> from ecm.io.columns import POSE, WRENCH
+    >>> from ecm.io.columns import POSE, WRENCH, actuation_columns
     >>> columns = {name: np.arange(9.0) / 100 for name in (*POSE, *WRENCH)}
     >>> table = as_table(columns)
-    >>> missing_length(get_effect("length_error"), table).record
+    >>> missing_beside_columns(get_effect("length_error"), table).record
     '[mechanism] length_m'
-    >>> missing_length(get_effect("length_error"), table.with_length(0.1)) is None
+    >>> missing_beside_columns(get_effect("length_error"), table.with_length(0.1)) is None
     True
-    >>> missing_length(get_effect("fts_gain"), table) is None
+    >>> missing_beside_columns(get_effect("fts_gain"), table) is None
     True
     """
     none = not (table.pose_columns and table.wrench_columns)
-    if table.meta.length_m is not None or effect.kind == "noise" or none:
+    if effect.kind == "noise" or none:
         return None
     some = table.select(np.arange(min(_ROWS, len(table))))
     rows = Rows(some, _Spring(table.pose_columns, table.wrench_columns))
+    if table.meta.length_m is not None:
+        if rows.of_six is rows or table.meta.elastic_body() is not None:
+            return None
+        guessed = all(guesses_torques(shape, rows) for shape in effect.variants(table))
+        return UNKNOWN_TORQUES if guessed else None
     try:
         with np.errstate(all="ignore"):
             for shape in effect.variants(table):

@@ -168,7 +168,9 @@ def with_shape(id: str, shape: Shape) -> Effect:
     return variant
 
 
-def effects_for(names: Iterable[str], given: Sequence[Effect] | None = None) -> tuple[Effect, ...]:
+def effects_for(
+    names: Iterable[str], given: Sequence[Effect] | None = None, *, length_known: bool = False
+) -> tuple[Effect, ...]:
     """The effects in the forms that a table of these columns calls for.
 
     Parameters
@@ -178,6 +180,9 @@ def effects_for(names: Iterable[str], given: Sequence[Effect] | None = None) -> 
         coordinates that exist take it, and a few more effects are there.
     given
         Effects in their plain forms; default: all that are registered.
+    length_known
+        Whether the mechanism's length is known: then six poses and three forces are enough for the
+        forms of all twelve columns.
 
     Returns
     -------
@@ -189,7 +194,7 @@ def effects_for(names: Iterable[str], given: Sequence[Effect] | None = None) -> 
     >>> [item.id for item in effects_for(["theta_z_rad", "tau_z_Nm"])[-4:]]
     ['kink', 'dead_zone', 'higher_degree', 'unused_column']
     """
-    few = not is_full(names)
+    few = not is_full(names, length_known)
     if given is None:
         given = (*all_effects(), *_FEW_ONLY) if few else all_effects()
     if not few:
@@ -225,7 +230,8 @@ def effects_of(table: Table, given: Sequence[Effect] | None = None) -> tuple[Eff
     >>> [item.id for item in effects_of(table)[-2:]]
     ['higher_degree', 'unused_column:slider_mm']
     """
-    effects = effects_for((*table.pose_columns, *table.wrench_columns), given)
+    stated = table.meta.length_m is not None
+    effects = effects_for((*table.pose_columns, *table.wrench_columns), given, length_known=stated)
     if given is None and table.actuation_columns:
         more = _ACTUATED if is_full(table.columns) else _ACTUATED_FEW
         effects = (*effects, *more)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -59,6 +58,10 @@ _NULL = 1e-12
 """Share of a column's square below which a combination of columns counts as zero."""
 _AT_BOUND = 1e-9
 _TOLERANCE = 1e-4
+_PARTS = 0.5 ** np.arange(8.0)
+"""Parts of a step that are tried in turn."""
+_NO_WORSE = 1.0 + 1e-6
+"""Squares that a step may leave over those before: the last steps change them by rounding."""
 _REFINEMENTS = 4
 _RAN_AWAY = "the fit does not converge, its steps grow without end: fewer effects or a lower degree"
 
@@ -181,37 +184,29 @@ def joint_fit(
     fitted = tuple(e if isinstance(e, FittedEffect) else FittedEffect.unfitted(e) for e in effects)
     at = _At(base, fitted, 0 if freeze_base else len(base.coefficients))
     rows = Rows(table, base)
-    whitener = whiteners(noise.covariance(rows, base.error))
-    measured = table.matrix(base.outputs)
     root = np.ones(len(table)) if row_weights is None else np.sqrt(row_weights)
+    whitener = whiteners(noise.covariance(rows, base.error))
     priors = _priors_of(base, prior, at.free_base)
+    data = _Data(table.matrix(base.outputs), whitener, root, priors)
+    here = data.linearised(at, rows)
     converged, iteration = False, 0
     while iteration < _MAX_ITERATIONS and not converged:
         iteration += 1
-        with _naming_what_ran_away(iteration):
-            residual, design = at.linearised(rows, measured)
-        z = (whitener @ design) * root[:, None, None]
-        y = np.einsum("nij,nj->ni", whitener, residual) * root[:, None]
-        # The shape is given, so that it holds for zero columns as well.
-        flat, response = _with_priors(z.reshape(y.size, z.shape[2]), y.ravel(), at.base, priors)
-        size, products = unit_products(flat)
-        step = at.bounded_step(flat, response, size, products)
-        change = float(np.linalg.norm(flat @ step))
+        size, products = unit_products(here.flat)
+        step = at.bounded_step(here.flat, here.response, size, products)
+        change = float(np.linalg.norm(here.flat @ step))
         values, (lower, upper) = at.values, at.bounds
         smallest = at.least_effects(size, products) @ (values + step)
         # A value at its bound may miss it by a rounding of the projection.
         near = _AT_BOUND * np.maximum(1.0, np.abs(smallest))
         if np.all(smallest >= lower - near) and np.all(smallest <= upper + near):
             step = np.clip(smallest, lower, upper) - values
-        at = at.moved(step)
-        if at.free_base:
-            rows = Rows(table, at.base)
-        converged = change < _TOLERANCE * np.sqrt(max(1, y.size))
-    residual, design = at.linearised(rows, measured)
-    z = whitener @ design
-    weighted = (z * root[:, None, None]).reshape(residual.size, z.shape[2])
-    weighted, _ = _with_priors(weighted, np.zeros(residual.size), at.base, priors)
-    size, products = unit_products(weighted)
+        converged = change < _TOLERANCE * np.sqrt(max(1, here.residual.size))
+        squares, rows = here.squares, here.rows
+        del here  # its columns are most of the memory
+        at, here = data.stepped(at, step, rows, squares)
+    rows, residual, z = here.rows, here.residual, here.columns
+    size, products = unit_products(here.flat)
     least = at.least_effects(size, products)
     y = np.einsum("nij,nj->ni", whitener, residual)
     covariance = np.asarray(least @ covariance_of(size, products) @ least.T)
@@ -236,6 +231,71 @@ def joint_fit(
         if priors
         else None,
     )
+
+
+@dataclass(frozen=True)
+class _Here:
+    """What a fit leaves at one place, and how that changes."""
+
+    rows: Rows
+    residual: F
+    """(N, m)."""
+    columns: F
+    """(N, m, k) whitened."""
+    flat: F
+    """(r, k) these by the weights of their rows, and the rows of the priors."""
+    response: F
+    """(r,)."""
+
+    @property
+    def squares(self) -> float:
+        with np.errstate(over="ignore", invalid="ignore"):
+            return float(self.response @ self.response)
+
+
+@dataclass(frozen=True)
+class _Data:
+    """What a fit is fitted to."""
+
+    measured: F
+    whitener: F
+    root: F
+    """(N,) square roots of the rows' weights."""
+    priors: list[CoefficientPrior]
+
+    def linearised(self, at: _At, rows: Rows) -> _Here:
+        """What is left there, and its columns."""
+        residual, design = at.linearised(rows, self.measured)
+        columns = self.whitener @ design
+        z = columns * self.root[:, None, None]
+        y = np.einsum("nij,nj->ni", self.whitener, residual) * self.root[:, None]
+        # The shape is given, so that it holds for zero columns as well.
+        flat, response = _with_priors(
+            z.reshape(y.size, z.shape[2]), y.ravel(), at.base, self.priors
+        )
+        return _Here(rows, residual, columns, flat, response)
+
+    def stepped(self, at: _At, step: F, rows: Rows, squares: float) -> tuple[_At, _Here]:
+        """The fit after a step, or after the largest part of it that leaves no more squares.
+
+        Where every part leaves more it is the largest that can be evaluated: steps of a fit may
+        rise before they fall.
+        """
+        first: tuple[_At, _Here] | None = None
+        for part in _PARTS:
+            moved = at.moved(part * step)
+            try:
+                around = Rows(rows.table, moved.base) if at.free_base else rows
+                after = self.linearised(moved, around)
+            except ModelError:
+                continue  # so far from the rows nothing can be evaluated
+            if after.squares <= _NO_WORSE * squares:
+                return moved, after
+            if first is None and np.isfinite(after.squares):
+                first = moved, after
+        if first is None:
+            raise ModelError(_RAN_AWAY)
+        return first
 
 
 @dataclass(frozen=True)
@@ -335,17 +395,6 @@ class _At:
             [np.zeros((k, free_base)), null @ np.linalg.pinv(own) / scale], axis=1
         )
         return np.asarray(np.eye(k) - onto)
-
-
-@contextmanager
-def _naming_what_ran_away(iteration: int) -> Iterator[None]:
-    """After a first step no row is to blame where an effect has no value: the steps are."""
-    try:
-        yield
-    except ModelError as error:
-        if iteration == 1:
-            raise
-        raise ModelError(_RAN_AWAY) from error
 
 
 def _priors_of(
@@ -450,6 +499,12 @@ def error_columns(rows: Rows, base: StiffnessMap) -> F:
     """(N, m, e) directions in which the base may err, each with sd 1; zero where unloaded."""
     count = base.error_columns(rows.poses[:0]).shape[2]
     return rows.where_loaded(base.error_columns, rows.poses, len(base.outputs), count)
+
+
+def further_columns(rows: Rows, base: StiffnessMap) -> F:
+    """(N, m, e) terms of the next degree of the base; zero where unloaded."""
+    count = base.further_columns(rows.poses[:0]).shape[2]
+    return rows.where_loaded(base.further_columns, rows.poses, len(base.outputs), count)
 
 
 def unit_products(z: F) -> tuple[F, F]:

@@ -13,7 +13,7 @@ hold the misfit of the polynomial too.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, Protocol, cast, get_args
 
@@ -73,6 +73,9 @@ class StiffnessMap(BaseMap, Protocol):
     def error_columns(self, poses: F) -> F:
         """(N, n) poses to (N, m, e): by how much the map may err as a whole, each with sd 1."""
 
+    def further_columns(self, poses: F) -> F:
+        """(N, n) poses to (N, m, e): terms of the next degree, which the choice of one left out."""
+
     def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
         """(N, m) wrenches and (N, m, n) stiffnesses in one call."""
 
@@ -126,6 +129,10 @@ class MapDefaults:
 
     def error_columns(self, poses: F) -> F:
         """(N, m, 0): no direction is known in which the map errs."""
+        return np.zeros((len(poses), len(self.outputs), 0))
+
+    def further_columns(self, poses: F) -> F:
+        """(N, m, 0): there are no degrees, or one more takes in nearly anything."""
         return np.zeros((len(poses), len(self.outputs), 0))
 
     @property
@@ -319,6 +326,10 @@ class EnergyMap(SixAxisMap):
     def columns(self, poses: F) -> F:
         """(N, 6, k) wrench of each term."""
         return self.terms.regressor(poses, self.model.scale)
+
+    def further_columns(self, poses: F) -> F:
+        """(N, 6, k) wrench of each term of an energy of one degree more."""
+        return replace(self.terms, degree=self.model.degree + 1).regressor(poses, self.model.scale)
 
     def with_coefficients(self, coefficients: F) -> EnergyMap:
         """The same terms with other coefficients (k,)."""

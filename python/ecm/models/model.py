@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ecm.effects import Effect, effects_for, get_effect
-from ecm.effects.protocol import missing_length
+from ecm.effects.protocol import missing_beside_columns
 from ecm.errors import EcmError, InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F, rms
@@ -524,8 +524,9 @@ class Model(Shown, EvaluatedModel):
                 (lacks := item.effect.missing(whole)) is not None and lacks.absent
             ):
                 continue
-            (form,) = effects_for((*self.inputs, *self.outputs), (item.effect,))
-            lacking = form.missing(whole) or missing_length(form, whole)
+            names, known = (*self.inputs, *self.outputs), whole.meta.length_m is not None
+            (form,) = effects_for(names, (item.effect,), length_known=known)
+            lacking = form.missing(whole) or missing_beside_columns(form, whole)
             if lacking is not None:
                 raise InputError(
                     f"{table.source}: effect {item.id} cannot be fitted, {lacking.reason}; "

@@ -91,6 +91,10 @@ class MeasuredMap(MapDefaults):
         """(N, m, e) of these columns."""
         return np.ascontiguousarray(self.whole.error_columns(poses)[:, self.places])
 
+    def further_columns(self, poses: F) -> F:
+        """(N, m, e) of these columns."""
+        return np.ascontiguousarray(self.whole.further_columns(poses)[:, self.places])
+
     @property
     def bounds(self) -> tuple[F, F] | None:
         """Those of the whole map."""

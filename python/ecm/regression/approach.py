@@ -99,17 +99,26 @@ def approach_sides(table: Table, length_m: float | None = None) -> F:
     >>> approach_sides(table, 0.1).tolist()
     [-1.0, 1.0]
     """
+    return np.sign(approach_cosines(table, length_m))
+
+
+def approach_cosines(table: Table, length_m: float | None = None) -> F:
+    """(N,) cosine between the step to each pose and its deflection; 0 where it is not known.
+
+    It is 1 where a pose is reached straight from the rest pose: then the way follows from the pose.
+    """
     if table.sampled_from is not None:
-        return approach_sides(table.sampled_from, length_m)[table.sampled_rows]
+        return approach_cosines(table.sampled_from, length_m)[table.sampled_rows]
     length = table.meta.length_m if length_m is None else length_m
     if length is None:
         length = float(np.median(table.poses[:, 0]))
     rest = np.array([float(length), 0.0, 0.0, 0.0, 0.0, 0.0])
-    metric = np.array([1.0, 1.0, 1.0] + [float(length) ** 2] * 3)
-    poses = table.poses
-    step = poses - pose_before(table, rest)
-    product = ((step * metric) * (poses - rest)).sum(axis=1)
-    return np.where(np.isfinite(product), np.sign(product), 0.0)
+    scale = np.array([1.0, 1.0, 1.0] + [float(length)] * 3)
+    step, away = (scale * (table.poses - begin) for begin in (pose_before(table, rest), rest))
+    size = np.linalg.norm(step, axis=1) * np.linalg.norm(away, axis=1)
+    known = size > 0.0  # not where the pose before is NaN
+    product = (step * away).sum(axis=1)
+    return np.where(known, product, 0.0) / np.where(known, size, 1.0)
 
 
 def memory_options(table: Table) -> tuple[str, ...]:

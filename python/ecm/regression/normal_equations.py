@@ -78,6 +78,13 @@ class NormalEquations:
         take = np.asarray(columns, dtype=np.int64)
         return replace(self, rows=self.rows[:, take], precision=self.precision[take])
 
+    def beside(self, rows: F, response: F) -> NormalEquations:
+        """The equations of the same groups for other columns (r, k) and another response (r,)."""
+        sizes = np.diff(self.bounds)
+        group = np.repeat(np.arange(len(sizes)), sizes)
+        squares = np.asarray(np.bincount(group, response**2, len(sizes)), dtype=np.float64)
+        return NormalEquations(rows, response, self.bounds, squares, np.zeros(rows.shape[1]))
+
     @cached_property
     def _total(self) -> tuple[F, F, float]:
         matrix = self.rows.T @ self.rows

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -267,9 +267,44 @@ def columns_of(base: Any, poses: F) -> dict[str, F]:
     }
 
 
+def has_forces(outputs: Sequence[str]) -> bool:
+    """Whether some wrench columns hold all three forces."""
+    return set(WRENCH[:3]) <= set(outputs)
+
+
 def is_whole(base: BaseMap) -> bool:
     """Whether a map takes all six pose columns to all six wrench columns."""
     return base.inputs == POSE and base.outputs == WRENCH
+
+
+@dataclass(frozen=True)
+class _OfSix:
+    """A map of some wrench columns as one of all six: what it does not give is 0, or an addition
+    (6, 6) to the stiffness."""
+
+    base: BaseMap
+    more: F = field(default_factory=lambda: np.zeros((6, 6)))
+    inputs: ClassVar[tuple[str, ...]] = POSE
+    outputs: ClassVar[tuple[str, ...]] = WRENCH
+
+    @property
+    def length_m(self) -> float | None:
+        return self.base.length_m
+
+    def predict(self, poses: F) -> F:
+        return np.asarray(self._placed(self.base.predict(poses)) + poses @ self.more.T)
+
+    def stiffness(self, poses: F, kind: str = "partial") -> F:
+        return np.asarray(self._placed(self.base.stiffness(poses)) + self.more)
+
+    def other_body(self, change: BodyChange) -> BaseMap | None:
+        other = self.base.other_body(change)
+        return None if other is None else replace(self, base=other)
+
+    def _placed(self, values: F) -> F:
+        whole = np.zeros((len(values), len(WRENCH), *values.shape[2:]))
+        whole[:, [WRENCH.index(name) for name in self.base.outputs]] = values
+        return whole
 
 
 _MOST_STEPS, _LONGEST_STEP = 30, 0.3
@@ -350,6 +385,31 @@ class Rows:
     def of_whole(self, values: F) -> F:
         """(N, ...) the values of these rows, from those of all rows of `whole`."""
         return values if self.table.sampled_rows is None else values[self.table.sampled_rows]
+
+    @cached_property
+    def of_six(self) -> Rows:
+        """The same rows under a map of all six wrench columns, where their three forces are known.
+
+        What such a map says of the torques is a guess: `guesses_torques` (`ecm.effects`).
+        """
+        if not has_forces(self.base.outputs) or self.base.inputs != POSE or is_whole(self.base):
+            return self
+        return Rows(self.table, getattr(self.base, "whole", None) or _OfSix(self.base))
+
+    @cached_property
+    def of_other_torques(self) -> Rows:
+        """The rows of `of_six` with other torques where the base does not give them."""
+        unknown = np.array([name not in self.base.outputs for name in WRENCH])
+        size = float(np.sqrt((self.stiffness**2).mean()))
+        more = size * np.random.default_rng(0).standard_normal((6, 6)) * unknown[:, None]
+        return Rows(self.table, _OfSix(self.of_six.base, more))
+
+    def of_own(self, values: F) -> F:
+        """(N, m, ...) the base's own wrench columns, of values of `of_six`."""
+        if values.shape[1] == len(self.base.outputs):
+            return values
+        places = [self.of_six.base.outputs.index(name) for name in self.base.outputs]
+        return np.ascontiguousarray(values[:, places])
 
     @cached_property
     def poses(self) -> F:
