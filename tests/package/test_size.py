@@ -9,11 +9,11 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (39_945, 209),
-    "benches": (6_121, 53),
-    "examples": (1_470, 13),
-    "tests": (29_115, 219),
-    "crates": (34_092, 199),
+    "python/ecm": (42_050, 221),
+    "benches": (6_442, 54),
+    "examples": (1_517, 13),
+    "tests": (30_660, 229),
+    "crates": (34_314, 199),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a plan
 through the devices of a real rig (`ecm.bench` and its tests, 1,000 and 370 lines); the other rooms
