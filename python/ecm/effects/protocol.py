@@ -224,6 +224,8 @@ class Effect:
     """A function of the pose; of time, order and covariates; or a change of the noise alone."""
     rivals: Mapping[str, str] = MappingProxyType({})
     """Rival id -> id of the experiment that separates the two (`ecm.effects.experiments`)."""
+    of_six: bool = True
+    """Where three forces are measured it is given rows of all six columns, and gives all six."""
     most_absorbed: float | None = None
     """Share of its columns that the base may take before it counts as absorbed; None: the usual."""
     outside: LookAlike = LookAlike()
@@ -312,19 +314,19 @@ class LinearEffect(Effect):
 
 def correction_of(effect: Effect, rows: Rows, values: F) -> F:
     """(N, m) correction of the rows, with the history of all rows of their table."""
-    return _evaluated(effect.correction, effect.kind, rows, values)
+    return _evaluated(effect, effect.correction, rows, values)
 
 
 def jacobian_of(effect: Effect, rows: Rows, values: F) -> F:
     """(N, m, k) derivative of the correction, with the history of all rows of their table."""
-    return _evaluated(effect.jacobian, effect.kind, rows, values)
+    return _evaluated(effect, effect.jacobian, rows, values)
 
 
-def _evaluated(function: Callable[[Rows, F], F], kind: Kind, rows: Rows, values: F) -> F:
+def _evaluated(effect: Effect, function: Callable[[Rows, F], F], rows: Rows, values: F) -> F:
     """What an effect gives for the rows: by all rows where it has a memory, by all six columns."""
-    own = rows if kind == "pose" else rows.whole
-    found = own.of_own(function(own.of_six, values))
-    return found if kind == "pose" else rows.of_whole(found)
+    own = rows if effect.kind == "pose" else rows.whole
+    found = own.of_own(function(own.of_six if effect.of_six else own, values))
+    return found if effect.kind == "pose" else rows.of_whole(found)
 
 
 _SAME = 1e-3
@@ -345,7 +347,7 @@ def guesses_torques(effect: Effect, rows: Rows) -> bool:
     rows
         Rows under a map of fewer than six wrench columns; of others none is guessed.
     """
-    if rows.of_six is rows:
+    if rows.of_six is rows or not effect.of_six:
         return False
     own = rows if effect.kind == "pose" else rows.whole
     zero = np.zeros(len(effect.parameters))

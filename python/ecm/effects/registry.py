@@ -304,6 +304,8 @@ def unregister(id: str) -> None:
 class _FunctionEffect(LinearEffect):
     """A user's function of the rows that gives (N, 6, k) columns."""
 
+    of_six = False  # it may give the columns that are measured alone
+
     def __init__(self, function: Callable[[Rows], F]) -> None:
         self.function = function
 
