@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ecm.effects.protocol import Effect, LookAlike, Missing, Parameter, needs_full
+from ecm.effects.protocol import Effect, LookAlike, Missing, Parameter, needs_twelve
 from ecm.io.arrays import F
 from ecm.io.se3 import wrench_adjoint
 from ecm.io.table import Table
@@ -84,7 +84,7 @@ class HeteroscedasticNoise(NoiseEffect):
     )
     signature = "variance grows with the load, the mean stays"
     needs = "repeats of small and large poses"
-    requires = (needs_full, needs_repeats)
+    requires = (needs_twelve, needs_repeats)
     rivals = {"pose_noise": "repeat_small_and_large"}
 
     def variance(self, rows: Rows, values: F) -> F:
@@ -109,7 +109,7 @@ class PoseNoise(NoiseEffect):
     )
     signature = "variance of stiff axes first: fx dominates"
     needs = "repeats of small and large poses"
-    requires = (needs_full, needs_repeats)
+    requires = (needs_twelve, needs_repeats)
     rivals = {"heteroscedastic_noise": "static_stream"}
 
     def variance(self, rows: Rows, values: F) -> F:
@@ -133,7 +133,7 @@ class FtsQuantisation(NoiseEffect):
     )
     signature = "stepped histogram of the residual"
     needs = "the sensor's resolution ([instrument] fts_resolution)"
-    requires = (needs_resolution, needs_full)
+    requires = (needs_resolution, needs_twelve)
     rivals = {"heteroscedastic_noise": "longer_average"}
 
     def variance(self, rows: Rows, values: F) -> F:

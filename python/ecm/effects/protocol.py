@@ -12,7 +12,7 @@ happened between two of them: `correction_of` and `jacobian_of` compute it on th
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -154,16 +154,16 @@ def is_full(names: Iterable[str], length_known: bool = True) -> bool:
     return length_known and {*POSE, *WRENCH[:3]} <= known and not actuation_columns(known)
 
 
-_needs_all_twelve = needs_columns(*POSE, *WRENCH)
+def needs_twelve(table: Table) -> Missing | None:
+    """Missing without all of the six pose and six wrench columns."""
+    lacking = needs_columns(*POSE, *WRENCH)(table)
+    reason = "not all six poses and six wrenches are columns"
+    return None if lacking is None else replace(lacking, reason=reason)
 
 
 def needs_full(table: Table) -> Missing | None:
     """Missing without the six pose and six wrench columns; of a known length forces are enough."""
-    if is_full(table.columns, table.meta.length_m is not None):
-        return None
-    lacking = _needs_all_twelve(table)
-    record = "" if lacking is None else lacking.record
-    return Missing("not all six poses and six wrenches are columns", record, absent=True)
+    return None if is_full(table.columns, table.meta.length_m is not None) else needs_twelve(table)
 
 
 needs_time = needs_columns("time_s")

@@ -452,11 +452,12 @@ class FtsSaturation(LinearEffect):
     """Reading in N or N m at which the axis begins to read less."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Each axis, with knees at three quantiles of its readings."""
+        """Each axis that is read, with knees at three quantiles of its readings."""
         own = np.abs(_readings(table))
         return tuple(
             FtsSaturation(axis, round(float(np.quantile(own[:, j], share)), 5))
             for j, axis in enumerate(AXES)
+            if table.has(WRENCH[j])
             for share in _KNEES
         )
 
@@ -474,9 +475,10 @@ class FtsSaturation(LinearEffect):
 
 
 def _readings(table: Table) -> F:
-    """(N, 6) measured wrenches of the poses, in the sensor's frame."""
+    """(N, 6) measured wrenches of the poses, in the sensor's frame; 0 where an axis is not read."""
     measured = table.measured()
-    in_top = turn_wrench(transpose(rotation(measured.poses[:, 3:])), measured.wrenches)
+    read = [measured.column(n) if table.has(n) else np.zeros(len(measured)) for n in WRENCH]
+    in_top = turn_wrench(transpose(rotation(measured.poses[:, 3:])), np.stack(read, axis=1))
     inverse = np.linalg.inv(wrench_adjoint(table.meta.instrument.top_from_sensor))
     return np.asarray(in_top @ inverse.T)
 

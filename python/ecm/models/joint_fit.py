@@ -285,10 +285,12 @@ class _Data:
         for part in _PARTS:
             moved = at.moved(part * step)
             try:
-                around = Rows(rows.table, moved.base) if at.free_base else rows
-                after = self.linearised(moved, around)
+                # So far from the rows that numbers overflow, nothing can be evaluated.
+                with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                    around = Rows(rows.table, moved.base) if at.free_base else rows
+                    after = self.linearised(moved, around)
             except ModelError:
-                continue  # so far from the rows nothing can be evaluated
+                continue
             if after.squares <= _NO_WORSE * squares:
                 return moved, after
             if first is None and np.isfinite(after.squares):

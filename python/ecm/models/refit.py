@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ecm.effects.protocol import Effect
-from ecm.errors import ComputationError, EcmError, InputError, Remedy, remedy_of
+from ecm.errors import ComputationError, EcmError, InputError, ModelError, Remedy, remedy_of
 from ecm.io.arguments import listed
 from ecm.io.arrays import B, F, rms
 from ecm.io.columns import POSE, WRENCH, unit_of
@@ -34,7 +34,7 @@ from ecm.models.specification import CHOOSE
 from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import spread_rows, without_zero_readings
 from ecm.regression.noise import Noise
-from ecm.regression.rows import Rows, is_whole, naming_wild_readings
+from ecm.regression.rows import Rows, naming_wild_readings
 
 FAR_BEYOND_NOISE = 2.2
 """Error over the noise that a noise stated half as large does not explain."""
@@ -281,9 +281,10 @@ def _better_base(fitted: Model, table: Table) -> tuple[str, float] | None:
 def _another_base(fitted: Model, table: Table) -> Remedy:
     """The command that adds the same effects to a base that holds them, where there is one."""
     ids = [item.id for item in fitted.effects]
-    stated = table.physics_body is not None and table.has(*POSE, *WRENCH)
+    six = table.has(*POSE, *WRENCH[:3])
+    stated = table.physics_body is not None and six
     names = ["physics"] if stated else []
-    if is_whole(fitted.base) and fitted.known_length_m is not None:
+    if six and fitted.known_length_m is not None:
         driven = ["actuated4", "actuated5", "actuated3"]
         names += driven if table.actuation_columns else ["energy6", "energy5", "energy4"]
     names += [f"poly:{degree}" for degree in (3, 2, 1)]
@@ -416,7 +417,12 @@ def refit(
     add, remove, freeze = listed(add), listed(remove), listed(freeze)
     changed = as_model(model, table).remove(*remove).add(*add).freeze(*freeze)
     with naming_wild_readings(table):
-        fitted = changed.fit(table, progress=progress)
+        try:
+            fitted = changed.fit(table, progress=progress)
+        except ModelError as error:
+            if not add:
+                raise
+            raise ComputationError(str(error), remedy=_another_base(changed, table)) from error
         before = model.remove(*remove)
         one_column = fitted.training.get("smallest_taken", False)
         if not add or not (one_column or undetermined(fitted, table, before)):
