@@ -268,8 +268,7 @@ def measure(
     model : MODEL
         Say how far each row is from this model.
     until : GOAL
-        Stop when it is enough: "0.3 mm" or "0.5 N" at fresh poses, or named. The plan's rows are
-        taken in the order in which they tell most per minute.
+        Stop when it is enough: "0.3 mm" or "0.5 N" at fresh poses, or named.
     fit : NAME
         Model whose error counts, such as energy6; default: the best of degree 4 to 6.
     dry_run

@@ -47,13 +47,16 @@ def needs_again(record: str) -> Need:
 def _needs_time_beside_pose(table: Table) -> Missing | None:
     """Missing without time, or where time and a pose column are in one order and none is repeated.
 
-    Along one ramp, or the slow axis of a grid, a stiffness that follows the time follows the pose.
+    Along one ramp, or the slow axis of a grid, a stiffness that follows the time follows the pose;
+    in a log it follows the motion, whose speed and size change from block to block.
     """
     record = "repeat the first set at the end, and next day"
     lacking = needs_again(record)(table)
     if lacking is None or not lacking.imitates:
         return lacking
     measured = table.measured()
+    if measured.continuous:
+        return lacking
     time = measured.column("time_s")
     poses = [measured.column(name) for name in measured.pose_columns]
     if any(in_one_order(time, own) for own in poses if np.ptp(own) > 0.0):
