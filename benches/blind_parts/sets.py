@@ -30,7 +30,7 @@ NOT_TO_BE_NAMED = ("compressibility", "pretension")
 these tables do not tell, and is listed as not testable."""
 HISTORY = ("hysteresis", "stress_relaxation", "ageing")
 TOLD_BY_PAPER = ("ageing",)
-"""Of these what the paper's protocol tells: its time is in the order of no pose column."""
+"""What the paper's protocol tells of these: its time is in the order of no pose column."""
 
 
 @dataclass(frozen=True)
