@@ -9,10 +9,10 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (42_050, 221),
-    "benches": (6_442, 54),
+    "python/ecm": (42_040, 221),
+    "benches": (6_444, 54),
     "examples": (1_517, 13),
-    "tests": (30_660, 229),
+    "tests": (30_675, 229),
     "crates": (34_314, 199),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a plan
