@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from blind_parts.sets import ALL_SETS, ARM, TOLD_BY_PAPER
+from blind_parts.sets import ALL_SETS, ARM
 
 LARGEST_CLASS = 3
 GOALS_ONE = {0.2: 0.80, 0.3: 0.90, 0.5: 0.95, 1.0: 0.98, 3.0: 0.99}
@@ -49,17 +49,13 @@ def clean_wrong(result: Result) -> bool:
 
 
 def honest(result: Result) -> bool:
-    """The hidden effect is listed as not testable, or is in a class, and no wrong name is given.
-
-    Alone it is right where these tables tell it.
-    """
+    """The hidden effect is listed as not testable, or is in a class, and no wrong name is given."""
     hidden = result["set"]["hidden"][0][0]
     answer = result[OURS]
     if clean_wrong(result):
         return False
     listed = any(item["id"] == hidden for item in answer.get("not_testable", ()))
-    least = 1 if hidden in TOLD_BY_PAPER else 2
-    return listed or any(len(c) >= least and hidden in c for c in answer["answer"])
+    return listed or any(len(c) > 1 and hidden in c for c in answer["answer"])
 
 
 def share(values: Iterable[bool]) -> float:

@@ -29,8 +29,6 @@ NOT_TO_BE_NAMED = ("compressibility", "pretension")
 """The first is free in the base, hence never missing; the second needs the detached length, which
 these tables do not tell, and is listed as not testable."""
 HISTORY = ("hysteresis", "stress_relaxation", "ageing")
-TOLD_BY_PAPER = ("ageing",)
-"""What the paper's protocol tells of these: its time is in the order of no pose column."""
 
 
 @dataclass(frozen=True)

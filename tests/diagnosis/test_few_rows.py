@@ -93,15 +93,6 @@ def test_friction_between_poses_in_any_order_is_testable() -> None:
     assert lacking.reason == "one approach direction"
 
 
-def test_ageing_is_testable_where_time_is_in_the_order_of_no_pose_column() -> None:
-    poses = workspace_poses(40, 7)
-    assert get_effect("ageing").missing(rows(poses, wrench(poses), 7)) is None
-    ramp = poses[np.argsort(poses[:, 1])]
-    lacking = get_effect("ageing").missing(rows(ramp, wrench(ramp), 7))
-    assert lacking is not None
-    assert lacking.reason == "no pose was measured again"
-
-
 class Term(LinearEffect):
     """One term of an energy of degree 5."""
 

@@ -20,7 +20,7 @@ from ecm.effects.protocol import (
     needs_varying,
     optional,
 )
-from ecm.io.arrays import F, in_one_order
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.regression.approach import largest_so_far, memory_options, order_of_visits
@@ -42,26 +42,6 @@ def needs_again(record: str) -> Need:
         return lacking
 
     return need
-
-
-def _needs_time_beside_pose(table: Table) -> Missing | None:
-    """Missing without time, or where time and a pose column are in one order and none is repeated.
-
-    Along one ramp, or the slow axis of a grid, a stiffness that follows the time follows the pose;
-    in a log it follows the motion, whose speed and size change from block to block.
-    """
-    record = "repeat the first set at the end, and next day"
-    lacking = needs_again(record)(table)
-    if lacking is None or not lacking.imitates:
-        return lacking
-    measured = table.measured()
-    if measured.continuous:
-        return lacking
-    time = measured.column("time_s")
-    poses = [measured.column(name) for name in measured.pose_columns]
-    if any(in_one_order(time, own) for own in poses if np.ptp(own) > 0.0):
-        return lacking
-    return None
 
 
 def _needs_unloading(table: Table) -> Missing | None:
@@ -128,8 +108,8 @@ class Ageing(LinearEffect):
         "the first poses again at the end, and next day",
     )
     signature = "proportional to h, monotone in t"
-    needs = "time (time_s) that is not in the order of a pose column, or poses measured again"
-    requires = (_needs_time_beside_pose,)
+    needs = "time (time_s), and poses that are measured again"
+    requires = (needs_again("repeat the first set at the end, and next day"),)
     kind = "time"
     rivals = {
         "temperature_modulus": "repeat_next_day",
