@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import spearmanr
 
+from ecm.comparison import residuals
 from ecm.comparison.residuals import confounded_with_order
-from ecm.io.arrays import in_one_order
 from ecm.io.table import as_table
 
 
@@ -29,7 +29,7 @@ def test_the_rule_is_the_median_rank_correlation_of_the_groups(noise: float) -> 
         time, load = (columns[name][part == group] for name in ("time_s", "fx_N"))
         if len(time) >= 4 and np.ptp(time) > 0.0 and np.ptp(load) > 0.0:
             expected.append(abs(spearmanr(time, load).statistic))
-    follows = in_one_order(columns["time_s"], columns["fx_N"], part)
+    follows = residuals.in_one_order(columns["time_s"], columns["fx_N"], part)
     assert follows == (np.median(expected) > 0.9)
 
 

@@ -72,6 +72,11 @@ class _Channels:
                 last = stamps
         return np.stack(rows or [values]), bool(rows)
 
+    def pose(self, window_s: float) -> tuple[F, F]:
+        """Mean and standard deviation (6,) over a window."""
+        samples, _ = self.window(window_s)
+        return samples.mean(axis=0), samples.std(axis=0)
+
     def write(self, values: F) -> None:
         """Set the variables without waiting until what they drive has come to rest."""
         parts = np.asarray(values, dtype=np.float64) / self._scale
@@ -134,8 +139,7 @@ class Epics:
 
     def pose(self, window_s: float) -> tuple[F, F]:
         """Mean and standard deviation (6,) over a window."""
-        samples, _ = self._channels.window(window_s)
-        return samples.mean(axis=0), samples.std(axis=0)
+        return self._channels.pose(window_s)
 
     def temperature(self) -> F:
         """Temperature of the mechanism, degrees Celsius; a second variable is the sensor's."""
@@ -202,8 +206,7 @@ class EpicsMotors:
 
     def pose(self, window_s: float) -> tuple[F, F]:
         """Mean and standard deviation (6,) of where the axes are."""
-        samples, _ = self._readback.window(window_s)
-        return samples.mean(axis=0), samples.std(axis=0)
+        return self._readback.pose(window_s)
 
     def close(self) -> None:
         """Leave the servers."""

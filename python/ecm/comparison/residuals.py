@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ecm.io.arrays import F, in_one_order
+from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
 from ecm.regression.approach import approach_sides
 from ecm.regression.f_test import orthonormal
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 
 KNOWN = ("time_s", "temperature_degC", "sensor_temperature_degC", "dwell_s")
+_ORDERED = 0.9
+_LEAST_IN_GROUP = 4
 
 
 def candidate_covariates(
@@ -51,6 +53,38 @@ def confounded_with_order(
     named.pop("time_s", None)
     named["load"] = np.sqrt(((loads / scale) ** 2).sum(axis=1))
     return tuple(name for name, values in named.items() if in_one_order(when, values, parts))
+
+
+def in_one_order(one: F, other: F, parts: I | None = None, *, least: float = _ORDERED) -> bool:
+    """Whether the ranks of two variables (N,) agree in the median group of those with ranks.
+
+    Parameters
+    ----------
+    parts
+        (N,) group of each row; default: all are one.
+    least
+        Rank correlation from which they do.
+    """
+    parts = np.zeros(len(one), dtype=np.int64) if parts is None else parts
+    number = np.bincount(parts)
+    a, b = (_ranks(column, parts) for column in (one, other))
+    a, b = (ranks - (np.bincount(parts, ranks) / np.maximum(number, 1))[parts] for ranks in (a, b))
+    of_both, of_a, of_b = (np.bincount(parts, product) for product in (a * b, a * a, b * b))
+    ranked = (number >= _LEAST_IN_GROUP) & (of_a > 0.0) & (of_b > 0.0)
+    correlations = np.abs(of_both[ranked]) / np.sqrt(of_a[ranked] * of_b[ranked])
+    return len(correlations) > 0 and float(np.median(correlations)) > least
+
+
+def _ranks(values: F, parts: I) -> F:
+    """(N,) ranks; equal values of a group share theirs. Other groups only shift them."""
+    order = np.lexsort((values, parts))
+    first = np.diff(values[order], prepend=np.nan) != 0.0
+    first |= np.diff(parts[order], prepend=-1) != 0
+    tie = np.cumsum(first) - 1
+    middle = np.bincount(tie, np.arange(len(values))) / np.bincount(tie)
+    ranks = np.empty(len(values))
+    ranks[order] = middle[tie]
+    return ranks
 
 
 _BLOCK = 20_000

@@ -42,7 +42,7 @@ from ecm.diagnosis.settings import (
 )
 from ecm.errors import ModelError
 from ecm.io.arrays import F, I, rest_of
-from ecm.models.joint_fit import joint_fit
+from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.regression.blocks import in_threads
 from ecm.regression.normal_equations import (
     RIDGE,
@@ -499,10 +499,12 @@ class Accepted:
     classes: tuple[tuple[str, ...], ...] = ()
     """Ids that cannot be told from each effect with these rows, its own first."""
     checks: tuple[AcceptanceCheck, ...] = ()
+    fit: JointFit | None = None
+    """Base and accepted effects, fitted together."""
 
 
-def _reached(problem: Problem, chosen: Sequence[Candidate]) -> bool:
-    """Whether base and effects, fitted together, explain what their first derivatives promise.
+def _reached(problem: Problem, chosen: Sequence[Candidate]) -> JointFit | None:
+    """Fit base and effects together; None where that misses what their first derivatives promise.
 
     A compliance in series with a base of many terms, each of which takes the other back, explains
     anything to first order and nothing at the size that it would need.
@@ -513,7 +515,7 @@ def _reached(problem: Problem, chosen: Sequence[Candidate]) -> bool:
             problem.base, effects, problem.table, problem.noise, row_weights=problem.weights
         )
     except ModelError:
-        return False
+        return None
     linear = bounded_estimate(problem, chosen, chosen)
     own = linear.columns >= problem.n_base
     fixed, free = (linear.columns[own & at] for at in (linear.at_bound, ~linear.at_bound))
@@ -523,7 +525,7 @@ def _reached(problem: Problem, chosen: Sequence[Candidate]) -> bool:
     every = problem.flat(np.concatenate(columns, axis=2))
     promised = float((rest_of(every, problem.flat(response)) ** 2).sum())
     missed = (problem.squares_of(fit.whitened) - promised) / problem.scale
-    return missed < (1.0 - KEPT_WITHIN_BOUNDS) * delta_chi2(problem, chosen)
+    return fit if missed < (1.0 - KEPT_WITHIN_BOUNDS) * delta_chi2(problem, chosen) else None
 
 
 def accept(problem: Problem, chosen: Sequence[Candidate], seed: int = 0) -> Accepted:
@@ -553,13 +555,15 @@ def accept(problem: Problem, chosen: Sequence[Candidate], seed: int = 0) -> Acce
             if item.id not in found or not found[item.id][0].accepted:
                 break
         else:
-            if not _reached(problem, chosen):
+            fit = _reached(problem, chosen)
+            if fit is None:
                 weakest = min(chosen, key=lambda one: found[one.id][0].delta_bic)
                 problem = problem.without_effect(weakest.id)
                 chosen = search(problem, rank(problem))
                 continue
             pairs = [found[item.id] for item in chosen]
-            return Accepted(chosen, tuple(own for _, own in pairs), tuple(c for c, _ in pairs))
+            classes, checks = tuple(own for _, own in pairs), tuple(c for c, _ in pairs)
+            return Accepted(chosen, classes, checks, fit)
         checks = (found[item.id][0],) if item.id in found else ()
         if check.explained_in_bounds <= KEPT_WITHIN_BOUNDS:
             problem = problem.without_effect(item.id)

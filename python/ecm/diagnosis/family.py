@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ecm.comparison.residuals import KNOWN, candidate_covariates
+from ecm.comparison.residuals import KNOWN, candidate_covariates, in_one_order
 from ecm.diagnosis.left_over import draft_of
 from ecm.diagnosis.settings import FORM_SHARE
 from ecm.effects.experiments import get_experiment
-from ecm.io.arrays import F, evenly, in_one_order
+from ecm.io.arrays import F, evenly
 from ecm.io.columns import POSE, TEXT
 from ecm.regression.approach import before_each, largest_so_far, row_before
 from ecm.regression.f_test import orthonormal

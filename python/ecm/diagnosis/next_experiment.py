@@ -25,7 +25,7 @@ from scipy import special
 from ecm.designs.plans import follow_up_plan, predicted_table
 from ecm.designs.regressors import NominalModel
 from ecm.diagnosis.accept import confusion_class, squares_left_after
-from ecm.diagnosis.problem import Candidate, Problem, known_errors, score_columns
+from ecm.diagnosis.problem import Candidate, Problem, score_columns
 from ecm.diagnosis.search import delta_chi2, estimate
 from ecm.diagnosis.settings import FORM_SHARE, REFUTED_BY, REFUTED_SHARE
 from ecm.effects import Effect, Rows, all_effects
@@ -35,7 +35,7 @@ from ecm.errors import EcmError
 from ecm.io.arrays import F, I
 from ecm.io.columns import TEXT
 from ecm.io.table import Table
-from ecm.models.joint_fit import base_columns
+from ecm.models.joint_fit import base_columns, error_columns, further_columns
 from ecm.regression.noise import whiteners
 from ecm.regression.normal_equations import projected_out, solve
 
@@ -252,7 +252,8 @@ class _Added:
         base, use, left_out = problem.base, list(problem.base_index), problem.left_out
         blocks = []
         if left_out is not None:
-            blocks = [base_columns(joined, base), known_errors(joined, base, left_out)]
+            own, terms = base_columns(joined, base), further_columns(joined, base)
+            blocks = [own, error_columns(joined, base), left_out.columns(own, terms)]
         blocks = [(whitener @ part)[fresh] for part in blocks]
         place = {}
         for candidate in (*group.others, *shapes):

@@ -108,7 +108,8 @@ class Projection:
 
     def flat(self, columns: F) -> F:
         """Return (N m, k) weighted columns."""
-        return (columns * self.root[:, None, None]).reshape(-1, columns.shape[2])
+        n, m, k = columns.shape  # named, for a reshape of no columns
+        return (columns * self.root[:, None, None]).reshape(n * m, k)
 
     def rest(self, columns: F) -> F:
         """Return the columns (N, m, k) without their part in the base; weights stay outside."""
@@ -169,22 +170,18 @@ class LeftOut:
     """(b, e) of the columns of the base."""
 
     @staticmethod
-    def of(rows: Rows, base: StiffnessMap, whitener: F, root: F) -> LeftOut:
-        """Return those of rows (N,) with square roots of weights."""
-        parts = (further_columns(rows, base), base_columns(rows, base))
-        terms, own = (
-            ((whitener @ part) * root[:, None, None]).reshape(whitener[:, 0].size, part.shape[2])
-            for part in parts
-        )
-        shares = np.linalg.lstsq(own, terms, rcond=1e-10)[0]
-        _, sizes, turns = np.linalg.svd(terms - own @ shares, full_matrices=False)
-        seen = sizes > _SEEN * np.linalg.norm(terms)
+    def of(projection: Projection, base_block: F, terms: F) -> LeftOut:
+        """Return those of whitened columns of the base (N, m, b) and of the terms (N, m, k)."""
+        own, every = projection.flat(base_block), projection.flat(terms)
+        shares = np.linalg.lstsq(own, every, rcond=1e-10)[0]
+        _, sizes, turns = np.linalg.svd(every - own @ shares, full_matrices=False)
+        seen = sizes > _SEEN * np.linalg.norm(every)
         turn = turns[seen].T / sizes[seen]
         return LeftOut(turn, shares @ turn)
 
-    def columns(self, rows: Rows, base: StiffnessMap) -> F:
-        """(N, m, e) of any rows."""
-        return further_columns(rows, base) @ self.turn - base_columns(rows, base) @ self.of_base
+    def columns(self, base_block: F, terms: F) -> F:
+        """(N, m, e) of any rows, from the columns of the base and of the terms there."""
+        return terms @ self.turn - base_block @ self.of_base
 
 
 def _of_parts(work: Callable[[Sequence[F]], list[float]], blocks: Sequence[F]) -> list[float]:
@@ -613,11 +610,12 @@ def assemble(
         projected = projection.basis.reshape(*response.shape, -1) / projection.root[:, None, None]
         base_block = base_block[:, :, :0]
     free = base_block.shape[2]
-    left_out = LeftOut.of(rows, base, whitener, np.sqrt(weights)) if free else None
-    if left_out is not None:
-        base_block = np.concatenate(
-            [base_block, whitener @ known_errors(rows, base, left_out)], axis=2
-        )
+    left_out: LeftOut | None = None
+    if free:
+        errs, terms = (whitener @ part(rows, base) for part in (error_columns, further_columns))
+        left_out = LeftOut.of(projection, base_block, terms)
+        own = (base_block, errs, left_out.columns(base_block, terms))
+        base_block = np.concatenate(own, axis=2)
     norms = _lengths(base_block)
     precision = np.zeros(len(norms))
     precision[free:] = 1.0 / norms[free:] ** 2
@@ -654,11 +652,6 @@ def assemble(
     pairs = list(zip(placed, imitates, strict=True))
     offered = {alike: tuple(c for c, own in pairs if own == alike) for alike in (False, True)}
     return _scaled(replace(problem, candidates=offered[False], imitators=offered[True]))
-
-
-def known_errors(rows: Rows, base: StiffnessMap, left_out: LeftOut) -> F:
-    """Return (N, m, e) columns of the base's own errors, each with a standard deviation of 1."""
-    return np.concatenate([error_columns(rows, base), left_out.columns(rows, base)], axis=2)
 
 
 def base_beside(problem: Problem, chosen: Sequence[Candidate]) -> StiffnessMap | None:

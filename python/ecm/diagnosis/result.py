@@ -334,7 +334,7 @@ def _report(decision: Decision, seed: int, judged: Future[GivenModel]) -> Diagno
     """Return the report; it waits at its end for the answer about the model that was given."""
     problem, prepared = decision.problem, decision.prepared
     accepted = decision.accepted.effects
-    final = joint_fit(
+    final = decision.accepted.fit or joint_fit(
         problem.base,
         [item.effect for item in accepted],
         problem.table,

@@ -32,8 +32,8 @@ from ecm.effects.protocol import (
     LookAlike,
     Missing,
     Parameter,
-    is_full,
     needs_columns,
+    needs_full,
     optional,
 )
 from ecm.effects.relaxation import fading, time_constants
@@ -383,7 +383,7 @@ def _zeros(table: Table, name: str) -> tuple[float, ...]:
     values = table.column(name)
     mean, low, high = float(f"{values.mean():.6g}"), float(values.min()), float(values.max())
     near = low - (high - low) <= 0.0 <= high + (high - low)
-    return (mean, 0.0) if near and mean != 0.0 and is_full(table.columns) else (mean,)
+    return (mean, 0.0) if near and mean != 0.0 and needs_full(table) is None else (mean,)
 
 
 def _lags(table: Table) -> tuple[float, ...]:

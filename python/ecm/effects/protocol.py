@@ -146,7 +146,7 @@ def needs_columns(*names: str) -> Need:
     return need
 
 
-def is_full(names: Iterable[str], length_known: bool = True) -> bool:
+def is_full(names: Iterable[str], length_known: bool) -> bool:
     """Whether the six poses and six wrenches, or of a known length the forces, are the names."""
     known = set(names)
     if {*POSE, *WRENCH} <= known:
@@ -377,7 +377,7 @@ def missing_beside_columns(effect: Effect, table: Table) -> Missing | None:
     >>> import numpy as np
     >>> from ecm import as_table
     >>> from ecm.effects import get_effect
-    >>> from ecm.io.columns import POSE, WRENCH, actuation_columns
+    >>> from ecm.io.columns import POSE, WRENCH
     >>> columns = {name: np.arange(9.0) / 100 for name in (*POSE, *WRENCH)}
     >>> table = as_table(columns)
     >>> missing_beside_columns(get_effect("length_error"), table).record

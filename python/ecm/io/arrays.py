@@ -29,47 +29,6 @@ def evenly(count: int, most: int) -> I:
     return np.linspace(0, count - 1, min(count, most)).astype(np.int64)
 
 
-_ORDERED = 0.9
-_LEAST_IN_GROUP = 4
-
-
-def in_one_order(one: F, other: F, parts: I | None = None, *, least: float = _ORDERED) -> bool:
-    """Whether the ranks of two variables (N,) agree in the median group of those with ranks.
-
-    Parameters
-    ----------
-    parts
-        (N,) group of each row; default: all are one.
-    least
-        Rank correlation from which they do.
-
-    Examples
-    --------
-    >>> in_one_order(np.array([1.0, 2.0, 4.0, 8.0]), np.array([0.0, -1.0, -2.0, -9.0]))
-    True
-    """
-    parts = np.zeros(len(one), dtype=np.int64) if parts is None else parts
-    number = np.bincount(parts)
-    a, b = (_ranks(column, parts) for column in (one, other))
-    a, b = (ranks - (np.bincount(parts, ranks) / np.maximum(number, 1))[parts] for ranks in (a, b))
-    of_both, of_a, of_b = (np.bincount(parts, product) for product in (a * b, a * a, b * b))
-    ranked = (number >= _LEAST_IN_GROUP) & (of_a > 0.0) & (of_b > 0.0)
-    correlations = np.abs(of_both[ranked]) / np.sqrt(of_a[ranked] * of_b[ranked])
-    return len(correlations) > 0 and float(np.median(correlations)) > least
-
-
-def _ranks(values: F, parts: I) -> F:
-    """(N,) ranks; equal values of a group share theirs. Other groups only shift them."""
-    order = np.lexsort((values, parts))
-    first = np.diff(values[order], prepend=np.nan) != 0.0
-    first |= np.diff(parts[order], prepend=-1) != 0
-    tie = np.cumsum(first) - 1
-    middle = np.bincount(tie, np.arange(len(values))) / np.bincount(tie)
-    ranks = np.empty(len(values))
-    ranks[order] = middle[tie]
-    return ranks
-
-
 def rms(values: F) -> float:
     """Root mean square of numbers of any shape.
 

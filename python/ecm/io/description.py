@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -104,6 +104,15 @@ def without_rows(
     return replace(raw, columns=columns, numbers=numbers), kept, (sentence,)
 
 
+def _lines_of(text: str, section: str) -> Iterator[tuple[str, bool]]:
+    """Yield each line of a TOML text, and whether it belongs to a section, its head with it."""
+    own = False
+    for line in text.splitlines():
+        if line.strip().startswith("["):
+            own = re.match(rf"\s*\[\s*{section}\s*\]", line) is not None
+        yield line, own
+
+
 def with_leave_out(text: str, leave_out: Mapping[str, str]) -> str:
     """Return the text of a description with this `[leave_out]` in place of its own.
 
@@ -123,12 +132,8 @@ def with_leave_out(text: str, leave_out: Mapping[str, str]) -> str:
     clipped = "3-9"
     <BLANKLINE>
     """
-    kept, own = [], False
-    for line in text.splitlines():
-        if line.strip().startswith("["):
-            own = re.match(r"\s*\[\s*leave_out\s*\]", line) is not None
-        if not own or line.strip().startswith("#"):
-            kept.append(line)
+    lines = _lines_of(text, "leave_out")
+    kept = [line for line, own in lines if not own or line.strip().startswith("#")]
     head = "\n".join(kept).rstrip()
     if "leave_out" in parse_toml(head, "[leave_out]", "description of a table"):
         raise InputError(
@@ -158,11 +163,10 @@ def with_columns(text: str, entries: Sequence[str]) -> str:
     """
     names = {entry.partition("=")[0].strip() for entry in entries}
     kept: list[str] = []
-    head, own = -1, False
-    for line in text.splitlines():
-        if line.strip().startswith("["):
-            own = re.match(r"\s*\[\s*columns\s*\]", line) is not None
-            head = len(kept) + 1 if own else head
+    head = -1
+    for line, own in _lines_of(text, "columns"):
+        if own and line.strip().startswith("["):
+            head = len(kept) + 1
         if not own or line.partition("=")[0].strip().strip("\"'") not in names:
             kept.append(line)
     if head < 0:

@@ -267,11 +267,6 @@ def columns_of(base: Any, poses: F) -> dict[str, F]:
     }
 
 
-def has_forces(outputs: Sequence[str]) -> bool:
-    """Whether some wrench columns hold all three forces."""
-    return set(WRENCH[:3]) <= set(outputs)
-
-
 def is_whole(base: BaseMap) -> bool:
     """Whether a map takes all six pose columns to all six wrench columns."""
     return base.inputs == POSE and base.outputs == WRENCH
@@ -392,7 +387,8 @@ class Rows:
 
         What such a map says of the torques is a guess: `guesses_torques` (`ecm.effects`).
         """
-        if not has_forces(self.base.outputs) or self.base.inputs != POSE or is_whole(self.base):
+        forces = set(WRENCH[:3]) <= set(self.base.outputs)
+        if not forces or self.base.inputs != POSE or is_whole(self.base):
             return self
         return Rows(self.table, getattr(self.base, "whole", None) or _OfSix(self.base))
 
