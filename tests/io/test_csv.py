@@ -93,6 +93,7 @@ def test_plain_numbers_and_words_are_left_to_numpy(
 @given(st.lists(st.text(max_size=6), min_size=1, max_size=4))
 @example(["nan", "inf", "1e5"])
 @example([" a ", "-1", "#", '"', "a,b\n"])
+@example(["0\r0"])
 def test_a_table_that_is_written_is_read_back_whatever_its_columns_are_called(
     names: list[str],
 ) -> None:

@@ -9,15 +9,15 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (42_040, 221),
-    "benches": (6_444, 54),
+    "python/ecm": (42_030, 221),
+    "benches": (6_442, 54),
     "examples": (1_517, 13),
-    "tests": (30_675, 229),
+    "tests": (30_669, 229),
     "crates": (34_314, 199),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a plan
-through the devices of a real rig (`ecm.bench` and its tests, 1,000 and 370 lines); the other rooms
-together lost 500 lines."""
+"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: devices
+of a real rig and `--until` (1,100 lines of `ecm.bench`, 300 beside it), the page and its copies of
+a session (300), and what few rows and three forces need in a diagnosis (200)."""
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -8,9 +8,10 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from io import StringIO, TextIOWrapper
+from io import TextIOWrapper
 from itertools import chain, islice
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -465,9 +466,11 @@ def write_csv(
 
 
 def _lines(rows: Iterable[Sequence[str]]) -> bytes:
-    text = StringIO(newline="")
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue().encode()
+    lines: list[str] = []
+    # Only characters of the line's end are quoted before Python 3.13: a name may hold a \r alone.
+    ends = "\r\n"
+    csv.writer(SimpleNamespace(write=lines.append), lineterminator=ends).writerows(rows)
+    return "".join(f"{line[: -len(ends)]}\n" for line in lines).encode()
 
 
 def _cells(name: str, column: NDArray[Any]) -> list[str]:
