@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import curve_fit
 
@@ -259,6 +259,7 @@ _TREES = st.recursive(
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(_TREES)
+@example("(x_m - x_m)**(a)")
 def test_slopes_are_those_of_differences(tree: str) -> None:
     base = Expression(f"fx_N = x_m + y_m + a + b + {tree}", a=0.7, b=1.3).map()
     at = np.array([0.37, 0.83, 0.7, 1.3])

@@ -171,8 +171,14 @@ class _Dual:
         self.value, self.slope = np.asarray(value, dtype=np.float64), slope
 
     def times(self, factor: Any) -> F | None:
-        """The slope times a factor (N,)."""
-        return None if self.slope is None else np.asarray(factor)[..., None] * self.slope
+        """The slope times a factor (N,).
+
+        What does not change at all changes nothing, also where the factor is no number: 0.7 t**-0.3
+        at t = x - x.
+        """
+        if self.slope is None:
+            return None
+        return np.where(self.slope == 0.0, 0.0, np.asarray(factor)[..., None] * self.slope)
 
 
 def _sum(*slopes: F | None) -> F | None:
