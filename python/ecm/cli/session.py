@@ -34,12 +34,13 @@ def refuse_models(paths: Sequence[Path]) -> None:
     """Raise InputError where a model is given in place of a table, with the right order."""
     for path in filter(_is_model, paths):
         verb, *others = command.typed
-        others.pop([Path(word) for word in others].index(path))
-        first = [] if verb == "fit" else [str(path)]
-        remedy = Remedy(
-            "give only tables" if verb == "fit" else "give the model first",
-            shlex.join(["ecm", verb, *first, *others]),
-        )
+        at = [Path(word) for word in others].index(path)
+        if verb == "fit":
+            others[at], said = "data.csv", "give the table that it is to be fitted to"
+        else:
+            said = "give the model first"
+            others.insert(0, others.pop(at))
+        remedy = Remedy(said, shlex.join(["ecm", verb, *others]))
         raise InputError(f"{path} is a model, expected a table of measurements", remedy=remedy)
 
 

@@ -162,6 +162,10 @@ def read_document(path: str | Path) -> dict[str, Any]:
     file = Path(path)
     try:
         text = file.read_text(encoding="utf-8")
+    except IsADirectoryError:
+        raise InputError(
+            f"{file}: found a directory, expected a model file, as `ecm fit` writes it"
+        ) from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(
             f"{file}: cannot be read as a model file ({error}); give one that `ecm fit` wrote"
