@@ -202,7 +202,8 @@ HELD_CLOCK = """(() => {
   window.point = at => {
     const box = document.querySelector(at).getBoundingClientRect();
     hand.style.display = "";
-    [hand.style.left, hand.style.top] = [`${box.x + box.width / 2}px`, `${box.y + box.height / 2}px`];
+    hand.style.left = `${box.x + box.width / 2}px`;
+    hand.style.top = `${box.y + box.height / 2}px`;
   };
 })()"""
 """Animations run as far as the film says, so that a slow machine draws the same frames."""

@@ -125,8 +125,8 @@ def get_effect(id: str) -> Effect:
     if stem == beyond_physics.ID and column:
         return replace(beyond_physics.UNUSED, column=column)
     # A word of physics, as "friction", names several.
-    words = {one for one, effect in known.items() if id in f"{one} {effect.physics}".lower()}
-    likely = f"did you mean '{"' or '".join(sorted(words)[:4])}'?" if id and words else ""
+    named = sorted(one for one in known if id in f"{one} {known[one].physics}".lower())[:4]
+    likely = f"did you mean {' or '.join(map(repr, named))}?" if id and named else None
     raise InputError(f"unknown effect '{id}', {likely or did_you_mean(id, sorted(known))}")
 
 
