@@ -144,7 +144,7 @@ class MullinsSoftening(LinearEffect):
     )
     signature = "first visit above later ones, only below the past maximum"
     needs = "order (time_s), and poses that are measured again"
-    requires = (needs_full, needs_again("repeat the first 10 poses"))
+    requires = (needs_full, needs_varying("time_s", 1.0))
     kind = "time"
     rivals = {
         "ageing": "conditioning_cycles",
