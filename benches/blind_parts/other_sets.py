@@ -123,7 +123,7 @@ def table_of(case: OtherSet, folder: Path) -> tuple[Table, dict[str, Any]]:
     columns |= {n: h[:, WRENCH.index(n)] for n in body.outputs}
     columns |= {"time_s": when, "dwell_s": made.dwell_s}
     columns["temperature_degC"] = made.temperature_degC
-    if case.name == "unused_column":
+    if case.name == "unused_column:slider":
         columns["slider"] = made.slider
     if case.repeats:
         first = case.rows - case.repeats
