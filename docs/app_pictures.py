@@ -2,14 +2,11 @@
 
 .venv/bin/python docs/app_pictures.py docs          # the two pictures of docs/app.md
 .venv/bin/python docs/app_pictures.py DIR --all     # every state, both themes, three widths
-.venv/bin/python docs/app_pictures.py docs --film   # the film of README.md (extra robot)
 """
 
 from __future__ import annotations
 
 import argparse
-import base64
-import io
 import os
 import subprocess
 import sys
@@ -17,15 +14,11 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from ecm.workflow.app.steps import PLAN, RIG, write_demo
 from support.chromium import Page, open_chromium
-
-if TYPE_CHECKING:
-    from PIL import Image
 
 LONG_S = 300.0
 WIDTHS = (360, 900, 1800)
@@ -189,114 +182,13 @@ def troubles(page: Page, folder: Path, take: Take) -> None:
         take("lost")
 
 
-HELD_CLOCK = """(() => {
-  const frame = requestAnimationFrame;
-  window.clock = performance.now();
-  performance.now = () => clock;
-  window.requestAnimationFrame = then => frame(() => then(clock));
-  const hand = document.createElement("div");
-  hand.id = "hand";
-  hand.style = "position:fixed;width:18px;height:18px;margin:-9px;border-radius:9px;z-index:99;"
-    + "background:#d9480f99;border:2px solid #fff;pointer-events:none;display:none";
-  document.body.append(hand);
-  window.point = at => {
-    const box = document.querySelector(at).getBoundingClientRect();
-    hand.style.display = "";
-    hand.style.left = `${box.x + box.width / 2}px`;
-    hand.style.top = `${box.y + box.height / 2}px`;
-  };
-})()"""
-"""Animations run as far as the film says, so that a slow machine draws the same frames."""
-
-
-class Film:
-    """Frames and how long each is shown; frames that are alike become one."""
-
-    def __init__(self, page: Page) -> None:
-        self._page = page
-        self.frames: list[Image.Image] = []
-        self.times_ms: list[int] = []
-
-    def shoot(self, seconds: float, frame_ms: int = 60) -> None:
-        """Let the page's clock run for some time."""
-        from PIL import Image  # noqa: PLC0415 - of the extra robot, and only the film needs it
-
-        for _ in range(max(1, round(1e3 * seconds / frame_ms))):
-            self._page.js(f"clock += {frame_ms}; new Promise(requestAnimationFrame)")
-            self._page.js("new Promise(requestAnimationFrame)")
-            data = self._page.call("Page.captureScreenshot")["data"]
-            frame = Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB")
-            if self.frames and frame.tobytes() == self.frames[-1].tobytes():
-                self.times_ms[-1] += frame_ms
-            else:
-                self.frames.append(frame)
-                self.times_ms.append(frame_ms)
-
-    def save(self, path: Path) -> None:
-        """Write a moving picture that is shown again and again."""
-        first, *others = self.frames
-        first.save(
-            path, save_all=True, append_images=others, duration=self.times_ms, loop=0,
-            lossless=True, quality=100, method=6,
-        )  # fmt: skip
-
-
-def film(page: Page, address: str, path: Path) -> None:
-    """Fit, diagnose, point at the effect that is named, add it, and see the error fall."""
-    page.size(1120, 820)
-    page.open(address)
-    page.click("#example-neck")
-    page.click("#to-model", LONG_S)
-    page.until(IDLE, LONG_S)
-    page.click("[name=kind][value=physics]")
-    page.js(HELD_CLOCK)
-    shots = Film(page)
-    named = ".effects .named [data-add]"
-
-    def click(at: str) -> None:
-        page.js(f"point('{at}')")
-        shots.shoot(0.8)
-        page.click(at)
-        page.js("hand.style.display = 'none'")
-
-    shots.shoot(0.8)
-    click("#fit")
-    page.until("!!document.querySelector('#to-fails')", LONG_S)
-    page.until(IDLE, LONG_S)
-    click("#to-fails")
-    page.until(f"{DRAWN} && {IDLE}", LONG_S)
-    shots.shoot(2)
-    click("#to-missing")
-    page.until(DRAWN, LONG_S)
-    click("#diagnose")
-    page.until("!document.querySelector('#running').hidden")
-    shots.shoot(0.6)
-    page.until(f"!!document.querySelector('#verdict') && {IDLE} && {DRAWN}", LONG_S)
-    shots.shoot(2)
-    page.js(f"document.querySelector('{named}').scrollIntoView({{block: 'center'}})")
-    shots.shoot(1)
-    page.js(f"document.querySelector('{named}').focus(); point('{named}')")
-    shots.shoot(2.5)
-    click(named)
-    page.until(f"document.querySelectorAll('tbody tr').length > 1 && {COMPARED}", LONG_S)
-    page.until("!!document.querySelector('#main .space canvas, #main canvas')"
-               " && !document.body.innerText.includes('Computing the')", LONG_S)  # fmt: skip
-    shots.shoot(4)
-    shots.save(path)
-
-
 def main() -> None:
     """Serve a new session of the demo, and take the pictures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--all", action="store_true")
-    parser.add_argument("--film", action="store_true")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name, open_chromium() as page:
-        if options.film:
-            with served("--session", Path(name) / "neck") as (address, _):
-                film(page, address, options.folder / "app.webp")
-            return
         take = (of_all if options.all else of_docs)(page, options.folder)
         with served("--session", Path(name) / "neck") as (address, _):
             walk(page, address, take)

@@ -34,13 +34,11 @@ def refuse_models(paths: Sequence[Path]) -> None:
     """Raise InputError where a model is given in place of a table, with the right order."""
     for path in filter(_is_model, paths):
         verb, *others = command.typed
-        at = [Path(word) for word in others].index(path)
+        others.pop([Path(word) for word in others].index(path))
+        first, said = [str(path)], "give the model first"
         if verb == "fit":
-            others[at], said = "data.csv", "give the table that it is to be fitted to"
-        else:
-            said = "give the model first"
-            others.insert(0, others.pop(at))
-        remedy = Remedy(said, shlex.join(["ecm", verb, *others]))
+            first, said = ["data.csv"] * (len(paths) == 1), "give the table to fit in its place"
+        remedy = Remedy(said, shlex.join(["ecm", verb, *first, *others]))
         raise InputError(f"{path} is a model, expected a table of measurements", remedy=remedy)
 
 

@@ -213,10 +213,7 @@ def read_csv(
     a missing, binary or empty file, another separator, and repeated names.
     """
     if path.suffix.lower() == ".toml":
-        raise InputError(
-            f"{path}: a TOML file holds settings, expected a table. Give the table; NAME.toml "
-            "beside it is read with it, any other by --meta."
-        )
+        raise InputError(f"{path}: a TOML file holds settings. Give the table that it describes.")
     try:
         with path.open("rb") as raw, TextIOWrapper(raw, "utf-8-sig", newline="") as file:
             if "\0" not in file.read(65536):
