@@ -64,7 +64,7 @@ class Film:
         first, *others = self.frames
         first.save(
             path, save_all=True, append_images=others, duration=self.times_ms, loop=0,
-            lossless=True, quality=100, method=6,
+            lossless=True, quality=50, method=3,
         )  # fmt: skip
 
 
