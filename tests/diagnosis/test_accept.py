@@ -180,7 +180,7 @@ def test_no_more_than_four_effects_are_searched_for() -> None:
     table = campaign("", 1.0, 4)
     five = {
         "temperature_modulus": [0.03],
-        "hysteresis": [1e-3],
+        "hysteresis": [1.3e-3],
         "anisotropy": [0.06, -0.04],
         "base_compliance": [4e-3, 4e-6, 1e-6],
         "fts_offset": [1.0, -1.0, 1.0, 0.03, 0.03, -0.03],

@@ -37,8 +37,9 @@ ALL = "all"
 _MOST_ABSORBED = 0.98
 """Share that a base may take in. An energy whose actuators are alike takes in most of what one of
 them does wrong, and never all: what stays would be named as something else that bends a body."""
-_REACHES = (0.15, 0.45)
-"""Changes at which the hysteresis of a pressure slips, over the largest pressure."""
+_REACHES, _LONGEST = (0.1, 0.3), 0.5
+"""Changes at which the hysteresis of a pressure slips, over the largest pressure. What never slips
+is a gain."""
 
 
 def _needs(kind: str) -> Callable[[Table], Missing | None]:
@@ -173,8 +174,7 @@ class PressureHysteresis(_OfActuator):
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """The sign, and some reaches; of all chambers alike and of each."""
-        own = self._concerned(table.actuation_columns)
-        largest = float(np.nan_to_num(table.matrix(own)).max(initial=0.0)) if own else 0.0
+        own, largest = self._concerned(table.actuation_columns), self._largest(table)
         reaches = dict.fromkeys((0.0, *(share * largest for share in _REACHES)))
         names = (ALL, *(own if len(own) > 1 else ()))
         return tuple(PressureHysteresis(name, reach) for reach in reaches for name in names)
@@ -184,7 +184,12 @@ class PressureHysteresis(_OfActuator):
         if self.reach_Pa == 0.0:
             return ()
         reaches = beside(self.reach_Pa, 1.8 ** (0.5 ** (round_ + 1)))
-        return tuple(PressureHysteresis(self.actuator, reach) for reach in reaches)
+        longest = _LONGEST * self._largest(table)
+        return tuple(PressureHysteresis(self.actuator, r) for r in reaches if r < longest)
+
+    def _largest(self, table: Table) -> float:
+        own = self._concerned(table.actuation_columns)
+        return float(np.nan_to_num(table.matrix(own)).max(initial=0.0)) if own else 0.0
 
 
 class ChamberLeak(_OfActuator):
