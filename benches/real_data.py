@@ -15,8 +15,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-
 from blind_parts.ablation import RULES, without
+
 from ecm import diagnose, fit_model, import_log, refit
 from ecm.errors import EcmError
 from ecm.io.table import Table, read_table

@@ -1,4 +1,4 @@
-"""FElupe and CalculiX on the same mesh: poses equal to 2e-4 (the benchmark's own functions)."""
+"""FElupe and CalculiX on the same mesh: poses equal to 2e-4."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import fem_peers
 from ecm._native import Mesh
+from support import fem_peers
 from support.programs import need_program
 
 F = NDArray[np.float64]

@@ -1,27 +1,19 @@
-"""One wrench by FElupe and CalculiX on our mesh, and what actuators cost our solver.
+"""One wrench, or pressures, by FElupe and CalculiX on our mesh.
 
-    python benches/fem_peers.py
-
-prints the processor time of one case with actuators over the same body and wrench without any, and
-that of the peers over ours where pressures act (two minutes).
-`tests/fem/test_fem_peers.py` holds the poses of the peers against ours; needs FElupe (PyPI) and
-CalculiX (Debian's calculix-ccx). All solve the reference case of docs/fem.md: neo-Hookean cylinder,
-dead wrench with a SPATIAL moment about the top centre. FElupe assembles; the rigid platform,
-Newton's method with load halving and SciPy's SuperLU around it are this file's. CalculiX is whole:
-C3D10, *RIGID BODY, SPOOLES, ten increments. The moment on its rotational node is conjugate to the
-rotation vector w: J(w)' tau is given.
+Needs FElupe (PyPI) and CalculiX (Debian's calculix-ccx). All solve the reference case of
+docs/fem.md: neo-Hookean cylinder, dead wrench with a SPATIAL moment about the top centre. FElupe
+assembles; the rigid platform, Newton's method with load halving and SciPy's SuperLU around it are
+this file's. CalculiX is whole: C3D10, *RIGID BODY, SPOOLES, ten increments. The moment on its
+rotational node is conjugate to the rotation vector w: J(w)' tau is given.
 """
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import subprocess
 import tempfile
-import time
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -280,85 +272,3 @@ def _deck(mesh: Mesh, load: Load, moment: F, tolerance: float | None) -> str:
     lines += ["*NODE PRINT, NSET=REF, FREQUENCY=1000", "U"]
     lines += ["*NODE PRINT, NSET=ROT, FREQUENCY=1000", "U", "*END STEP", ""]
     return "\n".join(lines)
-
-
-def actuation(pairs: int = 7) -> None:
-    """Processor time of one case with actuators over the same body and wrench without any."""
-    mesh = chambered("standard")
-    wrench = 0.3 * WRENCH[None]
-    law = {"young_modulus_Pa": YOUNG_PA, "poisson_ratio": POISSON}
-    faces = {"base_nodes": mesh.base_nodes, "top_nodes": mesh.top_nodes}
-    tendon = {"base_m": [[0.0, 0.03, 0.0]], "platform_m": [[LENGTH_M, 0.03, 0.0]]}
-    guides = [[0.25 * k * LENGTH_M, 0.03, 0.0] for k in (1, 2, 3)]
-    pressures = [4e4, 1e4, 0.0]
-    plain = Mesh.from_arrays(mesh.nodes_m, mesh.tetrahedra, **faces)
-    cases: dict[str, tuple[Mesh, list[float], list[bool]]] = {
-        "three pressures": (mesh, pressures, []),
-        "three given volumes": (mesh, [4e-7, 1e-7, 0.0], [True] * 3),
-        "a guided tendon": (plain.with_tendon("t", **tendon, body_m=guides), [2.0], []),
-        "a winding": (
-            plain.with_winding("outside", angles_rad=(0.1, -0.1), stiffness_N_m=2e3),
-            [],
-            [],
-        ),
-        "a winding all through": (
-            plain.with_winding("body", angles_rad=(0.1, -0.1), stiffness_Pa=1e5),
-            [],
-            [],
-        ),
-    }
-    base = Fem(plain, **law)
-    for name, (body, inputs, given) in cases.items():
-        fem = Fem(body, **law)
-        load = np.concatenate([wrench[0], inputs])[None]
-        ratios = []
-        for _ in range(pairs):
-            start = time.process_time()
-            own = fem.solve_wrenches(load, given=given, threads=1)
-            middle = time.process_time()
-            other = base.solve_wrenches(wrench, threads=1)
-            ratios.append((middle - start) / (time.process_time() - middle))
-        if own.status != ["solved"]:
-            raise RuntimeError(f"{name}: {own.status}")
-        print(
-            f"{name:20} {np.median(ratios):.2f} times the case without, {own.iterations[0]} Newton "
-            f"iterations in place of {other.iterations[0]}"
-        )
-
-
-def peers(rounds: int = 3) -> None:
-    """Processor time of the peers over ours, from mesh to pose, under wrench and pressures."""
-
-    def time_of(solve: Callable[..., F], *arguments: object) -> float:
-        start = sum(os.times()[:4])  # with the processes that it starts
-        solve(*arguments)
-        return sum(os.times()[:4]) - start
-
-    for quality in ("1x3x4", "standard"):
-        mesh = chambered(quality)
-        turned = ours(mesh, "P2", DRIVEN)[3:]
-        rows = [
-            [
-                time_of(ours, mesh, "P2", DRIVEN),
-                time_of(ours, mesh, "P2/P1", DRIVEN),
-                time_of(felupe_p2, mesh, 1e-8, DRIVEN),
-                time_of(calculix, mesh, turned, None, DRIVEN),
-            ]
-            for _ in range(rounds)
-        ]
-        _, mixed, felupe, ccx = np.median(np.array(rows) / np.array(rows)[:, :1], axis=0)
-        print(
-            f"{len(mesh.nodes_m)} nodes: ours P2 {np.median(rows, axis=0)[0]:.2f} s; ours P2/P1 "
-            f"{mixed:.1f} times as long, FElupe with SuperLU {felupe:.1f}, CalculiX {ccx:.0f}"
-        )
-
-
-def main() -> None:
-    """Command line."""
-    argparse.ArgumentParser(description=__doc__).parse_args()
-    actuation()
-    peers()
-
-
-if __name__ == "__main__":
-    main()
