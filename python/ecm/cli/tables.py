@@ -23,8 +23,7 @@ from ecm.logs import import_log as import_any
 from ecm.logs.importing import answered, import_report, read_log
 from ecm.logs.names import Question
 from ecm.models.actuated import misread
-from ecm.report.blocks import CodeBlock, Section, TableBlock, TextBlock, columns
-from ecm.report.page import Report
+from ecm.report.blocks import CodeBlock, Report, Section, TableBlock, TextBlock, columns
 
 
 def import_log(
