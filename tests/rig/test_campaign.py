@@ -78,17 +78,11 @@ def test_an_interrupted_campaign_goes_on_and_ends_with_the_same_bytes(
     tmp_path: Path, cut: int
 ) -> None:
     plan = plan_of(some_poses(25))
+    options = CampaignOptions(source=StandIn(), folder=tmp_path / "cache")
+    same: dict[str, Any] = {"options": options, "hide": "payload=2", "seed": 4}
 
     def files(folder: Path, **more: Any) -> dict[str, bytes]:
-        run_campaign(
-            plan,
-            RigSettings(),
-            folder / "data.csv",
-            options=CampaignOptions(source=StandIn(), folder=tmp_path / "cache"),
-            hide="payload=2",
-            seed=4,
-            **more,
-        )
+        run_campaign(plan, RigSettings(), folder / "data.csv", **same, **more)
         return {f.name: f.read_bytes() for f in folder.iterdir()}
 
     whole = files(tmp_path / "a")
