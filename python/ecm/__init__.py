@@ -25,7 +25,7 @@ _NAMES = {
     "designs.optimal": ("Design", "optimal_design"),
     "designs.plans": ("diagnosable_plan", "paper_plan"),
     "designs.regressors": ("DesignSettings",),
-    "effects.check": ("check",),
+    "models.check": ("check",),
     "diagnosis.procedure": ("diagnose",),
     "diagnosis.result": ("Diagnosis",),
     "diagnosis.settings": ("DiagnosisSettings",),

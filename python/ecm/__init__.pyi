@@ -12,7 +12,6 @@ from ecm.designs.regressors import DesignSettings as DesignSettings
 from ecm.diagnosis.procedure import diagnose as diagnose
 from ecm.diagnosis.result import Diagnosis as Diagnosis
 from ecm.diagnosis.settings import DiagnosisSettings as DiagnosisSettings
-from ecm.effects.check import check as check
 from ecm.errors import ComputationError as ComputationError
 from ecm.errors import EcmError as EcmError
 from ecm.errors import InputError as InputError
@@ -28,6 +27,7 @@ from ecm.io.table import as_table as as_table
 from ecm.io.table import read_table as read_table
 from ecm.logs.importing import ImportedLog as ImportedLog
 from ecm.logs.importing import import_log as import_log
+from ecm.models.check import check as check
 from ecm.models.control_loop import LoopSettings as LoopSettings
 from ecm.models.energy import EnergyModel as EnergyModel
 from ecm.models.export import export as export
