@@ -283,21 +283,21 @@ def test_turned_axes_show_against_the_given_model(
     assert found.to_dict()["model"]["statement"]["error_after"] < 3.0
 
 
-def hinges() -> Callable[..., Table]:
+@pytest.fixture
+def hinge() -> Callable[..., Table]:
     """Tables of one hinge, its angles and its torques multiplied by a number each."""
     random = np.random.default_rng(0)
 
-    def hinge(angles: float, torques: float = 1.0) -> Table:
+    def made(angles: float, torques: float = 1.0) -> Table:
         angle = random.uniform(-0.4, 0.4, 60)
         torque = 2.0 * angle + 3.0 * angle**3 + 0.01 * random.standard_normal(60)
         meta = Meta(instrument=Instrument(torque_sd_Nm=0.01 * torques, pose_rotation_sd_rad=1e-9))
         return as_table({"theta_z_rad": angles * angle, "tau_z_Nm": torques * torque}, meta=meta)
 
-    return hinge
+    return made
 
 
-def test_a_sign_and_a_unit_of_one_angle_beside_the_given_model() -> None:
-    hinge = hinges()
+def test_a_sign_and_a_unit_of_one_angle_beside_the_given_model(hinge: Callable[..., Table]) -> None:
     model = fit_model(hinge(1.0), "cubic")
     assert diagnose(model, hinge(1.0)).model.statement is None
     said = diagnose(model, hinge(-1.0)).model.statement
@@ -309,8 +309,7 @@ def test_a_sign_and_a_unit_of_one_angle_beside_the_given_model() -> None:
 
 
 @pytest.mark.parametrize("softer", [1.355818, 0.9])
-def test_another_specimen_is_no_unit_of_torque(softer: float) -> None:
-    hinge = hinges()
+def test_another_specimen_is_no_unit_of_torque(hinge: Callable[..., Table], softer: float) -> None:
     model = fit_model(hinge(1.0), "cubic")
     assert diagnose(model, hinge(1.0, 1.0 / softer)).model.statement is None  # lbf ft are 1.356 N m
     said = diagnose(model, hinge(1.0, 1000.0)).model.statement

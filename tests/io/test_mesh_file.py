@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -132,10 +133,7 @@ def test_a_missing_extra_or_system_library_is_named(
     kind: type[Exception],
     message: str,
 ) -> None:
-    def absent(module: str) -> Any:
-        raise error
-
-    monkeypatch.setattr("ecm.io.extras.import_module", absent)
+    monkeypatch.setattr("ecm.io.extras.import_module", Mock(side_effect=error))
     (tmp_path / name).write_text("x", encoding="utf-8")
     with pytest.raises(kind, match=message):
         read_mesh(tmp_path / name)
