@@ -133,7 +133,7 @@ def predict(
     stiffness_kind
         Which of the three stiffnesses.
     leverage
-        Add extrapolates (0, 1); of six columns leverage, too.
+        Say which poses are beyond the fitted ones.
     rotation : WORD
         Add the rotation as wxyz, rows, ZYX, grood-suntay-right or other words (rad).
     """
@@ -199,23 +199,12 @@ def export(
     data: Sequence[Path] = (),
     **options: Any,
 ) -> None:
-    """Write a model for a controller or a simulator (docs/export.md).
-
-    \b
-      c         C99: no heap, no libm, golden vectors, a 1 kHz control loop
-      rust      a no_std crate with the same
-      mujoco    a passive plugin, scenes that load it, the linear part alone
-      fmu       FMI 2.0 and 3.0 for co-simulation, with sources and binaries
-      opensim   ExpressionBasedBushingForce of all six deflections
-      simulink  C for a C Caller block, an S-function, a MEX file
-      drake     a LeafSystem in Python that pushes on a MultibodyPlant
-      pinocchio external forces of the joints, in Python
-      ros2      a node from PoseStamped to WrenchStamped
+    """Write a model for a controller or simulator (docs/export.md).
 
     Parameters
     ----------
     to : TARGET
-        One of the above.
+        c, rust, mujoco, fmu, opensim, simulink, drake, pinocchio, ros2.
     out : DIR
         Folder to write into.
     name : NAME
@@ -303,7 +292,7 @@ def fit(
     model : NAME
         choose, poly:D, energyD, physics or file.
     pcr : B
-        B, B/sqrtN, rank:R or press (poly).
+        Fewer directions of a poly: B, B/sqrtN, rank:R, press.
     zero_at_home
         No wrench at the undeformed pose.
     stable
@@ -315,7 +304,7 @@ def fit(
     add : EFFECT
         Fitted with this effect; repeatable.
     force
-        Fit a table that is read wrongly; save what is worse.
+        Also where the table looks wrong or the model is worse.
     """
     session.check_output(out)
     table = session.read(data, need="fit")
@@ -412,7 +401,7 @@ def refit(
     remove : EFFECT
         Effect to remove; repeatable.
     freeze : NAME
-        Effect, or base, to keep.
+        Keep the numbers of this effect, or of the base.
     force
         Save also a model that is worse than before.
     """
