@@ -29,9 +29,8 @@ from ecm.io.extras import require
 from ecm.io.table import Table
 from ecm.rig import RigSettings, Source, fem_source
 from ecm.rig.arm.campaign import RobotCampaign, first_reached, full_trace, require_arm
-from ecm.rig.arm.kuka import mujoco
 from ecm.rig.arm.procedure import ArmSetup, SimulatedArm
-from ecm.rig.arm.simulation import Simulation
+from ecm.rig.arm.simulation import Simulation, mujoco
 from ecm.rig.arm.trips import COLOURS, PANELS, Stop, TripResult
 from ecm.rig.elastic import Progress
 from ecm.rig.plan import rest_pose

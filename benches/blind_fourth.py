@@ -7,10 +7,8 @@ Every set is a file in a folder named by a hash of the code; one that is there i
 
 from __future__ import annotations
 
-import json
 import os
 import sys
-import time
 from collections import Counter
 from functools import partial
 from pathlib import Path
@@ -20,12 +18,9 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("RAYON_NUM_THREADS", "1")
 
-from blind_parts.command import parser_of, run_sets, write_table
+from blind_parts.command import diagnosed, parser_of, run_sets, write_table
 from blind_parts.fourth import HIDDEN, SWAPPED, FourthSet, fourth_sets, fourth_table, solved
 from blind_parts.workers import run_all
-from ecm.diagnosis import diagnose
-from ecm.errors import EcmError
-from ecm.io.cache import write_atomically
 from ecm.models import fit_model
 from ecm.rig import score
 
@@ -33,22 +28,13 @@ _OUTCOMES = ("right", "part", "unsaid", "wrong name", "wrong class", "alarm", "r
 _GOALS = {"named at s = 1": 0.9, "wrong name": 0.01, "nothing hidden": 0.985}
 
 
-def run_one(case: FourthSet, folder: Path) -> None:
-    """Diagnose a set and write its file; in whichever process."""
-    table = fourth_table(case, folder.parent)
-    began = time.process_time()
-    try:
-        found = diagnose(fit_model(table, "actuated4"), table)
-        verdict, answer = found.verdict, [list(members) for members in found.answer]
-        said = found.sentence()
-    except EcmError as error:
-        verdict, answer, said = "refused", [], str(error)
-        if SWAPPED in said:
-            answer = [[SWAPPED]]
-    result = {"set": case.to_dict(), "verdict": verdict, "answer": answer, "said": said}
-    result["outcome"] = outcome(case, verdict, answer)
-    result["seconds"] = time.process_time() - began
-    write_atomically(_file(case, folder), json.dumps(result))
+def answer_of(case: FourthSet, folder: Path) -> dict[str, Any]:
+    """Diagnose a set; its file."""
+    table = fourth_table(case, folder)
+    result, found = diagnosed(case, table, partial(fit_model, table, "actuated4"))
+    if found is None and SWAPPED in result["said"]:
+        result["answer"] = [[SWAPPED]]
+    return result | {"outcome": outcome(case, result["verdict"], result["answer"])}
 
 
 def outcome(case: FourthSet, verdict: str, answer: list[list[str]]) -> str:
@@ -64,10 +50,6 @@ def outcome(case: FourthSet, verdict: str, answer: list[list[str]]) -> str:
     if not scored["wrong"]:
         return "part"
     return "wrong name" if any(len(one) == 1 for one in scored["wrong"]) else "wrong class"
-
-
-def _file(case: FourthSet, folder: Path) -> Path:
-    return folder / f"{case.seed}-{case.index:04d}.json"
 
 
 def _solve(folder: Path, cases: list[FourthSet], workers: int) -> None:
@@ -127,7 +109,7 @@ def main() -> int:
     given = parser_of(__doc__, 96).parse_args()
     cases = [case for seed in given.seed for case in fourth_sets(given.sets, seed)]
     solve = partial(_solve, cases=cases, workers=given.workers)
-    found = run_sets(given, cases, run_one, _file, solve)
+    found = run_sets(given, cases, answer_of, solve)
     write_table(given, table_text(found), len(found), len(cases))
     return 0
 

@@ -19,7 +19,7 @@ os.environ.setdefault("RAYON_NUM_THREADS", "1")
 
 from blind_parts.command import parser_of, run_sets, write_table
 from blind_parts.other_bodies import solve_bodies
-from blind_parts.other_sets import other_sets, run_one, set_file
+from blind_parts.other_sets import answer_of, other_sets
 from blind_parts.other_table import table_text
 
 
@@ -27,7 +27,7 @@ def main() -> int:
     """Run what is missing, then print and write the table."""
     given = parser_of(__doc__, 240).parse_args()
     cases = [case for seed in given.seed for case in other_sets(given.sets, seed)]
-    found = run_sets(given, cases, run_one, set_file, solve_bodies)
+    found = run_sets(given, cases, answer_of, solve_bodies)
     text, met = table_text(found)
     write_table(given, text, len(found), len(cases))
     return 0 if met else 1

@@ -7,11 +7,10 @@ Every set is a file in a folder named by a hash of the code; one that is there i
 
 from __future__ import annotations
 
-import json
 import os
 import sys
-import time
 from collections import Counter
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("RAYON_NUM_THREADS", "1")
 
-from blind_parts.command import parser_of, run_sets, write_table
+from blind_parts.command import diagnosed, parser_of, run_sets, write_table
 from blind_parts.third import (
     HIDDEN,
     ThirdSet,
@@ -29,9 +28,6 @@ from blind_parts.third import (
     third_sets,
     third_table,
 )
-from ecm.diagnosis import diagnose
-from ecm.errors import EcmError
-from ecm.io.cache import write_atomically
 
 _OUTCOMES = (
     "right", "family", "other family", "unknown", "none", "ambiguous", "wrong class", "wrong name",
@@ -39,24 +35,12 @@ _OUTCOMES = (
 )  # fmt: skip
 
 
-def run_one(case: ThirdSet, folder: Path) -> None:
-    """Diagnose a set and write its file; in whichever process."""
-    table = third_table(case, folder.parent)
-    began = time.process_time()
-    try:
-        found = diagnose(given_model(table), table)
-        verdict, answer = found.verdict, [list(members) for members in found.answer]
-        said, driver = found.sentence(), found.family.driver if found.family else ""
-    except EcmError as error:
-        verdict, answer, said, driver = "refused", [], str(error), ""
-    result = {"set": case.to_dict(), "verdict": verdict, "answer": answer, "said": said}
-    result["outcome"] = outcome(case, verdict, answer, driver)
-    result["seconds"] = time.process_time() - began
-    write_atomically(_file(case, folder), json.dumps(result))
-
-
-def _file(case: ThirdSet, folder: Path) -> Path:
-    return folder / f"{case.seed}-{case.index:04d}.json"
+def answer_of(case: ThirdSet, folder: Path) -> dict[str, Any]:
+    """Diagnose a set; its file."""
+    table = third_table(case, folder)
+    result, found = diagnosed(case, table, partial(given_model, table))
+    driver = found.family.driver if found and found.family else ""
+    return result | {"outcome": outcome(case, result["verdict"], result["answer"], driver)}
 
 
 def table_text(results: list[dict[str, Any]]) -> str:
@@ -90,7 +74,7 @@ def main() -> int:
     """Run what is missing, then print and write the table."""
     given = parser_of(__doc__, 104).parse_args()
     cases = [case for seed in given.seed for case in third_sets(given.sets, seed)]
-    found = run_sets(given, cases, run_one, _file, solve_bodies)
+    found = run_sets(given, cases, answer_of, solve_bodies)
     write_table(given, table_text(found), len(found), len(cases))
     return 0
 

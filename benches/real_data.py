@@ -1,10 +1,9 @@
 """What is said of real measurements: docs/real_data.md.
 
-    python benches/real_data.py --data FOLDER [--only NAME] [--without RULE ...]
+    python benches/real_data.py --data FOLDER [--only NAME]
 
-FOLDER holds the tables as they were published, each with its SOURCE.md. With --without rules of the
-diagnosis are left out (`blind_parts/ablation.py`). With --pressures only the piston under seven
-pressures: models of 1, 3, 5 and 7 bar that predict 2, 4 and 6.
+FOLDER holds the tables as they were published, each with its SOURCE.md. With --pressures only the
+piston under seven pressures: models of 1, 3, 5 and 7 bar that predict 2, 4 and 6.
 """
 
 from __future__ import annotations
@@ -16,7 +15,6 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from blind_parts.ablation import RULES, without
 from ecm import diagnose, fit_model, import_log, refit
 from ecm.errors import EcmError
 from ecm.io.table import Table, read_table
@@ -97,7 +95,6 @@ def main() -> None:
     parser.add_argument("--data", type=Path, required=True)
     parser.add_argument("--models", nargs="+", default=["linear", "cubic"])
     parser.add_argument("--only", default="", help="tables with this in their name")
-    parser.add_argument("--without", nargs="+", choices=RULES, default=[])
     parser.add_argument("--pressures", action="store_true", help="only the piston, all pressures")
     given = parser.parse_args()
     if given.pressures:
@@ -109,9 +106,7 @@ def main() -> None:
             continue
         for model in given.models:
             try:
-                with without(*given.without) as (stages, settings):
-                    fitted = fit_model(table, model, force=True)
-                    found = diagnose(fitted, table, stages=stages, settings=settings)
+                found = diagnose(fit_model(table, model, force=True), table)
                 before, after = found.held_out.before, found.held_out.after
                 fall = f"{before:.3g} → {after:.3g}" if found.answer else f"{before:.3g}"
                 said = f"{found.verdict}: {found.summary().missing.partition('; error of')[0]}"

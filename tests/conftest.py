@@ -34,7 +34,6 @@ LONGEST_FIRST = (
     "package/test_pages.py",
     "chain/test_chain.py",
     "blind_benchmark/test_blind_broken.py",
-    "fem/test_fem_peers.py",
     "fem/test_dask.py",
     "effects/test_encoder_poses.py",
     "workflow/test_identify_with_arm.py",

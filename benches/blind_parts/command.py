@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -13,8 +14,12 @@ import numpy as np
 
 from blind import code_hash
 from blind_parts.workers import run_all
+from ecm.diagnosis import Diagnosis, diagnose
+from ecm.errors import EcmError
 from ecm.io.cache import write_atomically
 from ecm.io.extras import own_cores
+from ecm.io.table import Table
+from ecm.models import Model
 
 
 def parser_of(description: str, sets: int) -> argparse.ArgumentParser:
@@ -36,19 +41,23 @@ def folder_of(given: argparse.Namespace) -> Path:
     return folder
 
 
+def file_of(case: Any, folder: Path) -> Path:
+    """Where the result of a set is kept."""
+    return folder / f"{case.seed}-{case.index:04d}.json"
+
+
 def run_sets(
     given: argparse.Namespace,
     cases: list[Any],
-    run_one: Callable[..., Any],
-    file_of: Callable[[Any, Path], Path],
+    answer: Callable[[Any, Path], dict[str, Any]],
     solve: Callable[[Path], Any],
 ) -> list[dict[str, Any]]:
     """Run the sets that have no file yet, and return what all files hold.
 
     Parameters
     ----------
-    run_one
-        Called with a case and `folder`; writes its file.
+    answer
+        What the file of a set holds; called with the set and the folder of the bodies.
     solve
         Prepares the bodies in a folder, before several processes ask for them.
     """
@@ -56,9 +65,29 @@ def run_sets(
     todo = [case for case in cases if not file_of(case, folder).exists()]
     if todo:
         solve(given.out)
-    run_all(todo, partial(run_one, folder=folder), workers=given.workers, seconds=given.seconds)
+    work = partial(_write_one, answer=answer, folder=folder)
+    run_all(todo, work, workers=given.workers, seconds=given.seconds)
     files = [file_of(case, folder) for case in cases]
     return [json.loads(file.read_text()) for file in files if file.exists()]
+
+
+def _write_one(case: Any, answer: Callable[[Any, Path], dict[str, Any]], folder: Path) -> None:
+    """In whichever process."""
+    write_atomically(file_of(case, folder), json.dumps(answer(case, folder.parent)))
+
+
+def diagnosed(
+    case: Any, table: Table, model: Callable[[], Model]
+) -> tuple[dict[str, Any], Diagnosis | None]:
+    """What the diagnosis says of a set, for its file; None where model or table is refused."""
+    began, found = time.process_time(), None
+    try:
+        found = diagnose(model(), table)
+        verdict, answer, said = found.verdict, [list(one) for one in found.answer], found.sentence()
+    except EcmError as error:
+        verdict, answer, said = "refused", [], str(error)
+    result = {"set": case.to_dict(), "verdict": verdict, "answer": answer, "said": said}
+    return result | {"seconds": time.process_time() - began}, found
 
 
 def write_table(given: argparse.Namespace, text: str, found: int, cases: int) -> None:

@@ -5,11 +5,9 @@ Everything of a set follows from its number and the seed; its truth is fixed bef
 
 from __future__ import annotations
 
-import json
 import re
-import time
 from dataclasses import asdict, dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from blind_parts.command import diagnosed
 from blind_parts.miss_kinds import MISSES, UNSAID
 from blind_parts.other_bodies import BODIES, Body, stated_model
 from blind_parts.other_hidden import FOREIGN, KNOWN, STATEMENTS, Law, Made
 from blind_parts.strength import Strength
-from ecm.diagnosis import diagnose
-from ecm.errors import EcmError
-from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table, as_table
 from ecm.models import Model, fit_model
@@ -220,28 +216,12 @@ def given_model(table: Table, mechanism: dict[str, Any]) -> Model:
 
 
 # --- answer and score ---------------------------------------------------------------------------
-def run_one(case: OtherSet, folder: Path) -> None:
-    """Run a set and write its file; in whichever process."""
-    write_atomically(set_file(case, folder), json.dumps(answer_of(case, folder.parent)))
-
-
-def set_file(case: OtherSet, folder: Path) -> Path:
-    """Where the result of a set is kept."""
-    return folder / f"{case.seed}-{case.index:04d}.json"
-
-
 def answer_of(case: OtherSet, folder: Path) -> dict[str, Any]:
     """Diagnose a set; its file."""
     table, mechanism = table_of(case, folder)
-    began = time.process_time()
-    try:
-        found = diagnose(given_model(table, mechanism), table)
-        said = [found.sentence(), *found.warnings, *check(table).warnings]
-        verdict, answer = found.verdict, [list(members) for members in found.answer]
-    except EcmError as error:
-        said, verdict, answer = [str(error)], "refused", []
-    result = {"set": case.to_dict(), "verdict": verdict, "answer": answer, "said": said}
-    return result | {"seconds": time.process_time() - began}
+    result, found = diagnosed(case, table, partial(given_model, table, mechanism))
+    warnings = [*found.warnings, *check(table).warnings] if found else []
+    return result | {"said": [result["said"], *warnings]}
 
 
 def truth(result: dict[str, Any]) -> set[str]:

@@ -9,8 +9,8 @@ from typing import Any
 
 from ecm.fem.simulate import Workspace
 from ecm.io.description import ColumnSource, FileMeta, Instrument, Run, Scene
-from ecm.io.frames import Frames
 from ecm.io.mechanism import Mechanism
+from ecm.io.se3 import Frames
 from ecm.io.settings import Limits, meanings
 from ecm.rig.settings import ArmSettings, HiddenTable, Instruments, PlantTable, Procedure
 from ecm.workflow.config import DesignTable, SelectTable, SimulateTable

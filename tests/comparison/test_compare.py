@@ -20,7 +20,7 @@ from ecm.io.columns import WRENCH
 from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models import Model, fit_model
-from ecm.models.noise_estimate import estimate_noise, nuisance_columns
+from ecm.models.joint_fit import estimate_noise, nuisance_columns
 from ecm.regression.folds import folds, repeat_cells, row_groups, without_zero_readings
 from ecm.regression.noise import reml_noise
 from ecm.regression.normal_equations import NormalEquations

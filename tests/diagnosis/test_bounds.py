@@ -17,10 +17,10 @@ from ecm.effects.relaxation import StressRelaxation
 from ecm.errors import ComputationError
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
-from ecm.models.file import effect_document, effect_of
 from ecm.models.fit import choose_base
 from ecm.models.joint_fit import FittedEffect
 from ecm.models.refit import refit, refuse_worse
+from ecm.models.registry import effect_document, effect_of
 from support.acceptance import acceptance_check
 from support.campaigns import campaign, model, with_change
 from support.neck import Done

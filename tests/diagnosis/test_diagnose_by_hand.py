@@ -15,8 +15,8 @@ from ecm.io.columns import VELOCITY
 from ecm.io.se3 import left_jacobian_inverse, rotate, rotation, transpose
 from ecm.io.table import Table
 from ecm.models import Model, fit_model, surrogate_of
-from ecm.models.rod import RodMap
-from ecm.regression.approach import pose_before
+from ecm.models.literature import RodMap
+from ecm.regression.history import pose_before
 from support import stand_in
 from support.campaigns import campaign, found_in, model, workspace_poses
 from support.campaigns import with_change as with_wrench

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -283,15 +283,21 @@ def test_turned_axes_show_against_the_given_model(
     assert found.to_dict()["model"]["statement"]["error_after"] < 3.0
 
 
-def test_a_sign_and_a_unit_of_one_angle_beside_the_given_model() -> None:
+@pytest.fixture
+def hinge() -> Callable[..., Table]:
+    """Tables of one hinge, its angles and its torques multiplied by a number each."""
     random = np.random.default_rng(0)
 
-    def hinge(scale: float) -> Table:
+    def made(angles: float, torques: float = 1.0) -> Table:
         angle = random.uniform(-0.4, 0.4, 60)
         torque = 2.0 * angle + 3.0 * angle**3 + 0.01 * random.standard_normal(60)
-        meta = Meta(instrument=Instrument(torque_sd_Nm=0.01, pose_rotation_sd_rad=1e-9))
-        return as_table({"theta_z_rad": scale * angle, "tau_z_Nm": torque}, meta=meta)
+        meta = Meta(instrument=Instrument(torque_sd_Nm=0.01 * torques, pose_rotation_sd_rad=1e-9))
+        return as_table({"theta_z_rad": angles * angle, "tau_z_Nm": torques * torque}, meta=meta)
 
+    return made
+
+
+def test_a_sign_and_a_unit_of_one_angle_beside_the_given_model(hinge: Callable[..., Table]) -> None:
     model = fit_model(hinge(1.0), "cubic")
     assert diagnose(model, hinge(1.0)).model.statement is None
     said = diagnose(model, hinge(-1.0)).model.statement
@@ -303,18 +309,10 @@ def test_a_sign_and_a_unit_of_one_angle_beside_the_given_model() -> None:
 
 
 @pytest.mark.parametrize("softer", [1.355818, 0.9])
-def test_another_specimen_is_no_unit_of_torque(softer: float) -> None:
-    random = np.random.default_rng(0)
-
-    def hinge(scale: float) -> Table:
-        angle = random.uniform(-0.4, 0.4, 60)
-        torque = 2.0 * angle + 3.0 * angle**3 + 0.01 * random.standard_normal(60)
-        meta = Meta(instrument=Instrument(torque_sd_Nm=0.01 * scale, pose_rotation_sd_rad=1e-9))
-        return as_table({"theta_z_rad": angle, "tau_z_Nm": scale * torque}, meta=meta)
-
+def test_another_specimen_is_no_unit_of_torque(hinge: Callable[..., Table], softer: float) -> None:
     model = fit_model(hinge(1.0), "cubic")
-    assert diagnose(model, hinge(1.0 / softer)).model.statement is None  # lbf ft are 1.356 N m
-    said = diagnose(model, hinge(1000.0)).model.statement
+    assert diagnose(model, hinge(1.0, 1.0 / softer)).model.statement is None  # lbf ft are 1.356 N m
+    said = diagnose(model, hinge(1.0, 1000.0)).model.statement
     assert said is not None
     assert "N mm" in said.what
 

@@ -26,8 +26,7 @@ from support.stand_in import L, StandIn, wrench
 
 pytest.importorskip("mujoco", reason="mujoco is missing: pip install 'ecm-stiffness[robot]'")
 
-from ecm.rig.arm.kuka import scene
-from ecm.rig.arm.simulation import Simulation
+from ecm.rig.arm.simulation import Simulation, scene
 from support.arm_joints import joints_of
 from support.arm_rig import plan, settings
 from support.programs import need_program

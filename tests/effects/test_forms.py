@@ -25,9 +25,9 @@ from ecm.io.description import Meta
 from ecm.io.se3 import skew
 from ecm.io.table import Table
 from ecm.models.fit import choose_base
-from ecm.regression.approach import order_of_visits, pose_before
 from ecm.regression.f_test import explained_by_span
 from ecm.regression.folds import without_zero_readings
+from ecm.regression.history import order_of_visits, pose_before
 from ecm.regression.normal_equations import (
     NormalEquations,
     explained_by_blocks,

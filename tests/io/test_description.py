@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from ecm.errors import InputError
 from ecm.io.description import ColumnSource, FileMeta, Instrument, Meta, Scene, read_meta
-from ecm.io.toml import read_toml, write_toml
+from ecm.io.settings import read_toml, write_toml
 
 FULL = """
 [file]

@@ -59,7 +59,7 @@ def sources() -> dict[str, str]:
 
 
 # What is no table of measurements: predictions given as a model, and arrays that a stage holds.
-ALSO_MADE = {"models/given.py: as_model"}
+ALSO_MADE = {"models/fit.py: as_model"}
 
 
 def test_only_public_functions_take_what_is_no_table() -> None:

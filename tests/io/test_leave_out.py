@@ -6,7 +6,7 @@ import pytest
 
 from ecm import InputError, as_table
 from ecm.io.description import with_columns, with_leave_out
-from ecm.io.toml import parse_toml
+from ecm.io.settings import parse_toml
 
 
 def test_reasons_of_the_users_own_words_and_comments_stay_readable() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -117,30 +118,25 @@ def test_broken_files_say_what_is_missing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "package", "extra"), [("a.vtu", "meshio", "mesh"), ("a.step", "gmsh", "cad")]
+    ("name", "error", "kind", "message"),
+    [
+        ("a.vtu", ImportError("meshio"), MissingExtra, r"meshio.*\(extra mesh\)"),
+        ("a.step", ImportError("gmsh"), MissingExtra, r"gmsh.*\(extra cad\)"),
+        ("a.step", OSError("libGLU.so.1: cannot open"), InputError, "libglu1-mesa"),
+    ],
 )
-def test_a_missing_extra_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, package: str, extra: str
+def test_a_missing_extra_or_system_library_is_named(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    error: Exception,
+    kind: type[Exception],
+    message: str,
 ) -> None:
-    def absent(module: str) -> Any:
-        raise ImportError(module)
-
-    monkeypatch.setattr("ecm.io.extras.import_module", absent)
+    monkeypatch.setattr("ecm.io.extras.import_module", Mock(side_effect=error))
     (tmp_path / name).write_text("x", encoding="utf-8")
-    with pytest.raises(MissingExtra, match=rf"{package}.*\(extra {extra}\)"):
+    with pytest.raises(kind, match=message):
         read_mesh(tmp_path / name)
-
-
-def test_missing_system_libraries_of_gmsh_are_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def broken(module: str) -> Any:
-        raise OSError("libGLU.so.1: cannot open shared object file")
-
-    monkeypatch.setattr("ecm.io.extras.import_module", broken)
-    (tmp_path / "a.step").write_text("x", encoding="utf-8")
-    with pytest.raises(InputError, match="libglu1-mesa"):
-        read_mesh(tmp_path / "a.step")
 
 
 def _cad(

@@ -21,7 +21,7 @@ from ecm import import_log
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
-from ecm.io.frames import Frames
+from ecm.io.se3 import Frames
 from ecm.logs.sources import rotation_columns, to_rotation_vectors
 from support.neck import Done
 

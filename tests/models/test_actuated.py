@@ -15,9 +15,8 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models import Model, PolynomialModel
-from ecm.models.actuated import ActuatedMap, ActuatedModel, ActuatedTerms
+from ecm.models.actuated import ActuatedMap, ActuatedModel, ActuatedTerms, WallStiffness
 from ecm.models.selection import choose_model
-from ecm.models.wall_stiffness import WallStiffness
 from ecm.regression.rows import inputs_of
 from ecm.workflow.config import read_config
 from support.neck import ROOT, Done

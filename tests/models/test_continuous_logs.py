@@ -21,8 +21,8 @@ from ecm.diagnosis.procedure import STAGES, watched
 from ecm.io.columns import POSE, WRENCH
 from ecm.models import fit_summary as summary
 from ecm.models.fit_summary import fit_summary
-from ecm.models.learned import GaussianProcessModel
-from ecm.regression.correlation import correlation_time
+from ecm.models.literature import GaussianProcessModel
+from ecm.regression.history import correlation_time
 from ecm.report.blocks import text_of
 from support.neck import LENGTH_M, STIFFNESS, Done, csv_text, neck_columns
 

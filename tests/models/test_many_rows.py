@@ -21,8 +21,8 @@ from ecm.models import cross_validate, fit_model, parse_model, polynomial
 from ecm.models import selection as cross_validation_module
 from ecm.models.errors import ceiling_rms
 from ecm.models.joint_fit import joint_fit
-from ecm.models.specification import Weights
-from ecm.regression import blocks
+from ecm.models.maps import Weights
+from ecm.regression import normal_equations
 from ecm.regression.noise import Noise
 from ecm.regression.normal_equations import NormalEquations
 from support.campaigns import campaign, model, physics
@@ -89,8 +89,8 @@ def test_a_fit_that_starts_from_some_of_the_rows_ends_at_the_same_coefficients(
 ) -> None:
     table = slow_ramp(1500)
     from_all = fit_model(table, "energy4")
-    monkeypatch.setattr(blocks, "MANY_ROWS", 1000)
-    monkeypatch.setattr(blocks, "_FEW_ROWS", 300)
+    monkeypatch.setattr(normal_equations, "MANY_ROWS", 1000)
+    monkeypatch.setattr(normal_equations, "_FEW_ROWS", 300)
     from_some = fit_model(table, "energy4")
     assert from_all.covariance is not None
     sd = np.sqrt(np.diag(from_all.covariance))

@@ -30,8 +30,8 @@ from ecm.models import (
     surrogate_of,
 )
 from ecm.models.joint_fit import FittedEffect
+from ecm.models.maps import ModelSpecification
 from ecm.models.registry import MODELS
-from ecm.models.specification import ModelSpecification
 from support.campaigns import campaign, model, physics, workspace_poses
 from support.stand_in import L, wrench
 

@@ -24,8 +24,8 @@ from ecm.fem.simulate import fem_poses
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.mechanism import Material, Mechanism
+from ecm.io.settings import read_toml
 from ecm.io.table import Table
-from ecm.io.toml import read_toml
 from ecm.models import Model, PhysicsMap, PhysicsModel, fit_model, load_model, physics_map
 from ecm.models.partial import MeasuredMap
 from ecm.models.physics import build as physics_build

@@ -15,9 +15,9 @@ from ecm.io.table import Table
 from ecm.models import PhysicsMap, physics_map
 from ecm.models.joint_fit import joint_fit
 from ecm.models.layout import plain
+from ecm.models.literature import RodMap
 from ecm.models.physics.build import BuildSettings, build_family, shape_of, stated_rod
 from ecm.models.physics.family import PARAMETERS, PhysicsFamily
-from ecm.models.rod import RodMap
 from ecm.regression.noise import Noise
 from support.neck import columns_of
 

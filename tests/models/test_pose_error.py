@@ -15,7 +15,7 @@ import ecm
 from ecm._native import rotation_matrices, rotation_vectors
 from ecm.io.table import Table
 from ecm.models import Model, PhysicsMap, fit_model
-from ecm.models.pose_error import pose_error
+from ecm.models.evaluation import pose_error
 from ecm.regression.noise import Noise
 from ecm.regression.rows import BaseMap
 from support.neck import Done, columns_of

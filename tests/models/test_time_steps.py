@@ -21,7 +21,7 @@ from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import FileMeta, Meta
 from ecm.io.table import Table, as_table
-from ecm.models import Model, file, fit_model, load_model
+from ecm.models import Model, fit_model, load_model, registry
 from ecm.models.control_loop import LoopSettings
 from ecm.models.controller import Controller
 from ecm.models.export import export_files
@@ -346,7 +346,7 @@ def test_a_model_file_without_ranges_is_read_and_says_so(plain: Model, tmp_path:
     model = with_effects(plain, (TemperatureModulus(21.0), [0.004]), (Ageing(), [1e-6]))
     document = model.document()
     del document["conditions"]
-    file.write_document(document, tmp_path / "old.json")
+    registry.write_document(document, tmp_path / "old.json")
     old = load_model(tmp_path / "old.json")
     assert old.conditions == {}
     controller = old.controller()

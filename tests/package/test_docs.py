@@ -15,7 +15,7 @@ import pytest
 from docsite.build import GENERATED
 from docsite.pages import anchors, links, slug, source_pages
 from ecm.cli.app import COMMANDS, MOVED, load_command
-from ecm.io.toml import read_toml
+from ecm.io.settings import read_toml
 from support.neck import ROOT
 from support.pages import blocks
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import os
 import subprocess
@@ -14,7 +15,7 @@ import pytest
 
 import ecm
 from ecm.cli.app import COMMANDS
-from ecm.io.toml import read_toml
+from ecm.io.settings import read_toml
 from support.neck import ROOT, csv_text, neck_columns
 
 
@@ -24,9 +25,21 @@ def test_every_name_is_there(name: str) -> None:
     assert name in dir(ecm)
 
 
-def test_the_names_and_their_homes_are_the_same_list() -> None:
-    assert set(ecm._MODULE_OF) == set(ecm.__all__)
-    assert ecm.__all__ == sorted(ecm.__all__)
+def test_type_checkers_find_the_same_names_in_the_same_modules() -> None:
+    tree = ast.parse(Path(ecm.__file__).with_suffix(".pyi").read_bytes())
+    stated = {
+        alias.asname: (node.module, alias.name)
+        for node in tree.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    for node in tree.body:
+        if isinstance(node, ast.Assign):
+            stated[ast.unparse(node.targets[0])] = stated[ast.unparse(node.value)]
+    homes = {
+        name: (f"ecm.{home}", ecm._ALIASES.get(name, name)) for name, home in ecm._MODULE_OF.items()
+    }
+    assert stated == homes
 
 
 def test_a_name_is_looked_up_once_and_another_module_may_stand_in_for_it(

@@ -105,7 +105,7 @@ def test_what_a_refused_command_writes_fits_its_schema(
 ) -> None:
     """With the way out, its DATA and OUT filled in, in the file as in the terminal."""
     need_packages("jsonschema")
-    command = import_module("ecm.cli.fit")
+    command = import_module("ecm.cli.models")
 
     def refuse(*_given: object, **_named: object) -> None:
         remedy = Remedy("fit the stated body", "ecm fit DATA --model physics --out OUT")

@@ -7,7 +7,7 @@ from threading import Barrier, Event
 
 import pytest
 
-from ecm.regression.blocks import beside, in_threads
+from ecm.regression.normal_equations import beside, in_threads
 
 
 def test_items_are_worked_on_at_once_and_come_back_in_order(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ecm.io.arrays import F, I
-from ecm.regression.correlation import SlowNoise, slow_noise
+from ecm.regression.history import SlowNoise, slow_noise
 
 
 def found_in(time_s: F, orders: list[I], blocks: list[tuple[int, ...]]) -> SlowNoise | None:

@@ -9,7 +9,7 @@ from ecm.effects.motion import velocity, velocity_of
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.table import Table, as_table
-from ecm.regression.correlation import rates, speeds
+from ecm.regression.history import rates, speeds
 
 
 def log(time: F, run: F) -> Table:

@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from ecm.report.page import WEB
+from ecm.report.blocks import WEB
 
 F = np.ndarray
 # Machado, Oliveira, Fernandes 2009: linear RGB as seen without one kind of cone.

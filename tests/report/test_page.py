@@ -16,8 +16,7 @@ from plotly.subplots import make_subplots
 from ecm.comparison import compare
 from ecm.report import FigureBlock, Report, Section, TableBlock, TextBlock
 from ecm.report import figures as draw
-from ecm.report.blocks import Block, CodeBlock, number, text_of
-from ecm.report.page import Shown
+from ecm.report.blocks import Block, CodeBlock, Shown, number, text_of
 from support.campaigns import campaign, model
 from support.chromium import open_chromium
 from support.report_pages import figures_of, open_page

@@ -8,10 +8,17 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm._native import EnergyEvaluator
-from ecm.rig.arm import kuka as arm
-from ecm.rig.arm.kuka import flange_pose, inverse_kinematics, joints_at_swivel, scene, swivel_angle
+from ecm.rig.arm import simulation as arm
 from ecm.rig.arm.mechanism import ControllerModel
-from ecm.rig.arm.simulation import Simulation, null_direction
+from ecm.rig.arm.simulation import (
+    Simulation,
+    flange_pose,
+    inverse_kinematics,
+    joints_at_swivel,
+    null_direction,
+    scene,
+    swivel_angle,
+)
 from ecm.rig.arm.trips import Stop, cubic_profile, duration_s
 from support.arm_rig import REST, library, mechanism, settings, simulated_arm
 from support.stand_in import L, some_poses, wrench

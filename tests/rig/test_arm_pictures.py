@@ -13,9 +13,9 @@ import pytest
 
 from arm_pictures import Film, campaign_of, write_film, write_pictures
 from ecm.errors import ComputationError, MissingExtra
-from ecm.report.page import FigureBlock
+from ecm.report.blocks import FigureBlock
 from ecm.rig.arm.campaign import RobotCampaign, first_pose_trace
-from ecm.rig.arm.kuka import mujoco
+from ecm.rig.arm.simulation import mujoco
 from ecm.rig.arm.trips import Stop
 from ecm.workflow.report_identify import arm_section
 from support.arm_rig import REST, arm_setup, library, plan, settings

@@ -13,14 +13,15 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ecm.rig.arm.kuka import (
+from ecm.rig.arm.mechanism import ControllerModel
+from ecm.rig.arm.simulation import (
+    Diverged,
+    Impedance,
     flange_pose,
     joints_at_swivel,
     scene,
     swivel_angle,
 )
-from ecm.rig.arm.mechanism import ControllerModel
-from ecm.rig.arm.simulation import Diverged, Impedance
 from ecm.rig.arm.trips import Stop, StopResult, TripResult, motion_shares, pose_errors
 from ecm.rig.settings import ArmSettings
 from ecm.workflow.config import read_rig

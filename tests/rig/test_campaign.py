@@ -17,7 +17,7 @@ from ecm.rig import Campaign, CampaignOptions, RigSettings, campaign_minutes, ru
 from ecm.rig.hidden.inject import whitener_of
 from ecm.rig.plant import residual
 from ecm.rig.readings import BESIDE, Journal
-from support.stand_in import StandIn, error_of, plan_of, some_poses
+from support.stand_in import StandIn, Stop, error_of, plan_of, some_poses, stop_at
 
 F = NDArray[np.float64]
 
@@ -73,36 +73,22 @@ def test_the_written_table_reads_back(tmp_path: Path) -> None:
     assert not list(tmp_path.glob("*.truth.json"))
 
 
-class Stop(Exception):
-    pass
-
-
 @pytest.mark.parametrize("cut", [0, 5])
 def test_an_interrupted_campaign_goes_on_and_ends_with_the_same_bytes(
     tmp_path: Path, cut: int
 ) -> None:
     plan = plan_of(some_poses(25))
+    options = CampaignOptions(source=StandIn(), folder=tmp_path / "cache")
+    same: dict[str, Any] = {"options": options, "hide": "payload=2", "seed": 4}
 
     def files(folder: Path, **more: Any) -> dict[str, bytes]:
-        run_campaign(
-            plan,
-            RigSettings(),
-            folder / "data.csv",
-            options=CampaignOptions(source=StandIn(), folder=tmp_path / "cache"),
-            hide="payload=2",
-            seed=4,
-            **more,
-        )
+        run_campaign(plan, RigSettings(), folder / "data.csv", **same, **more)
         return {f.name: f.read_bytes() for f in folder.iterdir()}
-
-    def stop(done: int, total: int, word: str) -> None:
-        if word == "measuring" and done == 11:
-            raise Stop
 
     whole = files(tmp_path / "a")
     assert set(whole) == {"data.csv", "data.toml", "data.truth.json"}
     with pytest.raises(Stop):
-        files(tmp_path / "b", progress=stop)
+        files(tmp_path / "b", progress=stop_at(11))
     journal = tmp_path / "b" / "data.journal.csv"
     kept = journal.read_bytes()
     assert kept.count(b"\n") == 2 + 11
@@ -141,12 +127,8 @@ def test_a_finished_table_is_not_overwritten_and_an_unfinished_one_goes_on(tmp_p
     journal.unlink()
     assert out.read_bytes() == before
 
-    def stop(done: int, total: int, word: str) -> None:
-        if done == 3:
-            raise Stop
-
     with pytest.raises(Stop):
-        run_campaign(plan, RigSettings(), out, seed=1, overwrite=True, progress=stop, **kept)
+        run_campaign(plan, RigSettings(), out, seed=1, overwrite=True, progress=stop_at(3), **kept)
     assert out.read_bytes() == before  # until the new one is whole
     run_campaign(plan, RigSettings(), out, seed=1, **kept)
     assert out.read_bytes() != before
@@ -183,13 +165,9 @@ def test_the_journal_of_another_campaign_is_refused(tmp_path: Path) -> None:
     plan = plan_of(some_poses(12))
     out = tmp_path / "data.csv"
 
-    def stop(done: int, total: int, word: str) -> None:
-        if done == 3:
-            raise Stop
-
     kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
     with pytest.raises(Stop):
-        run_campaign(plan, RigSettings(), out, progress=stop, **kept)
+        run_campaign(plan, RigSettings(), out, progress=stop_at(3), **kept)
     with pytest.raises(InputError, match="another campaign"):
         run_campaign(plan, RigSettings(), out, seed=1, **kept)
     run_campaign(plan, RigSettings(), out, seed=1, options=replace(kept["options"], resume=False))

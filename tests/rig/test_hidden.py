@@ -42,6 +42,13 @@ def both_sides() -> Table:
     )
 
 
+def measured(folder: Path, **more: Any) -> Path:
+    """The table of a campaign."""
+    options = CampaignOptions(source=StandIn(), folder=folder / "cache")
+    run_campaign(both_sides(), RigSettings(), folder / "data.csv", options=options, **more)
+    return folder / "data.csv"
+
+
 @pytest.mark.parametrize("effect", AT_REST)
 def test_the_wanted_strength_is_reached(effect: str) -> None:
     plan, settings = both_sides(), RigSettings()
@@ -164,9 +171,7 @@ def test_random_is_drawn_by_the_seed() -> None:
 
 
 def test_that_nothing_is_hidden_can_be_sealed(tmp_path: Path) -> None:
-    out = tmp_path / "data.csv"
-    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
-    run_campaign(both_sides(), RigSettings(), out, hide="none", **kept)
+    out = measured(tmp_path, hide="none")
     right = reveal(out, {"verdict": "none", "answer": []})
     assert right.score is not None
     assert right.score["correct"]
@@ -208,9 +213,7 @@ def test_what_slipped_once_has_slipped_in_the_next_campaign() -> None:
 
 
 def test_another_campaign_of_a_rig_with_nothing_hidden(tmp_path: Path) -> None:
-    out = tmp_path / "data.csv"
-    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
-    run_campaign(both_sides(), RigSettings(), out, hide="none", **kept)
+    out = measured(tmp_path, hide="none")
     assert Hidden.parse(str(out)) == (Hidden("none", 0.0),)
     (tmp_path / "data.truth.json").write_text("{}")
     with pytest.raises(InputError, match="the seal is broken"):
@@ -280,9 +283,7 @@ def test_scoring(truth: list[str], answer: list[list[str]], correct: bool, named
 
 
 def test_the_truth_is_sealed_and_opens(tmp_path: Path) -> None:
-    out = tmp_path / "data.csv"
-    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
-    run_campaign(both_sides(), RigSettings(), out, hide="fts_offset=1.5", seed=9, **kept)
+    out = measured(tmp_path, hide="fts_offset=1.5", seed=9)
     assert "fts_offset" not in out.read_text() + out.with_suffix(".toml").read_text()
     report = {"verdict": "named", "answer": [["fts_offset"]]}
     answer = tmp_path / "answer.json"
@@ -306,18 +307,14 @@ def test_the_truth_is_sealed_and_opens(tmp_path: Path) -> None:
 
 
 def test_without_a_hidden_effect_there_is_nothing_to_reveal(tmp_path: Path) -> None:
-    out = tmp_path / "data.csv"
-    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
-    run_campaign(both_sides(), RigSettings(), out, **kept)
+    out = measured(tmp_path)
     with pytest.raises(InputError, match="nothing was hidden"):
         reveal(out)
 
 
 @pytest.mark.parametrize("text", ["[]", "{", '{"answer": ["payload"]}', '{"verdict": "none"}'])
 def test_an_answer_that_is_no_report_is_refused(tmp_path: Path, text: str) -> None:
-    out = tmp_path / "data.csv"
-    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
-    run_campaign(both_sides(), RigSettings(), out, hide="payload", **kept)
+    out = measured(tmp_path, hide="payload")
     answer = tmp_path / "answer.json"
     answer.write_text(text)
     with pytest.raises(InputError, match=r"answer\.json"):

@@ -18,6 +18,7 @@ from ecm.rig.run import rig_paths
 from support.meshes import block_mesh
 from support.neck import Done
 from support.programs import need_program
+from support.stand_in import Stop, stop_at
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 RIGS = 3
@@ -142,25 +143,17 @@ def test_a_table_that_stands_there_is_not_overwritten(tmp_path: Path) -> None:
     assert measured == [1, 4]
 
 
-class Stop(Exception):
-    pass
-
-
 @pytest.mark.parametrize("overwrite", [False, True])
 def test_an_unfinished_job_goes_on(tmp_path: Path, overwrite: bool) -> None:
     whole, out = tmp_path / "whole" / "d.csv", tmp_path / "cut" / "d.csv"
     run_campaigns(plan(), RigSettings(), whole, seeds=range(RIGS))
     taken: list[int] = []
 
-    def stop(done: int, total: int, word: str) -> None:
-        if done == 2:
-            raise Stop
-
     if overwrite:
         run_campaigns(plan(), RigSettings(), out, seeds=range(9, 9 + RIGS))
     with pytest.raises(Stop):
         run_campaigns(
-            plan(), RigSettings(), out, seeds=range(RIGS), progress=stop, overwrite=overwrite
+            plan(), RigSettings(), out, seeds=range(RIGS), progress=stop_at(2), overwrite=overwrite
         )
     # A kill between the table of a rig and the note that it is done.
     out.with_name("d-0002.csv").write_text("half a job\n")

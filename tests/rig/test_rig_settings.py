@@ -10,7 +10,7 @@ import pytest
 
 import ecm.rig
 from ecm.errors import InputError
-from ecm.io.toml import read_toml
+from ecm.io.settings import read_toml
 from ecm.rig import RigSettings
 from support.neck import ROOT
 

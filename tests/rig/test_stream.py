@@ -21,7 +21,7 @@ from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.physics.camera import TimeSkew
 from ecm.rig.raw_stream import RawStream
 from support.campaigns import model, workspace_poses
-from support.stand_in import F, L, StandIn, plan_of, some_poses, wrench
+from support.stand_in import F, L, StandIn, Stop, plan_of, some_poses, stop_at, wrench
 
 pytest.importorskip("pyarrow", reason="pyarrow is missing: pip install 'ecm-stiffness[data]'")
 
@@ -285,23 +285,15 @@ def test_random_draws_a_skew_only_where_there_is_a_stream(monkeypatch: pytest.Mo
     assert drawn == {True: {"payload", "time_skew"}, False: {"payload"}}
 
 
-class Stop(Exception):
-    pass
-
-
 def test_a_campaign_that_was_cut_ends_with_the_same_stream(tmp_path: Path) -> None:
     plan = plan_of(some_poses(25))
     options = CampaignOptions(source=StandIn(), folder=tmp_path / "cache")
     kept: dict[str, Any] = {"options": options, "seed": 4}
 
-    def stop(done: int, total: int, word: str) -> None:
-        if word == "measuring" and done == 11:
-            raise Stop
-
     whole, cut = tmp_path / "a" / "data.csv", tmp_path / "b" / "data.csv"
     run_campaign(plan, STREAM, whole, hide="time_skew=1", **kept)
     with pytest.raises(Stop):
-        run_campaign(plan, STREAM, cut, hide="time_skew=1", progress=stop, **kept)
+        run_campaign(plan, STREAM, cut, hide="time_skew=1", progress=stop_at(11), **kept)
     run_campaign(plan, STREAM, cut, hide="time_skew=1", **kept)
     files = [{f.name: f.read_bytes() for f in out.parent.iterdir()} for out in (whole, cut)]
     assert files[0] == files[1]

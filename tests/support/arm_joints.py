@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ecm import _native
 from ecm.rig import RigSettings
-from ecm.rig.arm.kuka import inverse_kinematics, scene, swivel_angle
+from ecm.rig.arm.simulation import inverse_kinematics, scene, swivel_angle
 from support.stand_in import L
 
 F = NDArray[np.float64]

@@ -37,13 +37,14 @@ _PROMISED = 1.05
 _WORSE = 1.1
 _MOST_EXPORTED = 1.2
 """Error of the compiled model from `predict` at the measured rows, over the noise."""
+TEMPLATES = ROOT / "python" / "ecm" / "io" / "templates"
 _FOLDS = 4
 """Every so many poses are held out."""
 
 
 def neck(folder: Path) -> Path:
     """The shipped campaign of the neck, a payload hidden."""
-    return _copied(ROOT / "examples" / "neck_measured.csv", folder)
+    return _copied(ROOT / "examples" / "neck_measured.csv", "neck_measured.toml", folder)
 
 
 def neck_of_few_rows(folder: Path) -> Path:
@@ -66,17 +67,17 @@ def neck_of_forces(folder: Path) -> Path:
 
 def six_axes(folder: Path) -> Path:
     """The shipped table of six axes."""
-    return _template("data.csv", "data.toml", folder)
+    return _copied(TEMPLATES / "data.csv", "data.toml", folder)
 
 
 def three_axes(folder: Path) -> Path:
     """The shipped table of three axes."""
-    return _template("data_3.csv", "data_few.toml", folder)
+    return _copied(TEMPLATES / "data_3.csv", "data_few.toml", folder)
 
 
 def one_axis(folder: Path) -> Path:
     """The shipped table of one axis."""
-    return _template("data_1.csv", "data_few.toml", folder)
+    return _copied(TEMPLATES / "data_1.csv", "data_few.toml", folder)
 
 
 def one_axis_with_a_second_load(folder: Path) -> Path:
@@ -128,10 +129,7 @@ def log_of_one_axis(folder: Path) -> Path:
 def finger_joint(folder: Path) -> Path:
     """The published measurements of a finger joint, with the shipped description."""
     source = SHARED_DATA / "finger_joint" / "03April2018_full_calculated_data.csv"
-    path = folder / "data-1.csv"
-    shutil.copyfile(source, path)
-    shutil.copyfile(ROOT / "examples" / "finger_joint.toml", path.with_suffix(".toml"))
-    return path
+    return _copied(source, ROOT / "examples" / "finger_joint.toml", folder)
 
 
 TABLES: dict[str, Callable[[Path], Path]] = {
@@ -162,18 +160,11 @@ def _sliders(x: F, force: float, reach: float) -> F:
     return total
 
 
-def _copied(table: Path, folder: Path) -> Path:
+def _copied(table: Path, description: Path | str, folder: Path) -> Path:
+    """Copies under one name; a description without a folder lies beside its table."""
     path = folder / "data-1.csv"
     shutil.copyfile(table, path)
-    shutil.copyfile(table.with_suffix(".toml"), path.with_suffix(".toml"))
-    return path
-
-
-def _template(table: str, description: str, folder: Path) -> Path:
-    templates = ROOT / "python" / "ecm" / "io" / "templates"
-    path = folder / "data-1.csv"
-    shutil.copyfile(templates / table, path)
-    shutil.copyfile(templates / description, path.with_suffix(".toml"))
+    shutil.copyfile(table.parent / description, path.with_suffix(".toml"))
     return path
 
 

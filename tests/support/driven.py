@@ -14,7 +14,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models import Model
 from ecm.models.actuated import ActuatedMap
-from ecm.models.actuated_inputs import free_pose
+from ecm.models.actuated_energy import free_pose
 from ecm.rig import RigSettings
 from ecm.rig.elastic import SolvedPoses
 from support.neck import ROOT

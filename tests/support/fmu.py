@@ -72,21 +72,21 @@ class Instance:
 
     def set(self, names: Sequence[str], numbers: F) -> int:
         """Set inputs."""
-        count, references = len(names), self._references("input", names)
-        values = (ctypes.c_double * count)(*numbers)
-        return self.call(
-            "SetFloat64", references, ctypes.c_size_t(count), values, *self._room(count)
-        )
+        return self._exchange("SetFloat64", "input", names, numbers)[0]
 
     def get(self, names: Sequence[str]) -> F:
         """Outputs."""
-        count, references = len(names), self._references("output", names)
-        values = (ctypes.c_double * count)()
-        status = self.call(
-            "GetFloat64", references, ctypes.c_size_t(count), values, *self._room(count)
-        )
+        status, values = self._exchange("GetFloat64", "output", names)
         assert status == 0
-        return np.array(values)
+        return values
+
+    def _exchange(
+        self, name: str, causality: str, names: Sequence[str], numbers: Sequence[float] | F = ()
+    ) -> tuple[int, F]:
+        count, references = len(names), self._references(causality, names)
+        values = (ctypes.c_double * count)(*numbers)
+        status = self.call(name, references, ctypes.c_size_t(count), values, *self._room(count))
+        return status, np.array(values)
 
     def asked(self, reference: int) -> int:
         """Status of asking for one number by its value reference."""

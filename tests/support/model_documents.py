@@ -17,11 +17,10 @@ from ecm.effects.load import Payload
 from ecm.io.description import Meta
 from ecm.io.table import Table, as_table
 from ecm.models import Model
-from ecm.models.learned import GpMap, MlpMap
+from ecm.models.literature import ConstantCurvatureMap, GpMap, MlpMap, RodMap
 from ecm.models.maps import EnergyMap
 from ecm.models.physics.family import PARAMETERS, PhysicsFamily
 from ecm.models.physics.map import PhysicsMap
-from ecm.models.rod import ConstantCurvatureMap, RodMap
 from support.models import BRANCHES, FRICTION, TEMPERATURE, with_effects
 from support.neck import LENGTH_M, STIFFNESS, neck_columns
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -155,3 +156,17 @@ def plan_of(poses: np.ndarray[Any, np.dtype[np.float64]], **columns: Any) -> Tab
         text = name in ("approach", "kind", "action")
         table[name] = np.asarray(values, dtype=object if text else np.float64)
     return as_table(table)
+
+
+class Stop(Exception):
+    """What `stop_at` ends a campaign with."""
+
+
+def stop_at(last: int) -> Callable[[int, int, str], None]:
+    """A progress that ends a campaign after so many readings, or rigs."""
+
+    def stop(done: int, total: int, word: str) -> None:
+        if word in ("measuring", "rigs") and done == last:
+            raise Stop
+
+    return stop

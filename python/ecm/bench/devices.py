@@ -29,7 +29,7 @@ from importlib import import_module, metadata
 from typing import Any
 
 from ecm.errors import ComputationError, EcmError, InputError
-from ecm.io.toml import did_you_mean
+from ecm.io.settings import did_you_mean
 
 Device = Any
 """An object with the methods of one part or several."""

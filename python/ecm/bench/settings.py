@@ -16,8 +16,7 @@ from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Scene
-from ecm.io.settings import Checked, read_settings, setting
-from ecm.io.toml import check_keys, read_toml
+from ecm.io.settings import Checked, check_keys, read_settings, read_toml, setting
 from ecm.rig.settings import Procedure
 
 ALL = (*POSE, *WRENCH)

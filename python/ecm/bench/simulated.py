@@ -20,8 +20,8 @@ import numpy as np
 
 from ecm.bench.lines import LineDevice
 from ecm.errors import EcmError, InputError
+from ecm.io.settings import read_toml
 from ecm.io.table import read_table
-from ecm.io.toml import read_toml
 from ecm.rig.campaign import Campaign
 from ecm.rig.hidden.truth import Hidden
 from ecm.rig.plan import POSE

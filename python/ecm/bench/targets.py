@@ -7,8 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ecm.io.arrays import F
-from ecm.io.frames import frame_pose
-from ecm.io.se3 import compose, seen_from
+from ecm.io.se3 import compose, frame_pose, seen_from
 
 OWN = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 """A target that is the frame itself: m and quaternion w x y z."""

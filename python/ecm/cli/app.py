@@ -24,7 +24,7 @@ COMMANDS = {
     ),
     "fit": Command(
         line="A model of measured or simulated pairs.",
-        work="fit.fit", of="models.fit.fit_model", passed="zero_at_home stable weights",
+        work="models.fit", of="models.fit.fit_model", passed="zero_at_home stable weights",
         common="tables report seed",
     ),
     "predict": Command(
@@ -41,11 +41,11 @@ COMMANDS = {
     ),
     "refit": Command(
         line="Add or remove an effect and fit again.",
-        work="fit.refit", of="models.refit.refit", passed="add remove freeze",
+        work="models.refit", of="models.refit.refit", passed="add remove freeze",
         common="tables report",
     ),
     "effects": Command(
-        line="The physical effects that can be named.", work="effects.effects", common="report",
+        line="The physical effects that can be named.", work="diagnose.effects", common="report",
     ),
     "export": Command(
         line="A model as C or Rust for a controller.",
@@ -58,7 +58,7 @@ COMMANDS = {
     ),
     "simulate": Command(
         line="Wrenches to poses by FEM.", group=PLAN,
-        work="fem.simulate", of="fem.simulate.simulate", passed="scheduler",
+        work="jobs.simulate", of="fem.simulate.simulate", passed="scheduler",
         common="report seed threads",
     ),
     "design": Command(
@@ -72,7 +72,7 @@ COMMANDS = {
     ),
     "material": Command(
         line="A material from tests.", group=PLAN,
-        work="fem.fit", of="fem.material_fit.fit_material", passed="model use poisson_ratio",
+        work="jobs.material", of="fem.material_fit.fit_material", passed="model use poisson_ratio",
         common="report",
     ),
     "new": Command(line="A config, rig or data file to begin from.", group=PLAN, work="tables.new"),

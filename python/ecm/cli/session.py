@@ -24,10 +24,9 @@ from ecm.errors import ComputationError, EcmError, InputError, Refusal, Remedy, 
 from ecm.io.cache import is_device, write_json
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.csv import BadRows
+from ecm.io.settings import IMPORT
 from ecm.io.table import Need, Table, check_description, read_table
-from ecm.io.toml import IMPORT
-from ecm.report.blocks import CodeBlock, Section
-from ecm.report.page import Report, require_report
+from ecm.report.blocks import CodeBlock, Report, Section, require_report
 
 
 def refuse_models(paths: Sequence[Path]) -> None:

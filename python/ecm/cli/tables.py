@@ -22,8 +22,7 @@ from ecm.logs.names import Question
 from ecm.models.actuated import misread
 from ecm.models.check import Check, lines_by_reason
 from ecm.models.check import check as check_table
-from ecm.report.blocks import CodeBlock, Section, TableBlock, TextBlock, columns
-from ecm.report.page import Report
+from ecm.report.blocks import CodeBlock, Report, Section, TableBlock, TextBlock, columns
 
 
 def import_log(

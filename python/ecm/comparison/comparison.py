@@ -13,8 +13,8 @@ from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
 from ecm.io.events import Progress, Steps
 from ecm.io.table import takes_table
-from ecm.models.given import as_model
-from ecm.models.noise_estimate import estimate_noise
+from ecm.models.fit import as_model
+from ecm.models.joint_fit import estimate_noise
 from ecm.models.prediction import beyond_reach
 from ecm.regression.f_test import FTest, lack_of_fit
 from ecm.regression.folds import HOW, RowsUsed, repeat_cells, row_groups, spread_rows

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from ecm.errors import ModelError, Remedy
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.printed import fields_json
+from ecm.io.events import fields_json
 from ecm.models.errors import ceiling_rms, held_out
 from ecm.models.fit import symmetric_energy
 from ecm.models.joint_fit import joint_fit

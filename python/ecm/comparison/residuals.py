@@ -10,8 +10,8 @@ import numpy as np
 
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
-from ecm.regression.approach import approach_sides
 from ecm.regression.f_test import orthonormal
+from ecm.regression.history import approach_sides
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.rows import Rows, derived_columns
 

@@ -30,13 +30,13 @@ from ecm.io.arrays import F, I
 from ecm.io.columns import unit_of
 from ecm.io.events import Progress, Steps
 from ecm.io.extras import require
-from ecm.models.file import was_trained_on
+from ecm.models.evaluation import PoseError, pose_error
 from ecm.models.fit import remedy_of_inputs
 from ecm.models.joint_fit import base_columns
-from ecm.models.learned import LEARNED
+from ecm.models.literature import LEARNED
 from ecm.models.measured_poses import beyond_inputs
-from ecm.models.pose_error import PoseError, pose_error
 from ecm.models.refit import FAR_BEYOND_NOISE, base_and_error, is_far_behind
+from ecm.models.registry import was_trained_on
 from ecm.regression.f_test import FTest
 from ecm.regression.folds import RowsUsed, without_zero_readings
 from ecm.regression.noise import Noise
@@ -47,13 +47,14 @@ from ecm.report.blocks import (
     Cell,
     CodeBlock,
     FigureBlock,
+    Report,
     Section,
+    Shown,
     TableBlock,
     TextBlock,
     number,
 )
 from ecm.report.figures import mechanism_blocks
-from ecm.report.page import Report, Shown
 
 if TYPE_CHECKING:
     from ecm.io.table import Table

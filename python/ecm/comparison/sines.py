@@ -10,8 +10,8 @@ from scipy.optimize import minimize_scalar
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.table import takes_table
-from ecm.models.given import as_model
-from ecm.regression.approach import order_of_visits
+from ecm.models.fit import as_model
+from ecm.regression.history import order_of_visits
 
 if TYPE_CHECKING:
     from ecm.io.table import MetaLike, TableLike

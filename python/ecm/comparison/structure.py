@@ -19,11 +19,10 @@ from ecm.comparison.residuals import KNOWN, feature_columns, features, in_each_c
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import JOINT_SIGNS, JOINTS, VELOCITY
 from ecm.io.table import Table
-from ecm.regression.approach import order_of_visits
-from ecm.regression.blocks import in_threads
-from ecm.regression.correlation import speeds
 from ecm.regression.f_test import Beside, explained_by_span, lack_of_fit
 from ecm.regression.folds import repeat_cells
+from ecm.regression.history import order_of_visits, speeds
+from ecm.regression.normal_equations import in_threads
 from ecm.regression.rows import Rows, is_whole
 
 LEVEL = 0.01

@@ -22,7 +22,7 @@ from ecm.io.arrays import F, I
 from ecm.io.table import Table
 from ecm.models import EnergyModel, Model, parse_model
 from ecm.models.fit import fit_rows
-from ecm.models.specification import length_of
+from ecm.models.maps import length_of
 from ecm.regression.noise import declared_noise
 
 UNITS = {"mm": 1e3, "N": 1.0}

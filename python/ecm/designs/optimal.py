@@ -25,7 +25,7 @@ from ecm.designs.regressors import (
 from ecm.errors import DesignError, InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import LARGEST, F, I
-from ecm.io.printed import Printed
+from ecm.io.events import Printed
 
 Progress = Callable[[int, int], object] | None
 _DEFAULT = DesignSettings()

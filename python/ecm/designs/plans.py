@@ -36,7 +36,7 @@ from ecm.io.columns import POSE, WRENCH, amount_columns
 from ecm.io.se3 import rotation, rotation_vector, transpose
 from ecm.io.table import Table
 from ecm.models.actuated import ActuatedMap
-from ecm.models.actuated_inputs import free_pose
+from ecm.models.actuated_energy import free_pose
 from ecm.regression.rows import inputs_of
 from ecm.rig.plan import OFFSET, POSE_OFFSETS, UNLOADED, requests
 from ecm.rig.settings import RigSettings

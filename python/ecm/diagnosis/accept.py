@@ -43,11 +43,11 @@ from ecm.diagnosis.settings import (
 from ecm.errors import ModelError
 from ecm.io.arrays import F, I, rest_of
 from ecm.models.joint_fit import JointFit, joint_fit
-from ecm.regression.blocks import in_threads
 from ecm.regression.normal_equations import (
     RIDGE,
     explained_squares,
     explained_with_signs,
+    in_threads,
     projected_out,
     solve,
 )

@@ -25,8 +25,8 @@ from ecm.diagnosis.settings import FORM_SHARE
 from ecm.effects.experiments import get_experiment
 from ecm.io.arrays import F, evenly
 from ecm.io.columns import POSE, TEXT
-from ecm.regression.approach import before_each, largest_so_far, row_before
 from ecm.regression.f_test import orthonormal
+from ecm.regression.history import before_each, largest_so_far, row_before
 
 if TYPE_CHECKING:
     from ecm.diagnosis.problem import Problem

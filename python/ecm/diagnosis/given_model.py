@@ -29,9 +29,9 @@ from ecm.errors import EcmError, Remedy
 from ecm.io.arrays import B, F, evenly
 from ecm.io.columns import POSE, WRENCH, unit_of, unit_of_factor
 from ecm.io.conventions import Convention, conventions, in_words, rarer_conventions
-from ecm.io.printed import fields_json
+from ecm.io.events import fields_json
 from ecm.models.joint_fit import JointFit, joint_fit
-from ecm.models.learned import LEARNED
+from ecm.models.literature import LEARNED
 from ecm.models.maps import StiffnessMap
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import FAR_BEYOND_NOISE, is_far_behind

@@ -29,10 +29,9 @@ from ecm.diagnosis.search import Estimate, best_shapes, bounded_estimate, delta_
 from ecm.diagnosis.statements import WrongStatement
 from ecm.io.arrays import B, F, rest_of
 from ecm.io.columns import JOINTS, unit_of
-from ecm.regression.approach import row_before
-from ecm.regression.correlation import SlowNoise, speeds
 from ecm.regression.f_test import Beside, FTest, lack_of_fit, omnibus_test, orthonormal
 from ecm.regression.folds import repeat_cells
+from ecm.regression.history import SlowNoise, row_before, speeds
 
 LEFT_SHARE = (1.0, 0.15, 0.12, 0.08)
 """Unknown beyond this share of the structure after 0, 1, 2, 3 or more effects: right ones leave the

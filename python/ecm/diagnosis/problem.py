@@ -26,9 +26,15 @@ from ecm.effects.protocol import (
 )
 from ecm.errors import ModelError
 from ecm.io.arrays import B, F, I
-from ecm.models.joint_fit import JointFit, base_columns, error_columns, further_columns, joint_fit
-from ecm.models.noise_estimate import declared_or_fitted, estimate_noise
-from ecm.regression.blocks import in_threads
+from ecm.models.joint_fit import (
+    JointFit,
+    base_columns,
+    declared_or_fitted,
+    error_columns,
+    estimate_noise,
+    further_columns,
+    joint_fit,
+)
 from ecm.regression.f_test import explained_by_span, omnibus_test, orthonormal
 from ecm.regression.folds import row_groups
 from ecm.regression.noise import Noise, is_exact, some_rows, weighed_by_rest, whiteners
@@ -36,6 +42,7 @@ from ecm.regression.normal_equations import (
     NormalEquations,
     explained_by_blocks,
     explained_squares,
+    in_threads,
     projected_out,
 )
 from ecm.regression.rows import UnknownLength, actuators_of, is_whole

@@ -58,16 +58,26 @@ from ecm.io.arguments import listed
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import takes_table
 from ecm.models.errors import held_out
-from ecm.models.fit import choose_base, energy_of_unlike_ends, next_degree, symmetric_energy
-from ecm.models.given import as_model
+from ecm.models.fit import (
+    as_model,
+    choose_base,
+    energy_of_unlike_ends,
+    next_degree,
+    symmetric_energy,
+)
 from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import EnergyMap, StiffnessMap
 from ecm.models.partial import whole_map
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import addition_to
-from ecm.regression.approach import order_of_visits
 from ecm.regression.blas import one_blas_thread
-from ecm.regression.correlation import CorrelationTime, SlowNoise, correlation_of_rest, slow_noise
+from ecm.regression.history import (
+    CorrelationTime,
+    SlowNoise,
+    correlation_of_rest,
+    order_of_visits,
+    slow_noise,
+)
 from ecm.regression.noise import Noise
 from ecm.regression.rows import actuators_of, naming_wild_readings
 

@@ -52,8 +52,8 @@ from ecm.diagnosis.summary import (
 from ecm.diagnosis.verdict import Decision, Headline, probability
 from ecm.io.arrays import rest_of
 from ecm.io.description import shown_ranges
+from ecm.io.events import fields_json, to_json
 from ecm.io.extras import require
-from ecm.io.printed import fields_json, to_json
 from ecm.io.sanity import likely_continuous, never_excited, time_unit, zero_column_sentences
 from ecm.models.check import NotTestable
 from ecm.models.errors import Ceiling, ceiling_rms
@@ -62,14 +62,13 @@ from ecm.models.model import Model
 from ecm.models.partial import MeasuredMap
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import Addition
-from ecm.regression.blocks import beside
 from ecm.regression.f_test import FTest
 from ecm.regression.folds import HOW, RowsUsed, held_out_by
 from ecm.regression.noise import Noise
+from ecm.regression.normal_equations import beside
 from ecm.regression.rows import derived_columns
 from ecm.report import figures as draw
-from ecm.report.blocks import Block
-from ecm.report.page import Report, Shown
+from ecm.report.blocks import Block, Report, Shown
 
 if TYPE_CHECKING:
     from ecm.models.model import Model

@@ -16,8 +16,16 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.table import Table
 from ecm.models.refit import FAR_BEYOND_NOISE
-from ecm.report.blocks import Block, CodeBlock, FigureBlock, Section, TableBlock, TextBlock, number
-from ecm.report.page import Report
+from ecm.report.blocks import (
+    Block,
+    CodeBlock,
+    FigureBlock,
+    Report,
+    Section,
+    TableBlock,
+    TextBlock,
+    number,
+)
 
 _BY_PATH = ("hysteresis", "fts_hysteresis")
 

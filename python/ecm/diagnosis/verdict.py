@@ -7,7 +7,7 @@ right verdicts of the same evidence among sets whose cause is known (Platt 1999)
     x = (1, log of the chi^2 that the weakest effect explains, members of the largest class)
 
 for a name or a class, and x = (1, BIC of the best effect that is not named) for `none`. A family
-carries its own posterior. `benches/blind_ablation.py --calibration` fits w and prints how often
+carries its own posterior. `benches/blind_calibration.py` fits w and prints how often
 verdicts of each probability were right.
 """
 

@@ -20,7 +20,7 @@ from ecm.effects.registry import (
     unregister,
     with_shape,
 )
-from ecm.regression.approach import approach_sides
+from ecm.regression.history import approach_sides
 from ecm.regression.rows import BaseMap, Rows
 
 __all__ = [

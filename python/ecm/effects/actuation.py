@@ -25,12 +25,7 @@ from ecm.effects.protocol import (
 from ecm.effects.relaxation import play, time_constants
 from ecm.io.arrays import F
 from ecm.io.table import Table
-from ecm.regression.approach import (
-    before_each,
-    order_of_visits,
-    row_before,
-    values_before,
-)
+from ecm.regression.history import before_each, order_of_visits, row_before, values_before
 from ecm.regression.rows import Rows, actuators_of
 
 ALL = "all"

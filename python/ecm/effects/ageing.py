@@ -23,8 +23,8 @@ from ecm.effects.protocol import (
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
-from ecm.regression.approach import largest_so_far, memory_options, order_of_visits
 from ecm.regression.folds import repeat_visits
+from ecm.regression.history import largest_so_far, memory_options, order_of_visits
 from ecm.regression.rows import Rows
 
 _LEAST_AGAIN = 5

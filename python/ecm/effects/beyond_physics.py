@@ -41,7 +41,7 @@ from ecm.io.arrays import F
 from ecm.io.columns import unit_of
 from ecm.io.settings import setting
 from ecm.io.table import Table
-from ecm.regression.approach import order_of_visits
+from ecm.regression.history import order_of_visits
 from ecm.regression.rows import Rows, derived_columns
 
 _PLACES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)

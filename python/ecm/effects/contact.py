@@ -26,7 +26,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.se3 import seen_from, turn_wrench, wrapped_rotation
 from ecm.io.table import Table
-from ecm.regression.approach import step_times, times_beside
+from ecm.regression.history import step_times, times_beside
 from ecm.regression.rows import Rows
 
 STEPS = 7

@@ -37,7 +37,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.table import Table
-from ecm.regression.approach import approach_cosines, order_of_visits
+from ecm.regression.history import approach_cosines, order_of_visits
 from ecm.regression.rows import Rows
 
 _PATHS = (0.02, 0.05, 0.12)

@@ -20,7 +20,7 @@ from ecm.effects.protocol import (
 from ecm.effects.rod import rest_stiffness
 from ecm.io.arrays import F, central_differences
 from ecm.io.table import Table
-from ecm.regression.approach import approach_sides
+from ecm.regression.history import approach_sides
 from ecm.regression.rows import Rows
 
 _SIDES = 8

@@ -27,7 +27,7 @@ from ecm.effects.protocol import (
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, VELOCITY
 from ecm.io.table import Table
-from ecm.regression.correlation import rates
+from ecm.regression.history import rates
 from ecm.regression.rows import Rows
 
 _EXPONENTS = (1.0, 0.3)

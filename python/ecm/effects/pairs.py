@@ -16,7 +16,7 @@ from ecm.effects.protocol import Missing, Parameter, needs_time
 from ecm.io.arrays import F, rest_of
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.table import Table
-from ecm.regression.approach import order_of_visits
+from ecm.regression.history import order_of_visits
 from ecm.regression.rows import Rows, derived_columns
 
 _MOST = 6

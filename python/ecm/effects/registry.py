@@ -26,9 +26,8 @@ from ecm.effects.protocol import (
 from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.settings import read_settings
+from ecm.io.settings import did_you_mean, read_settings
 from ecm.io.table import Table
-from ecm.io.toml import did_you_mean
 from ecm.regression.rows import Rows
 
 _GROUPS = (

@@ -28,7 +28,7 @@ from ecm.effects.rod import generalised, rest_stiffness, wrench_of
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.table import Table
-from ecm.regression.approach import order_of_visits
+from ecm.regression.history import order_of_visits
 from ecm.regression.rows import Rows
 
 

@@ -48,7 +48,7 @@ from ecm.io.se3 import (
     transpose,
 )
 from ecm.io.table import Table
-from ecm.regression.approach import order_of_visits
+from ecm.regression.history import order_of_visits
 from ecm.regression.rows import Rows
 
 _LINKS_M = (0.3105, 0.400, 0.390, 0.078)

@@ -14,10 +14,9 @@ from scipy.optimize import least_squares
 from ecm._native import material_decode, material_start
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F
-from ecm.io.events import Progress, Steps
+from ecm.io.events import Printed, Progress, Steps
 from ecm.io.mechanism import MODELS, TESTS, WITH_TERMS, Material
-from ecm.io.printed import Printed
-from ecm.io.toml import did_you_mean, read_text
+from ecm.io.settings import did_you_mean, read_text
 
 _STRESS_UNITS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6}
 _ORDERS = ("stretch-stress", "stress-stretch")

@@ -37,9 +37,9 @@ from ecm.io.arrays import B, F, I
 from ecm.io.cache import Stage
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
+from ecm.io.events import Printed
 from ecm.io.extras import dask_client, dask_completed, require
 from ecm.io.mechanism import Mechanism
-from ecm.io.printed import Printed
 from ecm.io.settings import Checked, setting
 from ecm.io.table import Table
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.arrays import B
-from ecm.io.toml import closest
+from ecm.io.settings import closest
 
 _LBF_N = 4.4482216152605
 _GF_N = 9.80665e-3

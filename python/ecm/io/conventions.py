@@ -24,8 +24,7 @@ from ecm.errors import EcmError, InputError, Remedy
 from ecm.io.arrays import B, F, evenly, rest_of
 from ecm.io.columns import POSE, WRENCH, factor_of
 from ecm.io.description import ColumnSource
-from ecm.io.frames import ORDERS, read_in_other_order
-from ecm.io.se3 import rotate, rotation, transpose, turn_wrench
+from ecm.io.se3 import ORDERS, read_in_other_order, rotate, rotation, transpose, turn_wrench
 from ecm.io.table import Table
 
 Change = Callable[[F, F], tuple[F, F]]

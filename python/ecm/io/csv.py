@@ -21,7 +21,7 @@ from ecm.errors import InputError, Remedy, shortened
 from ecm.io.cache import atomic
 from ecm.io.columns import TEXT, WHOLE, is_standard
 from ecm.io.events import Progress
-from ecm.io.toml import IMPORT, read_text
+from ecm.io.settings import IMPORT, read_text
 
 Cells = Sequence[Any] | NDArray[Any]
 

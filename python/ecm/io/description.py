@@ -20,10 +20,17 @@ from ecm.errors import InputError, Remedy
 from ecm.io.arrays import I
 from ecm.io.columns import is_standard, likely_name
 from ecm.io.csv import RawTable
-from ecm.io.frames import Frames
 from ecm.io.mechanism import MECHANISM_KEYS, Mechanism, length_of_mesh
-from ecm.io.settings import Checked, read_settings, setting
-from ecm.io.toml import check_keys, parse_toml, read_toml, write_toml
+from ecm.io.se3 import Frames
+from ecm.io.settings import (
+    Checked,
+    check_keys,
+    parse_toml,
+    read_settings,
+    read_toml,
+    setting,
+    write_toml,
+)
 
 _SHOWN = 6
 

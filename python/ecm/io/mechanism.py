@@ -16,8 +16,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.cache import hash_of
 from ecm.io.mesh import mesh_bytes, read_mesh
-from ecm.io.settings import Checked, read_settings, setting
-from ecm.io.toml import check_keys, did_you_mean
+from ecm.io.settings import Checked, check_keys, did_you_mean, read_settings, setting
 
 TESTS = ("uniaxial", "equibiaxial", "pure_shear")
 """The classical tests of a material."""

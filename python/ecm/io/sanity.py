@@ -19,7 +19,7 @@ from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.conventions import WrongConvention
 from ecm.io.description import read_meta, row_ranges, rows_of, shown_ranges, with_leave_out
-from ecm.io.frames import ORDERS, read_in_other_order
+from ecm.io.se3 import ORDERS, read_in_other_order
 from ecm.io.table import Table, read_table, unreadable_rows
 
 _SAMPLED_S = 0.5

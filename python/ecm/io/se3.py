@@ -1,11 +1,24 @@
-"""SE(3) for many rows at once: poses are (N, 6) position and rotation vector."""
+"""Rigid motions: SE(3) for many rows at once, and the frames of a log.
+
+Poses are (N, 6) position and rotation vector. `[frames]` of a description says where the robot's
+base, the sensor and the tool are. It is applied once, when a table is read; afterwards the table is
+that of the top frame in the base frame, and its description has no `[frames]` any more.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from ecm._native import inverse_left_jacobians, rotation_matrices, rotation_vectors
+from ecm.errors import InputError
 from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.settings import Checked, setting
 
 
 def rotation(vectors: F) -> F:
@@ -184,3 +197,229 @@ def stepped(frame: F, step: F) -> F:
     """A frame (6,) shifted and turned by a step (6,), both in the axes that it is given in."""
     turned = rotation(step[None, 3:]) @ rotation(frame[None, 3:])
     return np.concatenate([frame[:3] + step[:3], rotation_vector(turned)[0]])
+
+
+ORDERS = {"wxyz": "xyzw", "xyzw": "wxyz"}
+"""The other order of each."""
+
+
+def quaternions_of(vectors: F, order: str) -> F:
+    """Return unit quaternions (N, 4) of rotation vectors (N, 3), their scalar at least 0.
+
+    Examples
+    --------
+    >>> quaternions_of(np.array([[0.0, 0.0, np.pi / 2]]), "xyzw").round(4)
+    array([[0.    , 0.    , 0.7071, 0.7071]])
+    """
+    angle = np.linalg.norm(vectors, axis=1, keepdims=True)
+    scalar, vector = np.cos(0.5 * angle), 0.5 * np.sinc(angle / (2.0 * np.pi)) * vectors
+    sign = np.where(scalar < 0.0, -1.0, 1.0)
+    parts = [vector, scalar] if order == "xyzw" else [scalar, vector]
+    return np.asarray(sign * np.hstack(parts))
+
+
+def vectors_of(quaternions: F, order: str) -> F:
+    """Return rotation vectors (N, 3) of at most half a turn, rad, of quaternions (N, 4), any size.
+
+    Examples
+    --------
+    >>> vectors_of(np.array([[1.0, 0.0, 0.0, -1.0]]), "wxyz").round(4)
+    array([[ 0.    ,  0.    , -1.5708]])
+    """
+    vector, scalar = np.split(np.roll(quaternions, 0 if order == "xyzw" else -1, axis=1), [3], 1)
+    turned = vector * np.where(scalar < 0.0, -1.0, 1.0)
+    size = np.linalg.norm(turned, axis=1, keepdims=True)
+    full = 2.0 * np.arctan2(size, np.abs(scalar))
+    return np.asarray(turned * np.divide(full, size, out=np.full_like(size, 2.0), where=size > 0.0))
+
+
+def read_in_other_order(vectors: F, stated: str) -> F:
+    """Return rotation vectors (N, 3) of the same four numbers with the scalar at the other end.
+
+    Parameters
+    ----------
+    vectors
+        (N, 3) rad, of the quaternions in the stated order.
+    stated
+        `wxyz` or `xyzw`.
+
+    Examples
+    --------
+    >>> read_in_other_order(np.array([[np.pi, 0.0, 0.0]]), "xyzw").round(9) + 0.0
+    array([[0., 0., 0.]])
+    """
+    return vectors_of(quaternions_of(vectors, stated), ORDERS[stated])
+
+
+_FRAMES = ("base", "robot", "top", "tool", "sensor")
+_UNIT = 1e-3
+"""Largest deviation of a quaternion's norm from 1."""
+
+
+@dataclass(frozen=True)
+class Frames(Checked):
+    """[frames]: frames of the table's columns. Poses are position in m and quaternion w x y z.
+
+    The table's pose is that of the tool in the robot's base: with T the pose of a frame in another,
+    T(base, top) = base_from_robot T(robot, tool) top_from_tool^-1.
+
+    Examples
+    --------
+    >>> Frames(wrench_axes="tool").empty
+    False
+    """
+
+    base_from_robot: tuple[float, ...] | None = setting(None, size=7)
+    """Robot's base in the base frame: x y z m, quaternion w x y z."""
+    top_from_tool: tuple[float, ...] | None = setting(None, size=7)
+    """Tool, whose pose the table has, in the top frame."""
+    base_from_sensor: tuple[float, ...] | None = setting(None, size=7)
+    """A sensor that stands still, in the base frame."""
+    wrench_axes: str = setting("base", choices=_FRAMES)
+    """Axes of force and moment."""
+    wrench_point: str = setting("top", choices=_FRAMES)
+    """Origin about which the moment is."""
+    wrench_by: str = setting("surroundings", choices=("surroundings", "mechanism"))
+    """Who exerts the wrench: the surroundings on the platform, or the mechanism."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("base_from_robot", "top_from_tool", "base_from_sensor"):
+            value = getattr(self, name)
+            if value is not None and abs(np.linalg.norm(value[3:]) - 1.0) > _UNIT:
+                raise InputError(
+                    f"{name} = {list(value)}: expected x y z in m and a unit quaternion w x y z"
+                )
+
+    @property
+    def empty(self) -> bool:
+        """Whether the columns are already in the base frame, about the top frame's origin."""
+        return self == Frames()
+
+    @property
+    def moves_pose(self) -> bool:
+        """Whether the table's pose is not yet that of the top frame in the base frame."""
+        return self.base_from_robot is not None or self.top_from_tool is not None
+
+
+_REST = np.zeros((1, 6))
+
+
+def to_base(
+    columns: Mapping[str, NDArray[Any]],
+    frames: Frames,
+    top_from_sensor: tuple[float, ...] | None,
+    source: str,
+) -> dict[str, NDArray[Any]]:
+    """Return the columns with pose and wrench moved to the base frame and the top frame's origin.
+
+    A wrench moves by the adjoint: f' = R f, m' = R m + t x R f, (R, t) the pose of its old frame.
+
+    Raises
+    ------
+    InputError
+        Where a column is missing that the motion needs, or a frame is used that is not given.
+    """
+    moved = dict(columns)
+    if frames.empty:
+        return moved
+    _refuse_velocities(columns, source)
+    top = _tops(columns, frames, source)
+    if frames.moves_pose:
+        moved |= dict(zip(POSE, top.T, strict=True))
+    if any(name in columns for name in WRENCH):
+        moved |= _wrench(columns, frames, top, top_from_sensor, source)
+    return moved
+
+
+def _tops(columns: Mapping[str, NDArray[Any]], frames: Frames, source: str) -> F:
+    """Pose of the top frame in the base frame, (N, 6); at rest where nothing depends on it."""
+    needed = (
+        frames.moves_pose
+        or frames.wrench_point != "top"
+        or frames.wrench_axes in ("top", "tool")
+        or (frames.wrench_axes == "sensor" and frames.base_from_sensor is None)
+    )
+    if not needed:
+        return _REST
+    missing = [name for name in POSE if name not in columns]
+    if missing:
+        raise InputError(
+            f"{source}: [frames] needs all six pose columns, and {', '.join(missing)} "
+            f"{'is' if len(missing) == 1 else 'are'} missing"
+        )
+    tool = np.column_stack([columns[name] for name in POSE]).astype(np.float64)
+    bad = ~np.isfinite(tool).all(axis=1)
+    tool[bad] = 0.0  # a row with NaN stays one
+    robot, inside = frame_pose(frames.base_from_robot), frame_pose(frames.top_from_tool)
+    top = compose(compose(robot, tool), seen_from(inside, _REST))
+    top[bad, :3] = np.nan
+    return top
+
+
+def frame_pose(frame: tuple[float, ...] | None) -> F:
+    """(1, 6) of position and quaternion w x y z; None: that of its own frame."""
+    if frame is None:
+        return _REST
+    turned = rotation_vector(from_quaternion(frame[3:])[None])
+    return np.concatenate([np.asarray(frame[:3], dtype=np.float64)[None], turned], axis=1)
+
+
+def _wrench(
+    columns: Mapping[str, NDArray[Any]],
+    frames: Frames,
+    top: F,
+    top_from_sensor: tuple[float, ...] | None,
+    source: str,
+) -> dict[str, NDArray[Any]]:
+    """Wrench columns in base axes about the top frame's origin."""
+    sign = -1.0 if frames.wrench_by == "mechanism" else 1.0
+    axes = _frame(frames.wrench_axes, frames, top, top_from_sensor, source)
+    point = _frame(frames.wrench_point, frames, top, top_from_sensor, source)
+    turns, moves = frames.wrench_axes != "base", frames.wrench_point != "top"
+    if not turns and not moves:
+        return {name: sign * columns[name] for name in WRENCH if name in columns}
+    turned: list[F | None] = []
+    for names in (WRENCH[:3], WRENCH[3:]):
+        present = [name for name in names if name in columns]
+        if len(present) in (1, 2):
+            raise InputError(
+                f"{source}: [frames] turns or moves the wrench and needs {', '.join(names)}, but "
+                f"only {', '.join(present)} {'is' if len(present) == 1 else 'are'} there"
+            )
+        vectors = np.column_stack([columns[name] for name in present]) if present else None
+        turned.append(None if vectors is None else rotate(rotation(axes[:, 3:]), vectors))
+    force, moment = turned
+    if moves and moment is not None:
+        if force is None:
+            raise InputError(f"{source}: [frames] wrench_point needs fx_N, fy_N and fz_N")
+        moment = moment + np.cross(point[:, :3] - top[:, :3], force)
+    found = np.concatenate([part for part in (force, moment) if part is not None], axis=1)
+    return dict(zip([name for name in WRENCH if name in columns], sign * found.T, strict=True))
+
+
+def _frame(
+    word: str, frames: Frames, top: F, top_from_sensor: tuple[float, ...] | None, source: str
+) -> F:
+    """Pose (N, 6) of a named frame in the base frame."""
+    if word in ("base", "top"):
+        return top if word == "top" else _REST
+    if word == "tool":
+        return compose(top, frame_pose(frames.top_from_tool))
+    given, name = frames.base_from_robot, "base_from_robot"
+    if word == "sensor":
+        given = frames.base_from_sensor or top_from_sensor
+        name = "[frames] base_from_sensor, or [instrument] top_from_sensor,"
+    if given is None:
+        raise InputError(f"{source} [frames]: wrench in '{word}': {name} is missing")
+    moving = word == "sensor" and frames.base_from_sensor is None
+    return compose(top, frame_pose(given)) if moving else frame_pose(given)
+
+
+def _refuse_velocities(columns: Mapping[str, NDArray[Any]], source: str) -> None:
+    for name in columns:
+        if name.startswith(("v_", "sd_")) and name.split("_", 1)[1] in (*POSE, *WRENCH):
+            raise InputError(
+                f"{source}: [frames] does not move the column '{name}'. Leave it out, or give the "
+                "table in base axes."
+            )

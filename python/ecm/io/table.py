@@ -28,7 +28,7 @@ from ecm.io.events import Progress, Steps
 from ecm.io.extras import read_parquet, require
 from ecm.io.interrupts import uninterrupted
 from ecm.io.mechanism import Mechanism
-from ecm.io.toml import did_you_mean, refuse_pipe
+from ecm.io.settings import did_you_mean, refuse_pipe
 from ecm.io.validate import join_runs, validated_columns
 
 __all__ = ["POSE", "TEXT", "WRENCH", "Meta", "Table", "as_table", "read_table"]

@@ -27,8 +27,8 @@ from ecm.io.columns import (
 )
 from ecm.io.csv import Cells, RawTable, RowError, RowErrors, number_of
 from ecm.io.description import ColumnSource, Meta, Scene
-from ecm.io.frames import to_base
-from ecm.io.toml import did_you_mean
+from ecm.io.se3 import to_base
+from ecm.io.settings import did_you_mean
 
 _MOST_HINTS = 50
 Columns = dict[str, NDArray[Any]]

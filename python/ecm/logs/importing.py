@@ -21,15 +21,14 @@ from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.csv import BadRows, check_names, write_csv
 from ecm.io.description import FileMeta, Meta, as_meta, row_ranges, shown_ranges
-from ecm.io.events import Progress
-from ecm.io.frames import ORDERS
+from ecm.io.events import Printed, Progress
 from ecm.io.interrupts import uninterrupted
-from ecm.io.printed import Printed
 from ecm.io.sanity import order_warning, samples_s
+from ecm.io.se3 import ORDERS
+from ecm.io.settings import did_you_mean, refuse_pipe
 from ecm.io.table import MetaLike, Table, as_table
-from ecm.io.toml import did_you_mean, refuse_pipe
 from ecm.io.validate import repeated_rows
-from ecm.logs.containers import (
+from ecm.logs.files import (
     is_bag,
     is_hdf5,
     read_bag,
@@ -37,6 +36,7 @@ from ecm.logs.containers import (
     read_matlab,
     read_numpy,
     read_parquet_log,
+    read_text_log,
 )
 from ecm.logs.log import Log, log_of_object
 from ecm.logs.mapping import propose
@@ -52,10 +52,8 @@ from ecm.logs.sources import (
     standard_columns,
     unwrap_angle,
 )
-from ecm.logs.text import read_text_log
-from ecm.report.blocks import Block, Cell, FigureBlock, Section, TableBlock, TextBlock
+from ecm.report.blocks import Block, Cell, FigureBlock, Report, Section, TableBlock, TextBlock
 from ecm.report.figures import lines, mechanism_blocks
-from ecm.report.page import Report
 
 _LEFT_OUT = Remedy("leave them out with --leave-out, which records it")
 _EXPERIMENTS = {"experiment", "specimen", "sample", "trial", "subject", "test", "repetition"}

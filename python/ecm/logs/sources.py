@@ -32,8 +32,8 @@ from ecm.errors import InputError
 from ecm.io.arrays import B, F
 from ecm.io.columns import MAY_BE_EMPTY, POSE, WHOLE, WRENCH, Unit, is_standard
 from ecm.io.description import shown_ranges
-from ecm.io.frames import ORDERS, quaternions_of, vectors_of
-from ecm.io.toml import did_you_mean
+from ecm.io.se3 import ORDERS, quaternions_of, vectors_of
+from ecm.io.settings import did_you_mean
 from ecm.logs.log import Log
 from ecm.logs.names import Answer, Named, Question, find_unit, ranges, trailing_units
 

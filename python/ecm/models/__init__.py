@@ -2,20 +2,22 @@
 
 from ecm.models.energy import GROUPS, EnergyModel
 from ecm.models.errors import FitRecord
-from ecm.models.estimator import ModelEstimator
+from ecm.models.evaluation import PoseError
 from ecm.models.expression import Expression
-from ecm.models.fit import fit_model
-from ecm.models.given import as_model
-from ecm.models.learned import GaussianProcessModel, NeuralNetworkModel
-from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap
+from ecm.models.fit import ModelEstimator, as_model, fit_model
+from ecm.models.literature import (
+    ConstantCurvatureModel,
+    GaussianProcessModel,
+    NeuralNetworkModel,
+    RodModel,
+)
+from ecm.models.maps import EnergyMap, ModelSpecification, PolynomialMap, StiffnessMap
 from ecm.models.model import Model, load_model
 from ecm.models.parameters import Parameter
 from ecm.models.physics.map import PhysicsMap, physics_map, surrogate_of
 from ecm.models.physics.refit import PhysicsModel
 from ecm.models.polynomial import PolynomialModel
-from ecm.models.pose_error import PoseError
 from ecm.models.registry import parse_model
-from ecm.models.rod import ConstantCurvatureModel, RodModel
 from ecm.models.selection import (
     CrossValidation,
     LearningCurve,
@@ -24,7 +26,6 @@ from ecm.models.selection import (
     cross_validate,
     learning_curve,
 )
-from ecm.models.specification import ModelSpecification
 
 __all__ = [
     "GROUPS",

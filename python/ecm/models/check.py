@@ -13,8 +13,7 @@ from ecm.effects import Effect, effects_of
 from ecm.effects.protocol import missing_beside_columns
 from ecm.io.columns import KINDS, POSE, TEXT, WRENCH, is_standard
 from ecm.io.conventions import WrongConvention
-from ecm.io.events import Progress, Steps
-from ecm.io.printed import Printed, fields_json
+from ecm.io.events import Printed, Progress, Steps, fields_json
 from ecm.io.sanity import (
     SuspectRows,
     doubts,
@@ -28,8 +27,8 @@ from ecm.io.sanity import (
 )
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.actuated import misread
-from ecm.regression.correlation import correlation_time
 from ecm.regression.folds import repeated_poses
+from ecm.regression.history import correlation_time
 from ecm.regression.noise import noise_source
 
 _COLUMNS, _TESTABLE, _REPEATS, _SUSPECT = (

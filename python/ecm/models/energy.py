@@ -14,12 +14,21 @@ from ecm.io.events import Progress, Steps
 from ecm.io.settings import ENERGY_DEGREES, setting
 from ecm.io.table import Table
 from ecm.models.errors_in_variables import fit_with_pose_noise, fits_without_folds
-from ecm.models.maps import SYMMETRIES, EnergyMap, EnergyTerms, StiffnessMap, Symmetry
+from ecm.models.maps import (
+    SYMMETRIES,
+    EnergyMap,
+    EnergyTerms,
+    FittedMap,
+    ModelSpecification,
+    StiffnessMap,
+    Symmetry,
+    Weights,
+    length_of,
+)
 from ecm.models.partial import fit_measured, is_partial, need_pose
-from ecm.models.specification import FittedMap, ModelSpecification, Weights, length_of
-from ecm.regression.blocks import few_rows
 from ecm.regression.folds import spread_rows
 from ecm.regression.noise import declared_noise
+from ecm.regression.normal_equations import few_rows
 
 GROUPS = ("unlike_ends", "handedness", "precurvature", "face_tilt", "anisotropy")
 """Broken symmetries that an energy may be given terms for (docs/models.md)."""

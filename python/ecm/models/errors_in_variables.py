@@ -32,8 +32,8 @@ from ecm.io.columns import POSE
 from ecm.io.events import Progress
 from ecm.io.table import Table
 from ecm.models.maps import Solved, StiffnessMap
-from ecm.regression.blocks import in_blocks, triangles_of_folds, without_each
 from ecm.regression.noise import Noise, whiteners
+from ecm.regression.normal_equations import in_blocks, triangles_of_folds, without_each
 from ecm.regression.rows import columns_of, inputs_of
 
 Solve = Callable[[F, F, F], Solved]

@@ -20,9 +20,15 @@ from ecm.errors import EcmError, InputError, shown
 from ecm.io.arrays import LARGEST, F, central_differences
 from ecm.io.columns import POSE, WRENCH, is_standard
 from ecm.io.events import Progress
+from ecm.io.settings import check_keys, did_you_mean
 from ecm.io.table import Table
-from ecm.io.toml import check_keys, did_you_mean
-from ecm.models.maps import partial_to
+from ecm.models.maps import (
+    FittedMap,
+    ModelSpecification,
+    Weights,
+    partial_to,
+    pose_and_wrench_columns,
+)
 from ecm.models.parameters import (
     Parameter,
     ParametrisedMap,
@@ -30,7 +36,6 @@ from ecm.models.parameters import (
     parameters_of,
     starts_of,
 )
-from ecm.models.specification import FittedMap, ModelSpecification, Weights, pose_and_wrench_columns
 
 _STEP = 1e-5
 """Step of central differences, m or rad."""

@@ -1,35 +1,54 @@
-"""Fit a model to the measured rows of a table."""
+"""Fit a model to the measured rows of a table, or take what a user gives for one.
+
+Among that is a function, an expression, and a table of predicted wrenches. The estimator has the
+methods of scikit-learn, which is not needed.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
+from functools import cached_property
+from pathlib import Path
 from typing import Any, cast, get_args
 
 import numpy as np
 from scipy.optimize import nnls
+from scipy.spatial import cKDTree
 
 from ecm.errors import ComputationError, InputError, ModelError, Remedy
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.conventions import wrong_convention
+from ecm.io.description import Meta
 from ecm.io.events import Progress
-from ecm.io.table import MetaLike, Table, TableLike, takes_table
+from ecm.io.extras import require
+from ecm.io.table import MetaLike, Table, TableLike, as_table, takes_table
 from ecm.models.actuated import ActuatedMap, ActuatedModel, exchanged
 from ecm.models.energy import EnergyModel
 from ecm.models.errors import error_over_noise
-from ecm.models.expression import FunctionModel
-from ecm.models.file import fitted_to
-from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap, Symmetry
+from ecm.models.evaluation import error_of_report
+from ecm.models.expression import Expression, FunctionModel
+from ecm.models.joint_fit import declared_or_fitted
+from ecm.models.maps import (
+    CHOOSE,
+    EnergyMap,
+    FittedMap,
+    MapDefaults,
+    ModelSpecification,
+    PolynomialMap,
+    StiffnessMap,
+    Symmetry,
+    Weights,
+    pose_and_wrench_columns,
+)
 from ecm.models.measured_poses import sample_of
-from ecm.models.model import Model
+from ecm.models.model import Model, load_model
 from ecm.models.parameters import parameters_of
 from ecm.models.partial import is_partial, measured_part, whole_map
 from ecm.models.physics.map import FREE, PhysicsMap
 from ecm.models.polynomial import PolynomialModel
-from ecm.models.pose_error import error_of_report
-from ecm.models.registry import parse_model
-from ecm.models.specification import CHOOSE, FittedMap, ModelSpecification, Weights
+from ecm.models.registry import fitted_to, parse_model
 from ecm.regression.folds import repeat_cells, spread_rows
 from ecm.regression.rows import inputs_of, taken_by, unused_inputs
 
@@ -454,3 +473,272 @@ def choose_base(model: Model, table: Table) -> StiffnessMap:
     if isinstance(model.base, PolynomialMap) and alike and len(model.inputs) < len(POSE):
         return polynomial(table, also=model.base.model.degree)
     return polynomial(table)
+
+
+@dataclass(eq=False)
+class ModelEstimator:
+    """A model with `fit`, `predict` and `score`, for `clone`, `cross_val_score` and the like.
+
+    Parameters
+    ----------
+    model
+        A specification or its short name.
+    length_m
+        Length of the mechanism, m; energies, rods and constraints need it.
+    weights, zero_at_home, stable, force
+        As in `fit_model`.
+
+    Attributes
+    ----------
+    model_
+        The fitted `Model`.
+
+    Examples
+    --------
+    >>> poses = np.random.default_rng(0).uniform(-0.01, 0.01, (20, 6))
+    >>> wrenches = 1000.0 * poses
+    >>> estimator = ModelEstimator("linear").fit(poses, wrenches)
+    >>> round(estimator.score(poses, wrenches), 6)
+    1.0
+    >>> estimator.set_params(model="cubic").get_params()["model"]
+    'cubic'
+    """
+
+    _estimator_type = "regressor"
+
+    model: ModelSpecification | str = "cubic"
+    _: KW_ONLY
+    length_m: float | None = None
+    weights: Weights = "auto"
+    zero_at_home: bool = False
+    stable: bool = False
+    force: bool = False
+    model_: Model = field(init=False, repr=False)
+
+    def fit(self, X: Any, y: Any) -> ModelEstimator:
+        """Fit the model to poses X (N, 6) in m and rad and wrenches y (N, 6) in N and N m.
+
+        Raises
+        ------
+        InputError
+            For arrays of another shape, and as `fit_model`.
+        """
+        columns = dict(zip(POSE, _array(X, "X").T, strict=True))
+        columns |= dict(zip(WRENCH, _array(y, "y").T, strict=True))
+        mechanism = {} if self.length_m is None else {"length_m": self.length_m}
+        options = self.get_params(False)
+        options.pop("length_m")
+        self.model_ = fit_model(Table(columns, Meta(mechanism=mechanism), "X, y"), **options)
+        return self
+
+    def predict(self, X: Any) -> F:
+        """(N, 6) wrenches in N and N m at poses X (N, 6)."""
+        if not hasattr(self, "model_"):
+            raise InputError("this estimator was not fitted yet: call fit(X, y) first")
+        return self.model_.predict(_array(X, "X"))
+
+    def score(self, X: Any, y: Any) -> float:
+        """Coefficient of determination R², mean over the six wrench components."""
+        truth = _array(y, "y")
+        residual = ((truth - self.predict(X)) ** 2).sum(axis=0)
+        total = ((truth - truth.mean(axis=0)) ** 2).sum(axis=0)
+        # A component that never varies counts 1 where it is met exactly, else 0.
+        constant = total == 0.0
+        share = np.where(constant, residual > 0.0, residual / np.where(constant, 1.0, total))
+        return float(1.0 - share.mean())
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """Options by name; with `deep` also fields of the specification as `model__degree`."""
+        options = {item.name: getattr(self, item.name) for item in fields(self) if item.init}
+        if deep:
+            own = parse_model(self.model)
+            options |= {f"model__{item.name}": getattr(own, item.name) for item in fields(own)}
+        return options
+
+    def set_params(self, **options: Any) -> ModelEstimator:
+        """Change options, or fields of the specification as `model__degree`."""
+        for name, value in options.items():
+            known = self.get_params()
+            if name not in known:
+                raise InputError(f"option {name!r}: expected one of {', '.join(known)}")
+            if not name.startswith("model__"):
+                setattr(self, name, value)
+            else:
+                change: dict[str, Any] = {name.removeprefix("model__"): value}
+                self.model = replace(parse_model(self.model), **change)
+        return self
+
+    def __sklearn_tags__(self) -> Any:
+        """What scikit-learn asks for since its release 1.6."""
+        sklearn = require("sklearn.utils", "learn", "ModelEstimator in scikit-learn")
+        tags = sklearn.Tags(
+            estimator_type="regressor",
+            target_tags=sklearn.TargetTags(required=True, multi_output=True, single_output=False),
+            regressor_tags=sklearn.RegressorTags(),
+        )
+        return tags
+
+
+def _array(values: Any, name: str) -> F:
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != len(POSE):
+        raise InputError(f"{name} has shape {array.shape}: expected (N, {len(POSE)})")
+    return array
+
+
+_NEAR = 1e-6
+"""Two poses are the same within this share of the range of each column."""
+
+EXPECTED = (
+    "a Model, a function of poses (N, n) that returns wrenches (N, m), an ecm.Expression, the path "
+    "of a model file, or a table of predicted wrenches"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedMap(MapDefaults):
+    """Predicted wrenches at the poses of a table; between them a polynomial carries the slope."""
+
+    table: Table
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    kind = "predictions"
+
+    @property
+    def name(self) -> str:
+        """The file's name without folder and ending."""
+        return Path(self.table.source).stem or "predictions"
+
+    @property
+    def coefficients(self) -> F:
+        """None: (0,)."""
+        return np.zeros(0)
+
+    @cached_property
+    def _smooth(self) -> StiffnessMap:
+        return polynomial(self.table)
+
+    @cached_property
+    def _span(self) -> F:
+        span = np.ptp(self.table.matrix(self.inputs), axis=0)
+        return np.asarray(np.where(span > 0.0, span, 1.0))
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.table.matrix(self.inputs) / self._span)
+
+    @cached_property
+    def _left(self) -> F:
+        poses = self.table.matrix(self.inputs)
+        return self.table.matrix(self.outputs) - self._smooth.predict(poses)
+
+    def predict(self, poses: F) -> F:
+        """(N, m): as predicted at a pose of the table, elsewhere by the slope from the nearest."""
+        poses = np.ascontiguousarray(poses, dtype=np.float64)
+        nearest = self._tree.query(poses / self._span)[1]
+        return self._smooth.predict(poses) + self._left[nearest]
+
+    def stiffness(self, poses: F, kind: str = "partial") -> F:
+        """(N, m, n) slope of the polynomial."""
+        return self._smooth.stiffness(np.ascontiguousarray(poses, dtype=np.float64), kind)
+
+    def columns(self, poses: F) -> F:
+        """(N, m, 0)."""
+        return np.zeros((len(poses), len(self.outputs), 0))
+
+    def with_coefficients(self, coefficients: F) -> PredictedMap:
+        """The same map."""
+        return self
+
+    def refuse_other_poses(self, table: Table) -> None:
+        """Raise InputError where a row of the table is at no pose of the predictions."""
+        distance, _ = self._tree.query(table.matrix(self.inputs) / self._span)
+        far = np.flatnonzero(~(distance <= _NEAR))
+        if len(far):
+            raise InputError(
+                f"{self.table.source} predicts no wrench at the pose of row {far[0] + 1} of "
+                f"{table.source} ({len(far)} of {len(table)} rows): expected a prediction at each "
+                "measured pose; compute them at the pose columns of that table"
+            )
+
+    def document(self) -> dict[str, Any]:
+        """Raise InputError: predictions at some poses are no model of others."""
+        raise InputError(
+            f"{self.name}: a table of predicted wrenches is no model that a file could hold; fit "
+            "one to it",
+            remedy=Remedy(
+                "fit a model to the predictions", "ecm fit MODEL --model linear --out OUT"
+            ),
+        )
+
+
+def predicted_map(table: Table) -> PredictedMap:
+    """The map of a table of predicted wrenches.
+
+    Raises
+    ------
+    InputError
+        Without pose and wrench columns, or where one pose has two wrenches.
+    """
+    inputs, outputs = pose_and_wrench_columns(table)
+    made = PredictedMap(table.measured(), inputs, outputs)
+    wrench = made.table.matrix(outputs)
+    size = np.abs(wrench).max(axis=0)
+    for i, j in made._tree.query_pairs(_NEAR, output_type="ndarray").tolist():
+        if np.any(np.abs(wrench[i] - wrench[j]) > 1e-9 * size):
+            raise InputError(
+                f"{table.source}: rows {i + 1} and {j + 1} have the same pose and other wrenches; "
+                "expected one prediction a pose"
+            )
+    return made
+
+
+def as_model(given: Any, table: Table) -> Model:
+    """A model of what a user gave for one, for the rows of a table.
+
+    Parameters
+    ----------
+    given
+        A `Model`, a map, a function of poses (N, n) that returns wrenches (N, m), an `Expression`
+        at its start, the path of a model file, or a table of predicted wrenches.
+    table
+        Measured rows; a function gets their pose columns.
+
+    Raises
+    ------
+    InputError
+        For anything else; the message says what was expected.
+
+    Examples
+    --------
+    >>> table = as_table({"x_m": [0.0, 0.01, 0.02], "fx_N": [0.0, 1.0, 2.1]})
+    >>> as_model(lambda poses: 100.0 * poses, table).predict(np.array([0.02]))
+    array([2.])
+    """
+    base: Any
+    if isinstance(given, str | Path) and Path(given).suffix.lower() == ".json":
+        given = load_model(given)
+    if isinstance(given, Model):
+        base = measured_part(given.base, table)
+        return given if base is given.base else replace(given, base=base)
+    if isinstance(given, Expression):
+        base = given.map()
+    elif isinstance(given, ModelSpecification):
+        raise InputError(
+            f"the model {given.name} is not fitted: fit it first, ecm.fit(table, ...)",
+            remedy=Remedy("fit it first", f"ecm fit DATA --model {given.name} --out MODEL"),
+        )
+    elif all(hasattr(given, name) for name in ("inputs", "outputs", "predict", "stiffness")):
+        base = given
+    elif callable(given) and not isinstance(given, type):
+        base = FunctionModel(given).map(table)
+        base.predict(table.matrix(base.inputs))
+    else:
+        try:
+            base = predicted_map(as_table(given, source="predictions", need="fit"))
+        except InputError as error:
+            kind = type(given).__name__
+            raise InputError(f"model: found a {kind}, expected {EXPECTED} ({error})") from None
+        base.refuse_other_poses(table.measured())
+    return Model(base=base, noise=declared_or_fitted(base, table.measured()))

@@ -12,7 +12,7 @@ import numpy as np
 from ecm.errors import EcmError
 from ecm.io.columns import unit_of
 from ecm.io.table import Table
-from ecm.models.maps import StiffnessMap
+from ecm.models.maps import ModelSpecification, StiffnessMap
 from ecm.models.model import Model
 from ecm.models.parameters import ParametrisedMap
 from ecm.models.partial import MeasuredMap, measured_part
@@ -20,9 +20,8 @@ from ecm.models.physics.map import PhysicsMap
 from ecm.models.physics.refit import PhysicsModel, physics_sentences
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.selection import CrossValidation, Told, cross_validate
-from ecm.models.specification import ModelSpecification
-from ecm.regression.correlation import correlation_time
 from ecm.regression.folds import CHOSEN, split_words
+from ecm.regression.history import correlation_time
 from ecm.regression.rows import inputs_of
 
 _FOLDS = 10

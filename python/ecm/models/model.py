@@ -19,11 +19,10 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import Progress, Steps
 from ecm.io.extras import require
 from ecm.io.table import Table, TableLike, as_table, takes_table
-from ecm.models import file
+from ecm.models import registry
 from ecm.models.controller import Controller
 from ecm.models.errors import FitRecord
-from ecm.models.evaluation import EvaluatedModel, rows_of_poses
-from ecm.models.file import was_trained_on
+from ecm.models.evaluation import EvaluatedModel, error_of_report, rows_of_poses
 from ecm.models.joint_fit import (
     CoefficientPrior,
     FittedEffect,
@@ -32,20 +31,28 @@ from ecm.models.joint_fit import (
     effect_shares,
     effect_sizes,
     joint_fit,
+    noise_for,
 )
 from ecm.models.measured_poses import are_inside, folded, sample_of
-from ecm.models.noise_estimate import noise_for
 from ecm.models.parameters import FittedParameter, ParametrisedMap
-from ecm.models.pose_error import error_of_report
-from ecm.models.registry import map_from_document
+from ecm.models.registry import map_from_document, was_trained_on
 from ecm.models.time_effects import needed_by_steps, time_effects
-from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import HOW, RowsUsed, spread_rows, without_zero_readings
 from ecm.regression.noise import Noise
+from ecm.regression.normal_equations import MANY_ROWS
 from ecm.regression.rows import is_whole, taken_by
 from ecm.report import figures
-from ecm.report.blocks import Block, Cell, CodeBlock, FigureBlock, Section, TableBlock, TextBlock
-from ecm.report.page import Report, Shown
+from ecm.report.blocks import (
+    Block,
+    Cell,
+    CodeBlock,
+    FigureBlock,
+    Report,
+    Section,
+    Shown,
+    TableBlock,
+    TextBlock,
+)
 
 _LARGE_CORRELATION = 0.3
 _MOST_PAIRS = 12
@@ -380,19 +387,19 @@ class Model(Shown, EvaluatedModel):
     def save(self, path: str | Path) -> None:
         """Write a model file with its checksum."""
         check_arguments(Model.save, locals())
-        file.write_document(self.document(), path)
+        registry.write_document(self.document(), path)
 
     def document(self) -> dict[str, Any]:
         """The document of a model file, without its checksum."""
         return {
-            "format": file.FORMAT,
-            "version": file.VERSION,
+            "format": registry.FORMAT,
+            "version": registry.VERSION,
             **self.base.document(),
             "length_m": self.known_length_m,
             "scene": asdict(self.scene),
-            **file.covariance_document(self.covariance, self.base),
+            **registry.covariance_document(self.covariance, self.base),
             "noise": self.noise.to_dict(),
-            "effects": [file.effect_document(item) for item in self.effects],
+            "effects": [registry.effect_document(item) for item in self.effects],
             "base_frozen": self.base_frozen,
             "correlations": [list(pair) for pair in self.correlations],
             "domain": {name: list(pair) for name, pair in self.domain.items()},
@@ -442,7 +449,7 @@ class Model(Shown, EvaluatedModel):
             Where the table cannot determine an effect; the message names the column to record.
         """
         table, freeze_base = without_zero_readings(table), self.base_frozen
-        described = file.fitted_to(table, self.inputs)
+        described = registry.fitted_to(table, self.inputs)
         training = described["training"]
         training["poses"] = sample_of(table, taken_by(self.base))
         same_rows = was_trained_on(self.training, table)
@@ -600,7 +607,7 @@ def load_model(path: str | Path) -> Model:
     'poly:1'
     """
     check_arguments(load_model, locals())
-    document = file.read_document(path)
+    document = registry.read_document(path)
     try:
         base = map_from_document(document)
     except (EcmError, KeyError, TypeError, ValueError, IndexError) as error:
@@ -611,11 +618,11 @@ def load_model(path: str | Path) -> Model:
         return Model(
             base=base,
             noise=Noise.from_dict(dict(document["noise"])),
-            effects=tuple(file.effect_of(item) for item in document["effects"]),
-            covariance=file.covariance_of(document),
+            effects=tuple(registry.effect_of(item) for item in document["effects"]),
+            covariance=registry.covariance_of(document),
             training=dict(document["training"]),
             length_m=document["length_m"],
-            scene=file.scene_of(document.get("scene", {})),
+            scene=registry.scene_of(document.get("scene", {})),
             domain=_ranges(document["domain"]),
             conditions=_ranges(document.get("conditions", {})),
             base_frozen=bool(document.get("base_frozen", False)),

@@ -17,12 +17,10 @@ from scipy.optimize import least_squares
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F
 from ecm.io.events import Progress
+from ecm.io.settings import check_keys
 from ecm.io.table import Table
-from ecm.io.toml import check_keys
-from ecm.models.joint_fit import covariance_of, unit_products
-from ecm.models.maps import MapDefaults, StiffnessMap
-from ecm.models.noise_estimate import declared_or_fitted, spread_noise
-from ecm.models.specification import FittedMap
+from ecm.models.joint_fit import covariance_of, declared_or_fitted, spread_noise, unit_products
+from ecm.models.maps import FittedMap, MapDefaults, StiffnessMap
 from ecm.regression.noise import whiteners
 from ecm.regression.rows import Rows
 

@@ -17,10 +17,8 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import Progress
 from ecm.io.table import Table
-from ecm.models.joint_fit import joint_fit, unit_products
-from ecm.models.maps import MapDefaults, StiffnessMap, partial_to
-from ecm.models.noise_estimate import declared_or_fitted, spread_noise
-from ecm.models.specification import FittedMap
+from ecm.models.joint_fit import declared_or_fitted, joint_fit, spread_noise, unit_products
+from ecm.models.maps import FittedMap, MapDefaults, StiffnessMap, partial_to
 from ecm.regression.rows import BaseMap, BodyChange
 
 MEASURED = "measured"

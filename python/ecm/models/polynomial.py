@@ -25,11 +25,17 @@ from ecm.io.events import Progress, after_a_part
 from ecm.io.settings import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES, setting
 from ecm.io.table import Table
 from ecm.models.errors_in_variables import AllRows, fit_with_pose_noise
-from ecm.models.maps import PolynomialMap, StiffnessMap
-from ecm.models.noise_estimate import declared_or_fitted
-from ecm.models.specification import FittedMap, ModelSpecification, Weights, pose_and_wrench_columns
-from ecm.regression.blocks import triangles_of_folds, without_each
+from ecm.models.joint_fit import declared_or_fitted
+from ecm.models.maps import (
+    FittedMap,
+    ModelSpecification,
+    PolynomialMap,
+    StiffnessMap,
+    Weights,
+    pose_and_wrench_columns,
+)
 from ecm.regression.noise import declared_noise, whiteners
+from ecm.regression.normal_equations import triangles_of_folds, without_each
 
 Threshold: TypeAlias = float | str | None
 _FORMS = "B, B/sqrtN, rank:R or press"

@@ -21,19 +21,17 @@ from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.events import Progress
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.errors import errors_and_noise, held_out
-from ecm.models.fit import choose_base, fit_rows, refuse_unused_inputs
-from ecm.models.given import as_model
+from ecm.models.fit import as_model, choose_base, fit_rows, refuse_unused_inputs
 from ecm.models.joint_fit import joint_fit
-from ecm.models.maps import EnergyMap, PolynomialMap
+from ecm.models.maps import CHOOSE, EnergyMap, PolynomialMap
 from ecm.models.model import Model
 from ecm.models.partial import measured_part
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.physics.refit import PhysicsModel, physics_prior
 from ecm.models.registry import parse_model
-from ecm.models.specification import CHOOSE
-from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import spread_rows, without_zero_readings
 from ecm.regression.noise import Noise
+from ecm.regression.normal_equations import MANY_ROWS
 from ecm.regression.rows import Rows, naming_wild_readings
 
 FAR_BEYOND_NOISE = 2.2

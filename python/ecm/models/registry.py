@@ -1,22 +1,41 @@
-"""All families of models; the one place that reads short names such as `energy6`."""
+"""All families of models: short names such as `energy6`, and model files.
+
+A file is JSON with a checksum (docs/schemas/model.json); it names the training data.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from ecm._native import ModelError, open_model, seal_model
+from ecm.effects import with_shape
 from ecm.errors import InputError
+from ecm.io.arrays import F
+from ecm.io.cache import hash_of, write_atomically
+from ecm.io.description import Scene
+from ecm.io.settings import read_text
+from ecm.io.table import Table
 from ecm.models.actuated import ActuatedModel
 from ecm.models.energy import EnergyModel
 from ecm.models.expression import Expression
+from ecm.models.joint_fit import FittedEffect
 from ecm.models.layout import anything, check_document, items, named, record, text
-from ecm.models.learned import GaussianProcessModel, NeuralNetworkModel
-from ecm.models.maps import StiffnessMap
+from ecm.models.literature import (
+    ConstantCurvatureModel,
+    GaussianProcessModel,
+    NeuralNetworkModel,
+    RodModel,
+)
+from ecm.models.maps import ModelSpecification, StiffnessMap
 from ecm.models.partial import MEASURED, MeasuredMap
 from ecm.models.physics.refit import PhysicsModel
 from ecm.models.polynomial import PolynomialModel, Threshold
-from ecm.models.rod import ConstantCurvatureModel, RodModel
-from ecm.models.specification import ModelSpecification
 
 MODELS: tuple[type[ModelSpecification], ...] = (
     PolynomialModel,
@@ -116,3 +135,172 @@ def _measured(document: dict[str, Any]) -> MeasuredMap:
     if not set(names) < set(whole.outputs) or whole.inputs != tuple(document["inputs"]):
         raise InputError(f"outputs = {list(names)} of a map of {', '.join(whole.outputs)}")
     return MeasuredMap(whole, names)
+
+
+def training_of(table: Table) -> dict[str, Any]:
+    """Hash of the numbers, number of rows, and the file's name without its folder."""
+    return {
+        "hash": hash_of(dict(table.columns), ""),
+        "rows": len(table),
+        "source": Path(table.source).name if table.source else "",
+        "seed": None,
+    }
+
+
+def was_trained_on(training: Mapping[str, Any], table: Table) -> bool:
+    """Whether these very rows are the training data that a model file names."""
+    known = training.get("hash")
+    # A hash reads every number: only where there are as many rows as the fit had.
+    if known is None or training.get("rows") not in (None, len(table)):
+        return False
+    if known == training_of(table)["hash"]:
+        return True
+    # Model files of before 0.1.0 hashed the columns as lists.
+    lists = {name: np.asarray(values).tolist() for name, values in table.columns.items()}
+    return bool(known == hash_of(lists, ""))
+
+
+CONDITIONS = ("temperature_degC", "time_s")
+"""Columns beside the pose that effects of the mechanism follow."""
+
+
+def fitted_to(table: Table, inputs: Sequence[str]) -> dict[str, Any]:
+    """Fields of a model that say what it was fitted to: where it holds, and under which scene.
+
+    `domain` and `conditions` are ranges over the measured rows: of the pose columns, and of
+    temperature and time where the table has them.
+    """
+    measured = table.measured()
+    there = {name: measured.column(name) for name in CONDITIONS if measured.has(name)}
+    known = {name: values[np.isfinite(values)] for name, values in there.items()}
+    return {
+        "training": training_of(table),
+        "domain": {name: _range(measured.column(name)) for name in inputs},
+        "conditions": {name: _range(values) for name, values in known.items() if len(values)},
+        "scene": table.meta.scene,
+    }
+
+
+def _range(values: F) -> tuple[float, float]:
+    return float(values.min()), float(values.max())
+
+
+FORMAT = "ecm-model"
+VERSION = 1
+_LARGE = 150
+"""Coefficients from which on a covariance is written as deviations and correlations."""
+_SHARE = 0.01
+"""Largest relative change of a variance that rounding the correlations may cause."""
+
+
+def covariance_document(covariance: F | None, base: StiffnessMap) -> dict[str, Any]:
+    """The full matrix; for a plain polynomial fit its Kronecker factors, outputs (x) terms.
+
+    A large one that has no factors (504 coefficients refitted with effects or by pose noise) is
+    written as standard deviations and the lower triangle of the correlations, with no more digits
+    than the smallest variance of any prediction needs.
+    """
+    if covariance is None:
+        return {"covariance": None}
+    if base.kind == "polynomial":
+        m = len(base.outputs)
+        k = len(covariance) // m
+        blocks = covariance.reshape(m, k, m, k)
+        scale = np.einsum("aibi->ab", blocks)
+        trace = float(np.trace(scale))
+        if trace > 0.0:
+            terms = np.einsum("aiaj->ij", blocks) / trace
+            if np.allclose(np.kron(scale, terms), covariance, rtol=1e-9, atol=0.0):
+                terms = 0.5 * (terms + terms.T)
+                return {"covariance": terms.tolist(), "covariance_of_outputs": scale.tolist()}
+    covariance = 0.5 * (covariance + covariance.T)
+    sd = np.sqrt(np.diag(covariance))
+    if len(sd) >= _LARGE and sd.min() > 0.0:
+        correlation = covariance / np.outer(sd, sd)
+        smallest = float(np.linalg.eigvalsh(correlation)[0])
+        # Rounding by u in each entry changes no variance by more than about 2 u sqrt(k).
+        unit = _SHARE * smallest / (2.0 * np.sqrt(len(sd)))
+        if unit > 1e-12:
+            digits = int(np.ceil(-np.log10(2.0 * unit)))
+            rounded = np.round(correlation, digits)
+            rows = [rounded[i, :i].tolist() for i in range(1, len(sd))]
+            return {
+                "covariance": None,
+                "covariance_sd": sd.tolist(),
+                "covariance_correlation": rows,
+            }
+    return {"covariance": covariance.tolist()}
+
+
+def covariance_of(document: dict[str, Any]) -> F | None:
+    """(k, k) covariance of a model file; None where it has none."""
+    if document["covariance"] is None:
+        if document.get("covariance_sd") is None:
+            return None
+        return _from_correlations(document)
+    covariance = np.asarray(document["covariance"], dtype=np.float64)
+    outputs = document.get("covariance_of_outputs")
+    if outputs is None:
+        return covariance
+    return np.asarray(np.kron(np.asarray(outputs, dtype=np.float64), covariance))
+
+
+def _from_correlations(document: dict[str, Any]) -> F:
+    """(k, k) from deviations and the lower triangle of correlations."""
+    sd = np.asarray(document["covariance_sd"], dtype=np.float64)
+    correlation = np.eye(len(sd))
+    for i, row in enumerate(document["covariance_correlation"], 1):
+        correlation[i, :i] = correlation[:i, i] = row
+    return np.asarray(correlation * np.outer(sd, sd))
+
+
+def effect_document(item: FittedEffect) -> dict[str, Any]:
+    """An effect with its values for a model file."""
+    return {
+        "id": item.id,
+        "side": item.effect.side,
+        "shape": item.effect.shape,
+        "frozen": item.frozen,
+        "parameters": {
+            p.name: {"value": value, "sd": sd if np.isfinite(sd) else None, "unit": p.unit}
+            for p, value, sd in item.listed
+        },
+    }
+
+
+def write_document(document: dict[str, Any], path: str | Path) -> None:
+    """Write a model file with its checksum, complete or not at all."""
+    write_atomically(Path(path), seal_model(json.dumps(document)))
+
+
+def read_document(path: str | Path) -> dict[str, Any]:
+    """The document of a model file; InputError where checksum, version or a range is wrong."""
+    text = read_text(Path(path), "model file of `ecm fit`")
+    try:
+        return open_model(text)
+    except ModelError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def scene_of(document: dict[str, Any]) -> Scene:
+    """The scene of a model file, with defaults for keys that older files lack."""
+    known = {**asdict(Scene()), **document}
+    gravity = [float(g) for g in known["gravity_m_s2"]]
+    return Scene(**known | {"gravity_m_s2": (gravity[0], gravity[1], gravity[2])})
+
+
+def effect_of(document: dict[str, Any]) -> FittedEffect:
+    """An effect of a model file."""
+    effect = with_shape(document["id"], dict(document["shape"]))
+    stored, names = dict(document["parameters"]), [p.name for p in effect.parameters]
+    if not set(names) & set(stored):
+        # Parameters that had other names in an older version stand in the same order.
+        stored = dict(zip(names, stored.values(), strict=True))
+    values = [float(stored[p.name]["value"]) for p in effect.parameters]
+    sds = [stored[p.name]["sd"] for p in effect.parameters]
+    return FittedEffect(
+        effect,
+        np.array(values),
+        np.array([np.inf if sd is None else float(sd) for sd in sds]),
+        bool(document["frozen"]),
+    )

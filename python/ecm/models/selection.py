@@ -18,22 +18,20 @@ from ecm.effects import Rows
 from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.events import Progress
+from ecm.io.events import Printed, Progress
 from ecm.io.extras import require
-from ecm.io.printed import Printed
 from ecm.io.settings import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.actuated import ActuatedModel
 from ecm.models.energy import EnergyModel
 from ecm.models.fit import fit_model, fit_rows
-from ecm.models.maps import PolynomialMap, StiffnessMap
+from ecm.models.maps import ModelSpecification, PolynomialMap, StiffnessMap
 from ecm.models.partial import measured_part
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.registry import parse_model
-from ecm.models.specification import ModelSpecification
-from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import row_groups
 from ecm.regression.noise import declared_noise, whiteners
+from ecm.regression.normal_equations import MANY_ROWS
 from ecm.regression.rows import inputs_of
 from ecm.report import figures
 

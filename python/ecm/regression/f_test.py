@@ -13,7 +13,7 @@ from scipy import special
 from scipy.linalg import LinAlgError, cholesky, lapack, qr, solve_triangular
 
 from ecm.io.arrays import F, I
-from ecm.regression.blocks import in_blocks
+from ecm.regression.normal_equations import in_blocks
 
 _DEPENDENT = 1e-5
 """A column is dependent where this share or less is orthogonal to the others."""

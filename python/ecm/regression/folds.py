@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from ecm.io.arrays import B, F, I, evenly
 from ecm.io.table import Table
-from ecm.regression.approach import order_of_visits
+from ecm.regression.history import order_of_visits
 
 
 def is_zero(table: Table) -> B:

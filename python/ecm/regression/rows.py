@@ -15,7 +15,7 @@ from ecm.errors import InputError, ModelError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
-from ecm.regression.approach import order_of_visits, pose_before
+from ecm.regression.history import order_of_visits, pose_before
 
 _DIGITS = 1e-5
 """Least rounding of a column that a file holds, over its largest value: five digits."""

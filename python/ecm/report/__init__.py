@@ -4,11 +4,11 @@ from ecm.report.blocks import (
     Block,
     CodeBlock,
     FigureBlock,
+    Report,
     Section,
     TableBlock,
     TextBlock,
 )
-from ecm.report.page import Report
 
 __all__ = [
     "Block",

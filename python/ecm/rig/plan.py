@@ -13,8 +13,8 @@ from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import POSE as POSE_COLUMNS
 from ecm.io.se3 import displaced, rotation, transpose, turn_wrench, wrench_adjoint
+from ecm.io.settings import did_you_mean
 from ecm.io.table import Table
-from ecm.io.toml import did_you_mean
 from ecm.rig.elastic import SolvedPoses
 from ecm.rig.instruments import Optics
 from ecm.rig.physics.camera import LEDS, LEDS_NEEDED

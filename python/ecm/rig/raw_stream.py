@@ -25,6 +25,8 @@ from numpy.typing import NDArray
 
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
+from ecm.io.columns import POSE as POSE_COLUMNS
+from ecm.io.columns import VELOCITY, WRENCH
 from ecm.io.se3 import rotation, turn_wrench
 from ecm.io.table import Table
 from ecm.rig.elastic import REST_INDEX, Elastic, Grading, SolvedPoses, unique_poses
@@ -33,7 +35,7 @@ from ecm.rig.physics import Physics
 from ecm.rig.physics.true_effect import Clock
 from ecm.rig.plan import POSE, Visit, Visits
 from ecm.rig.plant import Plant, compensated, row_covariance, visits_of
-from ecm.rig.readings import POSE_NAMES, WRENCH_NAMES, CampaignState, Reading, described
+from ecm.rig.readings import CampaignState, Reading, described
 from ecm.rig.settings import Procedure
 from ecm.rig.timeline import Climate, stream, travel_s
 
@@ -183,10 +185,9 @@ class RawStream:
             "run": np.asarray([float(leg.visit.run) for leg in self.legs])[self.leg],
             "time_s": np.maximum.accumulate(stamps),  # they grow, as a recorder's do
         }
-        columns |= dict(zip(POSE_NAMES, seen.T.copy(), strict=True))
-        columns |= dict(zip(WRENCH_NAMES, wrench.T.copy(), strict=True))
-        names = (f"v_{name}" for name in POSE_NAMES)
-        columns |= dict(zip(names, self.velocities().T.copy(), strict=True))
+        columns |= dict(zip(POSE_COLUMNS, seen.T.copy(), strict=True))
+        columns |= dict(zip(WRENCH, wrench.T.copy(), strict=True))
+        columns |= dict(zip(VELOCITY, self.velocities().T.copy(), strict=True))
         inputs = self._still[1].inputs
         columns |= dict(zip(campaign.plan.actuation_columns, inputs.T.copy(), strict=True))
         columns["leds_visible"] = Optics(instrument).visible(seen).sum(axis=1).astype(np.float64)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F
 from ecm.io.cache import write_atomically
+from ecm.io.columns import POSE, SPREAD, WRENCH
 from ecm.io.description import FileMeta, Instrument, Meta, Scene
 from ecm.io.se3 import rotation, turn_wrench
 from ecm.io.table import Table
@@ -177,13 +178,11 @@ def disk_error(path: Path, error: OSError) -> ComputationError:
     )
 
 
-POSE_NAMES = ("x_m", "y_m", "z_m", "theta_x_rad", "theta_y_rad", "theta_z_rad")
-WRENCH_NAMES = ("fx_N", "fy_N", "fz_N", "tau_x_Nm", "tau_y_Nm", "tau_z_Nm")
 _NAMES = (
-    *POSE_NAMES,
-    *(f"sd_{n}" for n in POSE_NAMES),
-    *(f"sensor_{n}" for n in WRENCH_NAMES),
-    *(f"sd_{n}" for n in WRENCH_NAMES),
+    *POSE,
+    *SPREAD[:6],
+    *(f"sensor_{n}" for n in WRENCH),
+    *SPREAD[6:],
     "temperature_degC",
     "sensor_temperature_degC",
 )
@@ -291,8 +290,8 @@ def table_of(campaign: CampaignState, readings: list[Reading], truth_sha256: str
     columns = visit_columns(taken, _stamps(campaign, rows))
     optics = Optics(campaign.settings.instrument)
     columns["leds_visible"] = optics.visible(poses[rows]).sum(axis=1).astype(np.float64)
-    columns |= dict(zip(POSE_NAMES, poses[rows].T.copy(), strict=True))
-    columns |= dict(zip(WRENCH_NAMES, wrenches[rows].T.copy(), strict=True))
+    columns |= dict(zip(POSE, poses[rows].T.copy(), strict=True))
+    columns |= dict(zip(WRENCH, wrenches[rows].T.copy(), strict=True))
     inputs = campaign.visits.inputs[rows]
     columns |= dict(zip(campaign.plan.actuation_columns, inputs.T.copy(), strict=True))
     columns["temperature_degC"] = np.asarray([readings[i].temperature_degC for i in rows])
@@ -320,8 +319,7 @@ def visit_columns(visits: Sequence[Visit], time_s: F) -> dict[str, NDArray[Any]]
 def spread_columns(readings: Sequence[Reading]) -> dict[str, NDArray[Any]]:
     """The columns of the standard deviations within each window."""
     spreads = np.stack([[*r.pose_sd, *r.wrench_sd] for r in readings])
-    names = (f"sd_{name}" for name in (*POSE_NAMES, *WRENCH_NAMES))
-    return dict(zip(names, spreads.T.copy(), strict=True))
+    return dict(zip(SPREAD, spreads.T.copy(), strict=True))
 
 
 def _stamps(campaign: CampaignState, rows: list[int]) -> F:

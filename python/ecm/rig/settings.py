@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from ecm.errors import InputError
-from ecm.io.settings import Checked, read_settings, setting
-from ecm.io.toml import check_keys
+from ecm.io.settings import Checked, check_keys, read_settings, setting
 from ecm.rig.hidden.truth import Hidden
 
 

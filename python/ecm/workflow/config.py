@@ -24,9 +24,16 @@ from ecm.fem.simulate import Workspace
 from ecm.io.arrays import F
 from ecm.io.cache import Stage, file_sha256, hash_of, write_atomically
 from ecm.io.mechanism import Mechanism
-from ecm.io.settings import ENERGY_DEGREES, POLYNOMIAL_DEGREES, Checked, read_settings, setting
+from ecm.io.settings import (
+    ENERGY_DEGREES,
+    POLYNOMIAL_DEGREES,
+    Checked,
+    check_keys,
+    read_settings,
+    read_toml,
+    setting,
+)
 from ecm.io.table import Table, read_table
-from ecm.io.toml import check_keys, read_toml
 from ecm.report.blocks import Section, text_of
 from ecm.rig import CampaignOptions, run_campaign
 from ecm.rig.readings import BESIDE, clear_beside, robot_path

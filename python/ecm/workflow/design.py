@@ -31,13 +31,22 @@ from ecm.effects.registry import effects_of_actuators
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments, check_type
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.printed import to_json
+from ecm.io.events import to_json
 from ecm.io.table import Table
 from ecm.models import Model
 from ecm.models.actuated import ActuatedMap
 from ecm.report import figures as draw
-from ecm.report.blocks import Block, Cell, FigureBlock, Section, TableBlock, TextBlock, number
-from ecm.report.page import Report, Shown
+from ecm.report.blocks import (
+    Block,
+    Cell,
+    FigureBlock,
+    Report,
+    Section,
+    Shown,
+    TableBlock,
+    TextBlock,
+    number,
+)
 from ecm.rig import RigSettings, campaign_minutes
 from ecm.workflow.config import Console, Silent
 

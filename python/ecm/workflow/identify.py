@@ -45,7 +45,7 @@ from ecm.models import (
 from ecm.models.actuated import ActuatedMap
 from ecm.models.physics.map import reach_of
 from ecm.regression.blas import one_blas_thread
-from ecm.report.page import Report, require_report
+from ecm.report.blocks import Report, require_report
 from ecm.rig import HiddenTable, RigSettings, fem_source, reveal
 from ecm.rig.arm.campaign import RobotCampaign, first_pose_trace, require_arm
 from ecm.rig.arm.trips import read_summary

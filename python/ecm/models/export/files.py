@@ -24,8 +24,7 @@ from ecm.io.columns import POSE
 from ecm.io.interrupts import uninterrupted
 from ecm.models.control_loop import ControlLoop, LoopSettings, design_loop
 from ecm.models.controller import AdaptSettings
-from ecm.models.export.fmu import fmu
-from ecm.models.export.simulators import mujoco, opensim
+from ecm.models.export.simulators import fmu, mujoco, opensim
 from ecm.models.export.source import Exported, Precision, Source, Target, without
 from ecm.models.measured_poses import folded, has_measured_poses, measured_poses
 from ecm.models.model import Model

@@ -17,9 +17,9 @@ from ecm._native import convert_stiffness, d_optimal, mid_frame, rod_poses
 from ecm.errors import ComputationError
 from ecm.fem.simulate import TABLE_I_MAX, TABLE_I_MIN
 from ecm.io.arrays import B, F, central_differences
+from ecm.models.literature import rod_sections
 from ecm.models.maps import EnergyTerms, Symmetry
 from ecm.models.physics.family import POWER, PhysicsFamily, poisson_ratio
-from ecm.models.rod import rod_sections
 from ecm.regression.noise import whiteners
 
 ROTATION_LIMIT_RAD = 0.8

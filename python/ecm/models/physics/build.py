@@ -23,6 +23,7 @@ from ecm.io.cache import Stage
 from ecm.io.events import Progress
 from ecm.io.mechanism import ROD_SECTIONS, Material, Mechanism
 from ecm.io.mesh import CAD_SUFFIXES
+from ecm.models.literature import RodMap
 from ecm.models.maps import Symmetry
 from ecm.models.physics.body_fits import (
     LENGTH_M,
@@ -37,7 +38,6 @@ from ecm.models.physics.body_fits import (
     workspace_poses,
 )
 from ecm.models.physics.family import MeshDifference, PhysicsFamily, compressibility, poisson_ratio
-from ecm.models.rod import RodMap
 
 _CANDIDATES_OF_A_WIDE_POSE = 2
 """A load holds the neck in every second pose that a rod takes beyond 0.8 rad."""

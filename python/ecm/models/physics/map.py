@@ -23,9 +23,9 @@ from ecm.io.arrays import F
 from ecm.io.cache import Stage, cache_directory, hash_of, write_atomically
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import Progress
-from ecm.io.frames import ORDERS, read_in_other_order
 from ecm.io.mechanism import Mechanism
 from ecm.io.sanity import likely_order
+from ecm.io.se3 import ORDERS, read_in_other_order
 from ecm.io.table import Table
 from ecm.models.layout import plain
 from ecm.models.maps import EnergyMap, EnergyTerms, SixAxisMap, finite

@@ -20,11 +20,10 @@ from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
 from ecm.models.joint_fit import CoefficientPrior, FittedEffect, base_columns, joint_fit
 from ecm.models.layout import Layout, anything, array, items, named, number, one_of, record
-from ecm.models.maps import StiffnessMap
+from ecm.models.maps import CHOOSE, FittedMap, ModelSpecification, StiffnessMap, Weights
 from ecm.models.partial import fit_measured, is_partial, need_pose
 from ecm.models.physics.family import LAYOUT, PARAMETERS
 from ecm.models.physics.map import PhysicsMap, physics_map, reach_of
-from ecm.models.specification import CHOOSE, FittedMap, ModelSpecification, Weights
 from ecm.regression.f_test import orthonormal
 from ecm.regression.noise import Noise, declared_noise, whiteners
 from ecm.regression.rows import Rows

@@ -18,7 +18,6 @@ from ecm.io.arrays import F
 from ecm.io.cache import cache_directory
 from ecm.io.columns import JOINT_SIGNS, JOINTS, WRENCH
 from ecm.io.extras import own_cores
-from ecm.rig.arm.kuka import mujoco, scene
 from ecm.rig.arm.mechanism import (
     HiddenPhysics,
     compile_model,
@@ -29,6 +28,7 @@ from ecm.rig.arm.mechanism import (
     with_inputs,
 )
 from ecm.rig.arm.procedure import ArmSetup, SimulatedArm, unusable
+from ecm.rig.arm.simulation import mujoco, scene
 from ecm.rig.arm.trips import (
     PlannedTrip,
     Stop,

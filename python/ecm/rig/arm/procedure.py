@@ -22,15 +22,6 @@ from scipy.spatial.transform import Rotation
 
 from ecm.io.arrays import F
 from ecm.io.se3 import displaced
-from ecm.rig.arm.kuka import (
-    RANGE_RAD,
-    SPEED_RAD_S,
-    TORQUE_NM,
-    inverse_kinematics,
-    joints_at_swivel,
-    scene,
-    swivel_angle,
-)
 from ecm.rig.arm.mechanism import (
     STEPS_BETWEEN,
     ControllerModel,
@@ -38,7 +29,19 @@ from ecm.rig.arm.mechanism import (
     NonElasticWrench,
     Surrogate,
 )
-from ecm.rig.arm.simulation import Diverged, Impedance, Servo, Simulation
+from ecm.rig.arm.simulation import (
+    RANGE_RAD,
+    SPEED_RAD_S,
+    TORQUE_NM,
+    Diverged,
+    Impedance,
+    Servo,
+    Simulation,
+    inverse_kinematics,
+    joints_at_swivel,
+    scene,
+    swivel_angle,
+)
 from ecm.rig.arm.trips import Stop, StopResult, TripResult, cubic_profile, duration_s, motion_s
 from ecm.rig.physics.camera import LEDS, LEDS_NEEDED
 from ecm.rig.physics.true_effect import SENSOR_SCALE

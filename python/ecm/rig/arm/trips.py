@@ -24,6 +24,7 @@ from ecm.io.se3 import rotation, rotation_vector, transpose
 from ecm.rig.plan import POSE, Visit, rest_pose
 from ecm.rig.readings import disk_error
 from ecm.rig.settings import Procedure
+from ecm.rig.timeline import travel_s
 
 
 def duration_s(distance: float, peak_speed: float) -> float:
@@ -146,7 +147,7 @@ def plan_trips(
         if at_home:
             close()
             points = points[at_home[-1] :]
-        legs = sum(_leg_s(a, b, procedure) for a, b in pairwise(points))
+        legs = sum(travel_s(b - a, procedure) for a, b in pairwise(points))
         if at_home:
             depart = visit.time_s - 0.5 * visit.window_s - visit.dwell_s - legs
         via, offset = tuple(points[1:-1]), None
@@ -155,7 +156,7 @@ def plan_trips(
         stops.append(
             Stop(i, goals[i], via, visit.dwell_s, visit.window_s, depart, acting[i], offset)
         )
-        last = visit.time_s + 0.5 * visit.window_s + _leg_s(visit.pose, rest, procedure)
+        last = visit.time_s + 0.5 * visit.window_s + travel_s(rest - visit.pose, procedure)
     close()
     return trips
 
@@ -175,11 +176,6 @@ def extra_s(visit: Visit, procedure: Procedure) -> float:
         return 0.0
     left = 0.25 * float(np.linalg.norm(visit.pose[:3] - visit.way[0][:3]))
     return 2.0 * (_SETTLE_S + duration_s(left, procedure.speed_m_s)) + _AT_HOME_S
-
-
-def _leg_s(start: F, end: F, procedure: Procedure) -> float:
-    """Duration of a leg in the planned timeline."""
-    return motion_s(end[:3] - start[:3], float(np.linalg.norm((end - start)[3:6])), procedure)
 
 
 class TripStore:

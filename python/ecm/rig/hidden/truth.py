@@ -16,9 +16,9 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
-from ecm.io.printed import Printed
+from ecm.io.events import Printed
+from ecm.io.settings import did_you_mean
 from ecm.io.table import Table, read_table
-from ecm.io.toml import did_you_mean
 from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.physics.true_effect import Random
 

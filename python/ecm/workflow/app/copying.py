@@ -11,9 +11,21 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from ecm.report.blocks import Block, Cell, CodeBlock, FigureBlock, Section, TableBlock, TextBlock
+from ecm.report.blocks import (
+    WEB,
+    Block,
+    Cell,
+    CodeBlock,
+    FigureBlock,
+    Report,
+    Section,
+    TableBlock,
+    TextBlock,
+    packed,
+    script_of,
+    web_file,
+)
 from ecm.report.figures import bars, lines
-from ecm.report.page import WEB, Report, packed, script_of, web_file
 from ecm.workflow.app.jobs import FOLLOWED_BY
 from ecm.workflow.app.session import INCOMING, Session
 from ecm.workflow.app.views import NEED_MODEL, Views, state_of

@@ -24,7 +24,7 @@ from urllib.parse import quote
 from ecm.errors import EcmError, InputError, Refusal
 from ecm.io.arguments import check_arguments, listed
 from ecm.io.extras import require
-from ecm.report.page import WEB
+from ecm.report.blocks import WEB
 from ecm.workflow.app.copying import archive_of, copy_of, report_of
 from ecm.workflow.app.jobs import Busy, Jobs
 from ecm.workflow.app.journal import DiskError, sentence, writing

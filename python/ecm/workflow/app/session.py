@@ -24,8 +24,8 @@ from ecm.errors import EcmError, InputError, Remedy, remedy_of
 from ecm.io import events
 from ecm.io.cache import write_atomically
 from ecm.io.description import Meta, row_ranges, rows_of, with_leave_out
+from ecm.io.settings import parse_toml, read_toml, write_toml
 from ecm.io.table import read_table
-from ecm.io.toml import parse_toml, read_toml, write_toml
 from ecm.workflow.app.journal import DATA, History, Journal, Step, writing
 from ecm.workflow.app.steps import DEMO_FILES, PLAN, RIG, Files, command_of, way_out, write_demo
 

@@ -42,7 +42,7 @@ from ecm.regression.blas import one_blas_thread
 from ecm.regression.normal_equations import RIDGE, explained_by_blocks, projected_out
 from ecm.regression.rows import actuators_of
 from ecm.report.figures import some_rows, view_of
-from ecm.rig.readings import POSE_NAMES, journal_path
+from ecm.rig.readings import journal_path
 from ecm.workflow.app.journal import History, Step, writing
 from ecm.workflow.app.session import Session, model_of
 from ecm.workflow.app.steps import Files, way_out
@@ -480,7 +480,7 @@ class Readings:
                 self._header = cells
                 continue
             cell = dict(zip(self._header, map(float, cells), strict=True))
-            pose = [float(f"{cell[name]:.6g}") for name in POSE_NAMES]
+            pose = [float(f"{cell[name]:.6g}") for name in POSE]
             self._rows.append([*pose, math.hypot(*(cell[name] for name in _FORCE))])
 
 
