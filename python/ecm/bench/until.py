@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm.bench.measured import Run, Taken, table_of
+from ecm.bench.measured import Run, described, table_of
 from ecm.designs.next_pose import UNITS, NextPose
 from ecm.diagnosis.agreement import AGREE, agreed, is_due, names_of
 from ecm.errors import InputError
@@ -138,9 +138,8 @@ the rig is another; take this row out, and measure it with a plan of its own
 
     def _for_error(self, run: Run, left: list[Request], poses: NextPose) -> list[Request]:
         waiting = {r.row: r for r in left if r.action.name == "measure"}
-        taken = [t for t in run.taken if t.kind == AT_POSE]
-        if taken:
-            poses.learn(self._table(run, run.taken).measured())
+        if any(taken.kind == AT_POSE for taken in run.taken):
+            poses.learn(self._poses_of(run))
         self.reached = poses.error is not None and poses.error.high <= self.goal.limit
         if self.reached or not waiting:
             return []
@@ -157,13 +156,17 @@ the rig is another; take this row out, and measure it with a plan of its own
         due = [n for n in range(len(at) + 1) if is_due(n)][-AGREE:]
         for n in due:
             if n not in self._diagnosed:
-                rows = self._table(run, run.taken[: at[n - 1] + 1])
+                rows = table_of(run, self._plan, Path("so far"), run.taken[: at[n - 1] + 1])
                 self._diagnosed[n] = names_of(rows, self._model, self._seed)
         self.reached = agreed([self._diagnosed[n] for n in due])
         return [] if self.reached else left
 
-    def _table(self, run: Run, taken: list[Taken]) -> Table:
-        return table_of(run, self._plan, Path("so far"), taken)
+    def _poses_of(self, run: Run) -> Table:
+        """Poses and wrenches so far: the zeros since change those that were read before them."""
+        at = [i for i, taken in enumerate(run.taken) if taken.kind == AT_POSE]
+        poses = np.stack([run.taken[i].reading.pose for i in at])
+        columns = run.six(poses, run.wrenches(run.taken)[at])
+        return Table(columns, described(run, self._plan), "so far")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -190,7 +193,7 @@ the rig is another; take this row out, and measure it with a plan of its own
         count = sum(taken.kind == AT_POSE for taken in run.taken)
         minutes = (run.taken[-1].time_s - run.taken[0].time_s) / 60.0
         if self._poses is not None:
-            self._poses.learn(self._table(run, run.taken).measured())
+            self._poses.learn(self._poses_of(run))
         if reached:
             why = f"{self.goal.text} was reached"
         elif run.left():
