@@ -141,9 +141,18 @@ class Course:
 
 
 def course(
-    rig: Rig, unit: str, order: list[int] | None, read: Table, *, alike: bool = False
+    rig: Rig,
+    unit: str,
+    order: list[int] | None,
+    read: Table,
+    *,
+    alike: bool = False,
+    begin: int = 0,
 ) -> Course:
-    """Measure rows in an order, or in that of the next pose; alike: none takes longer."""
+    """Measure rows in an order, or in that of the next pose; alike: none takes longer.
+
+    begin: rows before which no error is looked for.
+    """
     choice = NextPose(rig.candidates, unit)
     rows = [int(row) for row in choice.first()] if order is None else []
     found, promised = np.full(ROWS, np.inf), np.full(ROWS, np.inf)
@@ -156,7 +165,8 @@ def course(
             minutes = np.ones(len(left)) if alike else rig.minutes[left]
             rows = [int(choice.order(left.tolist(), minutes)[0])]
         taken.append(rows.pop(0))
-        choice.learn(read.select(np.asarray(taken)))
+        if len(taken) >= begin:
+            choice.learn(read.select(np.asarray(taken)))
         if choice.model is not None:
             found[len(taken) - 1] = error_of(choice.model, rig.fresh, unit)
         if choice.error is not None:
@@ -179,7 +189,8 @@ def errors(first: int, rigs: int) -> None:
         order, other = (random.permutation(chosen.indices).tolist() for _ in range(2))
         unit = list(found)[seed % len(found)]
         own = found[unit]
-        stated, fixed = (course(rig, unit, *of) for of in ((other, rig.again), (order, rig.read)))
+        stated = course(rig, unit, other, rig.again, begin=min(KEPT))
+        fixed = course(rig, unit, order, rig.read)
         ours, alike = (course(rig, unit, None, rig.read, alike=one) for one in (False, True))
         told = []
         for kept in KEPT:
