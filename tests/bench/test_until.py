@@ -128,9 +128,9 @@ def off(model: Model, body: EnergyMap, unit: str) -> np.ndarray:
     return np.asarray(wrong[:, :3])
 
 
-def expected(rows: Table, unit: str) -> float:
-    """Root mean square error of energy4 over the plan by its covariance: no luck of a draw."""
-    model = fit_rows(rows, EnergyModel(4))
+def expected(rows: Table, unit: str, degree: int) -> float:
+    """Root mean square error of an energy over the plan by its covariance: no luck of a draw."""
+    model = fit_rows(rows, EnergyModel(degree))
     poses = spring_plan(150).poses
     into = np.eye(6)[:3]
     if unit == "mm":
@@ -141,7 +141,7 @@ def expected(rows: Table, unit: str) -> float:
 
 
 @pytest.mark.parametrize("unit", ["N", "mm"])
-def test_chosen_rows_err_less_in_the_unit_of_the_goal_than_those_of_a_fixed_plan(unit: str) -> None:
+def test_chosen_rows_err_less_in_the_unit_of_the_goal_than_a_fixed_plan(unit: str) -> None:
     read = read_poses(BODY(), 5)
     choice = NextPose(read, unit)
     taken = choice.first().tolist()
@@ -152,8 +152,10 @@ def test_chosen_rows_err_less_in_the_unit_of_the_goal_than_those_of_a_fixed_plan
     settings = DesignSettings(model="energy6", length_m=0.1, starts=1, iterations=20)
     plan = optimal_design(read.poses, 60, settings).indices
     random = np.random.default_rng(0)
-    fixed = [expected(read.select(random.permutation(plan)[:30]), unit) for _ in range(5)]
-    assert expected(read.select(np.asarray(taken)), unit) < 0.92 * np.mean(fixed)
+    for degree, most in ((4, 0.97), (5, 0.95), (6, 0.8)):
+        orders = [random.permutation(plan)[:30] for _ in range(5)]
+        fixed = [expected(read.select(order), unit, degree) for order in orders]
+        assert expected(read.select(np.asarray(taken)), unit, degree) < most * np.mean(fixed)
 
 
 @pytest.mark.parametrize("unit", ["N", "mm"])
@@ -168,7 +170,8 @@ def test_a_promise_holds_where_the_model_lacks_a_form_that_the_noise_hides(unit:
         read = read_poses(body, seed)
         choice = NextPose(read, unit)
         choice.learn(read.select(np.random.default_rng(seed).permutation(150)[:40]))
-        assert choice.error is not None and choice.model is not None
+        assert choice.error is not None
+        assert choice.model is not None
         found = np.sqrt((off(choice.model, body, unit) ** 2).sum(axis=1).mean())
         kept.append(found <= choice.error.high)
     assert sum(kept) >= 18
@@ -185,7 +188,7 @@ def test_a_plan_that_ends_before_the_error_says_so(tmp_path: Path) -> None:
 
 
 def test_a_run_that_is_cut_chooses_as_one_that_is_not(tmp_path: Path) -> None:
-    plan, options = spring_plan(), {"until": "0.014 N", "fit": "energy4"}
+    plan, options = spring_plan(), {"until": "0.03 N", "fit": "energy4"}
     whole = spring_run(plan, Spring(), tmp_path / "whole.csv", **options)
     count = np.count_nonzero(whole.text("kind") == "pose")
     for cut in (3, 9, count - 1):
@@ -201,7 +204,7 @@ def test_a_run_that_is_cut_chooses_as_one_that_is_not(tmp_path: Path) -> None:
         ]
         assert order[0][: cut + 1] == order[1][: cut + 1]
         assert sorted(order[0]) == sorted(order[1])
-        assert again.text("kind").tolist().count("home") == 1
+        assert "home" in again.text("kind")[cut - 1 : cut + 2]
 
 
 def test_the_same_seed_gives_the_same_bytes(tmp_path: Path) -> None:
