@@ -45,8 +45,6 @@ F = NDArray[np.float64]
 CANDIDATES, FRESH, ROWS = 1000, 500, 70
 KEPT = 25, 40, 55
 """The stated errors of a rig: what its fixed plan keeps from these rows on."""
-BESIDE = 25, 40, 55, ROWS
-"""Rows at which the errors are compared."""
 
 
 @dataclass(frozen=True)
@@ -134,39 +132,17 @@ class Course:
         beyond = np.flatnonzero(~(self.found <= error))
         return int(beyond[-1]) + 2 if len(beyond) else 1
 
-    def stop(self, error: float) -> int | None:
-        """Rows at which the promise is below an error for the first time."""
-        below = np.flatnonzero(self.promised <= error)
-        return int(below[0]) + 1 if len(below) else None
 
-
-def course(
-    rig: Rig,
-    unit: str,
-    order: list[int] | None,
-    read: Table,
-    *,
-    alike: bool = False,
-    begin: int = 0,
-) -> Course:
-    """Measure rows in an order, or in that of the next pose; alike: none takes longer.
-
-    begin: rows before which no error is looked for.
-    """
+def course(rig: Rig, unit: str, order: list[int] | None, read: Table, minutes: F) -> Course:
+    """Measure rows in an order, or in that of the next pose per minute (N,)."""
     choice = NextPose(rig.candidates, unit)
-    rows = [int(row) for row in choice.first()] if order is None else []
     found, promised = np.full(ROWS, np.inf), np.full(ROWS, np.inf)
     taken: list[int] = []
     while len(taken) < ROWS:
-        if order is not None:
-            rows = [order[len(taken)]]
-        elif not rows:
-            left = np.setdiff1d(np.arange(CANDIDATES), taken)
-            minutes = np.ones(len(left)) if alike else rig.minutes[left]
-            rows = [int(choice.order(left.tolist(), minutes)[0])]
-        taken.append(rows.pop(0))
-        if len(taken) >= begin:
-            choice.learn(read.select(np.asarray(taken)))
+        left = np.setdiff1d(np.arange(CANDIDATES), taken)
+        rows = choice.order(left.tolist(), minutes[left]) if order is None else order[len(taken) :]
+        taken.append(int(rows[0]))
+        choice.learn(read.select(np.asarray(taken)))
         if choice.model is not None:
             found[len(taken) - 1] = error_of(choice.model, rig.fresh, unit)
         if choice.error is not None:
@@ -176,8 +152,9 @@ def course(
 
 def errors(first: int, rigs: int) -> None:
     """Print what the chosen order saves, and whether the promises are kept."""
+    beside = (*KEPT, ROWS)
     found: dict[str, dict[str, list[float]]] = {
-        unit: {name: [] for name in ("rows", "minutes", "over", "stop", *map(str, BESIDE))}
+        unit: {name: [] for name in ("rows", "minutes", "over", *map(str, beside))}
         for unit in UNITS
     }
     for seed in range(first, first + rigs):
@@ -187,11 +164,11 @@ def errors(first: int, rigs: int) -> None:
         chosen = optimal_design(rig.candidates.poses, ROWS, settings)
         random = np.random.default_rng([seed, 2])
         order, other = (random.permutation(chosen.indices).tolist() for _ in range(2))
-        unit = list(found)[seed % len(found)]
-        own = found[unit]
-        stated = course(rig, unit, other, rig.again, begin=min(KEPT))
-        fixed = course(rig, unit, order, rig.read)
-        ours, alike = (course(rig, unit, None, rig.read, alike=one) for one in (False, True))
+        unit, own = list(found.items())[seed % len(found)]
+        stated = course(rig, unit, other, rig.again, rig.minutes)
+        fixed = course(rig, unit, order, rig.read, rig.minutes)
+        ours = course(rig, unit, None, rig.read, rig.minutes)
+        alike = course(rig, unit, None, rig.read, np.ones(CANDIDATES))
         told = []
         for kept in KEPT:
             error = float(stated.found[kept - 1 :].max())
@@ -200,24 +177,21 @@ def errors(first: int, rigs: int) -> None:
             own["rows"].append(1.0 - rows[1] / rows[0])
             own["minutes"].append(1.0 - then[1] / then[0])
             for one, limit in ((c, limit) for c in (ours, alike) for limit in (error, 2.0 * error)):
-                at = one.stop(limit)
-                own["stop"].append(ROWS + 1 if at is None else at)
-                if at is not None:
-                    own["over"].append(one.found[at - 1] / one.promised[at - 1])
+                for stop in np.flatnonzero(one.promised <= limit)[:1]:
+                    own["over"].append(one.found[stop] / one.promised[stop])
             told.append(f"{error:.3g}: {rows[0]} and {rows[1]} rows")
-        for row in BESIDE:
+        for row in beside:
             own[str(row)].append(alike.found[row - 1] / fixed.found[row - 1])
-        ends = f"{fixed.found[-1]:.3g} and {alike.found[-1]:.3g}"
-        print(f"rig {seed:2d} {unit:2s} {'; '.join(told)}; at {ROWS} rows {ends}", flush=True)
+        print(f"rig {seed:2d} {unit:2s} {'; '.join(told)}", flush=True)
     for unit, own in found.items():
-        kept = np.asarray(own["over"]) <= 1.0
-        beside = [f"{np.exp(np.log(own[str(row)]).mean()):.2f} at {row}" for row in BESIDE]
+        kept_ones = np.asarray(own["over"]) <= 1.0
+        ratios = [f"{np.exp(np.log(own[str(row)]).mean()):.2f} at {row}" for row in beside]
         print(
             f"{unit}: rows saved, median {np.median(own['rows']):.0%} (mean "
             f"{np.mean(own['rows']):.0%}), minutes {np.median(own['minutes']):.0%}; error over "
-            f"the plan's, geometric mean, {', '.join(beside)} rows; promises kept {kept.sum()} of "
-            f"{len(kept)}, found over promised, median {np.median(own['over']):.2f}; rows at the "
-            f"stop, median {np.median(own['stop']):.0f}"
+            f"the plan's, geometric mean, {', '.join(ratios)} rows; promises kept "
+            f"{kept_ones.sum()} of {len(kept_ones)}, found over promised, median "
+            f"{np.median(own['over']):.2f}"
         )
 
 
@@ -227,18 +201,17 @@ def choices(rows: int = 60, count: int = 2000) -> None:
     choice, procedure = NextPose(rig.candidates, "mm"), Procedure()
     listed = requests(rig.candidates, procedure, float(rig.candidates.meta.length_m or 0.0))
     layout = Layout(procedure, float(rig.candidates.meta.length_m or 0.0), listed)
-    taken = [int(row) for row in choice.first()]
+    taken: list[int] = []
     spent = []
     while len(taken) < rows:
         began = time.process_time()
-        choice.learn(rig.read.select(np.asarray(taken)))
-        gone = set(taken)
-        left = [request for request in listed if request.row not in gone]
+        if taken:
+            choice.learn(rig.read.select(np.asarray(taken)))
+        left = [request for request in listed if request.row not in taken]
         minutes = np.asarray([layout.minutes(request) for request in left])
         taken.append(int(choice.order([request.row for request in left], minutes)[0]))
         spent.append(time.process_time() - began)
-    middle, worst = np.median(spent), max(spent)
-    print(f"choice among {count} candidates: median {middle:.3f} s, worst {worst:.3f} s")
+    print(f"among {count} candidates: median {np.median(spent):.3f} s, worst {max(spent):.3f} s")
 
 
 EFFECTS = (

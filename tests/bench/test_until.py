@@ -144,9 +144,10 @@ def expected(rows: Table, unit: str, degree: int) -> float:
 def test_chosen_rows_err_less_in_the_unit_of_the_goal_than_a_fixed_plan(unit: str) -> None:
     read = read_poses(BODY(), 5)
     choice = NextPose(read, unit)
-    taken = choice.first().tolist()
+    taken: list[int] = []
     while len(taken) < 30:
-        choice.learn(read.select(np.asarray(taken)))
+        if taken:
+            choice.learn(read.select(np.asarray(taken)))
         left = np.setdiff1d(np.arange(len(read)), taken)
         taken.append(int(choice.order(left.tolist(), np.ones(len(left)))[0]))
     settings = DesignSettings(model="energy6", length_m=0.1, starts=1, iterations=20)

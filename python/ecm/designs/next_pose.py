@@ -16,9 +16,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from scipy import stats
+from scipy import special, stats
 
 from ecm.designs.optimal import optimal_design
 from ecm.designs.regressors import DesignSettings, NominalModel
@@ -106,7 +107,7 @@ class NextPose:
     >>> rows = dict(zip((*POSE, *WRENCH), pairs.T))
     >>> table = ecm.as_table(rows, meta={"mechanism": {"length_m": 0.1}})
     >>> choice = NextPose(table, "N", "energy4")
-    >>> [int(row) for row in choice.first()][:3]
+    >>> choice.order(range(60), np.ones(60))[:3].tolist()
     [1, 15, 16]
     >>> measured = table.measured()
     >>> choice.learn(measured)
@@ -144,11 +145,11 @@ class NextPose:
         """The model whose error counts."""
         self._rows: Table | None = None
 
-    def first(self) -> I:
+    @cached_property
+    def _first(self) -> I:
         """The rows (n,) that determine the poorest model best, in the order of candidates."""
-        settings = DesignSettings(
-            model=self._models[0].name, length_m=self._length_m, starts=1, iterations=20
-        )
+        name, length = self._models[0].name, self._length_m
+        settings = DesignSettings(model=name, length_m=length, starts=1, iterations=20)
         return optimal_design(self._poses, _needed(self._terms[0]), settings).indices
 
     def learn(self, rows: Table) -> None:
@@ -185,32 +186,26 @@ class NextPose:
         into = self._into_unit(model) / np.sqrt(len(region))
         part = (into @ columns).reshape(-1, len(known))
         gap = ((richest.base.predict(region) - model.base.predict(region)) @ into.T).ravel()
-        normal = np.random.default_rng(0).standard_normal((len(known), _DRAWS))
+        random = np.random.default_rng(0)
+        normal = random.standard_normal((len(known), _DRAWS))
         weights, errors = np.zeros(len(_SIZES)), np.zeros((len(_SIZES), _DRAWS))
-        for i, each in enumerate(_SIZES):
+        for i, a_size in enumerate(_SIZES):
             prior = np.zeros(len(known))
-            prior[free:] = (size / each) ** 2
+            prior[free:] = (size / a_size) ** 2
             posterior = np.linalg.inv(information + np.diag(prior))
             off = gap - part @ (posterior @ (prior * known))
             root = part @ np.linalg.cholesky(0.5 * (posterior + posterior.T))
             errors[i] = ((off[:, None] + root @ normal) ** 2).sum(axis=0)
-            spread = covariance[free:, free:] + np.diag((each / size) ** 2)
+            spread = covariance[free:, free:] + np.diag((a_size / size) ** 2)
             further = known[free:] @ np.linalg.solve(spread, known[free:])
             weights[i] = -0.5 * (further + np.linalg.slogdet(spread)[1])
-        weights = np.exp(weights - weights.max())
-        weights /= weights.sum()
-        order, total = np.argsort(errors, axis=None), np.repeat(weights / _DRAWS, _DRAWS)
-        excess = squares / freedom
-        significant = not noise.is_assumed and excess * freedom > stats.chi2.ppf(_CHANCE, freedom)
-        reading = noise.covariance(nominal.rows(region)).mean(axis=0) * len(region)
-        form = (excess - 1.0) * float(np.trace(into @ reading @ into.T)) if significant else 0.0
-
-        def at(chance: float) -> float:
-            place = int(np.searchsorted(np.cumsum(total[order]), chance))
-            return float(np.sqrt(errors.ravel()[order[min(place, errors.size - 1)]] + form))
-
-        now = float(np.sqrt(errors.ravel() @ total + form))
-        low, high = at(1.0 - _CHANCE), at(_CHANCE)
+        each = np.repeat(special.softmax(weights) / _DRAWS, _DRAWS)
+        drawn = random.choice(errors.ravel(), len(_SIZES) * _DRAWS, p=each)
+        significant = not noise.is_assumed and squares > stats.chi2.ppf(_CHANCE, freedom)
+        reading = np.trace(into @ noise.covariance(nominal.rows(region)).sum(axis=0) @ into.T)
+        form = float(significant * (squares / freedom - 1.0) * reading)
+        squares_at = [drawn.mean(), *np.quantile(drawn, [1.0 - _CHANCE, _CHANCE])]
+        now, low, high = np.sqrt(np.asarray(squares_at) + form).tolist()
         return FreshError(model.base.name, self._unit, now, low, high, bool(significant))
 
     def _into_unit(self, fitted: Model) -> F:
@@ -223,11 +218,13 @@ class NextPose:
     def order(self, left: Sequence[int], minutes: F) -> I:
         """Rows of the candidates, that which tells most per minute first.
 
+        Before the poorest model is determined, those are first that determine it best.
+
         minutes: (n,) that each of the rows `left` takes.
         """
         rows = np.asarray(left, dtype=np.int64)
         if self.model is None or self._rows is None:
-            return rows
+            return rows[np.argsort(~np.isin(rows, self._first), kind="stable")]
         nominal = NominalModel(self.model.base, declared_noise(self._rows), self._rows.meta)
 
         def whitened(poses: F, columns: F) -> F:
