@@ -127,8 +127,7 @@ class NextPose:
         energies = [one.terms(self._length_m) for one in models]
         self._scale = energies[0].frame(poses)
         terms = [one.regressor(poses[:1], self._scale).shape[2] for one in energies]
-        distinct = len(np.unique(poses, axis=0))
-        fewest = _needed(terms[0])
+        distinct, fewest = len(np.unique(poses, axis=0)), _needed(terms[0])
         if distinct < fewest:
             raise InputError(
                 f"{candidates.source}: {distinct} poses, and {first.name} needs {fewest} before "
@@ -235,8 +234,7 @@ class NextPose:
         prior[: self._terms[0]] = 0.0
         measured = np.ascontiguousarray(self._rows.poses)
         seen = whitened(measured, self._energy.regressor(measured, self._scale))
-        seen = seen.reshape(-1, len(prior))
-        covariance = np.linalg.inv(seen.T @ seen + np.diag(prior))
+        covariance = np.linalg.inv(np.einsum("nij,nik->jk", seen, seen) + np.diag(prior))
         part = (self._into_unit(self.model) @ region).reshape(-1, len(prior))
         columns = whitened(self._poses[rows], self._columns[rows])
         spread = columns @ covariance
