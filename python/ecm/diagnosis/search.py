@@ -235,13 +235,11 @@ def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]
     # Two strong effects may hide each other: every effect is tried with every other.
     good: list[tuple[Candidate, ...]] = [(item.candidate,) for item in ranking]
     while good and len(good[0]) < problem.settings.most_effects:
-        sets = {
-            frozenset(c.columns for c in (*chosen, more)): (*chosen, more)
-            for chosen in good
-            for more in _best_beside(problem, chosen)
-        }
-        valued = sorted(sets.values(), key=lambda chosen: -delta_bic(problem, chosen))
-        good = [chosen for chosen in valued[: 4 * _BEAM] if _is_valid(problem, chosen)][:_BEAM]
+        sets = [(*chosen, more) for chosen in good for more in _best_beside(problem, chosen)]
+        # The shape that is best alone, or beside another effect, need not be that of the set.
+        sets = _best_of(problem, sets)
+        sets = [*(_swapped(problem, chosen) for chosen in sets[:_BEAM]), *sets[_BEAM:]]
+        good = [one for one in _best_of(problem, sets) if _is_valid(problem, one)][:_BEAM]
         if not good or delta_bic(problem, good[0]) - delta_bic(problem, best) < least:
             break
         if not best and not _surely_two(problem, good[0]):
@@ -253,6 +251,14 @@ def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]
         fewer = [without(best, item) for item in best]
         best = _swapped(problem, max(fewer, key=lambda chosen: delta_bic(problem, chosen)))
     return best
+
+
+def _best_of(
+    problem: Problem, sets: Sequence[tuple[Candidate, ...]]
+) -> list[tuple[Candidate, ...]]:
+    """Return the best of some sets by BIC, each once."""
+    each = {frozenset(c.columns for c in chosen): chosen for chosen in sets}
+    return sorted(each.values(), key=lambda chosen: -delta_bic(problem, chosen))[: 4 * _BEAM]
 
 
 def _is_valid(problem: Problem, chosen: tuple[Candidate, ...]) -> bool:
