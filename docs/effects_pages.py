@@ -88,7 +88,9 @@ def index() -> str:
         written(),
         "What `ecm diagnose` can name. Each family has a page: the formula of each effect, a "
         "picture of what it leaves, the columns that show it, and what looks like it. `ecm effects "
-        "ID` prints one in the terminal. What is not here, you [add yourself](../own_effect.md).\n",
+        "ID` prints one in the terminal. What is not here, you [add yourself](../own_effect.md). "
+        "Where no literature is named, the formula is the catalogue's own, from statics, geometry "
+        "or the way an instrument reads.\n",
         "| effect | what it is | what the table must have | family |",
         "|---|---|---|---|",
     ]

@@ -182,6 +182,13 @@ CASES = (
     Case("nothing to reveal", ("reveal", "d.csv"), ("d.csv", "truth"), {"d.csv": GOOD}),
     # --- effects ------------------------------------------------------------
     Case("unknown effect id", ("effects", "fts_drif"), ("fts_drif", "did you mean 'fts_drift'")),
+    Case("effect named by a word of its physics", ("effects", "friction"),
+         ("'capstan_friction'", "'hysteresis'")),
+    Case("settings as a table", ("fit", "d.toml", *CUBIC), ("d.toml: a TOML",), {"d.toml": ""}),
+    Case("directory as a model", ("compare", "folder", "d.csv"), ("folder", "a directory"),
+         {"d.csv": GOOD, "folder/x": ""}),
+    Case("model as the table of a fit", ("fit", "m.json", "--out", "n.json"),
+         ("m.json is a model", "ecm fit data.csv --out n.json"), {"d.csv": GOOD}, fit_first=True),
     Case("refit with an unknown effect", ("refit", "m.json", "d.csv", "--add", "payloat", "--out",
          "n.json"), ("payloat", "did you mean 'payload'"), {"d.csv": GOOD}, fit_first=True),
     Case("refit without a change", ("refit", "m.json", "d.csv", "--out", "n.json"),

@@ -2,7 +2,7 @@
 //!
 //! A pressure P does the work P dV on the wall, so the potential is Π = U − P V and the follower
 //! load on the wall is −P ∂V/∂x, with the symmetric tangent −P ∂²V/∂x² (Rumpel and Schweizerhof,
-//! Int. J. Numer. Meth. Engng 57, 2003). The volume is an integral over the closed surface,
+//! Int. J. Numer. Meth. Engng 2003, doi 10.1002/nme.561). The volume is an integral over the closed surface,
 //!
 //! V = 1/3 ∮ x · (∂x/∂ξ × ∂x/∂η) dξ dη,
 //!

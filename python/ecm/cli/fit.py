@@ -54,7 +54,7 @@ def fit(
     model : NAME
         choose, poly:D, energyD, physics or file.
     pcr : B
-        B, B/sqrtN, rank:R or press (poly).
+        Fewer directions of a poly: B, B/sqrtN, rank:R, press.
     zero_at_home
         No wrench at the undeformed pose.
     stable
@@ -66,7 +66,7 @@ def fit(
     add : EFFECT
         Fitted with this effect; repeatable.
     force
-        Fit a table that is read wrongly; save what is worse.
+        Also where the table looks wrong or the model is worse.
     """
     session.check_output(out)
     table = session.read(data, need="fit")
@@ -163,7 +163,7 @@ def refit(
     remove : EFFECT
         Effect to remove; repeatable.
     freeze : NAME
-        Effect, or base, to keep.
+        Keep the numbers of this effect, or of the base.
     force
         Save also a model that is worse than before.
     """

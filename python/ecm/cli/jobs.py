@@ -92,7 +92,7 @@ def design(
     model : NAME
         cubic, poly:D, energyD, physics.
     preset : NAME
-        paper or diagnosable; else rows alone.
+        paper (each pose once) or diagnosable (twice).
     effects : IDS
         Effects to tell apart: ID,ID.
     include : ROWS

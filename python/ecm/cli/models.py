@@ -112,7 +112,7 @@ def predict(
     stiffness_kind
         Which of the three stiffnesses.
     leverage
-        Add extrapolates (0, 1); of six columns leverage, too.
+        Say which poses are beyond the fitted ones.
     rotation : WORD
         Add the rotation as wxyz, rows, ZYX, grood-suntay-right or other words (rad).
     """
@@ -178,23 +178,12 @@ def export(
     data: Sequence[Path] = (),
     **options: Any,
 ) -> None:
-    """Write a model for a controller or a simulator (docs/export.md).
-
-    \b
-      c         C99: no heap, no libm, golden vectors, a 1 kHz control loop
-      rust      a no_std crate with the same
-      mujoco    a passive plugin, scenes that load it, the linear part alone
-      fmu       FMI 2.0 and 3.0 for co-simulation, with sources and binaries
-      opensim   ExpressionBasedBushingForce of all six deflections
-      simulink  C for a C Caller block, an S-function, a MEX file
-      drake     a LeafSystem in Python that pushes on a MultibodyPlant
-      pinocchio external forces of the joints, in Python
-      ros2      a node from PoseStamped to WrenchStamped
+    """Write a model for a controller or simulator (docs/export.md).
 
     Parameters
     ----------
     to : TARGET
-        One of the above.
+        c, rust, mujoco, fmu, opensim, simulink, drake, pinocchio, ros2.
     out : DIR
         Folder to write into.
     name : NAME

@@ -35,11 +35,10 @@ def refuse_models(paths: Sequence[Path]) -> None:
     for path in filter(_is_model, paths):
         verb, *others = command.typed
         others.pop([Path(word) for word in others].index(path))
-        first = [] if verb == "fit" else [str(path)]
-        remedy = Remedy(
-            "give only tables" if verb == "fit" else "give the model first",
-            shlex.join(["ecm", verb, *first, *others]),
-        )
+        first, said = [str(path)], "give the model first"
+        if verb == "fit":
+            first, said = ["data.csv"] * (len(paths) == 1), "give the table to fit in its place"
+        remedy = Remedy(said, shlex.join(["ecm", verb, *first, *others]))
         raise InputError(f"{path} is a model, expected a table of measurements", remedy=remedy)
 
 

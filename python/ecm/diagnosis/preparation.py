@@ -71,7 +71,7 @@ def prepare(
     if len(table.measured()) < _LEAST_ROWS:
         raise InputError(
             f"{table.source}: {len(table.measured())} measured rows; a diagnosis needs at least "
-            f"{_LEAST_ROWS}"
+            f"{_LEAST_ROWS}. Measure more poses, or give several tables"
         )
     table = table.with_length(model.base.length_m or model.length_m)
     rows = rows_without_zero_readings(table)

@@ -271,6 +271,8 @@ def _of_unknown(unknown: Mapping[str, Any]) -> Iterator[str]:
         yield "a pause, or the same motion again or at another speed"
     if unknown.get("variables") == ["run"]:
         yield "record in a column what was set or changed between the runs: a pressure, a weight"
+    elif unknown.get("variables", [])[:1] == ["row"]:
+        yield "measure the same poses in another order, and record the time in time_s"
     elif unknown.get("variables"):
         alone = ", then ".join(unknown["variables"][:2])
         yield f"measure again and vary {alone} alone: the residual follows it"

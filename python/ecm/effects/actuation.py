@@ -260,7 +260,7 @@ def _before(rows: Rows, inputs: F) -> F:
 class CapstanFriction(_OfActuator):
     """-G mu a b, and + after it was let out: a tendon loses tension a along the bend b = |theta_t|.
 
-    Source: the rope on a post of Euler and Eytelwein, to first order in the bend.
+    Source: The capstan equation of Euler and Eytelwein, exp(-mu b), to first order in the bend.
     """
 
     id = "capstan_friction"

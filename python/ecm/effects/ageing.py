@@ -67,7 +67,9 @@ def _load(wrenches: F, outputs: tuple[str, ...]) -> F:
 class TemperatureModulus(LinearEffect):
     """h (1 - beta (T - T0)); T0 is the table's mean, the modulus takes what is left.
 
-    Source: Treloar, The Physics of Rubber Elasticity, 1975.
+    Of either sign: an ideal rubber has beta = -1 / T, that is -0.0034 / K at 20 degrees C.
+
+    Source: Treloar, The Physics of Rubber Elasticity, 3rd edition, 1975 (ideal rubber).
     """
 
     id = "temperature_modulus"
@@ -132,7 +134,9 @@ class MullinsSoftening(LinearEffect):
     the energy the largest `bend` or distance (`reach`) may count, m: h (1 - eta u / (u + width b)),
     u = m_max - m and b the median, or a straight line without a width.
 
-    Source: Mullins, Rubber Chemistry and Technology 1969; Ogden and Roxburgh 1999.
+    Source: Mullins, Softening of rubber by deformation, Rubber Chemistry and Technology 42, 1969;
+    the form with a width: Ogden and Roxburgh, A pseudo-elastic model for the Mullins effect in
+    filled rubber, Proc. R. Soc. A 455, 1999, who have the error function in place of tanh.
     """
 
     id = "mullins_softening"

@@ -64,7 +64,8 @@ class Hysteresis(LinearEffect):
     the friction: then springs slip along pairs of columns (`of`), c z / y in N or N m, and c > 0
     where the loops of the motion lose work.
 
-    Source: Iwan, J. Applied Mechanics 1966 (springs that slip).
+    Source: Iwan, A distributed-element model for hysteresis and its steady-state dynamic response,
+    J. Applied Mechanics 33, 1966 (springs that slip, there many beside each other).
     """
 
     id = "hysteresis"

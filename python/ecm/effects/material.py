@@ -104,7 +104,9 @@ class StrainStiffening(LinearEffect):
     secant (`sections`), N = E A e m and M = E I kappa m with m = 1 + c1 e / e0 + c2 b, b = (r kappa
     / e0)^2, its torsion times 1 + c3 b and its lateral shear times 1 + c4 b.
 
-    Source: Yeoh 1993, Gent 1996; Mooney 1940, Ogden 1972.
+    Source: The first terms, at moderate strain, of Yeoh, Rubber Chemistry and Technology 66, 1993,
+    and Gent, the same 69, 1996; of Mooney, J. Applied Physics 11, 1940, and Ogden, Proc. R. Soc.
+    A 326, 1972. A modulus of the strain: Payne, J. Applied Polymer Science 6, 1962.
     """
 
     id = "strain_stiffening"
@@ -353,7 +355,8 @@ class Taper(LinearEffect):
 class Pretension(LinearEffect):
     """A tension N0 along the centre line: V = N0 (c_x + 3/5 |c_t|^2 / L + L |theta_t|^2 / 24).
 
-    Source: Timoshenko and Gere, Theory of Elastic Stability, 1961 (beam column).
+    Source: Timoshenko and Gere, Theory of Elastic Stability, 2nd edition, 1961 (energy of a beam
+    column, N int w'^2 / 2), w the cubic between clamped ends and the arc.
     """
 
     id = "pretension"
@@ -446,7 +449,8 @@ class PreCurvature(LinearEffect):
     kappa(s) = k (p + 1) |s|^p / L, s from -1 to 1, k the total bend about the body's y and z: one
     arc for p = 0, near both bonds for larger p (straight in the middle, with tilted end faces).
 
-    Source: Love, Mathematical Theory of Elasticity, 1927 (rods curved at rest).
+    Source: Love, A Treatise on the Mathematical Theory of Elasticity, 4th edition, 1927 (rods
+    curved at rest: moments follow the change of curvature).
     """
 
     id = "pre_curvature"

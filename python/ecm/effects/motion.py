@@ -73,7 +73,7 @@ class ViscousDamping(LinearEffect):
     With fewer than the twelve columns D sign(v) |v|^a along pairs of columns (`of`), a = 1 for a
     viscous damper and 0.3 for what hardly depends on the speed; D > 0 loses work.
 
-    Source: the damper of Kelvin and Voigt.
+    Source: a = 1 is the damper of Kelvin and Voigt; other powers only describe.
     """
 
     id = "viscous_damping"

@@ -121,7 +121,9 @@ class PoseNoise(NoiseEffect):
 class FtsQuantisation(NoiseEffect):
     """B A diag(step^2 / 12) A' B': rounding to the sensor's steps.
 
-    Source: Sheppard 1898 (step^2 / 12).
+    Source: Sheppard, On the calculation of the most probable values of frequency-constants, for
+    data arranged according to equidistant divisions of a scale, Proc. London Mathematical Society
+    29, 1898 (step^2 / 12).
     """
 
     id = "fts_quantisation"

@@ -124,7 +124,10 @@ def get_effect(id: str) -> Effect:
     stem, _, column = id.partition(":")
     if stem == beyond_physics.ID and column:
         return replace(beyond_physics.UNUSED, column=column)
-    raise InputError(f"unknown effect '{id}', {did_you_mean(id, sorted(known))}")
+    # A word of physics, as "friction", names several.
+    named = sorted(one for one in known if id in f"{one} {known[one].physics}".lower())[:4]
+    likely = f"did you mean {' or '.join(map(repr, named))}?" if id and named else None
+    raise InputError(f"unknown effect '{id}', {likely or did_you_mean(id, sorted(known))}")
 
 
 def with_shape(id: str, shape: Shape) -> Effect:

@@ -126,7 +126,7 @@ class StressRelaxation(LinearEffect):
     With fewer than the twelve columns there is no frame, and the static slope may be negative: a
     branch then has the sign with which it loses work (`loses`).
 
-    Source: Christensen, Theory of Viscoelasticity, 1982 (hereditary integral).
+    Source: Christensen, Theory of Viscoelasticity, 2nd edition, 1982 (hereditary integral).
     """
 
     id = "stress_relaxation"

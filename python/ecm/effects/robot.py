@@ -281,7 +281,9 @@ class RobotCompliance(_JointEffect):
     The arm yields to -h until both springs balance, under the tangent stiffness; to first order
     -M h.
 
-    Source: Siciliano et al., Robotics, 2009 (joint stiffness seen at the tool).
+    Source: Salisbury, Active stiffness control of a manipulator in Cartesian coordinates, IEEE
+    Conference on Decision and Control 1980, pp. 95-100 (J' K J, the stiffness of the joints
+    against that at the tool; C is its inverse).
     """
 
     id = "robot_compliance"
@@ -396,7 +398,8 @@ class Backlash(_JointEffect, LinearEffect):
 class JointOffset(_JointEffect, LinearEffect):
     """-K_s B J dq, dq constant.
 
-    Source: Siciliano et al., Robotics, 2009 (kinematic calibration).
+    Source: Siciliano, Sciavicco, Villani and Oriolo, Robotics: Modelling, Planning and Control,
+    2009 (kinematic calibration).
     """
 
     id = "joint_offset"

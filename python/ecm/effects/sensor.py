@@ -491,7 +491,7 @@ class FtsHysteresis(LinearEffect):
     the pose before. Its lag while the sensor's zero is read becomes part of the zero and shifts all
     readings about it.
 
-    Source: Krasnoselskii and Pokrovskii, Systems with Hysteresis, 1989 (play).
+    Source: Krasnosel'skii and Pokrovskii, Systems with Hysteresis, 1989 (play).
     """
 
     id = "fts_hysteresis"

@@ -212,6 +212,8 @@ def read_csv(
     of `text` (names, or numbers from 1). `progress` is told the bytes read, of all. InputError for
     a missing, binary or empty file, another separator, and repeated names.
     """
+    if path.suffix.lower() == ".toml":
+        raise InputError(f"{path}: a TOML file holds settings. Give the table that it describes.")
     try:
         with path.open("rb") as raw, TextIOWrapper(raw, "utf-8-sig", newline="") as file:
             if "\0" not in file.read(65536):

@@ -46,7 +46,7 @@ def read_text(path: Path, what: str) -> str:
     except FileNotFoundError:
         raise InputError(f"{path}: this {what} does not exist. {_likely_file(path)}") from None
     except IsADirectoryError:
-        raise InputError(f"{path}: found a directory, expected a {what}.") from None
+        raise InputError(f"{path}: found a directory, expected a {what}. Give a file.") from None
     except NotADirectoryError:
         raise InputError(f"{path}: a part of this path is a file, not a directory.") from None
     except PermissionError:

@@ -416,7 +416,7 @@ def _read(log: Any, topics: Sequence[str], progress: Progress | None) -> ReadLog
     if is_bag(path):
         return ReadLog(read_bag(path, topics, progress), str(path), "")
     if path.is_dir():
-        raise InputError(f"{path}: a folder without metadata.yaml is no ROS 2 bag")
+        raise InputError(f"{path}: a folder without metadata.yaml is no ROS 2 bag. Give a file.")
     if topics:
         raise InputError(f"{path}: --topic is for ROS bags and MCAP files")
     digest = hashlib.sha256(path.read_bytes()).hexdigest()

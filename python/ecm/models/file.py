@@ -17,6 +17,7 @@ from ecm.io.arrays import F
 from ecm.io.cache import hash_of, write_atomically
 from ecm.io.description import Scene
 from ecm.io.table import Table
+from ecm.io.toml import read_text
 from ecm.models.joint_fit import FittedEffect
 from ecm.models.maps import StiffnessMap
 
@@ -159,17 +160,11 @@ def write_document(document: dict[str, Any], path: str | Path) -> None:
 
 def read_document(path: str | Path) -> dict[str, Any]:
     """The document of a model file; InputError where checksum, version or a range is wrong."""
-    file = Path(path)
-    try:
-        text = file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"{file}: cannot be read as a model file ({error}); give one that `ecm fit` wrote"
-        ) from None
+    text = read_text(Path(path), "model file of `ecm fit`")
     try:
         return open_model(text)
     except ModelError as error:
-        raise InputError(f"{file}: {error}") from None
+        raise InputError(f"{path}: {error}") from None
 
 
 def scene_of(document: dict[str, Any]) -> Scene:

@@ -114,7 +114,8 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
     try:
         fitted = fit_rows(table, specification, weights, progress)
     except ModelError as unfit:  # more coefficients than equations, or columns that never vary
-        raise InputError(f"{table.source}: {unfit}", remedy=CHOOSE) from None
+        way = CHOOSE if len(table) > 1 else None  # a single row leaves nothing to choose by
+        raise InputError(f"{table.source}: {unfit}", remedy=way) from None
     if zero_at_home or stable:
         fitted = constrained(fitted, zero_at_home=zero_at_home, stable=stable)
     part = replace(fitted, base=measured_part(fitted.base, table))

@@ -175,7 +175,7 @@ def random_folds(table: Table, groups: I, folds: int, seed: int) -> I:
     count = int(groups.max()) + 1
     parts = min(folds, count)
     if parts < 2:
-        raise InputError(f"{table.source}: only one group of rows; cross-validation needs two")
+        raise InputError(f"{table.source}: all rows are one pose. Measure more, to hold some out.")
     of_group = np.empty(count, dtype=np.int64)
     of_group[np.random.default_rng([seed, 7]).permutation(count)] = np.arange(count) % parts
     return np.asarray(of_group[groups])
