@@ -419,10 +419,11 @@ def table_of(run: Run, plan: Table, out: Path, readings: Sequence[Taken]) -> Tab
     spread, own = spread_columns(means), {f"sd_{name}" for name in run.bench.columns}
     columns |= {name: column for name, column in spread.items() if name in own}
     skipped = (f"row {s.row + 1}, pose {s.pose_id}: skipped: {s.reason}" for s in run.skipped)
-    return Table(columns, _described(run, plan), str(out), (*skipped, *run.warnings))
+    return Table(columns, described(run, plan), str(out), (*skipped, *run.warnings))
 
 
-def _described(run: Run, plan: Table) -> Meta:
+def described(run: Run, plan: Table) -> Meta:
+    """The description of what is measured."""
     return Meta(
         mechanism=plan.meta.mechanism,
         instrument=run.bench.instrument,
@@ -448,5 +449,5 @@ def stream_of(run: Run, plan: Table, lines: Sequence[str]) -> Table:
         degC = np.interp(time_s, [t.time_s for t in known], warm)
     columns = {"run": numbers[:, 0].copy(), "time_s": time_s - run.began_s}
     columns |= run.six(poses, run.compensated(run.taken, time_s, poses, sensor, degC))
-    meta = _described(run, plan)
+    meta = described(run, plan)
     return Table(columns, replace(meta, file=replace(meta.file, kind="continuous")), "stream")

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm.bench.measured import Run, Taken, table_of
+from ecm.bench.measured import Run, described, table_of
 from ecm.designs.next_pose import UNITS, NextPose
 from ecm.diagnosis.agreement import AGREE, agreed, is_due, names_of
 from ecm.errors import InputError
@@ -59,11 +59,8 @@ class Goal:
         words = text.strip()
         if words == NAMED:
             return Goal(words, NAMED)
-        found = re.fullmatch(r"([0-9.eE+-]+)\s*(mm|N)", words)
-        try:
-            limit = float(found[1]) if found else 0.0
-        except ValueError:
-            limit = 0.0
+        found = re.fullmatch(r"(\d+\.?\d*(?:[eE][-+]?\d+)?|\.\d+)\s*(mm|N)", words)
+        limit = float(found[1]) if found else 0.0
         if found is None or not 0.0 < limit < np.inf:
             raise InputError(
                 f'--until {text}: expected an error such as "0.3 mm" or "0.5 N", or {NAMED}'
@@ -107,8 +104,11 @@ the rig is another; take this row out, and measure it with a plan of its own
         self, goal: Goal, plan: Table, fit: str = "", model: Model | None = None, seed: int = 0
     ) -> None:
         self.goal, self._plan = goal, plan
-        words = [str(a) for a in plan.text("action")] if plan.has("action") else []
-        for row, word in enumerate(words):
+        words, kinds = (
+            plan.text(name) if plan.has(name) else np.full(len(plan), "")
+            for name in ("action", "kind")
+        )
+        for row, word in enumerate(map(str, words)):
             if word.partition(":")[0] not in ("", *_ANY_ORDER):
                 raise InputError(
                     f"row {row + 1}: --until takes the rows in another order, and after `{word}` "
@@ -116,19 +116,13 @@ the rig is another; take this row out, and measure it with a plan of its own
                 )
         self.reached = False
         self._poses: NextPose | None = None
-        self._rows: list[int] = []
-        self._first: list[int] = []
+        self._place: dict[int, int] = {}
         self._seed, self._model = seed, model
         self._diagnosed: dict[int, tuple[str, ...]] = {}
         if goal.unit in UNITS:
-            kinds = plan.text("kind") if plan.has("kind") else [""] * len(plan)
-            moves = [
-                (words[i] if words else "") in ("", "measure") and str(kinds[i]) in ("", AT_POSE)
-                for i in range(len(plan))
-            ]
-            self._rows = np.flatnonzero(moves).tolist()
-            self._poses = NextPose(plan.select(np.asarray(self._rows)), goal.unit, fit)
-            self._first = [self._rows[i] for i in self._poses.first().tolist()]
+            moves = np.isin(words, ["", "measure"]) & np.isin(kinds, ["", AT_POSE])
+            self._place = {row: i for i, row in enumerate(np.flatnonzero(moves).tolist())}
+            self._poses = NextPose(plan.select(moves), goal.unit, fit)
 
     def choose(self, run: Run, left: list[Request]) -> list[Request]:
         """Rows in the order in which they tell most; empty where it is enough."""
@@ -137,33 +131,31 @@ the rig is another; take this row out, and measure it with a plan of its own
         return self._for_name(run, left)
 
     def _for_error(self, run: Run, left: list[Request], poses: NextPose) -> list[Request]:
-        waiting = {r.row: r for r in left if r.action.name == "measure"}
-        taken = [t for t in run.taken if t.kind == AT_POSE]
-        if taken:
-            poses.learn(self._table(run, run.taken).measured())
+        waiting = {self._place[r.row]: r for r in left if r.action.name == "measure"}
+        if any(taken.kind == AT_POSE for taken in run.taken):
+            poses.learn(self._poses_of(run))
         self.reached = poses.error is not None and poses.error.high <= self.goal.limit
         if self.reached or not waiting:
             return []
-        first = [waiting[row] for row in self._first if row in waiting]
-        if first:
-            return first
-        place = {row: i for i, row in enumerate(self._rows)}
         minutes = np.asarray([run.layout.minutes(r) for r in waiting.values()])
-        order = poses.order([place[row] for row in waiting], minutes)
-        return [waiting[self._rows[i]] for i in order.tolist()]
+        return [waiting[i] for i in poses.order([*waiting], minutes).tolist()]
 
     def _for_name(self, run: Run, left: list[Request]) -> list[Request]:
         at = [i for i, taken in enumerate(run.taken) if taken.kind == AT_POSE]
         due = [n for n in range(len(at) + 1) if is_due(n)][-AGREE:]
         for n in due:
             if n not in self._diagnosed:
-                rows = self._table(run, run.taken[: at[n - 1] + 1])
+                rows = table_of(run, self._plan, Path("so far"), run.taken[: at[n - 1] + 1])
                 self._diagnosed[n] = names_of(rows, self._model, self._seed)
         self.reached = agreed([self._diagnosed[n] for n in due])
         return [] if self.reached else left
 
-    def _table(self, run: Run, taken: list[Taken]) -> Table:
-        return table_of(run, self._plan, Path("so far"), taken)
+    def _poses_of(self, run: Run) -> Table:
+        """Poses and wrenches so far: the zeros since change those that were read before them."""
+        at = [i for i, taken in enumerate(run.taken) if taken.kind == AT_POSE]
+        poses = np.stack([run.taken[i].reading.pose for i in at])
+        columns = run.six(poses, run.wrenches(run.taken)[at])
+        return Table(columns, described(run, self._plan), "so far")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -172,11 +164,10 @@ the rig is another; take this row out, and measure it with a plan of its own
 
     def state(self) -> dict[str, Any]:
         """How far the goal is."""
-        error = None if self._poses is None else self._poses.error
         known = {"text": self.goal.text, "reached": self.reached}
         if self._poses is None:
             return known | {"names": list(self.names)}
-        return known | {"error": None if error is None else asdict(error)}
+        return known | {"error": self._poses.error and asdict(self._poses.error)}
 
     def words(self) -> list[str]:
         """The same for people."""
@@ -186,12 +177,11 @@ the rig is another; take this row out, and measure it with a plan of its own
 
     def certificate(self, run: Run) -> dict[str, Any]:
         """Why the run stopped, and what is promised, of all readings."""
-        reached = self.reached
         count = sum(taken.kind == AT_POSE for taken in run.taken)
         minutes = (run.taken[-1].time_s - run.taken[0].time_s) / 60.0
         if self._poses is not None:
-            self._poses.learn(self._table(run, run.taken).measured())
-        if reached:
+            self._poses.learn(self._poses_of(run))
+        if self.reached:
             why = f"{self.goal.text} was reached"
         elif run.left():
             why = f"the time was over before {self.goal.text}"
@@ -199,7 +189,7 @@ the rig is another; take this row out, and measure it with a plan of its own
             why = f"the plan has no more rows, and {self.goal.text} was not reached"
         words = [f"stopped after {count} poses and {minutes:.0f} minutes: {why}", *self.words()]
         error = None if self._poses is None else self._poses.error
-        if error is not None and error.lacks_form and not reached:
+        if error is not None and error.lacks_form and not self.reached:
             words.append(
                 f"{error.model} lacks form: its residual holds more than the readings' noise. No "
                 "further row helps it; ecm diagnose says what is missing"

@@ -2,7 +2,7 @@
 
 The rows are those of a plan in its own order, which is random, so that dwell and side of approach
 do not grow with time. An order by what each row tells about the suspected effects, per minute,
-was tried and named most of them later (docs/measure.md).
+was tried and named them no earlier (docs/measure.md).
 """
 
 from __future__ import annotations
