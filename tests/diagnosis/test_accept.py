@@ -176,16 +176,18 @@ def test_a_bundle_of_rows_that_imitates_a_payload_is_not_named() -> None:
 
 
 def test_no_more_than_four_effects_are_searched_for() -> None:
-    """Five effects that are all present, each as strong as the noise, and can be found."""
+    """Five effects that are all present, about as strong as the noise, and can be found."""
     table = campaign("", 1.0, 4)
     five = {
         "temperature_modulus": [0.03],
-        "hysteresis": [1.3e-3],
+        "hysteresis": [1e-3],
         "anisotropy": [0.06, -0.04],
         "base_compliance": [4e-3, 4e-6, 1e-6],
         "fts_offset": [1.0, -1.0, 1.0, 0.03, 0.03, -0.03],
     }
-    change = [effect_of(id, values, 1.0, table) for id, values in five.items()]
+    # Beside the others these two would explain less than the share that each must.
+    strength = dict.fromkeys(five, 1.0) | {"hysteresis": 1.3, "base_compliance": 1.3}
+    change = [effect_of(id, values, strength[id], table) for id, values in five.items()]
     problem = assembled(with_change(table, np.sum(change, axis=0)), *five)
     assert len(search(problem, rank(problem))) == 4
     wider = replace(problem, settings=DiagnosisSettings(most_effects=5))
