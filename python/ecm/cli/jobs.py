@@ -292,6 +292,8 @@ def measure(
             )
             raise InputError("nobody has agreed to the moves above", remedy=remedy)
         session.on_interrupt("the mover was stopped. The same command goes on there.")
+        if not dry_run:
+            session.print(f"ecm app --follow {out} shows the rows in a browser as they come")
 
     if dry_run:
         run, lines = envelope(visits, bench)
@@ -362,6 +364,7 @@ def serve(
     data: Sequence[Path] = (),
     *,
     folder: Path = Path("ecm-session"),
+    follow: Path | None = None,
     browser: bool = True,
     **options: Any,
 ) -> None:
@@ -377,6 +380,8 @@ def serve(
         Port; 0: a free one.
     folder : --session DIR
         Folder of the session.
+    follow : TABLE
+        Show the rows of `ecm measure --out TABLE` as they come.
     demo
         Begin with the neck and a hidden effect.
     browser : --open/--no-open
@@ -390,4 +395,4 @@ def serve(
         if browser:
             webbrowser.open(address)
 
-    serve_session(folder, data, ready=ready, **options)
+    serve_session(folder, data, follow=follow, ready=ready, **options)
