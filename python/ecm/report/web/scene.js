@@ -64,13 +64,15 @@ export function workspace(view, rows, columns, values, {title, unit, forces = fa
   show();
   if (apart && gap.before) glide(along => { apart.share = along; show(true); }, 1600);
   return el("div", {}, drawn.node, apart?.slider(show),
-    el("div", {class: "scale", role: "img", "aria-label": `Colours from 0 to ${number(largest)} ${unit}`},
-      `${title}: 0`, el("i"), `${number(largest)} ${unit}`),
+    scaleBar(title, largest, unit),
     el("p", {class: "hint"}, apart ? `Solid is the measured pose, orange where the model puts it: of the row that is off most, or of up to three `
       + `marked ones. ${HOW}` : full
       ? "Bent bodies: poses far apart, or up to three marked ones; between its two end frames the shape "
         + `is sketched. ${HOW}` : HOW));
 }
+
+export const scaleBar = (title, largest, unit) => el("div", {class: "scale", role: "img",
+  "aria-label": `Colours from 0 to ${number(largest)} ${unit}`}, `${title}: 0`, el("i"), `${number(largest)} ${unit}`);
 
 const GAP = 0.15;  // of the mechanism's length: how large the largest gap is drawn at first
 
