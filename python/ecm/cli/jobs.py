@@ -312,7 +312,7 @@ def measure(
         agree=agree,
         overwrite=overwrite,
         say=session.warn,
-        progress=session.progress("measure"),
+        progress=paced(session.progress("measure")),
     )
     session.write_json({"schema": 1, "rows": len(data), "data": str(out)})
     session.print(f"{out}: {len(data)} rows")
@@ -338,7 +338,7 @@ def paced(progress: Progress) -> Progress:
 
     def slower(done: int, total: int, what: str) -> None:
         say(done, total, what)
-        if what == "measuring":
+        if what.startswith("measuring"):
             time.sleep(max(0.0, pause_s))
 
     return slower
