@@ -21,8 +21,6 @@ _OPTIONS = (
     "--disable-dev-shm-usage",
     "--disable-extensions",
     "--no-first-run",
-    # No page uses WebGL; a software GPU costs a third more.
-    "--disable-gpu",
     "--remote-debugging-pipe",
     # No name but this machine's is known: a request to any other host fails.
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
@@ -199,14 +197,18 @@ class Page:
         path.write_bytes(base64.b64decode(data))
 
 
+# Without a card the pages draw in space by the processor; a card of software costs a third more.
+_CARD = {False: ("--disable-gpu",), True: ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")}
+
+
 @contextmanager
-def open_chromium() -> Iterator[Page]:
-    """Start a browser without any profile, and end it."""
+def open_chromium(*, card: bool = False) -> Iterator[Page]:
+    """Start a browser without any profile, with or without a graphics card (of software); end it."""
     program = need_program("chromium", "chromium-browser", "google-chrome")
     to_browser, from_test = os.pipe()
     to_test, from_browser = os.pipe()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        command = [program, *_OPTIONS, f"--user-data-dir={profile}", "about:blank"]
+        command = [program, *_OPTIONS, *_CARD[card], f"--user-data-dir={profile}", "about:blank"]
         # The browser reads commands from 3 and answers on 4.
         script = f'exec "$@" 3<&{to_browser} 4>&{from_browser}'
         process = subprocess.Popen(

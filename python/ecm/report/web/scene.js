@@ -2,7 +2,7 @@
 
 import {axesOf, bent, farApart, profileOf} from "./bend.js";
 import {glide} from "./canvas.js";
-import {colours, css, rgb, scaleOf} from "./colours.js";
+import {colours, rgb, scaleOf} from "./colours.js";
 import {el, number} from "./dom.js";
 import {bodyColour, space} from "./space.js";
 import {mark, marked, onMark} from "./selection.js";
@@ -45,9 +45,9 @@ export function workspace(view, rows, columns, values, {title, unit, forces = fa
         const there = here.map((v, k) => v + apart.at(k, i)), second = rgb(colours().second);
         bodies.push(inMm(bent(profile, there), second, 0.45));
         frames.push({name: "", origin: mm(there.slice(0, 3)), axes: axesOf(there.slice(3)), size: 180 * profile.length});
-        lines.push({from: [x[i], y[i], z[i]], to: mm(there.slice(0, 3)), colour: css(second)});
+        lines.push({from: [x[i], y[i], z[i]], to: mm(there.slice(0, 3)), colour: second});
       }
-      if (force) lines.push({from: [x[i], y[i], z[i]], colour: css(scale(largest)),
+      if (force) lines.push({from: [x[i], y[i], z[i]], colour: scale(largest),
         to: [x, y, z].map((values_, k) => values_[i] + force.scale * force.columns[k][i])});
     }
     drawn.set({bodies, frames, lines, points: {x, y, z, row: rows,
