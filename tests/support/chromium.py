@@ -20,6 +20,7 @@ _OPTIONS = (
     "--no-sandbox",
     "--disable-dev-shm-usage",
     "--disable-extensions",
+    "--disable-gpu",
     "--no-first-run",
     "--remote-debugging-pipe",
     # No name but this machine's is known: a request to any other host fails.
@@ -197,18 +198,18 @@ class Page:
         path.write_bytes(base64.b64decode(data))
 
 
-# Without a card the pages draw in space by the processor; a card of software costs a third more.
-_CARD = {False: ("--disable-gpu",), True: ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")}
+# Pages draw in space by the processor where the graphics card is one of software.
+_ANY_CARD = "WebGL2RenderingContext.prototype.getExtension = () => null"
 
 
 @contextmanager
-def open_chromium(*, card: bool = False) -> Iterator[Page]:
-    """Start a browser without any profile, with or without a graphics card (of software); end it."""
+def open_chromium(*, any_card: bool = False) -> Iterator[Page]:
+    """Start a browser without any profile, and end it; `any_card`: one of software is used."""
     program = need_program("chromium", "chromium-browser", "google-chrome")
     to_browser, from_test = os.pipe()
     to_test, from_browser = os.pipe()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        command = [program, *_OPTIONS, *_CARD[card], f"--user-data-dir={profile}", "about:blank"]
+        command = [program, *_OPTIONS, f"--user-data-dir={profile}", "about:blank"]
         # The browser reads commands from 3 and answers on 4.
         script = f'exec "$@" 3<&{to_browser} 4>&{from_browser}'
         process = subprocess.Popen(
@@ -220,7 +221,10 @@ def open_chromium(*, card: bool = False) -> Iterator[Page]:
         os.close(to_browser)
         os.close(from_browser)
         try:
-            yield Page(from_test, to_test)
+            page = Page(from_test, to_test)
+            if any_card:
+                page.call("Page.addScriptToEvaluateOnNewDocument", source=_ANY_CARD)
+            yield page
         finally:
             process.kill()
             process.wait()

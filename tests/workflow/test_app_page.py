@@ -22,6 +22,7 @@ import uvicorn
 
 import ecm
 from ecm.effects import get_effect, unregister
+from ecm.io.columns import POSE
 from ecm.io.events import live_path
 from ecm.models import load_model
 from ecm.workflow.app.server import App, application, begin
@@ -342,6 +343,46 @@ def test_the_nearest_surface_is_seen_in_whatever_order_two_are_drawn(
         page.open(address)
         page.until("!!document.documentElement.dataset.stage")
         assert json.loads(page.js(_DEPTH)) == [["slope", "wall"]] * 2
+
+
+_PICTURE = """new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => {
+  const on = new OffscreenCanvas(60, 60).getContext("2d");
+  for (const canvas of [...document.querySelectorAll(".space canvas")].reverse())
+    on.drawImage(canvas, 0, 0, 60, 60);
+  done(JSON.stringify([...on.getImageData(0, 0, 60, 60).data]));
+})))"""
+
+
+def test_a_graphics_card_draws_the_picture_that_the_processor_draws(
+    page: Page, tmp_path: Path
+) -> None:
+    data = drifting_table(tmp_path / "stage.csv")
+    with (
+        served(data, folder=tmp_path / "session") as address,
+        open_chromium(any_card=True) as other,
+    ):
+        seen, shown = [], []
+        for one in (page, other):
+            one.size(1280, 900)
+            one.open(address)
+            one.until("document.querySelectorAll('.space canvas').length === 2")
+            one.js("location.hash = 'data'")
+            one.js(_AT_REST)
+            seen.append(np.array(json.loads(one.js(_PICTURE))).reshape(60, 60, 4))
+            below = "document.querySelectorAll('.space canvas')[1].width"
+            shown.append(one.js(below))
+        assert shown[0] == 300  # as every canvas that nobody has drawn on
+        assert shown[1] > 300
+        inside = (seen[0][..., 3] > 0) & (seen[1][..., 3] > 0)
+        either = (seen[0][..., 3] > 0) | (seen[1][..., 3] > 0)
+        assert 0.9 * either.sum() < inside.sum() > 300
+        off = np.abs(seen[0] - seen[1])[inside][:, :3]
+        assert np.median(off) <= 4
+        assert off.mean() < 12
+        other.click(".views button:nth-child(2)")  # seen from the front: another picture
+        turned = np.array(json.loads(other.js(_PICTURE))).reshape(60, 60, 4)
+        assert np.abs(turned - seen[1]).mean() > 1
+        assert other.problems() == page.problems() == []
 
 
 def test_a_finger_and_the_keys_alone_mark_rows_and_go_on(page: Page, tmp_path: Path) -> None:
@@ -719,7 +760,8 @@ def test_a_measurement_is_followed_through_an_interruption_to_its_end(
     """The simulated rig in a process of its own, behind `ecm measure`."""
     write_demo(tmp_path)
     plan = ecm.read_table(tmp_path / "plan.csv", need="predict")
-    plan.select(np.tile(np.arange(2, 12), 3)).write(tmp_path / "plan.csv")
+    poses = {name: np.tile(plan.column(name)[2:12], 3) for name in POSE}
+    ecm.as_table(poses, meta=plan.meta).write(tmp_path / "plan.csv")
     others = "".join(f'[{part}]\ndevice = "mover"\n' for part in ("wrench", "pose", "person"))
     (tmp_path / "bench.toml").write_text(_FOLLOWED + others, encoding="utf-8")
     ecm.fit_model(ROOT / "examples" / "neck_measured.csv", "energy4").save(tmp_path / "model.json")

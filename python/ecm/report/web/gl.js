@@ -1,5 +1,6 @@
 // The picture in space by WebGL 2: bodies, lines and points with the depth of the graphics card. All pictures of a page share
-// one context, of which a browser gives few. Where it gives none, `paint` says so, and the canvas is painted by the processor.
+// one context, of which a browser gives few, and each hands its frame to a canvas of its own. Without a card there is no
+// painter: a browser that imitates one takes three times as long as the processor by depth.js.
 
 import {LAMP, normalsOf} from "./depth.js";
 
@@ -32,13 +33,15 @@ const KINDS = {
     }`],
 };
 
+const IMITATED = /swiftshader|llvmpipe|softpipe|software|basic render/i;  // Chromium gives these in spite of the caveat
 let shared;  // undefined before the first picture, null where there is none
 
 function context() {
   if (shared !== undefined) return shared;
-  const canvas = globalThis.OffscreenCanvas ? new OffscreenCanvas(1, 1) : null, gl = canvas?.getContext("webgl2", {antialias: true});
+  const canvas = globalThis.OffscreenCanvas ? new OffscreenCanvas(1, 1) : null, gl = canvas?.getContext("webgl2", {failIfMajorPerformanceCaveat: true});
+  const named = gl?.getExtension("WEBGL_debug_renderer_info"), card = gl?.getParameter(named ? named.UNMASKED_RENDERER_WEBGL : gl.RENDERER);
   shared = null;
-  if (!gl) return null;
+  if (!gl || IMITATED.test(card)) return null;
   const programs = Object.fromEntries(Object.entries(KINDS).map(([kind, [parts, vertex, fragment]]) => {
     const program = gl.createProgram(), given = Object.entries(parts).map(([name, n]) => `in ${n > 1 ? `vec${n}` : "float"} ${name};\n`).join("");
     for (const [type, text] of [[gl.VERTEX_SHADER, HEAD + given + vertex], [gl.FRAGMENT_SHADER, OUT + fragment]]) {
@@ -64,8 +67,8 @@ function context() {
 
 // What one picture shows. `set` takes bodies, lines [{from, to, colour, width}] and points [{at, colour, size}] of which the
 // last `on` are marked; a changed scene is sent to the card once.
-export function painter() {
-  const own = context();
+export function painter(onto) {
+  const own = context(), seen = onto.getContext("bitmaprenderer");
   if (!own) return null;
   const {gl, canvas, programs} = own, sent = {}, counts = {};
   let solid = 0;
@@ -109,10 +112,13 @@ export function painter() {
         [...from, ...to, ...end, ...colour.map(v => v / 255), width])), 6 * lines.length);
     },
     points(numbers) { send("points", numbers, numbers.length / 7); },
-    // eye: {view (right, up, away as rows), centre, size in pixels a mm, reach}; false where the context was lost.
-    paint(on, width, height, {view, centre, size, reach}, {alpha, faint, room, on: marked, edges, rim}) {
-      if (!shared || gl.isContextLost()) return false;
-      const ratio = on.getTransform().a, [w, h] = [Math.round(width * ratio), Math.round(height * ratio)];
+    // ratio: pixels of the screen for one of the page; eye: {view (right, up, away as rows), centre, size in pixels a mm, reach}; false where the context was lost.
+    paint(ratio, width, height, {view, centre, size, reach}, {alpha, faint, room, on: marked, edges, rim}) {
+      if (!shared || gl.isContextLost()) {
+        seen.transferFromImageBitmap(null);
+        return false;
+      }
+      const [w, h] = [Math.round(width * ratio), Math.round(height * ratio)];
       if (canvas.width !== w || canvas.height !== h) [canvas.width, canvas.height] = [w, h];
       gl.viewport(0, 0, w, h);
       gl.clearColor(0, 0, 0, 0);
@@ -157,7 +163,7 @@ export function painter() {
       }
       gl.disable(gl.DEPTH_TEST);  // a marked row is seen through all
       draw("points", counts.points - marked, marked, {alpha: 1, edge: edges[1], rim});
-      on.drawImage(canvas, 0, 0, width, height);
+      seen.transferFromImageBitmap(canvas.transferToImageBitmap());
       return true;
     },
   };

@@ -22,7 +22,7 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
     + "zoom, Home looks from the start. N and P go from row to row, space marks, escape clears."});
   const live = el("p", {class: "hidden", "aria-live": "polite"});
   const boxes = button("Mark a box", () => marking(!place.classList.contains("marking")), {"aria-pressed": "false"});
-  const place = el("div", {class: "space"}, canvas);
+  const below = el("canvas", {"aria-hidden": "true"}), place = el("div", {class: "space"}, canvas, below);
   const node = el("div", {}, place, live, el("div", {class: "row views"}, onbox ? boxes : null,
     button("Next view", () => look(VIEWS[view = (view + 1) % VIEWS.length])),
     button("+", () => look({...eye, zoom: Math.min(8, 1.25 * eye.zoom)}), {"aria-label": "Larger"}),
@@ -31,7 +31,7 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
   let centre = [0, 0, 0], extent = [], reach = 1, shown = null, turning = false, box = null, asked = false;
   let view = 0, cursor = -1, rest = 0, coarse = false;
 
-  const card = painter(), redraw = sized(canvas, draw);
+  const card = painter(below), redraw = sized(canvas, draw);
   const ask = () => {
     if (!asked) { asked = true; requestAnimationFrame(() => { asked = false; redraw(); }); }
   };
@@ -112,7 +112,7 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
     context.clearRect(0, 0, width, height);
     shown = null;
     const count = scene.points ? scene.points.row.reduce((sum, row) => sum + marked.has(row), 0) : 0, few = (scene.points?.x.length ?? 0) <= MANY;
-    const done = card?.paint(context, width, height, {...viewOf(eye), centre, size: eye.zoom * fit(width, height), reach}, {faint: FAINT, room: ROOM, on: count,
+    const done = card?.paint(context.getTransform().a, width, height, {...viewOf(eye), centre, size: eye.zoom * fit(width, height), reach}, {faint: FAINT, room: ROOM, on: count,
       alpha: scene.bodies.find(body => body.alpha < 1)?.alpha ?? 1, rim: few ? 1.2 : 0,
       edges: [palette.wash, palette.ink].map(colour => rgb(colour).map(v => v / 255))});
     if (!done) paintFlat(context, width, height, project, palette);
