@@ -1,6 +1,6 @@
 """Times and memory of the page of `ecm app` in a headless Chromium, with a large table.
 
-.venv/bin/python benches/app.py [--rows 20000] [--clicks 3000] [--many 200000]
+.venv/bin/python benches/app.py [--rows 20000] [--clicks 3000] [--many 200000] [--card]
 
 It opens a table of many rows and prints how long the first paint, a hover, a brush and a cancel
 take, and what the page holds in memory before and after many clicks (3,000: an hour with one in
@@ -280,10 +280,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rows", type=int, default=20_000, help="0: not measured")
     parser.add_argument("--clicks", type=int, default=3000)
+    parser.add_argument("--card", action="store_true", help="imitate a graphics card")
     parser.add_argument("--many", type=int, default=200_000, help="0: not measured")
     options = parser.parse_args()
     problems: list[str] = []
-    with tempfile.TemporaryDirectory() as name, open_chromium() as page:
+    with tempfile.TemporaryDirectory() as name, open_chromium(card=options.card) as page:
         page.size(1400, 900)
         parts: list[Callable[[], dict[str, Any]]] = []
         if options.rows:

@@ -20,7 +20,6 @@ _OPTIONS = (
     "--no-sandbox",
     "--disable-dev-shm-usage",
     "--disable-extensions",
-    "--disable-gpu",
     "--no-first-run",
     "--remote-debugging-pipe",
     # No name but this machine's is known: a request to any other host fails.
@@ -198,18 +197,27 @@ class Page:
         path.write_bytes(base64.b64decode(data))
 
 
-# Pages draw in space by the processor where the graphics card is one of software.
-_ANY_CARD = "WebGL2RenderingContext.prototype.getExtension = () => null"
+_NO_CARD = ("--disable-gpu",)
+_IMITATED = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+             "--ignore-gpu-blocklist", "--enable-gpu-rasterization")  # fmt: skip
+# Pages do not take a card of software by themselves.
+_TAKE_IT = "WebGL2RenderingContext.prototype.getExtension = () => null"
 
 
 @contextmanager
-def open_chromium(*, any_card: bool = False) -> Iterator[Page]:
-    """Start a browser without any profile, and end it; `any_card`: one of software is used."""
+def open_chromium(*, card: bool = False) -> Iterator[Page]:
+    """Start a browser without any profile, and end it; `card`: with an imitated graphics card."""
     program = need_program("chromium", "chromium-browser", "google-chrome")
     to_browser, from_test = os.pipe()
     to_test, from_browser = os.pipe()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        command = [program, *_OPTIONS, f"--user-data-dir={profile}", "about:blank"]
+        command = [
+            program,
+            *_OPTIONS,
+            *(_IMITATED if card else _NO_CARD),
+            f"--user-data-dir={profile}",
+            "about:blank",
+        ]
         # The browser reads commands from 3 and answers on 4.
         script = f'exec "$@" 3<&{to_browser} 4>&{from_browser}'
         process = subprocess.Popen(
@@ -222,8 +230,8 @@ def open_chromium(*, any_card: bool = False) -> Iterator[Page]:
         os.close(from_browser)
         try:
             page = Page(from_test, to_test)
-            if any_card:
-                page.call("Page.addScriptToEvaluateOnNewDocument", source=_ANY_CARD)
+            if card:
+                page.call("Page.addScriptToEvaluateOnNewDocument", source=_TAKE_IT)
             yield page
         finally:
             process.kill()

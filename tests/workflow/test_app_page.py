@@ -359,7 +359,7 @@ def test_a_graphics_card_draws_the_picture_that_the_processor_draws(
     data = drifting_table(tmp_path / "stage.csv")
     with (
         served(data, folder=tmp_path / "session") as address,
-        open_chromium(any_card=True) as other,
+        open_chromium(card=True) as other,
     ):
 
         def picture(one: Page, canvases: int = 2) -> np.ndarray:
