@@ -25,10 +25,10 @@ export function live(state) {
   const drawn = space("Planned poses, and the readings as they come"), bar = el("div"), figure = el("div");
   const cards = el("div", {class: "cards values", id: "so-far"}), trouble = el("div", {role: "status"});
   const findings = el("ul", {id: "findings", "aria-label": "What was found, the last first"});
-  const picture = el("div", {}, drawn.node, bar);
+  const picture = el("div", {}, drawn.node, bar), both = el("div", {class: "split"}, picture, figure);
   const node = el("section", {"aria-label": "Readings as they come"},
     el("h3", {}, own ? `${state.following}, row by row` : "The simulated rig measures, ", own ? null : term("readings", "reading by reading")),
-    trouble, count, own ? cards : null, own ? el("div", {class: "split"}, picture, figure) : picture, own ? findings : null);
+    trouble, count, own ? cards : null, own ? both : picture, own ? findings : null);
   let known = null, over = null, shown = "";
 
   const look = async () => {
@@ -45,16 +45,17 @@ export function live(state) {
   };
 
   function show() {
-    const rows = readings(known.rows), worth = valuesOf(rows);
+    const rows = readings(known.rows), worth = valuesOf(known.begun, rows);
     const seen = POSE.slice(0, 3).every(name => known.begun.poses[name]) ? sceneOf(known.begun, rows, worth) : null;
     if (seen) drawn.set(seen);
     picture.hidden = !seen;
-    bar.replaceChildren(...rows.length && own ? [scaleBar(worth.title, worth.largest, "N")] : []);
+    both.className = seen ? "split" : "";
+    bar.replaceChildren(...rows.length && own ? [scaleBar(worth.title, worth.largest, worth.unit)] : []);
     if (!own || !rows.length) return;
     const residuals = residualsOf(known.begun, rows, known.rows.at(-1));
     if (over) over.set(residuals);
     else figure.replaceChildren((over = versus(residuals, "the model")).node);
-    cards.replaceChildren(...figures(known.rows, rows));
+    cards.replaceChildren(...figures(known.begun, known.rows, rows));
     const said = known.rows.flatMap(item => item.findings).reverse();
     findings.replaceChildren(...said.slice(0, SAID).map(text => el("li", {}, readable(text))));
   }
@@ -62,8 +63,9 @@ export function live(state) {
   function say() {
     const rows = known?.rows ?? [], n = rows.length;
     const old = known?.age_s > OLD_S ? ` The last one came ${Math.round(known.age_s)} s ago.` : "";
-    if (n) count.textContent = `${n} ${n === 1 ? "reading" : "readings"} so far${own ? ` of ${rows.at(-1).of}` : ""}; the last force is `
-      + `${number(forceOf(rows.at(-1)))} N. Faint points are planned.${known.ended ? "" : old}`;
+    const [, size, unit, words] = n ? sizeOf(known.begun) : [];
+    if (n) count.textContent = `${n} ${n === 1 ? "reading" : "readings"} so far${own ? ` of ${rows.at(-1).of}` : ""}; the last ${words} is `
+      + `${number(size(rows.at(-1)))} ${unit}.${picture.hidden ? "" : " Faint points are planned."}${known.ended ? "" : old}`;
     else count.textContent = !own ? "The forces at the planned poses are computed first."
       : known ? "The rig has begun; no reading is there yet." : `Nothing is measured yet: ecm measure PLAN --rig BENCH.toml --out ${state.following} begins it.`;
     trouble.className = known?.ended ? "warning" : "";
@@ -74,27 +76,33 @@ export function live(state) {
   return node;
 }
 
-const forceOf = ({wrench}) => Math.hypot(...wrench.slice(0, 3));
+// Whether a rig measures forces, the size of what it measures, the unit and the word.
+function sizeOf({columns = WRENCH}) {
+  const force = columns.some(name => name.endsWith("_N"));
+  return [force, ({wrench}) => Math.hypot(...force ? wrench.slice(0, 3) : wrench.slice(3)), ...force ? ["N", "force"] : ["N m", "moment"]];
+}
 
 // Rows of the table with their number there: the sensor's zero has none.
 const readings = rows => rows.filter(item => item.kind !== FREE[0]).map((item, i) => ({...item, number: i + 1}))
   .filter(item => !FREE.includes(item.kind));
 
 // What colours the points: the distance from the model, else the size of the force.
-function valuesOf(rows) {
-  const modelled = rows.some(item => item.model), of = modelled ? item => item.model_N ?? 0 : forceOf;
+function valuesOf(begun, rows) {
+  const [, size, unit, words] = sizeOf(begun), modelled = rows.some(item => item.model), of = modelled ? item => item.model_N ?? 0 : size;
   const values = rows.map(of);
-  return {values, largest: values.reduce((most, v) => Math.max(most, v), 1e-9),
-    title: modelled ? "from the model" : "force"};
+  return {values, unit: modelled ? "N" : unit, largest: values.reduce((most, v) => Math.max(most, v), 1e-9),
+    title: modelled ? "from the model" : words};
 }
 
-function figures(all, rows) {
+function figures(begun, all, rows) {
   const card = (size, unit, text, name) => el("div", {class: "card"},
     el("div", {class: "value"}, size, " ", el("small", {}, unit)), el("div", {class: "soft"}, text, name ? help(name) : null));
   const last = all.at(-1), with_ = rows.filter(item => item.model), of = key => number(median(with_.map(item => item[key])), 2);
+  const [force] = sizeOf(begun), moment = `${number(last.noise_Nm, 2)} N m`;
   return [card(`${last.visit} of ${last.of}`, "", `visits, ${number((last.time_s - all[0].time_s) / 60, 2)} min`),
     last.noise_N === null ? card("–", "", "noise of one reading: known after five repeats", "noise floor")
-      : card(number(last.noise_N, 2), "N", `and ${number(last.noise_Nm, 2)} N m: noise of one reading`, "noise floor"),
+      : force ? card(number(last.noise_N, 2), "N", `and ${moment}: noise of one reading`, "noise floor")
+        : card(number(last.noise_Nm, 2), "N m", "noise of one reading", "noise floor"),
     ...with_.length ? [card(of("model_N"), "N, median", `from the model; the last row ${number(with_.at(-1).model_N, 2)} N`, "residual"),
       card(of("model_mm"), "mm, median", `from the model; the last row ${number(with_.at(-1).model_mm, 2)} mm`, "as pose error")] : [],
     ...last.goal ? [card(last.goal.text, "", ["is the goal", ...last.goal.words].join("; "))] : []];
@@ -114,7 +122,7 @@ function residualsOf({columns}, rows, {noise_N: force, noise_Nm: moment}) {
       floor: force === null ? null : wrench.map(([, k]) => (k < 3 ? force : moment) / Math.sqrt(3))}}};
 }
 
-function sceneOf(begun, rows, {values, largest, title}) {
+function sceneOf(begun, rows, {values, largest, title, unit}) {
   const profile = profileOf(begun), n = rows.length;
   const scale = scaleOf(largest), {soft, wash} = colours();
   const planned = faded(rgb(soft), rgb(wash), PLANNED);
@@ -134,5 +142,5 @@ function sceneOf(begun, rows, {values, largest, title}) {
   return {bodies, frames, points: {x, y, z, row: x.map((_, i) => i < before ? -1 - i : rows[i - before].number),
     colour: x.map((_, i) => i < before ? planned : scale(values[i - before])),
     text: i => i < before ? `planned: ${number(x[i])}, ${number(y[i])}, ${number(z[i])} mm`
-      : `row ${rows[i - before].number}: ${title} ${number(values[i - before])} N`}};
+      : `row ${rows[i - before].number}: ${title} ${number(values[i - before])} ${unit}`}};
 }

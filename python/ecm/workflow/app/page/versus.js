@@ -54,7 +54,7 @@ export function versus(residuals, name, {before = null, grow = false} = {}) {
       upper: spread(points.flatMap(p => [p.measured, p.measured - p.left, p.measured - p.was]), 0),
       lower: spread(lefts, floor)};
     hint.replaceChildren(axes.modelled ? "Circles are measured, dashes are what the model says there; below is what is left."
-      : "Circles are measured. With --model MODEL.json the command says what that model predicts there.",
+      : "Circles are measured.",
     ...axes.floor && axes.modelled ? [" The shaded band is the ", term("noise floor"), "."] : [],
     before ? " Drag in the figure: the model of before lies at the left of the line." : "");
     ask();
