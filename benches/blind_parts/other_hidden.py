@@ -136,7 +136,7 @@ KNOWN: dict[str, tuple[Law, str]] = {
     "temperature_modulus": (_warm, "any"),
     "stress_relaxation": (_relaxation, "any"),
     "kink": (_kink, "few"),
-    "unused_column": (_slider, "few"),
+    "unused_column:slider": (_slider, "few"),
 }
 """Law and where it can be hidden: in a stated rod, in six columns, in fewer, or anywhere."""
 

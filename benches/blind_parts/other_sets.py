@@ -22,12 +22,12 @@ from blind_parts.other_bodies import BODIES, Body, stated_model
 from blind_parts.other_hidden import FOREIGN, KNOWN, STATEMENTS, Law, Made
 from blind_parts.strength import Strength
 from ecm.diagnosis import diagnose
-from ecm.effects.check import check
 from ecm.errors import EcmError
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table, as_table
 from ecm.models import Model, fit_model
+from ecm.models.check import check
 from ecm.models.fit import choose_base
 
 F = NDArray[np.float64]
@@ -123,7 +123,7 @@ def table_of(case: OtherSet, folder: Path) -> tuple[Table, dict[str, Any]]:
     columns |= {n: h[:, WRENCH.index(n)] for n in body.outputs}
     columns |= {"time_s": when, "dwell_s": made.dwell_s}
     columns["temperature_degC"] = made.temperature_degC
-    if case.name == "unused_column":
+    if case.name == "unused_column:slider":
         columns["slider"] = made.slider
     if case.repeats:
         first = case.rows - case.repeats

@@ -31,12 +31,12 @@ if TYPE_CHECKING:
     from ecm.diagnosis.procedure import diagnose
     from ecm.diagnosis.result import Diagnosis
     from ecm.diagnosis.settings import DiagnosisSettings
-    from ecm.effects.check import check
     from ecm.errors import ComputationError, EcmError, InputError, MissingExtra
     from ecm.fem.simulate import Simulated, Workspace, fem_poses, simulate, solve_wrenches
     from ecm.io.mechanism import Mechanism
     from ecm.io.table import Table, as_table, read_table
     from ecm.logs.importing import ImportedLog, import_log
+    from ecm.models.check import check
     from ecm.models.control_loop import LoopSettings
     from ecm.models.energy import EnergyModel
     from ecm.models.estimator import ModelEstimator
@@ -71,7 +71,7 @@ _NAMES = {
     "designs.optimal": ("Design", "optimal_design"),
     "designs.plans": ("diagnosable_plan", "paper_plan"),
     "designs.regressors": ("DesignSettings",),
-    "effects.check": ("check",),
+    "models.check": ("check",),
     "diagnosis.procedure": ("diagnose",),
     "diagnosis.result": ("Diagnosis",),
     "diagnosis.settings": ("DiagnosisSettings",),

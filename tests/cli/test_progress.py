@@ -16,13 +16,13 @@ import pytest
 from ecm.cli import console
 from ecm.cli.console import Console
 from ecm.cli.main import run
-from ecm.effects.check import check
 from ecm.fem.material_fit import MaterialTest, fit_material
 from ecm.io import events
 from ecm.io.mechanism import Material
 from ecm.io.table import Table, as_table, read_table
 from ecm.logs.importing import import_log, read_log
 from ecm.models import fit_model, parse_model, prediction
+from ecm.models.check import check
 from ecm.models.fit_summary import fit_summary
 from ecm.models.model import Model
 from ecm.models.selection import cross_validate, learning_curve

@@ -14,12 +14,12 @@ from ecm.diagnosis import diagnose
 from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.settings import DEFAULTS
 from ecm.effects import effects_for
-from ecm.effects.check import check
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import FileMeta, Instrument, Meta
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
+from ecm.models.check import check
 from ecm.models.refit import refit
 from support.campaigns import INSTRUMENT, campaign, workspace_poses
 from support.neck import Done, columns_of

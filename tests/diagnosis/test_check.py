@@ -9,12 +9,12 @@ import pytest
 
 from ecm.comparison import compare
 from ecm.effects import all_effects
-from ecm.effects.check import check
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.sanity import never_excited
 from ecm.io.table import as_table
 from ecm.models import fit_model
+from ecm.models.check import check
 from support.neck import LENGTH_M, neck_columns
 
 FULL = Meta(mechanism={"length_m": LENGTH_M})

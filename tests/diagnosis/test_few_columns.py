@@ -11,11 +11,11 @@ import pytest
 import ecm
 from ecm.diagnosis.procedure import find_missing
 from ecm.effects import effects_for, get_effect, with_shape
-from ecm.effects.check import lines_by_reason
 from ecm.effects.relaxation import StressRelaxation, play
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.models import load_model
+from ecm.models.check import lines_by_reason
 from ecm.regression.rows import Rows, derived_columns
 from support.campaigns import campaign
 from support.one_angle import NOISE_NM, bouc_wen, one_angle, spring

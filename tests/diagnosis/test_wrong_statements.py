@@ -11,12 +11,12 @@ from scipy.spatial.transform import Rotation
 
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.diagnosis.procedure import find_missing
-from ecm.effects.check import check
 from ecm.io.columns import WRENCH
 from ecm.io.conventions import wrong_convention
 from ecm.io.description import Meta
 from ecm.io.table import Table, as_table, read_table
 from ecm.models import fit_model
+from ecm.models.check import check
 from support.campaigns import META, NOISE, campaign, model, workspace_poses
 from support.neck import ROOT, columns_of
 from support.stand_in import L, wrench

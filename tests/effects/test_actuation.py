@@ -11,6 +11,7 @@ import pytest
 
 import ecm
 from ecm.effects import get_effect
+from ecm.effects.actuation import PressureHysteresis
 from ecm.effects.registry import effects_of_actuators
 from ecm.errors import InputError
 from ecm.io.arrays import F
@@ -99,6 +100,18 @@ def test_a_pressure_from_the_rest_pose_came_from_below() -> None:
     np.testing.assert_array_equal(change, expected)
 
 
+def test_a_wall_that_slips_turns_over_along_its_reach() -> None:
+    """From no pressure up to 3 reaches, half a reach back, and all the way down again."""
+    reach, table = 2000.0, arm_table().select(np.arange(3)).drop("volume_1_m3")
+    pressures = dict.fromkeys(PRESSURES, np.array([3.0, 2.5, 0.0]) * reach)
+    columns = {"pose_id": np.arange(3.0), "time_s": 60.0 * np.arange(3.0)} | pressures
+    columns |= {"approach": np.array(["initial", "0", "1"], dtype=object)}
+    rows = Rows(table.with_columns(columns), arm_model().base)
+    wall = PressureHysteresis(reach_Pa=reach)
+    change = wall.change(rows, rows.table.matrix(PRESSURES))
+    np.testing.assert_allclose(change, np.array([[-1.0], [-0.5], [1.0]]) * np.ones(3))
+
+
 def test_effects_of_one_kind_leave_the_other_alone(pulled: Table, pulled_model: Model) -> None:
     names = {effect.id for effect in effects_of_actuators()}
     assert {"capstan_friction", "tendon_stretch"} <= names
@@ -116,6 +129,7 @@ def test_exchanged_chambers_are_refused_with_the_entry_that_mends_them(
     assert exchanged(table, ActuatedModel()) is None
     one, two = PRESSURES[:2]
     swapped = table.with_columns({one: table[two], two: table[one]})
+    assert "chambers or tendons swapped" in " ".join(ecm.check(swapped).warnings)
     with pytest.raises(InputError, match="chambers swapped: with pressure_2_Pa, pressure_1_Pa"):
         ecm.fit_model(swapped, "actuated4")
     assert ecm.fit_model(swapped, "actuated4", force=True).name == "actuated4"

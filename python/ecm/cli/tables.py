@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 from ecm.cli.session import Session, import_options
 from ecm.effects import load_installed
-from ecm.effects.check import Check, lines_by_reason
-from ecm.effects.check import check as check_table
 from ecm.errors import InputError, Remedy
 from ecm.io.cache import write_atomically
 from ecm.io.csv import BadRows
@@ -23,6 +20,8 @@ from ecm.logs import import_log as import_any
 from ecm.logs.importing import answered, import_report, read_log
 from ecm.logs.names import Question
 from ecm.models.actuated import misread
+from ecm.models.check import Check, lines_by_reason
+from ecm.models.check import check as check_table
 from ecm.report.blocks import CodeBlock, Section, TableBlock, TextBlock, columns
 from ecm.report.page import Report
 
@@ -139,9 +138,6 @@ def check(
     load_installed()
     with session.working(f"checking {len(table)} rows") as tell:
         result = check_table(table, progress=tell)
-        if result.misread is None and (wrong := misread(table)) is not None:
-            doubts = (*result.warnings, wrong.sentence())
-            result = replace(result, misread=wrong, warnings=doubts)
     session.write_json(result.to_dict())
     _print(result, session)
     for doubt in result.warnings[len(table.warnings) :]:

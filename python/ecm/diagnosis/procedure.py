@@ -11,7 +11,8 @@ Each stage is a function that can be called by itself; what it returns is the in
     accepted = accept(problem, chosen)                  what passes every check, with its class
     left = leftover(problem, first, accepted.effects)   is anything still missing?
     accepted = classify(problem, accepted, left)        rivals in doubt join the classes
-    final = verdict(problem, first, accepted, left)     none, named, ambiguous, unknown
+    found = Decision(prepared, problem, (), first, ranking, accepted, left)
+    verdict(found)                                      none, named, ambiguous, unknown
     find_family(problem)                                what drives an unknown effect
 """
 
@@ -50,7 +51,7 @@ from ecm.diagnosis.statements import (
     ratio_warning,
     with_load_growth,
 )
-from ecm.diagnosis.verdict import Decision, Verdict, classify, said_instead, verdict
+from ecm.diagnosis.verdict import Decision, classify, verdict
 from ecm.effects import Effect
 from ecm.errors import ModelError
 from ecm.io.arguments import listed
@@ -232,7 +233,7 @@ class Stages:
     accept: Callable[[Problem, Sequence[Candidate], int], Accepted] = accept
     leftover: Callable[[Problem, Gate, Sequence[Candidate]], Leftover] = leftover
     classify: Callable[..., Accepted] = classify
-    verdict: Callable[..., Verdict] = verdict
+    verdict: Callable[..., Decision] = verdict
     white: Callable[[Problem], Pattern | None] = find_pattern
     describe: Callable[..., Unknown] = describe_residual
 
@@ -387,9 +388,7 @@ def find_missing(
     if slow is None or again.verdict == "none":
         return _with_family(replace(again, neighbours_alike=again is not decision))
     seen = {"variables": ("time_s",), "slow_noise": slow}
-    said = said_instead(stages.describe, decision.problem, decision.gate, slow.words(), **seen)
-    nothing = Accepted(checks=decision.accepted.checks)
-    return replace(decision, accepted=nothing, verdict="unknown", unknown=said)
+    return decision.without_names(stages.describe, slow.words(), **seen)
 
 
 def _with_family(decision: Decision) -> Decision:
@@ -480,27 +479,8 @@ def decide(
     accepted = stages.accept(problem, chosen, seed)
     left = stages.leftover(problem, first, accepted.effects)
     accepted = stages.classify(problem, accepted, left, other_body=other_body)
-    wrong = prepared.misread
-    final = stages.verdict(
-        problem,
-        first,
-        accepted,
-        left,
-        describe=stages.describe,
-        white=stages.white,
-        misread=wrong.sentence() if wrong is not None and wrong.decided else "",
-    )
-    return Decision(
-        prepared=prepared,
-        problem=problem,
-        noise_effects=tuple(noise_effects),
-        gate=first,
-        ranking=tuple(ranking),
-        accepted=final.accepted,
-        left=left,
-        verdict=final.headline,
-        unknown=final.unknown,
-    )
+    found = Decision(prepared, problem, tuple(noise_effects), first, tuple(ranking), accepted, left)
+    return stages.verdict(found, describe=stages.describe, white=stages.white)
 
 
 def may_be_another_body(decision: Decision) -> bool:

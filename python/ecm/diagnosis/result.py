@@ -50,12 +50,12 @@ from ecm.diagnosis.summary import (
     verdict_sentence,
 )
 from ecm.diagnosis.verdict import Decision, Headline, probability
-from ecm.effects.check import NotTestable
 from ecm.io.arrays import rest_of
 from ecm.io.description import shown_ranges
 from ecm.io.extras import require
 from ecm.io.printed import fields_json, to_json
 from ecm.io.sanity import likely_continuous, never_excited, time_unit, zero_column_sentences
+from ecm.models.check import NotTestable
 from ecm.models.errors import Ceiling, ceiling_rms
 from ecm.models.joint_fit import FittedEffect, JointFit, joint_fit
 from ecm.models.model import Model

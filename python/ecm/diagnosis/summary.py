@@ -109,10 +109,9 @@ def verdict_sentence(document: Mapping[str, Any]) -> str:
             for members in document["answer"]
         )
         return f"Missing: {causes}; {_fall(document)}."
-    nearest, found = unknown["nearest"], ", ".join(item["id"] for item in document["effects"])
+    nearest = unknown["nearest"]
     near = f"; nearest is {nearest['id']} ({nearest['share']:.0%})" if nearest else ""
-    beside = f"; {found} is a part of it" if found else ""
-    return f"Missing: {_missing_beside(document)}{near}{beside}."
+    return f"Missing: {_missing_beside(document)}{near}."
 
 
 def source_of_noise(document: Mapping[str, Any]) -> str:
@@ -153,7 +152,10 @@ def _missing_beside(document: Mapping[str, Any]) -> str:
             said = "no effect, the table looks misread: "
         if "slow_noise" in unknown:
             said = "nothing that can be told from "
-        return f"{said}{unknown['words']}"
+        part = " and ".join(_sized(item) for item in document["effects"])
+        # What passes every check, and leaves too much to be all of it.
+        beside = f"; beside it what looks like {part}, {_fall(document)}" if part else ""
+        return f"{said}{unknown['words']}{beside}"
     model = document["model"]
     errs = f"{model['name']} errs {_error(model['as_given'])}"
     again = model["refitted"] or model["base_errors"]

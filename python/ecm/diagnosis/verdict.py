@@ -56,14 +56,57 @@ Describe = Callable[..., Unknown]
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """The headline, and what it rests on."""
+class Decision:
+    """Results of the stages against one base."""
 
-    headline: Headline
+    prepared: Prepared
+    problem: Problem
+    noise_effects: tuple[NoiseFinding, ...]
+    gate: Gate
+    ranking: tuple[Ranked, ...]
     accepted: Accepted
-    """Effects that count: none of them where the stated body is wrong."""
-    unknown: Unknown | None
+    """Effects that count: none of them where the table or the stated body is wrong."""
+    left: Leftover
+    verdict: Headline = "none"
+    unknown: Unknown | None = None
     """What is left without a name."""
+    warnings: tuple[str, ...] = ()
+    family: Family | None = None
+    """What drives the missing effect, where its form is not known."""
+    neighbours_alike: bool = False
+    """Whether fewer rows of a log were used, since its neighbours err alike."""
+
+    @property
+    def answer(self) -> tuple[tuple[str, ...], ...]:
+        """One tuple per missing effect: one id when named, the class when ambiguous."""
+        return self.accepted.classes if self.verdict in ("named", "ambiguous") else ()
+
+    @property
+    def not_testable(self) -> dict[str, Missing]:
+        """Why an effect was not tested, and what to record, by id."""
+        return self.problem.untestable | self.prepared.carried
+
+    @property
+    def misread(self) -> bool:
+        """Whether the words say what looks wrong with the table."""
+        return self.unknown is not None and self.unknown.misread
+
+    @property
+    def statement(self) -> WrongStatement | None:
+        """Another reading of the table that explains what is left: no body is to blame."""
+        return None if self.unknown is None else self.unknown.statement
+
+    def without_names(self, describe: Describe, words: str, **seen: Any) -> Decision:
+        """Return `unknown` with all structure said to be this, where no name and no draft helps."""
+        problem = self.problem
+        everything = describe(problem, residual_after(problem, ()), (), self.gate.structure)
+        said = {"words": words, "nearest": None, "template": ""} | seen
+        return replace(
+            self,
+            accepted=Accepted(checks=self.accepted.checks),
+            verdict="unknown",
+            unknown=replace(everything, **said),
+        )
 
 
 def classify(
@@ -94,31 +137,23 @@ def classify(
 
 
 def verdict(
-    problem: Problem,
-    gate: Gate,
-    accepted: Accepted,
-    left: Leftover,
+    found: Decision,
     *,
     describe: Describe = describe_residual,
     white: Callable[[Problem], Pattern | None] = find_pattern,
-    misread: str = "",
-) -> Verdict:
+) -> Decision:
     """Give the headline.
 
     Parameters
     ----------
+    found
+        What the stages before found.
     describe
         Function that puts what is left into words.
     white
         Function that looks for a pattern before `none` or a name is said.
-    misread
-        What is wrong with the signs or columns of the table beyond doubt; empty where nothing is.
     """
-
-    def instead(words: str, **seen: Any) -> Verdict:
-        nothing = Accepted(checks=accepted.checks)
-        return Verdict("unknown", nothing, said_instead(describe, problem, gate, words, **seen))
-
+    problem, gate, accepted, left = found.problem, found.gate, found.accepted, found.left
     # A polynomial takes in most wrong readings: its gate does not see them.
     if gate.rejected or problem.base.kind == "polynomial":
         counted = problem.weights.sum() * problem.response.shape[1]
@@ -128,42 +163,37 @@ def verdict(
         )
         wrong = find_wrong_statement(problem, accepted.effects, before, after)
         if wrong is not None:
-            return instead(wrong.sentence(), statement=wrong, misread=True)
-    if strange := _strange(problem, misread):
-        return instead(strange, misread=True)
+            said = wrong.sentence()
+            return found.without_names(describe, said, statement=wrong, misread=True)
+    if strange := _strange(found):
+        return found.without_names(describe, strange, misread=True)
     still = left.remains and gate.rejected
     pattern = _pattern_instead(problem, accepted, still, white)
     if pattern is not None:
         variables = (pattern.variable,) if pattern.variable else ()
-        return instead(pattern.words, variables=variables, pattern=pattern)
+        return found.without_names(describe, pattern.words, variables=variables, pattern=pattern)
     if accepted.effects and not left.remains:
         single = all(len(members) == 1 for members in accepted.classes)
-        return Verdict("named" if single else "ambiguous", accepted, None)
+        return replace(found, verdict="named" if single else "ambiguous")
     if not accepted.effects and not still:
-        return Verdict("none", accepted, None)
+        return found
     residual = residual_after(problem, accepted.effects)
     unknown = describe(problem, residual, accepted.effects, gate.structure)
-    return Verdict("unknown", accepted, unknown)
+    return replace(found, verdict="unknown", unknown=unknown)
 
 
-def said_instead(
-    describe: Describe, problem: Problem, gate: Gate, words: str, **seen: Any
-) -> Unknown:
-    """Return what all structure is said to be, where neither names nor a draft would help."""
-    everything = describe(problem, residual_after(problem, ()), (), gate.structure)
-    return replace(everything, **{"words": words, "nearest": None, "template": ""} | seen)
-
-
-def _strange(problem: Problem, misread: str) -> str:
+def _strange(found: Decision) -> str:
     """Return what is wrong with the table or the stated body, in words; empty where nothing is.
 
     A body that is fitted to misread columns has any E and nu, which say nothing more.
     """
+    problem, misread = found.problem, found.prepared.misread
     modulus = modulus_warning(problem)
-    if not misread:
+    if misread is None or not misread.decided:
         return modulus or ratio_warning(problem)
     reversed_body = isinstance(problem.base, PhysicsMap) and problem.base.factor < 0.0
-    return f"{misread}; {modulus}" if reversed_body and modulus else misread
+    said = misread.sentence()
+    return f"{said}; {modulus}" if reversed_body and modulus else said
 
 
 def _pattern_instead(
@@ -187,46 +217,6 @@ def _pattern_instead(
         return None
     beside = white(replace(problem, response=residual_after(problem, accepted.effects)))
     return None if beside is None else pattern
-
-
-@dataclass(frozen=True)
-class Decision:
-    """Results of the stages against one base."""
-
-    prepared: Prepared
-    problem: Problem
-    noise_effects: tuple[NoiseFinding, ...]
-    gate: Gate
-    ranking: tuple[Ranked, ...]
-    accepted: Accepted
-    left: Leftover
-    verdict: Headline
-    unknown: Unknown | None
-    warnings: tuple[str, ...] = ()
-    family: Family | None = None
-    """What drives the missing effect, where its form is not known."""
-    neighbours_alike: bool = False
-    """Whether fewer rows of a log were used, since its neighbours err alike."""
-
-    @property
-    def answer(self) -> tuple[tuple[str, ...], ...]:
-        """One tuple per missing effect: one id when named, the class when ambiguous."""
-        return self.accepted.classes if self.verdict in ("named", "ambiguous") else ()
-
-    @property
-    def not_testable(self) -> dict[str, Missing]:
-        """Why an effect was not tested, and what to record, by id."""
-        return self.problem.untestable | self.prepared.carried
-
-    @property
-    def misread(self) -> bool:
-        """Whether the words say what looks wrong with the table."""
-        return self.unknown is not None and self.unknown.misread
-
-    @property
-    def statement(self) -> WrongStatement | None:
-        """Another reading of the table that explains what is left: no body is to blame."""
-        return None if self.unknown is None else self.unknown.statement
 
 
 WEIGHTS = {

@@ -22,16 +22,23 @@ from ecm.effects.protocol import (
     needs_columns,
     needs_full,
 )
-from ecm.effects.relaxation import time_constants
+from ecm.effects.relaxation import play, time_constants
 from ecm.io.arrays import F
 from ecm.io.table import Table
-from ecm.regression.approach import before_each, row_before, values_before
+from ecm.regression.approach import (
+    before_each,
+    order_of_visits,
+    row_before,
+    values_before,
+)
 from ecm.regression.rows import Rows, actuators_of
 
 ALL = "all"
 _MOST_ABSORBED = 0.98
 """Share that a base may take in. An energy whose actuators are alike takes in most of what one of
 them does wrong, and never all: what stays would be named as something else that bends a body."""
+_REACHES = (0.15, 0.45)
+"""Changes at which the hysteresis of a pressure slips, over the largest pressure."""
 
 
 def _needs(kind: str) -> Callable[[Table], Missing | None]:
@@ -134,8 +141,16 @@ class PressureCrossTalk(_OfActuator):
         return np.asarray(others / max(own.sum() - 1, 1))
 
 
+@dataclass(frozen=True)
 class PressureHysteresis(_OfActuator):
-    """-G p sign(a - a_before): the pressure that acts depends on whether it rose or fell."""
+    """-G p z: the pressure that acts depends on whether it rose or fell.
+
+    z is the sign of the last change, or, with a reach, what the last changes of pressure have
+    stretched a spring that slips there, over its reach: no change turns all of it at once.
+    """
+
+    reach_Pa: float = 0.0
+    """Change of pressure at which the spring slips; 0: the sign."""
 
     id = "pressure_hysteresis"
     physics = "A chamber that was filled from below acts as at less pressure than one let down."
@@ -146,8 +161,30 @@ class PressureHysteresis(_OfActuator):
     outside = LookAlike("a regulator with a dead band", "read the pressure in the chamber itself")
 
     def change(self, rows: Rows, inputs: F) -> F:
-        """Minus the sign of the last change."""
-        return -np.sign(np.nan_to_num(inputs - _before(rows, inputs)))
+        """Minus the sign of the last change, or minus the stretch of the spring over its reach."""
+        before = _before(rows, inputs)
+        if self.reach_Pa == 0.0:
+            return -np.sign(np.nan_to_num(inputs - before))
+        stretch = np.zeros_like(inputs)
+        for order in order_of_visits(rows.table):
+            path = np.stack([before[order], inputs[order]], axis=1).reshape(-1, inputs.shape[1])
+            stretch[order] = (path - play(path, self.reach_Pa))[1::2]
+        return -stretch / self.reach_Pa
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """The sign, and some reaches; of all chambers alike and of each."""
+        own = self._concerned(table.actuation_columns)
+        largest = float(np.nan_to_num(table.matrix(own)).max(initial=0.0)) if own else 0.0
+        reaches = dict.fromkeys((0.0, *(share * largest for share in _REACHES)))
+        names = (ALL, *(own if len(own) > 1 else ()))
+        return tuple(PressureHysteresis(name, reach) for reach in reaches for name in names)
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Reaches on both sides."""
+        if self.reach_Pa == 0.0:
+            return ()
+        reaches = beside(self.reach_Pa, 1.8 ** (0.5 ** (round_ + 1)))
+        return tuple(PressureHysteresis(self.actuator, reach) for reach in reaches)
 
 
 class ChamberLeak(_OfActuator):

@@ -143,8 +143,8 @@ class MullinsSoftening(LinearEffect):
         "five cycles to the largest pose, then the first poses again; clamp anew",
     )
     signature = "first visit above later ones, only below the past maximum"
-    needs = "order (time_s), and poses that are measured again"
-    requires = (needs_full, needs_again("repeat the first 10 poses"))
+    needs = "order (time_s); poses that are measured again tell most"
+    requires = (needs_full, needs_varying("time_s", 1.0))
     kind = "time"
     rivals = {
         "ageing": "conditioning_cycles",

@@ -42,6 +42,8 @@ from ecm.regression.rows import Rows
 
 _PATHS = (0.02, 0.05, 0.12)
 """Paths to the slip that are tried, over the spread of the poses."""
+_SPRINGS, _MEAN_PATHS = 5, (0.15, 0.4, 1.0)
+"""Springs side by side, and their mean paths over the spread of each coordinate."""
 _SLIPS = (0.002, 0.03, 0.1, 0.3)
 """The same along single pose columns, over the range of each."""
 
@@ -85,10 +87,13 @@ class Hysteresis(LinearEffect):
     """Stiffness that the friction follows: `local`, at `rest`; with a memory `middle` or `each`."""
     yield_m: float = optional(0.0)
     """Path in m to the slip; 0: no memory."""
+    springs: int = optional(1)
+    """Springs side by side that slip one after the other, evenly between 0 and twice the path: a
+    smooth loop, whose height depends on the way back."""
     of: str | None = optional(None)
     """Pairs of columns (`ecm.effects.pairs`) along which springs slip; None: all twelve."""
     slip: str = optional("")
-    """Path to the slip of each pose column of the pairs, m or rad."""
+    """Path to the slip of each pose column, m or rad: of the pairs, or of `each` coordinate."""
 
     def __post_init__(self) -> None:
         if self.of is not None:
@@ -116,7 +121,7 @@ class Hysteresis(LinearEffect):
         """Needs poses approached from both sides, with a memory also time; or a continuous test."""
         if self.of is not None:
             return needs_both_ways(table)
-        by_time = table.continuous or self.yield_m > 0.0
+        by_time = table.continuous or self.yield_m > 0.0 or bool(self.slip)
         lacking = needs_full(table) or (needs_time(table) if by_time else None)
         if lacking is not None or table.continuous:
             return lacking
@@ -143,13 +148,17 @@ class Hysteresis(LinearEffect):
         if needs_time(table) is not None:
             return (Hysteresis("local"), Hysteresis("rest"))
         slipping = [Hysteresis(k, path) for k in ("middle", "each") for path in _paths(table)]
+        spread = dict(zip(POSE, table.measured().poses.std(axis=0).tolist(), strict=True))
+        if all(spread.values()):
+            slips = (listed_numbers(spread, share) for share in _MEAN_PATHS)
+            slipping += [Hysteresis("each", springs=_SPRINGS, slip=slip) for slip in slips]
         if table.continuous:
             return (slipping[1], slipping[0], slipping[2])
         return (Hysteresis("local"), slipping[1], Hysteresis("rest"), slipping[0], *slipping[2:])
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Paths to the slip between this one and its neighbours."""
-        if self.of is not None:
+        if self.slip:
             factors = beside(1.0, 2.0 ** (0.5**round_))
             slips = (listed_numbers(numbers(self.slip), factor) for factor in factors)
             return tuple(replace(self, slip=slip) for slip in slips)
@@ -157,13 +166,13 @@ class Hysteresis(LinearEffect):
             return ()
         paths = beside(self.yield_m, 2.4 ** (0.5 ** (round_ + 1)))
         limit = 1.01 * max(_paths(table))
-        return tuple(Hysteresis(self.stiffness, path) for path in paths if path < limit)
+        return tuple(replace(self, yield_m=path) for path in paths if path < limit)
 
     def columns(self, rows: Rows) -> F:
         """K p^; zero where the approach is unknown or nothing moved."""
         if self.of is not None:
             return columns_of_pairs(rows, self.of, lambda name: self._of_a_spring(rows, name))
-        if self.yield_m > 0.0:
+        if self.yield_m > 0.0 or self.slip:
             return self._of_slipping_springs(rows)
         step = rows.poses - rows.came_from
         step = np.where(np.isfinite(step), step, 0.0)
@@ -197,11 +206,15 @@ class Hysteresis(LinearEffect):
             at, came = rows.poses - rows.rest_pose, before - rows.rest_pose
         else:
             at, came = mid_frame(rows.poses, length), mid_frame(before, length)
+        slip = np.full(6, self.yield_m)
+        if self.slip:
+            slip = metric * [numbers(self.slip)[name] for name in POSE]
         friction = np.zeros_like(at)
         for order in order_of_visits(rows.table):
             path = np.stack([came[order], at[order]], axis=1).reshape(-1, 6) * metric
-            friction[order] = (path - play(path, self.yield_m))[1::2]
-        friction *= (~rows.unloaded)[:, None] / self.yield_m
+            for share in (2.0 * np.arange(self.springs) + 1.0) / self.springs:
+                friction[order] += (path - play(path, share * slip))[1::2]
+        friction *= (~rows.unloaded)[:, None] / (self.springs * slip)
         if self.stiffness == "each":
             return np.asarray((friction * np.diag(rest) / metric)[:, :, None] * np.eye(6))
         k = rest_stiffness(rows).along

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ecm.effects import Effect, effects_of
 from ecm.effects.protocol import missing_beside_columns
 from ecm.io.columns import KINDS, POSE, TEXT, WRENCH, is_standard
-from ecm.io.conventions import WrongConvention, wrong_convention
+from ecm.io.conventions import WrongConvention
 from ecm.io.events import Progress, Steps
 from ecm.io.printed import Printed, fields_json
 from ecm.io.sanity import (
@@ -27,6 +27,7 @@ from ecm.io.sanity import (
     zero_columns,
 )
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
+from ecm.models.actuated import misread
 from ecm.regression.correlation import correlation_time
 from ecm.regression.folds import repeated_poses
 from ecm.regression.noise import noise_source
@@ -212,7 +213,7 @@ def check(table: TableLike, *, meta: MetaLike = None, progress: Progress | None 
     steps.begin(_REPEATS)
     repeated, noise = repeated_poses(table), noise_source(table)
     steps.begin(_SUSPECT)
-    wrong = wrong_convention(table)
+    wrong = misread(table)
     return Check(
         source=table.source,
         rows=len(table),
