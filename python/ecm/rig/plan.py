@@ -32,14 +32,8 @@ POSE_OFFSETS = tuple(f"offset_{name}" for name in POSE_COLUMNS)
 def tell_begun(plan: Table, **more: Any) -> None:
     """Tell those who follow a measurement what is planned."""
     poses = {name: plan.column(name).tolist() for name in POSE_COLUMNS if plan.has(name)}
-    tell(
-        begun={
-            "at": time.time(),
-            "poses": poses,
-            "mechanism": plan.meta.absolute_mechanism(),
-            **more,
-        }
-    )
+    told = {"at": time.time(), "poses": poses, "mechanism": plan.meta.absolute_mechanism()}
+    tell(begun={**told, **more})
 
 
 ARGUMENT_UNITS = {
