@@ -217,8 +217,8 @@ class App:
         # what a person does at the first drawing would be lost.
         if running and not running["waiting"] and running["step"] not in going:
             running = None
-        following = None if self.follow is None else self.follow.name
-        return {**state, "running": running, "following": following}
+        following = {} if self.follow is None else {"following": self.follow.name}
+        return {**state, "running": running, **following}
 
     def live(self, row: int) -> dict[str, Any]:
         """Return what the campaign that runs, or the run that is followed, tells after a row."""
