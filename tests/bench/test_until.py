@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,11 +19,11 @@ from ecm.designs.next_pose import NextPose
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
-from ecm.io.events import last
+from ecm.io.events import live_path
 from ecm.io.mechanism import Mechanism
 from ecm.io.se3 import rotation, transpose, turn_wrench
 from ecm.io.table import Table, as_table, read_table
-from ecm.models import EnergyModel, Model
+from ecm.models import EnergyModel, Model, fit_model
 from ecm.models.fit import fit_rows
 from ecm.models.maps import EnergyMap, EnergyTerms
 from ecm.rig import Campaign, RigSettings, fem_source
@@ -234,20 +235,36 @@ def test_an_order_that_cannot_be_changed_is_refused(tmp_path: Path) -> None:
         spring_run(spring_plan(6), Spring(), tmp_path / "data.csv", until="1 N")
 
 
-def test_each_reading_is_told_as_data_with_the_noise_of_its_repeats(
+def test_each_reading_is_told_as_data_and_a_run_that_goes_on_tells_all_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    events = tmp_path / "events"
+    events, rig, out = tmp_path / "events", Rig(), tmp_path / "data.csv"
     monkeypatch.setenv("ECM_EVENTS", str(events))
-    run(plan_of(18), Rig(), tmp_path / "data.csv")
-    records = [json.loads(line)["measured"] for line in events.read_text().splitlines()]
-    assert [record["visit"] for record in records] == list(range(1, 21))
-    assert records[6]["noise_N"] is None
+    model, rig.silent_from = fit_model(run(plan_of(), Rig(), tmp_path / "a.csv"), "linear"), 17
+    rig.outliers = {14}
+    events.unlink()
+    with pytest.raises(DeviceError, match="stopped at visit 17"):
+        run(plan_of(18), rig, out, model=model)
+    live = live_path(out).read_text()
+    assert live == events.read_text()
+    begun, *told, end = [json.loads(line) for line in live.splitlines()]
+    assert len(begun["begun"]["poses"]["y_m"]) == 18
+    assert "readings are kept" in end["ended"]
+    run(plan_of(18), Rig(), out, model=model)
+    assert not live_path(out).exists()
+    lines = [json.loads(line) for line in events.read_text().splitlines()][1 + len(told) :]
+    assert lines[2 : 2 + len(told)] == told  # those of the journal again, from their lines alone
+    records = [line["measured"] for line in lines[2:]]
+    found = [words for record in records for words in record["findings"]]
+    assert any(re.match(r"visit 14: .* sd from its repeat", words) for words in found)
+    poses = [record for record in records if record["kind"] == "pose"]
+    for record in poses:
+        off = np.subtract(record["wrench"], record["model"])[:3]
+        assert np.linalg.norm(off) == pytest.approx(record["model_N"])
+    assert poses[6]["noise_N"] is None
     # A mean of 20 samples of 0.02 N along each of three axes.
-    assert records[-1]["noise_N"] == pytest.approx(0.02 * np.sqrt(3.0 / 20.0), rel=0.7)
-    found = last(events.read_bytes(), "measured")
-    assert found is not None
-    assert found["measured"]["goal"] is None
+    assert poses[-1]["noise_N"] == pytest.approx(0.02 * np.sqrt(3.0 / 20.0), rel=0.7)
+    assert poses[-1]["goal"] is None
 
 
 def test_a_marker_that_slips_is_told_within_three_rows_and_the_rest_pose_is_looked_at(

@@ -21,8 +21,6 @@ _OPTIONS = (
     "--disable-dev-shm-usage",
     "--disable-extensions",
     "--no-first-run",
-    # No page uses WebGL; a software GPU costs a third more.
-    "--disable-gpu",
     "--remote-debugging-pipe",
     # No name but this machine's is known: a request to any other host fails.
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
@@ -199,14 +197,27 @@ class Page:
         path.write_bytes(base64.b64decode(data))
 
 
+_NO_CARD = ("--disable-gpu",)
+_IMITATED = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+             "--ignore-gpu-blocklist", "--enable-gpu-rasterization")  # fmt: skip
+# Pages do not take a card of software by themselves.
+_TAKE_IT = "WebGL2RenderingContext.prototype.getExtension = () => null"
+
+
 @contextmanager
-def open_chromium() -> Iterator[Page]:
-    """Start a browser without any profile, and end it."""
+def open_chromium(*, card: bool = False) -> Iterator[Page]:
+    """Start a browser without any profile, and end it; `card`: with an imitated graphics card."""
     program = need_program("chromium", "chromium-browser", "google-chrome")
     to_browser, from_test = os.pipe()
     to_test, from_browser = os.pipe()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        command = [program, *_OPTIONS, f"--user-data-dir={profile}", "about:blank"]
+        command = [
+            program,
+            *_OPTIONS,
+            *(_IMITATED if card else _NO_CARD),
+            f"--user-data-dir={profile}",
+            "about:blank",
+        ]
         # The browser reads commands from 3 and answers on 4.
         script = f'exec "$@" 3<&{to_browser} 4>&{from_browser}'
         process = subprocess.Popen(
@@ -218,7 +229,10 @@ def open_chromium() -> Iterator[Page]:
         os.close(to_browser)
         os.close(from_browser)
         try:
-            yield Page(from_test, to_test)
+            page = Page(from_test, to_test)
+            if card:
+                page.call("Page.addScriptToEvaluateOnNewDocument", source=_TAKE_IT)
+            yield page
         finally:
             process.kill()
             process.wait()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import resource
 import shutil
@@ -13,7 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -26,9 +27,9 @@ from starlette.testclient import TestClient
 
 from ecm.cli.jobs import paced
 from ecm.errors import InputError
+from ecm.io.events import live_path
 from ecm.io.table import read_table
 from ecm.rig.hidden.truth import sealed, sha256
-from ecm.rig.readings import HEADER
 from ecm.workflow.app.journal import Journal
 from ecm.workflow.app.server import App, application, begin, serve
 from ecm.workflow.app.session import Session
@@ -303,40 +304,64 @@ def sealed_table(path: Path) -> Path:
 
 def test_readings_of_a_running_campaign_are_there_as_they_come(app: App) -> None:
     step = app.session.begin("example", {"name": "neck"})
+    events = app.session.log_path(step.number, "events")
+    events.parent.mkdir()
     with client_of(app) as client:
+        assert client.get("/api/live").json()["run"] is None
+        reading = {"visit": 1, "kind": "pose", "pose": [0.1, float("nan")], "wrench": [3.0]}
+        told = [{"what": "FEM poses"}, {"begun": begun(1.0)}, {"measured": reading}]
+        events.write_text("".join(json.dumps(line) + "\n" for line in told) + '{"meas')
         found = client.get("/api/live").json()
-        assert (found["row"], found["plan"]["length_m"]) == ([], 0.1034)
-        assert len(found["plan"]["columns"]["x_m"]) > 80
-        journal = app.session.folder / "data-1.journal.csv"
-        numbers = [0.1, *([0.0] * 11), 3.0, 4.0, 0.0, *([0.0] * 11)]
-        line = ",".join(map(repr, numbers))
-        journal.write_text(f"# campaign 1\n{HEADER}\n{line}\n{line}\n0.1,0.", encoding="utf-8")
-        found = client.get("/api/live").json()
-        assert (found["row"], found["columns"]["x_m"]) == ([1, 2], [0.1, 0.1])
-        assert found["force_N"] == [5.0, 5.0]
-        with journal.open("a", encoding="utf-8") as file:
-            file.write(line[len("0.1,0.") :] + "\n")
-        found = client.get("/api/live?after=2").json()
-        assert (found["row"], "plan" in found) == ([3], False)
+        assert (found["begun"]["length_m"], found["begun"]["poses"]) == (0.1, {"x_m": [0.1]})
+        assert found["rows"] == [{**reading, "pose": [0.1, None]}]
+        with events.open("a", encoding="utf-8") as file:
+            file.write(json.dumps({"measured": {"visit": 2}})[len('{"meas') :] + "\n")
+        found = client.get("/api/live?after=1").json()
+        assert (found["rows"], found["begun"]) == ([{"visit": 2}], None)
         for wrong in ("-1", "9" * 5000):
             assert client.get(f"/api/live?after={wrong}").status_code == 400
         app.session.end(step.number, "cancelled", "", 0.0)
-        assert client.get("/api/live").json() == {"step": None}
+        assert client.get("/api/live").json() == {"of": None}
 
 
-def test_of_a_growing_journal_only_what_is_new_is_read(app: App) -> None:
-    step = app.session.begin("example", {"name": "neck"})
-    measured = app.session.folder / "data-1.journal.csv"
-    line = ",".join(["0.1"] * len(HEADER.split(",")))
-    measured.write_text(f"# campaign 1\n{HEADER}\n{line}\n", encoding="utf-8")
-    assert app.readings.after(step, 0)["row"] == [1]
-    assert len(app.session.journal.read().steps) == 1
-    for path in (measured, app.session.journal.path):
-        path.write_bytes(b"x" * path.stat().st_size)  # not read again
-    with measured.open("a", encoding="utf-8") as file:
-        file.write(f"{line}\n")
-    assert app.readings.after(step, 0)["row"] == [1, 2]
-    assert len(app.session.journal.read().steps) == 1
+def begun(at: float) -> dict[str, Any]:
+    """What a run tells first."""
+    return {"at": at, "poses": {"x_m": [0.1]}, "mechanism": {"length_m": 0.1}}
+
+
+def test_a_table_that_is_followed_is_taken_once_when_it_is_written(tmp_path: Path) -> None:
+    data = tmp_path / "stage.csv"
+    live = live_path(data)
+    with closing(App(tmp_path / "session", data)) as app, client_of(warm(app)) as client:
+        found = client.get("/api/live").json()
+        assert (found["of"], found["run"], found["rows"]) == ("stage.csv", None, [])
+        for at, rows in ((1.0, 2), (2.0, 3)):  # a run that goes on tells all its readings again
+            told = [{"begun": begun(at)}, *[{"measured": {"visit": i}} for i in range(rows)]]
+            with live.open("a", encoding="utf-8") as file:
+                file.write("".join(json.dumps(line) + "\n" for line in [*told, {"ended": "why"}]))
+            found = client.get("/api/live").json()
+            assert (found["run"], len(found["rows"]), found["ended"]) == (at, rows, "why")
+        table(data)  # of before: it is being measured again
+        state = client.get("/api/state").json()
+        assert (state["following"], state["data"]) == ("stage.csv", [])
+        live.unlink()
+        assert "following" not in client.get("/api/state").json()
+        state = finished(client, app)
+        assert (len(state["data"]), state["check"]["rows"]) == (1, 24)
+        assert client.get("/api/live").json() == {"of": None}
+    with closing(App(tmp_path / "session", data)) as app, client_of(app) as client:
+        assert len(client.get("/api/state").json()["data"]) == 1  # it is there already
+    table(data, rows=30)
+    with closing(App(tmp_path / "session", data)) as app, client_of(warm(app)) as client:
+        assert len(client.get("/api/state").json()["data"]) == 2
+        finished(client, app)
+    live.touch()
+    with pytest.raises(InputError, match=r"other\.csv: no such file$"):
+        serve(tmp_path / "other", tmp_path / "other.csv")
+    data.unlink()
+    with pytest.raises(InputError, match="no such file") as refused:
+        serve(tmp_path / "other", data)
+    assert "ecm app --follow" in str(refused.value.remedy)
 
 
 def test_a_reading_takes_as_long_as_a_person_needs_to_see_it(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
 import socket
@@ -21,8 +22,11 @@ import uvicorn
 
 import ecm
 from ecm.effects import get_effect, unregister
+from ecm.io.columns import POSE
+from ecm.io.events import live_path
 from ecm.models import load_model
 from ecm.workflow.app.server import App, application, begin
+from ecm.workflow.app.steps import write_demo
 from support.chromium import Page, open_chromium
 from support.neck import LENGTH_M, ROOT, STIFFNESS, columns_of, csv_text, neck_rows
 from support.warm_steps import warm
@@ -121,10 +125,7 @@ _PREVIEW = """(() => {
 def test_the_loop_by_clicks_and_keys_down_to_a_lower_rung(page: Page, tmp_path: Path) -> None:
     data = drifting_table(tmp_path / "stage.csv")
     with served_by_the_command(data, "--session", tmp_path / "session") as address:
-        page.open(address)
-        page.click(".warning button")  # a warning about the column of one's own
-        page.click("#to-model")
-        page.click("[name=kind][value=linear]")
+        _to_the_model(page, address)
         page.click("#curve")
         page.click("#fit")
         page.until("document.querySelector('#main .ladder circle, #main .ladder rect') !== null")
@@ -169,6 +170,14 @@ def test_the_loop_by_clicks_and_keys_down_to_a_lower_rung(page: Page, tmp_path: 
         assert page.js("document.querySelectorAll('#main img').length") == 0
         _every_stage_on_a_phone(page)
     assert page.problems() == []
+
+
+def _to_the_model(page: Page, address: str) -> None:
+    """Open a session with a column of one's own, of which the check warns; a linear model."""
+    page.open(address)
+    page.click(".warning button")
+    page.click("#to-model")
+    page.click("[name=kind][value=linear]")
 
 
 def _ticked_and_counted_down(page: Page) -> None:
@@ -284,9 +293,7 @@ def test_a_known_driver_comes_with_the_draft_of_an_effect_that_runs(
 ) -> None:
     data = unexplained_table(tmp_path / "stage.csv")
     with served(data, folder=tmp_path / "session") as address:
-        page.open(address)
-        page.click(".warning button")
-        page.click("#to-model")
+        _to_the_model(page, address)
         page.click("#fit")
         page.until("!!document.querySelector('#to-fails')")
         page.js("location.hash = 'missing'")
@@ -336,6 +343,47 @@ def test_the_nearest_surface_is_seen_in_whatever_order_two_are_drawn(
         page.open(address)
         page.until("!!document.documentElement.dataset.stage")
         assert json.loads(page.js(_DEPTH)) == [["slope", "wall"]] * 2
+
+
+_PICTURE = """count => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => {
+  const on = new OffscreenCanvas(60, 60).getContext("2d");
+  for (const canvas of [...document.querySelectorAll(".space canvas")].reverse().slice(0, count))
+    on.drawImage(canvas, 0, 0, 60, 60);
+  done(JSON.stringify([...on.getImageData(0, 0, 60, 60).data]));
+})))"""
+
+
+def test_a_graphics_card_draws_the_picture_that_the_processor_draws(
+    page: Page, tmp_path: Path
+) -> None:
+    data = drifting_table(tmp_path / "stage.csv")
+    with (
+        served(data, folder=tmp_path / "session") as address,
+        open_chromium(card=True) as other,
+    ):
+
+        def picture(one: Page, canvases: int = 2) -> np.ndarray:
+            return np.array(json.loads(one.js(f"({_PICTURE})({canvases})"))).reshape(60, 60, 4)
+
+        seen = []
+        for one in (page, other):
+            one.size(1280, 900)
+            one.open(address)
+            one.until("document.querySelectorAll('.space canvas').length === 2")
+            one.js("location.hash = 'data'")
+            one.js(_AT_REST)
+            seen.append(picture(one))
+            by_the_card = picture(one, 1)[..., 3].any()
+            assert by_the_card == (one is other)
+        inside = (seen[0][..., 3] > 0) & (seen[1][..., 3] > 0)
+        either = (seen[0][..., 3] > 0) | (seen[1][..., 3] > 0)
+        assert 0.9 * either.sum() < inside.sum() > 300
+        off = np.abs(seen[0] - seen[1])[inside][:, :3]
+        assert np.median(off) <= 4
+        assert off.mean() < 12
+        other.click(".views button:nth-child(2)")  # seen from the front: another picture
+        assert np.abs(picture(other) - seen[1]).mean() > 1
+        assert other.problems() == page.problems() == []
 
 
 def test_a_finger_and_the_keys_alone_mark_rows_and_go_on(page: Page, tmp_path: Path) -> None:
@@ -399,10 +447,7 @@ def test_a_fit_foreseen_in_the_page_is_confirmed_and_rows_are_left_out_by_a_key(
 ) -> None:
     data = drifting_table(tmp_path / "stage.csv")
     with served(data, folder=tmp_path / "session") as address:
-        page.open(address)
-        page.click(".warning button")
-        page.click("#to-model")
-        page.click("[name=kind][value=linear]")
+        _to_the_model(page, address)
         _click_to_the_end(page, "#fit")
         page.js("location.hash = 'missing'")
         page.click("#tick-fts_drift")
@@ -451,9 +496,7 @@ def test_what_is_focused_and_ticked_stays_so_when_the_stage_is_drawn_again(
 ) -> None:
     data = drifting_table(tmp_path / "stage.csv")
     with served(data, folder=tmp_path / "session") as address:
-        page.open(address)
-        page.click(".warning button")
-        page.click("#to-model")
+        _to_the_model(page, address)
         page.tab_to("#curve")
         page.keys(" ")
         assert page.js(_FIT) == 200  # in another tab
@@ -693,3 +736,73 @@ def test_a_slider_of_each_actuator_moves_the_body(page: Page, tmp_path: Path) ->
         assert page.js(said) == after  # also where the page was drawn again
         assert not page.problems()
         assert not page.unnamed()
+
+
+SEEN = ("space", "versus")
+_FOLLOWED = """
+[limits]
+force_N = 1000.0
+torque_Nm = 100.0
+shift_m = 0.2
+rotation_rad = 3.0
+
+[mover]
+device = "simulated"
+plan = "plan.csv"
+rig = "rig.toml"
+seed = 8
+hide = "random=5"
+"""
+
+
+def test_a_measurement_is_followed_through_an_interruption_to_its_end(
+    page: Page, tmp_path: Path
+) -> None:
+    """The simulated rig in a process of its own, behind `ecm measure`."""
+    write_demo(tmp_path)
+    plan = ecm.read_table(tmp_path / "plan.csv", need="predict")
+    poses = {name: np.tile(plan.column(name)[2:12], 3) for name in POSE}
+    ecm.as_table(poses, meta=plan.meta).write(tmp_path / "plan.csv")
+    others = "".join(f'[{part}]\ndevice = "mover"\n' for part in ("wrench", "pose", "person"))
+    (tmp_path / "bench.toml").write_text(_FOLLOWED + others, encoding="utf-8")
+    ecm.fit_model(ROOT / "examples" / "neck_measured.csv", "energy4").save(tmp_path / "model.json")
+    command = [sys.executable, "-m", "ecm.cli", "measure", "plan.csv", "--rig", "bench.toml"]
+    command += ["--out", "data.csv", "--model", "model.json", "--yes"]
+
+    def run(pause_s: float) -> subprocess.Popen[str]:
+        env = os.environ | {"ECM_READING_S": str(pause_s)}
+        return subprocess.Popen(command, cwd=tmp_path, env=env, stdout=subprocess.PIPE, text=True)
+
+    count = "parseInt(document.querySelector('#live')?.textContent)"
+    follow = ("--follow", tmp_path / "data.csv", "--session", tmp_path / "session")
+    with served_by_the_command(*follow) as address:
+        page.open(address)
+        page.until("document.querySelector('#live')?.textContent.includes('--out data.csv begins')")
+        measuring = run(0.3)
+        page.until(f"{count} >= 6 && !!document.querySelector('.versus canvas')")
+        assert "Faint points are planned" in page.text()
+        for of in ("space", "versus"):
+            drawn = f"document.querySelector('.{of} canvas').toDataURL()"
+            page.until(f"{drawn} !== {json.dumps(page.js(drawn))}")  # another row
+        measuring.send_signal(signal.SIGINT)
+        said = measuring.communicate(timeout=30)[0]
+        assert "ecm app --follow data.csv shows the rows" in said
+        page.until("/stopped: interrupted/.test(document.querySelector('#main').textContent)")
+        kept = page.js(count)
+        measuring = run(0.1)
+        page.until(f"{count} > {kept} + 3")
+        page.until("!/stopped/.test(document.querySelector('#main').textContent)")
+        cards = page.js("document.querySelector('#so-far').innerText")
+        assert "N, median\nfrom the model" in cards
+        assert "mm, median\nfrom the model" in cards
+        for width in (1280, 390):
+            page.size(width, 900)
+            page.until("document.documentElement.scrollWidth <= innerWidth")
+        page.size(1280, 900)
+        page.until("/N\\s+and .* N m: noise of one reading/.test("
+                   "document.querySelector('#so-far')?.innerText)")  # fmt: skip
+        assert "data.csv: " in measuring.communicate(timeout=120)[0]
+        page.until("!!document.querySelector('#to-model') && !document.querySelector('#live')")
+        assert _done(page, 1)["check"]["rows"] == len(ecm.read_table(tmp_path / "data.csv"))
+        assert not live_path(tmp_path / "data.csv").exists()
+    assert page.problems() == []

@@ -211,7 +211,7 @@ class Run:
             at_home = taken.kind == AT_HOME
             pose = self.layout.rest if at_home else visit.pose
             found += self._beside_commanded(taken.reading.pose - pose[:6], at_home=at_home)
-        return found
+        return [f"visit {taken.number + 1}: {words}" for words in found]
 
     def _hold_to_repeat(self, pose_id: int, reading: Reading) -> None:
         wrench = reading.sensor @ self.top_from_sensor.T
@@ -345,15 +345,16 @@ class Run:
         """Robust standard deviation (6,) of one reading by its repeats; None with too few."""
         return self._repeats.sd() / np.sqrt(2.0) if len(self._repeats) >= _ENOUGH else None
 
-    def off_model(self, taken: Taken) -> tuple[float, float] | None:
-        """How far a reading is from the model, N and mm."""
+    def off_model(self, taken: Taken) -> tuple[float, float, F] | None:
+        """How far a reading is from the model, N and mm, and the wrench (6,) of the model."""
         if self.model is None or taken.kind != AT_POSE:
             return None
         state = np.concatenate([taken.reading.pose, taken.inputs])[None]
-        off = (self.wrench(taken) - self.model.predict(state))[0]
+        modelled = self.model.predict(state)[0]
+        off = self.wrench(taken)[0] - modelled
         # Least squares: a model need not be stiff in all directions.
         way = np.linalg.lstsq(self.model.stiffness(state)[0][:, :6], off)[0]
-        return float(np.linalg.norm(off[:3])), float(1e3 * np.linalg.norm(way[:3]))
+        return float(np.linalg.norm(off[:3])), float(1e3 * np.linalg.norm(way[:3])), modelled
 
     def wrench(self, taken: Taken) -> F:
         """Wrench (1, 6) of a reading by the last zero, base axes."""
@@ -372,7 +373,8 @@ class Run:
 
     def record(self, taken: Taken, findings: Sequence[str]) -> dict[str, Any]:
         """The state at a reading, for programs that draw it."""
-        off, noise = self.off_model(taken), self.noise()
+        off, noise, again = self.off_model(taken), self.noise(), self.again()
+        more = [f"visit {taken.number + 1}: {again}"] if again else []
         return {
             "visit": taken.number + 1,
             "of": self.total,
@@ -383,10 +385,11 @@ class Run:
             "wrench": self.wrench(taken)[0].tolist(),
             "noise_N": None if noise is None else float(np.linalg.norm(noise[:3])),
             "noise_Nm": None if noise is None else float(np.linalg.norm(noise[3:])),
+            "model": None if off is None else off[2].tolist(),
             "model_N": None if off is None else off[0],
             "model_mm": None if off is None else off[1],
-            "findings": list(findings),
-            "goal": None if self.chooser is None else self.chooser.state(),
+            "findings": [*findings, *more],
+            "goal": self.chooser and {**self.chooser.state(), "words": self.chooser.words()},
         }
 
 

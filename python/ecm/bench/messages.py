@@ -359,7 +359,7 @@ class Messages:
         yield from stubs.save()
         assert rig.reading is not None
         taken = Taken(number, self._row, visit.kind, rig.time_s, rig.reading, rig.inputs)
-        findings = [f"visit {number + 1}: {finding}" for finding in self._run.add(taken)]
+        findings = self._run.add(taken)
         self._keep(taken, findings)
         for finding in findings:
             self.told(finding)

@@ -27,7 +27,7 @@ from ecm.errors import InputError, Remedy
 from ecm.io.arguments import check_arguments
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE
-from ecm.io.events import tell
+from ecm.io.events import tell, told_beside
 from ecm.io.extras import require
 from ecm.io.table import Table
 from ecm.rig.plan import (
@@ -36,6 +36,7 @@ from ecm.rig.plan import (
     requests,
     rest_pose,
     split_by_limits,
+    tell_begun,
 )
 from ecm.rig.plan import POSE as AT_POSE
 from ecm.rig.readings import (
@@ -255,25 +256,27 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
     if agree is not None:
         agree(lines)
     run.model = model
-    few = bench.columns != ALL
-    if model is not None and (few or np.shape(model.predict(run.layout.rest[None])) != (1, 6)):
+    if model is not None and (
+        bench.columns != ALL or np.shape(model.predict(run.layout.rest[None])) != (1, 6)
+    ):
         raise InputError(
             "the model or the rig has not all six columns of pose and wrench, by which rows are "
             "compared"
         )
-    path = journal_path(out)
     head = ",".join(["visit,row,kind,time_s", HEADER, *plan.actuation_columns])
     key = _key(plan, bench)
     with ExitStack() as files:
-        journal = files.enter_context(Journal(path, key, head, resume=resume))
+        journal = files.enter_context(Journal(journal_path(out), key, head, resume=resume))
         samples = None
         if bench.procedure.stream_Hz:
             beside = journal_path(out.with_suffix(".raw.csv"))
             samples = files.enter_context(Journal(beside, key, STREAM_HEADER, resume=resume))
+        files.enter_context(told_beside(out))
+        tell_begun(plan, columns=bench.columns, of=run.total)
         for line in journal.lines:
-            taken = Taken.parse(line, str(path))
+            taken = Taken.parse(line, str(journal.path))
             run.again_at(taken)
-            run.add(taken)
+            tell(measured=run.record(taken, run.add(taken)))
         first = 1 + max((taken.number for taken in run.taken), default=-1)
 
         def keep(taken: Taken, findings: list[str]) -> None:

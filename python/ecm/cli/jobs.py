@@ -298,6 +298,8 @@ def measure(
             )
             raise InputError("nobody has agreed to the moves above", remedy=remedy)
         session.on_interrupt("the mover was stopped. The same command goes on there.")
+        if not dry_run:
+            session.print(f"ecm app --follow {out} shows the rows in a browser as they come")
 
     if dry_run:
         run, lines = envelope(visits, bench)
@@ -316,7 +318,7 @@ def measure(
         agree=agree,
         overwrite=overwrite,
         say=session.warn,
-        progress=session.progress("measure"),
+        progress=paced(session.progress("measure")),
     )
     session.write_json({"schema": 1, "rows": len(data), "data": str(out)})
     session.print(f"{out}: {len(data)} rows")
@@ -342,7 +344,7 @@ def paced(progress: Progress) -> Progress:
 
     def slower(done: int, total: int, what: str) -> None:
         say(done, total, what)
-        if what == "measuring":
+        if what.startswith("measuring"):
             time.sleep(max(0.0, pause_s))
 
     return slower
@@ -368,6 +370,7 @@ def serve(
     data: Sequence[Path] = (),
     *,
     folder: Path = Path("ecm-session"),
+    follow: Path | None = None,
     browser: bool = True,
     **options: Any,
 ) -> None:
@@ -383,6 +386,8 @@ def serve(
         Port; 0: a free one.
     folder : --session DIR
         Folder of the session.
+    follow : TABLE
+        Show the rows of `ecm measure --out TABLE` as they come.
     demo
         Begin with the neck and a hidden effect.
     browser : --open/--no-open
@@ -396,7 +401,7 @@ def serve(
         if browser:
             webbrowser.open(address)
 
-    serve_session(folder, data, ready=ready, **options)
+    serve_session(folder, data, follow=follow, ready=ready, **options)
 
 
 _VTU = 10

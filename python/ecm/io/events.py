@@ -1,17 +1,21 @@
 """Steps of a work, told to who waits for it, and to other programs as lines of JSON.
 
-They are appended to the file that ECM_EVENTS of the environment names. The page's server reads
-them; the words on the terminal are for people and may change.
+They are appended to the file that ECM_EVENTS of the environment names, and those of a measurement
+to NAME.live.jsonl beside its table. The page's server reads them; the words on the terminal are for
+people and may change.
 """
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from html import escape
+from pathlib import Path
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -106,12 +110,50 @@ _LATEST = 20_000
 """Bytes of a file that are looked at: the events of the last seconds."""
 
 
+_BESIDE: list[Path] = []
+"""Files that hear all events besides."""
+
+
 def tell(**event: Any) -> None:
     """Append one line; where nobody asked for them, or the disk is full, there is none."""
-    path = os.environ.get(VARIABLE)
-    if path:
+    for path in filter(None, [os.environ.get(VARIABLE, ""), *map(str, _BESIDE)]):
         with suppress(OSError), open(path, "a", encoding="utf-8") as file:
             file.write(json.dumps(event) + "\n")
+
+
+def live_path(table: Path) -> Path:
+    """Where a measurement tells its state while its table grows.
+
+    Examples
+    --------
+    >>> live_path(Path("data.csv")).name
+    'data.live.jsonl'
+    """
+    return table.with_name(table.stem + ".live.jsonl")
+
+
+@contextmanager
+def told_beside(table: Path) -> Iterator[None]:
+    """Tell events beside a table as well, until it is written; a stop is told with its reason.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder, told_beside(Path(folder) / "data.csv"):
+    ...     tell(measured={"row": 0})
+    ...     live_path(Path(folder) / "data.csv").read_text()
+    '{"measured": {"row": 0}}\\n'
+    """
+    path = live_path(table)
+    _BESIDE.append(path)
+    try:
+        yield
+    except BaseException as error:
+        tell(ended=str(error) or "interrupted")
+        raise
+    finally:
+        _BESIDE.remove(path)
+    path.unlink(missing_ok=True)
 
 
 def tell_progress(what: str, done: float, total: float, left_s: float) -> None:
@@ -192,3 +234,77 @@ def fields_json(record: Any) -> dict[str, Any]:
         if item.metadata.get("json", item.name)
         and not (item.metadata.get("optional") and value in (None, ()))
     }
+
+
+class Follower:
+    """A measurement by the events that it tells: each line of their file is read once.
+
+    A run that goes on after a cut tells all its readings again, after a new `begun`.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "data.live.jsonl"
+    ...     lines = ['{"begun": {"at": 1.0}}', '{"measured": {"row": 0}}', '{"ended": "why"}', ""]
+    ...     _ = path.write_text("\\n".join(lines))
+    ...     found = Follower().after(path, 0)
+    >>> found["run"], found["rows"], found["ended"]
+    (1.0, [{'row': 0}], 'why')
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._of: tuple[Path, bytes] = (Path(), b"")
+        """The file, and its first line: another file of this name begins with another."""
+        self._read_to = 0
+        self._begun: dict[str, Any] = {}
+        self._rows: list[dict[str, Any]] = []
+        self._ended: str | None = None
+
+    def after(self, path: Path, row: int) -> dict[str, Any]:
+        """Return what a file tells of its last run.
+
+        Parameters
+        ----------
+        path
+            The file of events; it need not be there yet.
+        row
+            Readings that are known already.
+
+        Returns
+        -------
+        dict
+            `run`: when it began, None before; `begun`: what was told then, where no reading is
+            known; `rows`: the readings after those; `ended`: why it was stopped; `age_s`: seconds
+            since the last event.
+        """
+        with self._lock, suppress(OSError), path.open("rb") as file:
+            of = path, file.readline()
+            if of != self._of:
+                self._of, self._read_to = of, 0
+                self._begun, self._rows, self._ended = {}, [], None
+            file.seek(self._read_to)
+            content = file.read()
+            whole = content[: content.rfind(b"\n") + 1]
+            self._read_to += len(whole)
+            for line in whole.splitlines():
+                self._take(line)
+            return {
+                "run": self._begun.get("at"),
+                "begun": None if row else self._begun,
+                "rows": self._rows[row:],
+                "ended": self._ended,
+                "age_s": time.time() - os.fstat(file.fileno()).st_mtime,
+            }
+        return {"run": None, "begun": None, "rows": [], "ended": None, "age_s": None}
+
+    def _take(self, line: bytes) -> None:
+        with suppress(ValueError):  # a kill may have cut it
+            event = json.loads(line, parse_constant=lambda _: None)  # a page knows no NaN
+            if "begun" in event:
+                self._begun, self._rows, self._ended = event["begun"], [], None
+            elif "measured" in event:
+                self._rows.append(event["measured"])
+            elif "ended" in event:
+                self._ended = event["ended"]

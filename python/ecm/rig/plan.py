@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import POSE as POSE_COLUMNS
+from ecm.io.events import tell
 from ecm.io.se3 import displaced, rotation, transpose, turn_wrench, wrench_adjoint
 from ecm.io.settings import did_you_mean
 from ecm.io.table import Table
@@ -25,6 +27,13 @@ HOME = "initial"
 """`approach` of a pose that is driven to from the rest pose."""
 POSE_OFFSETS = tuple(f"offset_{name}" for name in POSE_COLUMNS)
 """Columns of a plan: the way from the free pose at the row's pressures, in base axes."""
+
+
+def tell_begun(plan: Table, **more: Any) -> None:
+    """Tell those who follow a measurement what is planned."""
+    poses = {name: plan.column(name).tolist() for name in POSE_COLUMNS if plan.has(name)}
+    told = {"at": time.time(), "poses": poses, "mechanism": plan.meta.absolute_mechanism()}
+    tell(begun={**told, **more})
 
 
 ARGUMENT_UNITS = {

@@ -21,6 +21,7 @@ from typing import Any
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.cache import cache_directory, write_atomically, write_json
+from ecm.io.events import tell
 from ecm.io.extras import dask_client, dask_completed, require_pyarrow, write_parquet
 from ecm.io.mesh import mesh_bytes
 from ecm.io.table import Table, read_table
@@ -29,7 +30,7 @@ from ecm.rig.campaign import Campaign
 from ecm.rig.elastic import FemSource, Progress, Source
 from ecm.rig.hidden import truth
 from ecm.rig.hidden.truth import NOTHING, Hidden
-from ecm.rig.plan import requests, split_by_limits
+from ecm.rig.plan import requests, split_by_limits, tell_begun
 from ecm.rig.readings import (
     HEADER,
     Journal,
@@ -141,6 +142,7 @@ def run_campaign(
     options = options or CampaignOptions()
     source, folder, resume = options.source, options.folder, options.resume
     require_possible(rig, out, overwrite=overwrite, resume=resume)
+    tell_begun(plan)  # who follows sees the plan while its forces are computed
     if source is None:
         source = fem_source(plan, options.threads)
     if hide is None:
@@ -166,11 +168,16 @@ def run_campaign(
     parts = path.with_suffix(".parts")
     with Journal(path, campaign.key(source), HEADER, resume=resume) as journal:
         campaign.drive(options.threads, progress, parts)
-        for i in range(len(journal.lines), len(campaign)):
-            journal.append(campaign.measure(i).line())
-            if progress is not None:
+        readings = []
+        for i, visit in enumerate(campaign.timeline.visits):
+            new = i == len(journal.lines)
+            if new:
+                journal.append(campaign.measure(i).line())
+            readings.append(Reading.parse(journal.lines[i], str(path)))
+            pose, sensor = readings[i].pose.tolist(), readings[i].sensor.tolist()
+            tell(measured={"visit": i + 1, "kind": visit.kind, "pose": pose, "wrench": sensor})
+            if new and progress is not None:
                 progress(i + 1, len(campaign), "measuring")
-        readings = [Reading.parse(line, str(path)) for line in journal.lines]
     if raw is not None:
         stream = raw.table(campaign, readings)
         write_parquet(stream.columns, stream.meta.applied().to_toml(), raw_path(out))

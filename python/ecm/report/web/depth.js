@@ -1,6 +1,6 @@
-// A picture with a depth buffer: at each pixel the nearest surface is seen, from every side.
+// A picture with a depth buffer: at each pixel the nearest surface is seen, from every side. For a browser without WebGL.
 
-const LAMP = [-0.42, 0.62, -0.66];  // right, up, away: above the left shoulder of who looks
+export const LAMP = [-0.42, 0.62, -0.66];  // right, up, away: above the left shoulder of who looks
 const CREASE = 0.6;
 
 // The normal of every corner of every triangle: smooth along a side, sharp at an edge.

@@ -43,7 +43,7 @@ export function number(value, digits = 3) {
   const size = Math.abs(value);
   if (size !== 0 && (size < 1e-4 || size >= 1e5)) {
     const [mantissa, power] = value.toExponential(digits - 1).split("e");
-    return `${mantissa}·10${[...String(Number(power))].map(c => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]).join("")}`;
+    return `${Number(mantissa)}·10${[...String(Number(power))].map(c => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]).join("")}`;
   }
   return String(Number(value.toPrecision(digits)));
 }

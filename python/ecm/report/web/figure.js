@@ -94,7 +94,7 @@ export function figure(spec, {onpick = () => {}} = {}) {
   function axes({x, y}, put) {
     const line = (x1, y1, x2, y2, stroke) => put("line", {x1, y1, x2, y2, stroke: `var(${stroke})`});
     const marks = (scale, many) => scale.names ? scale.names.map(name => [scale.at(name), plain(name)])
-      : ticks(scale.low, scale.high, many).filter(v => !scale.log || Number.isInteger(v)).map(v => [scale.at(scale.log ? 10 ** v : v), scale.log ? number(10 ** v) : number(v)]);
+      : ticks(scale.low, scale.high, many).filter(v => !scale.log || Number.isInteger(v)).map(v => [scale.at(scale.log ? 10 ** v : v), scale.log ? number(10 ** v) : number(v, 6)]);
     const top = x.axis.side === "top", edge = top ? y.to : y.from, room = Math.abs(x.to - x.from);
     const texts = marks(x, Math.max(3, room / 55)), tilt = x.names && texts.some(([, text]) => 7 * text.length > room / texts.length);
     for (const [at, text] of marks(y, Math.max(3, Math.abs(y.to - y.from) / 45))) {

@@ -2,7 +2,7 @@
 
 import {axesOf, bent, farApart, profileOf} from "./bend.js";
 import {glide} from "./canvas.js";
-import {colours, css, rgb, scaleOf} from "./colours.js";
+import {colours, rgb, scaleOf} from "./colours.js";
 import {el, number} from "./dom.js";
 import {bodyColour, space} from "./space.js";
 import {mark, marked, onMark} from "./selection.js";
@@ -45,9 +45,9 @@ export function workspace(view, rows, columns, values, {title, unit, forces = fa
         const there = here.map((v, k) => v + apart.at(k, i)), second = rgb(colours().second);
         bodies.push(inMm(bent(profile, there), second, 0.45));
         frames.push({name: "", origin: mm(there.slice(0, 3)), axes: axesOf(there.slice(3)), size: 180 * profile.length});
-        lines.push({from: [x[i], y[i], z[i]], to: mm(there.slice(0, 3)), colour: css(second)});
+        lines.push({from: [x[i], y[i], z[i]], to: mm(there.slice(0, 3)), colour: second});
       }
-      if (force) lines.push({from: [x[i], y[i], z[i]], colour: css(scale(largest)),
+      if (force) lines.push({from: [x[i], y[i], z[i]], colour: scale(largest),
         to: [x, y, z].map((values_, k) => values_[i] + force.scale * force.columns[k][i])});
     }
     drawn.set({bodies, frames, lines, points: {x, y, z, row: rows,
@@ -64,13 +64,15 @@ export function workspace(view, rows, columns, values, {title, unit, forces = fa
   show();
   if (apart && gap.before) glide(along => { apart.share = along; show(true); }, 1600);
   return el("div", {}, drawn.node, apart?.slider(show),
-    el("div", {class: "scale", role: "img", "aria-label": `Colours from 0 to ${number(largest)} ${unit}`},
-      `${title}: 0`, el("i"), `${number(largest)} ${unit}`),
+    scaleBar(title, largest, unit),
     el("p", {class: "hint"}, apart ? `Solid is the measured pose, orange where the model puts it: of the row that is off most, or of up to three `
       + `marked ones. ${HOW}` : full
       ? "Bent bodies: poses far apart, or up to three marked ones; between its two end frames the shape "
         + `is sketched. ${HOW}` : HOW));
 }
+
+export const scaleBar = (title, largest, unit) => el("div", {class: "scale", role: "img",
+  "aria-label": `Colours from 0 to ${number(largest)} ${unit}`}, `${title}: 0`, el("i"), `${number(largest)} ${unit}`);
 
 const GAP = 0.15;  // of the mechanism's length: how large the largest gap is drawn at first
 

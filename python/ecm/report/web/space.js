@@ -4,7 +4,8 @@ import {colours, css, faded, rgb} from "./colours.js";
 import {sized, stamp, tip} from "./canvas.js";
 import {lit, normalsOf, picture} from "./depth.js";
 import {button, el} from "./dom.js";
-import {marked} from "./selection.js";
+import {painter} from "./gl.js";
+import {marked, onMark} from "./selection.js";
 
 const AXES = ["#d0460f", "#00996e", "#2a66c8"];
 const WHILE_TURNING = 4000, MANY = 1500;
@@ -21,16 +22,16 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
     + "zoom, Home looks from the start. N and P go from row to row, space marks, escape clears."});
   const live = el("p", {class: "hidden", "aria-live": "polite"});
   const boxes = button("Mark a box", () => marking(!place.classList.contains("marking")), {"aria-pressed": "false"});
-  const place = el("div", {class: "space"}, canvas);
+  const below = el("canvas", {"aria-hidden": "true"}), place = el("div", {class: "space"}, canvas, below);
   const node = el("div", {}, place, live, el("div", {class: "row views"}, onbox ? boxes : null,
     button("Next view", () => look(VIEWS[view = (view + 1) % VIEWS.length])),
     button("+", () => look({...eye, zoom: Math.min(8, 1.25 * eye.zoom)}), {"aria-label": "Larger"}),
     button("−", () => look({...eye, zoom: Math.max(0.3, eye.zoom / 1.25)}), {"aria-label": "Smaller"})));
-  let scene = {points: null, bodies: [], frames: [], lines: []}, eye = {...START};
-  let centre = [0, 0, 0], extent = [], reach = 1, shown = [], turning = false, box = null, asked = false;
+  let scene = {points: null, bodies: [], frames: [], lines: []}, eye = {...START}, edges = [];
+  let centre = [0, 0, 0], extent = [], reach = 1, shown = null, turning = false, box = null, asked = false;
   let view = 0, cursor = -1, rest = 0, coarse = false;
 
-  const redraw = sized(canvas, draw);
+  const card = painter(below), redraw = sized(canvas, draw);
   const ask = () => {
     if (!asked) { asked = true; requestAnimationFrame(() => { asked = false; redraw(); }); }
   };
@@ -52,8 +53,11 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
     // Marked bodies are drawn a moment later: who goes from row to row by keys stays at the row.
     if (next.points?.x !== scene.points?.x) cursor = -1;
     scene = {bodies: [], frames: [], lines: [], ...next};
+    edges = [...scene.lines.map(line => ({...line, width: 2})), ...scene.frames.flatMap(({origin, axes, name, size}) =>
+      axes.map((axis, i) => ({from: origin, to: tipOf(origin, axis, size), colour: rgb(AXES[i]), width: name ? 3 : 1.6})))];
+    card?.set({bodies: scene.bodies, lines: edges});
+    sendPoints();
     soon();
-    for (const body of scene.bodies) body.normals = normalsOf(body);
     if (keep) return;
     const all = [...scene.bodies.flatMap(body => body.points),
       ...scene.frames.flatMap(({origin, axes, size}) => axes.map(axis => origin.map((v, m) => v + size * axis[m])))];
@@ -72,13 +76,27 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
     ask();
   }
 
+  // Those that are marked come last.
+  function sendPoints() {
+    if (!card) return;
+    const {points} = scene, n = points?.x.length ?? 0, few = n <= MANY, ratio = Math.min(2, devicePixelRatio || 1);
+    const second = rgb(colours().second), is = i => marked.has(points.row[i]), numbers = new Float32Array(7 * n);
+    let at = 0;
+    for (const on of [false, true]) for (let i = 0; i < n; i += 1) if (is(i) === on) {
+      const [r, g, b] = on ? second : points.colour[i];
+      numbers.set([points.x[i], points.y[i], points.z[i], r / 255, g / 255, b / 255, ratio * (few ? on ? 12 : 8.2 : on ? 4.4 : 3)], at);
+      at += 7;
+    }
+    card.points(numbers);
+  }
+  onMark(() => { sendPoints(); ask(); });
+
   // The x axis of the base points up: the mechanism stands on its clamped face.
-  function projection(width, height, {turn, lift, zoom} = eye, size = zoom * fit(width, height)) {
-    const c = Math.cos(turn), s = Math.sin(turn), u = Math.cos(lift), v = Math.sin(lift);
+  function projection(width, height, from = eye, size = from.zoom * fit(width, height)) {
+    const [[, c, s], [u, ua, ub], [v, va, vb]] = viewOf(from).view;
     return ([x, y, z]) => {
       const up = x - centre[0], a = y - centre[1], b = z - centre[2];
-      const right = c * a + s * b, away = -s * a + c * b;
-      return [width / 2 + size * right, height / 2 - size * (u * up + v * away), u * away - v * up];
+      return [width / 2 + size * (c * a + s * b), height / 2 - size * (u * up + ua * a + ub * b), v * up + va * a + vb * b];
     };
   }
 
@@ -92,6 +110,38 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
   function draw(context, width, height) {
     const project = projection(width, height), palette = colours();
     context.clearRect(0, 0, width, height);
+    shown = null;
+    const count = scene.points ? scene.points.row.reduce((sum, row) => sum + marked.has(row), 0) : 0, few = (scene.points?.x.length ?? 0) <= MANY;
+    const done = card?.paint(context.getTransform().a, width, height, {...viewOf(eye), centre, size: eye.zoom * fit(width, height), reach}, {faint: FAINT, room: ROOM, on: count,
+      alpha: scene.bodies.find(body => body.alpha < 1)?.alpha ?? 1, rim: few ? 1.2 : 0,
+      edges: [palette.wash, palette.ink].map(colour => rgb(colour).map(v => v / 255))});
+    if (!done) paintFlat(context, width, height, project, palette);
+    for (const frame of scene.frames) if (frame.name) nameFrame(context, project, frame, palette);
+    const {points} = scene, here = cursor >= 0 && points && project([points.x[cursor], points.y[cursor], points.z[cursor]]);
+    if (here) {
+      context.strokeStyle = palette.ink;
+      context.lineWidth = 2;
+      context.beginPath();
+      context.arc(here[0], here[1], 8, 0, 7);
+      context.stroke();
+    }
+    if (box) {
+      context.strokeStyle = palette.second;
+      context.setLineDash([4, 3]);
+      context.strokeRect(box[0], box[1], box[2] - box[0], box[3] - box[1]);
+      context.setLineDash([]);
+    }
+  }
+
+  // Where each point is seen: [x, y, its place in the list].
+  function places() {
+    if (shown) return shown;
+    const project = projection(canvas.parentElement.clientWidth, canvas.parentElement.clientHeight), {points} = scene;
+    return shown = points ? Array.from(points.x, (x, i) => [...project([x, points.y[i], points.z[i]]).slice(0, 2), i]) : [];
+  }
+
+  // --- by the processor, where the browser gives no graphics card ---
+  function paintFlat(context, width, height, project, palette) {
     // In motion a large picture has fewer pixels than the screen, so that each frame is there in time.
     const moving = Math.min(1, Math.sqrt(IN_MOTION / (width * height)));
     const solid = picture(width, height, coarse || turning ? moving : Math.max(SHARP, devicePixelRatio || 1));
@@ -106,32 +156,21 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
       context.globalAlpha = 1;
     }
     const hidden = at => solid.hides(at, ROOM * reach);
-    for (const line of scene.lines) drawLine(context, project(line.from), project(line.to), {colour: line.colour, width: 2, hidden});
-    for (const frame of scene.frames) drawFrame(context, project, frame, {palette, hidden});
+    for (const {from, to, colour, width} of edges) drawLine(context, project(from), project(to), {colour: css(colour), width, hidden});
     drawPoints(context, project, palette, hidden);
-    if (box) {
-      context.strokeStyle = palette.second;
-      context.setLineDash([4, 3]);
-      context.strokeRect(box[0], box[1], box[2] - box[0], box[3] - box[1]);
-      context.setLineDash([]);
-    }
   }
 
   function drawBody(on, body, project) {
-    const at = body.points.map(project), {turn, lift} = eye;
-    const c = Math.cos(turn), s = Math.sin(turn), u = Math.cos(lift), v = Math.sin(lift);
-    const bright = ([x, y, z]) => {
-      const away = -s * y + c * z;
-      return lit([c * y + s * z, u * x + v * away, u * away - v * x]);
-    };
+    const at = body.points.map(project), {view} = viewOf(eye);
+    const bright = normal => lit(view.map(row => row[0] * normal[0] + row[1] * normal[1] + row[2] * normal[2]));
+    body.normals ??= normalsOf(body);
     body.triangles.forEach((corners, t) =>
       on.triangle(corners.map(i => at[i]), body.normals[t].map(bright), body.colour));
   }
 
   // Each point can be seen and marked: one behind a body is faint. While turning, some are left out.
   function drawPoints(context, project, palette, hidden) {
-    const {points} = scene;
-    shown = [];
+    const {points} = scene, shown = [];
     if (!points) return;
     const n = points.x.length, step = turning ? Math.ceil(n / WHILE_TURNING) : 1, few = n <= MANY;
     for (let i = 0; i < n; i += step) {
@@ -153,20 +192,12 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
       stamp(context, off, {...at, ink, size: 2.2});
       if (on.length) stamp(context, on, {...at, ink: () => second, size: 3.4});
     }
-    const here = cursor >= 0 && shown.find(([, , i]) => i === cursor);
-    if (here) {
-      context.strokeStyle = palette.ink;
-      context.lineWidth = 2;
-      context.beginPath();
-      context.arc(here[0], here[1], 8, 0, 7);
-      context.stroke();
-    }
   }
 
   // The nearest point within so many pixels, or null.
   function nearest(x, y, within = MOUSE) {
     let best = null, distance = within ** 2;
-    for (const [px, py, i] of shown) {
+    for (const [px, py, i] of places()) {
       const d = (px - x) ** 2 + (py - y) ** 2;
       if (d < distance) { distance = d; best = i; }
     }
@@ -202,7 +233,7 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
     } else if (box && !still) {
       const [x0, x1] = [box[0], box[2]].sort((a, b) => a - b);
       const [y0, y1] = [box[1], box[3]].sort((a, b) => a - b);
-      onbox(shown.filter(([x, y]) => x >= x0 && x <= x1 && y >= y0 && y <= y1)
+      onbox(places().filter(([x, y]) => x >= x0 && x <= x1 && y >= y0 && y <= y1)
         .map(([, , i]) => scene.points.row[i]));
     } else if (still) {
       const i = nearest(event.offsetX, event.offsetY, event.pointerType === "touch" ? TOUCH : MOUSE);
@@ -245,7 +276,13 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
     soon();
   });
   canvas.addEventListener("blur", () => { cursor = -1; ask(); });
-  return {node, set, redraw: ask};
+  return {node, set};
+}
+
+// Right, up and away as rows over x, y, z.
+function viewOf({turn, lift}) {
+  const c = Math.cos(turn), s = Math.sin(turn), u = Math.cos(lift), v = Math.sin(lift);
+  return {view: [[0, c, s], [u, -v * s, v * c], [-v, -u * s, u * c]]};
 }
 
 // Those of many points that bound all: the outermost in directions over the whole sphere.
@@ -286,15 +323,13 @@ function drawLine(context, a, b, {colour, width, hidden}) {
   context.globalAlpha = 1;
 }
 
-function drawFrame(context, project, {origin, axes, name, size}, {palette, hidden}) {
-  const from = project(origin);
+const tipOf = (origin, axis, size) => origin.map((v, m) => v + size * axis[m]);
+
+function nameFrame(context, project, {origin, axes, name, size}, palette) {
   axes.forEach((axis, i) => {
-    const to = project(origin.map((v, m) => v + size * axis[m]));
-    drawLine(context, from, to, {colour: AXES[i], width: name ? 3 : 1.6, hidden});
-    if (!name) return;
+    const to = project(tipOf(origin, axis, size)), text = `${"xyz"[i]}${i === 0 ? ` ${name}` : ""}`;
     context.fillStyle = palette.ink;
     context.font = "13px system-ui, sans-serif";
-    const text = `${"xyz"[i]}${i === 0 ? ` ${name}` : ""}`;
     context.strokeStyle = palette.wash;
     context.lineWidth = 3;
     context.strokeText(text, to[0] + 5, to[1] + 4);

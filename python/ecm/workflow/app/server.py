@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import filecmp
 import hmac
 import json
 import os
@@ -21,15 +22,18 @@ from pathlib import Path
 from typing import IO, Any
 from urllib.parse import quote
 
-from ecm.errors import EcmError, InputError, Refusal
+from ecm.errors import EcmError, InputError, Refusal, Remedy
 from ecm.io.arguments import check_arguments, listed
+from ecm.io.description import Meta
+from ecm.io.events import Follower, live_path
 from ecm.io.extras import require
 from ecm.report.blocks import WEB
+from ecm.report.figures import view_of
 from ecm.workflow.app.copying import archive_of, copy_of, report_of
 from ecm.workflow.app.jobs import Busy, Jobs
 from ecm.workflow.app.journal import DiskError, sentence, writing
 from ecm.workflow.app.session import INCOMING, Session, model_of, suffix_of
-from ecm.workflow.app.views import NEED_MODEL, SHOWN, Readings, Views, fits_of, measuring, state_of
+from ecm.workflow.app.views import NEED_MODEL, SHOWN, Views, fits_of, state_of
 
 if sys.platform == "win32":
     import msvcrt
@@ -175,18 +179,25 @@ class App:
 
     Steps that a killed server left are marked as interrupted.
 
+    Parameters
+    ----------
+    folder
+        The session folder.
+    follow
+        Table that `ecm measure` writes; when it is there the session takes it.
+
     Raises
     ------
     InputError
         Where another server has the folder open.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, follow: Path | None = None) -> None:
         self.session = Session(folder)
         self._lock = locked(folder)
         self.session.recover()
         self.jobs, self.views = Jobs(self.session), Views(folder)
-        self.readings = Readings(folder)
+        self.follow, self._follower = follow, Follower()
         self.most_bytes = MOST_BYTES
 
     def close(self) -> None:
@@ -198,6 +209,7 @@ class App:
     def state(self) -> dict[str, Any]:
         """Return the state of the folder, and how far the running step is."""
         self.jobs.settle()
+        self._take_followed()
         running = self.jobs.progress()
         state = state_of(self.session)
         going = {step["number"] for step in state["steps"] if step["status"] == "running"}
@@ -205,7 +217,43 @@ class App:
         # what a person does at the first drawing would be lost.
         if running and not running["waiting"] and running["step"] not in going:
             running = None
-        return {**state, "running": running}
+        following = {} if self.follow is None else {"following": self.follow.name}
+        return {**state, "running": running, **following}
+
+    def live(self, row: int) -> dict[str, Any]:
+        """Return what the campaign that runs, or the run that is followed, tells after a row."""
+        steps = reversed(self.session.journal.read().steps.values())
+        for step in steps:
+            if step.status == "running" and step.argv[:1] == ["campaign"]:
+                path, name = self.session.log_path(step.number, "events"), ""
+                break
+        else:
+            if self.follow is None:
+                return {"of": None}
+            path, name = live_path(self.follow), self.follow.name
+        found = self._follower.after(path, row)
+        if found["begun"]:
+            view = view_of(Meta(mechanism=found["begun"]["mechanism"]))
+            found["begun"] = {**found["begun"], **view}
+        return {"of": name, **found}
+
+    def _take_followed(self) -> None:
+        """Take the table that was followed when it is written, once, as a run of the data."""
+        table = self.follow
+        if table is None or self.jobs.busy() or not table.is_file() or live_path(table).exists():
+            return
+
+        def take() -> None:
+            if self.follow is None:  # another tab was faster
+                return
+            history, files = self.session.now()
+            own = [self.session.folder / step.outputs[0] for step in history.steps.values()]
+            if not any(path.is_file() and filecmp.cmp(path, table, False) for path in own):
+                self.session.add_table(table, table.name, more=bool(files.data))
+                self.jobs.start("check", {})
+            self.follow = None
+
+        self.jobs.alone(take)
 
 
 def application(app: App, *, port: int, token: str) -> Any:
@@ -286,18 +334,10 @@ class _Routes:
         return _file(path)
 
     async def live(self, request: Any) -> Any:
-        """The readings of the campaign that runs after a row; before the first, its plan, too."""
-        step = measuring(self.app.session.journal.read())
-        if step is None:
-            return _json({"step": None})
         after = request.query_params.get("after", "0")
         if not (after.isdecimal() and len(after) < 10):
             raise InputError(f"after {after!r}: expected the number of a row")
-        found = await asyncio.to_thread(self.app.readings.after, step, int(after))
-        if int(after) == 0:
-            path = await asyncio.to_thread(self.app.views.file, "plan", [step.argv[1]], None)
-            found["plan"] = json.loads(path.read_bytes())
-        return _json({"step": step.number, **found})
+        return _json(await asyncio.to_thread(self.app.live, int(after)))
 
     async def copy(self, _request: Any) -> Any:
         text = await asyncio.to_thread(copy_of, self.app.session, self.app.views)
@@ -458,6 +498,7 @@ def serve(
     model: str | None = None,
     port: int = 0,
     demo: bool = False,
+    follow: str | Path | None = None,
     ready: Callable[[str], object] = print,
 ) -> None:
     """Serve a session folder until Ctrl-C.
@@ -474,6 +515,9 @@ def serve(
         0: any that is free.
     demo
         Begin with a simulated campaign in which an effect is hidden.
+    follow
+        Table that `ecm measure` writes: its rows are shown as they come, and at the end the
+        session takes it, as a further run where it has data.
     ready
         Called with the address when the server listens.
 
@@ -495,11 +539,13 @@ def serve(
     given = [Path(table) for table in listed(tables)]
     for table in given:
         if not table.is_file():
-            raise InputError(f"{table}: no such file")
+            grows = Remedy("watch its rows come", f"ecm app --follow {table}")
+            remedy = grows if live_path(table).exists() else None
+            raise InputError(f"{table}: no such file", remedy=remedy)
     uvicorn = require("uvicorn", "app", "The server of `ecm app`")
     listening = _listen(port)
     port = listening.getsockname()[1]
-    with listening, closing(App(Path(folder))) as app:
+    with listening, closing(App(Path(folder), None if follow is None else Path(follow))) as app:
         begin(app, given, model=model, demo=demo)
         token = secrets.token_urlsafe(24)
         server = uvicorn.Server(

@@ -166,9 +166,13 @@ class Session:
     def log(self, number: int, kind: str) -> bytes:
         """Return what the command of a step printed, `out` or `err`, or told, `events`."""
         try:
-            return (self.folder / "logs" / f"{number}.{kind}").read_bytes()
+            return self.log_path(number, kind).read_bytes()
         except OSError:
             return b""
+
+    def log_path(self, number: int, kind: str) -> Path:
+        """Return where that is."""
+        return self.folder / "logs" / f"{number}.{kind}"
 
     def told(self, number: int, name: str) -> dict[str, Any]:
         """Return the last event with this key that the command of a step told."""

@@ -7,7 +7,6 @@ has written them, so it is kept in `views/`.
 from __future__ import annotations
 
 import itertools
-import math
 import os
 import shlex
 import signal
@@ -42,7 +41,6 @@ from ecm.regression.blas import one_blas_thread
 from ecm.regression.normal_equations import RIDGE, explained_by_blocks, projected_out
 from ecm.regression.rows import actuators_of
 from ecm.report.figures import some_rows, view_of
-from ecm.rig.readings import journal_path
 from ecm.workflow.app.journal import History, Step, writing
 from ecm.workflow.app.session import Session, model_of
 from ecm.workflow.app.steps import Files, way_out
@@ -225,13 +223,6 @@ def _linear_fit(problem: Problem, chosen: Sequence[Candidate], row: I) -> dict[s
     }
 
 
-def plan(given: Given) -> dict[str, Any]:
-    """Return the poses of a plan, and the outline of the body."""
-    table = given.table("predict")
-    columns = {name: _short(table.column(name)) for name in POSE if table.has(name)}
-    return {**view_of(table.meta), "columns": columns}
-
-
 def actuation(given: Given) -> dict[str, Any]:
     """Return where the model comes to rest on a grid of its actuators' measured inputs."""
     model, table = given.model(), given.table("fit")
@@ -275,7 +266,6 @@ VIEWS: dict[str, Callable[[Given], dict[str, Any]]] = {
     "poses": poses,
     "residuals": residuals,
     "effects": effects,
-    "plan": plan,
     "actuation": actuation,
     "log": log,
 }
@@ -402,86 +392,6 @@ def _end_with(life: Connection) -> None:
         os._exit(_INTERRUPTED)
 
     threading.Thread(target=watch, daemon=True).start()
-
-
-_FORCE = ("sensor_fx_N", "sensor_fy_N", "sensor_fz_N")
-
-
-def measuring(history: History) -> Step | None:
-    """Return the campaign that runs now."""
-    for step in reversed(history.steps.values()):
-        if step.status == "running" and step.argv[:1] == ["campaign"]:
-            return step
-    return None
-
-
-class Readings:
-    """The readings of the campaign that runs; each is read from the disk once.
-
-    Parameters
-    ----------
-    folder
-        The session folder.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._lock = threading.Lock()
-        self._begin("")
-
-    def _begin(self, campaign: str) -> None:
-        self._campaign, self._read_to = campaign, 0
-        self._header: list[str] = []
-        self._rows: list[list[float]] = []
-        """Pose and size of the force of each reading."""
-
-    def after(self, step: Step, row: int) -> dict[str, Any]:
-        """Return poses and size of the force of the readings after a row, whole lines only.
-
-        Parameters
-        ----------
-        step
-            The campaign.
-        row
-            Number of the last row that is known already; 0 for none.
-
-        Returns
-        -------
-        dict
-            `row` from 1, `columns` by name, and `force_N` as the sensor reads it, with its zero.
-        """
-        with self._lock:
-            if step.outputs[0] != self._campaign:
-                self._begin(step.outputs[0])
-            self._read()
-            new = self._rows[row:]
-        return {
-            "row": list(range(row + 1, row + 1 + len(new))),
-            "columns": {name: [of[k] for of in new] for k, name in enumerate(POSE)},
-            "force_N": [of[-1] for of in new],
-        }
-
-    def _read(self) -> None:
-        try:
-            with journal_path(self._folder / self._campaign).open("rb") as file:
-                if file.seek(0, os.SEEK_END) < self._read_to:  # another journal of this name
-                    self._begin(self._campaign)
-                file.seek(self._read_to)
-                content = file.read()
-        except OSError:  # not begun, or at its end
-            return
-        whole = content[: content.rfind(b"\n") + 1]
-        self._read_to += len(whole)
-        for line in whole.decode("utf-8").splitlines():
-            cells = line.split(",")
-            if line.startswith("#"):
-                continue
-            if not self._header:
-                self._header = cells
-                continue
-            cell = dict(zip(self._header, map(float, cells), strict=True))
-            pose = [float(f"{cell[name]:.6g}") for name in POSE]
-            self._rows.append([*pose, math.hypot(*(cell[name] for name in _FORCE))])
 
 
 def state_of(session: Session, history: History | None = None) -> dict[str, Any]:

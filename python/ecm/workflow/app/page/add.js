@@ -44,7 +44,7 @@ async function figures(state, space, over, grow) {
   if (gap) space.append(el("h3", {}, "Measured, and where the model puts it"), workspace(poses, now.row, now.variables, now.size,
     {title: "largest residual", unit: knowsNoise(state) ? "times the noise" : "times the model's own error",
       name: "The measured pose and that of the model", gap: grow && was ? {...gap, before: was} : gap}));
-  over.append(versus(now, effectName(last.name), {grow, before: earlier ? {residuals: before, name: effectName(earlier.name)} : null}));
+  over.append(versus(now, effectName(last.name), {grow, before: earlier ? {residuals: before, name: effectName(earlier.name)} : null}).node);
 }
 
 const MANY = 3;  // parameters from which on they are a table

@@ -10,7 +10,7 @@ import {mapping} from "./mapping.js";
 import {workspace} from "./scene.js";
 
 export async function draw(root, state, app) {
-  if (measures(state)) root.append(live());
+  if (measures(state)) root.append(live(state));
   else if (!state.data.length && !state.dropped.length) root.append(empty(state, app));
   if (state.check) root.append(...checkResult(state, app));
   if (!state.check && !measures(state) && state.running && (state.data.length || state.dropped.length))

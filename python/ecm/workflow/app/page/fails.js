@@ -20,7 +20,7 @@ export async function draw(root, state, app) {
   wait.remove();
   root.append(el("p", {class: "rests"}, readable(residuals.sentence), help("signature"), " ", residuals.said),
     figures(state, residuals),
-    versus(residuals, effectName(state.rungs.at(-1).name), {before: first && {residuals: before, name: effectName(first.name)}}));
+    versus(residuals, effectName(state.rungs.at(-1).name), {before: first && {residuals: before, name: effectName(first.name)}}).node);
   const panels = residualPanels(residuals, {leave: app.leaveOut});
   const place = el("section", {"aria-label": "The mechanism in its measured poses"},
     workspace(poses, residuals.row, residuals.variables, residuals.size,

@@ -18,7 +18,7 @@ const NONE = {
 
 export function draw(root, state, app) {
   const found = state.diagnosis, off = busy(state);
-  if (measures(state)) root.append(live());
+  if (measures(state)) root.append(live(state));
   if (found.next_experiment.length) {
     root.append(el("ol", {class: "effects", "aria-label": "Experiments, the best first"},
       found.next_experiment.map((item, i) => experiment(item, i))));

@@ -68,11 +68,11 @@ export function panel({onbrush, say}) {
     for (const value of ticks(low[1], high[1], 4)) {
       const y = Math.round(py(value)) + 0.5;
       line(context, LEFT, y, right, y);
-      context.fillText(number(value), LEFT - 6, y + 4);
+      context.fillText(number(value, 6), LEFT - 6, y + 4);
     }
     context.textAlign = "center";
     for (const value of ticks(low[0], high[0], Math.max(3, (right - LEFT) / 70)))
-      context.fillText(number(value), px(value), bottom + 14);
+      context.fillText(number(value, 6), px(value), bottom + 14);
     context.fillText(data.xTitle, (LEFT + right) / 2, bottom + 29);
     context.textAlign = "right";
     context.fillText(data.yTitle, right + RIGHT, 14);

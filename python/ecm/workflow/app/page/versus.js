@@ -13,7 +13,8 @@ const LEFT = 58, RIGHT = 14, TOP = 26, GAP = 30, BOTTOM = 38, UPPER = 0.6, MANY 
 const FONT = "12px system-ui, DejaVu Sans, sans-serif";
 const last = {component: null, variable: null};
 
-// `before`: residuals of an earlier model and its name; `grow`: the wipe goes over by itself once.
+// `before`: residuals of an earlier model and its name; `grow`: the wipe goes over by itself once. Where nothing is
+// modelled, what is measured is shown alone. `set` takes the residuals of more rows.
 export function versus(residuals, name, {before = null, grow = false} = {}) {
   const {wrench} = residuals.kinds, canvas = el("canvas"), place = el("div", {class: "versus"}, canvas);
   const worst = wrench.columns.indexOf(residuals.worst[0]?.component);
@@ -31,46 +32,53 @@ export function versus(residuals, name, {before = null, grow = false} = {}) {
   }
   function menu(id, entries, chosen) {
     const key = id === "over" ? "variable" : id, now = entries.includes(last[key]) ? last[key] : chosen;
-    return el("select", {id: `versus-${id}`, onchange: event => { last[key] = event.target.value; set(); }},
+    return el("select", {id: `versus-${id}`, onchange: event => { last[key] = event.target.value; set(residuals); }},
       entries.map(value => el("option", {value, selected: value === now}, label(value))));
   }
-  const redraw = sized(canvas, draw);
+  const hint = el("p", {class: "hint"}), redraw = sized(canvas, draw);
   const ask = () => {
     if (!asked) { asked = true; requestAnimationFrame(() => { asked = false; redraw(); }); }
   };
 
-  function set() {
+  function set(next) {
+    residuals = next;
+    const {wrench} = residuals.kinds;
     const j = wrench.columns.indexOf(component.value), x = residuals.variables[variable.value], {scale} = column(variable.value);
     const old = before?.residuals.kinds.wrench.values[j];
     points = residuals.row.flatMap((row, i) => {
       const measured = residuals.measured[j][i], left = wrench.values[j][i], was = earlier ? old[earlier.get(row)] ?? null : null;
-      return x[i] === null || measured === null || left === null ? [] : [{row, x: x[i] * scale, measured, left, was}];
+      return x[i] === null || measured === null ? [] : [{row, x: x[i] * scale, measured, left, was}];
     });
-    const floor = wrench.floor?.[j] ?? 0, lefts = points.flatMap(({left, was}) => was === null ? [left] : [left, was]);
-    axes = {floor, x: spread(points.map(p => p.x), 0),
-      upper: spread(points.flatMap(p => [p.measured, p.measured - p.left, ...p.was === null ? [] : [p.measured - p.was]]), 0),
+    const floor = wrench.floor?.[j] ?? 0, lefts = points.flatMap(({left, was}) => [left, was].filter(v => v !== null));
+    axes = {floor, x: spread(points.map(p => p.x), 0), modelled: lefts.length > 0,
+      upper: spread(points.flatMap(p => [p.measured, p.measured - p.left, p.measured - p.was]), 0),
       lower: spread(lefts, floor)};
+    hint.replaceChildren(axes.modelled ? "Circles are measured, dashes are what the model says there; below is what is left."
+      : "Circles are measured.",
+    ...axes.floor && axes.modelled ? [" The shaded band is the ", term("noise floor"), "."] : [],
+    before ? " Drag in the figure: the model of before lies at the left of the line." : "");
     ask();
   }
 
   function draw(context, w, h) {
     context.clearRect(0, 0, w, h);
     if (!points.length) return;
-    const palette = colours(), right = w - RIGHT, middle = TOP + (h - TOP - GAP - BOTTOM) * UPPER, below = middle + GAP, bottom = h - BOTTOM;
+    const palette = colours(), right = w - RIGHT, bottom = h - BOTTOM;
+    const middle = axes.modelled ? TOP + (bottom - GAP - TOP) * UPPER : bottom, below = middle + GAP;
     const px = v => LEFT + (v - axes.x[0]) / (axes.x[1] - axes.x[0]) * (right - LEFT);
     const py = (v, [low, high], top, end) => end - (v - low) / (high - low) * (end - top);
     const up = v => py(v, axes.upper, TOP, middle), down = v => py(v, axes.lower, below, bottom);
     const unit = column(component.value).unit, edge = LEFT + Number(wipe.value) * (right - LEFT);
     context.font = FONT;
     context.fillStyle = palette.band;
-    if (axes.floor) context.fillRect(LEFT, down(axes.floor), right - LEFT, down(-axes.floor) - down(axes.floor));
+    if (axes.floor && axes.modelled) context.fillRect(LEFT, down(axes.floor), right - LEFT, down(-axes.floor) - down(axes.floor));
     scale(axes.upper, up, 5);
-    scale(axes.lower, down, 4);
+    if (axes.modelled) scale(axes.lower, down, 4);
     context.textAlign = "center";
-    for (const v of ticks(...axes.x, Math.max(3, (right - LEFT) / 80))) context.fillText(number(v), px(v), bottom + 15);
+    for (const v of ticks(...axes.x, Math.max(3, (right - LEFT) / 80))) context.fillText(number(v, 6), px(v), bottom + 15);
     context.fillText(label(variable.value), (LEFT + right) / 2, bottom + 31);
     context.textAlign = "left";
-    context.fillText(`difference [${unit}]`, LEFT, below - 6);
+    if (axes.modelled) context.fillText(`difference [${unit}]`, LEFT, below - 6);
     for (const p of points) [p.px, p.up] = [px(p.x), up(p.measured)];
     if (before) {
       side(LEFT - 6, edge, p => p.was);
@@ -91,7 +99,7 @@ export function versus(residuals, name, {before = null, grow = false} = {}) {
       for (const v of ticks(...range, count)) {
         const y = Math.round(at(v)) + 0.5;
         line(context, LEFT, y, right, y);
-        context.fillText(number(v), LEFT - 6, y + 4);
+        context.fillText(number(v, 6), LEFT - 6, y + 4);
       }
     }
     // The points of one model between two places.
@@ -102,19 +110,20 @@ export function versus(residuals, name, {before = null, grow = false} = {}) {
       context.rect(from, 0, to - from, h);
       context.clip();
       const seen = points.filter(p => left(p) !== null), model = p => up(p.measured - left(p));
-      if (seen.length > MANY) {
+      if (points.length > MANY) {
         const ink = [rgb(palette.point), rgb(palette.second)], at = {x: p => p.px, size: 1.8};
-        stamp(context, seen, {...at, y: p => p.up, ink: () => ink[0]});
+        stamp(context, points, {...at, y: p => p.up, ink: () => ink[0]});
         stamp(context, seen, {...at, y: model, ink: () => ink[1]});
         stamp(context, seen, {...at, y: p => down(left(p)), ink: () => ink[1]});
-      } else for (const p of seen) {
+      } else for (const p of points) {
         const on = marked.has(p.row), y = model(p);
+        circle(p.px, p.up, palette.point, on);
+        if (left(p) === null) continue;
         context.lineWidth = 1.2;
         context.strokeStyle = palette.second;
         line(context, p.px, p.up, p.px, y);
         context.lineWidth = 2.4;
         line(context, p.px - 5, y, p.px + 5, y);
-        circle(p.px, p.up, palette.point, on);
         circle(p.px, down(left(p)), palette.second, on);
       }
       context.restore();
@@ -138,6 +147,7 @@ export function versus(residuals, name, {before = null, grow = false} = {}) {
       circle(LEFT + 6, 12, palette.point, false);
       context.fillStyle = palette.ink;
       context.fillText(`measured ${column(component.value).words} [${unit}]`, LEFT + 16, 16);
+      if (!axes.modelled) return;
       const at = LEFT + 32 + context.measureText(`measured ${column(component.value).words} [${unit}]`).width;
       context.strokeStyle = palette.second;
       context.lineWidth = 2.4;
@@ -157,16 +167,16 @@ export function versus(residuals, name, {before = null, grow = false} = {}) {
       const far = (p.px - event.offsetX) ** 2 + (p.up - event.offsetY) ** 2;
       if (far < least) [near, least] = [p, far];
     }
-    tip(near ? `row ${near.row}: measured ${number(near.measured)}, modelled ${number(near.measured - near.left)}` : "", event);
+    const modelled = near?.left === null ? "" : `, modelled ${number(near?.measured - near?.left)}`;
+    tip(near ? `row ${near.row}: measured ${number(near.measured)}${modelled}` : "", event);
   });
   canvas.addEventListener("pointerleave", event => tip("", event));
   onMark(ask);
-  set();
+  set(residuals);
   if (before && grow) glide(share => { wipe.value = 1 - share; ask(); }, 1400);
-  return el("section", {"aria-label": "Measured and modelled"}, el("h3", {}, "Measured and modelled"),
+  const node = el("section", {"aria-label": "Measured and modelled"}, el("h3", {}, "Measured and modelled"),
     el("div", {class: "row"}, el("label", {for: component.id}, "Show"), component, el("label", {for: variable.id}, "over"), variable),
     place, before ? el("div", {class: "row slider"}, el("label", {for: "wipe"}, "Before and after"), wipe) : null,
-    el("p", {class: "hint"}, "Circles are measured, dashes are what the model says there; below is what is left.",
-      ...axes.floor ? [" The shaded band is the ", term("noise floor"), "."] : [],
-      before ? " Drag in the figure: the model of before lies at the left of the line." : ""));
+    hint);
+  return {node, set};
 }
