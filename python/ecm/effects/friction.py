@@ -42,8 +42,9 @@ from ecm.regression.rows import Rows
 
 _PATHS = (0.02, 0.05, 0.12)
 """Paths to the slip that are tried, over the spread of the poses."""
-_SPRINGS, _MEAN_PATHS = 5, (0.15, 0.4, 1.0)
-"""Springs side by side, and their mean paths over the spread of each coordinate."""
+_SPRINGS, _MEAN_PATHS, _LONGEST = 5, (0.15, 0.4), 0.6
+"""Springs side by side, and their mean paths over the spread of each coordinate. Most must slip:
+what never does is a stiffness."""
 _SLIPS = (0.002, 0.03, 0.1, 0.3)
 """The same along single pose columns, over the range of each."""
 
@@ -149,7 +150,7 @@ class Hysteresis(LinearEffect):
         if needs_time(table) is not None:
             return (Hysteresis("local"), Hysteresis("rest"))
         slipping = [Hysteresis(k, path) for k in ("middle", "each") for path in _paths(table)]
-        spread = dict(zip(POSE, table.measured().poses.std(axis=0).tolist(), strict=True))
+        spread = _spread(table)
         if all(spread.values()):
             slips = (listed_numbers(spread, share) for share in _MEAN_PATHS)
             slipping += [Hysteresis("each", springs=_SPRINGS, slip=slip) for slip in slips]
@@ -160,7 +161,10 @@ class Hysteresis(LinearEffect):
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Paths to the slip between this one and its neighbours."""
         if self.slip:
-            factors = beside(1.0, 2.0 ** (0.5**round_))
+            longest = np.inf
+            if self.of is None:
+                longest = _LONGEST * _spread(table)["x_m"] / numbers(self.slip)["x_m"]
+            factors = (one for one in beside(1.0, 2.0 ** (0.5**round_)) if one < longest)
             slips = (listed_numbers(numbers(self.slip), factor) for factor in factors)
             return tuple(replace(self, slip=slip) for slip in slips)
         if self.yield_m == 0.0:
@@ -293,6 +297,11 @@ class SealFriction(LinearEffect):
         springs = self._springs.columns(rows)
         a = rows.table.column(self.by)[:, None, None]
         return np.concatenate([springs, a * springs], axis=2)
+
+
+def _spread(table: Table) -> dict[str, float]:
+    """Standard deviation of each pose column."""
+    return dict(zip(POSE, table.measured().poses.std(axis=0).tolist(), strict=True))
 
 
 def _paths(table: Table) -> list[float]:
