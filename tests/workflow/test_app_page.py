@@ -461,8 +461,9 @@ def test_a_fit_foreseen_in_the_page_is_confirmed_and_rows_are_left_out_by_a_key(
         page.until("document.querySelector('#wipe').value === '0'")  # it went over once
         after = page.js(drawn)
         # The model of before; the stage may be drawn again meanwhile, and begins anew.
-        page.until("(w => { w.value = 1; w.dispatchEvent(new Event('input')); })"
-                   f"(document.querySelector('#wipe')), {drawn} !== {json.dumps(after)}")  # fmt: skip
+        wiped = "(w => { w.value = 1; w.dispatchEvent(new Event('input')); })"
+        wiped += f"(document.querySelector('#wipe')), {drawn} !== {json.dumps(after)}"
+        page.until(wiped)
         assert "times as large" in page.text()
         page.js("location.hash = 'fails'")
         page.until("document.querySelectorAll('.panel canvas').length > 6")
