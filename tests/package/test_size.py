@@ -9,7 +9,7 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (41_928, 200),
+    "python/ecm": (41_933, 200),
     "benches": (5_919, 51),
     "examples": (1_517, 13),
     "tests": (30_886, 229),
