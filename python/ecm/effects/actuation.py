@@ -81,10 +81,14 @@ class _OfActuator(LinearEffect):
         own = [name for name in names if name.startswith(self.acts_on)]
         return own if self.actuator == ALL else [self.actuator]
 
+    def _each(self, table: Table) -> tuple[str, ...]:
+        """All actuators of its kind alike, then each where there are several."""
+        own = self._concerned(table.actuation_columns)
+        return (ALL, *(own if len(own) > 1 else ()))
+
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """All actuators of its kind alike, then each."""
-        names = self._concerned(table.actuation_columns)
-        return (self, *(type(self)(name) for name in names if len(names) > 1))
+        return (self, *(type(self)(name) for name in self._each(table)[1:]))
 
 
 class PressureOffset(_OfActuator):
@@ -169,9 +173,8 @@ class PressureHysteresis(_OfActuator):
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """The sign, and some reaches; of all chambers alike and of each."""
-        own, largest = self._concerned(table.actuation_columns), self._largest(table)
+        largest, names = self._largest(table), self._each(table)
         reaches = dict.fromkeys((0.0, *(share * largest for share in _REACHES)))
-        names = (ALL, *(own if len(own) > 1 else ()))
         return tuple(PressureHysteresis(name, reach) for reach in reaches for name in names)
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
@@ -226,9 +229,7 @@ class RegulatorLag(_OfActuator):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Without a time, then with some time constants, of all actuators and of each."""
         times = (0.0, *time_constants(table)[::3]) if table.has("time_s") else (0.0,)
-        own = self._concerned(table.actuation_columns)
-        names = (ALL, *(own if len(own) > 1 else ()))
-        return tuple(RegulatorLag(name, tau) for name in names for tau in times)
+        return tuple(RegulatorLag(name, tau) for name in self._each(table) for tau in times)
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Time constants on both sides."""
@@ -323,8 +324,7 @@ class TendonStretch(_OfActuator):
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Set at rest or at the free pose, or at the pose before; all tendons alike and each."""
-        own = self._concerned(table.actuation_columns)
-        names = (ALL, *(own if len(own) > 1 else ()))
+        names = self._each(table)
         known = table.has("approach") or table.has("time_s")
         ways = ((place, way) for way in (False, known) for place in ("rest", "free"))
         return tuple(TendonStretch(name, *how) for how in dict.fromkeys(ways) for name in names)

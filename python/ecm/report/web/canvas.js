@@ -84,3 +84,20 @@ export function ticks(low, high, count) {
     found.push(Number((k * step).toPrecision(12)));
   return found;
 }
+
+// A ring around the point at hand, [x, y] or none, and the box that is being drawn, [x0, y0, x1, y1] or none.
+export function pointer(context, palette, at, radius, box) {
+  if (at) {
+    context.strokeStyle = palette.ink;
+    context.lineWidth = 2;
+    context.beginPath();
+    context.arc(at[0], at[1], radius, 0, 7);
+    context.stroke();
+  }
+  if (box) {
+    context.strokeStyle = palette.second;
+    context.setLineDash([4, 3]);
+    context.strokeRect(box[0], box[1], box[2] - box[0], box[3] - box[1]);
+    context.setLineDash([]);
+  }
+}

@@ -1,7 +1,7 @@
 // Bodies, frames and points in space on a canvas: turned by a drag, a finger or the arrow keys.
 
 import {colours, css, faded, rgb} from "./colours.js";
-import {sized, stamp, tip} from "./canvas.js";
+import {pointer, sized, stamp, tip} from "./canvas.js";
 import {lit, normalsOf, picture} from "./depth.js";
 import {button, el} from "./dom.js";
 import {painter} from "./gl.js";
@@ -118,19 +118,7 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
     if (!done) paintFlat(context, width, height, project, palette);
     for (const frame of scene.frames) if (frame.name) nameFrame(context, project, frame, palette);
     const {points} = scene, here = cursor >= 0 && points && project([points.x[cursor], points.y[cursor], points.z[cursor]]);
-    if (here) {
-      context.strokeStyle = palette.ink;
-      context.lineWidth = 2;
-      context.beginPath();
-      context.arc(here[0], here[1], 8, 0, 7);
-      context.stroke();
-    }
-    if (box) {
-      context.strokeStyle = palette.second;
-      context.setLineDash([4, 3]);
-      context.strokeRect(box[0], box[1], box[2] - box[0], box[3] - box[1]);
-      context.setLineDash([]);
-    }
+    pointer(context, palette, here, 8, box);
   }
 
   // Where each point is seen: [x, y, its place in the list].

@@ -1,6 +1,6 @@
 // One scatter panel: points over a variable, the noise band, a histogram at its right side, a brush.
 
-import {sized, stamp, ticks, tip} from "./canvas.js";
+import {pointer, sized, stamp, ticks, tip} from "./canvas.js";
 import {colours, rgb} from "./colours.js";
 import {el, number} from "./dom.js";
 
@@ -128,19 +128,7 @@ export function panel({onbrush, say}) {
     context.restore();
     if (chosen.length) bars(context, chosen.map(i => now()[i]), palette.second);
     else if (moved) bars(context, going.map(i => moved[i]), palette.second);
-    if (cursor >= 0) {
-      context.strokeStyle = palette.ink;
-      context.lineWidth = 2;
-      context.beginPath();
-      context.arc(px(data.x[cursor]), py(now()[cursor]), 7, 0, 7);
-      context.stroke();
-    }
-    if (box) {
-      context.strokeStyle = palette.second;
-      context.setLineDash([4, 3]);
-      context.strokeRect(box[0], box[1], box[2] - box[0], box[3] - box[1]);
-      context.setLineDash([]);
-    }
+    pointer(context, palette, cursor >= 0 && [px(data.x[cursor]), py(now()[cursor])], 7, box);
   }
 
   function inside() {
