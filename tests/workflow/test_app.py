@@ -638,6 +638,8 @@ def test_a_guess_that_is_wrong_is_refused_by_a_person(app: App, tmp_path: Path) 
 @pytest.mark.parametrize(
     ("command", "request_"),
     [
+        ("ecm export m.json --to c --mass 2.5 --inertia 1e-2 --out x",
+         {"verb": "export", "to": "c", "mass": "2.5", "inertia": "1e-2"}),
         ("ecm export m.json --to c --out x --json y --force",
          {"verb": "export", "to": "c", "force": True}),
         ("ecm refit m.json 'a b.csv' --remove payload --out n.json",
