@@ -30,6 +30,7 @@ from ecm.errors import InputError
 from ecm.io.events import live_path
 from ecm.io.table import read_table
 from ecm.rig.hidden.truth import sealed, sha256
+from ecm.workflow.app.copying import report_of
 from ecm.workflow.app.journal import Journal
 from ecm.workflow.app.server import App, application, begin, serve
 from ecm.workflow.app.session import Session
@@ -602,6 +603,10 @@ def test_a_session_has_a_report_and_goes_on_from_its_zip(app: App, tmp_path: Pat
         finished(client, app)
         state = step(client, app, "refit", add=["fts_drift"])
         report = client.get("/api/report").text
+        ladder = report_of(app.session).sections[0].blocks
+        error, held_out = (item["x"] for item in ladder[1].figure["data"][:2])
+        assert error == held_out == ["1 linear", "2 + fts_drift"]  # a name each, no 1.1 fits
+        assert all(isinstance(held, float) for *_, held in ladder[0].rows)
         for part in ("Ladder of errors", "Before and after", "Parameters", "ecm refit"):
             assert part in report
         content = client.get("/api/zip").content

@@ -131,14 +131,21 @@ def _ladder(tried: Sequence[dict[str, Any]], floor: Errors) -> list[Block]:
     """Every fit that counts: its error over the noise beside the best of them."""
     if not tried:
         return [TextBlock("No model has been fitted yet.")]
-    errors, places = [_over(rung, floor) for rung in tried], [*map(float, range(1, len(tried) + 1))]
-    series = {"error": (places, errors), "noise floor": (places, [1.0] * len(tried))}
+    errors = [_over(rung, floor) for rung in tried]
+    names = [f"{k} {rung['name']}" for k, rung in enumerate(tried, 1)]
+    held: dict[str, float] = {}
+    for k, rung in enumerate(
+        tried
+    ):  # the last fit on a base tells the held-out errors of all on it
+        for at, past in enumerate(rung["history"], k + 1 - len(rung["history"])):
+            held[names[at]] = errors[at] * past["held_out"] / past["train"]
+    series = {"fitted rows": (names, errors), "held out": ([*held], [*held.values()]),
+              "noise floor": (names, [1.0] * len(tried))}  # fmt: skip
     figure = lines(series, x_title="fit", y_title="error / noise", log_y=True)
-    rows: list[list[Cell]] = []
-    for k, (rung, error) in enumerate(zip(tried, errors, strict=True), 1):
-        last = (rung["history"] or [None])[-1]
-        held = None if last is None else error * last["held_out"] / last["train"]
-        rows.append([k, rung["name"], error, held])
+    rows: list[list[Cell]] = [
+        [k, rung["name"], error, held.get(name)]
+        for k, (rung, error, name) in enumerate(zip(tried, errors, names, strict=True), 1)
+    ]
     header = ("", "fit", "fitted rows", "held out")
     return [
         TableBlock("The error of every fit of these rows, times the noise.", header, rows),
