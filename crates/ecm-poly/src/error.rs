@@ -76,7 +76,8 @@ pub enum ModelError {
     },
     /// Fewer equations than coefficients.
     #[error(
-        "{equations} equations for {coefficients} coefficients: give more rows, or take a lower degree"
+        "{equations} equation{} for {coefficients} coefficients: give more rows, or take a lower degree",
+        if *equations == 1 { "" } else { "s" }
     )]
     TooFewRows {
         /// Rows times components.
