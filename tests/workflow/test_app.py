@@ -725,7 +725,7 @@ _CLOSED = """
 import time
 from pathlib import Path
 from ecm.errors import InputError
-from ecm.workflow.app.views import Views
+from ecm.workflow.app.jobs import Views
 if __name__ == "__main__":
     views = Views(Path("."))
     work = views._process().submit(time.sleep, 600)
@@ -751,7 +751,7 @@ def test_the_end_of_the_server_ends_a_view(tmp_path: Path) -> None:
 _VIEWS = """
 import os, signal, sys
 from pathlib import Path
-from ecm.workflow.app.views import Views
+from ecm.workflow.app.jobs import Views
 if __name__ == "__main__":
     views = Views(Path("."))
     print(views._process().submit(os.getpid).result(), flush=True)
