@@ -291,12 +291,12 @@ class Views:
             tables = [self.folder / table for table in data]
             of_model = None if model is None else self.folder / model
             given = Given(tables, of_model, skip_bad_rows)
-            work, pool = (compute_view, name, path, given), self._process()
+            asked, pool = (name, path, given), self._process()
             with writing(path, f"the view {name}"):
                 try:
-                    pool.submit(*work).result()
+                    pool.submit(compute_view, *asked).result()
                 except BrokenProcessPool:  # killed, or out of memory: once more
-                    self._process(pool).submit(*work).result()
+                    self._process(pool).submit(compute_view, *asked).result()
         return path
 
     def close(self) -> None:
