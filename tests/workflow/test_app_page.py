@@ -233,7 +233,9 @@ const rows = [...Array(20).keys()].map(i => `${i * 1e-4},${i + 0.01 * (i % 3)}`)
 const text = ["x_m,fx_N", ...rows, ""].join("\\n");
 for (const name of ["length.toml", "a.csv", "b.csv"])
   given.items.add(new File([name.endsWith(".csv") ? text : "# nothing"], name));
-const input = document.querySelector("#file");
+const input = document.querySelector("#file"), upload = document.querySelector("#upload");
+window.told = [];
+new MutationObserver(() => told.push(upload.textContent)).observe(upload, {childList: true});
 input.files = given.files;
 input.dispatchEvent(new Event("change"));
 """
@@ -251,6 +253,7 @@ def test_files_that_are_dropped_together_become_runs_with_their_description(
             " && s.check && s.data.length === 2 && s.data[1].name === 'length.toml')"
         )
         state = _state(page)
+        assert "b.csv: 100 % is here, file 2 of 3" in page.js("window.told")
         assert [item["name"] for item in state["data"]] == ["a.csv", "length.toml"]
         assert state["check"]["rows"] == 40
 
