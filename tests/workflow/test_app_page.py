@@ -714,6 +714,28 @@ def test_one_axis_has_no_empty_place_and_the_page_no_words_of_a_terminal(
     assert page.problems() == []
 
 
+_UP = "".join(f"{i},{i + 0.1 * (i % 3)},{i}\n" for i in range(30))
+
+
+@pytest.mark.parametrize(
+    ("log", "said"),
+    [
+        ("time [s],angle [deg],torque [N mm]\n" + _UP, "column 'time [s]' looks like 'time_s'"),
+        ("x_m,fx_N,n\n" + _UP, "look like millimetres.\nSay below what the columns are"),
+        ("x_mm,fx_N,n\n" + _UP + "29,31,29\n29,31,29\n", "Import it, since"),
+    ],
+)
+def test_a_refused_log_is_told_in_the_words_of_the_page(
+    page: Page, tmp_path: Path, log: str, said: str
+) -> None:
+    (tmp_path / "log.csv").write_text(log, encoding="utf-8")
+    with served(tmp_path / "log.csv", folder=tmp_path / "session") as address:
+        page.open(address)
+        page.until("!!document.querySelector('#trouble') && !!document.querySelector('#import')")
+        assert said in page.text()
+        assert _NO_WORDS_OF_THE_PAGE.findall(page.text()) == []
+
+
 def test_a_refused_export_has_a_button_for_each_way_out(page: Page, tmp_path: Path) -> None:
     with served(folder=tmp_path / "session") as address:
         page.open(address)
