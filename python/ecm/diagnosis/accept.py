@@ -523,9 +523,12 @@ def _reached(problem: Problem, chosen: Sequence[Candidate]) -> JointFit | None:
     # The base's own errors have no part in a fit.
     columns = [problem.coefficient_block, problem.design[:, :, free]]
     every = problem.flat(np.concatenate(columns, axis=2))
-    promised = float((rest_of(every, problem.flat(response)) ** 2).sum())
-    missed = (problem.squares_of(fit.whitened) - promised) / problem.scale
-    return fit if missed < (1.0 - KEPT_WITHIN_BOUNDS) * delta_chi2(problem, chosen) else None
+    alone, promised = (
+        float((rest_of(part, problem.flat(left)) ** 2).sum())
+        for part, left in ((problem.flat(columns[0]), problem.response), (every, response))
+    )
+    missed = problem.squares_of(fit.whitened) - promised
+    return fit if missed < (1.0 - KEPT_WITHIN_BOUNDS) * (alone - promised) else None
 
 
 def accept(problem: Problem, chosen: Sequence[Candidate], seed: int = 0) -> Accepted:
