@@ -41,7 +41,7 @@ from ecm.diagnosis.left_over import (
 from ecm.diagnosis.preparation import Prepared, prepare
 from ecm.diagnosis.problem import Candidate, Problem, assemble, base_beside, noise_by_rest
 from ecm.diagnosis.result import Diagnosis, report
-from ecm.diagnosis.search import Ranked, rank, search
+from ecm.diagnosis.search import Ranked, delta_chi2, rank, search
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.diagnosis.statements import (
     EQUAL,
@@ -479,8 +479,8 @@ def decide(
         nearer = assemble(problem.base, problem.table, effects, problem.noise, settings, around)
         order = stages.rank(nearer)
         again = stages.search(nearer, order)
-        if _error_after(nearer, again) > _error_after(problem, chosen):
-            # A step that leaves more is none: a large effect is no longer linear there.
+        if _error_after(nearer, again) > _error_after(problem, _alike(problem, again)):
+            # The same effects leave more there: a large one is no longer linear.
             break
         same = {item.id for item in again} == {item.id for item in chosen}
         problem, ranking, chosen = nearer, order, again
@@ -491,6 +491,17 @@ def decide(
     accepted = stages.classify(problem, accepted, left, other_body=other_body)
     found = Decision(prepared, problem, tuple(noise_effects), first, tuple(ranking), accepted, left)
     return stages.verdict(found, describe=stages.describe, white=stages.white)
+
+
+def _alike(problem: Problem, chosen: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """Return the effects of another problem as candidates of this one, in the nearest shapes."""
+    found: tuple[Candidate, ...] = ()
+    for item in chosen:
+        shapes = [c for c in problem.candidates if c.effect == item.effect]
+        shapes = shapes or [c for c in problem.candidates if c.id == item.id]
+        gains = [delta_chi2(problem, (*found, shape)) for shape in shapes]
+        found += tuple(shapes[int(np.argmax(gains))] for _ in shapes[:1])
+    return found
 
 
 def may_be_another_body(decision: Decision) -> bool:
