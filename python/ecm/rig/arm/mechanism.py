@@ -331,9 +331,9 @@ def compile_model(document: str, folder: Path) -> Path:
     with TemporaryDirectory(dir=folder) as build:
         for name in (f"{_NAME}.h", f"{_NAME}.c"):
             (Path(build) / name).write_text(files[name], encoding="utf-8")
-        output = Path(build) / "library.so"
+        output = Path(build) / f"{_NAME}.so"
         done = subprocess.run(
-            [compiler, "-std=c99", "-O2", "-fPIC", "-shared", f"{_NAME}.c", "-o", str(output)],
+            [compiler, "-std=c99", "-O2", "-fPIC", "-shared", f"{_NAME}.c", "-o", output.name],
             cwd=build, capture_output=True, text=True, check=False,
         )  # fmt: skip
         if done.returncode != 0:
