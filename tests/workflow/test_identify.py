@@ -19,13 +19,13 @@ import pytest
 from ecm.errors import InputError
 from ecm.fem.simulate import simulate
 from ecm.io.cache import file_sha256
-from ecm.io.columns import JOINTS
+from ecm.io.columns import JOINTS, POSE_OFFSETS
 from ecm.io.table import Table, read_table
 from ecm.models import load_model
 from ecm.rig import RigSettings
-from ecm.rig.plan import POSE_OFFSETS
 from ecm.workflow.config import Config, Console, DesignTable, Job, SelectTable, Silent, read_config
 from ecm.workflow.identify import select
+from support.driven import PRESSURES
 from support.jobs import QUICK, copy_fem, identify, identify_command, identify_with_kept_fem
 from support.neck import ROOT, Done
 from support.programs import need_program
@@ -103,7 +103,6 @@ def wait_for(condition: Callable[[], bool]) -> None:
         time.sleep(0.05)
 
 
-PRESSURES = ("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa")
 SMALLER_ARM = {
     "length_m = 0.1": "length_m = 0.05",
     "n = 100": "n = 24",
@@ -175,8 +174,12 @@ def test_the_robot_follows_the_arm_and_measures_what_the_model_predicts(
     plan = read_table(arm_job / "plan-d.csv", need="predict")
     plan.select(np.arange(6)).write(Path("few.csv"))
     text = (arm_job.parent / "arm.toml").read_text()
-    fast = '[rig]\nmode = "robot"\nspeed_rad_s = 0.6\nspeed_m_s = 0.08\ndwell_s = 0.2\nfree_N = 0.02\n'
-    Path("robot.toml").write_text(fast + text[text.index("[instrument]") :].partition("[hidden]")[0])
+    fast = (
+        '[rig]\nmode = "robot"\nspeed_rad_s = 0.6\nspeed_m_s = 0.08\ndwell_s = 0.2\nfree_N = 0.02\n'
+    )
+    Path("robot.toml").write_text(
+        fast + text[text.index("[instrument]") :].partition("[hidden]")[0]
+    )
     options = ("--rig", "robot.toml", "--out", "few-measured.csv", "--threads", 2)
     done = ecm_command("campaign", "few.csv", *options)
     assert done.code == 0, done.err

@@ -9,7 +9,6 @@ largest x.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -24,7 +23,6 @@ from ecm.io.extras import require
 
 CAD_SUFFIXES = (".step", ".stp", ".iges", ".igs", ".brep")
 FACES = ("base", "top")
-_CHAMBER = re.compile(r"chamber_\d+")
 SIZES = {"standard": 0.22, "fine": 0.14}
 """Element size of CAD over the cube root of the volume; for the neck 16 and 10 mm."""
 
@@ -121,8 +119,8 @@ def _from_meshio(path: Path) -> Mesh:
             "quadratic (tetra10)"
         )
     points = np.asarray(content.points, dtype=float)
-    chambers = {name.lower() for name in _names(content)}
-    names = [*FACES, *sorted(filter(_CHAMBER.fullmatch, chambers), key=lambda name: int(name[8:]))]
+    numbers = {n[8:] for n in _names(content) if n[:8].lower() == "chamber_" and n[8:].isdigit()}
+    names = (*FACES, *(f"chamber_{number}" for number in sorted(numbers, key=int)))
     faces = {name: _face(content, name, path) for name in names}
     return _build(points, np.concatenate(tetrahedra).astype(np.int64), faces)
 

@@ -24,6 +24,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
@@ -78,27 +79,18 @@ class Surrogate:
 
     def model(self) -> EnergyEvaluator:
         """Return the energy model, without actuators."""
+        return self._energy(self.degree, SYMMETRY, self.scale, self.coefficients)
+
+    def _energy(self, degree: int, symmetry: Any, scale: F, coefficients: F) -> EnergyEvaluator:
         return EnergyEvaluator.from_coefficients(
-            length_m=self.length_m,
-            degree=self.degree,
-            symmetry=SYMMETRY,
-            scale=self.scale,
-            coefficients=self.coefficients,
-        )
+            length_m=self.length_m, degree=degree, symmetry=symmetry,
+            scale=scale, coefficients=coefficients,
+        )  # fmt: skip
 
     def wrench(self) -> Callable[[F], F]:
         """Return h of rows (N, 6 + m), poses with the inputs of the actuators."""
         passive = self.model().predict
-        pushes = [
-            EnergyEvaluator.from_coefficients(
-                length_m=self.length_m,
-                degree=_PUSH_DEGREE,
-                symmetry="general",
-                scale=scale,
-                coefficients=coefficients,
-            ).predict
-            for scale, coefficients in self.pushes
-        ]
+        pushes = [self._energy(_PUSH_DEGREE, "general", *push).predict for push in self.pushes]
         if not pushes:
             return passive
 
