@@ -37,9 +37,9 @@ def campaign(cache_of: Path, plan: Table, **plant: float) -> RobotCampaign:
 
 
 @cache
-def short_plan(*, offsets: bool = True) -> Table:
-    """Three poses, each twice, with short rests."""
-    plan = arm_plan(3, offsets=offsets)
+def short_plan(count: int = 3, *, offsets: bool = True) -> Table:
+    """Some poses, each twice, with short rests."""
+    plan = arm_plan(count, offsets=offsets)
     return plan.with_columns({"dwell_s": np.full(len(plan), 0.2)})
 
 
@@ -84,6 +84,13 @@ def test_the_arm_follows_the_mechanism_and_goes_on_by_the_offset(folder: Path) -
     # Along the axis 37 um of the camera are 0.12 N, of a spread of 0.6 N.
     assert (off.std(axis=0) < 0.25 * rows.wrenches.std(axis=0)).all()
     assert driven.record()["reached"] == 6
+
+
+def test_on_the_way_between_loaded_poses_its_mechanism_stays_firm(folder: Path) -> None:
+    """A passive energy of degree 6 fits what the pushes err, and throws the arm off the way."""
+    driven = campaign(folder, short_plan(8))
+    driven.drive(threads=1)
+    assert [stop.reason for stop in driven.stops] == [""] * 16
 
 
 def test_it_follows_what_acts_and_not_what_was_set(folder: Path) -> None:

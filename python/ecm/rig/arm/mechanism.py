@@ -137,25 +137,27 @@ def fit_surrogate(poses: F, wrenches: F, length_m: float, slopes: F | None = Non
     slopes
         G (N, 6, m) of a body with actuators, whose poses are (N, 6 + m).
     """
+    fits: list[EnergyEvaluator] = []
     if slopes is not None and slopes.shape[2]:
-        own = np.ascontiguousarray(poses[:, :6])
+        inputs, poses = poses[:, 6:], np.ascontiguousarray(poses[:, :6])
         fits = [
-            EnergyEvaluator.fit(own, g, length_m=length_m, degree=_PUSH_DEGREE, symmetry="general")
+            EnergyEvaluator.fit(
+                poses, g, length_m=length_m, degree=_PUSH_DEGREE, symmetry="general"
+            )
             for g in np.ascontiguousarray(np.moveaxis(slopes, 2, 0))
         ]
-        pushed = sum(
-            a[:, None] * one.predict(own) for one, a in zip(fits, poses[:, 6:].T, strict=True)
-        )
-        passive = fit_surrogate(own, wrenches - pushed, length_m)
-        return replace(passive, pushes=tuple((one.scale, one.coefficients) for one in fits))
+        for one, a in zip(fits, inputs.T, strict=True):
+            wrenches = wrenches - a[:, None] * one.predict(poses)
     if len(poses) < 6:
         raise InputError(
             f"the plan has {len(poses)} solved poses, those between included; the simulated "
             "mechanism needs 6 or more. Add poses to the plan"
         )
-    model, degree = fitted_energy(poses, wrenches, length_m)
+    # What the pushes err would be fitted by a higher degree, and grow without end beyond the plan.
+    model, degree = fitted_energy(poses, wrenches, length_m, 4 if fits else 6)
     rms = np.sqrt(((model.predict(poses) - wrenches) ** 2).mean(axis=0))
-    return Surrogate(length_m, degree, model.scale, model.coefficients, rms)
+    pushes = tuple((one.scale, one.coefficients) for one in fits)
+    return Surrogate(length_m, degree, model.scale, model.coefficients, rms, pushes)
 
 
 STEPS_BETWEEN = 200
