@@ -128,9 +128,7 @@ def test_straight_tetrahedra_get_nodes_on_their_edges(tmp_path: Path) -> None:
 
 def test_broken_files_say_what_is_missing(tmp_path: Path) -> None:
     meshio = pytest.importorskip("meshio", reason="needs the extra `mesh` (meshio)")
-    with pytest.raises(
-        InputError, match=r"no face named `top` \(groups and arrays found: base, chamber_1, "
-    ):
+    with pytest.raises(InputError, match=r"no face named `top` \(groups and arrays found: base,"):
         read_mesh(_write(tmp_path / "lid.vtu", "point arrays", leave_out="top"))
     flat = tmp_path / "flat.vtu"
     meshio.write(flat, meshio.Mesh(np.eye(3), [("triangle", [[0, 1, 2]])]))

@@ -140,14 +140,12 @@ def fit_surrogate(poses: F, wrenches: F, length_m: float, slopes: F | None = Non
     fits: list[EnergyEvaluator] = []
     if slopes is not None and slopes.shape[2]:
         inputs, poses = poses[:, 6:], np.ascontiguousarray(poses[:, :6])
-        fits = [
-            EnergyEvaluator.fit(
+        for g, a in zip(np.ascontiguousarray(np.moveaxis(slopes, 2, 0)), inputs.T, strict=True):
+            push = EnergyEvaluator.fit(
                 poses, g, length_m=length_m, degree=_PUSH_DEGREE, symmetry="general"
             )
-            for g in np.ascontiguousarray(np.moveaxis(slopes, 2, 0))
-        ]
-        for one, a in zip(fits, inputs.T, strict=True):
-            wrenches = wrenches - a[:, None] * one.predict(poses)
+            wrenches = wrenches - a[:, None] * push.predict(poses)
+            fits.append(push)
     if len(poses) < 6:
         raise InputError(
             f"the plan has {len(poses)} solved poses, those between included; the simulated "
