@@ -258,12 +258,8 @@ def _build(points: F, tetrahedra: I, faces: dict[str, I]) -> Mesh:
     row = np.full(len(points), -1, dtype=np.int64)
     row[used] = np.arange(len(used))
     kept = {name: row[face][row[face] >= 0] for name, face in faces.items()}
-    mesh = Mesh.from_arrays(
-        np.ascontiguousarray(points[used]),
-        np.ascontiguousarray(row[tetrahedra]),
-        base_nodes=kept.pop("base"),
-        top_nodes=kept.pop("top"),
-    )
+    nodes, cells = np.ascontiguousarray(points[used]), np.ascontiguousarray(row[tetrahedra])
+    mesh = Mesh.from_arrays(nodes, cells, base_nodes=kept.pop("base"), top_nodes=kept.pop("top"))
     for name, wall in kept.items():
         mesh = mesh.with_chamber(name, wall)
     return mesh
