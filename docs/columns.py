@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from ecm.effects import all_effects, effects_for
 from ecm.effects.registry import effects_of_actuators
-from ecm.io.columns import JOINT_SIGNS, JOINTS, POSE, SPREAD, VELOCITY, WRENCH
+from ecm.io.columns import JOINT_SIGNS, JOINTS, POSE, POSE_OFFSETS, SPREAD, VELOCITY, WRENCH
 from ecm.io.templates import DEGREES_OF_FREEDOM, data_template
 
 PAGE = Path(__file__).with_name("columns.md")
@@ -85,6 +85,10 @@ COLUMN_GUIDE = (
     ColumnGuide(("tension_1_N",), "N", "tension of tendon 1, 2, ... (docs/actuation.md)"),
     ColumnGuide(("length_1_m",), "m", "length of tendon 1, 2, ... wound in from rest"),
     ColumnGuide(("action",), "", "of a plan: what to do", "`measure`, `home`, `remount:90`, ..."),
+    ColumnGuide(
+        POSE_OFFSETS[:3], "m", "of a plan: shift from the free pose at the row's pressures"
+    ),
+    ColumnGuide(POSE_OFFSETS[3:], "rad", "of a plan: turn from the free pose"),
 )
 """In the order of the page."""
 

@@ -22,6 +22,7 @@ from ecm.designs import (
     design_sizes,
     diagnosable_plan,
     nominal_model,
+    offsets_from_free,
     optimal_design,
     paper_plan,
     plain_plan,
@@ -31,12 +32,16 @@ from ecm.designs.optimal import knee
 from ecm.designs.regressors import list_or_region, model_columns, regressor, row_list
 from ecm.effects import get_effect
 from ecm.errors import EcmError, InputError
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.arrays import I
+from ecm.io.columns import POSE, POSE_OFFSETS, WRENCH
 from ecm.io.description import Meta
+from ecm.io.se3 import displaced
 from ecm.io.table import Table, read_table
 from ecm.models import PhysicsMap
+from ecm.rig.plan import rest_pose
 from ecm.workflow.config import read_rig
 from ecm.workflow.design import identifiability
+from support.driven import PRESSURES, arm_model, arm_table
 from support.neck import LENGTH_M, ROOT, Done, csv_text, neck_columns, neck_rows
 from support.report_pages import figures_of
 
@@ -342,6 +347,33 @@ def test_which_effects_a_plan_can_name() -> None:
     many = optimal_design(table.poses, 100, DesignSettings(criterion="maximin", iterations=10))
     more = {s.id: s for s in identifiability(diagnosable_plan(table, many), base, effects)}
     assert 0.35 < more["fts_offset"].size / told["fts_offset"].size < 0.75
+
+
+def test_a_driven_arm_is_planned_over_poses_and_pressures_together() -> None:
+    table, names = arm_table(), (*POSE, *PRESSURES)
+    rows = table.matrix(names)
+    settings = DesignSettings(model="actuated3", length_m=0.1, columns=names, iterations=40)
+    blocks = regressor(rows, settings).rows.reshape(len(rows), 6, -1)
+
+    def information(chosen: I) -> float:
+        own = blocks[chosen].reshape(-1, blocks.shape[2])
+        return float(np.linalg.slogdet(own.T @ own / len(chosen))[1] / blocks.shape[2])
+
+    def distance(chosen: I) -> float:
+        scaled = 2.0 * rows[chosen] / np.ptp(rows, axis=0)
+        gaps = np.linalg.norm(scaled[:, None] - scaled[None], axis=2)
+        return float(gaps[np.triu_indices(len(chosen), 1)].min())
+
+    for criterion, value in (("d", information), ("maximin", distance)):
+        together = optimal_design(rows, 20, replace(settings, criterion=criterion))
+        assert together.value == pytest.approx(value(together.indices))
+        of_poses = DesignSettings(criterion=criterion, model="energy4", length_m=0.1, iterations=40)
+        assert together.value > 0.3 + value(optimal_design(table.poses, 20, of_poses).indices)
+        plan = offsets_from_free(plain_plan(table, together), arm_model().actuated)
+        free = np.stack([arm_model().free_pose(a)[0] for a in plan.matrix(PRESSURES)])
+        there = displaced(free, plan.matrix(POSE_OFFSETS))
+        np.testing.assert_allclose(there, plan.poses, atol=1e-12)
+        assert np.abs(free - rest_pose(0.1)).max() > 5e-3
 
 
 # --- lists, regions ---------------------------------------------------------------

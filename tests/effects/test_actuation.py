@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import ecm
 from ecm.effects import get_effect
-from ecm.effects.actuation import PressureHysteresis
+from ecm.effects.actuation import PressureGain, PressureHysteresis, RegulatorLag, TendonStretch
 from ecm.effects.registry import effects_of_actuators
 from ecm.errors import InputError
 from ecm.io.arrays import F
@@ -110,6 +111,15 @@ def test_a_wall_that_slips_turns_over_along_its_reach() -> None:
     wall = PressureHysteresis(reach_Pa=reach)
     change = wall.change(rows, rows.table.matrix(PRESSURES))
     np.testing.assert_allclose(change, np.array([[-1.0], [-0.5], [1.0]]) * np.ones(3))
+
+
+@pytest.mark.parametrize("of", [PressureGain, PressureHysteresis, RegulatorLag, TendonStretch])
+def test_what_one_actuator_does_is_fitted_to_that_one(of: type[Any]) -> None:
+    """As `ecm diagnose` adds what it named: the shape is known, and its actuator with it."""
+    table = tendon_table() if of is TendonStretch else arm_table()
+    each = [*table.actuation_columns]
+    assert {one.shape["actuator"] for one in of().variants(table)} == {"all", *each}
+    assert {one.shape["actuator"] for one in of(each[1]).variants(table)} == {each[1]}
 
 
 def test_effects_of_one_kind_leave_the_other_alone(pulled: Table, pulled_model: Model) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
@@ -13,9 +15,15 @@ from ecm._native import Mesh
 from ecm.errors import InputError, MissingExtra
 from ecm.io.mechanism import Mechanism
 from ecm.io.mesh import read_mesh
+from ecm.io.table import read_table
+from support.driven import PRESSURES
+from support.neck import Done
 
 LENGTH, RADIUS = 0.1, 0.03
-BODY = Mesh.cylinder(length_m=LENGTH, radius_m=RADIUS, quality="1x4x6")
+BODY = Mesh.chambered(
+    length_m=LENGTH, radius_m=RADIUS, chamber_count=3, chamber_inner_m=0.01, chamber_outer_m=0.025,
+    chamber_angle_rad=0.0, quality="1x4x6",
+)  # fmt: skip
 FACES = ((0, 2, 1, 6, 5, 4), (0, 1, 3, 4, 8, 7), (1, 2, 3, 5, 9, 8), (0, 3, 2, 7, 9, 6))
 MATERIAL = {"young_modulus_Pa": 0.7e6, "poisson_ratio": 0.49}
 
@@ -32,7 +40,7 @@ def _write(path: Path, how: str, *, leave_out: str = "", straight: bool = False)
     corners = 4 if straight else 10
     kinds = ("tetra", "triangle") if straight else ("tetra10", "triangle6")
     points, cells = np.asarray(BODY.nodes_m), np.asarray(BODY.tetrahedra)[:, :corners]
-    named = {"base": BODY.base_nodes, "top": BODY.top_nodes}
+    named = {"base": BODY.base_nodes, "top": BODY.top_nodes, **dict(BODY.chambers)}
     named = {name: nodes for name, nodes in named.items() if name != leave_out}
     sides = {name: _triangles(nodes)[:, : 3 if straight else 6] for name, nodes in named.items()}
     blocks = [(kinds[0], cells)]
@@ -78,10 +86,34 @@ def test_meshes_of_other_programs_are_the_same_body(tmp_path: Path, name: str, h
     path = _write(tmp_path / name, how)
     body = Mechanism.from_dict({"mesh": name, **MATERIAL}, path.with_suffix(".toml"))
     assert body.length_m == pytest.approx(LENGTH, abs=1e-12)
+    assert body.actuators == PRESSURES
     found = body.mesh()
     np.testing.assert_array_equal(found.tetrahedra, BODY.tetrahedra)
     np.testing.assert_array_equal(found.top_nodes, BODY.top_nodes)
     np.testing.assert_allclose(found.nodes_m, BODY.nodes_m, atol=1e-9)
+    for (own, wall), (known, nodes) in zip(found.chambers, BODY.chambers, strict=True):
+        assert own == known
+        np.testing.assert_array_equal(wall, nodes)
+
+
+def test_an_arm_of_ones_own_mesh_is_simulated_as_typed(
+    tmp_path: Path, ecm_command: Callable[..., Done], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What `ecm new arm` writes, with a mesh in place of its shape."""
+    monkeypatch.chdir(tmp_path)
+    _write(tmp_path / "body.vtu", "point arrays")
+    assert ecm_command("new", "arm").code == 0
+    text = Path("arm.toml").read_text(encoding="utf-8")
+    assert '"body.msh"' in text
+    shape = r"(?m)^(builtin|length_m|radius_m|chamber_\w+|channel_radius_m|end_wall_m) .*\n"
+    text = re.sub(shape, "", text).replace("[mechanism]", '[mechanism]\nmesh = "body.vtu"\n#')
+    few = text.replace("n = 100\nn_test = 20", "n = 3\nn_test = 1")
+    Path("arm.toml").write_text(few, encoding="utf-8")
+    done = ecm_command("simulate", "arm.toml", "--out", "pairs.csv")
+    assert done.code == 0, done.err
+    table = read_table(Path("pairs.csv"), need="fit")
+    assert len(table) == 3
+    assert table.matrix(PRESSURES).min() > 0.0
 
 
 def test_straight_tetrahedra_get_nodes_on_their_edges(tmp_path: Path) -> None:
@@ -89,13 +121,14 @@ def test_straight_tetrahedra_get_nodes_on_their_edges(tmp_path: Path) -> None:
     assert len(found.nodes_m) == len(BODY.nodes_m)
     assert len(found.base_nodes) == len(BODY.base_nodes)
     assert len(found.top_nodes) == len(BODY.top_nodes)
-    # Straight edges cut off the rim: a hexagon's area over the circle's.
-    assert 0.8 < found.volume_m3 / BODY.volume_m3 < 0.86
+    assert [len(wall) for _, wall in found.chambers] == [len(wall) for _, wall in BODY.chambers]
+    # Straight edges cut off the rim.
+    assert 0.8 < found.volume_m3 / BODY.volume_m3 < 0.9
 
 
 def test_broken_files_say_what_is_missing(tmp_path: Path) -> None:
     meshio = pytest.importorskip("meshio", reason="needs the extra `mesh` (meshio)")
-    with pytest.raises(InputError, match=r"no face named `top` \(groups and arrays found: base\)"):
+    with pytest.raises(InputError, match=r"no face named `top` \(groups and arrays found: base,"):
         read_mesh(_write(tmp_path / "lid.vtu", "point arrays", leave_out="top"))
     flat = tmp_path / "flat.vtu"
     meshio.write(flat, meshio.Mesh(np.eye(3), [("triangle", [[0, 1, 2]])]))

@@ -37,9 +37,9 @@ def campaign(cache_of: Path, plan: Table, **plant: float) -> RobotCampaign:
 
 
 @cache
-def short_plan(*, offsets: bool = True) -> Table:
-    """Three poses, each twice, with short rests."""
-    plan = arm_plan(3, offsets=offsets)
+def short_plan(count: int = 3, *, offsets: bool = True) -> Table:
+    """Some poses, each twice, with short rests."""
+    plan = arm_plan(count, offsets=offsets)
     return plan.with_columns({"dwell_s": np.full(len(plan), 0.2)})
 
 
@@ -60,18 +60,20 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_arm_follows_the_mechanism_and_goes_on_by_the_offset(folder: Path) -> None:
-    driven = campaign(folder, short_plan())
+    driven = campaign(folder, short_plan(8))
     table = driven.run(threads=1)
-    assert [stop.reason for stop in driven.stops] == [""] * 6
+    # A passive energy of degree 6 fits what the pushes err, and throws the arm off some ways.
+    assert [stop.reason for stop in driven.stops] == [""] * 16
     poses, inputs = followed(driven)
-    assert len(poses) == sum(v.approach == "initial" for v in driven.visits if v.kind == "pose") < 6
+    own = [v.approach == "initial" for v in driven.visits if v.kind == "pose"]
+    assert len(poses) == sum(own) < len(own) == 16
     # Its own mechanism is an energy fitted to FEM: what that errs is left of the wrench.
     left = np.abs(arm_model().predict(poses, inputs)).max(axis=0)
     floor = FREE_N * np.repeat([1.0, 0.033], 3)
     assert (left < 3.0 * floor + 5.0 * driven.mechanism.rms).all()
     at_rest = np.abs(arm_model().predict(np.tile(REST, (len(inputs), 1)), inputs)).max(axis=0)
     assert at_rest[0] > 5.0 * left[0]
-    assert (at_rest[4:] > 2.0 * left[4:]).all()
+    assert (at_rest[4:] > 1.5 * left[4:]).all()
     for stop in driven.stops:
         visit = driven.planned.visits[stop.visit]
         np.testing.assert_allclose(stop.reached, stop.goal, atol=1e-5)
@@ -83,7 +85,7 @@ def test_the_arm_follows_the_mechanism_and_goes_on_by_the_offset(folder: Path) -
     off = arm_model().predict(rows.poses, rows.matrix(PRESSURES)) - rows.wrenches
     # Along the axis 37 um of the camera are 0.12 N, of a spread of 0.6 N.
     assert (off.std(axis=0) < 0.25 * rows.wrenches.std(axis=0)).all()
-    assert driven.record()["reached"] == 6
+    assert driven.record()["reached"] == 16
 
 
 def test_it_follows_what_acts_and_not_what_was_set(folder: Path) -> None:

@@ -171,17 +171,24 @@ def test_an_unreachable_pose_names_the_joint_that_has_no_room() -> None:
     assert any("joint 6" in o.reason and "degrees" in o.reason for o in outcomes)
 
 
-@pytest.mark.parametrize("factor", [np.nan, 1e30])
+@pytest.mark.parametrize(("factor", "on"), [(np.nan, "way"), (1e30, "way"), (1e30, "return")])
 def test_a_simulation_that_diverges_is_told_and_the_next_trip_is_sound(
-    factor: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    factor: float, on: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)  # MuJoCo writes a log where it stands
     control = simulated_arm()
     sound = control.simulation.mechanism
     calls = iter(range(10**9))
-    control.simulation.mechanism = lambda p: sound(p) if next(calls) < 777 else p * factor
-    broken = only(control.trip([Stop(0, GOAL, (), 0.1, 0.2)]))
-    assert "diverged" in broken.reason
+
+    def breaks(pose: F) -> F:
+        late = next(calls) > 777 and (on == "way" or control._result.visit < 0)
+        return pose * factor if late else sound(pose)
+
+    control.simulation.mechanism = breaks
+    broken = control.trip([Stop(0, GOAL, (), 0.1, 0.2)])
+    assert ("diverged" in only(broken).reason) == (on == "way")
+    assert bool(only(broken).reading_s) == (on == "return")
+    np.testing.assert_allclose(control.simulation.pose, REST, atol=1e-9)
     control.simulation.mechanism = sound
     assert only(control.trip([Stop(0, GOAL, (), 0.1, 0.2)])).reason == ""
     assert not list(tmp_path.iterdir())

@@ -12,14 +12,13 @@ import pytest
 import ecm
 from ecm.errors import InputError
 from ecm.io.arrays import B, F
-from ecm.io.columns import POSE
+from ecm.io.columns import POSE, POSE_OFFSETS
 from ecm.io.table import Table
 from ecm.rig import Campaign, CampaignOptions, Hidden, RigSettings, run_campaign
 from ecm.rig.hidden.inject import whitener_of
 from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.physics.supply import Slip
 from ecm.rig.physics.true_effect import Conditions, RigScale, Supply
-from ecm.rig.plan import POSE_OFFSETS
 from ecm.rig.plant import residual
 from support.driven import (
     PRESSURES,
@@ -94,6 +93,7 @@ def test_a_pressure_that_is_not_the_one_set_acts_on_the_wrench(plan: Table) -> N
     rows = quiet.visits.at_poses
     asked = quiet.visits.inputs[rows]
     np.testing.assert_array_equal(quiet.plant.acting(quiet.visits)[rows], asked)
+    acts: dict[str, F] = {}
     for setting, size in {
         "regulator_offset_Pa": 300.0,
         "regulator_gain": 0.03,
@@ -102,10 +102,15 @@ def test_a_pressure_that_is_not_the_one_set_acts_on_the_wrench(plan: Table) -> N
         "chamber_leak_per_s": 2e-3,
     }.items():
         off = campaign(plan, **{setting: size})
-        acts = off.plant.acting(off.visits)[rows]
-        assert 0.0 < np.abs(acts - asked).max() < 1e4, setting
+        acts[setting] = off.plant.acting(off.visits)[rows]
+        assert 0.0 < np.abs(acts[setting] - asked).max() < 1e4, setting
         left = residual(off.plant, off.visits) - residual(quiet.plant, quiet.visits)
         assert np.abs(left).max() > 1e-4, setting
+    np.testing.assert_allclose(acts["regulator_offset_Pa"] - asked, 300.0, rtol=0.2)
+    np.testing.assert_allclose(acts["regulator_gain"], 1.03 * asked, rtol=0.01)
+    assert not (acts["regulator_step_Pa"] % 500.0).any()
+    assert np.abs(acts["regulator_step_Pa"] - asked).max() <= 250.0
+    assert (acts["chamber_leak_per_s"] <= asked).all()
 
 
 def test_lag_and_leak_follow_the_time_since_the_pressure_was_set(plan: Table) -> None:

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,14 +19,16 @@ import pytest
 from ecm.errors import InputError
 from ecm.fem.simulate import simulate
 from ecm.io.cache import file_sha256
+from ecm.io.columns import JOINTS, POSE_OFFSETS
 from ecm.io.table import Table, read_table
 from ecm.models import load_model
 from ecm.rig import RigSettings
-from ecm.rig.plan import POSE_OFFSETS
-from ecm.workflow.config import Config, Console, DesignTable, Job, SelectTable, Silent
+from ecm.workflow.config import Config, Console, DesignTable, Job, SelectTable, Silent, read_config
 from ecm.workflow.identify import select
+from support.driven import PRESSURES
 from support.jobs import QUICK, copy_fem, identify, identify_command, identify_with_kept_fem
 from support.neck import ROOT, Done
+from support.programs import need_program
 from support.report_pages import open_page
 
 
@@ -118,41 +121,80 @@ def smaller_arm(text: str) -> str:
     return text
 
 
-def test_what_ecm_new_arm_writes_is_simulated(
-    tmp_path: Path, ecm_command: Callable[..., Done]
-) -> None:
-    config, out = tmp_path / "arm.toml", tmp_path / "pairs.csv"
-    assert ecm_command("new", "arm", "--out", config).code == 0
+@pytest.fixture(scope="module")
+def arm_job(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """`ecm new arm` and `ecm identify`, as typed; the arm is shorter, with fewer of everything."""
+    folder = tmp_path_factory.mktemp("arm")
+    ecm = [sys.executable, "-m", "ecm.cli", "new", "arm"]
+    subprocess.run(ecm, cwd=folder, capture_output=True, check=True)
+    config = folder / "arm.toml"
     config.write_text(smaller_arm(config.read_text()))
-    done = ecm_command("simulate", config, "--out", out, "--threads", 2)
-    assert done.code == 0, done.err
-    table = read_table(out, need="fit")
-    assert len(table) == 24
-    pressures = table.matrix(("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa"))
+    identify_with_kept_fem(config, folder / "out", "--threads", "2", "--quiet")
+    return folder / "out"
+
+
+def test_an_arm_with_chambers_goes_the_whole_way(arm_job: Path) -> None:
+    pairs = read_table(arm_job / "simulated.csv", need="fit")
+    assert len(pairs) == 24
+    pressures = pairs.matrix(PRESSURES)
     assert 0.0 <= pressures.min() < 5e3
     assert 1.5e4 < pressures.max() <= 2e4
-    assert np.linalg.norm(table.poses[:, 3:], axis=1).max() <= 0.8
-
-
-def test_an_arm_with_chambers_goes_the_whole_way(tmp_path: Path) -> None:
-    """examples/soft_arm.toml with a shorter arm and fewer of everything."""
-    config, out = tmp_path / "arm.toml", tmp_path / "out"
-    config.write_text(smaller_arm((ROOT / "examples" / "soft_arm.toml").read_text()))
-    identify_with_kept_fem(config, out, "--threads", "2", "--quiet")
-    summary = json.loads((out / "summary.json").read_text())
+    assert np.linalg.norm(pairs.poses[:, 3:], axis=1).max() <= 0.8
+    summary = json.loads((arm_job / "summary.json").read_text())
     assert [row["model"] for row in summary["select"]["energy"]] == ["actuated3"]
     assert all(0.5 < d["efficiency"] <= 1.0 for d in summary["select"]["designs"].values())
-    plan = read_table(out / "plan-d.csv", need="predict")
-    assert plan.actuation_columns == ("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa")
+    plan = read_table(arm_job / "plan-d.csv", need="predict")
+    assert plan.actuation_columns == PRESSURES
     assert np.abs(plan.matrix(POSE_OFFSETS)).max() > 1e-3
     models = {row["model"]: row for row in summary["identify"]["models"]}
     polynomial = models["degree 1 polynomial, b = 0.1"]
     assert models["actuated3"]["whitened_rms"] < 0.3 * polynomial["whitened_rms"]
     assert models["actuated3"]["whitened_rms"] < 2.0
-    model = load_model(out / "model.json")
+    model = load_model(arm_job / "model.json")
     assert model.name.startswith("actuated")
     assert summary["loop"]["score"]["truth"] == ["pressure_gain"]
-    assert (out / "report.html").exists()
+    assert (arm_job / "report.html").exists()
+
+
+def test_the_example_is_what_ecm_new_arm_writes(arm_job: Path) -> None:
+    example = (ROOT / "examples" / "soft_arm.toml").read_text()
+    (arm_job.parent / "example.toml").write_text(smaller_arm(example))
+    both = [read_config(arm_job.parent / name) for name in ("arm.toml", "example.toml")]
+    assert replace(both[0], source=both[1].source) == both[1]
+
+
+def test_the_robot_follows_the_arm_and_measures_what_the_model_predicts(
+    arm_job: Path, ecm_command: Callable[..., Done], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its plan, with FEM and a robot that takes time; compiled and kept in a folder of no root."""
+    pytest.importorskip("mujoco", reason="mujoco is missing: pip install 'ecm-stiffness[robot]'")
+    need_program("cc", "gcc")
+    monkeypatch.chdir(arm_job.parent)
+    monkeypatch.setenv("ECM_CACHE", os.path.relpath(os.environ["ECM_CACHE"]))
+    plan = read_table(arm_job / "plan-d.csv", need="predict")
+    plan.select(np.arange(6)).write(Path("few.csv"))
+    text = (arm_job.parent / "arm.toml").read_text()
+    fast = (
+        '[rig]\nmode = "robot"\nspeed_rad_s = 0.6\nspeed_m_s = 0.08\ndwell_s = 0.2\nfree_N = 0.02\n'
+    )
+    Path("robot.toml").write_text(
+        fast + text[text.index("[instrument]") :].partition("[hidden]")[0]
+    )
+    options = ("--rig", "robot.toml", "--out", "few-measured.csv", "--threads", 2)
+    done = ecm_command("campaign", "few.csv", *options)
+    assert done.code == 0, done.err
+    rows = read_table(Path("few-measured.csv")).measured()
+    assert rows.has(*JOINTS, *PRESSURES)
+    np.testing.assert_array_equal(
+        np.sort(rows.matrix(PRESSURES), axis=0), np.sort(plan.matrix(PRESSURES)[:6], axis=0)
+    )
+    record = json.loads(Path("few-measured.robot.json").read_text())
+    assert record["reached"] == 6
+    follows = [visit["phases_s"][0] for visit in record["visits"]]
+    assert all(name == "follow" and 0.2 < end < 5.0 for name, _, end in follows)
+    left = load_model(arm_job / "model.json").predict(rows) - rows.wrenches
+    noise = json.loads((arm_job / "summary.json").read_text())["identify"]["floor"]
+    assert (np.sqrt((left**2).mean(axis=0)) < 2.0 * np.array(noise)).all()
 
 
 class Stops(Silent):

@@ -32,13 +32,13 @@ from ecm.effects.experiments import session_of
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import F, I
-from ecm.io.columns import POSE, WRENCH, amount_columns
+from ecm.io.columns import POSE, POSE_OFFSETS, WRENCH, amount_columns
 from ecm.io.se3 import rotation, rotation_vector, transpose
 from ecm.io.table import Table
 from ecm.models.actuated import ActuatedMap
 from ecm.models.actuated_energy import free_pose
 from ecm.regression.rows import inputs_of
-from ecm.rig.plan import OFFSET, POSE_OFFSETS, UNLOADED, requests
+from ecm.rig.plan import OFFSET, UNLOADED, requests
 from ecm.rig.settings import RigSettings
 from ecm.rig.timeline import Climate, timeline_of
 

@@ -82,9 +82,9 @@ class _OfActuator(LinearEffect):
         return own if self.actuator == ALL else [self.actuator]
 
     def _each(self, table: Table) -> tuple[str, ...]:
-        """All actuators of its kind alike, then each where there are several."""
+        """All actuators of its kind alike, then each where there are several; or its own alone."""
         own = self._concerned(table.actuation_columns)
-        return (ALL, *(own if len(own) > 1 else ()))
+        return (self.actuator, *(own if self.actuator == ALL and len(own) > 1 else ()))
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """All actuators of its kind alike, then each."""

@@ -182,6 +182,8 @@ def unit_of_factor(factor: float) -> str:
 POSE = ("x_m", "y_m", "z_m", "theta_x_rad", "theta_y_rad", "theta_z_rad")
 WRENCH = ("fx_N", "fy_N", "fz_N", "tau_x_Nm", "tau_y_Nm", "tau_z_Nm")
 VELOCITY = tuple(f"v_{name}" for name in POSE)
+POSE_OFFSETS = tuple(f"offset_{name}" for name in POSE)
+"""Columns of a plan: the way from the free pose at the row's pressures, in base axes."""
 SPREAD = tuple(f"sd_{name}" for name in POSE + WRENCH)
 TEXT = ("approach", "kind", "action")
 KINDS = ("pose", "home", "unloaded")
@@ -329,7 +331,7 @@ def _squeeze(text: str) -> str:
     return re.sub(r"[^a-z0-9]", "", text)
 
 
-_STANDARD = frozenset(STANDARD)
+_STANDARD = frozenset((*STANDARD, *POSE_OFFSETS))  # in a log, `offset_x mm` is a column of its own
 _STIFFNESS = frozenset(STIFFNESS)
 _NO_UNIT = ("pose_id", "run", "repeat", "leds_visible", *TEXT, *JOINT_SIGNS)
 _SQUEEZED = {_squeeze(name.lower()): name for name in STANDARD}

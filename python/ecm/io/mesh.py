@@ -1,9 +1,10 @@
 """Meshes from files: Gmsh, other formats through meshio, and CAD through Gmsh.
 
 A file must hold tetrahedra (straight ones get nodes on their edges), lengths in metres, and the two
-faces `base` and `top`. A face is a group of triangles or of nodes of that name (physical group,
-element set, node set), or an array of that name that is not zero there. In CAD the faces are the
-flat ones at the smallest and at the largest x.
+faces `base` and `top`; the walls of chambers are faces `chamber_1`, `chamber_2`, ... A face is a
+group of triangles or of nodes of that name (physical group, element set, node set), or an array of
+that name that is not zero there. In CAD the faces are the flat ones at the smallest and at the
+largest x.
 """
 
 from __future__ import annotations
@@ -118,7 +119,9 @@ def _from_meshio(path: Path) -> Mesh:
             "quadratic (tetra10)"
         )
     points = np.asarray(content.points, dtype=float)
-    faces = [_face(content, name, path) for name in FACES]
+    numbers = {n[8:] for n in _names(content) if n[:8].lower() == "chamber_" and n[8:].isdigit()}
+    names = (*FACES, *(f"chamber_{number}" for number in sorted(numbers, key=int)))
+    faces = {name: _face(content, name, path) for name in names}
     return _build(points, np.concatenate(tetrahedra).astype(np.int64), faces)
 
 
@@ -127,13 +130,17 @@ def _face(content: Any, name: str, path: Path) -> I:
     for nodes in _candidates(content, name):
         if nodes.size:
             return np.unique(nodes).astype(np.int64)
-    names = {*content.cell_sets, *content.point_sets, *content.field_data, *content.point_data}
-    names |= set(content.cell_data)
-    groups = ", ".join(sorted(n for n in names if ":" not in n)) or "none"
+    groups = ", ".join(sorted(n for n in _names(content) if ":" not in n)) or "none"
     raise InputError(
         f"{path}: no face named `{name}` (groups and arrays found: {groups}); name a group of "
         f"triangles or nodes `{name}`, or add a point array `{name}` that is 1 on its nodes"
     )
+
+
+def _names(content: Any) -> set[str]:
+    """Names of all groups and arrays."""
+    sets = {*content.cell_sets, *content.point_sets, *content.field_data}
+    return sets | {*content.point_data, *content.cell_data}
 
 
 def _candidates(content: Any, name: str) -> Iterator[I]:
@@ -189,7 +196,7 @@ def _from_cad(path: Path, quality: str) -> Mesh:
         gmsh.finalize()
 
 
-def _mesh_cad(gmsh: Any, path: Path, quality: str) -> tuple[F, I, list[I]]:
+def _mesh_cad(gmsh: Any, path: Path, quality: str) -> tuple[F, I, dict[str, I]]:
     """Mesh the solid of a CAD file: points (N, 3), cells (M, 10), node numbers of both faces."""
     for name, value in _GMSH_OPTIONS.items():
         gmsh.option.setNumber(name, value)
@@ -214,10 +221,10 @@ def _mesh_cad(gmsh: Any, path: Path, quality: str) -> tuple[F, I, list[I]]:
     row[np.asarray(tags, dtype=np.int64)] = np.arange(len(tags))
     _, nodes = gmsh.model.mesh.getElementsByType(_QUADRATIC_TETRAHEDRON)
     cells = row[np.asarray(nodes, dtype=np.int64)].reshape(-1, 10)[:, _NODES_FROM_GMSH]
-    faces = []
-    for surface in surfaces:
+    faces = {}
+    for name, surface in zip(FACES, surfaces, strict=True):
         own = [gmsh.model.mesh.getElementsByType(_QUADRATIC_TRIANGLE, tag)[1] for tag in surface]
-        faces.append(np.unique(row[np.concatenate(own).astype(np.int64)]))
+        faces[name] = np.unique(row[np.concatenate(own).astype(np.int64)])
     return np.asarray(coordinates, dtype=float).reshape(-1, 3), cells, faces
 
 
@@ -243,36 +250,35 @@ def _cad_faces(gmsh: Any, path: Path) -> list[list[int]]:
 
 
 # --- arrays ------------------------------------------------------------
-def _build(points: F, tetrahedra: I, faces: list[I]) -> Mesh:
+def _build(points: F, tetrahedra: I, faces: dict[str, I]) -> Mesh:
     """Make a mesh of quadratic tetrahedra, without nodes that no tetrahedron uses."""
     if tetrahedra.shape[1] == 4:
         points, tetrahedra, faces = _quadratic(points, tetrahedra, faces)
     used = np.unique(tetrahedra)
     row = np.full(len(points), -1, dtype=np.int64)
     row[used] = np.arange(len(used))
-    base, top = (row[face][row[face] >= 0] for face in faces)
-    return Mesh.from_arrays(
-        np.ascontiguousarray(points[used]),
-        np.ascontiguousarray(row[tetrahedra]),
-        base_nodes=base,
-        top_nodes=top,
-    )
+    kept = {name: row[face][row[face] >= 0] for name, face in faces.items()}
+    nodes, cells = np.ascontiguousarray(points[used]), np.ascontiguousarray(row[tetrahedra])
+    mesh = Mesh.from_arrays(nodes, cells, base_nodes=kept.pop("base"), top_nodes=kept.pop("top"))
+    for name, wall in kept.items():
+        mesh = mesh.with_chamber(name, wall)
+    return mesh
 
 
-def _quadratic(points: F, corners: I, faces: list[I]) -> tuple[F, I, list[I]]:
+def _quadratic(points: F, corners: I, faces: dict[str, I]) -> tuple[F, I, dict[str, I]]:
     """Add nodes in the middle of all edges, also to the named faces."""
     edges = np.sort(corners[:, _EDGES], axis=2)
     unique, number = np.unique(edges.reshape(-1, 2), axis=0, return_inverse=True)
     middle = len(points) + number.reshape(len(corners), 6)
     keys = unique[:, 0] * len(points) + unique[:, 1]
-    quadratic = []
-    for face in faces:
+    quadratic = {}
+    for name, face in faces.items():
         on = np.zeros(len(points), dtype=bool)
         on[face] = True
         triangles = corners[:, _SIDES].reshape(-1, 3)
         triangles = triangles[on[triangles].all(axis=1)]
         sides = np.sort(triangles[:, [[0, 1], [1, 2], [0, 2]]].reshape(-1, 2), axis=1)
         at = np.searchsorted(keys, sides[:, 0] * len(points) + sides[:, 1])
-        quadratic.append(np.concatenate([face, len(points) + np.unique(at)]))
+        quadratic[name] = np.concatenate([face, len(points) + np.unique(at)])
     halves = 0.5 * (points[unique[:, 0]] + points[unique[:, 1]])
     return np.concatenate([points, halves]), np.hstack([corners, middle]), quadratic

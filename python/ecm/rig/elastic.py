@@ -114,9 +114,11 @@ def modulus_grade(mechanism: Mechanism, grade: str) -> F | None:
     return factor
 
 
-def fitted_energy(poses: F, wrenches: F, length_m: float) -> tuple[EnergyEvaluator, int]:
+def fitted_energy(
+    poses: F, wrenches: F, length_m: float, most: int = 6
+) -> tuple[EnergyEvaluator, int]:
     """A symmetric energy of these poses and wrenches (N, 6), and its degree."""
-    degree = 6 if len(poses) >= 60 else 4
+    degree = most if len(poses) >= 60 else 4
     model = EnergyEvaluator.fit(
         poses, wrenches, length_m=length_m, degree=degree, symmetry=SYMMETRY
     )

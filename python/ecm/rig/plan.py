@@ -13,6 +13,7 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import POSE as POSE_COLUMNS
+from ecm.io.columns import POSE_OFFSETS
 from ecm.io.events import tell
 from ecm.io.se3 import displaced, rotation, transpose, turn_wrench, wrench_adjoint
 from ecm.io.settings import did_you_mean
@@ -25,8 +26,6 @@ from ecm.rig.settings import Procedure, RigSettings
 
 HOME = "initial"
 """`approach` of a pose that is driven to from the rest pose."""
-POSE_OFFSETS = tuple(f"offset_{name}" for name in POSE_COLUMNS)
-"""Columns of a plan: the way from the free pose at the row's pressures, in base axes."""
 
 
 def tell_begun(plan: Table, **more: Any) -> None:

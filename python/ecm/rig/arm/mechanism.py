@@ -24,6 +24,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
@@ -78,27 +79,18 @@ class Surrogate:
 
     def model(self) -> EnergyEvaluator:
         """Return the energy model, without actuators."""
+        return self._energy(self.degree, SYMMETRY, self.scale, self.coefficients)
+
+    def _energy(self, degree: int, symmetry: Any, scale: F, coefficients: F) -> EnergyEvaluator:
         return EnergyEvaluator.from_coefficients(
-            length_m=self.length_m,
-            degree=self.degree,
-            symmetry=SYMMETRY,
-            scale=self.scale,
-            coefficients=self.coefficients,
-        )
+            length_m=self.length_m, degree=degree, symmetry=symmetry,
+            scale=scale, coefficients=coefficients,
+        )  # fmt: skip
 
     def wrench(self) -> Callable[[F], F]:
         """Return h of rows (N, 6 + m), poses with the inputs of the actuators."""
         passive = self.model().predict
-        pushes = [
-            EnergyEvaluator.from_coefficients(
-                length_m=self.length_m,
-                degree=_PUSH_DEGREE,
-                symmetry="general",
-                scale=scale,
-                coefficients=coefficients,
-            ).predict
-            for scale, coefficients in self.pushes
-        ]
+        pushes = [self._energy(_PUSH_DEGREE, "general", *push).predict for push in self.pushes]
         if not pushes:
             return passive
 
@@ -145,25 +137,25 @@ def fit_surrogate(poses: F, wrenches: F, length_m: float, slopes: F | None = Non
     slopes
         G (N, 6, m) of a body with actuators, whose poses are (N, 6 + m).
     """
+    fits: list[EnergyEvaluator] = []
     if slopes is not None and slopes.shape[2]:
-        own = np.ascontiguousarray(poses[:, :6])
-        fits = [
-            EnergyEvaluator.fit(own, g, length_m=length_m, degree=_PUSH_DEGREE, symmetry="general")
-            for g in np.ascontiguousarray(np.moveaxis(slopes, 2, 0))
-        ]
-        pushed = sum(
-            a[:, None] * one.predict(own) for one, a in zip(fits, poses[:, 6:].T, strict=True)
-        )
-        passive = fit_surrogate(own, wrenches - pushed, length_m)
-        return replace(passive, pushes=tuple((one.scale, one.coefficients) for one in fits))
+        inputs, poses = poses[:, 6:], np.ascontiguousarray(poses[:, :6])
+        for g, a in zip(np.ascontiguousarray(np.moveaxis(slopes, 2, 0)), inputs.T, strict=True):
+            push = EnergyEvaluator.fit(
+                poses, g, length_m=length_m, degree=_PUSH_DEGREE, symmetry="general"
+            )
+            wrenches = wrenches - a[:, None] * push.predict(poses)
+            fits.append(push)
     if len(poses) < 6:
         raise InputError(
             f"the plan has {len(poses)} solved poses, those between included; the simulated "
             "mechanism needs 6 or more. Add poses to the plan"
         )
-    model, degree = fitted_energy(poses, wrenches, length_m)
+    # What the pushes err would be fitted by a higher degree, and grow without end beyond the plan.
+    model, degree = fitted_energy(poses, wrenches, length_m, 4 if fits else 6)
     rms = np.sqrt(((model.predict(poses) - wrenches) ** 2).mean(axis=0))
-    return Surrogate(length_m, degree, model.scale, model.coefficients, rms)
+    pushes = tuple((one.scale, one.coefficients) for one in fits)
+    return Surrogate(length_m, degree, model.scale, model.coefficients, rms, pushes)
 
 
 STEPS_BETWEEN = 200
@@ -331,9 +323,9 @@ def compile_model(document: str, folder: Path) -> Path:
     with TemporaryDirectory(dir=folder) as build:
         for name in (f"{_NAME}.h", f"{_NAME}.c"):
             (Path(build) / name).write_text(files[name], encoding="utf-8")
-        output = Path(build) / "library.so"
+        output = Path(build) / f"{_NAME}.so"
         done = subprocess.run(
-            [compiler, "-std=c99", "-O2", "-fPIC", "-shared", f"{_NAME}.c", "-o", str(output)],
+            [compiler, "-std=c99", "-O2", "-fPIC", "-shared", f"{_NAME}.c", "-o", output.name],
             cwd=build, capture_output=True, text=True, check=False,
         )  # fmt: skip
         if done.returncode != 0:

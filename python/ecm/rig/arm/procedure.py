@@ -320,7 +320,14 @@ class SimulatedArm:
             self._step(self._servo.torque(joints[k], speeds[k]), phase, record=record)
 
     def _return(self) -> None:
-        """Go back along the recorded joints, without safety limits: that way was free before."""
+        """Go back along the recorded joints; put there where the simulation diverges."""
+        try:
+            self._go_back()
+        except (Diverged, np.linalg.LinAlgError):
+            self._reset_to_home()
+
+    def _go_back(self) -> None:
+        """The way back, without safety limits: it was free before."""
         simulation = self.simulation
         self._begin_phase()
         simulation.inputs[:] = 0.0
