@@ -62,7 +62,7 @@ pub(crate) fn wound(mesh: &Mesh, rule: Rule) -> Result<Vec<Wound>, FemError> {
             }
         }
         if wound[before..].iter().all(|part| part.threads.is_empty()) {
-            return Err(winding.nowhere());
+            return Err(winding.nowhere(mesh));
         }
     }
     wound.sort_by_key(|part| part.element);

@@ -1,7 +1,7 @@
 //! Gmsh files, and what each kind of broken input is answered with.
 #![allow(clippy::unwrap_used, missing_docs)]
 
-use ecm_fem::{Fem, FemError, Load, Mesh, NeoHookean, Quality, Watch};
+use ecm_fem::{Fem, FemError, Laid, Load, Mesh, NeoHookean, Quality, Watch, Winding};
 use std::fmt::Write;
 
 const COARSE: Quality = Quality::Custom {
@@ -205,6 +205,31 @@ fn chambers_and_regions_of_a_file_are_those_of_the_mesh() {
         for (found, given) in volumes(&read).iter().zip(volumes(&mesh)) {
             assert!((found / given - 1.0).abs() < most, "{found} {given}");
         }
+        // Threads through both regions are threads through the body, those of one are not.
+        let wound = |on: &[&str]| {
+            let laid = Laid::InRegion { stiffness_Pa: 1e6 };
+            on.iter().try_fold(read.clone(), |mesh, on| {
+                mesh.with_winding(Winding {
+                    on: (*on).into(),
+                    angles_rad: [0.3, 0.9],
+                    laid,
+                })
+            })
+        };
+        let [both, all, one] = [&["soft body", "sleeve"][..], &["body"], &["sleeve"]].map(|on| {
+            let material = Box::new(NeoHookean::new(1e6, 0.49).unwrap());
+            let fem = Fem::new(wound(on).unwrap(), material, None).unwrap();
+            fem.rest_stiffness(Watch::default()).unwrap()[3][3]
+        });
+        assert!(
+            (both / all - 1.0).abs() < 1e-9 && one < 0.98 * all,
+            "{both} {all} {one}"
+        );
+        let names = wound(&["collar"]).unwrap_err().to_string();
+        assert!(
+            names.contains("no such region; it has sleeve, soft body, body"),
+            "{names}"
+        );
     }
 }
 

@@ -502,9 +502,10 @@ fn tendons_and_windings_that_are_none_are_refused() {
         mesh().with_winding(winding).unwrap_err()
     };
     let error = refused("chamber_9", [0.1; 2], on_surface(1.0));
-    assert!(matches!(error, FemError::Winding { .. }));
+    let names = "the mesh has no such surface with faces along x; it has outside";
+    assert!(matches!(error, FemError::Winding { .. }) && error.to_string().contains(names));
     let error = refused("sleeve", [0.1; 2], in_region(1.0)).to_string();
-    assert!(error.contains("winding on `sleeve`: the mesh has no such region"));
+    assert!(error.contains("winding on `sleeve`: the mesh has no such region; it has body"));
     let error = refused(OUTSIDE, [0.1; 2], on_surface(0.0)).to_string();
     assert!(error.contains("stiffness of a winding is 0"), "{error}");
     let error = refused(BODY, [0.1; 2], in_region(f64::NAN)).to_string();

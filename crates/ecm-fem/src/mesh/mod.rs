@@ -96,18 +96,20 @@ pub enum Laid {
 
 impl Winding {
     /// The mesh has no such place for it.
-    pub(crate) fn nowhere(&self) -> FemError {
+    pub(crate) fn nowhere(&self, mesh: &Mesh) -> FemError {
+        let (what, all, named) = match self.laid {
+            Laid::OnSurface { .. } => (
+                "surface with faces along x",
+                OUTSIDE,
+                [&mesh.chambers[..], &mesh.surfaces],
+            ),
+            Laid::InRegion { .. } => ("region", BODY, [&mesh.regions[..], &[]]),
+        };
+        let named = named.into_iter().flatten();
+        let names: String = named.map(|(name, _)| format!("{name}, ")).collect();
         FemError::Winding {
             on: self.on.clone(),
-            expected: match self.laid {
-                Laid::OnSurface { .. } => {
-                    "surface with faces along x; name a chamber, a surface `winding...` of the mesh \
-                     file, or \"outside\""
-                }
-                Laid::InRegion { .. } => {
-                    "region; name a physical volume of the mesh file, or \"body\" for all of it"
-                }
-            },
+            expected: format!("{what}; it has {names}{all}"),
         }
     }
 }
@@ -420,7 +422,7 @@ impl Mesh {
             ),
         };
         if !there {
-            return Err(winding.nowhere());
+            return Err(winding.nowhere(&self));
         }
         let refused = |name, value, expected| {
             Err(FemError::Parameter {
