@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import ecm
 from ecm.effects import get_effect
@@ -181,13 +182,7 @@ def test_stiffness_and_g_are_those_of_the_body(model: Model) -> None:
 def test_turning_mirroring_and_end_for_end_leave_the_energy(model: Model, fresh: Table) -> None:
     rows = inputs_of(model.base, fresh)
     angle = 2.0 * np.pi / 3.0
-    turn = np.array(
-        [
-            [1.0, 0.0, 0.0],
-            [0.0, np.cos(angle), -np.sin(angle)],
-            [0.0, np.sin(angle), np.cos(angle)],
-        ]
-    )
+    turn = Rotation.from_rotvec([angle, 0.0, 0.0]).as_matrix()
     turned = np.hstack(
         [rows[:, :3] @ turn.T, rows[:, 3:6] @ turn.T, np.roll(rows[:, 6:], 1, axis=1)]
     )

@@ -167,7 +167,7 @@ impl Chambers {
                 let nodes = face.local.map(|k| mesh.tetrahedra()[face.element][k]);
                 for quarter in QUARTERS.map(|corners| corners.map(|k| nodes[k])) {
                     toggle_edges(&mut rim, quarter);
-                    wall.push(Triangle::new(quarter, &at));
+                    wall.push((quarter, quarter.map(&at)));
                 }
             }
             let on_rim: BTreeSet<usize> = rim.values().flatten().copied().collect();
@@ -176,10 +176,10 @@ impl Chambers {
                 let own = (rim.values()).filter(|e| (mesh.nodes_m()[e[0]][0] > middle) == top);
                 own.map(|e| e.map(&at)).collect::<Vec<_>>()
             });
-            let meets_a_cap = |t: &Triangle| {
+            let meets_a_cap = |(nodes, corners): &Triangle| {
                 (0..3).map(|k| [k, (k + 1) % 3]).any(|edge| {
-                    let [p, q] = edge.map(|k| t.corners[k]);
-                    !edge.iter().any(|&k| on_rim.contains(&t.nodes[k]))
+                    let [p, q] = edge.map(|k| corners[k]);
+                    !edge.iter().any(|&k| on_rim.contains(&nodes[k]))
                         && caps.iter().any(|cap| turns_round(cap, p, q) != 0)
                 })
             };
@@ -197,51 +197,27 @@ fn turns_round(cap: &[[[f64; 3]; 2]], p: [f64; 3], q: [f64; 3]) -> i32 {
 /// The four triangles between the nodes of a face.
 const QUARTERS: [[usize; 3]; 4] = [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]];
 
-/// A flat triangle of a wall, with its box.
-struct Triangle {
-    nodes: [usize; 3],
-    corners: [[f64; 3]; 3],
-    low: [f64; 3],
-    high: [f64; 3],
-}
+/// Nodes and corners of a flat triangle of a wall.
+type Triangle = ([usize; 3], [[f64; 3]; 3]);
 
-impl Triangle {
-    fn new(nodes: [usize; 3], at: impl Fn(usize) -> [f64; 3]) -> Self {
-        let corners = nodes.map(at);
-        let most = |pick: fn(f64, f64) -> f64| {
-            [0, 1, 2].map(|k| {
-                corners[1..]
-                    .iter()
-                    .fold(corners[0][k], |m, x| pick(m, x[k]))
-            })
-        };
-        let (low, high) = (most(f64::min), most(f64::max));
-        Self {
-            nodes,
-            corners,
-            low,
-            high,
-        }
-    }
-
-    /// Whether an edge of the other goes through it.
-    fn is_pierced_by(&self, other: &Self) -> bool {
-        let x = &other.corners;
-        (0..3).any(|k| through(x[k], x[(k + 1) % 3], &self.corners) != 0)
-    }
+/// Least and largest coordinate `k` of a triangle.
+fn reach((_, corners): &Triangle, k: usize) -> [f64; 2] {
+    let [a, b, c] = corners.map(|x| x[k]);
+    [a.min(b).min(c), a.max(b).max(c)]
 }
 
 /// Whether triangles without a common node cross.
 fn cross_each_other(wall: &mut [Triangle]) -> bool {
-    wall.sort_by(|a, b| a.low[0].total_cmp(&b.low[0]));
-    let beside = |a: &Triangle, b: &Triangle| {
-        (1..3).all(|k| a.low[k] <= b.high[k] && b.low[k] <= a.high[k])
-            && !a.nodes.iter().any(|n| b.nodes.contains(n))
+    wall.sort_by(|a, b| reach(a, 0)[0].total_cmp(&reach(b, 0)[0]));
+    let beside = |a, b, k| reach(a, k)[0] <= reach(b, k)[1] && reach(b, k)[0] <= reach(a, k)[1];
+    let joined = |a: &Triangle, b: &Triangle| a.0.iter().any(|n| b.0.contains(n));
+    let pierces = |(_, x): &Triangle, (_, other): &Triangle| {
+        (0..3).any(|k| through(x[k], x[(k + 1) % 3], other) != 0)
     };
     wall.iter().enumerate().any(|(i, a)| {
-        (wall[i + 1..].iter())
-            .take_while(|b| b.low[0] <= a.high[0])
-            .any(|b| beside(a, b) && (a.is_pierced_by(b) || b.is_pierced_by(a)))
+        let near = wall[i + 1..].iter().take_while(|b| beside(a, b, 0));
+        near.filter(|b| beside(a, b, 1) && beside(a, b, 2) && !joined(a, b))
+            .any(|b| pierces(a, b) || pierces(b, a))
     })
 }
 

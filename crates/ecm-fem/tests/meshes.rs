@@ -1,16 +1,10 @@
 //! Gmsh files, and what each kind of broken input is answered with.
 #![allow(clippy::unwrap_used, missing_docs)]
 
-use ecm_fem::{Fem, FemError, Laid, Load, Mesh, NeoHookean, Quality, Watch, Winding};
+use ecm_fem::{Fem, FemError, Laid, Load, Mesh, NeoHookean, Quality, Watch};
 use std::fmt::Write;
 
-const COARSE: Quality = Quality::Custom {
-    rings: 1,
-    layers: 3,
-    around: 6,
-    layer_grading_per_mille: 1000,
-    ring_grading_per_mille: 1000,
-};
+const COARSE: Quality = Quality::custom([1, 3, 6], [1000, 1000]);
 
 fn cylinder() -> Mesh {
     Mesh::cylinder(0.1, 0.03, COARSE).unwrap()
@@ -209,11 +203,7 @@ fn chambers_and_regions_of_a_file_are_those_of_the_mesh() {
         let wound = |on: &[&str]| {
             let laid = Laid::InRegion { stiffness_Pa: 1e6 };
             on.iter().try_fold(read.clone(), |mesh, on| {
-                mesh.with_winding(Winding {
-                    on: (*on).into(),
-                    angles_rad: [0.3, 0.9],
-                    laid,
-                })
+                mesh.with_winding(on, [0.3, 0.9], laid)
             })
         };
         let [both, all, one] = [&["soft body", "sleeve"][..], &["body"], &["sleeve"]].map(|on| {

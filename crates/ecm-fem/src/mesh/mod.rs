@@ -406,7 +406,18 @@ impl Mesh {
     ///
     /// # Errors
     /// No surface or region of that name; an angle beyond π/2; a stiffness that is not positive.
-    pub fn with_winding(mut self, winding: Winding) -> Result<Self, FemError> {
+    pub fn with_winding(
+        mut self,
+        on: &str,
+        angles_rad: [f64; 2],
+        laid: Laid,
+    ) -> Result<Self, FemError> {
+        let on = on.into();
+        let winding = Winding {
+            on,
+            angles_rad,
+            laid,
+        };
         let (there, name, k, expected) = match winding.laid {
             Laid::OnSurface { stiffness_N_m } => (
                 winding.on == OUTSIDE || self.surface(&winding.on).is_some(),
