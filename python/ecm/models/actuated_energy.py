@@ -308,6 +308,11 @@ class ActuatedMap(SixAxisMap):
             lambda product, expansion: power_of(a, product)[:, None, None] * (regressor @ expansion)
         )
 
+    def further_columns(self, poses: F) -> F:
+        """(N, 6, k) wrench of each coefficient of an energy of one degree more."""
+        terms = replace(self.terms, degree=self.terms.degree + 1)
+        return replace(self, terms=terms).columns(poses)
+
     def _combined(self, of: Any) -> F:
         """Arrays (..., k) of the products, summed within each orbit."""
         parts = [
