@@ -1,4 +1,4 @@
-"""The blind benchmark of docs/discovery.md: tiers 0 to 5.
+"""The blind benchmark of docs/discovery.md: tiers 0 to 7.
 
     python benches/blind.py --out build/blind [--sets 20] [--tiers 0 1]
 

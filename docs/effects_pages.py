@@ -53,6 +53,9 @@ axis, V and U energies, L the length, E, G, ν the moduli, W a strain energy. A 
 transposes it, after a coordinate it is a rate; x is the cross product. A formula is what the effect
 adds to h, or what becomes of h where h stands in it.
 """
+BY_COLUMNS = (
+    "It has parameters for each column of the table that takes part, in the units of these columns"
+)
 UNITS = {"m": (1e3, "mm"), "rad": (180.0 / np.pi, "°"), "1": (100.0, "%"), "Pa": (1e-3, "kPa")}
 """Units in which a person says a size."""
 
@@ -128,7 +131,8 @@ def section(group: str, effect: Effect) -> Iterator[str]:
         path, form = place
         parameters = form.variants(rows_of(path).table)[0].parameters
         there = f" (for the columns of `examples/{path.name}`)" if parameters else ""
-    own = sizes(parameters) + there if parameters else "It has no parameters"
+    none = "It has no parameters" if effect.kind == "noise" else BY_COLUMNS
+    own = sizes(parameters) + there if parameters else none
     yield f"**Sizes.** {own}.\n"
     needs = effect.needs or "nothing beside pose and wrench"
     few = along_few(effect)

@@ -2,7 +2,8 @@
 
 frames.svg and midframe.svg show where the frames are; models.svg and stiffness.svg are made from
 examples/neck_measured.csv. chambers.svg shows an arm with chambers; potential.svg and valve.svg are
-made from examples/wound_arm.csv. models_learning.svg and blind.svg show records of benches/results.
+made from examples/wound_arm.csv. models_learning.svg, blind.svg and those of RECORDS show
+benches/results.
 """
 
 from __future__ import annotations
@@ -292,13 +293,52 @@ def blind() -> plt.Figure:
     return figure
 
 
+def record(name: str) -> plt.Figure:
+    """A record of benches/results as bars: parts of a whole, or values side by side."""
+    label, columns, whole = RECORDS[name]
+    lines = results(f"{name}.csv")
+    high = 0.7 if whole else 0.7 / len(columns)
+    figure, axes = plt.subplots(figsize=(7, 0.9 + 0.3 * len(lines)), layout="constrained")
+    places, left = np.arange(len(lines))[::-1], np.zeros(len(lines))
+    for k, column in enumerate(columns):
+        values = np.array([float(one[column]) / float(one[whole] if whole else 1) for one in lines])
+        at = places if whole else places - high * (k - (len(columns) - 1) / 2)
+        colour = plt.get_cmap("cividis")(k / max(1, len(columns) - 1))
+        axes.barh(at, values, high, left if whole else 0.0, color=colour, label=column)
+        left += values
+    axes.set_yticks(places, [one[label].partition(":")[0] for one in lines], fontsize=8)
+    axes.set_xlabel(f"share of the {whole}" if whole else columns[0] if len(columns) == 1 else "")
+    if len(columns) > 1:
+        figure.legend(loc="outside upper center", ncols=4, fontsize=8, frameon=False)
+    return figure
+
+
+_ANSWERS = ("right", "right, and another name", "one of two", "unknown", "none",
+            "class without it", "clean wrong name")  # fmt: skip
+RECORDS: dict[str, tuple[str, tuple[str, ...], str]] = {
+    "blind_second": ("--seed", ("one effect, s = 1", "s = 3"), ""),
+    "blind_third": ("--seed", ("right", "family", "unknown", "none", "no class of three",
+                               "wrong class", "wrong name"), "sets"),
+    "blind_kinds": ("kind", _ANSWERS, "sets"),
+    "blind_ablation": ("without", ("other answers",), ""),
+    "eight_effects": ("hidden", ("error_before", "error_after"), ""),
+}  # fmt: skip
+"""Records: the column of labels, the columns that are drawn, and that of the whole they are of."""
+
+
 def main(folder: Path) -> None:
     """Write every picture."""
     plt.rcParams["svg.hashsalt"] = "ecm"
     for draw in PICTURES:
-        figure = draw()
-        figure.savefig(folder / f"{draw.__name__}.svg", metadata={"Date": None})
-        plt.close(figure)
+        save(draw(), folder / f"{draw.__name__}.svg")
+    for name in RECORDS:
+        save(record(name), folder / f"{name}.svg")
+
+
+def save(figure: plt.Figure, path: Path) -> None:
+    """Write a picture, the same bytes each time."""
+    figure.savefig(path, metadata={"Date": None})
+    plt.close(figure)
 
 
 PICTURES = (

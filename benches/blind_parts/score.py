@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import permutations
 from typing import Any
 
 import numpy as np
 
-from blind_parts.sets import ALL_SETS, ARM
+from blind_parts.sets import ALL_SETS, ARM, THREE
 
 LARGEST_CLASS = 3
 GOALS_ONE = {0.2: 0.80, 0.3: 0.90, 0.5: 0.95, 1.0: 0.98, 3.0: 0.99}
@@ -35,10 +36,10 @@ def all_right(result: Result) -> bool:
     found = names(result[OURS])
     if len(found) != len(hidden) or len(result[OURS]["answer"]) != len(found):
         return False
-    if len(hidden) == 1:
-        return hidden[0] in found[0]
-    a, b = hidden
-    return (a in found[0] and b in found[1]) or (b in found[0] and a in found[1])
+    return any(
+        all(id in one for id, one in zip(hidden, order, strict=True))
+        for order in permutations(found)
+    )
 
 
 def clean_wrong(result: Result) -> bool:
@@ -102,6 +103,7 @@ def tier_lines(results: Sequence[Result]) -> list[dict[str, Any]]:
             all_right,
             lambda v, goal=goal: v >= goal,
         )
+    line("7: all three, s = 1", by[THREE], ">= 0.80", all_right, lambda v: v >= 0.8)
     for s, goal in GOALS_FOREIGN.items():
         own = [r for r in by[3] if _strength(r) == s]
         line(

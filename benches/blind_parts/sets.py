@@ -21,8 +21,10 @@ from ecm.rig.physics import TRUE_EFFECTS
 TIER_SETS = {0: 200, 1: 750, 2: 300, 3: 250, 4: 100, 5: 100}
 ARM = 6
 """Number of the tier with the full robot: an arm that bends, swings and settles (`ecm.rig.arm`)."""
-ALL_SETS = {**TIER_SETS, ARM: 20}
-_CYCLE = {0: 4, 1: 5, 2: 2, 3: 4, 4: 3, 5: 1, ARM: 4}
+THREE = 7
+"""Number of the tier with three effects at once."""
+ALL_SETS = {**TIER_SETS, ARM: 20, THREE: 60}
+_CYCLE = {0: 4, 1: 5, 2: 2, 3: 4, 4: 3, 5: 1, ARM: 4, THREE: 1}
 """Pairs of sets after which strengths and kinds of a tier come round again."""
 STRENGTHS = (0.2, 0.3, 0.5, 1.0, 3.0)
 NOT_TO_BE_NAMED = ("compressibility", "pretension")
@@ -152,6 +154,12 @@ def _two(index: int) -> Set:
     return Set(2, index, source, hidden=tuple((str(id), strength) for id in pair))
 
 
+def _three(index: int) -> Set:
+    source = _source(index)
+    chosen = _random(THREE, index).choice(hideable(source), 3, replace=False)
+    return Set(THREE, index, source, hidden=tuple((str(id), 1.0) for id in chosen))
+
+
 def _foreign(index: int) -> Set:
     source, random = _source(index), _random(3, index)
     strength = (0.5, 1.0)[(index // 2) % 2]
@@ -187,5 +195,5 @@ def _arm(index: int) -> Set:
 
 
 _MAKE = {
-    0: _nothing, 1: _one, 2: _two, 3: _foreign, 4: _paper, 5: _alike, ARM: _arm,
+    0: _nothing, 1: _one, 2: _two, 3: _foreign, 4: _paper, 5: _alike, ARM: _arm, THREE: _three,
 }  # fmt: skip

@@ -64,10 +64,24 @@ def log(name: str) -> None:
 @pytest.mark.parametrize("name", _LOGS)
 def test_a_raw_log_is_answered_with_the_import_that_works(name: str, ecm_command: Run) -> None:
     log(name)
-    done = ecm_command("fit", name, "--model", "linear", "--out", "model.json")
+    done = ecm_command("fit", name)
     assert done.code == 2
     table = typed(ecm_command, done.err)
     assert ecm_command("fit", table, "--model", "linear", "--out", "model.json").code == 0
+
+
+def test_a_model_that_nobody_named_is_called_like_its_table(ecm_command: Run) -> None:
+    log("displacement.csv")
+    assert ecm_command("import", "displacement.csv", "--out", "data.csv").code == 0
+    assert ecm_command("fit", "data.csv", "--model", "linear").code == 0
+    fitted = Path("data.json").read_bytes()
+    done = ecm_command("fit", "data.csv", "--model", "quadratic")
+    assert done.code == 2
+    assert Path("data.json").read_bytes() == fitted
+    assert ecm_command(*advised(done.err)).code == 0
+    assert "poly:2" in Path("data-2.json").read_text(encoding="utf-8")
+    done = ecm_command("fit", "data.csv", "--model", "physics")
+    assert "--out OUT" not in done.err
 
 
 def test_an_angle_turns_about_an_axis_across(ecm_command: Run) -> None:

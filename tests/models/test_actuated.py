@@ -17,6 +17,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models import Model, PolynomialModel
 from ecm.models.actuated import ActuatedMap, ActuatedModel, ActuatedTerms, WallStiffness
+from ecm.models.evaluation import pose_error
 from ecm.models.selection import choose_model
 from ecm.regression.rows import inputs_of
 from ecm.workflow.config import read_config
@@ -177,6 +178,20 @@ def test_stiffness_and_g_are_those_of_the_body(model: Model) -> None:
     found = model.actuation_jacobian(here.poses, pressures)
     assert np.abs(found - g).max() < 0.04 * np.abs(g).max()
     assert np.abs(model.actuated.amount_jacobian(rows) - c).max() < 0.05 * c.max()
+
+
+def test_an_error_becomes_one_of_the_pose_at_the_inputs_of_its_row(
+    model: Model, fresh: Table
+) -> None:
+    errors = np.tile([0.1, 0.1, 0.0, 0.0, 0.0, 1e-3], (len(fresh), 1))
+    found = pose_error(model, fresh, errors)
+    assert not len(found.left_out)
+    rows = fresh.matrix((*POSE, *fresh.actuation_columns))
+    # K at these poses and no pressure is another by a fifth and more.
+    expected = np.linalg.solve(model.stiffness(rows), errors[:, :, None])[:, :, 0]
+    np.testing.assert_allclose(found.change, expected, rtol=1e-9, atol=1e-15)
+    unpressed = np.linalg.solve(model.stiffness(rows[:, :6]), errors[:, :, None])[:, :, 0]
+    assert np.abs(unpressed / expected - 1.0).max() > 0.2
 
 
 def test_turning_mirroring_and_end_for_end_leave_the_energy(model: Model, fresh: Table) -> None:

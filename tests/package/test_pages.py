@@ -47,6 +47,53 @@ def test_the_readme_runs_but_for_the_two_commands_of_make(
     follow(found, "README.md", tmp_path, run_here)
 
 
+GIVEN = {
+    "README.md": {"1.89", "3.10", "3.11", "7.3"},  # versions
+    "choose_a_model.md": {"0.49"},
+    "first_rig.md": {"0.118"},
+    "noise.md": {"0.5"},
+    "own_data.md": {"0.436"},
+}
+"""Numbers of the text that no block prints: they are given."""
+
+
+def not_printed(text: str) -> set[str]:
+    """Decimal numbers of a page that are no rounding, or percentage, of one in its blocks."""
+    fence = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
+    printed = [
+        float(n) for n in re.findall(r"\d+(?:\.\d+)?(?:e-?\d+)?", "".join(fence.findall(text)))
+    ]
+    prose = re.sub(
+        r"`[^`]*`|!\[[^]]*\]|\]\([^)]*\)|^(?:\||    ).*$", "", fence.sub("", text), flags=re.M
+    )
+    found = set(re.findall(r"(?<![\w.])\d+\.\d+(?![\w.]*\d)", prose))
+    return {
+        word for word in found
+        if not any(round(n, len(word.split(".")[1])) == float(word) for k in printed
+                   for n in (k, 100.0 * k))
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        page
+        for page in (ROOT / "README.md", *PAGES)
+        if page.parent.name in (ROOT.name, "tutorials", "howto")
+        and any(block.language == "text" for block in blocks(page))
+    ],
+    ids=lambda page: page.stem,
+)
+def test_numbers_of_the_text_are_those_that_its_blocks_print(page: Path) -> None:
+    assert not_printed(page.read_text(encoding="utf-8")) == GIVEN.get(page.name, set())
+
+
+def test_a_number_of_the_text_that_nothing_prints_is_noticed() -> None:
+    page = "```text\nerror 9.554 and 0.12\n```\nIt errs {} times the noise, 12.0 %.\n"
+    assert not_printed(page.format("9.6")) == set()
+    assert not_printed(page.format("9.7")) == {"9.7"}
+
+
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs(
     path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

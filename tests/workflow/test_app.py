@@ -30,6 +30,7 @@ from ecm.errors import InputError
 from ecm.io.events import live_path
 from ecm.io.table import read_table
 from ecm.rig.hidden.truth import sealed, sha256
+from ecm.workflow.app.copying import report_of
 from ecm.workflow.app.journal import Journal
 from ecm.workflow.app.server import App, application, begin, serve
 from ecm.workflow.app.session import Session
@@ -602,6 +603,10 @@ def test_a_session_has_a_report_and_goes_on_from_its_zip(app: App, tmp_path: Pat
         finished(client, app)
         state = step(client, app, "refit", add=["fts_drift"])
         report = client.get("/api/report").text
+        ladder = report_of(app.session).sections[0].blocks
+        error, held_out = (item["x"] for item in ladder[1].figure["data"][:2])
+        assert error == held_out == ["1 linear", "2 + fts_drift"]  # a name each, no 1.1 fits
+        assert all(isinstance(held, float) for *_, held in ladder[0].rows)
         for part in ("Ladder of errors", "Before and after", "Parameters", "ecm refit"):
             assert part in report
         content = client.get("/api/zip").content
@@ -638,6 +643,8 @@ def test_a_guess_that_is_wrong_is_refused_by_a_person(app: App, tmp_path: Path) 
 @pytest.mark.parametrize(
     ("command", "request_"),
     [
+        ("ecm export m.json --to c --mass 2.5 --inertia 1e-2 --out x",
+         {"verb": "export", "to": "c", "mass": "2.5", "inertia": "1e-2"}),
         ("ecm export m.json --to c --out x --json y --force",
          {"verb": "export", "to": "c", "force": True}),
         ("ecm refit m.json 'a b.csv' --remove payload --out n.json",
@@ -718,7 +725,7 @@ _CLOSED = """
 import time
 from pathlib import Path
 from ecm.errors import InputError
-from ecm.workflow.app.views import Views
+from ecm.workflow.app.jobs import Views
 if __name__ == "__main__":
     views = Views(Path("."))
     work = views._process().submit(time.sleep, 600)
@@ -744,7 +751,7 @@ def test_the_end_of_the_server_ends_a_view(tmp_path: Path) -> None:
 _VIEWS = """
 import os, signal, sys
 from pathlib import Path
-from ecm.workflow.app.views import Views
+from ecm.workflow.app.jobs import Views
 if __name__ == "__main__":
     views = Views(Path("."))
     print(views._process().submit(os.getpid).result(), flush=True)

@@ -21,6 +21,7 @@ import pytest
 import uvicorn
 
 import ecm
+from ecm.cli import run
 from ecm.effects import get_effect, unregister
 from ecm.io.columns import POSE
 from ecm.io.events import live_path
@@ -205,9 +206,12 @@ def _next_and_out_by_keys(page: Page) -> None:
     page.tab_to("#main [name=language]:checked")
     page.keys("ArrowRight")
     assert page.js("document.querySelector('[name=language]:checked').value") == "rust"
+    page.tab_to("#export-mass")
+    page.keys("2", "Tab", "1", "Tab")
     page.tab_to("#export")
     page.keys("Enter")
     page.until("!!document.querySelector('.files a')")
+    assert re.search(r"Control loop for 2\s+kg and 1\s+kg", page.text())
     page.tab_to(".files a")
     assert page.js("document.activeElement.pathname").startswith("/files/export-")
 
@@ -229,7 +233,9 @@ const rows = [...Array(20).keys()].map(i => `${i * 1e-4},${i + 0.01 * (i % 3)}`)
 const text = ["x_m,fx_N", ...rows, ""].join("\\n");
 for (const name of ["length.toml", "a.csv", "b.csv"])
   given.items.add(new File([name.endsWith(".csv") ? text : "# nothing"], name));
-const input = document.querySelector("#file");
+const input = document.querySelector("#file"), upload = document.querySelector("#upload");
+window.told = [];
+new MutationObserver(() => told.push(upload.textContent)).observe(upload, {childList: true});
 input.files = given.files;
 input.dispatchEvent(new Event("change"));
 """
@@ -247,6 +253,7 @@ def test_files_that_are_dropped_together_become_runs_with_their_description(
             " && s.check && s.data.length === 2 && s.data[1].name === 'length.toml')"
         )
         state = _state(page)
+        assert "b.csv: 100 % is here, file 2 of 3" in page.js("window.told")
         assert [item["name"] for item in state["data"]] == ["a.csv", "length.toml"]
         assert state["check"]["rows"] == 40
 
@@ -647,6 +654,86 @@ def test_a_column_that_never_varies_and_a_noise_that_is_not_known(
         assert "Nothing is known of the noise" in said
         assert "noise floor" not in said
     assert page.problems() == []
+
+
+_ON_EACH_OTHER = """(async () => {
+  const kind = CanvasRenderingContext2D.prototype, own = kind.fillText, seen = [];
+  kind.fillText = function (text, x, y, ...rest) {
+    const wide = this.measureText(text).width, share = {right: 1, center: 0.5}[this.textAlign] ?? 0;
+    seen.push({text, left: x - share * wide, right: x + (1 - share) * wide, y});
+    return own.call(this, text, x, y, ...rest);
+  };
+  document.querySelector("#wipe").dispatchEvent(new Event("input"));
+  await new Promise(done => requestAnimationFrame(() => setTimeout(done)));
+  kind.fillText = own;
+  const pairs = seen.flatMap((a, i) => seen.slice(i + 1).map(b => [a, b]));
+  return [seen.length, pairs.filter(([a, b]) => Math.abs(a.y - b.y) < 11 && a.left < b.right
+    && b.left < a.right).map(([a, b]) => `${a.text} | ${b.text}`)];
+})()"""
+_NO_WORDS_OF_THE_PAGE = re.compile(
+    r"(?<!\S)--[a-z]|\[(?:mechanism|instrument|scene|columns|frames|file|leave_out)\]|TOML"
+)
+
+
+def test_one_axis_has_no_empty_place_and_the_page_no_words_of_a_terminal(
+    page: Page, tmp_path: Path
+) -> None:
+    table, log = tmp_path / "hinge.csv", ROOT / "examples" / "hinge_log.csv"
+    given = ["--axis", "z", "--meta", str(log.with_suffix(".toml")), "--out", str(table)]
+    assert run(["import", str(log), *given]) == 0
+
+    def stage(name: str) -> str:
+        page.js(f"location.hash = '{name}'")
+        page.until(f"document.documentElement.dataset.stage === '{name}' && {_IDLE} && {_DRAWN}")
+        said = page.text()
+        assert "No picture in space" not in said
+        assert _NO_WORDS_OF_THE_PAGE.findall(said) == [], name
+        return said
+
+    with served(table, folder=tmp_path / "session") as address:
+        page.open(address)
+        page.until("!!document.querySelector('#to-model, #fit')")
+        assert "Circles are measured." in stage("data")
+        stage("model")
+        assert not page.js("document.querySelector('[name=kind][value=choose]').disabled")
+        page.click("[name=kind][value=cubic]")
+        _click_to_the_end(page, "#fit")
+        stage("fails")
+        stage("missing")
+        page.until("!!document.querySelector('[data-add=hysteresis]')")
+        said = stage("missing")
+        assert "Say the length when detached, under Data" in said
+        assert "Say fts_resolution in the description" in said
+        assert "smooth and the same on every visit." in said
+        _click_to_the_end(page, "[data-add=hysteresis]")
+        page.until("document.querySelector('#wipe').value === '0'")
+        drawn, pairs = page.js(_ON_EACH_OTHER)
+        assert drawn > 8
+        assert pairs == []
+        stage("add")
+    assert page.problems() == []
+
+
+_UP = "".join(f"{i},{i + 0.1 * (i % 3)},{i}\n" for i in range(30))
+
+
+@pytest.mark.parametrize(
+    ("log", "said"),
+    [
+        ("time [s],angle [deg],torque [N mm]\n" + _UP, "column 'time [s]' looks like 'time_s'"),
+        ("x_m,fx_N,n\n" + _UP, "look like millimetres.\nSay below what the columns are"),
+        ("x_mm,fx_N,n\n" + _UP + "29,31,29\n29,31,29\n", "Import it, since"),
+    ],
+)
+def test_a_refused_log_is_told_in_the_words_of_the_page(
+    page: Page, tmp_path: Path, log: str, said: str
+) -> None:
+    (tmp_path / "log.csv").write_text(log, encoding="utf-8")
+    with served(tmp_path / "log.csv", folder=tmp_path / "session") as address:
+        page.open(address)
+        page.until("!!document.querySelector('#trouble') && !!document.querySelector('#import')")
+        assert said in page.text()
+        assert _NO_WORDS_OF_THE_PAGE.findall(page.text()) == []
 
 
 def test_a_refused_export_has_a_button_for_each_way_out(page: Page, tmp_path: Path) -> None:

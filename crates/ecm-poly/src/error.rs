@@ -75,9 +75,8 @@ pub enum ModelError {
         expected: &'static str,
     },
     /// Fewer equations than coefficients.
-    #[error(
-        "{equations} equations for {coefficients} coefficients: give more rows, or take a lower degree"
-    )]
+    #[error("{equations} equation{} for {coefficients} coefficients: give more rows, or take a lower degree",
+        if *equations == 1 { "" } else { "s" })]
     TooFewRows {
         /// Rows times components.
         equations: usize,

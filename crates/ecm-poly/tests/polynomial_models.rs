@@ -258,6 +258,12 @@ fn a_row_of_weight_zero_is_no_observation() {
         error.to_string().starts_with("27 equations for 28"),
         "{error}"
     );
+    let one: Vec<f64> = (0..90).map(|i| f64::from(u8::from(i < 1))).collect();
+    let error = PolynomialModel::fit(&points, 6, &values, 1, 2, method, Some(&one)).unwrap_err();
+    assert!(
+        error.to_string().starts_with("1 equation for 28"),
+        "{error}"
+    );
     let none = [0.0; 90];
     let error = PolynomialModel::fit(&points, 6, &values, 1, 2, method, Some(&none)).unwrap_err();
     assert!(error.to_string().contains("0 in every row"), "{error}");

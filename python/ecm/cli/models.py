@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ecm.cli.session import Session, check_output_directory, saved_by_force
+from ecm.cli.session import Session, check_output_directory, model_named_after, saved_by_force
 from ecm.comparison import compare as compare_model
 from ecm.comparison.result import comparison_report
 from ecm.effects import load_installed
@@ -277,7 +277,7 @@ def fit(
     session: Session,
     data: list[Path],
     *,
-    out: Path,
+    out: Path | None = None,
     model: str = "cubic",
     pcr: str | None = None,
     curve: bool = False,
@@ -289,6 +289,8 @@ def fit(
 
     Parameters
     ----------
+    out : FILE
+        The model; else the name of DATA with .json.
     model : NAME
         choose, poly:D, energyD, physics or file.
     pcr : B
@@ -308,6 +310,12 @@ def fit(
     """
     session.check_output(out)
     table = session.read(data, need="fit")
+    if out is None:  # asked for last: a log is told how it becomes a table first
+        out = model_named_after(data)
+        if out.exists():
+            again = Remedy("name the model", f"AGAIN --out {shlex.quote(f'{out.stem}-2.json')}")
+            raise InputError(f"{out} is already there and is not overwritten", remedy=again)
+        session.check_output(out)
     for sentence in likely_continuous(table):
         session.warn(sentence)
     wrong = wrong_convention(table, refuse=not force)

@@ -175,6 +175,11 @@ def _check_writable(path: Path, directory: Path) -> None:
         raise InputError(f"{path}: no permission to write in {nearest}. Choose another place.")
 
 
+def model_named_after(data: Any) -> Path:
+    """Return the file of a model that nobody named: called like the first of its tables."""
+    return Path(f"{Path(data[0]).stem}.json")
+
+
 @contextmanager
 def saved_by_force(path: Path) -> Iterator[None]:
     """Add to the refusal of a model that it was not saved, and how it would be."""
@@ -341,6 +346,8 @@ class Session(Console):
             if given is not None:
                 parts = given if isinstance(given, list | tuple) else [given]
                 files[name.upper()] = " ".join(shlex.quote(str(part)) for part in parts)
+        if "DATA" in files and options.get("out", "") is None:
+            files["OUT"] = shlex.quote(str(model_named_after(options["data"])))
         if self.meta is not None and "DATA" in files:
             files["DATA"] += f" --meta {shlex.quote(str(self.meta))}"
         return files

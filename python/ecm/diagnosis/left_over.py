@@ -25,7 +25,13 @@ from ecm.comparison.residuals import (
 )
 from ecm.comparison.structure import LEAST_STRENGTH
 from ecm.diagnosis.problem import ABSORBED_SHARE, Candidate, Problem
-from ecm.diagnosis.search import Estimate, best_shapes, bounded_estimate, delta_chi2
+from ecm.diagnosis.search import (
+    ONE_CAUSE_SHARE,
+    Estimate,
+    best_shapes,
+    bounded_estimate,
+    delta_chi2,
+)
 from ecm.diagnosis.statements import WrongStatement
 from ecm.io.arrays import B, F, rest_of
 from ecm.io.columns import JOINTS, unit_of
@@ -33,9 +39,10 @@ from ecm.regression.f_test import Beside, FTest, lack_of_fit, omnibus_test, orth
 from ecm.regression.folds import repeat_cells
 from ecm.regression.history import SlowNoise, row_before, speeds
 
-LEFT_SHARE = (1.0, 0.15, 0.12, 0.08)
-"""Unknown beyond this share of the structure after 0, 1, 2, 3 or more effects: right ones leave the
-misfit of their form, wrong ones come in numbers and leave more."""
+_LEFT_SHARE = 0.15
+"""Unknown beyond this share of the structure, less by what an effect must explain beyond another
+for each further one: right ones leave the misfit of their form, wrong ones come in numbers and
+leave more."""
 _LEFT_DEVIATIONS = 1.645
 """Standard deviations by which that share must be exceeded."""
 
@@ -127,7 +134,7 @@ def leftover(problem: Problem, gate: Gate, effects: Sequence[Candidate]) -> Left
     strong = after > problem.size * least**2
     # What the effects explain was structure, whether smooth functions see it or not.
     before = max(gate.structure, delta_chi2(problem, effects))
-    allowed = LEFT_SHARE[min(len(effects), len(LEFT_SHARE) - 1)] * before
+    allowed = max(0.0, _LEFT_SHARE - ONE_CAUSE_SHARE * (len(effects) - 1)) * before
     # Chance adds to what is left: it must be more than the form of an effect may leave.
     spread = float(np.sqrt(2.0 * test.dof + 4.0 * allowed))
     large = not effects or after > allowed + _LEFT_DEVIATIONS * spread

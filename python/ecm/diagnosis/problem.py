@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
@@ -236,6 +236,22 @@ def score_columns(rows: Rows, whitener: F, effect: Effect) -> F:
     """Return (N, m, k) whitened derivative of the effect's correction at zero."""
     jacobian = jacobian_of(effect, rows, np.zeros(len(effect.parameters)))
     return np.asarray(whitener @ jacobian)
+
+
+def _half_way(
+    rows: Rows, whitener: F, projection: Projection, y: F, one: ScoreColumns
+) -> ScoreColumns:
+    """Return the columns half way to the values that explain most: they give the whole change.
+
+    What an input does that is off by much follows from G between the recorded and the acting one.
+    """
+    own = projection.flat(projection.rest(one.columns))
+    parameters = one.effect.parameters
+    values = np.clip(
+        np.linalg.lstsq(own, y)[0], [p.lower for p in parameters], [p.upper for p in parameters]
+    )
+    columns = whitener @ jacobian_of(one.effect, rows, 0.5 * values)
+    return replace(one, columns=np.asarray(columns))
 
 
 def _refined_shapes(
@@ -608,6 +624,9 @@ def assemble(
     weights = robust_weights(response, [base_block, *(one.columns for _, one in first.values())])
     projection = Projection.of(base_block, np.sqrt(weights))
     every += _refined_shapes(rows, whitener, response, every, projection)
+    if around is not None:
+        y = projection.flat(projection.rest(response[:, :, None]))[:, 0]
+        every = in_threads(partial(_half_way, rows, whitener, projection, y), every)
     kept, absorbed = _not_absorbed(every, projection, base)
     projected = base_block[:, :, :0]
     if base_block.shape[2] > settings.most_base_columns:

@@ -649,8 +649,7 @@ def _stiffness(model: EvaluatedModel, table: Table, axes: list[int]) -> tuple[F,
     """K = dh/dp of the axes (N, a, a), and K_s where all rotations are among them, else K."""
     inputs = [model.inputs.index(POSE[k]) for k in axes]
     outputs = [model.outputs.index(WRENCH[k]) for k in axes]
-    poses = np.ascontiguousarray(table.matrix(model.inputs))
-    partial = model.stiffness(poses)[:, outputs][:, :, inputs]
+    partial = model.stiffness(inputs_of(model.base, table))[:, outputs][:, :, inputs]
     partial[~np.isfinite(partial).all(axis=(1, 2))] = 0.0
     if axes[-3:] != [3, 4, 5]:
         return partial, partial

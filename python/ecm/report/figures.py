@@ -152,8 +152,8 @@ def panel_axes(panel: int) -> dict[str, str]:
 
 
 def scatter(x: Any, y: Any, mode: str = "markers", **settings: Any) -> dict[str, Any]:
-    """Return a trace of points or lines, its numbers with five digits."""
-    x, y = ([float(f"{value:.5g}") for value in values] for values in (x, y))
+    """Return a trace of points or lines, its numbers with five digits; x may be names."""
+    x, y = ([v if isinstance(v, str) else float(f"{v:.5g}") for v in of] for of in (x, y))
     return {"type": "scatter", "mode": mode, "x": x, "y": y, **settings}
 
 
@@ -316,7 +316,7 @@ def histogram(
 
 
 def lines(
-    series: Mapping[str, tuple[Sequence[float], Sequence[float]]],
+    series: Mapping[str, tuple[Sequence[float] | Sequence[str], Sequence[float]]],
     *,
     x_title: str,
     y_title: str,
@@ -336,7 +336,7 @@ def lines(
         for k, (name, (x, y)) in enumerate(series.items())
     ]
     layout = _layout(
-        xaxis=_axis(x_title, type="log" if log_x else "linear"),
+        xaxis=_axis(x_title, type="log" if log_x else "-"),  # numbers, or names
         yaxis=_axis(y_title, type="log" if log_y else "linear", exponentformat="power"),
     )
     return {"data": data, "layout": layout}

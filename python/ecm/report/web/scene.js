@@ -10,6 +10,7 @@ import {mark, marked, onMark} from "./selection.js";
 export const POSE = ["x_m", "y_m", "z_m", "theta_x_rad", "theta_y_rad", "theta_z_rad"];
 export const WRENCH = ["fx_N", "fy_N", "fz_N", "tau_x_Nm", "tau_y_Nm", "tau_z_Nm"];
 export const mm = values => values.map(v => v * 1e3);
+export const hasSpace = columns => POSE.slice(0, 3).every(name => columns[name]);
 const FEW = 4;
 const HOW = "Drag turns. A click or a tap marks one row, shift and drag or “Mark a box” those in a box.";
 
@@ -17,7 +18,7 @@ const HOW = "Drag turns. A click or a tap marks one row, shift and drag or “Ma
 // model puts the top from where it was measured, six columns in m and rad, `now` and, where it was fitted again, `before`.
 export function workspace(view, rows, columns, values, {title, unit, forces = false, name, gap = null}) {
   const pose = POSE.map(key => columns[key]);
-  if (!pose.slice(0, 3).every(Boolean)) {
+  if (!hasSpace(columns)) {
     return el("div", {class: "waiting"}, "No picture in space: the table has not all of x, y and z.");
   }
   const full = pose.every(Boolean), profile = profileOf(view), force = forces ? forcesOf(columns, profile) : null;

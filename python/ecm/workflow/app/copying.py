@@ -26,9 +26,9 @@ from ecm.report.blocks import (
     web_file,
 )
 from ecm.report.figures import bars, lines
-from ecm.workflow.app.jobs import FOLLOWED_BY
+from ecm.workflow.app.jobs import FOLLOWED_BY, Views
 from ecm.workflow.app.session import INCOMING, Session
-from ecm.workflow.app.views import NEED_MODEL, Views, state_of
+from ecm.workflow.app.views import NEED_MODEL, state_of
 
 _PAGE = Path(__file__).parent / "page"
 _LINKS = """<link rel="stylesheet" href="/page/look.css">
@@ -104,7 +104,9 @@ def report_of(session: Session) -> Report:
     effects = (state["fit"] or {}).get("effects", [])
     if effects:
         sections.append(Section("Parameters", [_parameters(effects)]))
-    found, truth = state["diagnosis"] or session.result(session.last_diagnosis()), state["truth"]
+    history, files = session.now()
+    found = session.result(history.last("diagnose", data=files.data))
+    truth = state["truth"]
     said = [] if found is None else [TextBlock(found["summary"]["missing"], strong=True)]
     if truth is not None:
         names = ", ".join(item["id"] for item in truth["effects"]) or "nothing"
@@ -131,15 +133,17 @@ def _ladder(tried: Sequence[dict[str, Any]], floor: Errors) -> list[Block]:
     """Every fit that counts: its error over the noise beside the best of them."""
     if not tried:
         return [TextBlock("No model has been fitted yet.")]
-    errors, places = [_over(rung, floor) for rung in tried], [*map(float, range(1, len(tried) + 1))]
-    series = {"error": (places, errors), "noise floor": (places, [1.0] * len(tried))}
+    errors = {f"{k} {rung['name']}": _over(rung, floor) for k, rung in enumerate(tried, 1)}
+    names, held = [*errors], dict[str, float]()
+    # The last fit on a base tells the held-out errors of all fits on it.
+    for k, rung in enumerate(tried):
+        for at, past in enumerate(rung["history"], k + 1 - len(rung["history"])):
+            held[names[at]] = errors[names[at]] * past["held_out"] / past["train"]
+    series = {"fitted rows": (names, [*errors.values()]), "held out": ([*held], [*held.values()]),
+              "noise floor": (names, [1.0] * len(names))}  # fmt: skip
     figure = lines(series, x_title="fit", y_title="error / noise", log_y=True)
-    rows: list[list[Cell]] = []
-    for k, (rung, error) in enumerate(zip(tried, errors, strict=True), 1):
-        last = (rung["history"] or [None])[-1]
-        held = None if last is None else error * last["held_out"] / last["train"]
-        rows.append([k, rung["name"], error, held])
-    header = ("", "fit", "fitted rows", "held out")
+    rows: list[list[Cell]] = [[name, error, held.get(name)] for name, error in errors.items()]
+    header = ("fit", "fitted rows", "held out")
     return [
         TableBlock("The error of every fit of these rows, times the noise.", header, rows),
         FigureBlock("The same. The noise does not change with the model.", figure),

@@ -1,21 +1,29 @@
-"""Commands in a process of their own, one at a time: progress, time left, cancel, the end."""
+"""The processes of a session: commands, one at a time, and what the page draws of their files."""
 
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any, TypeVar
 
 from ecm.errors import InputError
 from ecm.io import events
-from ecm.workflow.app.journal import DiskError, Step
+from ecm.io.cache import hash_of
+from ecm.workflow.app.journal import DiskError, Step, writing
 from ecm.workflow.app.session import INTERRUPTED, Session
+from ecm.workflow.app.views import Given, compute_view
 
 FOLLOWED_BY = {
     "example": "check",
@@ -251,3 +259,76 @@ class Jobs:
             self._begin(verb, then, automatic=verb in FOLLOWED_BY.values())
             return True
         return False
+
+
+_INTERRUPTED = 130
+
+
+class Views:
+    """The views of a session folder, each kept in `views/`, and the process that computes them."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._lock = threading.Lock()
+        self._pool: ProcessPoolExecutor | None = None
+        self._life: Connection | None = None
+        """End of a pipe: when it closes, so does the process."""
+        self._closed = False
+
+    def file(
+        self, name: str, data: Sequence[str], model: str | None, *, skip_bad_rows: bool = False
+    ) -> Path:
+        """Return the file of a view; computes it where it is not there yet.
+
+        Raises
+        ------
+        InputError
+            Where the files do not allow it.
+        """
+        key = hash_of(name, list(data), model, *(["skip"] if skip_bad_rows else []))
+        path = self.folder / "views" / f"{name}-{key[:16]}.json"
+        if not path.is_file():
+            tables = [self.folder / table for table in data]
+            of_model = None if model is None else self.folder / model
+            given = Given(tables, of_model, skip_bad_rows)
+            asked, pool = (name, path, given), self._process()
+            with writing(path, f"the view {name}"):
+                try:
+                    pool.submit(compute_view, *asked).result()
+                except BrokenProcessPool:  # killed, or out of memory: once more
+                    self._process(pool).submit(compute_view, *asked).result()
+        return path
+
+    def close(self) -> None:
+        """End the process, also in the middle of a view."""
+        with self._lock:
+            self._closed = True
+            if self._life is not None:
+                self._life.close()
+            if self._pool is not None:
+                self._pool.shutdown(cancel_futures=True)
+
+    def _process(self, broken: ProcessPoolExecutor | None = None) -> ProcessPoolExecutor:
+        """Return the process that is there; a new one in place of a broken one."""
+        with self._lock:
+            if self._closed:
+                raise InputError("the server is being ended")
+            if self._pool is None or self._pool is broken:
+                context = get_context("spawn")
+                life, self._life = context.Pipe(duplex=False)
+                self._pool = ProcessPoolExecutor(
+                    1, mp_context=context, initializer=_end_with, initargs=(life,)
+                )
+            return self._pool
+
+
+def _end_with(life: Connection) -> None:
+    """End this process with the server, however that ends; Ctrl-C is for the server."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch() -> None:
+        with suppress(EOFError, OSError):
+            life.recv()
+        os._exit(_INTERRUPTED)
+
+    threading.Thread(target=watch, daemon=True).start()

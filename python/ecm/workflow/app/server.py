@@ -30,10 +30,10 @@ from ecm.io.extras import require
 from ecm.report.blocks import WEB
 from ecm.report.figures import view_of
 from ecm.workflow.app.copying import archive_of, copy_of, report_of
-from ecm.workflow.app.jobs import Busy, Jobs
+from ecm.workflow.app.jobs import Busy, Jobs, Views
 from ecm.workflow.app.journal import DiskError, sentence, writing
 from ecm.workflow.app.session import INCOMING, Session, model_of, suffix_of
-from ecm.workflow.app.views import NEED_MODEL, SHOWN, Views, fits_of, state_of
+from ecm.workflow.app.views import NEED_MODEL, SHOWN, fits_of, state_of
 
 if sys.platform == "win32":
     import msvcrt

@@ -203,11 +203,6 @@ class Session:
             return None
         return {**document, "step": None if step is None else step.number}
 
-    def last_diagnosis(self) -> Step | None:
-        """Return the last diagnosis of the tables that count, of whichever model."""
-        history, files = self.now()
-        return history.last("diagnose", data=files.data)
-
     def opened(self, history: History, files: Files) -> Step | None:
         """Return the last step that opened the truth of these tables; undo does not close it."""
         sealed = {self._truth(name) for name in files.data} - {None}

@@ -84,11 +84,13 @@ Request = Mapping[str, Any]
 
 
 _ANY, _WORDS, _TARGET = r"(?s).*", r"[A-Za-z0-9 ,/^*.-]{0,80}", "c|rust|mujoco"
+_NUMBER = r"\d{0,6}\.?\d{0,9}(e-?\d)?"
 _MODEL = r"[A-Za-z][A-Za-z0-9:+_-]{0,60}"
 _EXPECTED = {
     _ANY: "a text",
     _WORDS: "letters, digits, commas and spaces",
     _TARGET: "c, rust or mujoco",
+    _NUMBER: "a number above 0",
     _MODEL: "the name of a model, as energy6 or cubic",
 }
 _OPTIONS: dict[str, dict[str, str | list[str] | None]] = {
@@ -98,7 +100,7 @@ _OPTIONS: dict[str, dict[str, str | list[str] | None]] = {
     },
     "fit": {"model": _MODEL, "curve": None, "force": None},
     "refit": {"add": [_ANY], "remove": [_ANY], "freeze": [_ANY], "force": None},
-    "export": {"to": _TARGET, "force": None},
+    "export": {"to": _TARGET, "mass": _NUMBER, "inertia": _NUMBER, "force": None},
     "check": {"skip_bad_rows": None},
 }
 """What a request may say of the options of its command: one text of a form, several, or a flag."""

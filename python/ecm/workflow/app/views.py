@@ -1,24 +1,15 @@
 """What the page shows of a session: its state as one JSON document, and views as files.
 
-A view is computed in a process of its own, once: it depends on files that never change when a step
-has written them, so it is kept in `views/`.
+A view depends on files that never change when a step has written them.
 """
 
 from __future__ import annotations
 
 import itertools
-import os
 import shlex
-import signal
-import threading
 from base64 import b64encode
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +19,9 @@ from ecm.comparison.comparison import compare
 from ecm.diagnosis.preparation import prepare
 from ecm.diagnosis.problem import Candidate, Problem, assemble, best_of_each
 from ecm.effects import load_installed
-from ecm.errors import ComputationError, InputError
+from ecm.errors import ComputationError
 from ecm.io.arrays import F, I, evenly
-from ecm.io.cache import hash_of, write_json
+from ecm.io.cache import write_json
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.table import Need, Table, read_table
 from ecm.logs.importing import list_columns
@@ -41,7 +32,7 @@ from ecm.regression.blas import one_blas_thread
 from ecm.regression.normal_equations import RIDGE, explained_by_blocks, projected_out
 from ecm.regression.rows import actuators_of
 from ecm.report.figures import some_rows, view_of
-from ecm.workflow.app.journal import History, Step, writing
+from ecm.workflow.app.journal import History, Step
 from ecm.workflow.app.session import Session, model_of
 from ecm.workflow.app.steps import Files, way_out
 
@@ -248,18 +239,11 @@ def actuation(given: Given) -> dict[str, Any]:
 
 def log(given: Given) -> dict[str, Any]:
     """Return the columns of the first of the files that were dropped, for a person to name them."""
-    return {
-        "columns": [
-            {
-                "name": column.name,
-                "range": _short(np.array([column.low, column.high])),
-                "unit": column.unit,
-                "standard": column.standard,
-                "quantity": column.quantity,
-            }
-            for column in list_columns(given.tables[0])
-        ]
-    }
+    found = []
+    for column in list_columns(given.tables[0]):
+        own = {key: getattr(column, key) for key in ("name", "unit", "standard", "quantity")}
+        found.append({**own, "range": _short(np.array([column.low, column.high]))})
+    return {"columns": found}
 
 
 VIEWS: dict[str, Callable[[Given], dict[str, Any]]] = {
@@ -316,82 +300,6 @@ def _columns(values: F) -> list[list[float | None]]:
 SHOWN = ("poses", "residuals", "effects", "actuation", "log")
 """Those that the page may ask for by name."""
 NEED_MODEL = ("residuals", "effects", "actuation")
-_INTERRUPTED = 130
-
-
-class Views:
-    """The views of a session folder, and the process that computes them."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self._lock = threading.Lock()
-        self._pool: ProcessPoolExecutor | None = None
-        self._life: Connection | None = None
-        """End of a pipe: when it closes, so does the process."""
-        self._closed = False
-
-    def file(
-        self, name: str, data: Sequence[str], model: str | None, *, skip_bad_rows: bool = False
-    ) -> Path:
-        """Return the file of a view; computes it where it is not there yet.
-
-        Raises
-        ------
-        InputError
-            Where the files do not allow it.
-        """
-        key = hash_of(name, list(data), model, *(["skip"] if skip_bad_rows else []))
-        path = self.folder / "views" / f"{name}-{key[:16]}.json"
-        if not path.is_file():
-            tables = [self.folder / table for table in data]
-            of_model = None if model is None else self.folder / model
-            given = Given(tables, of_model, skip_bad_rows)
-            broken: ProcessPoolExecutor | None = None
-            for again in (True, False):
-                pool = self._process(broken)
-                try:
-                    with writing(path, f"the view {name}"):
-                        pool.submit(compute_view, name, path, given).result()
-                    break
-                except BrokenProcessPool:  # killed, or out of memory
-                    broken = pool
-                    if not again:
-                        raise
-        return path
-
-    def close(self) -> None:
-        """End the process, also in the middle of a view."""
-        with self._lock:
-            self._closed = True
-            if self._life is not None:
-                self._life.close()
-            if self._pool is not None:
-                self._pool.shutdown(cancel_futures=True)
-
-    def _process(self, broken: ProcessPoolExecutor | None = None) -> ProcessPoolExecutor:
-        """Return the process that is there; a new one in place of a broken one."""
-        with self._lock:
-            if self._closed:
-                raise InputError("the server is being ended")
-            if self._pool is None or self._pool is broken:
-                context = get_context("spawn")
-                life, self._life = context.Pipe(duplex=False)
-                self._pool = ProcessPoolExecutor(
-                    1, mp_context=context, initializer=_end_with, initargs=(life,)
-                )
-            return self._pool
-
-
-def _end_with(life: Connection) -> None:
-    """End this process with the server, however that ends; Ctrl-C is for the server."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-    def watch() -> None:
-        with suppress(EOFError, OSError):
-            life.recv()
-        os._exit(_INTERRUPTED)
-
-    threading.Thread(target=watch, daemon=True).start()
 
 
 def state_of(session: Session, history: History | None = None) -> dict[str, Any]:
@@ -503,14 +411,11 @@ def _remedy(step: Step, files: Files) -> dict[str, Any] | None:
 
 
 def _step(history: History, step: Step, files: Files) -> dict[str, Any]:
+    own = ("number", "verb", "status", "message", "seconds")
     return {
-        "number": step.number,
-        "verb": step.verb,
+        **{key: getattr(step, key) for key in own},
         "command": shlex.join(["ecm", *step.argv]) if step.argv else "",
         "name": step.request.get("name", ""),
-        "status": step.status,
-        "message": step.message,
         "remedy": _remedy(step, files),
-        "seconds": step.seconds,
         "counts": step.number in history.active,
     }

@@ -8,7 +8,7 @@ import {gapOf} from "./fails.js";
 import {help, term} from "./help.js";
 import {foreseen} from "./missing.js";
 import {knowsNoise, share} from "./noise.js";
-import {workspace} from "./scene.js";
+import {hasSpace, workspace} from "./scene.js";
 import {versus} from "./versus.js";
 
 export async function draw(root, state, app) {
@@ -41,9 +41,11 @@ async function figures(state, space, over, grow) {
   const [now, poses, before] = await Promise.all([view("residuals", state), view("poses", state), earlier && view("residuals", state, earlier.model)]);
   const gap = gapOf(now), was = before?.kinds.pose && before.row.length === now.row.length ? before.change : null;
   space.replaceChildren();
-  if (gap) space.append(el("h3", {}, "Measured, and where the model puts it"), workspace(poses, now.row, now.variables, now.size,
+  const shown = gap && hasSpace(now.variables);
+  if (shown) space.append(el("h3", {}, "Measured, and where the model puts it"), workspace(poses, now.row, now.variables, now.size,
     {title: "largest residual", unit: knowsNoise(state) ? "times the noise" : "times the model's own error",
       name: "The measured pose and that of the model", gap: grow && was ? {...gap, before: was} : gap}));
+  if (!shown) space.replaceWith(over);
   over.append(versus(now, effectName(last.name), {grow, before: earlier ? {residuals: before, name: effectName(earlier.name)} : null}).node);
 }
 

@@ -32,8 +32,16 @@ export function nameFiles(steps) {
 }
 export const ownFiles = text => String(text ?? "").replace(/\b(?:upload|data)-(\d+)\.\w+/g, (file, number) => dropped.get(number) ?? file);
 
+// Where the page has what a sentence of the server names by a section of a description or by an option.
+const FIELDS = {length_m: "the length under Data", free_length_m: "the length when detached, under Data"};
+const SECTIONS = {mechanism: "the body under Data", instrument: "the noise under Data"};
+export const inPage = text => text.replace(/\[(mechanism|instrument|scene|columns|frames|file|leave_out)\](?: (figures\b|[a-z]+_\w+))?/g, (_, section, key) => FIELDS[key]
+  ?? (!key || key === "figures" ? SECTIONS[section] ?? "the description" : `${key} in the description`))
+  .replace(/\bTOML\b/g, "description").replace(": --mass KG --inertia KGM2", ", above").replace(/: fit --model \S+$/, ".")
+  .replace(/ with --[a-z-]+ \(which records \w+\)/, "");
+
 // Names of files, columns and effects in a sentence of the server, as words.
-export const readable = text => ownFiles(text).replace(/ by \[leave_out\]: marked /, ", as you marked them: ").replaceAll("->", "→").replaceAll("+-", "±").replace("kept as covariates", "kept as possible causes").replace(
+export const readable = text => inPage(ownFiles(text).replace(/ by \[leave_out\]: marked /, ", as you marked them: ")).replaceAll("->", "→").replaceAll("+-", "±").replace("kept as covariates", "kept as possible causes").replace(
   /\b[a-z][a-z0-9_]*_(?:Nm|N|m|rad|s|degC|Pa)\b/g, name => column(name).words)
   .replace(/\bpoly:(\d)\b/g, (_, degree) => POLYNOMIAL[degree] ?? `polynomial of degree ${degree}`)
   .replace(/\d+(?:\.\d+)?e[+-]\d+/g, text => number(Number(text)))

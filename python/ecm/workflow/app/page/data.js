@@ -7,7 +7,8 @@ import {button, el, number, table, waiting} from "./dom.js";
 import {term} from "./help.js";
 import {live, measures} from "./live.js";
 import {mapping} from "./mapping.js";
-import {workspace} from "./scene.js";
+import {hasSpace, workspace} from "./scene.js";
+import {asMeasured, versus} from "./versus.js";
 
 export async function draw(root, state, app) {
   if (measures(state)) root.append(live(state));
@@ -101,7 +102,14 @@ async function picture(root, state) {
   const wait = waiting("Drawing the poses …");
   const side = el("section", {"aria-label": "Measured poses"}, el("h3", {}, "Measured poses, beside the ", term("frames")), wait);
   root.append(el("div", {class: "split"}, side, found));
-  const poses = await view("poses", state), force = ["fx_N", "fy_N", "fz_N"].map(name => poses.columns[name]);
+  const poses = await view("poses", state);
+  if (!hasSpace(poses.columns)) {
+    const {node} = versus(asMeasured(poses.columns, poses.row), "");
+    node.append(el("p", {class: "hint"}, poses.said));
+    side.replaceWith(node);
+    return;
+  }
+  const force = ["fx_N", "fy_N", "fz_N"].map(name => poses.columns[name]);
   const has = force.every(Boolean), any = Object.keys(poses.columns)[0];
   const size = has ? force[0].map((v, i) => Math.hypot(v, force[1][i], force[2][i])) : poses.columns[any] ?? [];
   wait.replaceWith(workspace(poses, poses.row, poses.columns, size, {

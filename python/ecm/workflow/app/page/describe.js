@@ -51,6 +51,7 @@ export function describe(state, app) {
   el("p", {class: "hint"}, "Typed here it counts for all tables of the session; an empty field says nothing."),
   el("h3", {}, "The mechanism"), el("div", {class: "fields"},
     field("mechanism", "length_m", "Length from the base frame to the top frame", LENGTH, mechanism),
+    field("mechanism", "free_length_m", "Length when it is detached", LENGTH, mechanism),
     other ? el("p", {class: "soft"}, "Its body is described in its own file.") : el("label", {}, el("span", {}, "Shape"), shape), other ? null : body.map(([label]) => label),
     field("scene", "payload_mass_kg", "Mass on the platform", {unit: "kg", scale: 1}, scene)),
   el("h3", {}, "The noise of one row: its standard deviation"), el("div", {class: "fields"},

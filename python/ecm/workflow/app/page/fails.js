@@ -6,7 +6,7 @@ import {column, effectName, label, readable} from "./columns.js";
 import {help} from "./help.js";
 import {knowsNoise, share} from "./noise.js";
 import {residualPanels} from "./panels.js";
-import {workspace} from "./scene.js";
+import {hasSpace, workspace} from "./scene.js";
 import {mark} from "./selection.js";
 import {versus} from "./versus.js";
 
@@ -22,12 +22,13 @@ export async function draw(root, state, app) {
     figures(state, residuals),
     versus(residuals, effectName(state.rungs.at(-1).name), {before: first && {residuals: before, name: effectName(first.name)}}).node);
   const panels = residualPanels(residuals, {leave: app.leaveOut});
-  const place = el("section", {"aria-label": "The mechanism in its measured poses"},
+  // A table of one axis has no picture in space: the figures take its place.
+  const place = hasSpace(residuals.variables) && el("section", {"aria-label": "The mechanism in its measured poses"},
     workspace(poses, residuals.row, residuals.variables, residuals.size,
       {title: "largest residual", unit: knowsNoise(state) ? "times the noise" : "times the model's own error", name: "Measured poses, coloured by residual",
         gap: gapOf(residuals)}));
-  root.append(el("div", {class: "split"},
-    el("div", {class: "sticky"}, el("h3", {}, "In the workspace"), place),
+  root.append(el("div", {class: place ? "split" : ""},
+    place ? el("div", {class: "sticky"}, el("h3", {}, "In the workspace"), place) : null,
     el("section", {"aria-label": "Residuals over a variable"}, el("h3", {}, "Residual over every variable", help("residual")), panels.node)),
   worst(residuals, knowsNoise(state)),
   el("div", {class: "row"}, button("What is missing?", () => app.go("missing"), {class: "first", id: "to-missing"})));

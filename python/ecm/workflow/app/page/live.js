@@ -7,9 +7,9 @@ import {colours, faded, rgb, scaleOf} from "./colours.js";
 import {readable} from "./columns.js";
 import {el, number} from "./dom.js";
 import {help, term} from "./help.js";
-import {mm, POSE, scaleBar, WRENCH} from "./scene.js";
+import {hasSpace, mm, POSE, scaleBar, WRENCH} from "./scene.js";
 import {bodyColour, space} from "./space.js";
-import {versus} from "./versus.js";
+import {asMeasured, versus} from "./versus.js";
 
 const EVERY_MS = 150, LOST_MS = 1500;
 const PLANNED = 0.7;  // of the grey of a planned pose: three times as light or dark as the ground
@@ -46,7 +46,7 @@ export function live(state) {
 
   function show() {
     const rows = readings(known.rows), worth = valuesOf(known.begun, rows);
-    const seen = POSE.slice(0, 3).every(name => known.begun.poses[name]) ? sceneOf(known.begun, rows, worth) : null;
+    const seen = hasSpace(known.begun.poses) ? sceneOf(known.begun, rows, worth) : null;
     if (seen) drawn.set(seen);
     picture.hidden = !seen;
     both.className = seen ? "split" : "";
@@ -113,13 +113,10 @@ const median = values => values.toSorted((a, b) => a - b)[values.length >> 1];
 // As those of a comparison. The noise of a component: that of the force, or of the moment, over the three axes.
 function residualsOf({columns}, rows, {noise_N: force, noise_Nm: moment}) {
   const own = names => names.map((name, k) => [name, k]).filter(([name]) => columns.includes(name)), wrench = own(WRENCH);
-  return {row: rows.map(item => item.number), worst: [], strongest: ["time_s"],
-    variables: Object.fromEntries([...own(POSE).map(([name, k]) => [name, rows.map(item => item.pose[k])]),
-      ["time_s", rows.map(item => item.time_s - rows[0].time_s)]]),
-    measured: wrench.map(([, k]) => rows.map(item => item.wrench[k])),
-    kinds: {wrench: {columns: wrench.map(([name]) => name),
-      values: wrench.map(([, k]) => rows.map(item => item.model ? item.wrench[k] - item.model[k] : null)),
-      floor: force === null ? null : wrench.map(([, k]) => (k < 3 ? force : moment) / Math.sqrt(3))}}};
+  return asMeasured(Object.fromEntries([...own(POSE).map(([name, k]) => [name, rows.map(item => item.pose[k])]),
+    ...wrench.map(([name, k]) => [name, rows.map(item => item.wrench[k])]), ["time_s", rows.map(item => item.time_s - rows[0].time_s)]]),
+  rows.map(item => item.number), {left: wrench.map(([, k]) => rows.map(item => item.model ? item.wrench[k] - item.model[k] : null)),
+    floor: force === null ? null : wrench.map(([, k]) => (k < 3 ? force : moment) / Math.sqrt(3))});
 }
 
 function sceneOf(begun, rows, {values, largest, title, unit}) {

@@ -1,7 +1,7 @@
 // The loop: polls the state of the session folder, and shows one of the seven stages.
 
 import {busy, get, post} from "./api.js";
-import {effectName, nameFiles, ownFiles} from "./columns.js";
+import {effectName, inPage, nameFiles, ownFiles} from "./columns.js";
 import {button, el, waiting} from "./dom.js";
 import {wayOut} from "./remedy.js";
 import {isCopy} from "./recorded.js";
@@ -120,10 +120,11 @@ function drawTools() {
       {id: "redo", disabled: !state.redo || off, title: "Bring back what was undone"}));
 }
 
-// The server's words name options of the command line; the page has a list of the columns.
+// The server's words name options of the command line and keys of files; the page has a list of the columns.
+const OF_FILES = /(?: (?:If it is in that unit, call|Divide by 1000, give|Multiply by pi\/180, give|Rename the columns, or map|Where there is no header, set) [^\n]*)?$/;
 function advice({verb, message, remedy}) {
   if (!state.dropped.length) return message;
-  if (verb === "check" && !state.check && !remedy?.request) return `${message}\nOr say below what the columns are, and import it.`;
+  if (verb === "check" && !state.check) message = message.replace(OF_FILES, remedy?.request ? "" : "\nSay below what the columns are, and import it.");
   return verb === "import" ? message.replace(/\s*\b(Say it once|Say which|Name what is one|Say --)[^]*$/, "\nSay so in the list below.") : message;
 }
 
@@ -136,7 +137,7 @@ function trouble() {
   const last = state.steps.at(-1);
   if (!last || state.running) return null;
   const words = {
-    failed: `${WORK[last.verb] ?? last.verb}: this did not work.\n${ownFiles(advice(last))}\n`,
+    failed: `${WORK[last.verb] ?? last.verb}: this did not work.\n${inPage(ownFiles(advice(last)))}\n`,
     cancelled: `${WORK[last.verb] ?? last.verb}: cancelled. Nothing was changed.\n`,
     interrupted: `${WORK[last.verb] ?? last.verb}: cut off (${last.message}). All else is kept.\n`,
   }[last.status];

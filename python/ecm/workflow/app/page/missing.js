@@ -1,7 +1,7 @@
 // Stage 4: the verdict, and every effect with what it would explain.
 
 import {busy, view} from "./api.js";
-import {chance, effectName, parameterName, quantity, readable} from "./columns.js";
+import {chance, effectName, inPage, parameterName, quantity, readable} from "./columns.js";
 import {button, el, number, waiting} from "./dom.js";
 import {term} from "./help.js";
 import {linearFit} from "./linear.js";
@@ -222,7 +222,7 @@ function list(effects, found, state, app, {look, tick, ticked}) {
       named.has(id) ? el("span", {class: "tag verdict"}, "verdict") : null,
       el("span", {class: "tag"}, item.side === "measurement"
         ? "of the measurement" : "of the mechanism"),
-      el("div", {class: "soft"}, item.what),
+      el("div", {class: "soft"}, readable(item.what)),
       el("small", {class: "soft"}), rank ? el("small", {class: "soft chance"}, `Chance of this by accident ${chance(rank.p)}.`) : null,
       like.length ? el("div", {class: "soft alike"}, `This table cannot tell it from ${like.map(effectName).join(", ")}.`) : null,
       el("div", {class: "gain", role: "img"}, el("b", {}, el("i")), "")),
@@ -244,5 +244,5 @@ export function untestable(items) {
   }
   return el("details", {open: true}, el("summary", {}, el("strong", {}, `Not testable with this table (${items.length})`)),
     el("ul", {}, [...needs.values()].map(({ids, reason, record}) => el("li", {}, el("strong", {}, ids.map(effectName).join(", ")),
-      `: ${reason}. Record `, el("code", {}, record)))));
+      `: ${readable(reason)}. `, record.startsWith("[") ? `Say ${inPage(record)}` : ["Record ", el("code", {}, inPage(record))]))));
 }

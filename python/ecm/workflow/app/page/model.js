@@ -19,7 +19,7 @@ const KINDS = [
   ["choose", "Choose for me", "Fits all kinds, keeps the one that predicts held-out poses best. Takes longest."],
 ];
 
-const OF_SIX = ["physics", "energy4", "energy6", "energy6-general", "actuated4", "choose"];
+const OF_SIX = ["physics", "energy4", "energy6", "energy6-general", "actuated4"];
 const OF_POSE = ["physics", "energy4", "energy6", "energy6-general"];  // which take no inputs of actuators
 const TERM = {physics: "physics", energy4: "energy", energy6: "energy", "energy6-general": "energy", choose: "held out"};
 
@@ -34,7 +34,7 @@ export async function draw(root, state, app) {
     : OF_SIX.includes(name) && !six ? " Needs all six columns of the pose and of the wrench."
     : name === "physics" && !body ? " Needs the body: say under Data its shape, dimensions and modulus." : "";
   // Nothing that needs more than these data hold; of many kinds the one that predicts best.
-  const first = !lacks("actuated4") ? "actuated4" : lacks("physics") ? lacks("choose") ? "linear" : "choose" : "physics";
+  const first = !lacks("actuated4") ? "actuated4" : !lacks("physics") ? "physics" : "choose";
   const now = [picked, state.rungs[0]?.name].find(name => name && !lacks(name)) ?? first;
   const curve = el("input", {type: "checkbox", id: "curve", checked: curvePicked,
     onchange: () => { curvePicked = curve.checked; }});

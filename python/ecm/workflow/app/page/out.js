@@ -15,6 +15,9 @@ const meaning = name => WHAT.find(([pattern]) => pattern.test(name))?.[1] ?? "";
 
 // The language stays chosen when the page is drawn again.
 let to = "c";
+// What the loop of the controller moves: without it a mass is assumed, and the export says so.
+const moved = {mass: "", inertia: ""};
+const LOAD = [["mass", "Mass of platform and load", "kg"], ["inertia", "Its moment of inertia", "kg m²"]];
 
 export async function draw(root, state, app) {
   const link = (name, words = name) => isCopy ? el("span", {}, words)
@@ -31,8 +34,11 @@ export async function draw(root, state, app) {
       el("div", {class: "card"}, el("h3", {}, title), link(name), el("p", {class: "soft"}, meaning(name))))),
     el("h3", {}, "Controller", help("controller")),
     el("div", {class: "row"}, choices("Language", "language", [["c", "C"], ["rust", "Rust"], ["mujoco", "MuJoCo"]],
-      value => { to = value; }, to),
-    button("Export", () => app.step("export", {to}), {class: "first", id: "export", disabled: busy(state)})),
+      value => { to = value; }, to)),
+    el("div", {class: "fields"}, LOAD.map(([key, words, unit]) => el("label", {}, el("span", {}, `${words} (assumed where empty)`),
+      el("input", {type: "number", id: `export-${key}`, min: 0, step: "any", value: moved[key], oninput: event => { moved[key] = event.target.value; }}),
+      el("small", {class: "soft"}, unit)))),
+    el("div", {class: "row"}, button("Export", () => app.step("export", {to, ...to === "mujoco" ? {} : moved}), {class: "first", id: "export", disabled: busy(state)})),
     ...controller(state, link),
     ...isCopy ? [] : [el("h3", {}, "The whole session"), el("p", {}, el("a", {href: "/api/report", target: "_blank", id: "report"}, "Report of the session"),
       ", to print: ladder, before and after, parameters, commands. ", el("a", {href: "/api/copy", download: `${state.folder}.html`, id: "copy"}, "One page to mail"),

@@ -1,15 +1,15 @@
-// The way out of a refusal: a button where a step of the page does it, and the command to copy.
+// The way out of a refusal: a button where a step of the page does it, else the command to copy.
 
 import {busy} from "./api.js";
-import {effectName} from "./columns.js";
+import {effectName, readable} from "./columns.js";
 import {button, el} from "./dom.js";
 
 export function wayOut(remedy, state, app) {
   if (!remedy) return [];
-  const words = remedy.words;
-  return [el("p", {}, `${words.charAt(0).toUpperCase()}${words.slice(1)}${remedy.command ? ":" : "."}`),
-    remedy.command ? el("p", {}, el("code", {}, remedy.command)) : null,
-    ...[remedy.request, remedy.again].filter(Boolean).map(({verb, ...request}, place) =>
+  const words = readable(remedy.words), ways = [remedy.request, remedy.again].filter(Boolean), typed = !ways.length && remedy.command;
+  return [el("p", {}, `${words.charAt(0).toUpperCase()}${words.slice(1)}${typed || ways.length ? ":" : "."}`),
+    typed ? el("p", {}, el("code", {}, typed)) : null,
+    ...ways.map(({verb, ...request}, place) =>
       button(label(verb, request), () => app.step(verb, request),
         {class: place ? null : "first", "data-remedy": verb, disabled: busy(state)}))].filter(Boolean);
 }

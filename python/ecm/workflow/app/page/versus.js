@@ -9,9 +9,17 @@ import {line, spread} from "./panel.js";
 import {POSE, WRENCH} from "./scene.js";
 import {marked, onMark} from "./selection.js";
 
-const LEFT = 58, RIGHT = 14, TOP = 26, GAP = 30, BOTTOM = 38, UPPER = 0.6, MANY = 1500, NEAR = 12;
+const LEFT = 58, RIGHT = 14, TOP = 26, GAP = 30, NAMED = 48, BOTTOM = 38, UPPER = 0.6, MANY = 1500, NEAR = 12;
 const FONT = "12px system-ui, DejaVu Sans, sans-serif";
 const last = {component: null, variable: null};
+
+// Columns by their names in the form of the residuals of a comparison; `left` of each component, where a model says it.
+export function asMeasured(columns, row, {left = null, floor = null} = {}) {
+  const names = WRENCH.filter(name => columns[name]), measured = names.map(name => columns[name]);
+  const variables = Object.fromEntries(Object.entries(columns).filter(([name]) => !names.includes(name)));
+  return {row, worst: [], strongest: Object.keys(variables).slice(-1), variables, measured,
+    kinds: {wrench: {columns: names, values: left ?? measured.map(() => row.map(() => null)), floor}}};
+}
 
 // `before`: residuals of an earlier model and its name; `grow`: the wipe goes over by itself once. Where nothing is
 // modelled, what is measured is shown alone. `set` takes the residuals of more rows.
@@ -35,7 +43,7 @@ export function versus(residuals, name, {before = null, grow = false} = {}) {
     return el("select", {id: `versus-${id}`, onchange: event => { last[key] = event.target.value; set(residuals); }},
       entries.map(value => el("option", {value, selected: value === now}, label(value))));
   }
-  const hint = el("p", {class: "hint"}), redraw = sized(canvas, draw);
+  const hint = el("p", {class: "hint"}), title = el("h3"), redraw = sized(canvas, draw);
   const ask = () => {
     if (!asked) { asked = true; requestAnimationFrame(() => { asked = false; redraw(); }); }
   };
@@ -53,6 +61,7 @@ export function versus(residuals, name, {before = null, grow = false} = {}) {
     axes = {floor, x: spread(points.map(p => p.x), 0), modelled: lefts.length > 0,
       upper: spread(points.flatMap(p => [p.measured, p.measured - p.left, p.measured - p.was]), 0),
       lower: spread(lefts, floor)};
+    title.textContent = axes.modelled ? "Measured and modelled" : "Measured";
     hint.replaceChildren(axes.modelled ? "Circles are measured, dashes are what the model says there; below is what is left."
       : "Circles are measured.",
     ...axes.floor && axes.modelled ? [" The shaded band is the ", term("noise floor"), "."] : [],
@@ -64,7 +73,8 @@ export function versus(residuals, name, {before = null, grow = false} = {}) {
     context.clearRect(0, 0, w, h);
     if (!points.length) return;
     const palette = colours(), right = w - RIGHT, bottom = h - BOTTOM;
-    const middle = axes.modelled ? TOP + (bottom - GAP - TOP) * UPPER : bottom, below = middle + GAP;
+    const gap = before ? NAMED : GAP;
+    const middle = axes.modelled ? TOP + (bottom - gap - TOP) * UPPER : bottom, below = middle + gap;
     const px = v => LEFT + (v - axes.x[0]) / (axes.x[1] - axes.x[0]) * (right - LEFT);
     const py = (v, [low, high], top, end) => end - (v - low) / (high - low) * (end - top);
     const up = v => py(v, axes.upper, TOP, middle), down = v => py(v, axes.lower, below, bottom);
@@ -174,7 +184,7 @@ export function versus(residuals, name, {before = null, grow = false} = {}) {
   onMark(ask);
   set(residuals);
   if (before && grow) glide(share => { wipe.value = 1 - share; ask(); }, 1400);
-  const node = el("section", {"aria-label": "Measured and modelled"}, el("h3", {}, "Measured and modelled"),
+  const node = el("section", {"aria-label": "Measured and modelled"}, title,
     el("div", {class: "row"}, el("label", {for: component.id}, "Show"), component, el("label", {for: variable.id}, "over"), variable),
     place, before ? el("div", {class: "row slider"}, el("label", {for: "wipe"}, "Before and after"), wipe) : null,
     hint);
