@@ -14,13 +14,7 @@ use ecm_fem::{
 };
 
 /// A mesh that shares no inner node with the standard one.
-const OTHER: Quality = Quality::Custom {
-    rings: 2,
-    layers: 7,
-    around: 9,
-    layer_grading_per_mille: 300,
-    ring_grading_per_mille: 500,
-};
+const OTHER: Quality = Quality::custom([2, 7, 9], [300, 500]);
 
 fn norm(v: &[f64]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()

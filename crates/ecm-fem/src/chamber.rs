@@ -14,9 +14,8 @@
 use crate::FemError;
 use crate::mesh::{FACES, Mesh, surface};
 use crate::platform::Platform;
-use crate::tensor::{Mat3, apply, cross, dot, norm, product, skew};
-use std::collections::BTreeMap;
-use std::f64::consts::PI;
+use crate::tensor::{Mat3, apply, cross, dot, product, skew};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// One face of an element on the wall of a chamber.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -157,59 +156,93 @@ impl Chambers {
         (gradient, tangent)
     }
 
-    /// Whether the wall of a chamber passes through itself; `at` gives the place of a node.
+    /// Whether the wall of a chamber passes through itself or a cap; `at` gives the place of a node.
     ///
-    /// Just within the middle of each face of the wall the solid angle of the closed surface, as
-    /// a polyhedron of its corners, is 4 π; behind another part of the wall it is not.
-    pub fn collapsed(
-        &self,
-        mesh: &Mesh,
-        at: impl Fn(usize) -> [f64; 3],
-        platform: &Platform,
-    ) -> bool {
-        let rest = Platform::at_rest(mesh.length_m());
+    /// A face is taken as the four flat triangles between its six nodes.
+    pub fn collapsed(&self, mesh: &Mesh, at: impl Fn(usize) -> [f64; 3]) -> bool {
         (0..self.count()).any(|chamber| {
-            let mut triangles: Vec<[[f64; 3]; 3]> = Vec::new();
+            let mut wall: Vec<Triangle> = Vec::new();
             let mut rim: BTreeMap<(usize, usize), [usize; 2]> = BTreeMap::new();
             for face in self.faces.iter().filter(|f| f.chamber == chamber) {
-                let tet = &mesh.tetrahedra()[face.element];
-                let corners = [2, 1, 0].map(|k| tet[face.local[k]]);
-                triangles.push(corners.map(&at));
-                toggle_edges(&mut rim, corners);
+                let nodes = face.local.map(|k| mesh.tetrahedra()[face.element][k]);
+                for quarter in QUARTERS.map(|corners| corners.map(|k| nodes[k])) {
+                    toggle_edges(&mut rim, quarter);
+                    wall.push((quarter, quarter.map(&at)));
+                }
             }
-            let walls = triangles.len();
-            let centre = |top: bool| match top {
-                true => platform.position_m,
-                false => [0.0; 3],
+            let on_rim: BTreeSet<usize> = rim.values().flatten().copied().collect();
+            let caps = [false, true].map(|top| {
+                let middle = 0.5 * mesh.length_m();
+                let own = (rim.values()).filter(|e| (mesh.nodes_m()[e[0]][0] > middle) == top);
+                own.map(|e| e.map(&at)).collect::<Vec<_>>()
+            });
+            let meets_a_cap = |(nodes, corners): &Triangle| {
+                (0..3).map(|k| [k, (k + 1) % 3]).any(|edge| {
+                    let [p, q] = edge.map(|k| corners[k]);
+                    !edge.iter().any(|&k| on_rim.contains(&nodes[k]))
+                        && caps.iter().any(|cap| turns_round(cap, p, q) != 0)
+                })
             };
-            for [i, j] in rim.into_values() {
-                let top = mesh.nodes_m()[i][0] > 0.5 * rest.position_m[0];
-                triangles.push([centre(top), at(j), at(i)]);
-            }
-            triangles[..walls].iter().any(|wall| {
-                let [a, b, c] = *wall;
-                let normal = cross(minus(b, a), minus(c, a));
-                let size = norm(normal).sqrt();
-                let point = [0, 1, 2]
-                    .map(|k| (a[k] + b[k] + c[k]) / 3.0 - 0.01 * size * normal[k] / (size * size));
-                let angle: f64 = triangles.iter().map(|t| solid_angle(point, t)).sum();
-                (angle - 4.0 * PI).abs() > PI
-            })
+            wall.iter().any(meets_a_cap) || cross_each_other(&mut wall)
         })
+    }
+}
+
+/// How often the edges of a flat cap go round where the way from `p` to `q` meets its plane.
+fn turns_round(cap: &[[[f64; 3]; 2]], p: [f64; 3], q: [f64; 3]) -> i32 {
+    let fan = cap.iter().map(|&[i, j]| [cap[0][0], i, j]);
+    fan.map(|triangle| through(p, q, &triangle)).sum()
+}
+
+/// The four triangles between the nodes of a face.
+const QUARTERS: [[usize; 3]; 4] = [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]];
+
+/// Nodes and corners of a flat triangle of a wall.
+type Triangle = ([usize; 3], [[f64; 3]; 3]);
+
+/// Least and largest coordinate `k` of a triangle.
+fn reach((_, corners): &Triangle, k: usize) -> [f64; 2] {
+    let [a, b, c] = corners.map(|x| x[k]);
+    [a.min(b).min(c), a.max(b).max(c)]
+}
+
+/// Whether triangles without a common node cross.
+fn cross_each_other(wall: &mut [Triangle]) -> bool {
+    wall.sort_by(|a, b| reach(a, 0)[0].total_cmp(&reach(b, 0)[0]));
+    let beside = |a, b, k| reach(a, k)[0] <= reach(b, k)[1] && reach(b, k)[0] <= reach(a, k)[1];
+    let joined = |a: &Triangle, b: &Triangle| a.0.iter().any(|n| b.0.contains(n));
+    let pierces = |(_, x): &Triangle, (_, other): &Triangle| {
+        (0..3).any(|k| through(x[k], x[(k + 1) % 3], other) != 0)
+    };
+    wall.iter().enumerate().any(|(i, a)| {
+        let near = wall[i + 1..].iter().take_while(|b| beside(a, b, 0));
+        near.filter(|b| beside(a, b, 1) && beside(a, b, 2) && !joined(a, b))
+            .any(|b| pierces(a, b) || pierces(b, a))
+    })
+}
+
+/// 1 where the way from `p` to `q` goes through a triangle along its normal, -1 against it, else 0.
+fn through(p: [f64; 3], q: [f64; 3], triangle: &[[f64; 3]; 3]) -> i32 {
+    let [a, b, c] = *triangle;
+    let normal = cross(minus(b, a), minus(c, a));
+    let [before, behind] = [p, q].map(|x| dot(minus(x, a), normal));
+    if (before < 0.0) == (behind < 0.0) {
+        return 0;
+    }
+    let share = before / (before - behind);
+    let point = [0, 1, 2].map(|k| p[k] + share * (q[k] - p[k]));
+    let within = [(a, b), (b, c), (c, a)]
+        .iter()
+        .all(|&(from, to)| dot(cross(minus(to, from), minus(point, from)), normal) > 0.0);
+    match within {
+        true if before < 0.0 => 1,
+        true => -1,
+        false => 0,
     }
 }
 
 fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|k| a[k] - b[k])
-}
-
-/// Solid angle of a triangle, positive where its normal points away from the point (van Oosterom
-/// and Strackee, IEEE Trans. Biomed. Eng. 30, 1983).
-fn solid_angle(point: [f64; 3], triangle: &[[f64; 3]; 3]) -> f64 {
-    let [a, b, c] = triangle.map(|x| minus(x, point));
-    let (na, nb, nc) = (norm(a), norm(b), norm(c));
-    let below = na * nb * nc + dot(a, b) * nc + dot(a, c) * nb + dot(b, c) * na;
-    2.0 * dot(a, cross(b, c)).atan2(below)
 }
 
 /// Faces that belong to one element only, by local nodes.
@@ -332,8 +365,42 @@ pub(crate) fn face_volume(x: &[[f64; 3]; 6]) -> FaceVolume {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+    use crate::mesh::{ChamberShape, Chambered, Quality};
+
+    #[test]
+    fn a_wall_that_passes_through_a_cap_or_another_wall_is_collapsed() {
+        let (length_m, offset_m) = (0.1, 0.012);
+        let body = Chambered {
+            length_m,
+            radius_m: 0.02,
+            channel_radius_m: 0.0,
+            chambers: 3,
+            shape: ChamberShape::Round {
+                radius_m: 0.0045,
+                offset_m,
+            },
+            end_wall_m: 0.0,
+        };
+        let mesh = Mesh::chambered(&body, Quality::Standard).unwrap();
+        let chambers = Chambers::new(&mesh).unwrap();
+        // The wall of the chamber towards y leans over the platform, nearer to its axis or farther,
+        // or is narrower in its middle, down to beyond its axis.
+        let moved = |over: f64, wider: f64| {
+            chambers.collapsed(&mesh, |n| {
+                let [x, y, z] = mesh.nodes_m()[n];
+                let own = if y > 0.0 { 4.0 * x / length_m } else { 0.0 };
+                let bump = own * (1.0 - x / length_m);
+                let wide = 1.0 + wider * bump;
+                let aside = offset_m + wide * (y - offset_m);
+                [x + over * length_m * bump, aside, wide * z]
+            })
+        };
+        assert!(!moved(0.0, 0.0) && !moved(0.0, -0.9) && moved(0.0, -1.1));
+        assert!(!moved(0.2, -0.5) && moved(0.5, -0.5) && !moved(0.5, 0.3));
+    }
 
     #[test]
     fn gradient_and_tangent_of_a_face_are_those_of_its_volume() {

@@ -83,8 +83,8 @@ pub enum FemError {
     Winding {
         /// Name of the surface or region.
         on: String,
-        /// What it has to be, and where the names come from.
-        expected: &'static str,
+        /// What it has to be, and the names of those that there are.
+        expected: String,
     },
     /// An inverted or flat element.
     #[error(

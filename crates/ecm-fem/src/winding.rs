@@ -62,7 +62,7 @@ pub(crate) fn wound(mesh: &Mesh, rule: Rule) -> Result<Vec<Wound>, FemError> {
             }
         }
         if wound[before..].iter().all(|part| part.threads.is_empty()) {
-            return Err(winding.nowhere());
+            return Err(winding.nowhere(mesh));
         }
     }
     wound.sort_by_key(|part| part.element);
@@ -264,11 +264,7 @@ mod tests {
         ];
         let tets = Mesh::with_mid_nodes(&mut nodes, &[[0, 1, 2, 3]]).unwrap();
         let mesh = Mesh::without_faces(nodes.clone(), tets, 1.0).unwrap();
-        let mesh = mesh.with_winding(Winding {
-            on: BODY.into(),
-            angles_rad: [0.4, -1.1],
-            laid: Laid::InRegion { stiffness_Pa: 3.0 },
-        });
+        let mesh = mesh.with_winding(BODY, [0.4, -1.1], Laid::InRegion { stiffness_Pa: 3.0 });
         let mut wound = wound(&mesh.unwrap(), Rule::Degree2).unwrap();
         (wound.swap_remove(0), nodes)
     }

@@ -5,13 +5,7 @@ use ecm_fem::{Fem, Load, Mesh, NeoHookean, Quality, Status, Watch};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 fn fem() -> Fem {
-    let quality = Quality::Custom {
-        rings: 1,
-        layers: 4,
-        around: 7,
-        layer_grading_per_mille: 500,
-        ring_grading_per_mille: 1000,
-    };
+    let quality = Quality::custom([1, 4, 7], [500, 1000]);
     let mesh = Mesh::cylinder(0.1034, 0.033, quality).unwrap();
     Fem::new(mesh, Box::new(NeoHookean::new(0.65e6, 0.49).unwrap()), None).unwrap()
 }

@@ -1,16 +1,10 @@
 //! Gmsh files, and what each kind of broken input is answered with.
 #![allow(clippy::unwrap_used, missing_docs)]
 
-use ecm_fem::{Fem, FemError, Load, Mesh, NeoHookean, Quality, Watch};
+use ecm_fem::{Fem, FemError, Laid, Load, Mesh, NeoHookean, Quality, Watch};
 use std::fmt::Write;
 
-const COARSE: Quality = Quality::Custom {
-    rings: 1,
-    layers: 3,
-    around: 6,
-    layer_grading_per_mille: 1000,
-    ring_grading_per_mille: 1000,
-};
+const COARSE: Quality = Quality::custom([1, 3, 6], [1000, 1000]);
 
 fn cylinder() -> Mesh {
     Mesh::cylinder(0.1, 0.03, COARSE).unwrap()
@@ -205,6 +199,27 @@ fn chambers_and_regions_of_a_file_are_those_of_the_mesh() {
         for (found, given) in volumes(&read).iter().zip(volumes(&mesh)) {
             assert!((found / given - 1.0).abs() < most, "{found} {given}");
         }
+        // Threads through both regions are threads through the body, those of one are not.
+        let wound = |on: &[&str]| {
+            let laid = Laid::InRegion { stiffness_Pa: 1e6 };
+            on.iter().try_fold(read.clone(), |mesh, on| {
+                mesh.with_winding(on, [0.3, 0.9], laid)
+            })
+        };
+        let [both, all, one] = [&["soft body", "sleeve"][..], &["body"], &["sleeve"]].map(|on| {
+            let material = Box::new(NeoHookean::new(1e6, 0.49).unwrap());
+            let fem = Fem::new(wound(on).unwrap(), material, None).unwrap();
+            fem.rest_stiffness(Watch::default()).unwrap()[3][3]
+        });
+        assert!(
+            (both / all - 1.0).abs() < 1e-9 && one < 0.98 * all,
+            "{both} {all} {one}"
+        );
+        let names = wound(&["collar"]).unwrap_err().to_string();
+        assert!(
+            names.contains("no such region; it has sleeve, soft body, body"),
+            "{names}"
+        );
     }
 }
 

@@ -9,13 +9,7 @@ use ecm_fem::{
 use std::f64::consts::PI;
 
 fn small(material: Box<dyn Material>) -> Fem {
-    let quality = Quality::Custom {
-        rings: 1,
-        layers: 4,
-        around: 6,
-        layer_grading_per_mille: 500,
-        ring_grading_per_mille: 1000,
-    };
+    let quality = Quality::custom([1, 4, 6], [500, 1000]);
     Fem::new(Mesh::cylinder(0.1, 0.03, quality).unwrap(), material, None).unwrap()
 }
 
@@ -227,10 +221,4 @@ fn a_body_that_does_not_carry_its_weight_has_no_state() {
     assert!(hanging.rest_stiffness(Watch::default()).unwrap()[0][0] > 0.0);
 }
 
-const COARSE_COLUMN: Quality = Quality::Custom {
-    rings: 1,
-    layers: 10,
-    around: 6,
-    layer_grading_per_mille: 1000,
-    ring_grading_per_mille: 1000,
-};
+const COARSE_COLUMN: Quality = Quality::custom([1, 10, 6], [1000, 1000]);

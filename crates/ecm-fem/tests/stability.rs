@@ -3,13 +3,7 @@
 
 use ecm_fem::{Fem, Formulation, Mesh, NeoHookean, Quality, Reason, Settings, Status};
 
-const COARSE: Quality = Quality::Custom {
-    rings: 1,
-    layers: 4,
-    around: 6,
-    layer_grading_per_mille: 500,
-    ring_grading_per_mille: 1000,
-};
+const COARSE: Quality = Quality::custom([1, 4, 6], [500, 1000]);
 
 fn neck(quality: Quality) -> Fem {
     let mesh = Mesh::cylinder(0.1034, 0.033, quality).unwrap();

@@ -4,18 +4,12 @@
 use ecm_fem::tensor::{cofactor, determinant};
 use ecm_fem::{
     BODY, Case, CaseResult, ChamberShape, Chambered, Constraint, Fem, FemError, Laid, Load, Mesh,
-    NeoHookean, OUTSIDE, Quality, Settings, Status, Tendon, Watch, Winding,
+    NeoHookean, OUTSIDE, Quality, Settings, Status, Tendon, Watch,
 };
 use std::f64::consts::{FRAC_PI_2, PI};
 
 const MU: f64 = 1e5;
-const COARSE: Quality = Quality::Custom {
-    rings: 1,
-    layers: 4,
-    around: 6,
-    layer_grading_per_mille: 1000,
-    ring_grading_per_mille: 1000,
-};
+const COARSE: Quality = Quality::custom([1, 4, 6], [1000, 1000]);
 
 fn neo(nu: f64) -> Box<NeoHookean> {
     Box::new(NeoHookean::new(2.0 * MU * (1.0 + nu), nu).unwrap())
@@ -57,17 +51,9 @@ fn arm() -> Fem {
         .unwrap()
         .with_tendon(free)
         .unwrap()
-        .with_winding(Winding {
-            on: OUTSIDE.into(),
-            angles_rad: [0.4, -0.4],
-            laid: Laid::OnSurface { stiffness_N_m: 2e3 },
-        })
+        .with_winding(OUTSIDE, [0.4, -0.4], Laid::OnSurface { stiffness_N_m: 2e3 })
         .unwrap()
-        .with_winding(Winding {
-            on: BODY.into(),
-            angles_rad: [0.3, -0.8],
-            laid: Laid::InRegion { stiffness_Pa: 5e4 },
-        })
+        .with_winding(BODY, [0.3, -0.8], Laid::InRegion { stiffness_Pa: 5e4 })
         .unwrap();
     Fem::new(mesh, neo(0.49), None).unwrap()
 }
@@ -159,13 +145,7 @@ fn an_offset_tendon_bends_a_beam_to_an_arc() {
 fn arc_errors(length: f64) -> Vec<f64> {
     let (radius, offset) = (0.015, 0.012);
     let layers = (50.0 * length) as usize;
-    let quality = Quality::Custom {
-        rings: 2,
-        layers,
-        around: 8,
-        layer_grading_per_mille: 1000,
-        ring_grading_per_mille: 1000,
-    };
+    let quality = Quality::custom([2, layers, 8], [1000, 1000]);
     let mesh = Mesh::cylinder(length, radius, quality).unwrap();
     let tendon = along("t", [offset, 0.0], length, layers - 1);
     let mesh = mesh.with_tendon(tendon).unwrap();
@@ -204,22 +184,16 @@ fn wound_energy(stretch: f64, radius: f64, angle: f64, k: f64) -> f64 {
 #[test]
 fn threads_round_a_cylinder_take_their_share_of_its_stretch() {
     let (length, radius) = (0.05, 0.02);
-    let quality = Quality::Custom {
-        rings: 2,
-        layers: 4,
-        around: 24,
-        layer_grading_per_mille: 1000,
-        ring_grading_per_mille: 1000,
-    };
+    let quality = Quality::custom([2, 4, 24], [1000, 1000]);
     for angle in [0.0, 0.7, FRAC_PI_2] {
         let k = 0.3 * MU * radius;
         let mesh = Mesh::cylinder(length, radius, quality).unwrap();
         let mesh = mesh
-            .with_winding(Winding {
-                on: OUTSIDE.into(),
-                angles_rad: [angle, -angle],
-                laid: Laid::OnSurface { stiffness_N_m: k },
-            })
+            .with_winding(
+                OUTSIDE,
+                [angle, -angle],
+                Laid::OnSurface { stiffness_N_m: k },
+            )
             .unwrap();
         // Ends that slide: the state is homogeneous.
         let nodes = mesh.nodes_m().to_vec();
@@ -317,11 +291,7 @@ fn a_tube_wound_all_through_follows_the_closed_form_in_swelling_length_and_twist
             .filter(|&n| (radius(&mesh.nodes_m()[n]) - inner).abs() < 1e-6 * inner)
             .collect();
         let mesh = mesh.with_chamber("bore", bore.clone()).unwrap();
-        let mesh = mesh.with_winding(Winding {
-            on: BODY.into(),
-            angles_rad: angles,
-            laid: Laid::InRegion { stiffness_Pa: k },
-        });
+        let mesh = mesh.with_winding(BODY, angles, Laid::InRegion { stiffness_Pa: k });
         let mesh = mesh.unwrap();
         let nodes = mesh.nodes_m().to_vec();
         let fem = Fem::new(mesh, neo(0.5), None).unwrap();
@@ -379,11 +349,7 @@ fn windings_keep_chambers_from_swelling() {
         for chamber in ["chamber_1", "chamber_2", "chamber_3"] {
             if k > 0.0 {
                 mesh = mesh
-                    .with_winding(Winding {
-                        on: chamber.into(),
-                        angles_rad: [0.05, -0.05],
-                        laid: Laid::OnSurface { stiffness_N_m: k },
-                    })
+                    .with_winding(chamber, [0.05, -0.05], Laid::OnSurface { stiffness_N_m: k })
                     .unwrap();
             }
         }
@@ -493,18 +459,13 @@ fn tendons_and_windings_that_are_none_are_refused() {
     let on_surface = |stiffness_N_m| Laid::OnSurface { stiffness_N_m };
     let in_region = |stiffness_Pa| Laid::InRegion { stiffness_Pa };
     let refused = |on: &str, angles_rad: [f64; 2], laid: Laid| {
-        let on = on.into();
-        let winding = Winding {
-            on,
-            angles_rad,
-            laid,
-        };
-        mesh().with_winding(winding).unwrap_err()
+        mesh().with_winding(on, angles_rad, laid).unwrap_err()
     };
     let error = refused("chamber_9", [0.1; 2], on_surface(1.0));
-    assert!(matches!(error, FemError::Winding { .. }));
+    let names = "the mesh has no such surface with faces along x; it has outside";
+    assert!(matches!(error, FemError::Winding { .. }) && error.to_string().contains(names));
     let error = refused("sleeve", [0.1; 2], in_region(1.0)).to_string();
-    assert!(error.contains("winding on `sleeve`: the mesh has no such region"));
+    assert!(error.contains("winding on `sleeve`: the mesh has no such region; it has body"));
     let error = refused(OUTSIDE, [0.1; 2], on_surface(0.0)).to_string();
     assert!(error.contains("stiffness of a winding is 0"), "{error}");
     let error = refused(BODY, [0.1; 2], in_region(f64::NAN)).to_string();

@@ -101,12 +101,8 @@ fn displacement_converges_with_the_third_order() {
 /// body follow the outline (a thin wall, a narrow waist).
 #[test]
 fn each_builtin_body_converges_with_the_third_order() {
-    let sizes = |n: usize, rings: usize, layers: usize, around: usize| Quality::Custom {
-        rings: n * rings,
-        layers: n * layers,
-        around: n * around,
-        layer_grading_per_mille: 1000,
-        ring_grading_per_mille: 1000,
+    let sizes = |n: usize, rings: usize, layers: usize, around: usize| {
+        Quality::custom([n * rings, n * layers, n * around], [1000, 1000])
     };
     type Make = fn(Quality) -> Result<Mesh, ecm_fem::FemError>;
     let bodies: [(&str, Make, [usize; 3]); 5] = [
@@ -357,13 +353,7 @@ fn every_formulation_solves_the_reference_wrench() {
 /// kept pressure of the last iteration belongs to the state that is reported.
 #[test]
 fn eliminated_pressures_leave_the_tangent_exact() {
-    let quality = Quality::Custom {
-        rings: 1,
-        layers: 4,
-        around: 6,
-        layer_grading_per_mille: 500,
-        ring_grading_per_mille: 1000,
-    };
+    let quality = Quality::custom([1, 4, 6], [500, 1000]);
     for (formulation, poisson, limit) in [
         (Formulation::ConstantPressure, 0.49, 2e-5),
         // Here the tangent takes κ = 10⁴ μ.

@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use ecm_fem::output::vtu;
 use ecm_fem::{
     Case, CaseResult, ChamberShape, Chambered, Formulation, Laid, Load, MOST_ACTUATORS, Outcome,
-    Quality, Rod, Settings, Status, Tendon, Watch, Winding, material,
+    Quality, Rod, Settings, Status, Tendon, Watch, material,
 };
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -177,12 +177,7 @@ impl Mesh {
                 ));
             }
         };
-        let winding = Winding {
-            on: on.into(),
-            angles_rad,
-            laid,
-        };
-        (self.0.clone().with_winding(winding))
+        (self.0.clone().with_winding(on, angles_rad, laid))
             .map(Self)
             .map_err(fem_error)
     }

@@ -96,18 +96,20 @@ pub enum Laid {
 
 impl Winding {
     /// The mesh has no such place for it.
-    pub(crate) fn nowhere(&self) -> FemError {
+    pub(crate) fn nowhere(&self, mesh: &Mesh) -> FemError {
+        let (what, all, named) = match self.laid {
+            Laid::OnSurface { .. } => (
+                "surface with faces along x",
+                OUTSIDE,
+                [&mesh.chambers[..], &mesh.surfaces],
+            ),
+            Laid::InRegion { .. } => ("region", BODY, [&mesh.regions[..], &[]]),
+        };
+        let named = named.into_iter().flatten();
+        let names: String = named.map(|(name, _)| format!("{name}, ")).collect();
         FemError::Winding {
             on: self.on.clone(),
-            expected: match self.laid {
-                Laid::OnSurface { .. } => {
-                    "surface with faces along x; name a chamber, a surface `winding...` of the mesh \
-                     file, or \"outside\""
-                }
-                Laid::InRegion { .. } => {
-                    "region; name a physical volume of the mesh file, or \"body\" for all of it"
-                }
-            },
+            expected: format!("{what}; it has {names}{all}"),
         }
     }
 }
@@ -404,7 +406,18 @@ impl Mesh {
     ///
     /// # Errors
     /// No surface or region of that name; an angle beyond π/2; a stiffness that is not positive.
-    pub fn with_winding(mut self, winding: Winding) -> Result<Self, FemError> {
+    pub fn with_winding(
+        mut self,
+        on: &str,
+        angles_rad: [f64; 2],
+        laid: Laid,
+    ) -> Result<Self, FemError> {
+        let on = on.into();
+        let winding = Winding {
+            on,
+            angles_rad,
+            laid,
+        };
         let (there, name, k, expected) = match winding.laid {
             Laid::OnSurface { stiffness_N_m } => (
                 winding.on == OUTSIDE || self.surface(&winding.on).is_some(),
@@ -420,7 +433,7 @@ impl Mesh {
             ),
         };
         if !there {
-            return Err(winding.nowhere());
+            return Err(winding.nowhere(&self));
         }
         let refused = |name, value, expected| {
             Err(FemError::Parameter {

@@ -39,6 +39,22 @@ pub enum Quality {
     },
 }
 
+impl Quality {
+    /// [`Self::Custom`] by numbers of rings, layers and points around, and both gradings.
+    pub const fn custom(
+        [rings, layers, around]: [usize; 3],
+        [layer_grading_per_mille, ring_grading_per_mille]: [u32; 2],
+    ) -> Self {
+        Self::Custom {
+            rings,
+            layers,
+            around,
+            layer_grading_per_mille,
+            ring_grading_per_mille,
+        }
+    }
+}
+
 impl std::str::FromStr for Quality {
     type Err = FemError;
 
@@ -49,13 +65,7 @@ impl std::str::FromStr for Quality {
             // rings x layers x around, graded as the standard mesh: for studies of convergence.
             _ if word.split('x').count() == 3 && word.split('x').all(counts) => {
                 let n: Vec<usize> = word.split('x').filter_map(|v| v.parse().ok()).collect();
-                Ok(Self::Custom {
-                    rings: n[0],
-                    layers: n[1],
-                    around: n[2],
-                    layer_grading_per_mille: 250,
-                    ring_grading_per_mille: 200,
-                })
+                Ok(Self::custom([n[0], n[1], n[2]], [250, 200]))
             }
             _ => Err(FemError::Word {
                 name: "quality",

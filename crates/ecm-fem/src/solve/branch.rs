@@ -100,6 +100,8 @@ impl Fem {
                         };
                         loss.get_or_insert_with(first).within = within;
                         Failure::Diverged
+                    } else if self.is_collapsed(&state) {
+                        Failure::Collapsed
                     } else if share >= 1.0 {
                         // Load steps end the path exactly at the load.
                         return (End::Passed, iterations);

@@ -87,6 +87,7 @@ impl Fem {
                 End::Passed => step = self.settings.smallest_load_step,
                 End::Failed(Failure::Cancelled) => break Status::Cancelled,
                 End::Failed(_) if loss.is_some() => break Status::Unstable,
+                End::Failed(Failure::Collapsed) => break Status::Collapsed,
                 End::Failed(_) => break failure.status(),
             }
         };
@@ -184,11 +185,9 @@ impl Fem {
     }
 
     /// Whether a chamber's wall passes through itself.
-    fn is_collapsed(&self, state: &State) -> bool {
+    pub(super) fn is_collapsed(&self, state: &State) -> bool {
         let at = |node| self.body.place_m(&state.field, node);
-        self.body
-            .chambers
-            .collapsed(&self.body.mesh, at, &state.platform)
+        self.body.chambers.collapsed(&self.body.mesh, at)
     }
 
     /// The result of the last stable state; where no step succeeded, of the start.

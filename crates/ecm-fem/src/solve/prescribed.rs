@@ -106,6 +106,10 @@ impl Fem {
             let most = (self.settings.iterations, MOST_UNSTABLE_ITERATES);
             let outcome = self.newton(&mut work, &mut state, &load, most, watch);
             let failure = match outcome {
+                Ok(n) if self.is_collapsed(&state) => {
+                    iterations += n;
+                    Status::Collapsed
+                }
                 Ok(n) => {
                     iterations += n;
                     reached = next;

@@ -12,13 +12,7 @@ use crate::pattern::{Constraint, NONE};
 use crate::tensor::{apply, determinant};
 use ecm_se3::rotation_matrix;
 
-const COARSE: Quality = Quality::Custom {
-    rings: 1,
-    layers: 3,
-    around: 5,
-    layer_grading_per_mille: 800,
-    ring_grading_per_mille: 1000,
-};
+const COARSE: Quality = Quality::custom([1, 3, 5], [800, 1000]);
 
 fn coarse() -> Fem {
     let mesh = Mesh::cylinder(0.1, 0.03, COARSE).unwrap();
@@ -192,13 +186,7 @@ fn rigid_motion_costs_nothing() {
 /// pressure κ (J − 1) everywhere.
 #[test]
 fn linear_boundary_displacements_give_a_homogeneous_state() {
-    let quality = Quality::Custom {
-        rings: 2,
-        layers: 4,
-        around: 6,
-        layer_grading_per_mille: 500,
-        ring_grading_per_mille: 500,
-    };
+    let quality = Quality::custom([2, 4, 6], [500, 500]);
     let mesh = Mesh::cylinder(0.1, 0.03, quality).unwrap();
     let on_boundary = |x: &[f64; 3]| x[0] < 1e-9 || x[0] > 0.1 - 1e-9 || x[1].hypot(x[2]) > 0.0275;
     let mut constraints = vec![Constraint::Free; 3 * mesh.nodes_m().len()];

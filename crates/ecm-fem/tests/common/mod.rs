@@ -7,13 +7,7 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use std::collections::HashMap;
 
-pub const COARSE: Quality = Quality::Custom {
-    rings: 1,
-    layers: 2,
-    around: 4,
-    layer_grading_per_mille: 1000,
-    ring_grading_per_mille: 1000,
-};
+pub const COARSE: Quality = Quality::custom([1, 2, 4], [1000, 1000]);
 
 pub fn neo() -> Box<dyn Material> {
     Box::new(NeoHookean::new(1e6, 0.49).unwrap())
