@@ -84,7 +84,7 @@ def test_a_run_stops_when_the_error_is_reached_and_promises_it(tmp_path: Path) -
     out = tmp_path / "data.csv"
     table = spring_run(spring_plan(), Spring(), out, until="0.02 N", fit="energy4")
     at = table.text("kind") == "pose"
-    assert 8 <= np.count_nonzero(at) < 40
+    assert 8 <= np.count_nonzero(at) < 50  # of 80: the promise is kept with 99 % at this look
     promise = certificate(out)
     assert promise["reached"] is True
     assert promise["error"]["high"] <= 0.02
