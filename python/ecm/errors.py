@@ -6,6 +6,7 @@ result, not an error.
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import sys
@@ -50,7 +51,8 @@ class Remedy:
         What to do, as the begin of a sentence that a command may end.
     command
         A command line of `ecm`; empty where no command helps. DATA, MODEL and OUT stand for the
-        files of the command that was refused, AGAIN for this command as it was typed.
+        files of the command that was refused, AGAIN for this command as it was typed. Where no
+        command filled them in, it is shown as the call in Python that does the same.
 
     Examples
     --------
@@ -58,6 +60,9 @@ class Remedy:
     >>> print(remedy.filled({"DATA": "neck.csv", "OUT": "neck2.json"}))
     Fit the stated body:
       ecm fit neck.csv --model physics --out neck2.json
+    >>> print(remedy)
+    Fit the stated body:
+      better = ecm.fit(table, "physics")
     """
 
     words: str
@@ -80,7 +85,52 @@ class Remedy:
     def __str__(self) -> str:
         """The words, and the command on a line of its own."""
         words = self.words[:1].upper() + self.words[1:]
-        return f"{words}:\n  {self.command}" if self.command else f"{words}."
+        return f"{words}:\n  {self.shown}" if self.command else f"{words}."
+
+    @property
+    def shown(self) -> str:
+        """The command; as calls in Python where it still stands without its files."""
+        if not {"DATA", "MODEL"} & set(self.command.split()):
+            return self.command
+        parts = (shlex.split(part) for part in self.command.split(" && ") if part != "AGAIN")
+        return "; ".join(_call(*words[1:]) for words in parts)
+
+
+_IN_PYTHON = {"DATA": "table", "MODEL": "model", "choose": "ecm.models.choose_model(table).best"}
+"""What a file, or the model that is chosen, is called in Python."""
+
+
+def _call(verb: str, *words: str) -> str:
+    """The call in Python of `ecm VERB WORDS`."""
+    given: dict[str, list[str]] = {"": []}
+    option = ""
+    for word in words:
+        if word.startswith("--"):
+            option = word[2:]
+            given.setdefault(option, [])
+        else:
+            given[option].append(_IN_PYTHON.get(word) or json.dumps(word))
+            option = ""
+    if verb == "check":
+        return f"print(ecm.check({given[''][0]}))"
+    if "data" in given:
+        given[""][0] += f".measured_at({given.pop('data')[0]})"
+    out = given.pop("out", [])
+    order = ("", "to", "model")
+    values = [value for key in order for value in given.pop(key, [])]
+    if verb == "export":
+        values += out
+    added = given.pop("add", []) if verb == "fit" else []
+    values += [f"{key}={_value(words)}" for key, words in given.items()]
+    call = f"ecm.{verb}({', '.join(values)})"
+    if added:
+        call = f"ecm.refit({call}, table, add={_value(added)})"
+    return call if verb == "export" else f"better = {call}"
+
+
+def _value(words: list[str]) -> str:
+    """The value of an option in Python: one, several, or True of a flag."""
+    return f"[{', '.join(words)}]" if len(words) > 1 else "".join(words) or "True"
 
 
 class Refusal(EcmError):

@@ -340,15 +340,16 @@ class Session(Console):
 
     def files_of(self, **options: object) -> dict[str, str]:
         """The command itself and its files by the names that a remedy has for them."""
-        files = {"AGAIN": shlex.join(["ecm", *command.typed])}
+        files = {"DATA": "data.csv", "MODEL": "model.json"}
+        files["AGAIN"] = shlex.join(["ecm", *command.typed])
         for name in ("data", "model", "out"):
             given = options.get(name)
-            if given is not None:
+            if given:
                 parts = given if isinstance(given, list | tuple) else [given]
                 files[name.upper()] = " ".join(shlex.quote(str(part)) for part in parts)
-        if "DATA" in files and options.get("out", "") is None:
+        if options.get("data") and options.get("out", "") is None:
             files["OUT"] = shlex.quote(str(model_named_after(options["data"])))
-        if self.meta is not None and "DATA" in files:
+        if self.meta is not None and options.get("data"):
             files["DATA"] += f" --meta {shlex.quote(str(self.meta))}"
         return files
 

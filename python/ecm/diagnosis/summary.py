@@ -52,6 +52,8 @@ def path_taken(table: Table, named: Iterable[str]) -> list[str]:
 
 LINES = (("missing", "MISSING"), ("add", "ADD IT"), ("next", "NEXT"))
 """The lines, each by its key in the report and as it is shown."""
+DETAILS = "what the names rest on, the ranking, what these data cannot test or tell apart"
+"""What the whole report has beside the lines."""
 _NOTHING = "nothing"
 _SOME_UNTESTED = 3
 """Effects that cannot be tested which the first line names, in the order of the catalogue."""
@@ -230,9 +232,9 @@ def _add(document: Mapping[str, Any]) -> str:
     addition = None if without_inputs else document.get("addition")
     if addition is not None:
         remedy = addition["remedy"] or {"command": "", "words": _NOTHING}
-        command = remedy["command"] or remedy["words"]
+        command = Remedy(**remedy).shown or remedy["words"]
         if addition["refused"]:
-            return f"{command}   (not to this model: --details says why)"
+            return f"{command}   (not to this model: the details say why)"
         before, after = addition["held_out"]["before"], addition["held_out"]["after"]
         brings = (
             "" if after is None else f"   (this model {before:.2f} -> {after:.2f} times the noise)"
@@ -242,9 +244,9 @@ def _add(document: Mapping[str, Any]) -> str:
         return "nothing: the model has it already; refit it to these rows"
     remedy = document["model"].get("remedy")
     if remedy is not None:
-        return str(remedy["command"] or remedy["words"])
+        return Remedy(**remedy).shown or str(remedy["words"])
     if (document["unknown"] or {}).get("skeleton"):
-        return "an effect of your own: --details prints a draft of it"
+        return "an effect of your own: the details have a draft of it"
     return _NOTHING
 
 
@@ -264,7 +266,7 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
     for one in document["look_alikes"][:1]:
         yield f"{one['apart']}: tells {one['id']} from {one['what'].split(':')[0]}"
     if unknown or document["verdict"] == "ambiguous":
-        yield "record one more column: --details lists what these data cannot test"
+        yield "record one more column: the details list what these data cannot test"
     before = document["held_out"]["before"]
     if document["verdict"] == "none" and before > FAR_BEYOND_NOISE:
         base = document["model"]["base"]
@@ -384,7 +386,7 @@ def _addition(addition: Mapping[str, Any] | None) -> list[Block]:
         return [TextBlock(f"{text.rstrip('.')}.")]
     remedy = Remedy(**addition["remedy"])
     words = f" {Remedy(remedy.words)}" if addition["refused"] else ""
-    return [CodeBlock(f"{text.rstrip('.')}.{words}", remedy.command)]
+    return [CodeBlock(f"{text.rstrip('.')}.{words}", remedy.shown)]
 
 
 def _rests_on(document: Mapping[str, Any]) -> TableBlock:
