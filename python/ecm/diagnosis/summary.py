@@ -197,7 +197,7 @@ def _untested(document: Mapping[str, Any]) -> str:
 
 def _cause(members: list[str], sizes: Mapping[str, str]) -> str:
     if len(members) > 1:
-        return f"{' or '.join(members)}, which these data cannot tell apart"
+        return f"{' or '.join(members)} (these data cannot tell them apart)"
     return sizes.get(members[0], members[0])
 
 

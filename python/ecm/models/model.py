@@ -297,11 +297,15 @@ class Model(Shown, EvaluatedModel):
         if self.correlations:
             lines.append(f"  correlations beyond {_LARGE_CORRELATION}:")
             lines += [f"    {a} and {b}: {value:+.2f}" for a, b, value in self.correlations]
+        # Where nothing is known of the noise, the base's own residual stands in its place.
+        known = not self.noise.is_residual
+        over = "noise" if known else "the base's own residual"
         for record in self.history:
-            ceiling = "" if record.ceiling is None else f", ceiling {record.ceiling:.3f}"
+            more = "" if record.ceiling is None else f", ceiling {record.ceiling:.3f}"
+            more += f", floor {record.floor:g}" if known else ""
             lines.append(
-                f"  {record.name}: error over noise {record.train:.3f} fitted, "
-                f"{record.held_out:.3f} held out{ceiling}, floor {record.floor:g}"
+                f"  {record.name}: error over {over} {record.train:.3f} fitted, "
+                f"{record.held_out:.3f} held out{more}"
             )
             if record.test:
                 lines.append(f"    {record.test}")
