@@ -98,6 +98,14 @@ class Remedy:
 
 _IN_PYTHON = {"DATA": "table", "MODEL": "model", "choose": "ecm.models.choose_model(table).best"}
 """What a file, or the model that is chosen, is called in Python."""
+_CALLS = {
+    "import": "table = ecm.import_log(log).table",
+    "check": "print(ecm.check(table))",
+    "export": "ecm.export({})",
+    "fit": "better = ecm.fit({})",
+    "refit": "better = ecm.refit({})",
+}
+"""The call of each command that a remedy names."""
 
 
 def _call(verb: str, *words: str) -> str:
@@ -111,21 +119,16 @@ def _call(verb: str, *words: str) -> str:
         else:
             given[option].append(_IN_PYTHON.get(word) or json.dumps(word))
             option = ""
-    if verb == "check":
-        return f"print(ecm.check({given[''][0]}))"
     if "data" in given:
         given[""][0] += f".measured_at({given.pop('data')[0]})"
-    out = given.pop("out", [])
-    order = ("", "to", "model")
-    values = [value for key in order for value in given.pop(key, [])]
     if verb == "export":
-        values += out
+        given["to"] += given["out"]
     added = given.pop("add", []) if verb == "fit" else []
-    values += [f"{key}={_value(words)}" for key, words in given.items()]
-    call = f"ecm.{verb}({', '.join(values)})"
-    if added:
-        call = f"ecm.refit({call}, table, add={_value(added)})"
-    return call if verb == "export" else f"better = {call}"
+    values = [value for key in ("", "to", "model") for value in given.pop(key, [])]
+    values += [f"{key}={_value(words)}" for key, words in given.items() if key != "out"]
+    call = _CALLS[verb].format(", ".join(values))
+    before, _, made = call.partition(" = ")
+    return f"{before} = ecm.refit({made}, table, add={_value(added)})" if added else call
 
 
 def _value(words: list[str]) -> str:
