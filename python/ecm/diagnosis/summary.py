@@ -13,7 +13,7 @@ from ecm.comparison.result import Comparison, workspace_blocks
 from ecm.effects import with_shape
 from ecm.errors import Remedy
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH, unit_of
+from ecm.io.columns import POSE, WRENCH, behind, unit_of
 from ecm.io.table import Table
 from ecm.models.refit import FAR_BEYOND_NOISE
 from ecm.report.blocks import (
@@ -207,9 +207,9 @@ def _sized(item: Mapping[str, Any]) -> str:
     name, fitted = max(
         item["parameters"].items(), key=lambda at: abs(at[1]["value"]) / max(at[1]["sd"], 1e-300)
     )
-    unit = "" if fitted["unit"] == "1" else f" {fitted['unit']}"
     words = what[:1].lower() + what[1:]
-    return f"{item['id']} ({words}), {name} {fitted['value']:.3g} +- {fitted['sd']:.2g}{unit}"
+    size = f"{fitted['value']:.3g} +- {fitted['sd']:.2g}{behind(fitted['unit'])}"
+    return f"{item['id']} ({words}), {name} {size}"
 
 
 def _fall(document: Mapping[str, Any]) -> str:

@@ -15,7 +15,7 @@ from ecm.effects.protocol import missing_beside_columns
 from ecm.errors import EcmError, InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F, rms
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import POSE, WRENCH, behind
 from ecm.io.events import Progress, Steps
 from ecm.io.extras import require
 from ecm.io.table import Table, TableLike, as_table, takes_table
@@ -286,7 +286,9 @@ class Model(Shown, EvaluatedModel):
                 for (parameter, value, sd), bound in zip(item.listed, item.at_bounds, strict=True):
                     error = f" +- {sd:.2g}" if np.isfinite(sd) else " (not fitted)"
                     at = " at its bound" if bound else ""
-                    lines.append(f"    {parameter.name} = {value:.4g}{error} {parameter.unit}{at}")
+                    lines.append(
+                        f"    {parameter.name} = {value:.4g}{error}{behind(parameter.unit)}{at}"
+                    )
                 least = [1e-6 * parameter.scale for parameter in item.effect.parameters]
                 if (
                     not item.is_new
