@@ -22,6 +22,7 @@ from ecm.diagnosis.search import (
     bounded_estimate,
     delta_bic,
     delta_bic_of_each,
+    delta_bic_of_parts,
     delta_chi2,
     estimate,
     explains_more_than_its_plain_form,
@@ -127,7 +128,10 @@ class _Chosen:
         return delta_bic(self.problem, self.chosen) - delta_bic(self.problem, self.others)
 
     def rivals(
-        self, known: Sequence[str], is_member: Callable[[Candidate, float], bool]
+        self,
+        known: Sequence[str],
+        is_member: Callable[[Candidate, float], bool],
+        fall: Callable[[Problem, Sequence[Candidate], Sequence[Candidate]], F] = delta_bic_of_each,
     ) -> dict[str, float]:
         """Return the rivals with their least loss of BIC in its place, the nearest first.
 
@@ -137,11 +141,13 @@ class _Chosen:
             Ids that are no rivals, beside those of the chosen effects.
         is_member
             Whether a shape counts, by its loss. A shape that a later run refutes never does.
+        fall
+            Fall of BIC by each of several in its place.
         """
         problem, present = self.problem, {one.id for one in self.chosen} | set(known)
         rivals = [c for c in problem.offered if c.id not in present]
         own = delta_bic(problem, self.chosen)
-        losses = own - delta_bic_of_each(problem, self.others, rivals)
+        losses = own - fall(problem, self.others, rivals)
         least: dict[str, float] = {}
         for rival, loss in zip(rivals, losses.tolist(), strict=True):
             if is_member(rival, loss) and not self.is_refuted(rival):
@@ -288,15 +294,17 @@ def confusion_class(
             loss < FORM_SHARE * total and separability(problem, item, rival, one.others) < SEPARABLE
         )
 
-    nearest = one.rivals((), is_member)
     plain = item.effect.plain_form()
-    if plain is not None and surpasses_its_plain_form(problem, chosen, item):
-        # They are of one form: what the form may leave says nothing about which of them it is.
-        nearest.pop(plain.id, None)
+    # They are of one form: what the form may leave says nothing about which of them it is.
+    surpassed = plain is not None and surpasses_its_plain_form(problem, chosen, item)
+    no_rivals = [plain.id] if plain is not None and surpassed else []
+    nearest = one.rivals(no_rivals, is_member)
     near = [id for id, loss in nearest.items() if loss < least]
-    # Rivals that only look alike, and lose in BIC: a long list names nothing.
-    alike_only = [id for id in nearest if id not in near][: max(0, most - 1 - len(near))]
-    members = [item.id, *near, *alike_only]
+    # Rivals that only look alike, and lose in BIC: a long list names nothing. They may lose by
+    # parameters that are about zero alone.
+    parts = one.rivals([*no_rivals, *nearest], is_member, delta_bic_of_parts)
+    alike_only = [id for id in (*nearest, *parts) if id not in near]
+    members = [item.id, *near, *alike_only[: max(0, most - 1 - len(near))]]
     offered = {c.id for c in problem.offered} - {other.id for other in chosen}
     if plain is None or plain.id in members or plain.id not in offered:
         return members
