@@ -10,6 +10,8 @@ from pathlib import Path
 
 from PIL import Image
 
-with Image.open(sys.argv[1]) as film:
-    film.seek(film.n_frames - 10)  # the last turn of the hour, held
-    film.convert("RGB").save(Path(__file__).with_name("head.png"))
+
+if __name__ == "__main__":
+    with Image.open(sys.argv[1]) as film:
+        film.seek(film.n_frames - 10)  # the last turn of the hour, held
+        film.convert("RGB").save(Path(__file__).with_name("head.png"))

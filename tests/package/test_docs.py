@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 import re
 import runpy
+import subprocess
+import sys
 from collections.abc import Iterator
 from functools import lru_cache
 from importlib import import_module
@@ -269,3 +271,18 @@ def test_each_record_of_measurements_has_a_figure_beside_it_that_a_command_draws
                    for text in texts)
     ]  # fmt: skip
     assert lacking == []
+
+
+def test_the_scripts_that_draw_pages_pictures_need_no_package_of_the_tests() -> None:
+    """After `make demo` the group `demo` is there, and what only the group `dev` has is not."""
+    text = "".join((ROOT / "docs" / name).read_text("utf-8") for name in ("gallery.md", "app.md"))
+    scripts = sorted(set(re.findall(r"python (docs/\w+\.py)", text)))
+    assert len(scripts) > 4
+    only_dev = ["pytest", "hypothesis", "pandas", "polars", "xarray", "statsmodels", "yaml"]
+    begin = f"import runpy, sys; sys.modules.update(dict.fromkeys({only_dev})); sys.path[:0] = "
+    for script in scripts:
+        load = f"{begin}['docs']; runpy.run_path({script!r}, run_name='loaded')"
+        done = subprocess.run(
+            [sys.executable, "-c", load], cwd=ROOT, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, f"{script}: {done.stderr}"
