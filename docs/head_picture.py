@@ -10,7 +10,6 @@ from pathlib import Path
 
 from PIL import Image
 
-
 if __name__ == "__main__":
     with Image.open(sys.argv[1]) as film:
         film.seek(film.n_frames - 10)  # the last turn of the hour, held
