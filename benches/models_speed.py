@@ -7,7 +7,7 @@ the array it returns) and Rust (its example `speed`) take turns on one
 thread, and the least time of each counts, so that a busy machine spoils the ratios least. Each goal
 is printed with what was found. Then one pose a call through the public `Model`, and the ratio of
 that to FEM (the paper's Fig. 11). Last, exported C with gcc -O2: h, K and G of an energy of pose
-and three pressures (actuated4 of examples/soft_arm.csv) over h and K of an energy of degree 6, and
+and three pressures (actuated4 of examples/soft_arm_pairs.csv) over h and K of an energy of degree 6, and
 a free pose.
 """
 
@@ -200,7 +200,7 @@ void free_all(int32_t n, double *h, double *k)
 
 def exported_speeds(energy6: Model, seconds: float) -> list[str]:
     """The exported C of a model with pressures beside that of an energy of degree 6."""
-    arm = read_table(ROOT / "examples" / "soft_arm.csv", meta={"mechanism": {"length_m": 0.1}})
+    arm = read_table(ROOT / "examples" / "soft_arm_pairs.csv")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         export(fit_model(arm.select(np.arange(60)), "actuated4"), "c", folder, name="arm")

@@ -37,7 +37,7 @@ ROOT = Path(__file__).parents[1]
 FOLDER = Path(__file__).with_name("effects")
 NECK = ROOT / "examples" / "neck_measured.csv"
 HINGE = ROOT / "examples" / "hinge_log.csv"
-ARM = ROOT / "examples" / "wound_arm.csv"
+ARM = ROOT / "examples" / "wound_arm_pairs.csv"
 FEW = (POSE[5], WRENCH[5])
 TWELVE = "the twelve columns of pose and wrench"
 LISTS = ("EFFECTS", "FEW", "ACTUATED", "ACTUATED_FEW")
@@ -256,9 +256,7 @@ def rows_of(path: Path) -> Rows:
     """The rows of an example under a base that was fitted to them."""
     if path == HINGE:
         return under(import_log(HINGE, axis="z", meta=HINGE.with_suffix(".toml")).table, "cubic")
-    if path == ARM:  # wound_arm.toml is no description but the configuration that made the rows
-        return under(ecm.read_table(ARM, meta={"mechanism": {"length_m": 0.1}}), "actuated4")
-    return under(ecm.read_table(NECK), "energy4")
+    return under(ecm.read_table(path), "actuated4" if path == ARM else "energy4")
 
 
 def under(table: ecm.Table, name: str) -> Rows:

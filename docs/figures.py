@@ -2,7 +2,7 @@
 
 frames.svg and midframe.svg show where the frames are; models.svg and stiffness.svg are made from
 examples/neck_measured.csv. chambers.svg shows an arm with chambers; potential.svg and valve.svg are
-made from examples/wound_arm.csv. Each record of measurements in benches/results has one picture of
+made from examples/wound_arm_pairs.csv. Each record of measurements in benches/results has one picture of
 its name.
 """
 
@@ -27,7 +27,7 @@ F = NDArray[np.float64]
 LENGTH_M, RADIUS_M = 0.1034, 0.033
 BENT = np.array([0.088, 0.040, 0.0, 0.0, 0.0, 0.75])
 EXAMPLE = Path(__file__).parents[1] / "examples" / "neck_measured.csv"
-ARM = EXAMPLE.with_name("wound_arm.csv")
+ARM = EXAMPLE.with_name("wound_arm_pairs.csv")
 ARM_LENGTH_M, ARM_RADIUS_M, INNER_M, OUTER_M = 0.1, 0.02, 0.0075, 0.0165
 MODELS = ("linear", "energy4", "energy5")
 
@@ -144,7 +144,7 @@ def stiffness() -> plt.Figure:
 
 def arm_model() -> Model:
     """The energy of pose and pressures of the wound arm, its volumes among the data."""
-    return ecm.fit(ecm.read_table(ARM, meta={"mechanism": {"length_m": ARM_LENGTH_M}}), "actuated4")
+    return ecm.fit(ecm.read_table(ARM), "actuated4")
 
 
 def chambers() -> plt.Figure:

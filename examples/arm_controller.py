@@ -10,7 +10,7 @@ follow with a lag of first order of 50 Hz. It is the same controller with two mo
     w <- w + (h(p, a) - w) dt / T              the load on the tip, by the model
     theta, u <- those of h(r_d, theta, u) = w  one step of Newton's method, with K and G
 
-exact: the energy of degree 4 of 60 rows of wound_arm.csv, exported to C. linear: its slopes at
+exact: the energy of degree 4 of 60 rows of wound_arm_pairs.csv, exported to C. linear: its slopes at
 rest. Without reading the pose w is the weight of the tip, which is known. The plant is another
 model, of degree 5 and of other rows (wound_arm_other.csv), with the inertia of the tip and a
 damping of the wall. Needs a C compiler.
@@ -31,7 +31,6 @@ import ecm
 from ecm.io.se3 import rotation, rotation_vector
 
 HERE = Path(__file__).parent
-ARM = {"mechanism": {"length_m": 0.1}}
 REST = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0])
 TIP_KG, PAYLOAD_KG, INERTIA_KG_M2 = 0.01, 0.01, 2e-6
 DAMPING_S = 4e-3
@@ -47,7 +46,7 @@ Model = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 def exported(rows: str, name: str, count: int | None, folder: Path) -> Model:
     """h (6,) and [K | G] (6, 9) of a row (9,), by the C of a model fitted to rows of a table."""
-    table = ecm.read_table(HERE / rows, meta=ARM)
+    table = ecm.read_table(HERE / rows)
     table = table if count is None else table.select(np.arange(count))
     ecm.export(ecm.fit(table, name), "c", folder, name=name)
     source, library = folder / f"{name}.c", folder / f"{name}.so"
@@ -132,7 +131,7 @@ def main() -> None:
     argparse.ArgumentParser(description=__doc__).parse_args()
     with tempfile.TemporaryDirectory() as folder:
         plant = exported("wound_arm_other.csv", "actuated5", None, Path(folder))
-        exact = exported("wound_arm.csv", "actuated4", 60, Path(folder))
+        exact = exported("wound_arm_pairs.csv", "actuated4", 60, Path(folder))
         print("| distance in mm | moving, largest | settled | payload, 0.5 s after | settled |")
         print("|---|---|---|---|---|")
         for words, reads_pose in (("without reading the pose", False), ("reads the pose", True)):

@@ -96,11 +96,37 @@ def test_a_model_in_the_place_of_the_table_is_told(ecm_command: Run) -> None:
     log("displacement.csv")
     assert ecm_command("import", "displacement.csv", "--out", "data.csv").code == 0
     assert ecm_command("fit", "data.csv", "--model", "linear", "--out", "model.json").code == 0
-    for words in (("compare", "data.csv", "model.json"), ("fit", "model.json", "data.csv")):
+    for words in (
+        ("compare", "data.csv", "model.json"),
+        ("compare", "model.json", "model.json"),
+        ("diagnose", "data.csv", "model.json"),
+        ("fit", "model.json", "data.csv"),
+        ("fit", "model.json"),
+        ("check", "model.json"),
+        ("import", "model.json"),
+    ):
         done = ecm_command(*words, *(["--out", "m.json"] if words[0] == "fit" else []))
         assert done.code == 2
         assert "model.json is a model, expected a table of measurements" in done.err
         assert ecm_command(*advised(done.err)).code == 0
+    done = ecm_command("export", "data.csv", "--to", "c", "--out", "folder")
+    assert done.code == 2
+    assert ecm_command(*advised(done.err)).code == 0
+    assert Path("data.json").is_file()
+
+
+def test_a_workbook_is_told_how_it_becomes_a_table(ecm_command: Run) -> None:
+    Path("log.xlsx").write_bytes(b"PK\x03\x04" + bytes(40))
+    done = ecm_command("fit", "log.xlsx")
+    assert done.code == 2
+    assert "save the sheet of a workbook as CSV" in done.err
+
+
+@pytest.mark.parametrize("table", sorted((ROOT / "examples").glob("*.csv")), ids=lambda p: p.stem)
+def test_each_shipped_table_is_read_where_it_lies(table: Path, ecm_command: Run) -> None:
+    done = ecm_command("check", table)
+    if done.code:  # a log: the import that is advised works
+        typed(ecm_command, done.err)
 
 
 def test_a_strain_becomes_a_displacement_by_the_gauge_length(ecm_command: Run) -> None:

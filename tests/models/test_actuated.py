@@ -32,7 +32,7 @@ ARM_FILE = ROOT / "examples" / "soft_arm.toml"
 @pytest.fixture(scope="module")
 def table() -> Table:
     """100 rows by FEM; the first 60 are fitted."""
-    return ecm.read_table(ROOT / "examples" / "soft_arm.csv", meta=ARM)
+    return ecm.read_table(ROOT / "examples" / "soft_arm_pairs.csv")
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def fresh(table: Table) -> Table:
 @pytest.fixture(scope="module")
 def other_mesh() -> Table:
     """60 rows by a finer mesh of the same arm."""
-    table = ecm.read_table(ROOT / "examples" / "soft_arm_fine.csv", meta=ARM)
+    table = ecm.read_table(ROOT / "examples" / "soft_arm_fine.csv")
     assert len(table) == 60
     return table
 

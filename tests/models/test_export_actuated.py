@@ -35,7 +35,7 @@ PRESSURES = ("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa")
 @pytest.fixture(scope="module")
 def table() -> Table:
     """100 rows by FEM of an arm with three chambers."""
-    return ecm.read_table(ROOT / "examples" / "soft_arm.csv", meta={"mechanism": {"length_m": 0.1}})
+    return ecm.read_table(ROOT / "examples" / "soft_arm_pairs.csv")
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""An arm with three chambers without finite elements: the energy of examples/soft_arm.csv."""
+"""An arm with three chambers without finite elements: the energy of examples/soft_arm_pairs.csv."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def small_rig(**plant: float) -> RigSettings:
 @cache
 def arm_table() -> Table:
     """100 rows by finite elements, in which chambers are off in turn."""
-    return ecm.read_table(ROOT / "examples" / "soft_arm.csv", meta=ARM)
+    return ecm.read_table(ROOT / "examples" / "soft_arm_pairs.csv")
 
 
 @cache

@@ -818,7 +818,7 @@ def test_a_refused_request_has_its_button_and_experiments_a_field(
 
 def test_a_slider_of_each_actuator_moves_the_body(page: Page, tmp_path: Path) -> None:
     data = tmp_path / "arm.csv"
-    data.write_text((ROOT / "examples" / "soft_arm.csv").read_text(), encoding="utf-8")
+    data.write_text((ROOT / "examples" / "soft_arm_pairs.csv").read_text(), encoding="utf-8")
     (tmp_path / "arm.toml").write_text("[mechanism]\nlength_m = 0.1\n", encoding="utf-8")
     with served_by_the_command(data, "--session", tmp_path / "session") as address:
         page.open(address)

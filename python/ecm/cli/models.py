@@ -68,7 +68,10 @@ def open_model(name: str, session: Session, table: Table | None = None) -> Model
             raise InputError(
                 f"{name}: predicted wrenches are compared with measured ones at the same poses, no "
                 "more; here a model file is needed, which fits them",
-                remedy=Remedy("fit a model to them", f"ecm fit {name} --model linear --out OUT"),
+                remedy=Remedy(
+                    "fit a model to them",
+                    f"ecm fit {name} --model linear --out {model_named_after([name])}",
+                ),
             )
         return as_model(Path(name), table)
     if not is_toml(name):

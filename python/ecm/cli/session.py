@@ -29,15 +29,22 @@ from ecm.io.table import Need, Table, check_description, read_table
 from ecm.report.blocks import CodeBlock, Report, Section, require_report
 
 
+_OF_MODELS = ("compare", "diagnose", "predict", "refit")
+"""Commands that take a model, and then tables."""
+
+
 def refuse_models(paths: Sequence[Path]) -> None:
     """Raise InputError where a model is given in place of a table, with the right order."""
     for path in filter(_is_model, paths):
         verb, *others = command.typed
-        others.pop([Path(word) for word in others].index(path))
-        first, said = [str(path)], "give the model first"
-        if verb == "fit":
-            first, said = ["data.csv"] * (len(paths) == 1), "give the table to fit in its place"
-        remedy = Remedy(said, shlex.join(["ecm", verb, *first, *others]))
+        place = len(others) - 1 - [Path(word) for word in reversed(others)].index(path)
+        if verb in _OF_MODELS and not any(_is_model(Path(word)) for word in others[:place]):
+            others.insert(0, others.pop(place))
+            said = "give the model first"
+        else:
+            others[place : place + 1] = ["data.csv"] * (len(paths) == 1)
+            said = "give a table in its place"
+        remedy = Remedy(said, shlex.join(["ecm", verb, *others]))
         raise InputError(f"{path} is a model, expected a table of measurements", remedy=remedy)
 
 

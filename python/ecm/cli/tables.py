@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from ecm.cli.session import Session, import_options
+from ecm.cli.session import Session, import_options, refuse_models
 from ecm.effects import load_installed
 from ecm.errors import InputError, Remedy
 from ecm.io.cache import write_atomically
@@ -64,6 +64,7 @@ def import_log(
     leave_out
         Leave unreadable rows and copies out; record them.
     """
+    refuse_models([log])
     beside = None if out is None else out.with_suffix(".toml")
     if beside is not None and beside.exists() and not _is_ours(beside):
         raise InputError(

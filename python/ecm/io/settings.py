@@ -71,7 +71,9 @@ def read_text(path: Path, what: str) -> str:
     except PermissionError:
         raise InputError(f"{path}: no permission to read this {what}.") from None
     if b"\0" in raw[:65536]:
-        other = " ecm import reads MAT, HDF5, NPZ and bags." if what == "table" else ""
+        other = ""
+        if "table" in what:
+            other = " ecm import reads MAT, HDF5, NPZ and bags; save the sheet of a workbook as CSV."
         raise InputError(f"{path}: found a binary file, expected a {what} (UTF-8 text).{other}")
     try:
         return raw.decode("utf-8-sig")
