@@ -7,8 +7,8 @@ the array it returns) and Rust (its example `speed`) take turns on one
 thread, and the least time of each counts, so that a busy machine spoils the ratios least. Each goal
 is printed with what was found. Then one pose a call through the public `Model`, and the ratio of
 that to FEM (the paper's Fig. 11). Last, exported C with gcc -O2: h, K and G of an energy of pose
-and three pressures (actuated4 of examples/soft_arm_pairs.csv) over h and K of an energy of degree 6, and
-a free pose.
+and three pressures (actuated4 of examples/soft_arm_pairs.csv) over h and K of an energy of degree
+6, and a free pose.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 frames.svg and midframe.svg show where the frames are; models.svg and stiffness.svg are made from
 examples/neck_measured.csv. chambers.svg shows an arm with chambers; potential.svg and valve.svg are
-made from examples/wound_arm_pairs.csv. Each record of measurements in benches/results has one picture of
-its name.
+made from examples/wound_arm_pairs.csv. Each record of measurements in benches/results has one
+picture of its name.
 """
 
 from __future__ import annotations

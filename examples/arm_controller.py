@@ -10,8 +10,8 @@ follow with a lag of first order of 50 Hz. It is the same controller with two mo
     w <- w + (h(p, a) - w) dt / T              the load on the tip, by the model
     theta, u <- those of h(r_d, theta, u) = w  one step of Newton's method, with K and G
 
-exact: the energy of degree 4 of 60 rows of wound_arm_pairs.csv, exported to C. linear: its slopes at
-rest. Without reading the pose w is the weight of the tip, which is known. The plant is another
+exact: the energy of degree 4 of 60 rows of wound_arm_pairs.csv, exported to C. linear: its slopes
+at rest. Without reading the pose w is the weight of the tip, which is known. The plant is another
 model, of degree 5 and of other rows (wound_arm_other.csv), with the inertia of the tip and a
 damping of the wall. Needs a C compiler.
 """

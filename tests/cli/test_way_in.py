@@ -119,7 +119,7 @@ def test_a_workbook_is_told_how_it_becomes_a_table(ecm_command: Run) -> None:
     Path("log.xlsx").write_bytes(b"PK\x03\x04" + bytes(40))
     done = ecm_command("fit", "log.xlsx")
     assert done.code == 2
-    assert "save the sheet of a workbook as CSV" in done.err
+    assert "save a workbook's sheet as CSV" in done.err
 
 
 @pytest.mark.parametrize("table", sorted((ROOT / "examples").glob("*.csv")), ids=lambda p: p.stem)

@@ -28,7 +28,6 @@ from ecm.io.settings import IMPORT
 from ecm.io.table import Need, Table, check_description, read_table
 from ecm.report.blocks import CodeBlock, Report, Section, require_report
 
-
 _OF_MODELS = ("compare", "diagnose", "predict", "refit")
 """Commands that take a model, and then tables."""
 

@@ -73,7 +73,7 @@ def read_text(path: Path, what: str) -> str:
     if b"\0" in raw[:65536]:
         other = ""
         if "table" in what:
-            other = " ecm import reads MAT, HDF5, NPZ and bags; save the sheet of a workbook as CSV."
+            other = " ecm import reads MAT, HDF5, NPZ and bags; save a workbook's sheet as CSV."
         raise InputError(f"{path}: found a binary file, expected a {what} (UTF-8 text).{other}")
     try:
         return raw.decode("utf-8-sig")
