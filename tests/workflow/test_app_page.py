@@ -499,6 +499,53 @@ def test_a_fit_foreseen_in_the_page_is_confirmed_and_rows_are_left_out_by_a_key(
     assert page.problems() == []
 
 
+_LOOKED_AT = """(async stages => {
+  for (const name of stages) {
+    location.hash = name;
+    while (document.documentElement.dataset.stage !== name
+      || document.querySelector("#main .waiting[role=status]"))
+      await new Promise(done => setTimeout(done, 10));
+    for (const item of [...document.querySelectorAll(".effects li")].slice(0, 3)) {
+      item.dispatchEvent(new MouseEvent("mouseenter"));
+      await new Promise(done => requestAnimationFrame(done));
+    }
+  }
+})"""
+
+
+def _held(page: Page) -> np.ndarray:
+    """Nodes and listeners that are there when what nobody holds is gone."""
+    found = []
+    for _ in range(4):  # one collection leaves what a timer of the page still holds
+        page.js("new Promise(done => setTimeout(done, 300))")
+        page.call("HeapProfiler.collectGarbage")
+        counts = page.call("Memory.getDOMCounters")
+        found.append([counts["nodes"], counts["jsEventListeners"]])
+    return np.min(found, axis=0)
+
+
+def test_figures_of_a_stage_that_was_left_are_gone(page: Page, tmp_path: Path) -> None:
+    data, times = drifting_table(tmp_path / "stage.csv"), 15
+    stages = ["fails", "missing", "add", "out", "data", "model"]
+    with served(data, folder=tmp_path / "session") as address:
+        _to_the_model(page, address)
+        _click_to_the_end(page, "#fit")
+
+        def looked_at(times: int) -> np.ndarray:
+            for _ in range(times):
+                page.js(f"({_LOOKED_AT})({json.dumps(stages)})")
+            return _held(page)
+
+        of_one = looked_at(1)
+        page.js(f"({_LOOKED_AT})(['fails'])")
+        shown = _held(page) - of_one  # what one stage of figures holds while it is there
+        assert (shown > 50).all()
+        before = looked_at(1)
+        grown = looked_at(times) - before
+        assert (grown < shown).all(), f"{grown} after {times} times, {shown} in one stage"
+    assert page.problems() == []
+
+
 def test_what_is_focused_and_ticked_stays_so_when_the_stage_is_drawn_again(
     page: Page, tmp_path: Path
 ) -> None:

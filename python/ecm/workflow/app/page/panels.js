@@ -5,7 +5,7 @@ import {column, label} from "./columns.js";
 import {button, choices, copy, el} from "./dom.js";
 import {help, term} from "./help.js";
 import {panel} from "./panel.js";
-import {mark, marked, onMark} from "./selection.js";
+import {mark, marked, onMark, untilForgotten} from "./selection.js";
 
 const KINDS = {noise: "over noise", wrench: "wrench", pose: "as pose error"};
 const LISTED = 400;
@@ -75,11 +75,10 @@ export function residualPanels(residuals, {moved = () => null, places = [], ongl
 
   // One key for the marked rows, wherever the focus is but where a person writes.
   function onkey(event) {
-    if (!node.isConnected) document.removeEventListener("keydown", onkey);
-    else if (event.key.toLowerCase() === "x" && marked.size && !event.ctrlKey && !event.metaKey && !event.altKey
+    if (event.key.toLowerCase() === "x" && marked.size && !event.ctrlKey && !event.metaKey && !event.altKey
       && !event.target.matches("input:not([type=checkbox]):not([type=radio]), select, textarea")) leave([...marked].sort((a, b) => a - b));
   }
-  if (leave) document.addEventListener("keydown", onkey);
+  if (leave) document.addEventListener("keydown", onkey, untilForgotten());
 
   // Lets the points slide to where they lie now.
   function look() {
