@@ -2,8 +2,8 @@
 
 frames.svg and midframe.svg show where the frames are; models.svg and stiffness.svg are made from
 examples/neck_measured.csv. chambers.svg shows an arm with chambers; potential.svg and valve.svg are
-made from examples/wound_arm.csv. models_learning.svg, blind.svg and those of RECORDS show
-benches/results.
+made from examples/wound_arm.csv. Each record of measurements in benches/results has one picture of
+its name.
 """
 
 from __future__ import annotations
@@ -280,7 +280,7 @@ def models_learning() -> plt.Figure:
     return figure
 
 
-def blind() -> plt.Figure:
+def blind_first() -> plt.Figure:
     """Share of right answers of the blind benchmark, with goals as lines."""
     lines = [one for one in results("blind_first.csv") if one["goal"].startswith(">=")]
     figure, axes = plt.subplots(figsize=(7, 3.2), layout="constrained")
@@ -293,21 +293,53 @@ def blind() -> plt.Figure:
     return figure
 
 
+def blind_first_beside() -> plt.Figure:
+    """What goes with the blind benchmark: each value over its goal; shares that have no goal."""
+    lines = results("blind_first_beside.csv")
+    held = [one for one in lines if one["goal"]]
+    free = [one for one in lines if not one["goal"]]
+    figure, (axes, below) = plt.subplots(
+        2, 1, figsize=(7, 4.4), height_ratios=(len(held), len(free)), layout="constrained"
+    )
+    for place, one in zip(np.arange(len(held))[::-1], held, strict=True):
+        words, most = one["goal"].split(), 1.3
+        goal = float(words[-1])
+        low, high = {"<=": (0.0, 1.0), ">=": (1.0, most)}.get(words[0], (0.0, 0.0))
+        if words[1] == "to":
+            goal = 0.5 * (float(words[0]) + float(words[2]))
+            low, high = float(words[0]) / goal, float(words[2]) / goal
+        axes.barh(place, high - low, 0.7, low, color=BLUE, alpha=0.25)
+        axes.plot(float(one["ours"]) / goal, place, "o", ms=5, color=ORANGE)
+    axes.set_yticks(np.arange(len(held))[::-1], [one["beside"] for one in held], fontsize=8)
+    axes.set(xlim=(0.0, 1.3), xlabel="value over its goal (band: met)")
+    below.barh(np.arange(len(free))[::-1], [float(one["ours"]) for one in free], 0.6, color=BLUE)
+    below.set_yticks(np.arange(len(free))[::-1], [one["beside"] for one in free], fontsize=8)
+    below.set(xlim=(0.0, 1.0), xlabel="share of the sets (no goal)")
+    return figure
+
+
+def share(text: str) -> float:
+    """A number of a record; `23 of 24` is a share."""
+    part, _, whole = text.partition(" of ")
+    return float(part) / float(whole or 1)
+
+
 def record(name: str) -> plt.Figure:
     """A record of benches/results as bars: parts of a whole, or values side by side."""
-    label, columns, whole = RECORDS[name]
+    label, columns, whole, across = RECORDS[name]
     lines = results(f"{name}.csv")
     high = 0.7 if whole else 0.7 / len(columns)
-    figure, axes = plt.subplots(figsize=(7, 0.9 + 0.3 * len(lines)), layout="constrained")
+    height = 0.9 + len(lines) * max(0.3, 0.0 if whole else 0.11 * len(columns))
+    figure, axes = plt.subplots(figsize=(7, height), layout="constrained")
     places, left = np.arange(len(lines))[::-1], np.zeros(len(lines))
     for k, column in enumerate(columns):
-        values = np.array([float(one[column]) / float(one[whole] if whole else 1) for one in lines])
+        values = np.array([share(one[column]) / float(one[whole] if whole else 1) for one in lines])
         at = places if whole else places - high * (k - (len(columns) - 1) / 2)
         colour = plt.get_cmap("cividis")(k / max(1, len(columns) - 1))
         axes.barh(at, values, high, left if whole else 0.0, color=colour, label=column)
         left += values
     axes.set_yticks(places, [one[label].partition(":")[0] for one in lines], fontsize=8)
-    axes.set_xlabel(f"share of the {whole}" if whole else columns[0] if len(columns) == 1 else "")
+    axes.set(xlabel=across, ylim=(-0.6, len(lines) - 0.4))
     if len(columns) > 1:
         figure.legend(loc="outside upper center", ncols=4, fontsize=8, frameon=False)
     return figure
@@ -315,15 +347,19 @@ def record(name: str) -> plt.Figure:
 
 _ANSWERS = ("right", "right, and another name", "one of two", "unknown", "none",
             "class without it", "clean wrong name")  # fmt: skip
-RECORDS: dict[str, tuple[str, tuple[str, ...], str]] = {
-    "blind_second": ("--seed", ("one effect, s = 1", "s = 3"), ""),
+RECORDS: dict[str, tuple[str, tuple[str, ...], str, str]] = {
+    "blind_second": ("--seed", ("one effect, s = 1", "s = 3"), "", "share of the sets, right"),
     "blind_third": ("--seed", ("right", "family", "unknown", "none", "no class of three",
-                               "wrong class", "wrong name"), "sets"),
-    "blind_kinds": ("kind", _ANSWERS, "sets"),
-    "blind_ablation": ("without", ("other answers",), ""),
-    "eight_effects": ("hidden", ("error_before", "error_after"), ""),
+                               "wrong class", "wrong name"), "sets", "share of the sets"),
+    "blind_fourth": ("sample", ("named at s = 1", "nothing hidden", "pairs", "wrong names"), "",
+                     "share of the sets"),
+    "blind_kinds": ("kind", _ANSWERS, "sets", "share of the sets"),
+    "blind_ablation": ("without", ("other answers",), "", "answers that change, of 47 sets"),
+    "eight_effects": ("hidden", ("error_before", "error_after"), "",
+                      "held-out error over the noise"),
 }  # fmt: skip
-"""Records: the column of labels, the columns that are drawn, and that of the whole they are of."""
+"""Records: the column of labels, the columns that are drawn, that of the whole they are of, and
+what the axis says."""
 
 
 def main(folder: Path) -> None:
@@ -342,7 +378,8 @@ def save(figure: plt.Figure, path: Path) -> None:
 
 
 PICTURES = (
-    frames, midframe, models, stiffness, chambers, potential, valve, models_learning, blind
+    frames, midframe, models, stiffness, chambers, potential, valve, models_learning, blind_first,
+    blind_first_beside,
 )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import runpy
 from collections.abc import Iterator
 from functools import lru_cache
 from importlib import import_module
@@ -241,3 +242,19 @@ def test_the_index_links_every_page_that_a_person_writes() -> None:
     index = ROOT / "docs" / "index.md"
     linked = {link.file for link in links(index, index.read_text(encoding="utf-8"))}
     assert set(source_pages().values()) - {index} - linked == set()
+
+
+def test_each_record_of_measurements_has_a_figure_beside_it_that_a_command_draws(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    figures = runpy.run_path(str(ROOT / "docs" / "figures.py"))
+    drawn = {draw.__name__ for draw in figures["PICTURES"]} | set(figures["RECORDS"])
+    texts = [page.read_text(encoding="utf-8") for page in (ROOT / "docs").rglob("*.md")]
+    lacking = [
+        name for name in sorted(path.stem for path in (ROOT / "benches/results").glob("*.csv"))
+        if name not in drawn or not (ROOT / "docs" / f"{name}.svg").exists()
+        or not any(f"`benches/results/{name}.csv`" in text and f"({name}.svg)" in text
+                   for text in texts)
+    ]  # fmt: skip
+    assert lacking == []

@@ -9,15 +9,16 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (41_961, 200),
+    "python/ecm": (41_962, 200),
     "benches": (5_970, 51),
     "examples": (1_517, 13),
-    "tests": (31_143, 229),
+    "tests": (31_180, 229),
     "crates": (34_399, 199),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a test
 of walls that cross (crates 85), what the best order of rows saves and three effects at once
-(benches 51), the page on one axis, its words and a driven arm as typed (tests 257), G half way."""
+(benches 51), the page on one axis, its words and a driven arm as typed (tests 257), G half way;
+a stage that was left is not held, each record has a figure (tests 37)."""
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -561,6 +561,34 @@ def test_what_is_focused_and_ticked_stays_so_when_the_stage_is_drawn_again(
     assert page.problems() == []
 
 
+def _held(page: Page) -> tuple[int, int]:
+    """Nodes and listeners that are left when the garbage is gone."""
+    for _ in range(2):
+        page.call("HeapProfiler.collectGarbage")
+    counts = page.call("Memory.getDOMCounters")
+    return counts["nodes"], counts["jsEventListeners"]
+
+
+def test_a_stage_that_was_left_is_not_held_for_ever(page: Page, tmp_path: Path) -> None:
+    def rounds(count: int) -> tuple[int, int]:
+        for _ in range(count):
+            for name in ("model", "fails"):
+                page.js(f"location.hash = '{name}'")
+                page.until(f"document.documentElement.dataset.stage === '{name}' && {_DRAWN}")
+        return _held(page)
+
+    with served(drifting_table(tmp_path / "stage.csv"), folder=tmp_path / "session") as address:
+        _to_the_model(page, address)
+        assert page.js(_FIT) == 200
+        page.until("!!document.querySelector('#to-fails')")
+        page.click("#to-fails")
+        nodes, listeners = rounds(6)
+        again = rounds(24)
+    assert again[0] < 2.5 * nodes  # figures of the last stages wait for the collector
+    assert again[1] < 2.5 * listeners
+    assert page.problems() == []
+
+
 _AT_REST = """new Promise(done => {
   const seen = () => document.querySelector(".space canvas").toDataURL();
   let last = "";

@@ -485,6 +485,7 @@ def addition_to(model: Model, table: Table, effects: Sequence[Effect]) -> Additi
     if not new:
         return None
     ids = tuple(effect.id for effect in new)
+    table = table.subsample(spread_rows(table, MANY_ROWS))  # those that every fit here would choose
     try:
         found = refit(model, table, add=new)
         refuse_addition(found, table, model)
