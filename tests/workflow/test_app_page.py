@@ -561,34 +561,6 @@ def test_what_is_focused_and_ticked_stays_so_when_the_stage_is_drawn_again(
     assert page.problems() == []
 
 
-def _held(page: Page) -> tuple[int, int]:
-    """Nodes and listeners that are left when the garbage is gone."""
-    for _ in range(2):
-        page.call("HeapProfiler.collectGarbage")
-    counts = page.call("Memory.getDOMCounters")
-    return counts["nodes"], counts["jsEventListeners"]
-
-
-def test_a_stage_that_was_left_is_not_held_for_ever(page: Page, tmp_path: Path) -> None:
-    def rounds(count: int) -> tuple[int, int]:
-        for _ in range(count):
-            for name in ("model", "fails"):
-                page.js(f"location.hash = '{name}'")
-                page.until(f"document.documentElement.dataset.stage === '{name}' && {_DRAWN}")
-        return _held(page)
-
-    with served(drifting_table(tmp_path / "stage.csv"), folder=tmp_path / "session") as address:
-        _to_the_model(page, address)
-        assert page.js(_FIT) == 200
-        page.until("!!document.querySelector('#to-fails')")
-        page.click("#to-fails")
-        nodes, listeners = rounds(6)
-        again = rounds(24)
-    assert again[0] < 2.5 * nodes  # figures of the last stages wait for the collector
-    assert again[1] < 2.5 * listeners
-    assert page.problems() == []
-
-
 _AT_REST = """new Promise(done => {
   const seen = () => document.querySelector(".space canvas").toDataURL();
   let last = "";
@@ -778,7 +750,7 @@ def test_one_axis_has_no_empty_place_and_the_page_no_words_of_a_terminal(
         page.until("!!document.querySelector('[data-add=hysteresis]')")
         said = stage("missing")
         assert "Say the length when detached, under Data" in said
-        assert "Say fts_resolution in the description" in said
+        assert "Say the smallest step of the sensor, under Data" in said
         assert "smooth and the same on every visit." in said
         _click_to_the_end(page, "[data-add=hysteresis]")
         page.until("document.querySelector('#wipe').value === '0'")
@@ -787,6 +759,64 @@ def test_one_axis_has_no_empty_place_and_the_page_no_words_of_a_terminal(
         assert pairs == []
         stage("add")
     assert page.problems() == []
+
+
+_TYPE = """(values => {
+  for (const [id, value] of Object.entries(values)) {
+    const input = document.querySelector(`#say-${id}`);
+    input.value = value;
+    input.dispatchEvent(new Event("input"));
+  }
+})"""
+
+
+def test_gravity_and_the_range_of_the_sensor_are_typed_and_make_effects_testable(
+    page: Page, tmp_path: Path
+) -> None:
+    ranges = [400.0, 200.0, 200.0, 20.0, 20.0, 20.0]
+
+    def said(key: str, values: list[Any]) -> dict[str, Any]:
+        """Type a list, and say it of the tables; the state then."""
+        steps = len(_state(page)["steps"])
+        page.js("document.querySelector('#describe').open = true")
+        page.js(f"({_TYPE})({json.dumps({f'{key}-{k}': v for k, v in enumerate(values)})})")
+        page.click("#say")
+        return _done(page, steps + 1)
+
+    def asked_for() -> str:
+        return str(page.js("[...document.querySelectorAll('#main li')].map(n => n.innerText)"
+                           ".filter(text => /under Data/.test(text)).join(' ')"))  # fmt: skip
+
+    data = drifting_table(tmp_path / "stage.csv")
+    with served(data, folder=tmp_path / "session") as address:
+        _to_the_model(page, address)
+        _click_to_the_end(page, "#fit")
+        page.js("location.hash = 'missing'")
+        page.until("!!document.querySelector('[data-add=fts_drift]')")
+        assert "Say the largest reading of the sensor, under Data" in asked_for()
+        page.js("location.hash = 'data'")
+        page.until("!!document.querySelector('#say')")
+        page.js(f"({_TYPE})({{length_m: {1e3 * LENGTH_M}, 'gravity_m_s2-0': 0}})")
+        page.click("#say")  # a part of a vector is not said
+        assert page.js("document.querySelector('#say-gravity_m_s2-1').validity.valueMissing")
+        state = said("gravity_m_s2", [0, 0, 0])
+        assert state["described"]["scene"] == {"gravity_m_s2": [0, 0, 0]}
+        assert not {"own_weight", "fts_saturation"} & set(state["check"]["testable"])
+        page.until("document.querySelector('#say-gravity_m_s2-2').value === '0'")
+        state = said("gravity_m_s2", [0, 0, -9.81])
+        assert {"own_weight"} <= set(state["check"]["testable"])
+        state = said("fts_range", ranges)
+        assert {"own_weight", "fts_saturation"} <= set(state["check"]["testable"])
+        table = ecm.read_table([tmp_path / "session" / state["data"][0]["file"]])
+        assert table.meta.scene.gravity_m_s2 == (0.0, 0.0, -9.81)
+        assert list(table.meta.instrument.fts_range or ()) == ranges
+        assert not said("gravity_m_s2", ["", "", ""])["described"].get("scene")
+        assert page.unnamed() == []
+        page.js(f"({_TYPE})({{'gravity_m_s2-0': 100, 'gravity_m_s2-1': 0, 'gravity_m_s2-2': 0}})")
+        page.click("#say")
+        page.until("/expected a norm of about/.test(document.querySelector('#status').innerText)")
+        assert _NO_WORDS_OF_THE_PAGE.findall(page.text()) == []
+    assert all("400 (Bad Request)" in problem for problem in page.problems())
 
 
 _UP = "".join(f"{i},{i + 0.1 * (i % 3)},{i}\n" for i in range(30))
