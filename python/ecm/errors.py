@@ -6,6 +6,7 @@ result, not an error.
 
 from __future__ import annotations
 
+import copyreg
 import re
 import shlex
 import sys
@@ -97,6 +98,10 @@ class Refusal(EcmError):
         self.message = str(message)
         """What was found and what was expected, without the way out."""
         self.remedy = remedy
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """From a process of its own it comes as it was, whatever its class is made from."""
+        return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
 
     def __str__(self) -> str:
         """The message, and the way out below it."""

@@ -326,13 +326,13 @@ class Session(Console):
                     progress=tell,
                 )
         except InputError as error:
-            few = isinstance(error, BadRows) and not error.most
+            if isinstance(error, BadRows):
+                error.remedy = Remedy(error.remedy.words, "AGAIN --leave-out")
             own = error.remedy is not None and error.remedy.command != IMPORT
             logs = (path for path in paths if not _is_table(path))
+            few = isinstance(error, BadRows) and not error.most
             if (not own or isinstance(error, BadRows)) and not few and (log := next(logs, None)):
                 error.remedy = way_in(log) or error.remedy
-            if isinstance(error, BadRows) and not error.remedy.command:
-                error.remedy = Remedy(error.remedy.words, "AGAIN --leave-out")
             raise
         for warning in brief(table.warnings, paths):
             self.warn(warning)

@@ -191,8 +191,9 @@ class RowErrors:
         table = "data (rows are counted from 0)" if in_memory else "file"
         skip = "as_table(..., skip_bad_rows=True)" if in_memory else "--leave-out"
         words = f"correct the {table}, or leave {them} out with {skip} (which records it)"
+        command = "" if in_memory else "ecm check DATA --leave-out"
         most = 2 * rows > len(self.numbers)
-        return BadRows(self.summary(), remedy=Remedy(words), most=most)
+        return BadRows(self.summary(), remedy=Remedy(words, command), most=most)
 
 
 _BLOCK = 4096

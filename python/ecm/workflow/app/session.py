@@ -27,7 +27,16 @@ from ecm.io.description import Meta, row_ranges, rows_of, with_leave_out
 from ecm.io.settings import parse_toml, read_toml, write_toml
 from ecm.io.table import read_table
 from ecm.workflow.app.journal import DATA, History, Journal, Step, writing
-from ecm.workflow.app.steps import DEMO_FILES, PLAN, RIG, Files, command_of, way_out, write_demo
+from ecm.workflow.app.steps import (
+    DEMO_FILES,
+    PLAN,
+    RIG,
+    SKIPS,
+    Files,
+    command_of,
+    way_out,
+    write_demo,
+)
 
 TABLES = (".csv", ".parquet")
 LOGS = (".txt", ".tsv", ".dat", ".log", ".mat", ".h5", ".hdf5", ".npz", ".mcap", ".db3")
@@ -129,7 +138,7 @@ class Session:
         fitted = history.last("fit", "refit", data=data)
         model = None if fitted is None else model_of(fitted)
         found = history.last("diagnose", data=data, model=model)
-        checked = history.last("check", data=data)
+        checks = self._checks(history, data)
         answered = history.last("diagnose", data=data)
         written = [] if found is None else found.outputs
         plan = next((name for name in written if name.endswith(".csv")), None)
@@ -143,7 +152,7 @@ class Session:
             described=frozenset(d for d in logs if self._beside(d, ".toml").is_file()),
             sealed=sealed,
             simulated=sealed is not None and (self.folder / RIG).is_file(),
-            skip_bad_rows=checked is not None and bool(checked.request.get("skip_bad_rows")),
+            skip_bad_rows=any(SKIPS in check.argv for check in checks if check.status == "done"),
         )
 
     def downloads(self, history: History | None = None) -> list[str]:
@@ -183,12 +192,8 @@ class Session:
 
         One that was accepted stays so where rows were left out, or more was said of the tables.
         """
-        document, data, checks = self.result(check) or {}, check.inputs["data"], {check.number}
-        for step in reversed(history.steps.values()):
-            if "of" in step.request and step.inputs["data_after"] == data:
-                data = step.inputs["data"]
-            elif step.verb == "check" and step.inputs["data"] == data:
-                checks.add(step.number)
+        document = self.result(check) or {}
+        checks = {step.number for step in self._checks(history, check.inputs["data"])}
         taken = {_said(warning) for number, warning in history.accepted if number in checks}
         warnings = document.get("warnings", [])
         return [w for w in warnings if _said(w) not in taken and not _OWN_MARKS.search(w)]
@@ -429,6 +434,17 @@ class Session:
         return {name: document[name] for name in TYPED if name in document}
 
     # --- parts -------------------------------------------------------------
+    @staticmethod
+    def _checks(history: History, data: list[str]) -> list[Step]:
+        """Return the checks of these tables, and of them before rows were left out or more said."""
+        found = []
+        for step in reversed(history.steps.values()):
+            if "of" in step.request and step.inputs["data_after"] == data:
+                data = step.inputs["data"]
+            elif step.verb == "check" and step.inputs["data"] == data:
+                found.append(step)
+        return found
+
     def _description(self, table: str) -> str:
         path = self._beside(table, ".toml")
         return path.read_text(encoding="utf-8") if path.is_file() else ""
