@@ -312,6 +312,9 @@ def test_readings_of_a_running_campaign_are_there_as_they_come(app: App) -> None
     events.parent.mkdir()
     with client_of(app) as client:
         assert client.get("/api/live").json()["run"] is None
+        events.write_text(json.dumps({"what": "reading"}) + "\n")  # before its poses are known
+        found = client.get("/api/live").json()
+        assert (found["run"], found["begun"]) == (None, None)
         reading = {"visit": 1, "kind": "pose", "pose": [0.1, float("nan")], "wrench": [3.0]}
         told = [{"what": "FEM poses"}, {"begun": begun(1.0)}, {"measured": reading}]
         events.write_text("".join(json.dumps(line) + "\n" for line in told) + '{"meas')

@@ -23,7 +23,7 @@ import uvicorn
 import ecm
 from ecm.cli import run
 from ecm.effects import get_effect, unregister
-from ecm.io.columns import POSE
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import live_path
 from ecm.models import load_model
 from ecm.workflow.app.server import App, application, begin
@@ -64,9 +64,9 @@ def unexplained_table(path: Path) -> Path:
 
 
 @contextmanager
-def served(*tables: Path, folder: Path) -> Iterator[str]:
+def served(*tables: Path, folder: Path, follow: Path | None = None) -> Iterator[str]:
     """A session served by this process, which has imported all already; yields its address."""
-    with closing(App(folder)) as app, socket.create_server(("127.0.0.1", 0)) as listening:
+    with closing(App(folder, follow)) as app, socket.create_server(("127.0.0.1", 0)) as listening:
         app.views._pool = ThreadPoolExecutor(1)  # type: ignore[assignment]
         begin(warm(app), tables)
         port = listening.getsockname()[1]
@@ -998,4 +998,25 @@ def test_a_measurement_is_followed_through_an_interruption_to_its_end(
         page.until("!!document.querySelector('#to-model') && !document.querySelector('#live')")
         assert _done(page, 1)["check"]["rows"] == len(ecm.read_table(tmp_path / "data.csv"))
         assert not live_path(tmp_path / "data.csv").exists()
+    assert page.problems() == []
+
+
+def test_a_run_that_has_not_told_its_poses_yet_is_waited_for(page: Page, tmp_path: Path) -> None:
+    """A simulated campaign as well tells what it reads, and its poses a moment later."""
+    live = live_path(tmp_path / "data.csv")
+    live.write_text(json.dumps({"what": "reading"}) + "\n", encoding="utf-8")
+    poses = dict.fromkeys(POSE, [0.0, 0.01])
+    reading = {"visit": 1, "of": 2, "kind": "pose", "pose": [0.1, 0, 0, 0, 0, 0], "time_s": 1.0,
+               "wrench": [3.0, 0, 0, 0, 0, 0], "noise_N": None, "findings": []}  # fmt: skip
+    begun = {"at": 1.0, "poses": poses, "mechanism": {"length_m": 0.1}, "columns": [*POSE, *WRENCH]}
+    told = [{"begun": begun}, {"measured": reading}]
+    with served(folder=tmp_path / "session", follow=tmp_path / "data.csv") as address:
+        page.open(address)
+        asked = "performance.getEntriesByType('resource').filter(r => r.name.includes('/api/live'))"
+        page.until(f"{asked}.length > 1")
+        assert "Nothing is measured yet" in page.text()
+        with live.open("a", encoding="utf-8") as file:
+            file.write("".join(json.dumps(event) + "\n" for event in told))
+        page.until("document.querySelector('#live').textContent.startsWith('1 reading so far')", 20)
+        page.until("document.querySelector('.space canvas').width > 0")
     assert page.problems() == []
