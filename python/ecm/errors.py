@@ -7,6 +7,7 @@ result, not an error.
 from __future__ import annotations
 
 import copyreg
+import json
 import re
 import shlex
 import sys
@@ -51,7 +52,8 @@ class Remedy:
         What to do, as the begin of a sentence that a command may end.
     command
         A command line of `ecm`; empty where no command helps. DATA, MODEL and OUT stand for the
-        files of the command that was refused, AGAIN for this command as it was typed.
+        files of the command that was refused, AGAIN for this command as it was typed. Where no
+        command filled them in, it is shown as the call in Python that does the same.
 
     Examples
     --------
@@ -59,6 +61,9 @@ class Remedy:
     >>> print(remedy.filled({"DATA": "neck.csv", "OUT": "neck2.json"}))
     Fit the stated body:
       ecm fit neck.csv --model physics --out neck2.json
+    >>> print(remedy)
+    Fit the stated body:
+      better = ecm.fit(table, "physics")
     """
 
     words: str
@@ -81,7 +86,57 @@ class Remedy:
     def __str__(self) -> str:
         """The words, and the command on a line of its own."""
         words = self.words[:1].upper() + self.words[1:]
-        return f"{words}:\n  {self.command}" if self.command else f"{words}."
+        return f"{words}:\n  {self.shown}" if self.command else f"{words}."
+
+    @property
+    def shown(self) -> str:
+        """The command; as calls in Python where it still stands without its files."""
+        if not {"DATA", "MODEL"} & set(self.command.split()):
+            return self.command
+        parts = (shlex.split(part) for part in self.command.split(" && ") if part != "AGAIN")
+        return "; ".join(_call(*words[1:]) for words in parts)
+
+
+_IN_PYTHON = {"DATA": "table", "MODEL": "model", "choose": "ecm.models.choose_model(table).best"}
+"""What a file, or the model that is chosen, is called in Python."""
+_CALLS = {
+    "import": "table = ecm.import_log(log).table",
+    "check": "print(ecm.check(table))",
+    "check --leave-out": "table = ecm.as_table(table, skip_bad_rows=True)",
+    "export": "ecm.export({})",
+    "fit": "better = ecm.fit({})",
+    "refit": "better = ecm.refit({})",
+}
+"""The call of each command that a remedy names."""
+
+
+def _call(verb: str, *words: str) -> str:
+    """The call in Python of `ecm VERB WORDS`."""
+    given: dict[str, list[str]] = {"": []}
+    option = ""
+    for word in words:
+        if word.startswith("--"):
+            option = word[2:]
+            given.setdefault(option, [])
+        else:
+            given[option].append(_IN_PYTHON.get(word) or json.dumps(word))
+            option = ""
+    if "data" in given:
+        given[""][0] += f".measured_at({given.pop('data')[0]})"
+    if verb == "export":
+        given["to"] += given["out"]
+    added = given.pop("add", []) if verb == "fit" else []
+    values = [value for key in ("", "to", "model") for value in given.pop(key, [])]
+    values += [f"{key}={_value(words)}" for key, words in given.items() if key != "out"]
+    verb = "check --leave-out" if "leave-out" in given else verb
+    call = _CALLS[verb].format(", ".join(values))
+    before, _, made = call.partition(" = ")
+    return f"{before} = ecm.refit({made}, table, add={_value(added)})" if added else call
+
+
+def _value(words: list[str]) -> str:
+    """The value of an option in Python: one, several, or True of a flag."""
+    return f"[{', '.join(words)}]" if len(words) > 1 else "".join(words) or "True"
 
 
 class Refusal(EcmError):

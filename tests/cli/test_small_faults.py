@@ -114,7 +114,7 @@ def test_a_model_that_folding_changes_beyond_the_noise_is_not_exported(
     monkeypatch.setitem(
         export_module.__globals__, "_mechanism_alone", lambda m: (*folded(m)[:2], 36.0)
     )
-    with pytest.raises(InputError, match=r"(?s)36 times the measurement noise.*--force"):
+    with pytest.raises(InputError, match=r"(?s)36 times the measurement noise.*force=True"):
         ecm.export(model, "c", tmp_path)
     assert list(tmp_path.iterdir()) == []
     assert ecm.export(model, "c", tmp_path, force=True).folding == 36.0

@@ -26,6 +26,7 @@ _LOGS = {
     "gauge.csv": "t,LVDT (mm),Load cell (N)\n",
     "twice.csv": "Displacement (mm),Extension (mm),Force (N)\n",
     "volts.csv": "time [s],x [mm],Force (V)\n",
+    "microstrain.csv": "Chamber (°C),eps (µm/m),Load (N)\n",
     "no_names.csv": "",
     "unknown_names.csv": "a,b\n",
 }
@@ -107,12 +108,14 @@ def test_a_strain_becomes_a_displacement_by_the_gauge_length(ecm_command: Run) -
         ("strain.csv", "x_m=Tensile strain (%)", "80 mm", 0.8e-3),
         ("material.csv", "fx_N=Stress (MPa)", "20 mm2", 20.0),
         ("volts.csv", "fx_N=Force (V)", "12.5 N", 12.5),
+        ("microstrain.csv", "x_m=eps (µm/m)", "80 mm", 0.8e-7),
     ):
         log(name)
         words = ("import", name, "--axis", "x", "--map", f"{column}:{worth}", "--out", "t.csv")
         done = ecm_command(*words)
         assert done.code == 0, done.err
         assert f"* {factor:g}" in done.out
+        assert name != "microstrain.csv" or "temperature_degC  Chamber (°C)" in done.out
     refused = ecm_command("import", "strain.csv", "--map", "x_m=Tensile strain (%):80 V")
     assert refused.code == 2
     assert "is no unit, nor what one of the column is worth" in refused.err
@@ -150,6 +153,7 @@ def test_published_logs_are_answered_with_an_import_that_works(
     ("name", "text", "words"),
     [
         ("colours.csv", "name,colour\na,red\nb,blue\n", "Remove the column"),
+        ("gauges.csv", "eps1 (um/m),eps2 (µε)\n1,2\n3,5\n4,9\n", "here is only 'eps1 (um/m)'"),
         ("stress.txt", "0.1\n0.2\n0.4\n", "a model needs a pose and a wrench in each row"),
     ],
 )

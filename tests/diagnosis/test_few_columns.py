@@ -431,8 +431,9 @@ def test_friction_that_grows_with_pressure_is_named_and_taken_away() -> None:
     assert found.answer == (("seal_friction",),)
     (effect,) = found.effects
     np.testing.assert_allclose(effect.values, [3.2, 0.7e-5], rtol=0.1)
-    assert found.summary().add.startswith("ecm refit MODEL DATA --add seal_friction")
-    better = ecm.refit(model, table, add=["seal_friction"])
+    call = 'better = ecm.refit(model, table, add="seal_friction")'
+    assert found.summary().add.startswith(call)
+    better = ecm.refit(model, table, add="seal_friction")
     before, left = (table["fx_N"] - one.predict(table)[:, 0] for one in (model, better))
     assert left.std() < 0.7
     assert before.std() > 5.0

@@ -52,7 +52,7 @@ def test_each_model_gets_an_answer_of_its_own() -> None:
     assert said["linear"].model.answer == "form"
     assert "a better form of the model" in said["linear"].summary().missing
     base = said["linear"].model.base
-    assert said["linear"].summary().add == f"ecm fit DATA --model {base} --out OUT"
+    assert said["linear"].summary().add == f'better = ecm.fit(table, "{base}")'
     assert said["energy6"].model.answer == "fits"
     assert said["energy6"].summary().add == "nothing"
     for found in said.values():
@@ -70,7 +70,7 @@ def test_aprils_model_on_mays_data() -> None:
     april, may = model(), measured(2, factor=1.2)
     found = diagnose(april, may)
     assert found.model.answer == "numbers"
-    assert found.summary().add == "ecm fit DATA --model energy6 --out OUT"
+    assert found.summary().add == 'better = ecm.fit(table, "energy6")'
     assert found.model.scale == pytest.approx(1.2, abs=0.01)
     assert found.model.as_given.over_noise == pytest.approx(compare(april, may).whitened_rms)
     refitted = found.model.refitted

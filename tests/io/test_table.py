@@ -450,18 +450,18 @@ def test_a_table_becomes_a_data_frame(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_table_shows_itself_in_a_few_lines() -> None:
     columns = neck_columns(4) | {"run": [0, 0, 1, 1], "humidity": [40.0, 41.0, 42.0, 43.0]}
     table = as_table(columns | {"approach": ["initial"] * 4}, source="a<b.csv")
-    assert repr(table).splitlines() == [
-        "Table 'a<b.csv': 4 rows, 2 runs",
+    assert str(table).splitlines() == [
+        "a<b.csv: 4 rows, 2 runs",
         f"  pose    {', '.join(POSE)}",
         f"  wrench  {', '.join(WRENCH)}",
         "  other   run, approach",
         "  own     humidity",
     ]
     page = table._repr_html_()
-    assert "<caption>Table &#x27;a&lt;b.csv&#x27;: 4 rows, 2 runs</caption>" in page
+    assert "<caption>a&lt;b.csv: 4 rows, 2 runs</caption>" in page
     assert "<tr><td>humidity</td><td>40</td><td>43</td></tr>" in page
     assert "<td>approach</td><td>initial</td><td>initial</td>" in page
-    assert repr(Table({}, Meta(), "nothing")) == "Table 'nothing': 0 rows, 1 run"
+    assert repr(Table({}, Meta(), "nothing")) == "<Table: nothing: 0 rows, 1 run>"
 
 
 def test_parquet_needs_the_extra_or_reads(tmp_path: Path) -> None:

@@ -302,7 +302,7 @@ def test_a_model_without_the_pressures_is_told_that_it_lacks_them(
     assert compared.to_dict()["unused_inputs"] == list(PRESSURES)
     text = compared.report().text()
     assert f"{names} vary, and energy4 does not take them" in text
-    assert "ecm fit DATA --model actuated4" in text
+    assert 'better = ecm.fit(table, "actuated4")' in text
     levels = compared.references
     assert levels is not None
     assert levels.energy is not None
@@ -310,7 +310,7 @@ def test_a_model_without_the_pressures_is_told_that_it_lacks_them(
     found = ecm.diagnose(plain, fresh)
     assert found.model.answer == "inputs"
     assert found.summary().missing.startswith(f"the model does not take {names}: energy4 errs")
-    assert found.summary().add == "ecm fit DATA --model actuated4 --out OUT"
+    assert found.summary().add == 'better = ecm.fit(table, "actuated4")'
     assert "better form" not in str(found.summary())
     # Pressures that do nothing are not missed.
     idle = np.random.default_rng(0).uniform(0.0, 1e4, (len(train), 3))

@@ -58,6 +58,8 @@ def test_a_refusal_names_a_base_that_holds_the_effect(measured: Table) -> None:
     remedy = remedy_of(caught.value)
     assert remedy is not None
     assert remedy.command == "ecm fit DATA --model physics --add payload --out OUT"
+    call = 'ecm.refit(ecm.fit(table, "physics"), table, add="payload")'
+    assert str(caught.value).endswith(f":\n  better = {call}")
 
 
 def test_an_effect_on_a_base_far_too_plain_is_no_answer(measured: Table) -> None:
@@ -76,7 +78,9 @@ def test_what_diagnose_promises_is_reached(name: str, measured: Table) -> None:
     found = ecm.diagnose(model, measured)
     assert found.addition is not None
     assert found.addition.refused == ""
-    reached = refit(model, measured, add=list(found.addition.effects)).history[-1].held_out
+    typed = {"ecm": ecm, "model": model, "table": measured}
+    exec(found.summary().add.partition("   (")[0], typed)  # the call that is printed
+    reached = typed["better"].history[-1].held_out
     assert found.addition.after == pytest.approx(reached, rel=1e-12)
 
 

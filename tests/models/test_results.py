@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ecm import check, compare, cross_validate, diagnose, fit, import_log, refit
+from ecm import as_table, check, compare, cross_validate, diagnose, fit, import_log, refit
 from ecm.errors import InputError
 from ecm.models import (
     CrossValidation,
@@ -102,6 +102,7 @@ def test_a_body_has_its_modulus_and_ratio_by_name() -> None:
     for name, own in params.items():
         assert own.sd is not None
         assert 0.0 < own.sd < 0.01 * own.value, name
+        assert 0.0 <= own.min < own.value < own.max, name
 
 
 def test_results_are_one_line_at_a_prompt_and_whole_in_a_notebook() -> None:
@@ -113,6 +114,7 @@ def test_results_are_one_line_at_a_prompt_and_whole_in_a_notebook() -> None:
         compare(fitted, table),
         diagnose(fitted, table, effects=[]),
         check(table),
+        as_table(table),
         import_log(table),
         cross_validate(table, "linear"),
         CHOICE,

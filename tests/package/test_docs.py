@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import runpy
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ import pytest
 from docsite.build import GENERATED
 from docsite.pages import anchors, links, slug, source_pages
 from ecm.cli.app import COMMANDS, MOVED, load_command
+from ecm.errors import Remedy
 from ecm.io.settings import read_toml
 from support.neck import ROOT
 from support.pages import blocks
@@ -242,6 +244,15 @@ def test_the_index_links_every_page_that_a_person_writes() -> None:
     index = ROOT / "docs" / "index.md"
     linked = {link.file for link in links(index, index.read_text(encoding="utf-8"))}
     assert set(source_pages().values()) - {index} - linked == set()
+
+
+def test_each_command_that_the_code_advises_is_a_call_in_python() -> None:
+    advised = re.compile(r'"(ecm [a-z]+ (?:DATA|MODEL)\b[^"]*)"')
+    texts = [path.read_text(encoding="utf-8") for path in (ROOT / "python").rglob("*.py")]
+    found = {re.sub(r"\{[^}]*\}", "x", one) for text in texts for one in advised.findall(text)}
+    assert len(found) > 10
+    for command in found:
+        ast.parse(Remedy("do it", command).shown)
 
 
 def test_each_record_of_measurements_has_a_figure_beside_it_that_a_command_draws(

@@ -140,7 +140,8 @@ def test_every_term_is_one_that_a_message_uses(sources: dict[str, str]) -> None:
             every += " " + NO_WORD.sub(" ", text).lower().replace("-", " ")
             used |= {form for word in words(text) for form in forms(word)}
     several = {term for term in TERMS if not term.isalpha()}
-    assert sorted(TERMS - several - used) == []
+    # BIC is read by no reader of words, which are of three small letters at least.
+    assert [term for term in sorted(TERMS - several - used) if f" {term} " not in every] == []
     assert [term for term in sorted(several) if term.replace("-", " ") not in every] == []
 
 

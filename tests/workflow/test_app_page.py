@@ -1005,7 +1005,7 @@ def test_a_run_that_has_not_told_its_poses_yet_is_waited_for(page: Page, tmp_pat
     """A simulated campaign as well tells what it reads, and its poses a moment later."""
     live = live_path(tmp_path / "data.csv")
     live.write_text(json.dumps({"what": "reading"}) + "\n", encoding="utf-8")
-    poses = dict.fromkeys(POSE, [0.0, 0.01])
+    poses = {key: [0.0, 0.01] for key in POSE}
     reading = {"visit": 1, "of": 2, "kind": "pose", "pose": [0.1, 0, 0, 0, 0, 0], "time_s": 1.0,
                "wrench": [3.0, 0, 0, 0, 0, 0], "noise_N": None, "findings": []}  # fmt: skip
     begun = {"at": 1.0, "poses": poses, "mechanism": {"length_m": 0.1}, "columns": [*POSE, *WRENCH]}

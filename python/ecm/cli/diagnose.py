@@ -16,7 +16,7 @@ from ecm.designs import can_be_run, follow_up_plan
 from ecm.diagnosis import Diagnosis
 from ecm.diagnosis import diagnose as diagnose_model
 from ecm.diagnosis.procedure import STAGES, watched
-from ecm.diagnosis.summary import Summary, diagnosis_report
+from ecm.diagnosis.summary import DETAILS, Summary, diagnosis_report
 from ecm.effects import Effect, all_effects, effects_for, get_effect, load_installed
 from ecm.effects.experiments import get_experiment, session_of
 from ecm.effects.registry import effects_of_actuators
@@ -25,10 +25,6 @@ from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.models import Model
 from ecm.report.blocks import columns
-
-_MORE = (
-    "(--details: what the names rest on, the ranking, what these data cannot test or tell apart)"
-)
 
 
 def diagnose(
@@ -74,7 +70,7 @@ def diagnose(
         rest = diagnosis_report(document)
         session.show(replace(rest, sections=rest.sections[1:]))
     else:
-        session.print(_MORE)
+        session.print(f"(--details: {DETAILS})")
     if next_plan is not None:
         _write_next(next_plan, table, document, session)
     for warning in result.warnings:

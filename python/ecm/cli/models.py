@@ -51,7 +51,6 @@ from ecm.models.physics.map import reach_of
 from ecm.models.prediction import predict as predict_table
 from ecm.models.refit import refit as refit_model
 from ecm.models.refit import refit_summary, refuse_worse
-from ecm.models.selection import default_candidates
 
 _TABLES = (".csv", ".parquet", ".pq")
 
@@ -368,8 +367,7 @@ def _chosen(pcr: str | None, table: Table, session: Session) -> ModelChoice:
     if table.meta.length_m is None and table.pose_columns == POSE:
         session.print("energies are left out: no [mechanism] length_m in the data's TOML")
     with session.working(f"choosing among models of {len(table)} rows") as tell:
-        candidates = default_candidates(table)
-        choice = choose_model(table, candidates, seed=session.seed, progress=tell)
+        choice = choose_model(table, seed=session.seed, progress=tell)
     for sentence in choice.sentences():
         session.print(sentence)
     return choice

@@ -49,23 +49,26 @@ def way_in(path: Path) -> Remedy | None:
     path
         The file, or the folder of a bag, that was given as a table.
     """
-    from ecm.logs.importing import answered, read_log  # noqa: PLC0415 - a sixth of the start
+    # A sixth of the start.
+    from ecm.logs.importing import answered, read_log  # noqa: PLC0415 - see above
+    from ecm.logs.names import read_name  # noqa: PLC0415 - see above
 
     found = answered(path, {}, whole=True) or answered(path, {})
     if found is None:
         with suppress(EcmError, OSError, ValueError):
-            (only,) = read_log(path, ()).log.columns
-            return Remedy(
-                f"a model needs a pose and a wrench in each row, and here is only '{only}': bring "
-                "what belongs together into the columns of one file"
-            )
+            columns = list(read_log(path, ()).log.columns)
+            if not any(read_name(name).may_be_measured for name in columns):
+                some = ", ".join(f"'{name}'" for name in columns[:3]) + ", ..." * (len(columns) > 3)
+                return Remedy(
+                    f"a model needs a pose and a wrench in each row, and here is only {some}: "
+                    "record both in the same rows, or bring them into the columns of one file"
+                )
         return None
     answer, imported = found
     of = {"pose": imported.table.pose_columns, "wrench": imported.table.wrench_columns}
     lacking = " or a ".join(kind for kind in of if not of[kind])
-    if lacking and all(
-        imported.meta.origin[name] == name for names in of.values() for name in names
-    ):
+    own = [imported.meta.origin[name] == name for names in of.values() for name in names]
+    if any(own) and (lacking or not all(own)):
         return None  # a table already
     first = "import it, since it is a log of another program"
     last = ""
@@ -340,15 +343,16 @@ class Session(Console):
 
     def files_of(self, **options: object) -> dict[str, str]:
         """The command itself and its files by the names that a remedy has for them."""
-        files = {"AGAIN": shlex.join(["ecm", *command.typed])}
+        files = {"DATA": "data.csv", "MODEL": "model.json"}
+        files["AGAIN"] = shlex.join(["ecm", *command.typed])
         for name in ("data", "model", "out"):
             given = options.get(name)
-            if given is not None:
+            if given:
                 parts = given if isinstance(given, list | tuple) else [given]
                 files[name.upper()] = " ".join(shlex.quote(str(part)) for part in parts)
-        if "DATA" in files and options.get("out", "") is None:
+        if options.get("data") and options.get("out", "") is None:
             files["OUT"] = shlex.quote(str(model_named_after(options["data"])))
-        if self.meta is not None and "DATA" in files:
+        if self.meta is not None and options.get("data"):
             files["DATA"] += f" --meta {shlex.quote(str(self.meta))}"
         return files
 

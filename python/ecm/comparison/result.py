@@ -412,7 +412,7 @@ def _unused(result: Comparison, files: Mapping[str, str]) -> list[Block]:
         f"take {'them' if len(names) > 1 else 'it'}: what the inputs of actuators do to the wrench "
         f"is counted as its error. {Remedy(advice.words)}"
     )
-    return [CodeBlock(words, advice.command)]
+    return [CodeBlock(words, advice.shown)]
 
 
 def _rows(result: Comparison) -> list[Block]:
@@ -540,7 +540,7 @@ def reference_blocks(
     quotient = f"error / {'assumed ' * assumed}noise"
     blocks: list[Block] = [] if assumed else [TextBlock(known.sentence(), strong=True)]
     if known.fem_needed:
-        blocks.append(CodeBlock(str(Remedy(fem.words)), fem.command))
+        blocks.append(CodeBlock(str(Remedy(fem.words)), fem.shown))
     if lost:
         names = f"The {' and the '.join(lost)} do{'es' * (len(lost) == 1)}"
         blocks.append(TextBlock(f"{names} not extrapolate to the held-out rows."))

@@ -43,6 +43,7 @@ from ecm.diagnosis.statements import (
     tested_noise,
 )
 from ecm.diagnosis.summary import (
+    DETAILS,
     Summary,
     diagnosis_report,
     path_taken,
@@ -237,7 +238,7 @@ class Diagnosis(Shown):
     """What the effects bring to the model that was given; None where none is named."""
 
     def __str__(self) -> str:
-        return str(self.summary())
+        return f"{self.summary()}\n(.report().text(): {DETAILS})"
 
     def blocks(self) -> list[Block]:
         """Return the three lines as a table."""

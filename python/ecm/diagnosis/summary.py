@@ -13,7 +13,7 @@ from ecm.comparison.result import Comparison, workspace_blocks
 from ecm.effects import with_shape
 from ecm.errors import Remedy
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH, unit_of
+from ecm.io.columns import POSE, WRENCH, behind, unit_of
 from ecm.io.table import Table
 from ecm.models.refit import FAR_BEYOND_NOISE
 from ecm.report.blocks import (
@@ -52,6 +52,8 @@ def path_taken(table: Table, named: Iterable[str]) -> list[str]:
 
 LINES = (("missing", "MISSING"), ("add", "ADD IT"), ("next", "NEXT"))
 """The lines, each by its key in the report and as it is shown."""
+DETAILS = "what the names rest on, the ranking, what these data cannot test or tell apart"
+"""What the whole report has beside the lines."""
 _NOTHING = "nothing"
 _SOME_UNTESTED = 3
 """Effects that cannot be tested which the first line names, in the order of the catalogue."""
@@ -195,7 +197,7 @@ def _untested(document: Mapping[str, Any]) -> str:
 
 def _cause(members: list[str], sizes: Mapping[str, str]) -> str:
     if len(members) > 1:
-        return f"{' or '.join(members)}, which these data cannot tell apart"
+        return f"{' or '.join(members)} (these data cannot tell them apart)"
     return sizes.get(members[0], members[0])
 
 
@@ -205,9 +207,9 @@ def _sized(item: Mapping[str, Any]) -> str:
     name, fitted = max(
         item["parameters"].items(), key=lambda at: abs(at[1]["value"]) / max(at[1]["sd"], 1e-300)
     )
-    unit = "" if fitted["unit"] == "1" else f" {fitted['unit']}"
     words = what[:1].lower() + what[1:]
-    return f"{item['id']} ({words}), {name} {fitted['value']:.3g} +- {fitted['sd']:.2g}{unit}"
+    size = f"{fitted['value']:.3g} +- {fitted['sd']:.2g}{behind(fitted['unit'])}"
+    return f"{item['id']} ({words}), {name} {size}"
 
 
 def _fall(document: Mapping[str, Any]) -> str:
@@ -230,9 +232,9 @@ def _add(document: Mapping[str, Any]) -> str:
     addition = None if without_inputs else document.get("addition")
     if addition is not None:
         remedy = addition["remedy"] or {"command": "", "words": _NOTHING}
-        command = remedy["command"] or remedy["words"]
+        command = Remedy(**remedy).shown or remedy["words"]
         if addition["refused"]:
-            return f"{command}   (not to this model: --details says why)"
+            return f"{command}   (not to this model: the details say why)"
         before, after = addition["held_out"]["before"], addition["held_out"]["after"]
         brings = (
             "" if after is None else f"   (this model {before:.2f} -> {after:.2f} times the noise)"
@@ -242,9 +244,9 @@ def _add(document: Mapping[str, Any]) -> str:
         return "nothing: the model has it already; refit it to these rows"
     remedy = document["model"].get("remedy")
     if remedy is not None:
-        return str(remedy["command"] or remedy["words"])
+        return Remedy(**remedy).shown or str(remedy["words"])
     if (document["unknown"] or {}).get("skeleton"):
-        return "an effect of your own: --details prints a draft of it"
+        return "an effect of your own: the details have a draft of it"
     return _NOTHING
 
 
@@ -264,7 +266,7 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
     for one in document["look_alikes"][:1]:
         yield f"{one['apart']}: tells {one['id']} from {one['what'].split(':')[0]}"
     if unknown or document["verdict"] == "ambiguous":
-        yield "record one more column: --details lists what these data cannot test"
+        yield "record one more column: the details list what these data cannot test"
     before = document["held_out"]["before"]
     if document["verdict"] == "none" and before > FAR_BEYOND_NOISE:
         base = document["model"]["base"]
@@ -384,7 +386,7 @@ def _addition(addition: Mapping[str, Any] | None) -> list[Block]:
         return [TextBlock(f"{text.rstrip('.')}.")]
     remedy = Remedy(**addition["remedy"])
     words = f" {Remedy(remedy.words)}" if addition["refused"] else ""
-    return [CodeBlock(f"{text.rstrip('.')}.{words}", remedy.command)]
+    return [CodeBlock(f"{text.rstrip('.')}.{words}", remedy.shown)]
 
 
 def _rests_on(document: Mapping[str, Any]) -> TableBlock:

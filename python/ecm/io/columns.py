@@ -292,6 +292,17 @@ def unit_of(name: str) -> str:
     return name.rsplit("_", 1)[1].replace("Nm", "N m")
 
 
+def behind(unit: str) -> str:
+    """A unit as it stands behind a number; nothing for a number without one.
+
+    Examples
+    --------
+    >>> f"0.2{behind('kg')}", f"0.2{behind('1')}"
+    ('0.2 kg', '0.2')
+    """
+    return "" if unit in ("", "1") else f" {unit}"
+
+
 def same_unit(names: Sequence[str]) -> B:
     """(m, m) whether two columns have one unit, by the ends of their names.
 

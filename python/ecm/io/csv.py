@@ -189,11 +189,10 @@ class RowErrors:
         them = "this row" if rows == 1 else f"these {rows} rows"
         in_memory = self.word == "row" and len(self.numbers) > 0 and self.numbers[0] == 0
         table = "data (rows are counted from 0)" if in_memory else "file"
-        skip = "as_table(..., skip_bad_rows=True)" if in_memory else "--leave-out"
-        words = f"correct the {table}, or leave {them} out with {skip} (which records it)"
-        command = "" if in_memory else "ecm check DATA --leave-out"
+        words = f"correct the {table}, or leave {them} out, which is recorded"
+        remedy = Remedy(words, "ecm check DATA --leave-out")
         most = 2 * rows > len(self.numbers)
-        return BadRows(self.summary(), remedy=Remedy(words, command), most=most)
+        return BadRows(self.summary(), remedy=remedy, most=most)
 
 
 _BLOCK = 4096

@@ -24,7 +24,7 @@ from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, TEXT, WRENCH, actuation_columns, close_name, is_standard
 from ecm.io.csv import RawTable, raw_table, read_csv, write_csv
 from ecm.io.description import Meta, as_meta, read_meta, without_rows
-from ecm.io.events import Progress, Steps
+from ecm.io.events import Printed, Progress, Steps
 from ecm.io.extras import read_parquet, require
 from ecm.io.interrupts import uninterrupted
 from ecm.io.mechanism import Mechanism
@@ -46,7 +46,7 @@ file."""
 
 
 @dataclass(frozen=True, repr=False, init=False)
-class Table:
+class Table(Printed):
     """Measurements, one row each, with their description.
 
     `Table(data)` takes what `as_table` takes, with all checks. Columns are read by name
@@ -75,7 +75,9 @@ class Table:
     --------
     >>> table = Table({"y_m": [0.0, 0.01, 0.02], "fy_N": [0.0, 30.5, 61.0]}, source="lateral")
     >>> table
-    Table 'lateral': 3 rows, 1 run
+    <Table: lateral: 3 rows, 1 run>
+    >>> print(table)
+    lateral: 3 rows, 1 run
       pose    y_m
       wrench  fy_N
     >>> table["fy_N"]
@@ -132,10 +134,10 @@ class Table:
         """Return the column names."""
         return self.columns.keys()
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         runs = len(np.unique(self.columns["run"])) if "run" in self.columns else 1
         rows = f"{len(self)} row{'' if len(self) == 1 else 's'}"
-        lines = [f"Table '{self.source}': {rows}, {runs} run{'' if runs == 1 else 's'}"]
+        lines = [f"{self.source}: {rows}, {runs} run{'' if runs == 1 else 's'}"]
         named = (*self.pose_columns, *self.wrench_columns, *self.covariates)
         groups = {
             "pose": self.pose_columns,
@@ -156,7 +158,7 @@ class Table:
         rows = "".join(
             f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in cells
         )
-        caption = escape(repr(self).splitlines()[0])
+        caption = escape(str(self).splitlines()[0])
         return f"<table><caption>{caption}</caption>{rows}</table>"
 
     def to_pandas(self) -> Any:

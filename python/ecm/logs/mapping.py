@@ -249,6 +249,11 @@ def _read_names(log: Log) -> dict[str, Named]:
         if own.unit is None and stated:
             own = Named(stated, units[stated[0].dimension])
         named[name] = own
+    # Whatever it is called, what alone is in °C is the temperature; one letter may be any unit.
+    warm = [name for name, own in named.items() if own.unit is not None
+            and own.unit.dimension == "temperature" and len(own.unit.word) > 1]  # fmt: skip
+    if len(warm) == 1 and not named[warm[0]].guesses:
+        named[warm[0]] = Named((Guess("temperature"),), named[warm[0]].unit)
     return named
 
 

@@ -125,6 +125,15 @@ class Named:
     guesses: tuple[Guess, ...]
     unit: Unit | None = None
 
+    @property
+    def may_be_measured(self) -> bool:
+        """Whether it may be of a pose or of a wrench, by its name."""
+        return any(
+            guess.dimension in {d for own in _DIMENSIONS.values() for d in own}
+            or guess.part in (*POSE, *WRENCH)
+            for guess in self.guesses
+        )
+
     def part(self, quantity: str) -> str:
         """Return the part of this quantity; empty where the name does not tell it."""
         return next((guess.part for guess in self.guesses if guess.quantity == quantity), "")
@@ -176,7 +185,15 @@ _OF_CHAMBERS = {
     "volume": {"m3": 1.0, "cm3": 1e-6, "mm3": 1e-9, "l": 1e-3, "ml": 1e-6, "µl": 1e-9, "ul": 1e-9},
 }
 """Units of pressures and volumes: of chambers, and of a stress."""
-_STRAINS = {"%": 0.01, "pct": 0.01, "percent": 0.01, "mm/mm": 1.0, "m/m": 1.0, "in/in": 1.0}
+_STRAINS = {"%": 0.01, "pct": 0.01, "percent": 0.01} | {
+    word: factor
+    for factor, words in (
+        (1.0, "mm/mm m/m in/in"), (1e-6, "um/m µm/m ue µe µε ustrain µstrain microstrain"),
+    )
+    for word in words.split()
+}  # fmt: skip
+_OF_ANYTHING = frozenset({"%", "pct", "percent"})
+"""Units of a strain that alone do not tell one."""
 _CHAMBER = re.compile(r"(?:p|pressure|druck)[\s_.-]*([1-9][0-9]*)[\s_]*[\s_\[(]([a-z]+)[\])]?")
 
 
@@ -284,15 +301,22 @@ def _of_material(tokens: Sequence[str], unit_word: str) -> Named | None:
     """The strain or stress that words and unit tell; None for anything else."""
     for kind in ("strain", "stress"):
         known = set(QUANTITIES[kind].words.split())
-        if not known.intersection(tokens) or _NOT_MEASURED.intersection(tokens):
+        own = _small(unit_word)
+        telling = kind == "strain" and own in _STRAINS.keys() - _OF_ANYTHING
+        if not (telling or known.intersection(tokens)) or _NOT_MEASURED.intersection(tokens):
             continue
         for word in (unit_word, *("".join(tokens[-size:]) for size in (2, 1))):
-            small = word.strip().lower()
+            small = _small(word)
             factor = (_STRAINS if kind == "strain" else _OF_CHAMBERS["pressure"]).get(small)
             if factor is not None:
                 return Named((Guess(kind),), Unit(word, kind, factor))
         return None if unit_word else Named((Guess(kind),))
     return None
+
+
+def _small(word: str) -> str:
+    """A unit's word without spaces in small letters; both letters for micro are one."""
+    return word.strip().lower().replace("μ", "µ")
 
 
 def trailing_units(name: str) -> tuple[str, dict[str, Unit]]:
@@ -448,6 +472,8 @@ def missing(log: Log, named: Mapping[str, Named], found: Collection[str]) -> tup
             words.append(said)
         else:
             varying = [name for name, values in left.items() if _varies(values)]
+            # What has a unit of another kind is no example of this one.
+            varying = [n for n in varying if _may_be_worth(named[n])]
             free = [name for name in varying if not _rises(left[name])] or varying
             if not free:
                 return ()
@@ -499,6 +525,11 @@ def ranges(log: Log) -> str:
     """The first columns with their smallest and largest number, a line each."""
     lines = [f"  {name}: {low} to {high}" for name, low, high in _extents(log)]
     return "\n".join(lines[:_MOST_LINES]) + ("\n  ..." if len(lines) > _MOST_LINES else "")
+
+
+def _may_be_worth(own: Named) -> bool:
+    """Whether a column without a fitting unit may stand for one: bare numbers, volts."""
+    return own.unit is None or own.unit.dimension == "other"
 
 
 def _varies(values: Any) -> bool:

@@ -15,7 +15,7 @@ from ecm.effects.protocol import missing_beside_columns
 from ecm.errors import EcmError, InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F, rms
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import POSE, WRENCH, behind
 from ecm.io.events import Progress, Steps
 from ecm.io.extras import require
 from ecm.io.table import Table, TableLike, as_table, takes_table
@@ -286,7 +286,9 @@ class Model(Shown, EvaluatedModel):
                 for (parameter, value, sd), bound in zip(item.listed, item.at_bounds, strict=True):
                     error = f" +- {sd:.2g}" if np.isfinite(sd) else " (not fitted)"
                     at = " at its bound" if bound else ""
-                    lines.append(f"    {parameter.name} = {value:.4g}{error} {parameter.unit}{at}")
+                    lines.append(
+                        f"    {parameter.name} = {value:.4g}{error}{behind(parameter.unit)}{at}"
+                    )
                 least = [1e-6 * parameter.scale for parameter in item.effect.parameters]
                 if (
                     not item.is_new
@@ -297,11 +299,15 @@ class Model(Shown, EvaluatedModel):
         if self.correlations:
             lines.append(f"  correlations beyond {_LARGE_CORRELATION}:")
             lines += [f"    {a} and {b}: {value:+.2f}" for a, b, value in self.correlations]
+        # Where nothing is known of the noise, the base's own residual stands in its place.
+        known = not self.noise.is_residual
+        over = "noise" if known else "the base's own residual"
         for record in self.history:
-            ceiling = "" if record.ceiling is None else f", ceiling {record.ceiling:.3f}"
+            more = "" if record.ceiling is None else f", ceiling {record.ceiling:.3f}"
+            more += f", floor {record.floor:g}" if known else ""
             lines.append(
-                f"  {record.name}: error over noise {record.train:.3f} fitted, "
-                f"{record.held_out:.3f} held out{ceiling}, floor {record.floor:g}"
+                f"  {record.name}: error over {over} {record.train:.3f} fitted, "
+                f"{record.held_out:.3f} held out{more}"
             )
             if record.test:
                 lines.append(f"    {record.test}")

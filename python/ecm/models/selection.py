@@ -263,7 +263,7 @@ def default_candidates(table: Table) -> list[ModelSpecification]:
 
 def choose_model(
     table: Table,
-    candidates: Sequence[ModelSpecification | str],
+    candidates: Sequence[ModelSpecification | str] | None = None,
     *,
     folds: int = 10,
     seed: int = 0,
@@ -276,7 +276,7 @@ def choose_model(
     table
         Pose and wrench columns; rows of one group, or one pose_id, stay together.
     candidates
-        Specifications or short names.
+        Specifications or short names; else `default_candidates`.
     folds
         Number of parts; at most the number of groups.
     seed
@@ -301,7 +301,8 @@ def choose_model(
     >>> choose_model(table, ["linear", "quadratic"], folds=3).best.name
     'poly:1'
     """
-    listed = tuple(parse_model(candidate) for candidate in candidates)
+    tried = default_candidates(table) if candidates is None else candidates
+    listed = tuple(parse_model(candidate) for candidate in tried)
     if not listed:
         raise InputError("choose_model: no candidates; give at least one model name")
     measured = table.measured()

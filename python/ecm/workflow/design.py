@@ -30,7 +30,7 @@ from ecm.effects import Effect, Rows, all_effects
 from ecm.effects.registry import effects_of_actuators
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments, check_type
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import POSE, WRENCH, behind
 from ecm.io.events import to_json
 from ecm.io.table import Table
 from ecm.models import Model
@@ -76,8 +76,7 @@ class Identifiability:
         """Return one plain line."""
         if self.reason:
             return f"{self.id}: not visible, {self.reason} (record: {self.record})"
-        unit = "" if self.unit in ("", "1") else f" {self.unit}"
-        size = f"from {self.size:.2g}{unit} of {self.parameter}"
+        size = f"from {self.size:.2g}{behind(self.unit)} of {self.parameter}"
         if self.rivals:
             return f"{self.id}: seen {size}, but not told from {', '.join(self.rivals)}"
         return f"{self.id}: named {size}"

@@ -16,6 +16,7 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
+from ecm.io.columns import behind
 from ecm.io.events import Printed
 from ecm.io.settings import did_you_mean
 from ecm.io.table import Table, read_table
@@ -246,10 +247,10 @@ class Revealed(Printed):
         """A few plain lines."""
         lines = [] if self.effects else ["hidden: nothing"]
         for effect in self.effects:
-            unit = effect["parameters"].get("unit", "")
+            unit = behind(effect["parameters"].get("unit", ""))
             lines.append(
                 f"hidden: {effect['id']} at s = {effect['s']:g} "
-                f"({effect['physics']} of size {effect['size']:.4g} {unit})"
+                f"({effect['physics']} of size {effect['size']:.4g}{unit})"
             )
         if self.score is not None:
             score = self.score
