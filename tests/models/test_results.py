@@ -102,7 +102,7 @@ def test_a_body_has_its_modulus_and_ratio_by_name() -> None:
     for name, own in params.items():
         assert own.sd is not None
         assert 0.0 < own.sd < 0.01 * own.value, name
-        assert 0.0 <= own.min < own.value < own.max, name
+        assert own.min < own.value < own.max, name
 
 
 def test_results_are_one_line_at_a_prompt_and_whole_in_a_notebook() -> None:

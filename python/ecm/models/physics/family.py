@@ -123,7 +123,8 @@ class PhysicsFamily:
         thin, thick = (self.centre[1] * float(np.exp(x)) for x in self.x_range)
         length, diameter = values["length_m"], values["diameter_m"]
         return {
-            "young_modulus_Pa": (0.0, np.inf),
+            # One below zero is how readings of the wrong sign are seen.
+            "young_modulus_Pa": (-np.inf, np.inf),
             "poisson_ratio": (farthest / slack, min(nearest * slack, 0.5)),
             "length_m": (diameter / thick / slack, diameter / thin * slack),
             "diameter_m": (thin * length / slack, thick * length * slack),

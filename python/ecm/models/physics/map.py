@@ -117,7 +117,7 @@ class PhysicsMap(SixAxisMap):
     def bounds(self) -> tuple[F, F]:
         """(k,) lower and upper limits of the coefficients: the tabulated range."""
         if self.family is None or self.values is None:
-            return np.zeros(1), np.full(1, np.inf)
+            return np.full(1, -np.inf), np.full(1, np.inf)
         limits = self.family.bounds(self.values)
         low, high = zip(*(limits[name] for name in self.free), strict=True)
         return np.array(low), np.array(high)
