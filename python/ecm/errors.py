@@ -6,7 +6,6 @@ result, not an error.
 
 from __future__ import annotations
 
-import copyreg
 import json
 import re
 import shlex
@@ -156,7 +155,7 @@ class Refusal(EcmError):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """From a process of its own it comes as it was, whatever its class is made from."""
-        return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
+        return type(self).__new__, (type(self), *self.args), self.__dict__
 
     def __str__(self) -> str:
         """The message, and the way out below it."""

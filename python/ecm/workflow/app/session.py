@@ -27,16 +27,7 @@ from ecm.io.description import Meta, row_ranges, rows_of, with_leave_out
 from ecm.io.settings import parse_toml, read_toml, write_toml
 from ecm.io.table import read_table
 from ecm.workflow.app.journal import DATA, History, Journal, Step, writing
-from ecm.workflow.app.steps import (
-    DEMO_FILES,
-    PLAN,
-    RIG,
-    SKIPS,
-    Files,
-    command_of,
-    way_out,
-    write_demo,
-)
+from ecm.workflow.app.steps import DEMO_FILES, PLAN, RIG, Files, command_of, way_out, write_demo
 
 TABLES = (".csv", ".parquet")
 LOGS = (".txt", ".tsv", ".dat", ".log", ".mat", ".h5", ".hdf5", ".npz", ".mcap", ".db3")
@@ -138,7 +129,7 @@ class Session:
         fitted = history.last("fit", "refit", data=data)
         model = None if fitted is None else model_of(fitted)
         found = history.last("diagnose", data=data, model=model)
-        checks = self._checks(history, data)
+        checks = [check for check in self._checks(history, data) if check.status == "done"]
         answered = history.last("diagnose", data=data)
         written = [] if found is None else found.outputs
         plan = next((name for name in written if name.endswith(".csv")), None)
@@ -152,7 +143,7 @@ class Session:
             described=frozenset(d for d in logs if self._beside(d, ".toml").is_file()),
             sealed=sealed,
             simulated=sealed is not None and (self.folder / RIG).is_file(),
-            skip_bad_rows=any(SKIPS in check.argv for check in checks if check.status == "done"),
+            skip_bad_rows=any(check.request.get("skip_bad_rows") for check in checks),
         )
 
     def downloads(self, history: History | None = None) -> list[str]:

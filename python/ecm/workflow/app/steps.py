@@ -15,7 +15,7 @@ from ecm.effects import get_effect, load_installed
 from ecm.errors import InputError, Remedy
 from ecm.io.cache import write_atomically
 
-PLAN, RIG, SKIPS = "plan.csv", "rig.toml", "--skip-bad-rows"
+PLAN, RIG = "plan.csv", "rig.toml"
 DEMO_FILES = (PLAN, "plan.toml", RIG)
 _FILES = Path(__file__).parent / "demo"
 
@@ -307,7 +307,7 @@ _COMMANDS: dict[str, Callable[[Request, Files, int], Command]] = {
 def _data(files: Files) -> list[str]:
     if not files.data:
         raise InputError("no table yet: drop one, or begin with the demo")
-    return [*files.data, *([SKIPS] if files.skip_bad_rows else [])]
+    return [*files.data, *(["--skip-bad-rows"] if files.skip_bad_rows else [])]
 
 
 def _model(files: Files) -> str:
