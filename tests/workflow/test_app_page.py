@@ -458,6 +458,7 @@ def test_a_fit_foreseen_in_the_page_is_confirmed_and_rows_are_left_out_by_a_key(
         _click_to_the_end(page, "#fit")
         page.js("location.hash = 'missing'")
         page.click("#tick-fts_drift")
+        page.js(_GAPS_DRAWN)
         state = _click_to_the_end(page, "#fit-ticked")
         said = page.until("document.querySelector('#confirmed')?.textContent")
         foreseen, given = (float(x) for x in re.findall(r"\d+\.\d+", said))
@@ -472,6 +473,7 @@ def test_a_fit_foreseen_in_the_page_is_confirmed_and_rows_are_left_out_by_a_key(
         wiped += f"(document.querySelector('#wipe')), {drawn} !== {json.dumps(after)}"
         page.until(wiped)
         assert "times as large" in page.text()
+        _the_gap_went_home(page, state)
         page.js("location.hash = 'fails'")
         page.until("document.querySelectorAll('.panel canvas').length > 6")
         page.js("[...document.querySelectorAll('.panel canvas')].at(-1).focus()")
@@ -511,6 +513,52 @@ _LOOKED_AT = """(async stages => {
     }
   }
 })"""
+
+
+_GAPS_DRAWN = """(() => {
+  globalThis.gaps = [];
+  const is = context => context.canvas.closest(".space") && context.strokeStyle
+    === getComputedStyle(document.documentElement).getPropertyValue("--second").trim();
+  const {prototype} = CanvasRenderingContext2D, {moveTo, lineTo} = prototype;
+  prototype.moveTo = function (...at) {
+    if (is(this) && gaps.at(-1)?.to.join() !== at.join()) {
+      if (gaps.at(-1)?.of !== this.canvas) gaps = [];  // the stage is drawn anew
+      gaps.push({of: this.canvas, from: at});
+    }
+    moveTo.apply(this, at);
+  };
+  prototype.lineTo = function (...at) {
+    if (is(this)) gaps.at(-1).to = at;
+    lineTo.apply(this, at);
+  };
+})()"""
+"""Keeps in `gaps` each line from a measured to a modelled pose, as it is drawn in pixels."""
+_GAPS = "gaps.map(({from, to}) => to.map((v, k) => v - from[k]))"
+
+
+def _the_gap_went_home(page: Page, state: dict[str, Any]) -> None:
+    """The gap that is drawn goes from that of the model of before to that of the model of now."""
+    tables = ",".join(item["file"] for item in state["data"])
+    before, now = (
+        np.array(page.js(f"fetch('/api/view/residuals?of={tables},{rung['model']}')"
+                         ".then(r => r.json()).then(v => v.change)"), dtype=float)
+        for rung in state["rungs"]
+    )  # fmt: skip
+    in_m = np.array([1.0, 1.0, 1.0, LENGTH_M, LENGTH_M, LENGTH_M])[:, None] * now
+    row = int(np.argmax(np.linalg.norm(in_m, axis=0)))
+    # As seen from the start: the x axis points up.
+    c, s, u, v = np.cos(-0.75), np.sin(-0.75), np.cos(0.32), np.sin(0.32)
+    seen = np.array([[0, c, s], [-u, v * s, -v * c]])
+    first, last = (seen @ change[:3, row] for change in (before, now))
+    begun = np.array(page.js(_GAPS)[0])
+    scale = np.linalg.norm(begun) / np.linalg.norm(first)
+    assert begun == pytest.approx(scale * first, abs=0.1)
+    x, y = scale * last
+    page.until(f"(([x, y]) => Math.hypot(x - {x}, y - {y}) < 0.1)({_GAPS}.at(-1))", 20)
+    drawn, whole = np.array(page.js(_GAPS)), scale * last - begun
+    along = (drawn - begun) @ whole / (whole @ whole)
+    assert np.all(np.diff(along) > -1e-6)
+    assert len(np.unique(along.round(2))) > 3
 
 
 def _held(page: Page) -> np.ndarray:
