@@ -1068,3 +1068,35 @@ def test_a_run_that_has_not_told_its_poses_yet_is_waited_for(page: Page, tmp_pat
         page.until("document.querySelector('#live').textContent.startsWith('1 reading so far')", 20)
         page.until("document.querySelector('.space canvas').width > 0")
     assert page.problems() == []
+
+
+def test_the_demo_of_the_site_goes_round_the_loop_without_a_server(
+    page: Page, tmp_path: Path
+) -> None:
+    written = tmp_path / "demo.html"
+    subprocess.run([sys.executable, ROOT / "docs/demo_page.py", written], check=True)
+    page.open(written.as_uri())
+    page.until(f"document.documentElement.dataset.stage && {_DRAWN}")
+    figures = {"data": ".space canvas", "model": "#fit", "fails": ".panel canvas[tabindex]",
+               "missing": "#verdict, #diagnose", "add": ".ladder circle", "next": "p",
+               "out": "pre"}  # fmt: skip
+    seen, verdicts, said, steps = set[str](), set[str](), "", 0
+    while True:  # from the last step back to the first
+        for stage in page.js("[...document.querySelectorAll('#stages a[href]')].map(a => a.hash)"):
+            page.click(f"#stages a[href='{stage}']")
+            figure = f"document.querySelector('#main :is({figures[stage[1:]]})')"
+            page.until(f"'#' + document.documentElement.dataset.stage === '{stage}' && {_DRAWN}"
+                       f" && !!{figure}")  # fmt: skip
+            assert page.js("document.querySelectorAll('#main .error').length") == 0
+            seen.add(stage[1:])
+            said += page.text()
+            verdicts.add(page.js("document.querySelector('#verdict')?.dataset.verdict"))
+        if page.js("document.querySelector('#undo').disabled"):
+            break
+        steps += 1
+        page.click("#undo")
+        page.until(f"document.documentElement.dataset.version === '{steps}' && {_DRAWN}")
+    assert (seen, steps) == (set(ALL_STAGES), 4)  # truth, effect, verdict, model
+    assert "named" in verdicts
+    assert "Hidden was: " in said
+    assert page.problems() == []
