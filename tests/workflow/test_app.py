@@ -28,6 +28,7 @@ import pytest
 from scipy.io import savemat
 from starlette.testclient import TestClient
 
+from ecm.cli import run
 from ecm.cli.jobs import paced
 from ecm.errors import InputError
 from ecm.io.events import live_path
@@ -654,6 +655,14 @@ def test_a_session_has_a_report_and_goes_on_from_its_zip(app: App, tmp_path: Pat
     shutil.unpack_archive(_written(tmp_path / "all.zip", content), tmp_path / "other")
     found = state_of(Session(tmp_path / "other" / "session"))
     assert {**found, "running": None} == state
+    page, written = tmp_path / "of.html", tmp_path / "of.json"
+    outputs = ["--report", str(page), "--json", str(written)]
+    assert run(["app", "--session", str(tmp_path / "none"), *outputs]) == 2
+    assert not page.exists()
+    assert run(["app", "--session", str(tmp_path / "other" / "session"), *outputs]) == 0
+    assert "Before and after" in page.read_text(encoding="utf-8")
+    assert json.loads(written.read_text(encoding="utf-8")) == found
+    assert not (tmp_path / "none").exists()
 
 
 def _written(path: Path, content: bytes) -> Path:
