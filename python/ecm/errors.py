@@ -101,6 +101,7 @@ _IN_PYTHON = {"DATA": "table", "MODEL": "model", "choose": "ecm.models.choose_mo
 _CALLS = {
     "import": "table = ecm.import_log(log).table",
     "check": "print(ecm.check(table))",
+    "check --leave-out": "table = ecm.as_table(table, skip_bad_rows=True)",
     "export": "ecm.export({})",
     "fit": "better = ecm.fit({})",
     "refit": "better = ecm.refit({})",
@@ -126,6 +127,7 @@ def _call(verb: str, *words: str) -> str:
     added = given.pop("add", []) if verb == "fit" else []
     values = [value for key in ("", "to", "model") for value in given.pop(key, [])]
     values += [f"{key}={_value(words)}" for key, words in given.items() if key != "out"]
+    verb = "check --leave-out" if "leave-out" in given else verb
     call = _CALLS[verb].format(", ".join(values))
     before, _, made = call.partition(" = ")
     return f"{before} = ecm.refit({made}, table, add={_value(added)})" if added else call
@@ -150,6 +152,10 @@ class Refusal(EcmError):
         self.message = str(message)
         """What was found and what was expected, without the way out."""
         self.remedy = remedy
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """From a process of its own it comes as it was, whatever its class is made from."""
+        return type(self).__new__, (type(self), *self.args), self.__dict__
 
     def __str__(self) -> str:
         """The message, and the way out below it."""

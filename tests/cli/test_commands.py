@@ -196,7 +196,7 @@ def test_rows_are_left_out_by_one_name_and_the_old_one_is_taken(
 
 
 def test_every_result_has_a_page(tmp_path: Path, ecm_command: Command) -> None:
-    assert {name for name in REGISTRY if "report" not in REGISTRY[name].common} == {"app", "new"}
+    assert {name for name in REGISTRY if "report" not in REGISTRY[name].common} == {"new"}
     x = np.linspace(-0.01, 0.01, 30)
     data, model, page = (tmp_path / name for name in ("d.csv", "m.json", "page.html"))
     data.write_text(csv_text({"x_m": x, "fx_N": 2000.0 * x + 1e-3 * np.cos(1e5 * x)}))

@@ -89,7 +89,7 @@ def test_a_bad_cell_is_named_by_line_and_column(
     name = (*POSE, *WRENCH)[column]
     assert f"line {line}, column '{name}': found {found}, expected a" in message
     assert "1 bad place" in message
-    assert "--leave-out" in message
+    assert "skip_bad_rows=True" in message
 
 
 def test_the_first_ten_places_and_the_count(tmp_path: Path) -> None:

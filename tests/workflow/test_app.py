@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import gzip
 import json
 import os
+import re
 import resource
 import shutil
 import signal
@@ -13,6 +15,7 @@ import subprocess
 import sys
 import threading
 import time
+from base64 import b64decode
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from importlib import import_module
@@ -25,6 +28,7 @@ import pytest
 from scipy.io import savemat
 from starlette.testclient import TestClient
 
+from ecm.cli import run
 from ecm.cli.jobs import paced
 from ecm.errors import InputError
 from ecm.io.events import live_path
@@ -309,6 +313,9 @@ def test_readings_of_a_running_campaign_are_there_as_they_come(app: App) -> None
     events.parent.mkdir()
     with client_of(app) as client:
         assert client.get("/api/live").json()["run"] is None
+        events.write_text(json.dumps({"what": "reading"}) + "\n")  # before its poses are known
+        found = client.get("/api/live").json()
+        assert (found["run"], found["begun"]) == (None, None)
         reading = {"visit": 1, "kind": "pose", "pose": [0.1, float("nan")], "wrench": [3.0]}
         told = [{"what": "FEM poses"}, {"begun": begun(1.0)}, {"measured": reading}]
         events.write_text("".join(json.dumps(line) + "\n" for line in told) + '{"meas')
@@ -482,6 +489,10 @@ def test_bad_rows_are_left_out_by_every_step_after_the_check_that_leaves_them(
     with client_of(app) as client:
         state = drop(client, app, tmp_path / "a.csv", f"x_m,fx_N\n{ROWS}nan,1\n0.001,\n")
         assert "line 22, column 'x_m': found 'nan'" in state["steps"][-1]["message"]
+        refused = client.get("/api/view/poses")  # of a process of its own
+        assert refused.status_code == 400
+        assert "line 22, column 'x_m': found 'nan'" in refused.json()["error"]
+        assert refused.json()["remedy"]["request"] == {"verb": "check", "skip_bad_rows": True}
         state = take_the_way_out(client, app, state)
         assert state["check"]["rows"] == 20
         accept_all(client, state)
@@ -489,6 +500,37 @@ def test_bad_rows_are_left_out_by_every_step_after_the_check_that_leaves_them(
         assert [item["status"] for item in state["steps"][-2:]] == ["done", "done"], state["steps"]
         assert all("--skip-bad-rows" in item["command"] for item in state["steps"][-2:])
         assert len(client.get("/api/view/residuals").json()["row"]) == 20
+
+
+def test_the_script_leaves_out_the_bad_rows_that_the_page_left_out(
+    app: App, tmp_path: Path
+) -> None:
+    """Also where the tables are checked again, more is said of them, or rows are marked."""
+    with client_of(app) as client:
+        state = drop(client, app, tmp_path / "a.csv", f"x_m,fx_N\n{ROWS}nan,1\n0.001,\n")
+        state = take_the_way_out(client, app, state)
+        accept_all(client, state)
+        step(client, app, "check")
+        said = {"instrument": {"force_sd_N": 0.02}}
+        assert client.post("/api/describe", json={"sections": said}).status_code == 200
+        finished(client, app)
+        assert client.post("/api/leave_out", json={"rows": [3]}).status_code == 200
+        state = finished(client, app)
+        assert state["check"]["rows"] == 19
+        accept_all(client, state)
+        state = step(client, app, "fit", model="linear")
+        assert [item["verb"] for item in state["steps"] if item["status"] == "failed"] == ["check"]
+        script = client.get("/files/script.sh").text
+        copied = re.search('id="packed-session">(.*)</script>', client.get("/api/copy").text)
+        assert copied is not None
+        recorded = json.loads(gzip.decompress(b64decode(copied[1])))
+    assert recorded["states"][-1]["state"]["check"]["rows"] == 19
+    poses = {len(view["row"]) for name, view in recorded["views"].items() if "/poses" in name}
+    assert poses == {19, 20}
+    commands = [line for line in script.splitlines() if line.startswith("ecm ")]
+    assert len(commands) > 5
+    assert all("--skip-bad-rows" in line for line in commands)
+    _same_bytes_by(script, app.session, tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -613,6 +655,14 @@ def test_a_session_has_a_report_and_goes_on_from_its_zip(app: App, tmp_path: Pat
     shutil.unpack_archive(_written(tmp_path / "all.zip", content), tmp_path / "other")
     found = state_of(Session(tmp_path / "other" / "session"))
     assert {**found, "running": None} == state
+    page, written = tmp_path / "of.html", tmp_path / "of.json"
+    outputs = ["--report", str(page), "--json", str(written)]
+    assert run(["app", "--session", str(tmp_path / "none"), *outputs]) == 2
+    assert not page.exists()
+    assert run(["app", "--session", str(tmp_path / "other" / "session"), *outputs]) == 0
+    assert "Before and after" in page.read_text(encoding="utf-8")
+    assert json.loads(written.read_text(encoding="utf-8")) == found
+    assert not (tmp_path / "none").exists()
 
 
 def _written(path: Path, content: bytes) -> Path:

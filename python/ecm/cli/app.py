@@ -55,6 +55,7 @@ COMMANDS = {
     "app": Command(
         line="The whole loop in a browser.",
         work="jobs.serve", of="workflow.app.server.serve", passed="model port demo",
+        common="report",
     ),
     "simulate": Command(
         line="Wrenches to poses by FEM.", group=PLAN,

@@ -36,7 +36,10 @@ from ecm.rig import reveal as reveal_truth
 from ecm.rig.arm.trips import summary_lines
 from ecm.rig.elastic import Progress
 from ecm.rig.readings import keep_data, robot_path
+from ecm.workflow.app.copying import report_of
 from ecm.workflow.app.server import serve as serve_session
+from ecm.workflow.app.session import Session as WrittenSession
+from ecm.workflow.app.views import state_of
 from ecm.workflow.config import read_config, read_rig, with_rig
 from ecm.workflow.design import design as design_plan
 from ecm.workflow.identify import identify as identify_mechanism
@@ -385,7 +388,7 @@ def serve(
     port : P
         Port; 0: a free one.
     folder : --session DIR
-        Folder of the session.
+        Folder of the session. --report and --json write it as it is, and nothing is served.
     follow : TABLE
         Show the rows of `ecm measure --out TABLE` as they come.
     demo
@@ -393,6 +396,16 @@ def serve(
     browser : --open/--no-open
         Open the page in the browser.
     """
+    if session.report is not None or session.json is not None:
+        if data or not (folder / "steps.jsonl").is_file():
+            raise InputError(
+                f"{folder}: --report and --json write a session that is there, without tables; "
+                "begin one without them"
+            )
+        written = WrittenSession(folder)
+        session.write_report(report_of(written))
+        session.write_json(state_of(written))
+        return
     check_output_directory(folder)
     session.on_interrupt(f"ecm app --session {folder} goes on with the session.")
 

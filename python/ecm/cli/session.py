@@ -23,7 +23,7 @@ from ecm.cli.interrupt import NOTHING_WRITTEN
 from ecm.errors import ComputationError, EcmError, InputError, Refusal, Remedy, exit_code, remedy_of
 from ecm.io.cache import is_device, write_json
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.csv import BadRows
+from ecm.io.csv import LEAVE_OUT, BadRows
 from ecm.io.settings import IMPORT
 from ecm.io.table import Need, Table, check_description, read_table
 from ecm.report.blocks import CodeBlock, Report, Section, require_report
@@ -335,13 +335,13 @@ class Session(Console):
                     progress=tell,
                 )
         except InputError as error:
-            few = isinstance(error, BadRows) and not error.most
+            if isinstance(error, BadRows) and error.remedy.command == LEAVE_OUT:
+                error.remedy = Remedy(error.remedy.words, "AGAIN --leave-out")
             own = error.remedy is not None and error.remedy.command != IMPORT
             logs = (path for path in paths if not _is_table(path))
+            few = isinstance(error, BadRows) and not error.most
             if (not own or isinstance(error, BadRows)) and not few and (log := next(logs, None)):
                 error.remedy = way_in(log) or error.remedy
-            if isinstance(error, BadRows) and not error.remedy.command:
-                error.remedy = Remedy(error.remedy.words, "AGAIN --leave-out")
             raise
         for warning in brief(table.warnings, paths):
             self.warn(warning)

@@ -128,6 +128,9 @@ def _can_be_written(name: str) -> bool:
 _SHOWN = 10
 
 
+LEAVE_OUT = "ecm check DATA --leave-out"
+
+
 class BadRows(InputError):
     """Rows that cannot be read, and that may be left out."""
 
@@ -189,10 +192,10 @@ class RowErrors:
         them = "this row" if rows == 1 else f"these {rows} rows"
         in_memory = self.word == "row" and len(self.numbers) > 0 and self.numbers[0] == 0
         table = "data (rows are counted from 0)" if in_memory else "file"
-        skip = "as_table(..., skip_bad_rows=True)" if in_memory else "--leave-out"
-        words = f"correct the {table}, or leave {them} out with {skip} (which records it)"
+        words = f"correct the {table}, or leave {them} out, which is recorded"
+        remedy = Remedy(words, LEAVE_OUT)
         most = 2 * rows > len(self.numbers)
-        return BadRows(self.summary(), remedy=Remedy(words), most=most)
+        return BadRows(self.summary(), remedy=remedy, most=most)
 
 
 _BLOCK = 4096

@@ -275,9 +275,9 @@ class Follower:
         Returns
         -------
         dict
-            `run`: when it began, None before; `begun`: what was told then, where no reading is
-            known; `rows`: the readings after those; `ended`: why it was stopped; `age_s`: seconds
-            since the last event.
+            `run`: when it began, and `begun`: what was told then, where no reading is known; both
+            None before. `rows`: the readings after those; `ended`: why it was stopped; `age_s`:
+            seconds since the last event.
         """
         with self._lock, suppress(OSError), path.open("rb") as file:
             of = path, file.readline()
@@ -292,7 +292,7 @@ class Follower:
                 self._take(line)
             return {
                 "run": self._begun.get("at"),
-                "begun": None if row else self._begun,
+                "begun": (not row and self._begun) or None,
                 "rows": self._rows[row:],
                 "ended": self._ended,
                 "age_s": time.time() - os.fstat(file.fileno()).st_mtime,

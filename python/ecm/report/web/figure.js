@@ -20,10 +20,11 @@ const plain = text => String(text ?? "").replace(/<br>/g, "\n").replace(/<[^>]*>
   .replace(/&(lt|gt|amp|quot|#x27);/g, (_, name) => ({lt: "<", gt: ">", amp: "&", quot: "\"", "#x27": "'"}[name]));
 const bold = text => /<b>/.test(text) ? 600 : null;
 
-export function figure(spec, {onpick = () => {}} = {}) {
+// `label` says what is drawn to who does not see it.
+export function figure(spec, {onpick = () => {}, label = null} = {}) {
   const {data} = spec, layout = structuredClone(spec.layout), given = data.map(trace => ({...trace}));
   const height = layout.height ?? 420, margin = {l: 64, r: 16, t: 60, b: 48, ...layout.margin};
-  const picture = svg("svg", {class: "figure", role: "img"}), place = el("div", {class: "figure-place"}, picture);
+  const picture = svg("svg", {class: "figure", role: "img", "aria-label": label}), place = el("div", {class: "figure-place"}, picture);
   const named = () => given.filter(trace => trace.name && trace.showlegend !== false);
   const told = layout.showlegend !== false && (named().length > 1 || layout.showlegend === true);
   if (!told && !layout.title?.text && layout.xaxis?.side !== "top") margin.t = Math.min(margin.t, 28);
@@ -49,8 +50,9 @@ export function figure(spec, {onpick = () => {}} = {}) {
     const at = {x: v => margin.l + v * inner.w, y: v => height - margin.b - v * inner.h};
     const put = (...of) => picture.appendChild(svg(...of));
     const panels = Object.keys(layout).filter(key => /^xaxis\d*$/.test(key)).map(key => panel(key.slice(5), at));
-    for (const item of panels) axes(item, put);
     if (!panels.length) return;
+    for (const shape of layout.shapes ?? []) below(shape, panels[0], put);
+    for (const item of panels) axes(item, put);
     for (const trace of given) {
       const item = panels.find(one => one.id === (trace.xaxis ?? "x").slice(1)) ?? panels[0];
       ({bar: bars, heatmap: cells}[trace.type] ?? points)(trace, item, put);
@@ -78,6 +80,7 @@ export function figure(spec, {onpick = () => {}} = {}) {
       const pad = 0.05 * (high - low) || 0.05 * Math.abs(high) || 1, bar = letter === "y" && own.some(trace => trace.type === "bar");
       low = bar && low === 0 ? 0 : low - pad;
       high += pad;
+      [low, high] = axis.range ?? [low, high];
       return {from, to, low, high, log, axis, at: v => from + ((log ? Math.log10(v) : v) - low) / (high - low) * (to - from)};
     };
     return {id, x: scale("x"), y: scale("y")};
@@ -94,7 +97,7 @@ export function figure(spec, {onpick = () => {}} = {}) {
   function axes({x, y}, put) {
     const line = (x1, y1, x2, y2, stroke) => put("line", {x1, y1, x2, y2, stroke: `var(${stroke})`});
     const marks = (scale, many) => scale.names ? scale.names.map(name => [scale.at(name), plain(name)])
-      : ticks(scale.low, scale.high, many).filter(v => !scale.log || Number.isInteger(v)).map(v => [scale.at(scale.log ? 10 ** v : v), scale.log ? number(10 ** v) : number(v, 6)]);
+      : (scale.log ? powers(scale, many) : ticks(scale.low, scale.high, many)).map(v => [scale.at(v), number(v, 6)]);
     const top = x.axis.side === "top", edge = top ? y.to : y.from, room = Math.abs(x.to - x.from);
     const texts = marks(x, Math.max(3, room / 55)), tilt = x.names && texts.some(([, text]) => 7 * text.length > room / texts.length);
     for (const [at, text] of marks(y, Math.max(3, Math.abs(y.to - y.from) / 45))) {
@@ -113,14 +116,24 @@ export function figure(spec, {onpick = () => {}} = {}) {
     if (y.axis.title?.text) put("text", {x: left, y: middle, "text-anchor": "middle", transform: `rotate(-90 ${left} ${middle})`}, plain(y.axis.title.text));
   }
 
+  // What lies below a value, over the whole width, with its name.
+  function below({y1, label: {text}}, {x, y}, put) {
+    const top = y.at(y1);
+    put("rect", {x: x.from, y: top, width: x.to - x.from, height: Math.max(0, y.from - top), fill: "var(--band)"});
+    put("line", {x1: x.from, x2: x.to, y1: top, y2: top, stroke: "var(--soft)", "stroke-dasharray": DASH.dot, "stroke-width": 2});
+    put("text", {x: x.from + 8, y: top + (y.from - top < 20 ? -6 : 17)}, text);
+  }
+
   function points(trace, {x, y}, put) {
     const mode = trace.mode ?? "lines", colour = themed(trace.marker?.color ?? trace.line?.color ?? "#0072b2");
-    const at = trace.x.map((v, i) => [x.at(v), y.at(trace.y[i])]);
-    if (mode.includes("lines")) put("path", {d: at.map(([a, b], i) => `${i ? "L" : "M"}${a},${b}`).join(""), fill: "none",
+    // A value that is not known leaves a gap.
+    const at = trace.x.map((v, i) => [x.at(v), (trace.y[i] ?? null) === null ? NaN : y.at(trace.y[i])]), known = i => at[i] && Number.isFinite(at[i][0] + at[i][1]);
+    if (mode.includes("lines")) put("path", {d: at.map(([a, b], i) => known(i) ? `${known(i - 1) ? "L" : "M"}${a},${b}` : "").join(""), fill: "none",
       stroke: themed(trace.line?.color ?? trace.marker?.color ?? "#0072b2"), "stroke-width": trace.line?.width ?? 2, "stroke-dasharray": DASH[trace.line?.dash] ?? null});
     if (!mode.includes("markers")) return;
     at.forEach(([a, b], i) => {
-      if (!Number.isFinite(a) || !Number.isFinite(b)) return;
+      if (!known(i)) return;
+      if (mode.includes("text")) put("text", {x: a, y: b + (trace.textposition === "bottom center" ? 22 : -12), "text-anchor": "middle", "font-weight": 600}, plain(trace.text[i]));
       const size = trace.marker?.size?.[i] ?? trace.marker?.size ?? 6;
       const node = put(...symbol(trace.marker?.symbol ?? "circle", a, b, size / 2, colour));
       node.setAttribute("opacity", trace.marker?.opacity ?? 1);
@@ -169,8 +182,8 @@ export function figure(spec, {onpick = () => {}} = {}) {
     for (const trace of named()) {
       const colour = themed(trace.marker?.color ?? trace.line?.color ?? "#0072b2"), y = Math.max(14, margin.t - 24);
       if (trace.type === "bar") put("rect", {x: at, y: y - 6, width: 14, height: 12, fill: colour});
-      else if (trace.mode === "lines") put("path", {d: `M${at},${y}h16`, stroke: colour, "stroke-width": 2, "stroke-dasharray": DASH[trace.line?.dash] ?? null});
-      else put(...symbol(trace.marker?.symbol ?? "circle", at + 8, y, 4, colour));
+      else if ((trace.mode ?? "lines").includes("lines")) put("path", {d: `M${at - 2},${y}h20`, stroke: colour, "stroke-width": 2, "stroke-dasharray": DASH[trace.line?.dash] ?? null});
+      if (trace.mode?.includes("markers")) put(...symbol(trace.marker?.symbol ?? "circle", at + 8, y, 4, colour));
       put("text", {x: at + 21, y: y + 4}, plain(trace.name));
       at += 40 + 7 * plain(trace.name).length;
     }
@@ -191,6 +204,14 @@ export function figure(spec, {onpick = () => {}} = {}) {
     chosen = rows.length ? {link, rows: new Set(rows.map(String))} : null;
     mark();
   }};
+}
+
+// 1, 2 and 5 times the powers of ten on a logarithmic axis; of many the powers alone, of few round numbers.
+function powers({low, high}, many) {
+  if (high - low > 2.3) return ticks(low, high, many).filter(Number.isInteger).map(v => 10 ** v);
+  const found = ticks(Math.floor(low), high, 5).filter(Number.isInteger).flatMap(v => [1, 2, 5].map(k => k * 10 ** v))
+    .filter(v => Math.log10(v) >= low && Math.log10(v) <= high);
+  return found.length > 2 ? found : ticks(10 ** low, 10 ** high, many);
 }
 
 function symbol(name, x, y, r, colour) {

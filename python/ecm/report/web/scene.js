@@ -84,7 +84,7 @@ function gapOf({now, before = null}, length) {
   const first = Math.max(1, Math.min(1000, GAP * length / most(before ?? now)));
   let factor = Number(first.toPrecision(1));
   return {
-    share: 1,
+    share: before ? 0 : 1,
     largest: now[0].reduce((best, _, i) => size(i) > size(best) ? i : best, 0),
     at(k, i) { return factor * ((1 - this.share) * (before?.[k][i] ?? now[k][i] ?? 0) + this.share * (now[k][i] ?? 0)); },
     slider(show) {

@@ -50,7 +50,7 @@ _BEGIN = """unpacked("packed-session").then(text => {
 
 def copy_of(session: Session, views: Views) -> str:
     """Return the page with the states of the steps that count, and all that it draws of them."""
-    history, files = session.now()
+    history = session.journal.read()
     states: list[dict[str, Any]] = []
     begun, drawn = None, {}
     for k, number in enumerate(history.active, 1):
@@ -61,14 +61,13 @@ def copy_of(session: Session, views: Views) -> str:
         taken = history.active[:k]
         part = replace(history, steps={n: history.steps[n] for n in taken}, active=taken)
         then = session.files(part)
-        states.append(
-            {"verb": begun.verb, "request": begun.request, "state": state_of(session, part)}
-        )
+        state = state_of(session, part)
+        states.append({"verb": begun.verb, "request": begun.request, "state": state})
         for name in ("poses", *NEED_MODEL):
             model = then.model if name in NEED_MODEL else None
-            if not then.data or (name in NEED_MODEL and model is None):
+            if not state["check"] or (name in NEED_MODEL and model is None):
                 continue
-            path = views.file(name, then.data, model, skip_bad_rows=files.skip_bad_rows)
+            path = views.file(name, then.data, model, skip_bad_rows=then.skip_bad_rows)
             of = "%2C".join([*then.data, *([] if model is None else [model])])
             drawn[f"/api/view/{name}?of={of}"] = json.loads(path.read_bytes())
         begun = None

@@ -129,7 +129,7 @@ class Session:
         fitted = history.last("fit", "refit", data=data)
         model = None if fitted is None else model_of(fitted)
         found = history.last("diagnose", data=data, model=model)
-        checked = history.last("check", data=data)
+        checks = [check for check in self._checks(history, data) if check.status == "done"]
         answered = history.last("diagnose", data=data)
         written = [] if found is None else found.outputs
         plan = next((name for name in written if name.endswith(".csv")), None)
@@ -143,7 +143,7 @@ class Session:
             described=frozenset(d for d in logs if self._beside(d, ".toml").is_file()),
             sealed=sealed,
             simulated=sealed is not None and (self.folder / RIG).is_file(),
-            skip_bad_rows=checked is not None and bool(checked.request.get("skip_bad_rows")),
+            skip_bad_rows=any(check.request.get("skip_bad_rows") for check in checks),
         )
 
     def downloads(self, history: History | None = None) -> list[str]:
@@ -183,12 +183,8 @@ class Session:
 
         One that was accepted stays so where rows were left out, or more was said of the tables.
         """
-        document, data, checks = self.result(check) or {}, check.inputs["data"], {check.number}
-        for step in reversed(history.steps.values()):
-            if "of" in step.request and step.inputs["data_after"] == data:
-                data = step.inputs["data"]
-            elif step.verb == "check" and step.inputs["data"] == data:
-                checks.add(step.number)
+        document = self.result(check) or {}
+        checks = {step.number for step in self._checks(history, check.inputs["data"])}
         taken = {_said(warning) for number, warning in history.accepted if number in checks}
         warnings = document.get("warnings", [])
         return [w for w in warnings if _said(w) not in taken and not _OWN_MARKS.search(w)]
@@ -429,6 +425,17 @@ class Session:
         return {name: document[name] for name in TYPED if name in document}
 
     # --- parts -------------------------------------------------------------
+    @staticmethod
+    def _checks(history: History, data: list[str]) -> list[Step]:
+        """Return the checks of these tables, and of them before rows were left out or more said."""
+        found = []
+        for step in reversed(history.steps.values()):
+            if "of" in step.request and step.inputs["data_after"] == data:
+                data = step.inputs["data"]
+            elif step.verb == "check" and step.inputs["data"] == data:
+                found.append(step)
+        return found
+
     def _description(self, table: str) -> str:
         path = self._beside(table, ".toml")
         return path.read_text(encoding="utf-8") if path.is_file() else ""

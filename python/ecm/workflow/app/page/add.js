@@ -23,7 +23,7 @@ export async function draw(root, state, app) {
           labels: rungs.map(rung => rung.name), floor: known ? 1 : null, yTitle: `error [${unit}]`, log: true, grow,
           begins: rungs.flatMap((rung, i) => rung.base ? [i] : []),
           lines: [{name: "fitted rows", values: rungs.map(rung => rung.train), colour: "mark"},
-            {name: "held out", values: rungs.map(rung => rung.held), colour: "second", dash: "7 5", square: true}]})), over), space),
+            {name: "held out", values: rungs.map(rung => rung.held), colour: "second", dash: "dash", square: true}]})), over), space),
     table(`The rungs of the ladder, in ${unit}`, ["fit", "fitted rows", "held out", el("span", {}, "is the change real?", help("is the change real?"))],
       rungs.map(rung => [rung.name, rung.train, rung.held, rung.test])),
     el("div", {class: "split even"},

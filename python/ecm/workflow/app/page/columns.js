@@ -33,9 +33,10 @@ export function nameFiles(steps) {
 export const ownFiles = text => String(text ?? "").replace(/\b(?:upload|data)-(\d+)\.\w+/g, (file, number) => dropped.get(number) ?? file);
 
 // Where the page has what a sentence of the server names by a section of a description or by an option.
-const FIELDS = {length_m: "the length under Data", free_length_m: "the length when detached, under Data"};
+const FIELDS = {length_m: "the length under Data", free_length_m: "the length when detached, under Data", gravity_m_s2: "gravity, under Data",
+  fts_range: "the largest reading of the sensor, under Data", fts_resolution: "the smallest step of the sensor, under Data"};
 const SECTIONS = {mechanism: "the body under Data", instrument: "the noise under Data"};
-export const inPage = text => text.replace(/\[(mechanism|instrument|scene|columns|frames|file|leave_out)\](?: (figures\b|[a-z]+_\w+))?/g, (_, section, key) => FIELDS[key]
+export const inPage = text => text.replace(/\[(mechanism|instrument|scene|columns|frames|file|leave_out)\](?::? (figures\b|[a-z]+_\w+))?/g, (_, section, key) => FIELDS[key]
   ?? (!key || key === "figures" ? SECTIONS[section] ?? "the description" : `${key} in the description`))
   .replace(/\bTOML\b/g, "description").replace(": --mass KG --inertia KGM2", ", above").replace(/: fit --model \S+$/, ".")
   .replace(/ with --[a-z-]+ \(which records \w+\)/, "");

@@ -24,7 +24,7 @@ export const app = {
     try {
       await work();
     } catch (error) {
-      say(error.message, true, error.remedy);
+      say(inPage(error.message), true, error.remedy);
     } finally {
       acting = false;
     }

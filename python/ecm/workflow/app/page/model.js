@@ -84,7 +84,7 @@ function report(fit) {
   if (fit.curve?.sizes) {
     parts.push(el("h3", {}, "How many poses are enough?", help("learning curve")),
       chart({title: "Error on held-out poses for growing numbers of poses", labels: fit.curve.sizes.map(String),
-        floor: 1, yTitle: "error on held-out poses [times the noise], over the number of poses",
+        log: true, floor: 1, xTitle: "number of poses", yTitle: "error [times the noise]",
         lines: [{name: "held out", values: fit.curve.error, colour: "second", square: true}]}));
   }
   parts.push(el("details", {}, el("summary", {}, "All sentences of the report"),
