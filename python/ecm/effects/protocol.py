@@ -322,6 +322,14 @@ def jacobian_of(effect: Effect, rows: Rows, values: F) -> F:
     return _evaluated(effect, effect.jacobian, rows, values)
 
 
+def correction_and_jacobian(effect: Effect, rows: Rows, values: F) -> tuple[F, F]:
+    """Both of them; the columns of a linear effect, which are the work, once."""
+    jacobian = jacobian_of(effect, rows, values)
+    if type(effect).correction is LinearEffect.correction:
+        return jacobian @ values, jacobian
+    return correction_of(effect, rows, values), jacobian
+
+
 def _evaluated(effect: Effect, function: Callable[[Rows, F], F], rows: Rows, values: F) -> F:
     """What an effect gives for the rows: by all rows where it has a memory, by all six columns."""
     own = rows if effect.kind == "pose" else rows.whole

@@ -11,7 +11,13 @@ from scipy.linalg import cho_solve
 from scipy.optimize import lsq_linear
 
 from ecm.effects import effects_of
-from ecm.effects.protocol import Effect, Parameter, correction_of, jacobian_of
+from ecm.effects.protocol import (
+    Effect,
+    Parameter,
+    correction_and_jacobian,
+    correction_of,
+    jacobian_of,
+)
 from ecm.errors import InputError, ModelError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import same_unit
@@ -362,9 +368,12 @@ class _At:
         prediction = rows.sensor_load.copy()
         blocks = [base_columns(rows, self.base)] if self.free_base else []
         for item in self.effects:
-            prediction += correction_of(item.effect, rows, item.values)
-            if not item.frozen:
-                blocks.append(jacobian_of(item.effect, rows, item.values))
+            if item.frozen:
+                prediction += correction_of(item.effect, rows, item.values)
+                continue
+            correction, jacobian = correction_and_jacobian(item.effect, rows, item.values)
+            prediction += correction
+            blocks.append(jacobian)
         if not blocks:
             blocks = [np.zeros((*measured.shape, 0))]
         return measured - prediction, np.concatenate(blocks, axis=2)
