@@ -393,9 +393,13 @@ class _At:
             return np.asarray(step)
         slack = 1e-12
         # The triangle of Z = Q R has the same minimum with k rows instead of N m.
-        q, triangle = np.linalg.qr(z / size)
+        if factor is None:
+            q, triangle = np.linalg.qr(z / size)
+            along = q.T @ y
+        else:
+            triangle, along = factor, factor @ (step * size)
         bounds = (lower - slack) * size, (upper + slack) * size
-        return np.asarray(lsq_linear(triangle, q.T @ y, bounds=bounds, method="bvls").x / size)
+        return np.asarray(lsq_linear(triangle, along, bounds=bounds, method="bvls").x / size)
 
     def least_effects(self, size: F, products: F) -> F:
         """(k, k) projection along the null space of the columns, to the smallest effects.
