@@ -384,22 +384,20 @@ class _At:
             return np.zeros(0)
         factor = independent_factor(products)
         if factor is None:
-            step = np.linalg.lstsq(z / size, y, rcond=1e-12)[0] / size
+            # The triangle of Z = Q R has the same minima with k rows instead of N m.
+            both = np.asarray(np.linalg.qr(np.column_stack([z / size, y]), mode="r"))
+            triangle, along = both[:, :-1], both[:, -1]
+            step = np.linalg.lstsq(triangle, along, rcond=1e-12)[0]
         else:
             # A tenth of the work; the next iteration takes the rounding of the squares back.
-            step = cho_solve((factor, False), z.T @ y / size, check_finite=False) / size
-        lower, upper = (bound - self.values for bound in self.bounds)
-        if np.all(step >= lower) and np.all(step <= upper):
-            return np.asarray(step)
+            step = cho_solve((factor, False), z.T @ y / size, check_finite=False)
+            triangle, along = factor, factor @ step
         slack = 1e-12
-        # The triangle of Z = Q R has the same minimum with k rows instead of N m.
-        if factor is None:
-            q, triangle = np.linalg.qr(z / size)
-            along = q.T @ y
-        else:
-            triangle, along = factor, factor @ (step * size)
-        bounds = (lower - slack) * size, (upper + slack) * size
-        return np.asarray(lsq_linear(triangle, along, bounds=bounds, method="bvls").x / size)
+        lower, upper = (size * (bound - self.values) for bound in self.bounds)
+        if not (np.all(step >= lower) and np.all(step <= upper)):
+            bounds = lower - slack * size, upper + slack * size
+            step = lsq_linear(triangle, along, bounds=bounds, method="bvls").x
+        return np.asarray(step / size)
 
     def least_effects(self, size: F, products: F) -> F:
         """(k, k) projection along the null space of the columns, to the smallest effects.
