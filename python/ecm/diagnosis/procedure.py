@@ -334,16 +334,21 @@ def diagnose(
     """
     model = as_model(model, table)
     with naming_wild_readings(table):
-        decision = find_missing(
+        # Its rows, whitened, are most of the memory: they go before effects are added to the model.
+        found = report(
+            find_missing(
+                model,
+                table,
+                seed=seed,
+                effects=None if effects is None else listed(effects),
+                noise=noise,
+                settings=settings,
+                stages=stages,
+            ),
             model,
-            table,
-            seed=seed,
-            effects=None if effects is None else listed(effects),
+            seed,
             noise=noise,
-            settings=settings,
-            stages=stages,
         )
-        found = report(decision, model, seed, noise=noise)
         if found.verdict not in ("named", "ambiguous"):
             return found
         named = [item.effect for item in found.effects]

@@ -199,7 +199,7 @@ def joint_fit(
     fitted = tuple(e if isinstance(e, FittedEffect) else FittedEffect.unfitted(e) for e in effects)
     at = _At(base, fitted, 0 if freeze_base else len(base.coefficients))
     rows = Rows(table, base)
-    root = np.ones(len(table)) if row_weights is None else np.sqrt(row_weights)
+    root = None if row_weights is None else np.sqrt(row_weights)
     whitener = whiteners(noise.covariance(rows, base.error))
     priors = _priors_of(base, prior, at.free_base)
     data = _Data(table.matrix(base.outputs), whitener, root, priors)
@@ -227,7 +227,9 @@ def joint_fit(
     covariance = np.asarray(least @ covariance_of(size, products) @ least.T)
     # Change of the parameters by one standard deviation of an error that all rows share.
     shared = whitener @ shared_zero_error(rows, residual, noise)
-    shift = np.einsum("nik,nij->kj", z * root[:, None, None] ** 2, shared)
+    if row_weights is not None:
+        shared = shared * row_weights[:, None, None]
+    shift = np.einsum("nik,nij->kj", z, shared)
     shift = covariance @ shift
     covariance = covariance + shift @ shift.T
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -274,16 +276,18 @@ class _Data:
 
     measured: F
     whitener: F
-    root: F
-    """(N,) square roots of the rows' weights."""
+    root: F | None
+    """(N,) square roots of the rows' weights; None where all count alike."""
     priors: list[CoefficientPrior]
 
     def linearised(self, at: _At, rows: Rows) -> _Here:
         """What is left there, and its columns."""
-        residual, design = at.linearised(rows, self.measured)
-        columns = self.whitener @ design
-        z = columns * self.root[:, None, None]
-        y = np.einsum("nij,nj->ni", self.whitener, residual) * self.root[:, None]
+        residual, columns = at.linearised(rows, self.measured)
+        columns = self.whitener @ columns
+        z = columns if self.root is None else columns * self.root[:, None, None]
+        y = np.einsum("nij,nj->ni", self.whitener, residual)
+        if self.root is not None:
+            y = y * self.root[:, None]
         # The shape is given, so that it holds for zero columns as well.
         flat, response = _with_priors(
             z.reshape(y.size, z.shape[2]), y.ravel(), at.base, self.priors
