@@ -122,7 +122,9 @@ def within_cells(values: F, cells: I) -> tuple[F, int]:
     return values - means[packed], len(size)
 
 
-def omnibus_test(whitened: F, design: F, fitted: F, weights: F | None = None) -> FTest:
+def omnibus_test(
+    whitened: F, design: F, fitted: F, weights: F | None = None, *, overwrite: bool = False
+) -> FTest:
     """F test whether columns outside the model explain the residual.
 
     Parameters
@@ -135,6 +137,8 @@ def omnibus_test(whitened: F, design: F, fitted: F, weights: F | None = None) ->
         (N, m, k) whitened columns of what was fitted already; projected out.
     weights
         (N,) 0 leaves a row out.
+    overwrite
+        The columns to look for are not needed afterwards: their memory is used.
 
     Returns
     -------
@@ -150,7 +154,7 @@ def omnibus_test(whitened: F, design: F, fitted: F, weights: F | None = None) ->
     >>> test.dof, test.p < 1e-6
     (1, True)
     """
-    return Beside.of(whitened, design, fitted, weights).omnibus_test()
+    return Beside.of(whitened, design, fitted, weights, overwrite=overwrite).omnibus_test()
 
 
 @dataclass(frozen=True)
@@ -176,12 +180,15 @@ class Beside:
     """Readings of the rows that count."""
 
     @staticmethod
-    def of(whitened: F, design: F, fitted: F, weights: F | None = None) -> Beside:
+    def of(
+        whitened: F, design: F, fitted: F, weights: F | None = None, *, overwrite: bool = False
+    ) -> Beside:
         """Project the fitted columns out; arguments as for `omnibus_test`."""
         n, m, q = design.shape
         root = np.ones(n) if weights is None else np.sqrt(weights)
         y = (whitened * root[:, None]).ravel()
-        z = (design * root[:, None, None]).reshape(n * m, q)
+        z = np.multiply(design, root[:, None, None], out=design if overwrite else None)
+        z = z.reshape(n * m, q)
         basis = orthonormal((fitted * root[:, None, None]).reshape(n * m, -1))
         y = y - basis @ (basis.T @ y)
         along = basis.T @ z
@@ -220,9 +227,10 @@ class Beside:
         random = np.random.default_rng(_SEED)
         signs = random.choice([-1.0, 1.0], (n, _DRAWS))
         signs[:, 0] = 1.0
-        drawn = np.repeat(signs, m, axis=0) * self.residual.reshape(-1, 1)
+        drawn = np.repeat(signs, m, axis=0)
+        drawn *= self.residual.reshape(-1, 1)
         drawn -= self.basis @ (self.basis.T @ drawn)
-        total = (drawn**2).sum(axis=0)
+        total = np.einsum("ij,ij->j", drawn, drawn)
         if self.span.rank == 0 or not total.min() > 0.0:
             return 1.0
         shares = np.clip(self.span.explained(drawn) / total, 0.0, 1.0)
