@@ -322,12 +322,11 @@ def jacobian_of(effect: Effect, rows: Rows, values: F) -> F:
     return _evaluated(effect, effect.jacobian, rows, values)
 
 
-def correction_and_jacobian(effect: Effect, rows: Rows, values: F) -> tuple[F, F]:
-    """Both of them; the columns of a linear effect, which are the work, once."""
-    jacobian = jacobian_of(effect, rows, values)
-    if type(effect).correction is LinearEffect.correction:
-        return jacobian @ values, jacobian
-    return correction_of(effect, rows, values), jacobian
+def linear_columns(effect: Effect, rows: Rows) -> F | None:
+    """(N, m, k) columns of a linear effect, whatever its values; None of another."""
+    if type(effect).correction is not LinearEffect.correction:
+        return None
+    return jacobian_of(effect, rows, np.zeros(len(effect.parameters)))
 
 
 def _evaluated(effect: Effect, function: Callable[[Rows, F], F], rows: Rows, values: F) -> F:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,9 +14,9 @@ from ecm.effects import effects_of
 from ecm.effects.protocol import (
     Effect,
     Parameter,
-    correction_and_jacobian,
     correction_of,
     jacobian_of,
+    linear_columns,
 )
 from ecm.errors import InputError, ModelError
 from ecm.io.arrays import B, F, I
@@ -282,17 +282,21 @@ class _Data:
 
     def linearised(self, at: _At, rows: Rows) -> _Here:
         """What is left there, and its columns."""
-        residual, columns = at.linearised(rows, self.measured)
-        columns = self.whitener @ columns
+        return self._with_columns(at, rows, *at.residual(rows, self.measured))
+
+    def _with_columns(self, at: _At, rows: Rows, residual: F, known: Sequence[F | None]) -> _Here:
+        columns = self.whitener @ at.columns(rows, known)
         z = columns if self.root is None else columns * self.root[:, None, None]
-        y = np.einsum("nij,nj->ni", self.whitener, residual)
-        if self.root is not None:
-            y = y * self.root[:, None]
         # The shape is given, so that it holds for zero columns as well.
         flat, response = _with_priors(
-            z.reshape(y.size, z.shape[2]), y.ravel(), at.base, self.priors
+            z.reshape(residual.size, z.shape[2]), self._weighted(residual), at.base, self.priors
         )
         return _Here(rows, residual, columns, flat, response)
+
+    def _weighted(self, residual: F) -> F:
+        """(N m,) whitened residual by the weights of the rows."""
+        y = np.einsum("nij,nj->ni", self.whitener, residual)
+        return np.ravel(y if self.root is None else y * self.root[:, None])
 
     def stepped(self, at: _At, step: F, rows: Rows, squares: float) -> tuple[_At, _Here]:
         """The fit after a step, or after the largest part of it that leaves no more squares.
@@ -300,23 +304,36 @@ class _Data:
         Where every part leaves more it is the largest that can be evaluated: steps of a fit may
         rise before they fall.
         """
-        first: tuple[_At, _Here] | None = None
+        # So far from the rows that numbers overflow, nothing can be evaluated.
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            for moved, around, residual, known in self._parts(at, step, rows, squares):
+                try:
+                    # The columns, which are most of the work, only where the step ends.
+                    return moved, self._with_columns(moved, around, residual, known)
+                except ModelError:
+                    continue
+        raise ModelError(_RAN_AWAY)
+
+    def _parts(
+        self, at: _At, step: F, rows: Rows, squares: float
+    ) -> Iterator[tuple[_At, Rows, F, list[F | None]]]:
+        """Where a step may end, the best first, with what is left there."""
+        worse = []
+        nothing = np.zeros((0, len(at.values)))
         for part in _PARTS:
             moved = at.moved(part * step)
+            around = Rows(rows.table, moved.base) if at.free_base else rows
             try:
-                # So far from the rows that numbers overflow, nothing can be evaluated.
-                with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                    around = Rows(rows.table, moved.base) if at.free_base else rows
-                    after = self.linearised(moved, around)
+                residual, known = moved.residual(around, self.measured)
             except ModelError:
                 continue
-            if after.squares <= _NO_WORSE * squares:
-                return moved, after
-            if first is None and np.isfinite(after.squares):
-                first = moved, after
-        if first is None:
-            raise ModelError(_RAN_AWAY)
-        return first
+            y = _with_priors(nothing, self._weighted(residual), moved.base, self.priors)[1]
+            place = moved, around, residual, known
+            if y @ y <= _NO_WORSE * squares:
+                yield place
+            elif np.isfinite(y @ y):
+                worse.append(place)
+        yield from worse
 
 
 @dataclass(frozen=True)
@@ -367,20 +384,27 @@ class _At:
         effects = self.each(step, lambda item, own: replace(item, values=item.values + own))
         return _At(base, effects, self.free_base)
 
-    def linearised(self, rows: Rows, measured: F) -> tuple[F, F]:
-        """Residual (N, m) and the Jacobian (N, m, k) of the prediction."""
-        prediction = rows.sensor_load.copy()
-        blocks = [base_columns(rows, self.base)] if self.free_base else []
+    def residual(self, rows: Rows, measured: F) -> tuple[F, list[F | None]]:
+        """(N, m) residual, and the columns of each effect that it followed from."""
+        prediction, known = rows.sensor_load.copy(), []
         for item in self.effects:
-            if item.frozen:
+            columns = None if item.frozen else linear_columns(item.effect, rows)
+            if columns is None:
                 prediction += correction_of(item.effect, rows, item.values)
-                continue
-            correction, jacobian = correction_and_jacobian(item.effect, rows, item.values)
-            prediction += correction
-            blocks.append(jacobian)
+            else:
+                prediction += columns @ item.values
+            known.append(columns)
+        return measured - prediction, known
+
+    def columns(self, rows: Rows, known: Sequence[F | None]) -> F:
+        """(N, m, k) derivative of the prediction; columns of effects that are known are taken."""
+        blocks = [base_columns(rows, self.base)] if self.free_base else []
+        for item, own in zip(self.effects, known, strict=True):
+            if not item.frozen:
+                blocks.append(jacobian_of(item.effect, rows, item.values) if own is None else own)
         if not blocks:
-            blocks = [np.zeros((*measured.shape, 0))]
-        return measured - prediction, np.concatenate(blocks, axis=2)
+            blocks = [np.zeros((len(rows), len(self.base.outputs), 0))]
+        return np.concatenate(blocks, axis=2)
 
     def bounded_step(self, z: F, y: F, size: F, products: F) -> F:
         """Least-squares step; bounded where the plain one leaves the bounds."""
