@@ -334,21 +334,17 @@ def diagnose(
     """
     model = as_model(model, table)
     with naming_wild_readings(table):
-        # Its rows, whitened, are most of the memory: they go before effects are added to the model.
-        found = report(
-            find_missing(
-                model,
-                table,
-                seed=seed,
-                effects=None if effects is None else listed(effects),
-                noise=noise,
-                settings=settings,
-                stages=stages,
-            ),
+        decision = find_missing(
             model,
-            seed,
+            table,
+            seed=seed,
+            effects=None if effects is None else listed(effects),
             noise=noise,
+            settings=settings,
+            stages=stages,
         )
+        found = report(decision, model, seed, noise=noise)
+        del decision  # its rows, whitened, are most of the memory
         if found.verdict not in ("named", "ambiguous"):
             return found
         named = [item.effect for item in found.effects]

@@ -590,25 +590,21 @@ def with_load_growth(noise: Noise, findings: Sequence[NoiseFinding]) -> Noise:
 
 def _residual(problem: Problem, use: B) -> tuple[F, F]:
     """Return (n, m) the residual that nothing explains, and (n, m, m) what the fit leaves of it."""
-    m = problem.response.shape[1]
-    columns = _known_columns(problem)[use]
-    basis = orthonormal(columns.reshape(-1, columns.shape[2]))
-    y = problem.response[use].ravel()
-    residual = (y - basis @ (basis.T @ y)).reshape(-1, m)
-    own = basis.reshape(-1, m, basis.shape[1])
-    return residual, np.eye(m) - own @ np.swapaxes(own, 1, 2)
-
-
-def _known_columns(problem: Problem) -> F:
-    """Return (N, m, k) columns of the base and of the effects, and smooth functions."""
-    smooth = omnibus_columns(problem, max(1, len(problem.response) // 6))
+    n, m = problem.response.shape
+    smooth = omnibus_columns(problem, max(1, n // 6))
     # The best shape of every effect: what it does not explain is noise, significant or not.
     matrix, vector, _ = problem.normal.total()
     left = projected_out(matrix, vector, problem.base_index)
     gains = explained_by_blocks((matrix, vector), left, [one.columns for one in problem.offered])
     leading = best_of_each(problem.offered, gains.tolist())
     best = problem.design[:, :, [c for _, one in leading.values() for c in one.columns]]
-    return np.concatenate([problem.base_block, best, smooth], axis=2)
+    columns = np.concatenate([problem.base_block, best, smooth], axis=2)[use]
+    del smooth, best  # as large as the columns
+    basis = orthonormal(columns.reshape(-1, columns.shape[2]))
+    y = problem.response[use].ravel()
+    residual = (y - basis @ (basis.T @ y)).reshape(-1, m)
+    own = basis.reshape(-1, m, basis.shape[1])
+    return residual, np.eye(m) - own @ np.swapaxes(own, 1, 2)
 
 
 def _score(residual: F, unfitted: F, effect_variance: F) -> tuple[float, float]:

@@ -11,13 +11,7 @@ from scipy.linalg import cho_solve
 from scipy.optimize import lsq_linear
 
 from ecm.effects import effects_of
-from ecm.effects.protocol import (
-    Effect,
-    Parameter,
-    correction_of,
-    jacobian_of,
-    linear_columns,
-)
+from ecm.effects.protocol import Effect, Parameter, correction_of, jacobian_of, linear_columns
 from ecm.errors import InputError, ModelError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import same_unit
