@@ -168,8 +168,8 @@ def feature_columns(rows: Rows, whitener: F, most: int) -> F:
 
 def in_each_component(whitener: F, values: F) -> F:
     """Return (N, m, m q) whitened functions (N, q), each by itself in each of the m components."""
-    blocks = [whitener[:, :, j : j + 1] * values[:, None, :] for j in range(whitener.shape[1])]
-    return np.concatenate(blocks, axis=2)
+    n, m, q = *whitener.shape[:2], values.shape[1]
+    return np.asarray(whitener[:, :, :, None] * values[:, None, None, :]).reshape(n, m, m * q)
 
 
 def factors(feature: str, known: Collection[str]) -> tuple[str, ...]:

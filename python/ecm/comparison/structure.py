@@ -15,7 +15,7 @@ from functools import partial
 
 import numpy as np
 
-from ecm.comparison.residuals import KNOWN, feature_columns, features, in_each_component
+from ecm.comparison.residuals import KNOWN, features, in_each_component
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import JOINT_SIGNS, JOINTS, VELOCITY
 from ecm.io.table import Table
@@ -80,15 +80,10 @@ def structure_test(
     n, m = whitened.shape
     own = np.zeros((n, m, 0)) if fitted is None else fitted
     weights = scored.astype(np.float64)
-    values = np.hstack([other_columns(rows), _higher_degrees(rows), _motion(rows)])
-    columns = np.concatenate(
-        [
-            feature_columns(rows, whitener, max(1, min(90, n // 3))),
-            in_each_component(whitener, values),
-        ],
-        axis=2,
-    )
-    smooth = Beside.of(whitened, columns, own, weights)
+    known = features(rows, max(1, min(90, n // 3)))[0]
+    values = np.hstack([known, other_columns(rows), _higher_degrees(rows), _motion(rows)])
+    columns = in_each_component(whitener, values)
+    smooth = Beside.of(whitened, columns, own, weights, overwrite=True)
     tests = [smooth.with_sign_chance(smooth.omnibus_test())]
     cells = np.where(scored, repeat_cells(rows.table), -1 - np.arange(n))
     repeated = lack_of_fit(whitened, cells, own.shape[2], weights)

@@ -24,7 +24,7 @@ from ecm.comparison.residuals import (
     in_each_component,
 )
 from ecm.comparison.structure import LEAST_STRENGTH
-from ecm.diagnosis.problem import ABSORBED_SHARE, Candidate, Problem
+from ecm.diagnosis.problem import ABSORBED_SHARE, Candidate, Problem, omnibus_columns
 from ecm.diagnosis.search import (
     ONE_CAUSE_SHARE,
     Estimate,
@@ -110,9 +110,10 @@ def _beside(problem: Problem, spread: F) -> Beside:
     """Response and smooth functions beside the base, each component over its spread."""
     return Beside.of(
         problem.response / spread,
-        problem.smooth_columns / spread[:, None],
+        omnibus_columns(problem) / spread[:, None],
         problem.base_block / spread[:, None],
         problem.weights,
+        overwrite=True,
     )
 
 
@@ -128,7 +129,7 @@ def leftover(problem: Problem, gate: Gate, effects: Sequence[Candidate]) -> Left
     total = np.concatenate([problem.projected_base, fitted], axis=2)
     # Not by random signs as at the gate: in few rows they hide what no library holds (a ripple of
     # three times the noise became `none`), for one weak effect in fifty.
-    test = omnibus_test(response, problem.smooth_columns, total, problem.weights)
+    test = omnibus_test(response, omnibus_columns(problem), total, problem.weights, overwrite=True)
     after = max(fit.lost, (test.F - 1.0) * test.dof) if np.isfinite(test.F) else fit.lost
     least = max(LEAST_STRENGTH, 1.5 * problem.base_error)
     strong = after > problem.size * least**2
@@ -227,7 +228,7 @@ def _periods(problem: Problem, left: F, counted: B) -> Iterator[Pattern]:
         return
     turns = np.arange(2, 2 + min(n, _MOST_PERIODS)) / (2.0 * length)
     phase = 2.0 * np.pi * np.outer(when - when.min(), turns)
-    cosine, sine = np.cos(phase), np.sin(phase)
+    cosine, sine = np.cos(phase), np.sin(phase, out=phase)
     outputs = problem.base.outputs
     # Two columns of one frequency; each frequency is a test. The base took its part before.
     freedom = max(0.0, n * (1.0 - problem.base_block.shape[2] / problem.size) - 2.0)

@@ -409,7 +409,8 @@ def noise_variance(response: F, weights: F, known: F, smooth: F, level: float) -
     known
         (N, m, k) columns of the base and of the significant effects.
     smooth
-        (N, m, q) smooth functions, which are taken out together where they are significant.
+        (N, m, q) smooth functions, which are taken out together where they are significant; they
+        are overwritten.
     level
         Chance that they are where nothing is there.
 
@@ -417,7 +418,7 @@ def noise_variance(response: F, weights: F, known: F, smooth: F, level: float) -
     -------
     The variance, 1 where the noise is right, and 0 degrees of freedom where too few rows are left.
     """
-    test = omnibus_test(response, smooth, known, weights)
+    test = omnibus_test(response, smooth, known, weights, overwrite=True)
     squares, freedom = test.rest, test.dof_error
     if not (freedom > 0 and test.p < level):
         squares, freedom = squares + max(test.explained, 0.0), freedom + test.dof
@@ -568,11 +569,6 @@ class Problem:
             for column, parameter in zip(item.columns, item.effect.parameters, strict=True):
                 signs[column] = float(parameter.lower >= 0.0) - float(parameter.upper <= 0.0)
         return signs
-
-    @cached_property
-    def smooth_columns(self) -> F:
-        """(N, m, q) smooth functions that test for any structure; see `omnibus_columns`."""
-        return omnibus_columns(self)
 
     @property
     def ids(self) -> tuple[str, ...]:

@@ -344,6 +344,7 @@ def diagnose(
             stages=stages,
         )
         found = report(decision, model, seed, noise=noise)
+        del decision  # its rows, whitened, are most of the memory
         if found.verdict not in ("named", "ambiguous"):
             return found
         named = [item.effect for item in found.effects]

@@ -598,8 +598,8 @@ def _residual(problem: Problem, use: B) -> tuple[F, F]:
     gains = explained_by_blocks((matrix, vector), left, [one.columns for one in problem.offered])
     leading = best_of_each(problem.offered, gains.tolist())
     best = problem.design[:, :, [c for _, one in leading.values() for c in one.columns]]
-    known = (problem.base_block, best, smooth)
-    columns = np.concatenate([block[use] for block in known], axis=2)
+    columns = np.concatenate([problem.base_block, best, smooth], axis=2)[use]
+    del smooth, best  # as large as the columns
     basis = orthonormal(columns.reshape(-1, columns.shape[2]))
     y = problem.response[use].ravel()
     residual = (y - basis @ (basis.T @ y)).reshape(-1, m)

@@ -322,6 +322,13 @@ def jacobian_of(effect: Effect, rows: Rows, values: F) -> F:
     return _evaluated(effect, effect.jacobian, rows, values)
 
 
+def linear_columns(effect: Effect, rows: Rows) -> F | None:
+    """(N, m, k) columns of a linear effect, whatever its values; None of another."""
+    if type(effect).correction is not LinearEffect.correction:
+        return None
+    return jacobian_of(effect, rows, np.zeros(len(effect.parameters)))
+
+
 def _evaluated(effect: Effect, function: Callable[[Rows, F], F], rows: Rows, values: F) -> F:
     """What an effect gives for the rows: by all rows where it has a memory, by all six columns."""
     own = rows if effect.kind == "pose" else rows.whole

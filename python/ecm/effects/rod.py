@@ -133,8 +133,10 @@ class RodStrain:
     """(P,) place along the axis, -1 at the base, 1 at the top."""
     axial: F
     """(N, P) e."""
-    axial_slope: F
-    """(N, P, 6)."""
+    mean_slope: F
+    """(N, 6) slope of the part of e that all points share."""
+    bent: F
+    """(P, 6) slope of the rest of e."""
     shear: F
     """(N, P, 2) gamma."""
     shear_slope: F
@@ -155,8 +157,9 @@ class RodStrain:
     def wrench(self, rows: Rows, by_axial: F, by_shear: F) -> F:
         """(N, 6) of V = EA L sum_p w_p psi from d psi / de (N, P) and d psi / d gamma (N, P, 2)."""
         size = self.stiffness.axial * self.stiffness.length_m**2
-        force = np.einsum("p,np,npi->ni", self.weight, by_axial, self.axial_slope)
-        force += np.einsum("p,npk,pki->ni", self.weight, by_shear, self.shear_slope)
+        by_axial, slope = by_axial * self.weight, self.shear_slope.reshape(-1, 6)
+        force = by_axial.sum(axis=1)[:, None] * self.mean_slope + by_axial @ self.bent
+        force += (by_shear * self.weight[:, None]).reshape(-1, len(slope)) @ slope
         wrench = wrench_of(rows.poses, size * force)
         wrench[rows.unloaded] = 0.0
         return wrench
@@ -185,8 +188,9 @@ def rod_strain(rows: Rows) -> RodStrain:
         weight=weight,
         along=along,
         axial=mean[:, None] + q @ bent.T,
-        axial_slope=mean_slope[:, None, :] + bent[None],
-        shear=np.einsum("pki,ni->npk", shear_slope, q),
+        mean_slope=mean_slope,
+        bent=bent,
+        shear=(q @ shear_slope.reshape(-1, 6).T).reshape(-1, len(along), 2),
         shear_slope=shear_slope,
     )
 

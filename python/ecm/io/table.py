@@ -526,7 +526,7 @@ def takes_table(
             given = parameters.bind(*args, **kwargs)
             check_arguments(function, given.arguments)
             data, meta = given.arguments[name], given.arguments.get("meta")
-            array = or_array and is_array(data) and not hasattr(data, "columns")
+            array = or_array and not hasattr(data, "columns") and is_array(data)
             given.arguments[name] = (
                 np.asarray(data) if array else as_table(data, meta=meta, need=need)
             )

@@ -214,26 +214,32 @@ def ceiling_rms(fit: JointFit, table: Table, noise: Noise) -> Ceiling | None:
     physical = np.zeros((m, len(ridges)))
     colour = np.linalg.inv(whitener)
 
-    def design_of(part: int) -> F:
-        """(n m, m k) whitened columns of one part; those of all rows would fill the memory."""
-        own = parts == part
-        columns = whitener[own][:, :, :, None] * regressor[own][:, None, None, :]
-        return np.asarray(columns.reshape(-1, m * regressor.shape[1]))
+    # The columns are W x of each reading and term: their products follow from W'W and the terms
+    # alone, with a tenth of the work.
+    known = whitener.transpose(0, 2, 1) @ np.concatenate([whitener, whitened[:, :, None]], axis=2)
 
-    matrices, vectors = [], []
-    for part in range(_CEILING_FOLDS):
-        own = design_of(part)
-        matrices.append(own.T @ own)
-        vectors.append(own.T @ whitened[parts == part].ravel())
+    def products_of(part: int) -> tuple[F, F]:
+        """(m k, m k) products of the whitened columns of one part, and (m k,) with its response."""
+        own = parts == part
+        terms, weights = regressor[own], known[own]
+        matrix = np.empty((m, terms.shape[1], m, terms.shape[1]))
+        for i, j in zip(*np.tril_indices(m), strict=True):
+            matrix[i, :, j] = (terms * weights[:, i, j, None]).T @ terms
+            matrix[j, :, i] = matrix[i, :, j]
+        k = m * terms.shape[1]
+        return matrix.reshape(k, k), (weights[:, :, m].T @ terms).ravel()
+
+    matrices, vectors = zip(*map(products_of, range(_CEILING_FOLDS)), strict=True)
     matrix, vector = np.sum(matrices, axis=0), np.sum(vectors, axis=0)
     size = np.sqrt(np.diag(matrix) / n) + 1e-300
     for part in range(_CEILING_FOLDS):
         others = (matrix - matrices[part]) / np.outer(size, size)
         weights = ridge_path(others, (vector - vectors[part]) / size, ridges)
         test = parts == part
-        left = whitened[test].ravel()[:, None] - (design_of(part) / size) @ weights
-        squares += (left**2).sum(axis=0)
-        physical += ((colour[test] @ left.reshape(-1, m, len(ridges))) ** 2).sum(axis=0)
+        given = regressor[test] @ (weights / size[:, None]).reshape(m, -1, len(ridges))
+        left = whitened[test][:, :, None] - whitener[test] @ given.transpose(1, 0, 2)
+        squares += (left**2).sum(axis=(0, 1))
+        physical += ((colour[test] @ left) ** 2).sum(axis=0)
     best = int(np.argmin(squares))
     total, own = float(squares[best]), physical[:, best]
     if total >= (whitened**2).sum():

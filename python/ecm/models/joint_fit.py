@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,7 +11,7 @@ from scipy.linalg import cho_solve
 from scipy.optimize import lsq_linear
 
 from ecm.effects import effects_of
-from ecm.effects.protocol import Effect, Parameter, correction_of, jacobian_of
+from ecm.effects.protocol import Effect, Parameter, correction_of, jacobian_of, linear_columns
 from ecm.errors import InputError, ModelError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import same_unit
@@ -193,7 +193,7 @@ def joint_fit(
     fitted = tuple(e if isinstance(e, FittedEffect) else FittedEffect.unfitted(e) for e in effects)
     at = _At(base, fitted, 0 if freeze_base else len(base.coefficients))
     rows = Rows(table, base)
-    root = np.ones(len(table)) if row_weights is None else np.sqrt(row_weights)
+    root = None if row_weights is None else np.sqrt(row_weights)
     whitener = whiteners(noise.covariance(rows, base.error))
     priors = _priors_of(base, prior, at.free_base)
     data = _Data(table.matrix(base.outputs), whitener, root, priors)
@@ -221,7 +221,9 @@ def joint_fit(
     covariance = np.asarray(least @ covariance_of(size, products) @ least.T)
     # Change of the parameters by one standard deviation of an error that all rows share.
     shared = whitener @ shared_zero_error(rows, residual, noise)
-    shift = np.einsum("nik,nij->kj", z * root[:, None, None] ** 2, shared)
+    if row_weights is not None:
+        shared = shared * row_weights[:, None, None]
+    shift = np.einsum("nik,nij->kj", z, shared)
     shift = covariance @ shift
     covariance = covariance + shift @ shift.T
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -268,21 +270,27 @@ class _Data:
 
     measured: F
     whitener: F
-    root: F
-    """(N,) square roots of the rows' weights."""
+    root: F | None
+    """(N,) square roots of the rows' weights; None where all count alike."""
     priors: list[CoefficientPrior]
 
     def linearised(self, at: _At, rows: Rows) -> _Here:
         """What is left there, and its columns."""
-        residual, design = at.linearised(rows, self.measured)
-        columns = self.whitener @ design
-        z = columns * self.root[:, None, None]
-        y = np.einsum("nij,nj->ni", self.whitener, residual) * self.root[:, None]
+        return self._with_columns(at, rows, *at.residual(rows, self.measured))
+
+    def _with_columns(self, at: _At, rows: Rows, residual: F, known: Sequence[F | None]) -> _Here:
+        columns = self.whitener @ at.columns(rows, known)
+        z = columns if self.root is None else columns * self.root[:, None, None]
         # The shape is given, so that it holds for zero columns as well.
         flat, response = _with_priors(
-            z.reshape(y.size, z.shape[2]), y.ravel(), at.base, self.priors
+            z.reshape(residual.size, z.shape[2]), self._weighted(residual), at.base, self.priors
         )
         return _Here(rows, residual, columns, flat, response)
+
+    def _weighted(self, residual: F) -> F:
+        """(N m,) whitened residual by the weights of the rows."""
+        y = np.einsum("nij,nj->ni", self.whitener, residual)
+        return np.ravel(y if self.root is None else y * self.root[:, None])
 
     def stepped(self, at: _At, step: F, rows: Rows, squares: float) -> tuple[_At, _Here]:
         """The fit after a step, or after the largest part of it that leaves no more squares.
@@ -290,23 +298,36 @@ class _Data:
         Where every part leaves more it is the largest that can be evaluated: steps of a fit may
         rise before they fall.
         """
-        first: tuple[_At, _Here] | None = None
+        # So far from the rows that numbers overflow, nothing can be evaluated.
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            for moved, around, residual, known in self._parts(at, step, rows, squares):
+                try:
+                    # The columns, which are most of the work, only where the step ends.
+                    return moved, self._with_columns(moved, around, residual, known)
+                except ModelError:
+                    continue
+        raise ModelError(_RAN_AWAY)
+
+    def _parts(
+        self, at: _At, step: F, rows: Rows, squares: float
+    ) -> Iterator[tuple[_At, Rows, F, list[F | None]]]:
+        """Where a step may end, the best first, with what is left there."""
+        worse = []
+        nothing = np.zeros((0, len(at.values)))
         for part in _PARTS:
             moved = at.moved(part * step)
+            around = Rows(rows.table, moved.base) if at.free_base else rows
             try:
-                # So far from the rows that numbers overflow, nothing can be evaluated.
-                with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                    around = Rows(rows.table, moved.base) if at.free_base else rows
-                    after = self.linearised(moved, around)
+                residual, known = moved.residual(around, self.measured)
             except ModelError:
                 continue
-            if after.squares <= _NO_WORSE * squares:
-                return moved, after
-            if first is None and np.isfinite(after.squares):
-                first = moved, after
-        if first is None:
-            raise ModelError(_RAN_AWAY)
-        return first
+            y = _with_priors(nothing, self._weighted(residual), moved.base, self.priors)[1]
+            place = moved, around, residual, known
+            if y @ y <= _NO_WORSE * squares:
+                yield place
+            elif np.isfinite(y @ y):
+                worse.append(place)
+        yield from worse
 
 
 @dataclass(frozen=True)
@@ -357,17 +378,27 @@ class _At:
         effects = self.each(step, lambda item, own: replace(item, values=item.values + own))
         return _At(base, effects, self.free_base)
 
-    def linearised(self, rows: Rows, measured: F) -> tuple[F, F]:
-        """Residual (N, m) and the Jacobian (N, m, k) of the prediction."""
-        prediction = rows.sensor_load.copy()
-        blocks = [base_columns(rows, self.base)] if self.free_base else []
+    def residual(self, rows: Rows, measured: F) -> tuple[F, list[F | None]]:
+        """(N, m) residual, and the columns of each effect that it followed from."""
+        prediction, known = rows.sensor_load.copy(), []
         for item in self.effects:
-            prediction += correction_of(item.effect, rows, item.values)
+            columns = None if item.frozen else linear_columns(item.effect, rows)
+            if columns is None:
+                prediction += correction_of(item.effect, rows, item.values)
+            else:
+                prediction += columns @ item.values
+            known.append(columns)
+        return measured - prediction, known
+
+    def columns(self, rows: Rows, known: Sequence[F | None]) -> F:
+        """(N, m, k) derivative of the prediction; columns of effects that are known are taken."""
+        blocks = [base_columns(rows, self.base)] if self.free_base else []
+        for item, own in zip(self.effects, known, strict=True):
             if not item.frozen:
-                blocks.append(jacobian_of(item.effect, rows, item.values))
+                blocks.append(jacobian_of(item.effect, rows, item.values) if own is None else own)
         if not blocks:
-            blocks = [np.zeros((*measured.shape, 0))]
-        return measured - prediction, np.concatenate(blocks, axis=2)
+            blocks = [np.zeros((len(rows), len(self.base.outputs), 0))]
+        return np.concatenate(blocks, axis=2)
 
     def bounded_step(self, z: F, y: F, size: F, products: F) -> F:
         """Least-squares step; bounded where the plain one leaves the bounds."""
@@ -375,18 +406,20 @@ class _At:
             return np.zeros(0)
         factor = independent_factor(products)
         if factor is None:
-            step = np.linalg.lstsq(z / size, y, rcond=1e-12)[0] / size
+            # The triangle of Z = Q R has the same minima with k rows instead of N m.
+            both = np.asarray(np.linalg.qr(np.column_stack([z / size, y]), mode="r"))
+            triangle, along = both[:, :-1], both[:, -1]
+            step = np.linalg.lstsq(triangle, along, rcond=1e-12)[0]
         else:
             # A tenth of the work; the next iteration takes the rounding of the squares back.
-            step = cho_solve((factor, False), z.T @ y / size, check_finite=False) / size
-        lower, upper = (bound - self.values for bound in self.bounds)
-        if np.all(step >= lower) and np.all(step <= upper):
-            return np.asarray(step)
+            step = cho_solve((factor, False), z.T @ y / size, check_finite=False)
+            triangle, along = factor, factor @ step
         slack = 1e-12
-        # The triangle of Z = Q R has the same minimum with k rows instead of N m.
-        q, triangle = np.linalg.qr(z / size)
-        bounds = (lower - slack) * size, (upper + slack) * size
-        return np.asarray(lsq_linear(triangle, q.T @ y, bounds=bounds, method="bvls").x / size)
+        lower, upper = (size * (bound - self.values) for bound in self.bounds)
+        if not (np.all(step >= lower) and np.all(step <= upper)):
+            bounds = lower - slack * size, upper + slack * size
+            step = lsq_linear(triangle, along, bounds=bounds, method="bvls").x
+        return np.asarray(step / size)
 
     def least_effects(self, size: F, products: F) -> F:
         """(k, k) projection along the null space of the columns, to the smallest effects.

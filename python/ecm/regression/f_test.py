@@ -16,10 +16,11 @@ from ecm.io.arrays import F, I
 from ecm.regression.normal_equations import in_blocks
 
 _DEPENDENT = 1e-5
-"""A column is dependent where this share or less is orthogonal to the others."""
+"""A column is dependent where this share or less is orthogonal to the others; its square is still
+far above the rounding of their products."""
 _INDEPENDENT = 1e-4
 """Columns with more than this share beside the others may be squared: eight digits stay."""
-_PASSES, _ROUNDING = 2, 1e-13
+_ROUNDING = 1e-13
 _MANY = 64
 """Products of fewer columns take less time than threads do."""
 _DRAWS, _SEED = 201, 7
@@ -121,7 +122,9 @@ def within_cells(values: F, cells: I) -> tuple[F, int]:
     return values - means[packed], len(size)
 
 
-def omnibus_test(whitened: F, design: F, fitted: F, weights: F | None = None) -> FTest:
+def omnibus_test(
+    whitened: F, design: F, fitted: F, weights: F | None = None, *, overwrite: bool = False
+) -> FTest:
     """F test whether columns outside the model explain the residual.
 
     Parameters
@@ -134,6 +137,8 @@ def omnibus_test(whitened: F, design: F, fitted: F, weights: F | None = None) ->
         (N, m, k) whitened columns of what was fitted already; projected out.
     weights
         (N,) 0 leaves a row out.
+    overwrite
+        The columns to look for are not needed afterwards: their memory is used.
 
     Returns
     -------
@@ -149,7 +154,7 @@ def omnibus_test(whitened: F, design: F, fitted: F, weights: F | None = None) ->
     >>> test.dof, test.p < 1e-6
     (1, True)
     """
-    return Beside.of(whitened, design, fitted, weights).omnibus_test()
+    return Beside.of(whitened, design, fitted, weights, overwrite=overwrite).omnibus_test()
 
 
 @dataclass(frozen=True)
@@ -175,12 +180,15 @@ class Beside:
     """Readings of the rows that count."""
 
     @staticmethod
-    def of(whitened: F, design: F, fitted: F, weights: F | None = None) -> Beside:
+    def of(
+        whitened: F, design: F, fitted: F, weights: F | None = None, *, overwrite: bool = False
+    ) -> Beside:
         """Project the fitted columns out; arguments as for `omnibus_test`."""
         n, m, q = design.shape
         root = np.ones(n) if weights is None else np.sqrt(weights)
         y = (whitened * root[:, None]).ravel()
-        z = (design * root[:, None, None]).reshape(n * m, q)
+        z = np.multiply(design, root[:, None, None], out=design if overwrite else None)
+        z = z.reshape(n * m, q)
         basis = orthonormal((fitted * root[:, None, None]).reshape(n * m, -1))
         y = y - basis @ (basis.T @ y)
         along = basis.T @ z
@@ -219,9 +227,10 @@ class Beside:
         random = np.random.default_rng(_SEED)
         signs = random.choice([-1.0, 1.0], (n, _DRAWS))
         signs[:, 0] = 1.0
-        drawn = np.repeat(signs, m, axis=0) * self.residual.reshape(-1, 1)
+        drawn = np.repeat(signs, m, axis=0)
+        drawn *= self.residual.reshape(-1, 1)
         drawn -= self.basis @ (self.basis.T @ drawn)
-        total = (drawn**2).sum(axis=0)
+        total = np.einsum("ij,ij->j", drawn, drawn)
         if self.span.rank == 0 or not total.min() > 0.0:
             return 1.0
         shares = np.clip(self.span.explained(drawn) / total, 0.0, 1.0)
@@ -266,8 +275,7 @@ class Span:
         # The pivoted Cholesky factor of the normal equations shows dependent columns in any order
         # and costs a quarter of an orthonormal basis.
         products = _products(columns) / np.outer(norms, norms)
-        factor, order, rank, _ = lapack.dpstrf(products, tol=_DEPENDENT**2)
-        return Span(columns, norms, factor[:rank, :rank], order[:rank] - 1)
+        return Span(columns, norms, *_pivoted(products))
 
     @property
     def rank(self) -> int:
@@ -323,38 +331,50 @@ def orthonormal(columns: F, dependent: float = _DEPENDENT) -> F:
     columns, norms = _with_length(columns)
     if not len(norms):
         return columns
-    columns = columns / norms
-    by_products = _orthonormal_by_products(columns)
-    if by_products is not None:
-        return by_products
-    q, r = np.linalg.qr(columns)
-    if columns.shape[1] > len(columns) or np.abs(np.diag(r)).min() <= dependent:
-        # A dependent column gets a direction of rounding errors, which takes a part of those after
-        # it: with the longest rest first, dependent ones come last.
-        q, r, _ = qr(columns, mode="economic", pivoting=True)
-        q = q[:, np.abs(np.diag(r)) > dependent]
-    return np.asarray(q)
+    products = _products(columns) / np.outer(norms, norms)
+    told = dependent >= _DEPENDENT
+    factor = independent_factor(products, dependent if told else _INDEPENDENT)
+    order: I = np.arange(len(norms))
+    # A dependent column gets a direction of rounding errors, which takes a part of those after it:
+    # with the longest rest first, dependent ones come last.
+    if factor is None and told:
+        factor, order = _pivoted(products, dependent)
+    if factor is None:
+        unit = columns / norms
+        q, r = qr(unit, mode="economic")
+        if unit.shape[1] > len(unit) or np.abs(np.diag(r)).min() <= dependent:
+            q, r, _ = qr(unit, mode="economic", pivoting=True)
+            q = q[:, np.abs(np.diag(r)) > dependent]
+        return np.asarray(q)
+    # A seventh of the work of reflections. Two Cholesky factors, one after the other, leave only
+    # rounding (CholeskyQR2: Yamamoto et al., ETNA 44, 2015).
+    turn = np.zeros((len(norms), len(order)))
+    turn[order] = np.linalg.inv(factor) / norms[order, None]
+    basis = columns @ turn
+    again = _products(basis)
+    if np.abs(again - np.eye(len(again))).max() > _ROUNDING:
+        second = np.linalg.inv(cholesky(again, check_finite=False))
+
+        def turn_rows(part: slice) -> None:
+            basis[part] = basis[part] @ second
+
+        in_blocks(len(basis), turn_rows)
+    return np.asarray(basis)
 
 
-def _orthonormal_by_products(columns: F) -> F | None:
-    """Orthonormal basis of unit columns (r, q), a seventh of the work of reflections.
+def _pivoted(products: F, dependent: float = _DEPENDENT) -> tuple[F, I]:
+    """Cholesky factor (rank, rank), upper, of products of unit columns, and its columns (rank,).
 
-    Two Cholesky factors, one after the other, leave only rounding (CholeskyQR2: Yamamoto et al.,
-    ETNA 44, 2015). None where columns are too nearly dependent for it.
+    The longest rest comes first; what is at most `dependent` long is left out.
     """
-    for _ in range(_PASSES):
-        products = _products(columns)
-        if np.abs(products - np.eye(len(products))).max() < _ROUNDING:
-            break
-        factor = independent_factor(products)
-        if factor is None:
-            return None
-        columns = columns @ np.linalg.inv(factor)
-    return columns
+    factor, order, rank, _ = lapack.dpstrf(products, tol=dependent**2)
+    return np.triu(factor[:rank, :rank]), order[:rank].astype(np.int64) - 1
 
 
-def independent_factor(products: F) -> F | None:
+def independent_factor(products: F, least: float = _INDEPENDENT) -> F | None:
     """Cholesky factor (q, q), upper, of the products of unit columns; None if nearly dependent.
+
+    That is where a share of `least` or less of a column is beside those before it.
 
     Examples
     --------
@@ -367,4 +387,4 @@ def independent_factor(products: F) -> F | None:
         factor = cholesky(products, check_finite=False)
     except LinAlgError:
         return None
-    return factor if np.diag(factor).min(initial=1.0) > _INDEPENDENT else None
+    return factor if np.diag(factor).min(initial=1.0) > least else None

@@ -19,6 +19,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from ecm.io.arrays import B, F, I, evenly
 from ecm.io.table import Table
@@ -269,6 +270,8 @@ _CHECKS = 0.2
 """Largest share of home and unloaded readings among the chosen rows."""
 _REPEATS = 0.5
 """Largest share of the chosen rows that is taken for the sake of repeats."""
+_AT_ONCE = 256
+"""Stretches for which a tree of the poses before them is made."""
 _DRAWN = 8
 """Rows of a stretch among which the one with the farthest pose is taken."""
 _MOVED = 4.0
@@ -341,17 +344,27 @@ class _Farthest:
         taken = np.zeros((len(self._taken) + count, self._poses.shape[1]))
         taken[: len(self._taken)] = self._taken
         first, chosen = len(self._taken), np.empty(count, dtype=np.int64)
-        for i in range(count):
-            drawn = rows[self._draw(int(bounds[i]), int(bounds[i + 1]))]
-            if len(drawn) > 1 and first + i > 0:
-                apart = self._poses[drawn][:, None, :] - taken[None, : first + i]
-                distance = np.einsum("ijk,ijk->ij", apart, apart).min(axis=1)
-                chosen[i] = drawn[int(np.argmax(distance))]
-            else:
-                chosen[i] = drawn[0]
-            taken[first + i] = self._poses[chosen[i]]
+        for start in range(0, count, _AT_ONCE):
+            part = range(start, min(start + _AT_ONCE, count))
+            drawn = [rows[self._draw(int(bounds[i]), int(bounds[i + 1]))] for i in part]
+            # A tree for those taken before; only the few of this part are looked at one by one.
+            known = self._squares(np.concatenate(drawn), taken[: first + start])
+            ends = np.cumsum([len(own) for own in drawn])
+            for i, own, distance in zip(part, drawn, np.split(known, ends[:-1]), strict=True):
+                apart = self._poses[own][:, None, :] - taken[None, first + start : first + i]
+                near = np.einsum("ijk,ijk->ij", apart, apart).min(axis=1, initial=np.inf)
+                chosen[i] = own[int(np.argmax(np.minimum(distance, near)))]
+                taken[first + i] = self._poses[chosen[i]]
         self._taken = taken
         return chosen
+
+    def _squares(self, rows: I, taken: F) -> F:
+        """(n,) squared distance of the pose of each row to the nearest of those taken."""
+        poses = self._poses[rows]
+        if not len(taken):
+            return np.full(len(rows), np.inf)
+        apart = poses - taken[cKDTree(taken).query(poses)[1]]
+        return np.asarray(np.einsum("ij,ij->i", apart, apart))
 
     def _draw(self, begin: int, end: int) -> I:
         if end - begin <= _DRAWN:
