@@ -19,6 +19,7 @@ from scipy.linalg.lapack import dtrtri
 
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import (
+    Ranked,
     bounded_estimate,
     delta_bic,
     delta_bic_of_each,
@@ -41,8 +42,8 @@ from ecm.diagnosis.settings import (
     DiagnosisSettings,
 )
 from ecm.errors import ModelError
-from ecm.io.arrays import F, I, rest_of
-from ecm.models.joint_fit import JointFit, joint_fit
+from ecm.io.arrays import F, rest_of
+from ecm.models.joint_fit import JointFit
 from ecm.regression.normal_equations import (
     RIDGE,
     explained_squares,
@@ -73,23 +74,6 @@ _DRAWS, _FIRST_DRAWS, _AT_ONCE = 2000, 400, 25
 _CLEAR = 0.99
 """Share of the first draws that is clear: where the true share is 0.9, so that a rival might have
 the 0.1 that makes it a member of the class, 396 of 400 are won with a chance of 1e-13."""
-
-
-def separability(
-    problem: Problem, item: Candidate, rival: Candidate, others: Sequence[Candidate]
-) -> float:
-    """Return the share of an effect's correction that a rival cannot imitate, base and others free.
-
-    Returns
-    -------
-    From 0, the rival explains all of it, to 1.
-    """
-    own = estimate(problem, (*others, item)).of(item)
-    matrix, fixed = problem.equations[0], problem.columns_of(others)
-    size = squares_left_after(matrix, item.columns, own, fixed)
-    if size <= 0.0:
-        return 1.0
-    return squares_left_after(matrix, item.columns, own, fixed + rival.columns) / size
 
 
 def squares_left_after(matrix: F, columns: Sequence[int], values: F, fixed: Sequence[int]) -> float:
@@ -126,6 +110,16 @@ class _Chosen:
         """Fall of BIC by the effect."""
         return delta_bic(self.problem, self.chosen) - delta_bic(self.problem, self.others)
 
+    def share_beside(self, rival: Candidate) -> float:
+        """Return the share of its correction that a rival cannot imitate, base and others free."""
+        own = estimate(self.problem, (*self.others, self.item)).of(self.item)
+        fixed = self.problem.columns_of(self.others)
+        size, left = (
+            squares_left_after(self.problem.equations[0], self.item.columns, own, beside)
+            for beside in (fixed, fixed + rival.columns)
+        )
+        return left / size if size > 0.0 else 1.0
+
     def rivals(
         self, known: Sequence[str], is_member: Callable[[Candidate, float], bool]
     ) -> dict[str, float]:
@@ -155,8 +149,6 @@ class _Chosen:
         effect may leave a share as well, it would not count.
         """
         with_item, limit = self._later_runs
-        if not len(limit):
-            return False
         excess = self._left_in_later_runs((*self.others, rival)) - with_item
         return bool((excess > limit).any() and not (-excess > limit).any())
 
@@ -167,25 +159,22 @@ class _Chosen:
         before, after = (self._left_in_later_runs(chosen) for chosen in sets)
         return after, np.maximum(REFUTED_BY, REFUTED_SHARE * np.maximum(before - after, 0.0))
 
-    @cached_property
-    def _run_of_row(self) -> I:
-        table = self.problem.table
-        runs = table.column("run") if table.has("run") else np.zeros(len(table))
-        return np.unique(runs, return_inverse=True)[1]
-
     def _left_in_later_runs(self, chosen: Sequence[Candidate]) -> F:
         """(r,) whitened squares that a set leaves in each run after the first."""
+        table = self.problem.table
+        if not table.has("run"):
+            return np.zeros(0)
+        run = np.unique(table.column("run"), return_inverse=True)[1]
         rows = squares_by_row(self.problem, chosen) / self.problem.scale
-        return np.asarray(np.bincount(self._run_of_row, rows)[1:], dtype=np.float64)
+        return np.asarray(np.bincount(run, rows)[1:], dtype=np.float64)
 
     def alone(self) -> AcceptanceCheck:
         """Return the evidence that asks neither for the class of the effect nor for bootstraps."""
-        ranked = {one.id: one for one in rank(self.problem, self.others)}
-        own = ranked[self.item.id]
+        own = self.ranked[self.item.id]
         inside, kept = self._bounds_kept()
         return AcceptanceCheck(
             id=self.item.id,
-            p_holm=min(1.0, own.p * len(ranked)),
+            p_holm=min(1.0, own.p * len(self.ranked)),
             delta_bic=own.delta_bic,
             held_out_fall=held_out_delta(self.problem, self.others, self.item),
             chosen_share=0.0,
@@ -208,11 +197,15 @@ class _Chosen:
         gained = fit.explained - (before + delta_chi2(self.problem, self.others))
         return False, float(np.clip(gained / max(gained + fit.lost, 1e-300), 0.0, 1.0))
 
+    @cached_property
+    def ranked(self) -> dict[str, Ranked]:
+        """Every effect in its place, by id."""
+        return {one.id: one for one in rank(self.problem, self.others)}
+
     def winners(self, seed: int) -> dict[str, float]:
         """Return the share of bootstraps that each effect wins in its place."""
-        drops = {one.id: one.drop for one in rank(self.problem, self.others)}
-        least = _CONTENDER_SHARE * drops[self.item.id]
-        contenders = {id for id, drop in drops.items() if drop > least}
+        least = _CONTENDER_SHARE * self.ranked[self.item.id].drop
+        contenders = {id for id, one in self.ranked.items() if one.drop > least}
         return selection_shares(self.problem, self.others, contenders, seed)
 
     def in_class(
@@ -284,9 +277,7 @@ def confusion_class(
         form = rival.effect.plain_form()
         if form is not None and form.id == item.id and loss >= least:
             return False  # its own sign explains nothing: it is this effect
-        return loss < least or (
-            loss < FORM_SHARE * total and separability(problem, item, rival, one.others) < SEPARABLE
-        )
+        return loss < least or (loss < FORM_SHARE * total and one.share_beside(rival) < SEPARABLE)
 
     nearest = one.rivals((), is_member)
     plain = item.effect.plain_form()
@@ -509,11 +500,8 @@ def _reached(problem: Problem, chosen: Sequence[Candidate]) -> JointFit | None:
     A compliance in series with a base of many terms, each of which takes the other back, explains
     anything to first order and nothing at the size that it would need.
     """
-    effects = [item.effect for item in chosen]
     try:
-        fit = joint_fit(
-            problem.base, effects, problem.table, problem.noise, row_weights=problem.weights
-        )
+        fit = problem.fit_with(chosen)
     except ModelError:
         return None
     linear = bounded_estimate(problem, chosen, chosen)

@@ -134,14 +134,13 @@ class Projection:
     def absorbed_by_each(self, blocks: Sequence[F]) -> list[float]:
         """Return the share that the base takes of the best visible parameter of each block."""
 
-        def of_part(part: Sequence[F]) -> list[float]:
-            flat, cuts = self._together(part)
+        def of_part(flat: F, cuts: I) -> list[float]:
             total = (flat**2).sum(axis=0)
             inside = ((self.basis.T @ flat) ** 2).sum(axis=0)
             shares = np.where(total > 0.0, inside / np.where(total > 0.0, total, 1.0), 1.0)
             return [float(own.min(initial=1.0)) for own in np.split(shares, cuts)]
 
-        return _of_parts(of_part, blocks)
+        return self._of_each(blocks, of_part)
 
     def explained_by_each(self, blocks: Sequence[F], response: F) -> list[float]:
         """Return the squares of the response (N m,) that columns (N, m, k) of each add to the base.
@@ -149,17 +148,29 @@ class Projection:
         A product with a large base reads all of it: with one block at a time that is all its work.
         """
 
-        def of_part(part: Sequence[F]) -> list[float]:
-            flat, cuts = self._together(part)
+        def of_part(flat: F, cuts: I) -> list[float]:
             flat -= self.basis @ (self.basis.T @ flat)
             return [explained_by_span(own, response)[0] for own in np.split(flat, cuts, axis=1)]
 
-        return _of_parts(of_part, blocks)
+        return self._of_each(blocks, of_part)
 
-    def _together(self, part: Sequence[F]) -> tuple[F, I]:
-        """Return (N m, k) weighted columns of some blocks, and where each but the first begins."""
-        flat = np.concatenate([self.flat(block) for block in part], axis=1)
-        return flat, np.cumsum([block.shape[2] for block in part])[:-1]
+    def _of_each(self, blocks: Sequence[F], work: Callable[[F, I], list[float]]) -> list[float]:
+        """Return a number of each block (N, m, k), which are worked on some at a time.
+
+        Parameters
+        ----------
+        work
+            (weighted columns (N m, k) of some blocks, where each but the first begins) -> numbers.
+        """
+        ends = np.cumsum([block.shape[2] for block in blocks]) // _AT_ONCE
+
+        def of_place(place: int) -> list[float]:
+            part = [blocks[i] for i in np.flatnonzero(ends == place).tolist()]
+            flat = np.concatenate([self.flat(block) for block in part], axis=1)
+            return work(flat, np.cumsum([block.shape[2] for block in part])[:-1])
+
+        found = in_threads(of_place, np.unique(ends).tolist())
+        return [number for numbers in found for number in numbers]
 
 
 @dataclass(frozen=True)
@@ -189,15 +200,6 @@ class LeftOut:
     def columns(self, base_block: F, terms: F) -> F:
         """(N, m, e) of any rows, from the columns of the base and of the terms there."""
         return terms @ self.turn - base_block @ self.of_base
-
-
-def _of_parts(work: Callable[[Sequence[F]], list[float]], blocks: Sequence[F]) -> list[float]:
-    """Return the numbers of `work` for each block (N, m, k); blocks are given some at a time."""
-    ends = np.cumsum([block.shape[2] for block in blocks]) // _AT_ONCE
-    parts = [
-        [blocks[i] for i in np.flatnonzero(ends == place).tolist()] for place in np.unique(ends)
-    ]
-    return [number for numbers in in_threads(work, parts) for number in numbers]
 
 
 def all_score_columns(
@@ -286,10 +288,8 @@ def _not_absorbed(
     """Return the columns that the base does not absorb, and why the others are left out."""
     most, record = ABSORBED_SHARE, "[mechanism], so that the physics model is the base"
     if base.kind == "physics":
-        most, record = (
-            _ABSORBED_BY_PHYSICS,
-            "pure axial and pure torsion poses, or a second specimen",
-        )
+        most = _ABSORBED_BY_PHYSICS
+        record = "pure axial and pure torsion poses, or a second specimen"
     elif actuators_of(base):
         record = "a test of its own: an energy of pose and inputs takes it in"
     elif not is_whole(base):
@@ -311,8 +311,7 @@ def robust_weights(response: F, blocks: Sequence[F]) -> F:
     """Return (N,) weights: rows that no column explains and no Gaussian gives count less."""
     n, m = response.shape
     design = np.concatenate(blocks, axis=2)
-    norms = np.sqrt(np.einsum("nmk,nmk->k", design, design))
-    design /= np.where(norms > 0.0, norms, 1.0)
+    design /= _lengths(design)
     flat = design.reshape(n * m, -1)
     if flat.shape[1] >= n * m // 2:
         flat = flat[:, : blocks[0].shape[2]]
@@ -556,6 +555,14 @@ class Problem:
         weights = np.where(self.scored, self.weights, 0.0)
         return np.asarray(np.sqrt(weights @ errors**2 / weights.sum()))
 
+    def fit_with(
+        self, chosen: Sequence[Candidate] = (), base: StiffnessMap | None = None
+    ) -> JointFit:
+        """Fit the base, or another one, together with effects; a ModelError where it runs away."""
+        effects = [item.effect for item in chosen]
+        base = self.base if base is None else base
+        return joint_fit(base, effects, self.table, self.noise, row_weights=self.weights)
+
     def without_effect(self, id: str) -> Problem:
         """Return the problem in which an effect is no candidate."""
         return replace(self, candidates=tuple(c for c in self.candidates if c.id != id))
@@ -687,16 +694,16 @@ def base_beside(problem: Problem, chosen: Sequence[Candidate]) -> StiffnessMap |
     the base: what a pressure that is off does is the base's own G = dh/da. None, too, where base
     and effects do not converge together.
     """
-    effects = [item.effect for item in chosen]
-    table, noise, rows = problem.table, problem.noise, problem.rows
     try:
         with np.errstate(over="raise", invalid="raise"):
-            fit = joint_fit(problem.base, effects, table, noise, row_weights=problem.weights)
+            fit = problem.fit_with(chosen)
     except (ModelError, FloatingPointError):
         # Not accepted yet: what runs away from the rows is nothing to linearise around.
         return None
-    for effect in effects:
-        before, after = (score_columns(own, problem.whitener, effect) for own in (rows, fit.rows))
+    for item in chosen:
+        before, after = (
+            score_columns(rows, problem.whitener, item.effect) for rows in (problem.rows, fit.rows)
+        )
         if np.linalg.norm(after - before) > _BENT * np.linalg.norm(before):
             return fit.base
     return None

@@ -65,7 +65,6 @@ from ecm.models.fit import (
     next_degree,
     symmetric_energy,
 )
-from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import EnergyMap, StiffnessMap
 from ecm.models.partial import whole_map
 from ecm.models.physics.map import PhysicsMap
@@ -116,7 +115,8 @@ def base_of_unlike_ends(decision: Decision) -> StiffnessMap | None:
     said = decision.statement
     # All on the rows of the fit: held-out rows of a ramp are extrapolation for any degree.
     most = _BY_ITSELF * _error_after(problem, ()) if said is None else EQUAL**0.5 * said.error_after
-    error = _error(problem, _squares_left_by(problem, base), len(base.coefficients))
+    left = problem.squares_of(problem.fit_with((), base).whitened)
+    error = _error(problem, left, len(base.coefficients))
     return base if error < most else None
 
 
@@ -141,13 +141,10 @@ def base_of_next_degree(decision: Decision) -> StiffnessMap | None:
     longer = next_degree(problem.base, problem.table)
     if longer is None:
         return None
-    table, noise, weights = problem.table, problem.noise, problem.weights
 
     def error(base: StiffnessMap, effects: Sequence[Candidate]) -> float | None:
         try:
-            return held_out(
-                joint_fit(base, [one.effect for one in effects], table, noise, row_weights=weights)
-            )
+            return held_out(problem.fit_with(effects, base))
         except ModelError:
             # The step along an effect that is not in these rows ran away.
             return np.inf
@@ -156,12 +153,6 @@ def base_of_next_degree(decision: Decision) -> StiffnessMap | None:
     if alone is None or beside_names is None:
         return None
     return longer if alone < beside_names else None
-
-
-def _squares_left_by(problem: Problem, base: StiffnessMap) -> float:
-    """Return the squares that another base leaves by itself, whitened as by the first."""
-    fit = joint_fit(base, (), problem.table, problem.noise, row_weights=problem.weights)
-    return problem.squares_of(fit.whitened)
 
 
 def _error_after(problem: Problem, effects: Sequence[Candidate]) -> float:
