@@ -25,12 +25,11 @@ from ecm.diagnosis.search import (
     delta_bic_of_each,
     delta_chi2,
     estimate,
-    explains_more_than_its_plain_form,
     held_out_delta,
+    own_sign,
     rank,
     search,
     squares_by_row,
-    surpasses_its_plain_form,
     without,
 )
 from ecm.diagnosis.settings import (
@@ -213,10 +212,8 @@ class _Chosen:
     ) -> AcceptanceCheck:
         """Return the evidence with that of the class."""
         plain = self.item.effect.plain_form()
-        known = plain is None or (plain.id != self.item.id and plain.id in members)
-        seen = known or bool(
-            explains_more_than_its_plain_form(self.problem, self.chosen, self.item)
-        )
+        known = plain is not None and plain.id != self.item.id and plain.id in members
+        seen = known or own_sign(self.problem, self.chosen, self.item)[0]
         share = _share(winners, members)
         return replace(alone, chosen_share=share, own_seen=seen, winners=winners)
 
@@ -281,7 +278,8 @@ def confusion_class(
 
     nearest = one.rivals((), is_member)
     plain = item.effect.plain_form()
-    if plain is not None and surpasses_its_plain_form(problem, chosen, item):
+    explains_more, by_far = own_sign(problem, chosen, item)
+    if plain is not None and by_far:
         # They are of one form: what the form may leave says nothing about which of them it is.
         nearest.pop(plain.id, None)
     near = [id for id, loss in nearest.items() if loss < least]
@@ -289,9 +287,7 @@ def confusion_class(
     alike_only = [id for id in nearest if id not in near][: max(0, most - 1 - len(near))]
     members = [item.id, *near, *alike_only]
     offered = {c.id for c in problem.offered} - {other.id for other in chosen}
-    if plain is None or plain.id in members or plain.id not in offered:
-        return members
-    if explains_more_than_its_plain_form(problem, chosen, item):
+    if plain is None or explains_more or plain.id not in offered.difference(members):
         return members
     # It was chosen because it has fewer parameters than the plainer form, not for its own sign.
     return [*members[: most - 1], plain.id]
@@ -310,8 +306,8 @@ def widened_class(
     """
     one = _Chosen(problem, chosen, item)
     plain = item.effect.plain_form()
-    surpassed = plain is not None and surpasses_its_plain_form(problem, chosen, item)
-    known = [*members, plain.id] if plain is not None and surpassed else members
+    by_far = plain is not None and own_sign(problem, chosen, item)[1]
+    known = [*members, plain.id] if plain is not None and by_far else members
     nearest = one.rivals(known, lambda _, loss: loss < near_share * one.gain)
     return [*members, *list(nearest)[: max(0, MOST_IN_CLASS - len(members))]]
 

@@ -227,15 +227,15 @@ def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]
         Of `rank(problem)`, best first.
     """
     least = problem.settings.least_bic
-    if not ranking:
-        return ()
-    best: tuple[Candidate, ...] = ()
-    if ranking[0].delta_bic >= least:
-        best = (ranking[0].candidate,)
+    best = tuple(first.candidate for first in ranking[:1] if first.delta_bic >= least)
     # Two strong effects may hide each other: every effect is tried with every other.
     good: list[tuple[Candidate, ...]] = [(item.candidate,) for item in ranking]
     while good and len(good[0]) < problem.settings.most_effects:
-        sets = [(*chosen, more) for chosen in good for more in _best_beside(problem, chosen)]
+        sets = [
+            (*chosen, more.candidate)
+            for chosen in good
+            for more in best_shapes(problem, chosen)[:_BEAM]
+        ]
         # The shape that is best alone, or beside another effect, need not be that of the set.
         sets = _best_of(problem, sets)
         sets = [*(_swapped(problem, chosen) for chosen in sets[:_BEAM]), *sets[_BEAM:]]
@@ -284,11 +284,6 @@ def _surely_two(problem: Problem, pair: tuple[Candidate, ...]) -> bool:
     return bool(chance * shapes * (shapes - 1) / 2 < problem.settings.level)
 
 
-def _best_beside(problem: Problem, chosen: tuple[Candidate, ...]) -> list[Candidate]:
-    """Return the effects that explain most beside the chosen, by BIC."""
-    return [one.candidate for one in best_shapes(problem, chosen)[:_BEAM]]
-
-
 def _beyond_one(problem: Problem, pair: tuple[Candidate, ...]) -> bool:
     """Whether two effects explain more beyond chance than any single one, whose form is inexact."""
     settings = problem.settings
@@ -302,8 +297,7 @@ def _beyond_one(problem: Problem, pair: tuple[Candidate, ...]) -> bool:
 
 def _swapped(problem: Problem, chosen: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
     """Exchange single members as long as that lowers BIC."""
-    best, value = chosen, delta_bic(problem, chosen)
-    improved = True
+    best, value, improved = chosen, delta_bic(problem, chosen), True
     while improved:
         improved = False
         for i in range(len(best)):
@@ -318,40 +312,24 @@ def _swapped(problem: Problem, chosen: tuple[Candidate, ...]) -> tuple[Candidate
     return best
 
 
-def explains_more_than_its_plain_form(
-    problem: Problem, chosen: Sequence[Candidate], item: Candidate
-) -> bool:
-    """Whether the effect explains more than its plain form in its place, by the least BIC."""
-    found = _beyond_plain_form(problem, chosen, item)
-    return found is None or found[0] > 0.0
+def own_sign(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> tuple[bool, bool]:
+    """Whether the effect explains more than its plain form in its place, and by far.
 
-
-def surpasses_its_plain_form(
-    problem: Problem, chosen: Sequence[Candidate], item: Candidate
-) -> bool:
-    """Whether its own sign also explains most of what its plain form, in its place, leaves.
-
-    A form that is not quite the truth's is alike with and without that sign.
+    By the least BIC; by far, where it also explains most of what the plain form leaves: a form that
+    is not quite the truth's is alike with and without that sign. An effect without a plain form
+    explains more than none, and nothing by far.
     """
-    found = _beyond_plain_form(problem, chosen, item)
-    return found is not None and found[0] > 0.0 and found[1] > _MOST_OF_IT
-
-
-def _beyond_plain_form(
-    problem: Problem, chosen: Sequence[Candidate], item: Candidate
-) -> tuple[float, float] | None:
-    """Fall of BIC beyond the least against the plain form, and its share of what that leaves."""
     plain = item.effect.plain_form()
     if plain is None:
-        return None
+        return True, False
     wider, (other,) = with_more(problem, (plain,))
     others = without(chosen, item)
     known = delta_chi2(wider, (*others, other))
     gain = delta_chi2(wider, (*others, item)) - known
     price = np.log(problem.size) * max(0, item.parameters - other.parameters)
+    more = bool(gain > price + problem.settings.least_bic)
     left = problem.squares_beside_base / problem.scale - known
-    share = gain / max(left - problem.size, 1e-300)
-    return gain - price - problem.settings.least_bic, share
+    return more, more and gain > _MOST_OF_IT * max(left - problem.size, 1e-300)
 
 
 _MOST_OF_IT = 0.5
