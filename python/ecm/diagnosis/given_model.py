@@ -228,9 +228,8 @@ class GivenModel:
         if self.missing:
             text = f"{self.name}, as it stands, errs {self.as_given} on these data"
         elif self.answer == "noise":
-            known = self.as_given.of_spread is None
-            over_noise = (self.as_given.over_noise or 0.0) if known else 0.0
-            why = nothing_follows(over_noise, self.neighbours_alike)
+            known = self.as_given.over_noise if self.as_given.of_spread is None else None
+            why = nothing_follows(known or 0.0, self.neighbours_alike)
             text = f"{self.name} errs {self.as_given} on these data, {why}"
         else:
             text = f"{self.name} fits these data: it errs {self.as_given}"

@@ -55,6 +55,7 @@ from ecm.diagnosis.verdict import Decision, classify, verdict
 from ecm.effects import Effect
 from ecm.errors import ModelError
 from ecm.io.arguments import listed
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import takes_table
 from ecm.models.errors import held_out
@@ -71,7 +72,6 @@ from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import addition_to
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.history import (
-    CorrelationTime,
     SlowNoise,
     correlation_of_rest,
     order_of_visits,
@@ -114,19 +114,9 @@ def base_of_unlike_ends(decision: Decision) -> StiffnessMap | None:
         return None
     said = decision.statement
     # All on the rows of the fit: held-out rows of a ramp are extrapolation for any degree.
-    most = _BY_ITSELF * _error_after(problem, ()) if said is None else EQUAL**0.5 * said.error_after
-    left = problem.squares_of(problem.fit_with((), base).whitened)
-    error = _error(problem, left, len(base.coefficients))
+    most = EQUAL**0.5 * said.error_after if said else _BY_ITSELF * _error_after(problem, ())
+    error = _error(problem, problem.fit_with((), base).whitened, len(base.coefficients))
     return base if error < most else None
-
-
-def leaves_less(other: Decision, first: Decision) -> bool:
-    """Whether base and effects of another decision leave clearly less than those of the first.
-
-    What another reading of the table leaves was compared before.
-    """
-    left, before = (_error_after(one.problem, one.accepted.effects) for one in (other, first))
-    return first.statement is not None or left < _BESIDE_NAMES * before
 
 
 def base_of_next_degree(decision: Decision) -> StiffnessMap | None:
@@ -158,13 +148,13 @@ def base_of_next_degree(decision: Decision) -> StiffnessMap | None:
 def _error_after(problem: Problem, effects: Sequence[Candidate]) -> float:
     """Return the error after base and effects, over the noise."""
     fitted = len(problem.base.coefficients) + sum(item.parameters for item in effects)
-    return _error(problem, problem.squares_of(residual_after(problem, effects)), fitted)
+    return _error(problem, residual_after(problem, effects), fitted)
 
 
-def _error(problem: Problem, squares: float, fitted: int) -> float:
+def _error(problem: Problem, whitened: F, fitted: int) -> float:
     """Return the error over the noise of a fit of so many coefficients."""
     freedom = problem.size - fitted
-    return float(np.sqrt(squares / freedom)) if freedom > 0 else np.inf
+    return float(np.sqrt(problem.squares_of(whitened) / freedom)) if freedom > 0 else np.inf
 
 
 _MOST_ROWS = 600
@@ -378,7 +368,10 @@ def find_missing(
         return _against_the_bases(model, prepared, against, stages)
 
     decision = of_rows(settings)
-    alike = _neighbours_alike(decision)
+    if decision.verdict == "none" or decision.misread:
+        return decision
+    rest = residual_after(decision.problem, decision.accepted.effects)
+    alike = correlation_of_rest(decision.problem.table, rest)
     if alike is None:
         return _with_family(decision)
     slow = slow_noise_of(decision)
@@ -407,14 +400,6 @@ def _with_family(decision: Decision) -> Decision:
     return replace(decision, verdict="family", unknown=unknown, family=family)
 
 
-def _neighbours_alike(decision: Decision) -> CorrelationTime | None:
-    """Return how long what is left of a log stays alike; None where neighbours differ."""
-    if decision.verdict == "none" or decision.misread:
-        return None
-    rest = residual_after(decision.problem, decision.accepted.effects)
-    return correlation_of_rest(decision.problem.table, rest)
-
-
 def _against_the_bases(
     model: Model, prepared: Prepared, against: Callable[..., Decision], stages: Stages
 ) -> Decision:
@@ -422,11 +407,15 @@ def _against_the_bases(
     decision = against(choose_base(model, prepared.table.drop(*prepared.zero_columns)))
     if decision.verdict != "none":
         other = base_of_unlike_ends(decision)
-        again = None if other is None else against(other)
-        if again is not None and leaves_less(again, decision):
-            said = decision.statement
-            or_else = (f"or {said.sentence()}",) if said else ()
-            decision = replace(again, warnings=(_UNLIKE_ENDS, *or_else))
+        if other is not None:
+            again, said = against(other), decision.statement
+            left, before = (
+                _error_after(one.problem, one.accepted.effects) for one in (again, decision)
+            )
+            # What another reading of the table leaves was compared before.
+            if said is not None or left < _BESIDE_NAMES * before:
+                or_else = (f"or {said.sentence()}",) if said else ()
+                decision = replace(again, warnings=(_UNLIKE_ENDS, *or_else))
     if decision.statement is not None:
         return decision
     if decision.verdict != "none":
