@@ -309,16 +309,15 @@ def judge_given_model(
     alike = (model.inputs, model.outputs) == (problem.base.inputs, problem.base.outputs)
     far = _far_behind(given, base)
     # `result.missing` fits a base of its own.
-    missing = result.structure.found or far or result.missing
+    missing = far or result.missing
     fits = (None, None) if same else _fitted_again(model, decision, result.noise, alike, missing)
     again, after = (None if fit is None else sized(*_left_by(fit)) for fit in fits)
     needed = _are_needed(*fits, least=problem.settings.least_bic)
     missing = missing or needed
     refitted = base if same else again
     behind = refitted is not None and _far_behind(refitted, base)
-    if same:
-        fits_again = not (decision.gate.rejected or behind)
-    else:
+    fits_again = not decision.gate.rejected
+    if not same:
         fits_again = not (fits[0] is None or needed or behind) and not (
             missing and _holds_structure(fits[0], result.noise)
         )

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import compress
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
@@ -225,13 +226,9 @@ def all_score_columns(
         except UnknownLength:
             return [], lacking or UNKNOWN_LENGTH
 
-    columns: list[ScoreColumns] = []
-    untestable: dict[str, Missing] = {}
-    for effect, (own, lacking) in zip(effects, in_threads(of_effect, effects), strict=True):
-        columns += own
-        if lacking is not None:
-            untestable[effect.id] = lacking
-    return columns, untestable
+    found = list(zip(effects, in_threads(of_effect, effects), strict=True))
+    untestable = {effect.id: lacking for effect, (_, lacking) in found if lacking is not None}
+    return [one for _, (own, _) in found for one in own], untestable
 
 
 def score_columns(rows: Rows, whitener: F, effect: Effect) -> F:
@@ -312,16 +309,14 @@ def robust_weights(response: F, blocks: Sequence[F]) -> F:
     n, m = response.shape
     design = np.concatenate(blocks, axis=2)
     design /= _lengths(design)
-    flat = design.reshape(n * m, -1)
+    flat, y = design.reshape(n * m, -1), response.ravel()
     if flat.shape[1] >= n * m // 2:
         flat = flat[:, : blocks[0].shape[2]]
-    limit = float(special.chdtri(m, OUTLIER_CHANCE))
-    middle = float(special.chdtri(m, 0.5))
+    limit, middle = (float(special.chdtri(m, chance)) for chance in (OUTLIER_CHANCE, 0.5))
     weights = np.ones(n)
     for _ in range(3):
         root = np.repeat(np.sqrt(weights), m)
         z = flat * root[:, None]
-        y = response.ravel()
         normal = z.T @ z
         normal[np.diag_indices_from(normal)] += 1e-9
         theta = np.linalg.solve(normal, z.T @ (y * root))
@@ -678,13 +673,12 @@ def assemble(
         settings=settings,
         left_out=left_out,
     )
-    imitates = [one.imitates for one in kept]
+    imitates = np.array([one.imitates for one in kept], dtype=np.bool_)
     problem, placed = with_shapes(bare, kept)
     # The columns are in the design: a second copy is a large part of the memory.
     del every, first, kept, bare
-    pairs = list(zip(placed, imitates, strict=True))
-    offered = {alike: tuple(c for c, own in pairs if own == alike) for alike in (False, True)}
-    return _scaled(replace(problem, candidates=offered[False], imitators=offered[True]))
+    testable, others = (tuple(compress(placed, which)) for which in (~imitates, imitates))
+    return _scaled(replace(problem, candidates=testable, imitators=others))
 
 
 def base_beside(problem: Problem, chosen: Sequence[Candidate]) -> StiffnessMap | None:
