@@ -58,12 +58,10 @@ from ecm.io.arguments import listed
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import takes_table
-from ecm.models.errors import held_out
 from ecm.models.fit import (
     as_model,
     choose_base,
     energy_of_unlike_ends,
-    next_degree,
     symmetric_energy,
 )
 from ecm.models.maps import EnergyMap, StiffnessMap
@@ -117,32 +115,6 @@ def base_of_unlike_ends(decision: Decision) -> StiffnessMap | None:
     most = EQUAL**0.5 * said.error_after if said else _BY_ITSELF * _error_after(problem, ())
     error = _error(problem, problem.fit_with((), base).whitened, len(base.coefficients))
     return base if error < most else None
-
-
-def base_of_next_degree(decision: Decision) -> StiffnessMap | None:
-    """Return the base of one degree more, where it errs less than base and names, held out.
-
-    Generalised cross-validation chooses a degree that predicts well; what this degree leaves may
-    still be seen, and effects imitate it with fewer coefficients. On the rows of the fit a base of
-    many coefficients takes in most of anything. None is returned where the rows do not carry
-    another degree.
-    """
-    problem, named = decision.problem, decision.accepted.effects
-    longer = next_degree(problem.base, problem.table)
-    if longer is None:
-        return None
-
-    def error(base: StiffnessMap, effects: Sequence[Candidate]) -> float | None:
-        try:
-            return held_out(problem.fit_with(effects, base))
-        except ModelError:
-            # The step along an effect that is not in these rows ran away.
-            return np.inf
-
-    alone, beside_names = error(longer, ()), error(problem.base, named)
-    if alone is None or beside_names is None:
-        return None
-    return longer if alone < beside_names else None
 
 
 def _error_after(problem: Problem, effects: Sequence[Candidate]) -> float:
@@ -418,10 +390,6 @@ def _against_the_bases(
                 decision = replace(again, warnings=(_UNLIKE_ENDS, *or_else))
     if decision.statement is not None:
         return decision
-    if decision.verdict != "none":
-        longer = base_of_next_degree(decision)
-        if longer is not None:
-            decision = replace(against(longer), warnings=decision.warnings)
     if not may_be_another_body(decision):
         return decision
     energy = against(symmetric_energy(prepared.unexplained), other_body=True)
