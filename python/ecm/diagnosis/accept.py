@@ -119,19 +119,15 @@ class _Chosen:
         )
         return left / size if size > 0.0 else 1.0
 
-    def rivals(
-        self, known: Sequence[str], is_member: Callable[[Candidate, float], bool]
-    ) -> dict[str, float]:
+    def rivals(self, is_member: Callable[[Candidate, float], bool]) -> dict[str, float]:
         """Return the rivals with their least loss of BIC in its place, the nearest first.
 
         Parameters
         ----------
-        known
-            Ids that are no rivals, beside those of the chosen effects.
         is_member
             Whether a shape counts, by its loss. A shape that a later run refutes never does.
         """
-        problem, present = self.problem, {one.id for one in self.chosen} | set(known)
+        problem, present = self.problem, {one.id for one in self.chosen}
         rivals = [c for c in problem.offered if c.id not in present]
         own = delta_bic(problem, self.chosen)
         losses = own - delta_bic_of_each(problem, self.others, rivals)
@@ -276,7 +272,7 @@ def confusion_class(
             return False  # its own sign explains nothing: it is this effect
         return loss < least or (loss < FORM_SHARE * total and one.share_beside(rival) < SEPARABLE)
 
-    nearest = one.rivals((), is_member)
+    nearest = one.rivals(is_member)
     plain = item.effect.plain_form()
     explains_more, by_far = own_sign(problem, chosen, item)
     if plain is not None and by_far:
@@ -291,25 +287,6 @@ def confusion_class(
         return members
     # It was chosen because it has fewer parameters than the plainer form, not for its own sign.
     return [*members[: most - 1], plain.id]
-
-
-def widened_class(
-    problem: Problem,
-    chosen: Sequence[Candidate],
-    item: Candidate,
-    members: Sequence[str],
-    near_share: float,
-) -> list[str]:
-    """Return the class of an effect with the rivals that lose less than a share of its gain.
-
-    The truth may be an effect that no library holds; then the nearest names look like it.
-    """
-    one = _Chosen(problem, chosen, item)
-    plain = item.effect.plain_form()
-    by_far = plain is not None and own_sign(problem, chosen, item)[1]
-    known = [*members, plain.id] if plain is not None and by_far else members
-    nearest = one.rivals(known, lambda _, loss: loss < near_share * one.gain)
-    return [*members, *list(nearest)[: max(0, MOST_IN_CLASS - len(members))]]
 
 
 def confusable_pairs(problem: Problem) -> list[tuple[str, str]]:

@@ -1,4 +1,4 @@
-"""The procedure, top to bottom: gate, rank, search, accept, classify, verdict.
+"""The procedure, top to bottom: gate, rank, search, accept, verdict.
 
 Each stage is a function that can be called by itself; what it returns is the input of the next.
 
@@ -10,7 +10,6 @@ Each stage is a function that can be called by itself; what it returns is the in
     chosen = search(problem, ranking)                   the smallest set that explains it
     accepted = accept(problem, chosen)                  what passes every check, with its class
     left = leftover(problem, first, accepted.effects)   is anything still missing?
-    accepted = classify(problem, accepted, left)        rivals in doubt join the classes
     found = Decision(prepared, problem, (), first, ranking, accepted, left)
     verdict(found)                                      none, named, ambiguous, unknown
     find_family(problem)                                what drives an unknown effect
@@ -51,7 +50,7 @@ from ecm.diagnosis.statements import (
     ratio_warning,
     with_load_growth,
 )
-from ecm.diagnosis.verdict import Decision, classify, verdict
+from ecm.diagnosis.verdict import Decision, verdict
 from ecm.effects import Effect
 from ecm.errors import ModelError
 from ecm.io.arguments import listed
@@ -195,7 +194,6 @@ class Stages:
     search: Callable[[Problem, Sequence[Ranked]], tuple[Candidate, ...]] = search
     accept: Callable[[Problem, Sequence[Candidate], int], Accepted] = accept
     leftover: Callable[[Problem, Gate, Sequence[Candidate]], Leftover] = leftover
-    classify: Callable[..., Accepted] = classify
     verdict: Callable[..., Decision] = verdict
     white: Callable[[Problem], Pattern | None] = find_pattern
     describe: Callable[..., Unknown] = describe_residual
@@ -392,7 +390,7 @@ def _against_the_bases(
         return decision
     if not may_be_another_body(decision):
         return decision
-    energy = against(symmetric_energy(prepared.unexplained), other_body=True)
+    energy = against(symmetric_energy(prepared.unexplained))
     return against_energy(decision, energy, stages)
 
 
@@ -404,9 +402,8 @@ def decide(
     noise: Noise | None = None,
     settings: DiagnosisSettings = DEFAULTS,
     stages: Stages = STAGES,
-    other_body: bool = False,
 ) -> Decision:
-    """Go through the stages against one base, which may stand in for a body that does not fit."""
+    """Go through the stages against one base."""
     table, effects = prepared.unexplained, prepared.effects
     problem = stages.assemble(base, table, effects, noise, settings)
     weighed = noise_by_rest(problem) if noise is None else problem.noise
@@ -436,7 +433,6 @@ def decide(
             break
     accepted = stages.accept(problem, chosen, seed)
     left = stages.leftover(problem, first, accepted.effects)
-    accepted = stages.classify(problem, accepted, left, other_body=other_body)
     found = Decision(prepared, problem, tuple(noise_effects), first, tuple(ranking), accepted, left)
     return stages.verdict(found, describe=stages.describe, white=stages.white)
 
