@@ -105,9 +105,14 @@ class _Chosen:
         return without(self.chosen, self.item)
 
     @cached_property
+    def bic(self) -> float:
+        """Fall of BIC by all that are chosen."""
+        return delta_bic(self.problem, self.chosen)
+
+    @cached_property
     def gain(self) -> float:
         """Fall of BIC by the effect."""
-        return delta_bic(self.problem, self.chosen) - delta_bic(self.problem, self.others)
+        return self.bic - delta_bic(self.problem, self.others)
 
     def share_beside(self, rival: Candidate) -> float:
         """Return the share of its correction that a rival cannot imitate, base and others free."""
@@ -119,23 +124,36 @@ class _Chosen:
         )
         return left / size if size > 0.0 else 1.0
 
-    def rivals(self, is_member: Callable[[Candidate, float], bool]) -> dict[str, float]:
+    def rivals(self, least: float) -> dict[str, float]:
         """Return the rivals with their least loss of BIC in its place, the nearest first.
 
         Parameters
         ----------
-        is_member
-            Whether a shape counts, by its loss. A shape that a later run refutes never does.
+        least
+            Loss below which each is a rival. A shape that a later run refutes never is.
         """
-        problem, present = self.problem, {one.id for one in self.chosen}
-        rivals = [c for c in problem.offered if c.id not in present]
-        own = delta_bic(problem, self.chosen)
-        losses = own - delta_bic_of_each(problem, self.others, rivals)
-        least: dict[str, float] = {}
-        for rival, loss in zip(rivals, losses.tolist(), strict=True):
-            if is_member(rival, loss) and not self.is_refuted(rival):
-                least[rival.id] = min(loss, least.get(rival.id, np.inf))
-        return dict(sorted(least.items(), key=lambda pair: pair[1]))
+        present = {one.id for one in self.chosen}
+        others = [c for c in self.problem.offered if c.id not in present]
+        losses = self.bic - delta_bic_of_each(self.problem, self.others, others)
+        nearest: dict[str, float] = {}
+        for other, loss in zip(others, losses.tolist(), strict=True):
+            if self._is_rival(other, loss, least) and not self.is_refuted(other):
+                nearest[other.id] = min(loss, nearest.get(other.id, np.inf))
+        return dict(sorted(nearest.items(), key=lambda pair: pair[1]))
+
+    def _is_rival(self, other: Candidate, loss: float, least: float) -> bool:
+        """Whether a shape loses little in its place, or cannot be told from it."""
+        if loss < least:
+            return True
+        if other in self.problem.imitators:
+            # The data cannot show its true form; one of several shapes comes nearer to it.
+            shaped = bool(self.problem.untestable[other.id].forms)
+            if loss < (_LOST_BY_SHAPES if shaped else _LOST_BY_ONE) * self.gain:
+                return True
+        form = other.effect.plain_form()
+        if form is not None and form.id == self.item.id:
+            return False  # its own sign explains nothing: it is this effect
+        return loss < FORM_SHARE * self.bic and self.share_beside(other) < SEPARABLE
 
     def is_refuted(self, rival: Candidate) -> bool:
         """Whether one run after the first is against a rival and none as clearly for it.
@@ -259,20 +277,7 @@ def confusion_class(
         Members of the class; of rivals that only look alike the nearest.
     """
     least = problem.settings.least_bic if least_bic is None else least_bic
-    one, total = _Chosen(problem, chosen, item), delta_bic(problem, chosen)
-
-    def is_member(rival: Candidate, loss: float) -> bool:
-        if rival in problem.imitators:
-            # The data cannot show its true form; one of several shapes comes nearer to it.
-            shaped = bool(problem.untestable[rival.id].forms)
-            if loss < (_LOST_BY_SHAPES if shaped else _LOST_BY_ONE) * one.gain:
-                return True
-        form = rival.effect.plain_form()
-        if form is not None and form.id == item.id and loss >= least:
-            return False  # its own sign explains nothing: it is this effect
-        return loss < least or (loss < FORM_SHARE * total and one.share_beside(rival) < SEPARABLE)
-
-    nearest = one.rivals(is_member)
+    nearest = _Chosen(problem, chosen, item).rivals(least)
     plain = item.effect.plain_form()
     explains_more, by_far = own_sign(problem, chosen, item)
     if plain is not None and by_far:
