@@ -103,7 +103,7 @@ def careless(id: str) -> Effect:
     return effect
 
 
-NO_CLASSES = Stages(accept=accept_alone, classify=lambda problem, accepted, left, **_: accepted)
+NO_CLASSES = Stages(accept=accept_alone)
 NOTHING_HELD_OUT = DiagnosisSettings(held_out_errors=-1e9)
 """An effect need not do better on rows that its fit has not seen."""
 RANDOM_FOLDS = DiagnosisSettings(held_out="random")

@@ -14,7 +14,7 @@ from ecm.diagnosis.preparation import prepare
 from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.result import report
 from ecm.diagnosis.search import rank, search
-from ecm.diagnosis.verdict import Decision, classify, verdict
+from ecm.diagnosis.verdict import Decision, verdict
 from ecm.errors import InputError
 from ecm.io.settings import meanings
 from ecm.models.fit import choose_base
@@ -37,7 +37,6 @@ def test_the_stages_called_one_by_one_give_the_diagnosis(found: Diagnosis) -> No
     accepted = accept(problem, chosen)
     left = leftover(problem, first, accepted.effects)
     assert not left.remains
-    accepted = classify(problem, accepted, left)
     final = verdict(Decision(prepared, problem, (), first, tuple(ranking), accepted, left))
     assert final.verdict == found.verdict
     assert final.accepted.classes == found.answer

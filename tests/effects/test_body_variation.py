@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from ecm.diagnosis import DiagnosisSettings, diagnose, find_missing
+from ecm.diagnosis import diagnose
 from ecm.models import Model, surrogate_of
 from support.campaigns import campaign, model, workspace_poses
 from support.stand_in import L, coordinates, wrench
@@ -66,15 +66,3 @@ def test_what_no_symmetric_energy_takes_is_no_other_body() -> None:
     found = diagnose(replace(model()), spoilt)
     assert found.verdict == "unknown"
     assert found.base.kind == "physics"
-
-
-def test_beside_a_wrong_body_a_name_keeps_rivals_that_explain_nearly_as_much() -> None:
-    """A body that is not the stated one is a second explanation: the name alone needs more."""
-    settings = DiagnosisSettings(near_share=0.95)
-    table = campaign("temperature_modulus", 1.0, 4)
-    beside = diagnose(another_body(), table, settings=settings)
-    alone = find_missing(model(), table, settings=settings)
-    assert beside.base.kind == "energy"
-    assert (beside.verdict, alone.verdict) == ("ambiguous", "named")
-    assert "temperature_modulus" in beside.answer[0]
-    assert alone.answer == (("temperature_modulus",),)

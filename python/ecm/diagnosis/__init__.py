@@ -1,4 +1,4 @@
-"""Which physical effect is missing: gate, rank, search, accept, classify, verdict."""
+"""Which physical effect is missing: gate, rank, search, accept, verdict."""
 
 from ecm.diagnosis.procedure import Stages, diagnose, find_missing
 from ecm.diagnosis.result import Diagnosis

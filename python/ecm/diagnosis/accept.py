@@ -19,18 +19,18 @@ from scipy.linalg.lapack import dtrtri
 
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import (
+    Ranked,
     bounded_estimate,
     delta_bic,
     delta_bic_of_each,
     delta_bic_of_parts,
     delta_chi2,
     estimate,
-    explains_more_than_its_plain_form,
     held_out_delta,
+    own_sign,
     rank,
     search,
     squares_by_row,
-    surpasses_its_plain_form,
     without,
 )
 from ecm.diagnosis.settings import (
@@ -42,8 +42,8 @@ from ecm.diagnosis.settings import (
     DiagnosisSettings,
 )
 from ecm.errors import ModelError
-from ecm.io.arrays import F, I, rest_of
-from ecm.models.joint_fit import JointFit, joint_fit
+from ecm.io.arrays import F, rest_of
+from ecm.models.joint_fit import JointFit
 from ecm.regression.normal_equations import (
     RIDGE,
     explained_squares,
@@ -76,23 +76,6 @@ _CLEAR = 0.99
 the 0.1 that makes it a member of the class, 396 of 400 are won with a chance of 1e-13."""
 
 
-def separability(
-    problem: Problem, item: Candidate, rival: Candidate, others: Sequence[Candidate]
-) -> float:
-    """Return the share of an effect's correction that a rival cannot imitate, base and others free.
-
-    Returns
-    -------
-    From 0, the rival explains all of it, to 1.
-    """
-    own = estimate(problem, (*others, item)).of(item)
-    matrix, fixed = problem.equations[0], problem.columns_of(others)
-    size = squares_left_after(matrix, item.columns, own, fixed)
-    if size <= 0.0:
-        return 1.0
-    return squares_left_after(matrix, item.columns, own, fixed + rival.columns) / size
-
-
 def squares_left_after(matrix: F, columns: Sequence[int], values: F, fixed: Sequence[int]) -> float:
     """Return the squared length of columns @ values after projecting out the fixed columns.
 
@@ -123,36 +106,58 @@ class _Chosen:
         return without(self.chosen, self.item)
 
     @cached_property
+    def bic(self) -> float:
+        """Fall of BIC by all that are chosen."""
+        return delta_bic(self.problem, self.chosen)
+
+    @cached_property
     def gain(self) -> float:
         """Fall of BIC by the effect."""
-        return delta_bic(self.problem, self.chosen) - delta_bic(self.problem, self.others)
+        return self.bic - delta_bic(self.problem, self.others)
 
-    def rivals(
-        self,
-        known: Sequence[str],
-        is_member: Callable[[Candidate, float], bool],
-        fall: Callable[[Problem, Sequence[Candidate], Sequence[Candidate]], F] = delta_bic_of_each,
-    ) -> dict[str, float]:
+    def share_beside(self, rival: Candidate) -> float:
+        """Return the share of its correction that a rival cannot imitate, base and others free."""
+        own = estimate(self.problem, (*self.others, self.item)).of(self.item)
+        fixed = self.problem.columns_of(self.others)
+        size, left = (
+            squares_left_after(self.problem.equations[0], self.item.columns, own, beside)
+            for beside in (fixed, fixed + rival.columns)
+        )
+        return left / size if size > 0.0 else 1.0
+
+    def rivals(self, least: float, *, of_parts: bool = False) -> dict[str, float]:
         """Return the rivals with their least loss of BIC in its place, the nearest first.
 
         Parameters
         ----------
-        known
-            Ids that are no rivals, beside those of the chosen effects.
-        is_member
-            Whether a shape counts, by its loss. A shape that a later run refutes never does.
-        fall
-            Fall of BIC by each of several in its place.
+        least
+            Loss below which each is a rival. A shape that a later run refutes never is.
+        of_parts
+            Each without the parameters that it does not need there.
         """
-        problem, present = self.problem, {one.id for one in self.chosen} | set(known)
-        rivals = [c for c in problem.offered if c.id not in present]
-        own = delta_bic(problem, self.chosen)
-        losses = own - fall(problem, self.others, rivals)
-        least: dict[str, float] = {}
-        for rival, loss in zip(rivals, losses.tolist(), strict=True):
-            if is_member(rival, loss) and not self.is_refuted(rival):
-                least[rival.id] = min(loss, least.get(rival.id, np.inf))
-        return dict(sorted(least.items(), key=lambda pair: pair[1]))
+        present = {one.id for one in self.chosen}
+        others = [c for c in self.problem.offered if c.id not in present]
+        fall = delta_bic_of_parts if of_parts else delta_bic_of_each
+        losses = self.bic - fall(self.problem, self.others, others)
+        nearest: dict[str, float] = {}
+        for other, loss in zip(others, losses.tolist(), strict=True):
+            if self._is_rival(other, loss, least) and not self.is_refuted(other):
+                nearest[other.id] = min(loss, nearest.get(other.id, np.inf))
+        return dict(sorted(nearest.items(), key=lambda pair: pair[1]))
+
+    def _is_rival(self, other: Candidate, loss: float, least: float) -> bool:
+        """Whether a shape loses little in its place, or cannot be told from it."""
+        if loss < least:
+            return True
+        if other in self.problem.imitators:
+            # The data cannot show its true form; one of several shapes comes nearer to it.
+            shaped = bool(self.problem.untestable[other.id].forms)
+            if loss < (_LOST_BY_SHAPES if shaped else _LOST_BY_ONE) * self.gain:
+                return True
+        form = other.effect.plain_form()
+        if form is not None and form.id == self.item.id:
+            return False  # its own sign explains nothing: it is this effect
+        return loss < FORM_SHARE * self.bic and self.share_beside(other) < SEPARABLE
 
     def is_refuted(self, rival: Candidate) -> bool:
         """Whether one run after the first is against a rival and none as clearly for it.
@@ -161,8 +166,6 @@ class _Chosen:
         effect may leave a share as well, it would not count.
         """
         with_item, limit = self._later_runs
-        if not len(limit):
-            return False
         excess = self._left_in_later_runs((*self.others, rival)) - with_item
         return bool((excess > limit).any() and not (-excess > limit).any())
 
@@ -173,25 +176,22 @@ class _Chosen:
         before, after = (self._left_in_later_runs(chosen) for chosen in sets)
         return after, np.maximum(REFUTED_BY, REFUTED_SHARE * np.maximum(before - after, 0.0))
 
-    @cached_property
-    def _run_of_row(self) -> I:
-        table = self.problem.table
-        runs = table.column("run") if table.has("run") else np.zeros(len(table))
-        return np.unique(runs, return_inverse=True)[1]
-
     def _left_in_later_runs(self, chosen: Sequence[Candidate]) -> F:
         """(r,) whitened squares that a set leaves in each run after the first."""
+        table = self.problem.table
+        if not table.has("run"):
+            return np.zeros(0)
+        run = np.unique(table.column("run"), return_inverse=True)[1]
         rows = squares_by_row(self.problem, chosen) / self.problem.scale
-        return np.asarray(np.bincount(self._run_of_row, rows)[1:], dtype=np.float64)
+        return np.asarray(np.bincount(run, rows)[1:], dtype=np.float64)
 
     def alone(self) -> AcceptanceCheck:
         """Return the evidence that asks neither for the class of the effect nor for bootstraps."""
-        ranked = {one.id: one for one in rank(self.problem, self.others)}
-        own = ranked[self.item.id]
+        own = self.ranked[self.item.id]
         inside, kept = self._bounds_kept()
         return AcceptanceCheck(
             id=self.item.id,
-            p_holm=min(1.0, own.p * len(ranked)),
+            p_holm=min(1.0, own.p * len(self.ranked)),
             delta_bic=own.delta_bic,
             held_out_fall=held_out_delta(self.problem, self.others, self.item),
             chosen_share=0.0,
@@ -214,11 +214,15 @@ class _Chosen:
         gained = fit.explained - (before + delta_chi2(self.problem, self.others))
         return False, float(np.clip(gained / max(gained + fit.lost, 1e-300), 0.0, 1.0))
 
+    @cached_property
+    def ranked(self) -> dict[str, Ranked]:
+        """Every effect in its place, by id."""
+        return {one.id: one for one in rank(self.problem, self.others)}
+
     def winners(self, seed: int) -> dict[str, float]:
         """Return the share of bootstraps that each effect wins in its place."""
-        drops = {one.id: one.drop for one in rank(self.problem, self.others)}
-        least = _CONTENDER_SHARE * drops[self.item.id]
-        contenders = {id for id, drop in drops.items() if drop > least}
+        least = _CONTENDER_SHARE * self.ranked[self.item.id].drop
+        contenders = {id for id, one in self.ranked.items() if one.drop > least}
         return selection_shares(self.problem, self.others, contenders, seed)
 
     def in_class(
@@ -226,10 +230,8 @@ class _Chosen:
     ) -> AcceptanceCheck:
         """Return the evidence with that of the class."""
         plain = self.item.effect.plain_form()
-        known = plain is None or (plain.id != self.item.id and plain.id in members)
-        seen = known or bool(
-            explains_more_than_its_plain_form(self.problem, self.chosen, self.item)
-        )
+        known = plain is not None and plain.id != self.item.id and plain.id in members
+        seen = known or own_sign(self.problem, self.chosen, self.item)[0]
         share = _share(winners, members)
         return replace(alone, chosen_share=share, own_seen=seen, winners=winners)
 
@@ -279,58 +281,23 @@ def confusion_class(
         Members of the class; of rivals that only look alike the nearest.
     """
     least = problem.settings.least_bic if least_bic is None else least_bic
-    one, total = _Chosen(problem, chosen, item), delta_bic(problem, chosen)
-
-    def is_member(rival: Candidate, loss: float) -> bool:
-        if rival in problem.imitators:
-            # The data cannot show its true form; one of several shapes comes nearer to it.
-            shaped = bool(problem.untestable[rival.id].forms)
-            if loss < (_LOST_BY_SHAPES if shaped else _LOST_BY_ONE) * one.gain:
-                return True
-        form = rival.effect.plain_form()
-        if form is not None and form.id == item.id and loss >= least:
-            return False  # its own sign explains nothing: it is this effect
-        return loss < least or (
-            loss < FORM_SHARE * total and separability(problem, item, rival, one.others) < SEPARABLE
-        )
-
-    plain = item.effect.plain_form()
-    # They are of one form: what the form may leave says nothing about which of them it is.
-    surpassed = plain is not None and surpasses_its_plain_form(problem, chosen, item)
-    no_rivals = [plain.id] if plain is not None and surpassed else []
-    nearest = one.rivals(no_rivals, is_member)
+    one = _Chosen(problem, chosen, item)
+    nearest = one.rivals(least)
     near = [id for id, loss in nearest.items() if loss < least]
     # Rivals that only look alike, and lose in BIC: a long list names nothing. They may lose by
     # parameters that are about zero alone.
-    parts = one.rivals([*no_rivals, *nearest], is_member, delta_bic_of_parts)
-    alike_only = [id for id in (*nearest, *parts) if id not in near]
-    members = [item.id, *near, *alike_only[: max(0, most - 1 - len(near))]]
+    alike_only = [*nearest, *one.rivals(least, of_parts=True)]
+    plain = item.effect.plain_form()
+    explains_more, by_far = own_sign(problem, chosen, item)
+    if plain is not None and by_far:
+        # They are of one form: what the form may leave says nothing about which of them it is.
+        near, alike_only = ([id for id in ids if id != plain.id] for ids in (near, alike_only))
+    members = list(dict.fromkeys([item.id, *near, *alike_only]))[: max(most, 1 + len(near))]
     offered = {c.id for c in problem.offered} - {other.id for other in chosen}
-    if plain is None or plain.id in members or plain.id not in offered:
-        return members
-    if explains_more_than_its_plain_form(problem, chosen, item):
+    if plain is None or explains_more or plain.id not in offered.difference(members):
         return members
     # It was chosen because it has fewer parameters than the plainer form, not for its own sign.
     return [*members[: most - 1], plain.id]
-
-
-def widened_class(
-    problem: Problem,
-    chosen: Sequence[Candidate],
-    item: Candidate,
-    members: Sequence[str],
-    near_share: float,
-) -> list[str]:
-    """Return the class of an effect with the rivals that lose less than a share of its gain.
-
-    The truth may be an effect that no library holds; then the nearest names look like it.
-    """
-    one = _Chosen(problem, chosen, item)
-    plain = item.effect.plain_form()
-    surpassed = plain is not None and surpasses_its_plain_form(problem, chosen, item)
-    known = [*members, plain.id] if plain is not None and surpassed else members
-    nearest = one.rivals(known, lambda _, loss: loss < near_share * one.gain)
-    return [*members, *list(nearest)[: max(0, MOST_IN_CLASS - len(members))]]
 
 
 def confusable_pairs(problem: Problem) -> list[tuple[str, str]]:
@@ -517,11 +484,8 @@ def _reached(problem: Problem, chosen: Sequence[Candidate]) -> JointFit | None:
     A compliance in series with a base of many terms, each of which takes the other back, explains
     anything to first order and nothing at the size that it would need.
     """
-    effects = [item.effect for item in chosen]
     try:
-        fit = joint_fit(
-            problem.base, effects, problem.table, problem.noise, row_weights=problem.weights
-        )
+        fit = problem.fit_with(chosen)
     except ModelError:
         return None
     linear = bounded_estimate(problem, chosen, chosen)

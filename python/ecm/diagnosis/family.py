@@ -107,47 +107,40 @@ def _in_its_order(
 ) -> list[str]:
     """Return the drivers whose columns are in the order of that of the best one."""
 
-    def column(driver: Driver) -> F | None:
-        known = problem.table.has(driver.column) and driver.column not in TEXT
-        return _values(problem.table, driver.column) if known else None
-
-    own = column(best)
-    others = [(one.name, column(one)) for one, _ in found if one is not best]
+    table = problem.table
+    columns = [
+        (driver, _values(table, driver.column))
+        for driver, _ in found
+        if table.has(driver.column) and driver.column not in TEXT
+    ]
+    own = [values for driver, values in columns if driver is best]
     return [
-        name
-        for name, values in others
-        if own is not None and values is not None and in_one_order(own, values)
+        driver.name
+        for driver, values in columns
+        if own and driver is not best and in_one_order(own[0], values)
     ]
 
 
 def posterior(problem: Problem) -> list[tuple[Driver, float]]:
     """Return the probability of each driver beside the others, the pose, and nothing."""
     rows = evenly(len(problem.table), _MOST_ROWS)
-    root = np.sqrt(problem.weights[rows])[:, None, None]
-
-    def flat(columns: F) -> F:
-        size = len(rows) * columns.shape[1]
-        return np.ascontiguousarray((columns[rows] * root).reshape(size, -1))
-
-    base = orthonormal(flat(problem.base_block))
+    m = problem.response.shape[1]
+    numbers = (m * rows[:, None] + np.arange(m)).ravel()
+    base = orthonormal(problem.flat(problem.base_block)[numbers])
 
     def beside_base(columns: F) -> F:
-        own = flat(columns)
+        own = problem.flat(columns)[numbers]
         return np.asarray(own - base @ (base.T @ own))
 
     y = beside_base(problem.response[:, :, None])[:, 0] / np.sqrt(problem.scale)
     known = _UNKNOWN if problem.noise.is_assumed else _KNOWN
     freedom = y.size - problem.base_block.shape[2]
 
-    def evidence(columns: F) -> float:
-        return _evidence(beside_base(columns), y, freedom, known)
-
     drivers = list(_drivers(problem))
     nothing = -0.5 * (known + freedom) * np.log(known + y @ y)
-    gains = np.array(
-        [*(evidence(driver.columns) for driver in drivers), evidence(_of_pose(problem))]
-    )
-    gains = np.append(gains - nothing, 0.0)
+    processes = [*(driver.columns for driver in drivers), _of_pose(problem)]
+    logs = [_evidence(beside_base(columns), y, freedom, known) for columns in processes]
+    gains = np.append(np.array(logs) - nothing, 0.0)
     # A process is no more exact than the form of an effect: what that may lose tells nothing.
     unit = max(1.0, FORM_SHARE * float(gains.max()))
     shares = np.exp((gains - gains.max()) / unit)

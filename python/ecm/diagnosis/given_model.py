@@ -228,9 +228,8 @@ class GivenModel:
         if self.missing:
             text = f"{self.name}, as it stands, errs {self.as_given} on these data"
         elif self.answer == "noise":
-            known = self.as_given.of_spread is None
-            over_noise = (self.as_given.over_noise or 0.0) if known else 0.0
-            why = nothing_follows(over_noise, self.neighbours_alike)
+            known = self.as_given.over_noise if self.as_given.of_spread is None else None
+            why = nothing_follows(known or 0.0, self.neighbours_alike)
             text = f"{self.name} errs {self.as_given} on these data, {why}"
         else:
             text = f"{self.name} fits these data: it errs {self.as_given}"
@@ -310,16 +309,15 @@ def judge_given_model(
     alike = (model.inputs, model.outputs) == (problem.base.inputs, problem.base.outputs)
     far = _far_behind(given, base)
     # `result.missing` fits a base of its own.
-    missing = result.structure.found or far or result.missing
+    missing = far or result.missing
     fits = (None, None) if same else _fitted_again(model, decision, result.noise, alike, missing)
     again, after = (None if fit is None else sized(*_left_by(fit)) for fit in fits)
     needed = _are_needed(*fits, least=problem.settings.least_bic)
     missing = missing or needed
     refitted = base if same else again
     behind = refitted is not None and _far_behind(refitted, base)
-    if same:
-        fits_again = not (decision.gate.rejected or behind)
-    else:
+    fits_again = not decision.gate.rejected
+    if not same:
         fits_again = not (fits[0] is None or needed or behind) and not (
             missing and _holds_structure(fits[0], result.noise)
         )

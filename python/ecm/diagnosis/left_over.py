@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -131,8 +132,7 @@ def leftover(problem: Problem, gate: Gate, effects: Sequence[Candidate]) -> Left
     # three times the noise became `none`), for one weak effect in fifty.
     test = omnibus_test(response, omnibus_columns(problem), total, problem.weights, overwrite=True)
     after = max(fit.lost, (test.F - 1.0) * test.dof) if np.isfinite(test.F) else fit.lost
-    least = max(LEAST_STRENGTH, 1.5 * problem.base_error)
-    strong = after > problem.size * least**2
+    strong = after > problem.size * _least_strength(problem) ** 2
     # What the effects explain was structure, whether smooth functions see it or not.
     before = max(gate.structure, delta_chi2(problem, effects))
     allowed = max(0.0, _LEFT_SHARE - ONE_CAUSE_SHARE * (len(effects) - 1)) * before
@@ -147,6 +147,11 @@ def leftover(problem: Problem, gate: Gate, effects: Sequence[Candidate]) -> Left
         p=p,
         remains=bool(p < settings.level and strong and large),
     )
+
+
+def _least_strength(problem: Problem) -> float:
+    """Return the rms in noise units below which neither base nor form can be trusted."""
+    return max(LEAST_STRENGTH, 1.5 * problem.base_error)
 
 
 def residual_after(problem: Problem, effects: Sequence[Candidate]) -> F:
@@ -207,14 +212,11 @@ def find_pattern(problem: Problem) -> Pattern | None:
         *_neighbours(problem, left, counted),
         *_memory(problem),
     ]
-    if not found:
+    best = min(found, key=lambda item: item.p, default=None)
+    if best is None or best.strength < _least_strength(problem):
         return None
-    best = min(found, key=lambda item: item.p)
     p = min(1.0, best.p * len(found))
-    least = max(LEAST_STRENGTH, 1.5 * problem.base_error)
-    if p >= _WHITE_LEVEL or best.strength < least:
-        return None
-    return replace(best, p=p)
+    return replace(best, p=p) if p < _WHITE_LEVEL else None
 
 
 def _periods(problem: Problem, left: F, counted: B) -> Iterator[Pattern]:
@@ -428,9 +430,8 @@ def _unit(component: str, factors: Sequence[str], known: Collection[str]) -> str
     return f"{unit}/{over[0]}" if len(over) == 1 else f"{unit}/({' '.join(over)})"
 
 
-def _quoted(text: str) -> str:
-    """Return a Python string literal: names come from data files and must stay text."""
-    return json.dumps(text, ensure_ascii=False)
+_quoted = partial(json.dumps, ensure_ascii=False)
+"""Python string literal: names come from data files and must stay text."""
 
 
 @dataclass(frozen=True)
@@ -484,14 +485,11 @@ def describe_residual(
     products = [(factors(feature, known), component) for feature, component, _ in listed]
     variables = [part for parts, _ in products for part in parts]
     best = max(best_shapes(problem, chosen), key=lambda item: item.drop, default=None)
-    nearest: Nearest | None = None
-    if best is not None:
-        share = best.drop / total if total > 0.0 else 0.0
-        nearest = Nearest(best.id, float(np.clip(share, 0.0, 1.0)))
+    share = best.drop / total if best is not None and total > 0.0 else 0.0
     return Unknown(
         variables=tuple(dict.fromkeys(variables)),
         words=_words(listed),
-        nearest=nearest,
+        nearest=None if best is None else Nearest(best.id, float(np.clip(share, 0.0, 1.0))),
         template=effect_template(*(products or [((), outputs[0])])[0], outputs),
     )
 
@@ -554,8 +552,7 @@ def _terms(problem: Problem, left: F, values: F) -> list[tuple[int, int, float]]
 
 def _words(listed: Sequence[tuple[str, str, float]]) -> str:
     """Return a sparse description: which component follows what, and by how much."""
-    parts = []
-    for feature, component, size in listed:
-        name, unit = component.rsplit("_", 1)
-        parts.append(f"{name} follows {feature} ({size:+.2g} {unit.replace('Nm', 'N m')})")
-    return "; ".join(parts)
+    return "; ".join(
+        f"{component.rsplit('_', 1)[0]} follows {feature} ({size:+.2g} {unit_of(component)})"
+        for feature, component, size in listed
+    )

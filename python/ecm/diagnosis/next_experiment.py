@@ -28,7 +28,7 @@ from ecm.diagnosis.accept import confusion_class, squares_left_after
 from ecm.diagnosis.problem import Candidate, Problem, score_columns
 from ecm.diagnosis.search import delta_chi2, estimate
 from ecm.diagnosis.settings import FORM_SHARE, REFUTED_BY, REFUTED_SHARE
-from ecm.effects import Effect, Rows, all_effects
+from ecm.effects import Rows, all_effects
 from ecm.effects.experiments import SEPARATOR, Experiment, get_experiment
 from ecm.effects.registry import effects_of_actuators, with_shape
 from ecm.errors import EcmError
@@ -289,13 +289,12 @@ class _Added:
         total = squares_left_after(self.matrix, at, own, rest)
         # Whatever was to be expected: the data so far have not separated the two.
         least = max(group.problem.settings.least_bic, FORM_SHARE * total)
-        chances = [_exceeds(gained, least, total)]
         excess, explained = (
             np.bincount(self.run, self._after(at, own, fixed) ** 2) for fixed in (more, rest)
         )
-        for e, x in zip(excess.tolist(), explained.tolist(), strict=True):
-            chances.append(_exceeds(e, max(REFUTED_BY, REFUTED_SHARE * x), x))
-        return max(chances)
+        limits = np.maximum(REFUTED_BY, REFUTED_SHARE * explained)
+        by_run = map(_exceeds, excess, limits, explained)
+        return max(_exceeds(gained, least, total), *by_run)
 
     def _after(self, at: Sequence[int], own: F, fixed: Sequence[int]) -> F:
         """(r,) what a fit of the fixed columns to all rows leaves of columns `at` @ own."""
@@ -355,20 +354,22 @@ def next_experiments(
     return _Choice(groups, _offered(problem, groups)).proposals()
 
 
-def _known() -> dict[str, Effect]:
-    """All effects of the catalogue by id."""
-    return {effect.id: effect for effect in (*all_effects(), *effects_of_actuators())}
+def _telling() -> dict[str, dict[str, Experiment]]:
+    """The experiment that tells an effect of the catalogue from a rival, by id and by rival."""
+    return {
+        effect.id: {rival: get_experiment(name) for rival, name in effect.rivals.items()}
+        for effect in (*all_effects(), *effects_of_actuators())
+    }
 
 
 def _offered(problem: Problem, groups: Sequence[ConfusionClass]) -> dict[Experiment, list[Told]]:
     """Return the experiments for the members, one for each campaign, and what each would tell."""
-    known = _known()
-    ids = dict.fromkeys(id for group in groups for id in group.members if id in known)
+    telling = _telling()
+    ids = dict.fromkeys(id for group in groups for id in group.members if id in telling)
     # Named for a pair of members, then what separates a member from effects outside its class.
-    names = [name for id in ids for other, name in known[id].rivals.items() if other in ids]
-    names += [name for id in ids for name in known[id].rivals.values()]
-    listed = [get_experiment(name) for name in names]
-    every = [get_experiment(name) for effect in known.values() for name in effect.rivals.values()]
+    listed = [one for id in ids for other, one in telling[id].items() if other in ids]
+    listed += [one for id in ids for one in telling[id].values()]
+    every = [one for of_rivals in telling.values() for one in of_rivals.values()]
     listed += [one for one in every if set(one.readings) & set(ids)]
     by_campaign: dict[str, Experiment] = {}
     for one in listed:
@@ -413,13 +414,13 @@ class _Choice:
     @cached_property
     def _named(self) -> dict[Experiment, set[tuple[str, str]]]:
         """The pairs of members for which the catalogue names each experiment."""
-        known = _known()
+        telling = _telling()
         named: dict[Experiment, set[tuple[str, str]]] = {one: set() for one in self.offered}
         for group in self.groups:
             for id, other in permutations(group.members, 2):
-                name = known[id].rivals.get(other) if id in known else None
-                if name and get_experiment(name) in named:
-                    named[get_experiment(name)].add((id, other))
+                one = telling.get(id, {}).get(other)
+                if one in named:
+                    named[one].add((id, other))
         return named
 
     def _proposal(self, parts: Sequence[Experiment]) -> Proposal:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import compress
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
@@ -134,14 +135,13 @@ class Projection:
     def absorbed_by_each(self, blocks: Sequence[F]) -> list[float]:
         """Return the share that the base takes of the best visible parameter of each block."""
 
-        def of_part(part: Sequence[F]) -> list[float]:
-            flat, cuts = self._together(part)
+        def of_part(flat: F, cuts: I) -> list[float]:
             total = (flat**2).sum(axis=0)
             inside = ((self.basis.T @ flat) ** 2).sum(axis=0)
             shares = np.where(total > 0.0, inside / np.where(total > 0.0, total, 1.0), 1.0)
             return [float(own.min(initial=1.0)) for own in np.split(shares, cuts)]
 
-        return _of_parts(of_part, blocks)
+        return self._of_each(blocks, of_part)
 
     def explained_by_each(self, blocks: Sequence[F], response: F) -> list[float]:
         """Return the squares of the response (N m,) that columns (N, m, k) of each add to the base.
@@ -149,17 +149,29 @@ class Projection:
         A product with a large base reads all of it: with one block at a time that is all its work.
         """
 
-        def of_part(part: Sequence[F]) -> list[float]:
-            flat, cuts = self._together(part)
+        def of_part(flat: F, cuts: I) -> list[float]:
             flat -= self.basis @ (self.basis.T @ flat)
             return [explained_by_span(own, response)[0] for own in np.split(flat, cuts, axis=1)]
 
-        return _of_parts(of_part, blocks)
+        return self._of_each(blocks, of_part)
 
-    def _together(self, part: Sequence[F]) -> tuple[F, I]:
-        """Return (N m, k) weighted columns of some blocks, and where each but the first begins."""
-        flat = np.concatenate([self.flat(block) for block in part], axis=1)
-        return flat, np.cumsum([block.shape[2] for block in part])[:-1]
+    def _of_each(self, blocks: Sequence[F], work: Callable[[F, I], list[float]]) -> list[float]:
+        """Return a number of each block (N, m, k), which are worked on some at a time.
+
+        Parameters
+        ----------
+        work
+            (weighted columns (N m, k) of some blocks, where each but the first begins) -> numbers.
+        """
+        ends = np.cumsum([block.shape[2] for block in blocks]) // _AT_ONCE
+
+        def of_place(place: int) -> list[float]:
+            part = [blocks[i] for i in np.flatnonzero(ends == place).tolist()]
+            flat = np.concatenate([self.flat(block) for block in part], axis=1)
+            return work(flat, np.cumsum([block.shape[2] for block in part])[:-1])
+
+        found = in_threads(of_place, np.unique(ends).tolist())
+        return [number for numbers in found for number in numbers]
 
 
 @dataclass(frozen=True)
@@ -191,15 +203,6 @@ class LeftOut:
         return terms @ self.turn - base_block @ self.of_base
 
 
-def _of_parts(work: Callable[[Sequence[F]], list[float]], blocks: Sequence[F]) -> list[float]:
-    """Return the numbers of `work` for each block (N, m, k); blocks are given some at a time."""
-    ends = np.cumsum([block.shape[2] for block in blocks]) // _AT_ONCE
-    parts = [
-        [blocks[i] for i in np.flatnonzero(ends == place).tolist()] for place in np.unique(ends)
-    ]
-    return [number for numbers in in_threads(work, parts) for number in numbers]
-
-
 def all_score_columns(
     rows: Rows, whitener: F, effects: Sequence[Effect]
 ) -> tuple[list[ScoreColumns], dict[str, Missing]]:
@@ -223,13 +226,9 @@ def all_score_columns(
         except UnknownLength:
             return [], lacking or UNKNOWN_LENGTH
 
-    columns: list[ScoreColumns] = []
-    untestable: dict[str, Missing] = {}
-    for effect, (own, lacking) in zip(effects, in_threads(of_effect, effects), strict=True):
-        columns += own
-        if lacking is not None:
-            untestable[effect.id] = lacking
-    return columns, untestable
+    found = list(zip(effects, in_threads(of_effect, effects), strict=True))
+    untestable = {effect.id: lacking for effect, (_, lacking) in found if lacking is not None}
+    return [one for _, (own, _) in found for one in own], untestable
 
 
 def score_columns(rows: Rows, whitener: F, effect: Effect) -> F:
@@ -286,10 +285,8 @@ def _not_absorbed(
     """Return the columns that the base does not absorb, and why the others are left out."""
     most, record = ABSORBED_SHARE, "[mechanism], so that the physics model is the base"
     if base.kind == "physics":
-        most, record = (
-            _ABSORBED_BY_PHYSICS,
-            "pure axial and pure torsion poses, or a second specimen",
-        )
+        most = _ABSORBED_BY_PHYSICS
+        record = "pure axial and pure torsion poses, or a second specimen"
     elif actuators_of(base):
         record = "a test of its own: an energy of pose and inputs takes it in"
     elif not is_whole(base):
@@ -311,18 +308,15 @@ def robust_weights(response: F, blocks: Sequence[F]) -> F:
     """Return (N,) weights: rows that no column explains and no Gaussian gives count less."""
     n, m = response.shape
     design = np.concatenate(blocks, axis=2)
-    norms = np.sqrt(np.einsum("nmk,nmk->k", design, design))
-    design /= np.where(norms > 0.0, norms, 1.0)
-    flat = design.reshape(n * m, -1)
+    design /= _lengths(design)
+    flat, y = design.reshape(n * m, -1), response.ravel()
     if flat.shape[1] >= n * m // 2:
         flat = flat[:, : blocks[0].shape[2]]
-    limit = float(special.chdtri(m, OUTLIER_CHANCE))
-    middle = float(special.chdtri(m, 0.5))
+    limit, middle = (float(special.chdtri(m, chance)) for chance in (OUTLIER_CHANCE, 0.5))
     weights = np.ones(n)
     for _ in range(3):
         root = np.repeat(np.sqrt(weights), m)
         z = flat * root[:, None]
-        y = response.ravel()
         normal = z.T @ z
         normal[np.diag_indices_from(normal)] += 1e-9
         theta = np.linalg.solve(normal, z.T @ (y * root))
@@ -557,6 +551,14 @@ class Problem:
         weights = np.where(self.scored, self.weights, 0.0)
         return np.asarray(np.sqrt(weights @ errors**2 / weights.sum()))
 
+    def fit_with(
+        self, chosen: Sequence[Candidate] = (), base: StiffnessMap | None = None
+    ) -> JointFit:
+        """Fit the base, or another one, together with effects; a ModelError where it runs away."""
+        effects = [item.effect for item in chosen]
+        base = self.base if base is None else base
+        return joint_fit(base, effects, self.table, self.noise, row_weights=self.weights)
+
     def without_effect(self, id: str) -> Problem:
         """Return the problem in which an effect is no candidate."""
         return replace(self, candidates=tuple(c for c in self.candidates if c.id != id))
@@ -667,13 +669,12 @@ def assemble(
         settings=settings,
         left_out=left_out,
     )
-    imitates = [one.imitates for one in kept]
+    imitates = np.array([one.imitates for one in kept], dtype=np.bool_)
     problem, placed = with_shapes(bare, kept)
     # The columns are in the design: a second copy is a large part of the memory.
     del every, first, kept, bare
-    pairs = list(zip(placed, imitates, strict=True))
-    offered = {alike: tuple(c for c, own in pairs if own == alike) for alike in (False, True)}
-    return _scaled(replace(problem, candidates=offered[False], imitators=offered[True]))
+    testable, others = (tuple(compress(placed, which)) for which in (~imitates, imitates))
+    return _scaled(replace(problem, candidates=testable, imitators=others))
 
 
 def base_beside(problem: Problem, chosen: Sequence[Candidate]) -> StiffnessMap | None:
@@ -683,16 +684,16 @@ def base_beside(problem: Problem, chosen: Sequence[Candidate]) -> StiffnessMap |
     the base: what a pressure that is off does is the base's own G = dh/da. None, too, where base
     and effects do not converge together.
     """
-    effects = [item.effect for item in chosen]
-    table, noise, rows = problem.table, problem.noise, problem.rows
     try:
         with np.errstate(over="raise", invalid="raise"):
-            fit = joint_fit(problem.base, effects, table, noise, row_weights=problem.weights)
+            fit = problem.fit_with(chosen)
     except (ModelError, FloatingPointError):
         # Not accepted yet: what runs away from the rows is nothing to linearise around.
         return None
-    for effect in effects:
-        before, after = (score_columns(own, problem.whitener, effect) for own in (rows, fit.rows))
+    for item in chosen:
+        before, after = (
+            score_columns(rows, problem.whitener, item.effect) for rows in (problem.rows, fit.rows)
+        )
         if np.linalg.norm(after - before) > _BENT * np.linalg.norm(before):
             return fit.base
     return None

@@ -1,4 +1,4 @@
-"""The procedure, top to bottom: gate, rank, search, accept, classify, verdict.
+"""The procedure, top to bottom: gate, rank, search, accept, verdict.
 
 Each stage is a function that can be called by itself; what it returns is the input of the next.
 
@@ -10,7 +10,6 @@ Each stage is a function that can be called by itself; what it returns is the in
     chosen = search(problem, ranking)                   the smallest set that explains it
     accepted = accept(problem, chosen)                  what passes every check, with its class
     left = leftover(problem, first, accepted.effects)   is anything still missing?
-    accepted = classify(problem, accepted, left)        rivals in doubt join the classes
     found = Decision(prepared, problem, (), first, ranking, accepted, left)
     verdict(found)                                      none, named, ambiguous, unknown
     find_family(problem)                                what drives an unknown effect
@@ -51,28 +50,25 @@ from ecm.diagnosis.statements import (
     ratio_warning,
     with_load_growth,
 )
-from ecm.diagnosis.verdict import Decision, classify, verdict
+from ecm.diagnosis.verdict import Decision, verdict
 from ecm.effects import Effect
 from ecm.errors import ModelError
 from ecm.io.arguments import listed
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import takes_table
-from ecm.models.errors import held_out
 from ecm.models.fit import (
     as_model,
     choose_base,
     energy_of_unlike_ends,
-    next_degree,
     symmetric_energy,
 )
-from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import EnergyMap, StiffnessMap
 from ecm.models.partial import whole_map
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import addition_to
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.history import (
-    CorrelationTime,
     SlowNoise,
     correlation_of_rest,
     order_of_visits,
@@ -115,65 +111,21 @@ def base_of_unlike_ends(decision: Decision) -> StiffnessMap | None:
         return None
     said = decision.statement
     # All on the rows of the fit: held-out rows of a ramp are extrapolation for any degree.
-    most = _BY_ITSELF * _error_after(problem, ()) if said is None else EQUAL**0.5 * said.error_after
-    error = _error(problem, _squares_left_by(problem, base), len(base.coefficients))
+    most = EQUAL**0.5 * said.error_after if said else _BY_ITSELF * _error_after(problem, ())
+    error = _error(problem, problem.fit_with((), base).whitened, len(base.coefficients))
     return base if error < most else None
-
-
-def leaves_less(other: Decision, first: Decision) -> bool:
-    """Whether base and effects of another decision leave clearly less than those of the first.
-
-    What another reading of the table leaves was compared before.
-    """
-    left, before = (_error_after(one.problem, one.accepted.effects) for one in (other, first))
-    return first.statement is not None or left < _BESIDE_NAMES * before
-
-
-def base_of_next_degree(decision: Decision) -> StiffnessMap | None:
-    """Return the base of one degree more, where it errs less than base and names, held out.
-
-    Generalised cross-validation chooses a degree that predicts well; what this degree leaves may
-    still be seen, and effects imitate it with fewer coefficients. On the rows of the fit a base of
-    many coefficients takes in most of anything. None is returned where the rows do not carry
-    another degree.
-    """
-    problem, named = decision.problem, decision.accepted.effects
-    longer = next_degree(problem.base, problem.table)
-    if longer is None:
-        return None
-    table, noise, weights = problem.table, problem.noise, problem.weights
-
-    def error(base: StiffnessMap, effects: Sequence[Candidate]) -> float | None:
-        try:
-            return held_out(
-                joint_fit(base, [one.effect for one in effects], table, noise, row_weights=weights)
-            )
-        except ModelError:
-            # The step along an effect that is not in these rows ran away.
-            return np.inf
-
-    alone, beside_names = error(longer, ()), error(problem.base, named)
-    if alone is None or beside_names is None:
-        return None
-    return longer if alone < beside_names else None
-
-
-def _squares_left_by(problem: Problem, base: StiffnessMap) -> float:
-    """Return the squares that another base leaves by itself, whitened as by the first."""
-    fit = joint_fit(base, (), problem.table, problem.noise, row_weights=problem.weights)
-    return problem.squares_of(fit.whitened)
 
 
 def _error_after(problem: Problem, effects: Sequence[Candidate]) -> float:
     """Return the error after base and effects, over the noise."""
     fitted = len(problem.base.coefficients) + sum(item.parameters for item in effects)
-    return _error(problem, problem.squares_of(residual_after(problem, effects)), fitted)
+    return _error(problem, residual_after(problem, effects), fitted)
 
 
-def _error(problem: Problem, squares: float, fitted: int) -> float:
+def _error(problem: Problem, whitened: F, fitted: int) -> float:
     """Return the error over the noise of a fit of so many coefficients."""
     freedom = problem.size - fitted
-    return float(np.sqrt(squares / freedom)) if freedom > 0 else np.inf
+    return float(np.sqrt(problem.squares_of(whitened) / freedom)) if freedom > 0 else np.inf
 
 
 _MOST_ROWS = 600
@@ -242,7 +194,6 @@ class Stages:
     search: Callable[[Problem, Sequence[Ranked]], tuple[Candidate, ...]] = search
     accept: Callable[[Problem, Sequence[Candidate], int], Accepted] = accept
     leftover: Callable[[Problem, Gate, Sequence[Candidate]], Leftover] = leftover
-    classify: Callable[..., Accepted] = classify
     verdict: Callable[..., Decision] = verdict
     white: Callable[[Problem], Pattern | None] = find_pattern
     describe: Callable[..., Unknown] = describe_residual
@@ -388,7 +339,10 @@ def find_missing(
         return _against_the_bases(model, prepared, against, stages)
 
     decision = of_rows(settings)
-    alike = _neighbours_alike(decision)
+    if decision.verdict == "none" or decision.misread:
+        return decision
+    rest = residual_after(decision.problem, decision.accepted.effects)
+    alike = correlation_of_rest(decision.problem.table, rest)
     if alike is None:
         return _with_family(decision)
     slow = slow_noise_of(decision)
@@ -417,14 +371,6 @@ def _with_family(decision: Decision) -> Decision:
     return replace(decision, verdict="family", unknown=unknown, family=family)
 
 
-def _neighbours_alike(decision: Decision) -> CorrelationTime | None:
-    """Return how long what is left of a log stays alike; None where neighbours differ."""
-    if decision.verdict == "none" or decision.misread:
-        return None
-    rest = residual_after(decision.problem, decision.accepted.effects)
-    return correlation_of_rest(decision.problem.table, rest)
-
-
 def _against_the_bases(
     model: Model, prepared: Prepared, against: Callable[..., Decision], stages: Stages
 ) -> Decision:
@@ -432,20 +378,20 @@ def _against_the_bases(
     decision = against(choose_base(model, prepared.table.drop(*prepared.zero_columns)))
     if decision.verdict != "none":
         other = base_of_unlike_ends(decision)
-        again = None if other is None else against(other)
-        if again is not None and leaves_less(again, decision):
-            said = decision.statement
-            or_else = (f"or {said.sentence()}",) if said else ()
-            decision = replace(again, warnings=(_UNLIKE_ENDS, *or_else))
+        if other is not None:
+            again, said = against(other), decision.statement
+            left, before = (
+                _error_after(one.problem, one.accepted.effects) for one in (again, decision)
+            )
+            # What another reading of the table leaves was compared before.
+            if said is not None or left < _BESIDE_NAMES * before:
+                or_else = (f"or {said.sentence()}",) if said else ()
+                decision = replace(again, warnings=(_UNLIKE_ENDS, *or_else))
     if decision.statement is not None:
         return decision
-    if decision.verdict != "none":
-        longer = base_of_next_degree(decision)
-        if longer is not None:
-            decision = replace(against(longer), warnings=decision.warnings)
     if not may_be_another_body(decision):
         return decision
-    energy = against(symmetric_energy(prepared.unexplained), other_body=True)
+    energy = against(symmetric_energy(prepared.unexplained))
     return against_energy(decision, energy, stages)
 
 
@@ -457,9 +403,8 @@ def decide(
     noise: Noise | None = None,
     settings: DiagnosisSettings = DEFAULTS,
     stages: Stages = STAGES,
-    other_body: bool = False,
 ) -> Decision:
-    """Go through the stages against one base, which may stand in for a body that does not fit."""
+    """Go through the stages against one base."""
     table, effects = prepared.unexplained, prepared.effects
     problem = stages.assemble(base, table, effects, noise, settings)
     weighed = noise_by_rest(problem) if noise is None else problem.noise
@@ -489,7 +434,6 @@ def decide(
             break
     accepted = stages.accept(problem, chosen, seed)
     left = stages.leftover(problem, first, accepted.effects)
-    accepted = stages.classify(problem, accepted, left, other_body=other_body)
     found = Decision(prepared, problem, tuple(noise_effects), first, tuple(ranking), accepted, left)
     return stages.verdict(found, describe=stages.describe, white=stages.white)
 

@@ -28,12 +28,10 @@ from ecm.diagnosis.preparation import Prepared
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import (
     Ranked,
-    Refinement,
     estimate,
     held_out_by_fold,
     held_out_rms,
     kind_of,
-    refinements,
 )
 from ecm.diagnosis.statements import (
     NoiseFinding,
@@ -58,7 +56,7 @@ from ecm.io.extras import require
 from ecm.io.sanity import likely_continuous, never_excited, time_unit, zero_column_sentences
 from ecm.models.check import NotTestable
 from ecm.models.errors import Ceiling, ceiling_rms
-from ecm.models.joint_fit import FittedEffect, JointFit, joint_fit
+from ecm.models.joint_fit import FittedEffect, JointFit
 from ecm.models.model import Model
 from ecm.models.partial import MeasuredMap
 from ecm.models.physics.map import PhysicsMap
@@ -231,8 +229,6 @@ class Diagnosis(Shown):
     """Causes outside the catalogue for each effect of the answer."""
     directions: dict[str, str] | None = field(metadata={"optional": True})
     """Whether the stiffness grows or falls, by effect; None where no id leaves that open."""
-    refinements: tuple[Refinement, ...] = field(metadata={"json": "further"})
-    """Richer forms of the accepted effects that were tried."""
     warnings: tuple[str, ...]
     addition: Addition | None = field(default=None, metadata={"optional": True})
     """What the effects bring to the model that was given; None where none is named."""
@@ -334,13 +330,7 @@ def _report(decision: Decision, seed: int, judged: Future[GivenModel]) -> Diagno
     """Return the report; it waits at its end for the answer about the model that was given."""
     problem, prepared = decision.problem, decision.prepared
     accepted = decision.accepted.effects
-    final = decision.accepted.fit or joint_fit(
-        problem.base,
-        [item.effect for item in accepted],
-        problem.table,
-        problem.noise,
-        row_weights=problem.weights,
-    )
+    final = decision.accepted.fit or problem.fit_with(accepted)
     ceiling = ceiling_rms(problem.fit, problem.table, problem.noise)
     tested = tuple(effect.id for effect in tested_noise(problem, prepared.effects))
     return Diagnosis(
@@ -373,14 +363,7 @@ def _report(decision: Decision, seed: int, judged: Future[GivenModel]) -> Diagno
         left_over=decision.left,
         look_alikes=_outside_causes(decision),
         directions=_ways(final) if decision.answer else None,
-        refinements=tuple(refinements(problem, accepted)),
-        warnings=(
-            *zero_column_sentences(prepared.zero_columns),
-            *_warnings(problem, prepared, final),
-            *negative_payload(final.effects if decision.answer else ()),
-            *path_taken(problem.table, [id for members in decision.answer for id in members]),
-            *decision.warnings,
-        ),
+        warnings=tuple(_warnings(decision, final)),
         model=judged.result(),
         rmse=_component_errors(judged.result().as_given.rmse, problem, final, ceiling),
     )
@@ -388,8 +371,8 @@ def _report(decision: Decision, seed: int, judged: Future[GivenModel]) -> Diagno
 
 def _ways(final: JointFit) -> dict[str, str] | None:
     """Return which way each accepted effect acts, where its id leaves that open."""
-    ways = {item.id: item.effect.way(final.rows, item.values) for item in final.effects}
-    return {id: way for id, way in ways.items() if way} or None
+    ways = [(item.id, item.effect.way(final.rows, item.values)) for item in final.effects]
+    return {id: way for id, way in ways if way} or None
 
 
 def upper_bound(test: FTest, size: int) -> float:
@@ -441,9 +424,8 @@ def _ranked(problem: Problem, item: Ranked) -> RankedEffect:
     sd = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))[fit.places(candidate)]
     best = int(np.argmax(np.abs(theta) / sd))
     parameter, norm = candidate.effect.parameters[best], problem.norms[candidate.columns[best]]
-    n = problem.size
     _, _, total = problem.normal.total()
-    now = total / problem.scale
+    now = total / problem.scale / problem.size
     return RankedEffect(
         id=item.id,
         p=item.p,
@@ -452,7 +434,7 @@ def _ranked(problem: Problem, item: Ranked) -> RankedEffect:
         size=float(theta[best] / norm),
         sd=float(sd[best] / norm),
         unit=parameter.unit,
-        expected_fall=float(np.sqrt(now / n) - np.sqrt(max(now - item.drop, 0.0) / n)),
+        expected_fall=float(np.sqrt(now) - np.sqrt(max(now - item.drop / problem.size, 0.0))),
     )
 
 
@@ -461,12 +443,9 @@ def _held_out(problem: Problem, accepted: Sequence[Candidate], ceiling: Ceiling 
     by_run: tuple[RunError, ...] = ()
     blocks = problem.settings.held_out == "blocks"
     if blocks and held_out_by(problem.table, "time") == "run":
-        before = held_out_by_fold(problem, ())
-        after = held_out_by_fold(problem, accepted)
+        before, after = (held_out_by_fold(problem, some).tolist() for some in ((), accepted))
         runs = np.unique(problem.table.column("run")).astype(int).tolist()
-        by_run = tuple(
-            RunError(run, float(b), float(a)) for run, b, a in zip(runs, before, after, strict=True)
-        )
+        by_run = tuple(map(RunError, runs, before, after))
     return HeldOut(
         before=held_out_rms(problem, (), kind_of(accepted)),
         after=held_out_rms(problem, accepted),
@@ -509,17 +488,20 @@ def _component_errors(
     )
 
 
-def _warnings(problem: Problem, prepared: Prepared, final: JointFit) -> tuple[str, ...]:
-    """What to know of the rows, of what is stated, and of the noise."""
-    strange = modulus_warning(problem)
-    wrong = prepared.misread
-    return (
-        *_of_rows(problem, prepared),
-        *([strange] if strange else ()),
-        *(() if wrong is None else [wrong.sentence()]),
-        *stated_numbers(problem, final),
-        *_of_noise(problem),
-    )
+def _warnings(decision: Decision, final: JointFit) -> Iterator[str]:
+    """Yield what to know of the rows, of what is stated, of the noise, and of the answer."""
+    problem, prepared = decision.problem, decision.prepared
+    yield from zero_column_sentences(prepared.zero_columns)
+    yield from _of_rows(problem, prepared)
+    if strange := modulus_warning(problem):
+        yield strange
+    if prepared.misread is not None:
+        yield prepared.misread.sentence()
+    yield from stated_numbers(problem, final)
+    yield from _of_noise(problem)
+    yield from negative_payload(final.effects if decision.answer else ())
+    yield from path_taken(problem.table, [id for members in decision.answer for id in members])
+    yield from decision.warnings
 
 
 def _of_rows(problem: Problem, prepared: Prepared) -> Iterator[str]:

@@ -1,9 +1,9 @@
-"""Stages rank and search: score tests, sets of effects, bounds, held-out errors, refinements."""
+"""Stages rank and search: score tests, sets of effects, bounds, held-out errors."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,7 +13,6 @@ from scipy import special
 from scipy.optimize import lsq_linear
 
 from ecm.diagnosis.problem import Candidate, Problem, best_of_each, with_more
-from ecm.effects import Shape
 from ecm.io.arrays import B, F, I
 from ecm.regression.folds import folds, held_out_by
 from ecm.regression.normal_equations import (
@@ -30,8 +29,6 @@ ONE_CAUSE_SHARE = 0.03
 """Share that two effects must explain beyond any single one: one cause is likelier."""
 _BEAM = 5
 """Best sets at each size of the search."""
-_WORST_FOLD = 1.1
-"""Largest growth of the error of a fold that a richer form may cause."""
 
 
 @dataclass(frozen=True)
@@ -254,15 +251,15 @@ def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]
         Of `rank(problem)`, best first.
     """
     least = problem.settings.least_bic
-    if not ranking:
-        return ()
-    best: tuple[Candidate, ...] = ()
-    if ranking[0].delta_bic >= least:
-        best = (ranking[0].candidate,)
+    best = tuple(first.candidate for first in ranking[:1] if first.delta_bic >= least)
     # Two strong effects may hide each other: every effect is tried with every other.
     good: list[tuple[Candidate, ...]] = [(item.candidate,) for item in ranking]
     while good and len(good[0]) < problem.settings.most_effects:
-        sets = [(*chosen, more) for chosen in good for more in _best_beside(problem, chosen)]
+        sets = [
+            (*chosen, more.candidate)
+            for chosen in good
+            for more in best_shapes(problem, chosen)[:_BEAM]
+        ]
         # The shape that is best alone, or beside another effect, need not be that of the set.
         sets = _best_of(problem, sets)
         sets = [*(_swapped(problem, chosen) for chosen in sets[:_BEAM]), *sets[_BEAM:]]
@@ -311,11 +308,6 @@ def _surely_two(problem: Problem, pair: tuple[Candidate, ...]) -> bool:
     return bool(chance * shapes * (shapes - 1) / 2 < problem.settings.level)
 
 
-def _best_beside(problem: Problem, chosen: tuple[Candidate, ...]) -> list[Candidate]:
-    """Return the effects that explain most beside the chosen, by BIC."""
-    return [one.candidate for one in best_shapes(problem, chosen)[:_BEAM]]
-
-
 def _beyond_one(problem: Problem, pair: tuple[Candidate, ...]) -> bool:
     """Whether two effects explain more beyond chance than any single one, whose form is inexact."""
     settings = problem.settings
@@ -329,8 +321,7 @@ def _beyond_one(problem: Problem, pair: tuple[Candidate, ...]) -> bool:
 
 def _swapped(problem: Problem, chosen: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
     """Exchange single members as long as that lowers BIC."""
-    best, value = chosen, delta_bic(problem, chosen)
-    improved = True
+    best, value, improved = chosen, delta_bic(problem, chosen), True
     while improved:
         improved = False
         for i in range(len(best)):
@@ -345,40 +336,24 @@ def _swapped(problem: Problem, chosen: tuple[Candidate, ...]) -> tuple[Candidate
     return best
 
 
-def explains_more_than_its_plain_form(
-    problem: Problem, chosen: Sequence[Candidate], item: Candidate
-) -> bool:
-    """Whether the effect explains more than its plain form in its place, by the least BIC."""
-    found = _beyond_plain_form(problem, chosen, item)
-    return found is None or found[0] > 0.0
+def own_sign(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> tuple[bool, bool]:
+    """Whether the effect explains more than its plain form in its place, and by far.
 
-
-def surpasses_its_plain_form(
-    problem: Problem, chosen: Sequence[Candidate], item: Candidate
-) -> bool:
-    """Whether its own sign also explains most of what its plain form, in its place, leaves.
-
-    A form that is not quite the truth's is alike with and without that sign.
+    By the least BIC; by far, where it also explains most of what the plain form leaves: a form that
+    is not quite the truth's is alike with and without that sign. An effect without a plain form
+    explains more than none, and nothing by far.
     """
-    found = _beyond_plain_form(problem, chosen, item)
-    return found is not None and found[0] > 0.0 and found[1] > _MOST_OF_IT
-
-
-def _beyond_plain_form(
-    problem: Problem, chosen: Sequence[Candidate], item: Candidate
-) -> tuple[float, float] | None:
-    """Fall of BIC beyond the least against the plain form, and its share of what that leaves."""
     plain = item.effect.plain_form()
     if plain is None:
-        return None
+        return True, False
     wider, (other,) = with_more(problem, (plain,))
     others = without(chosen, item)
     known = delta_chi2(wider, (*others, other))
     gain = delta_chi2(wider, (*others, item)) - known
     price = np.log(problem.size) * max(0, item.parameters - other.parameters)
+    more = bool(gain > price + problem.settings.least_bic)
     left = problem.squares_beside_base / problem.scale - known
-    share = gain / max(left - problem.size, 1e-300)
-    return gain - price - problem.settings.least_bic, share
+    return more, more and gain > _MOST_OF_IT * max(left - problem.size, 1e-300)
 
 
 _MOST_OF_IT = 0.5
@@ -491,34 +466,3 @@ def _scored_groups(problem: Problem) -> F:
     count = len(problem.normal.squares)
     scored = np.bincount(problem.groups, problem.scored.astype(np.float64), count)
     return np.asarray(scored, dtype=np.float64)
-
-
-@dataclass(frozen=True)
-class Refinement:
-    """A richer form of an accepted effect, with held-out errors of both forms."""
-
-    id: str
-    shape: Shape
-    held_out_plain: tuple[float, ...]
-    """Whitened rms of each held-out fold with the plain form."""
-    held_out_richer: tuple[float, ...]
-    """The same with the richer form."""
-    kept: bool
-    """Whether the total error falls and no fold gets much worse."""
-
-
-def refinements(problem: Problem, chosen: Sequence[Candidate]) -> Iterator[Refinement]:
-    """Yield, for each chosen effect that has richer forms, the one that fits best."""
-    for item in chosen:
-        forms = item.effect.refinement(problem.rows.whole.table)
-        if not forms:
-            continue
-        wider, candidates = with_more(problem, forms)
-        others = without(chosen, item)
-        best = max(candidates, key=lambda c: delta_chi2(wider, (*others, c)))
-        plain = held_out_by_fold(wider, chosen)
-        richer = held_out_by_fold(wider, (*others, best))
-        falls = (richer**2).sum() < (plain**2).sum()
-        kept = bool(falls and np.all(richer < _WORST_FOLD * plain))
-        errors = (tuple(plain.tolist()), tuple(richer.tolist()))
-        yield Refinement(item.id, best.effect.shape, *errors, kept)

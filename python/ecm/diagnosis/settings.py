@@ -50,9 +50,6 @@ class DiagnosisSettings(Checked):
     """Rows held out: blocks of time or of poses, or groups of rows at random."""
     held_out_errors: float = setting(1.0)
     """Fall of the held-out error that a name needs, in its standard errors."""
-    near_share: float = setting(0.3, low=0.0, high=1.0)
-    """Beside another effect, or a body that is not the stated one, a rival may lose this
-    share of a name."""
 
 
 DEFAULTS = DiagnosisSettings()

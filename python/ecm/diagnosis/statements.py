@@ -32,7 +32,7 @@ from ecm.diagnosis.problem import (
 from ecm.effects import Effect
 from ecm.effects.noise import NoiseEffect
 from ecm.errors import EcmError, ModelError
-from ecm.io.arrays import B, F, I, evenly, rest_of
+from ecm.io.arrays import B, F, evenly, rest_of
 from ecm.io.columns import POSE, WRENCH, unit_of_factor
 from ecm.io.conventions import Convention, conventions, falling_loads, in_words
 from ecm.io.mechanism import Mechanism
@@ -78,16 +78,13 @@ def moved_points(length_m: float, poses: F, wrench: F, left: Left) -> Iterator[C
         What the base leaves of other rows; its squares are minimised over the three coordinates.
     """
     kinds = (
-        (_from_point, "the positions look measured from a point {0} away", True),
-        (_of_point, "the pose looks that of another point of the top, {0} away", True),
-        (_about_point, "the torque looks taken about a point {0} away", False),
-        (
-            _about_top_point,
-            "the torque looks taken about a point of the top {0} away",
-            False,
-        ),
+        ("the positions look measured from a point {0} away", True, False),
+        ("the pose looks that of another point of the top, {0} away", True, True),
+        ("the torque looks taken about a point {0} away", False, False),
+        ("the torque looks taken about a point of the top {0} away", False, True),
     )
-    for move, words, of_pose in kinds:
+    for words, of_pose, of_top in kinds:
+        move = partial(_moved, of_pose, of_top)
         at = _best_point(move, length_m, poses, wrench, left)
         if at is None:
             continue
@@ -95,6 +92,14 @@ def moved_points(length_m: float, poses: F, wrench: F, left: Left) -> Iterator[C
         if of_pose and abs(at[0]) > 3.0 * float(np.hypot(at[1], at[2])):
             said += f", or the length looks {length_m + at[0]:.4g} m, not {length_m:.4g} m"
         yield Convention(said, partial(move, at), of_pose)
+
+
+def _moved(of_pose: bool, of_top: bool, at: F, poses: F, wrench: F) -> tuple[F, F]:
+    """Return poses and wrench of another point, which is fixed in the base or in the top."""
+    lever = rotation(poses[:, 3:]) @ at if of_top else np.broadcast_to(at, (len(poses), 3))
+    if of_pose:
+        return np.hstack([poses[:, :3] - lever, poses[:, 3:]]), wrench
+    return poses, np.hstack([wrench[:, :3], wrench[:, 3:] + np.cross(lever, wrench[:, :3])])
 
 
 def _best_point(
@@ -112,31 +117,6 @@ def _best_point(
         return None
     far = float(np.abs(found.x).max())
     return length_m * found.x if _LEAST_SHARE < far < _MOST_SHARE else None
-
-
-def _from_point(at: F, poses: F, wrench: F) -> tuple[F, F]:
-    return poses - np.r_[at, 0.0, 0.0, 0.0], wrench
-
-
-def _of_point(at: F, poses: F, wrench: F) -> tuple[F, F]:
-    return np.hstack([poses[:, :3] - _turned(at, poses), poses[:, 3:]]), wrench
-
-
-def _about_point(at: F, poses: F, wrench: F) -> tuple[F, F]:
-    return poses, _with_lever(np.broadcast_to(at, (len(poses), 3)), wrench)
-
-
-def _about_top_point(at: F, poses: F, wrench: F) -> tuple[F, F]:
-    return poses, _with_lever(_turned(at, poses), wrench)
-
-
-def _turned(at: F, poses: F) -> F:
-    """(N, 3) of a point of the top in base axes."""
-    return np.asarray(rotation(poses[:, 3:]) @ at)
-
-
-def _with_lever(lever: F, wrench: F) -> F:
-    return np.hstack([wrench[:, :3], wrench[:, 3:] + np.cross(lever, wrench[:, :3])])
 
 
 EQUAL = 1.5
@@ -186,12 +166,12 @@ def best_readings(
         columns = _columns(base, poses) if item.of_pose else as_stated
         return float((_rest(columns, wrench) ** 2).mean())
 
+    listed = [*conventions(length_m)]
     if length_m is None:
         # Every symmetric stiffness has an energy where the rotations are small enough.
-        listed = [item for item in conventions(None) if not item.of_pose_unit]
+        listed = [item for item in listed if not item.of_pose_unit]
     else:
-        moved = moved_points(length_m, poses, wrench, lambda p, h: _rest(_columns(base, p), h))
-        listed = [*conventions(length_m), *moved]
+        listed += moved_points(length_m, poses, wrench, lambda p, h: _rest(_columns(base, p), h))
     most = MENDED_SHARE**2 * float((_rest(as_stated, wrench) ** 2).mean())
     return best_of(squares_left(listed, poses, wrench, squares), most)
 
@@ -268,9 +248,11 @@ def find_wrong_statement(
     before, after
         Whitened rms of the base alone, and with the accepted effects.
     """
-    table, rows = problem.table, _compared_rows(problem)
+    table = problem.table
     if not table.has(*POSE, *WRENCH):
         return None
+    rows = np.flatnonzero(problem.scored & (problem.weights > 0.0))
+    rows = rows[evenly(len(rows), _ROWS)]
     poses, wrench = table.matrix(POSE)[rows], table.wrenches[rows]
     length = problem.rows.length_m if problem.rows.has_length else None
     bodies, most = _bodies(problem.base), 0.5 * after if effects else np.inf
@@ -286,7 +268,9 @@ def find_wrong_statement(
     for body in bodies:
         best = best_readings(body, poses, wrench, length)
         if length is None:
-            best = [item for item in best if not _falls(*item.change(poses, wrench))] or best
+            there = np.full(12, True)
+            rising = [one for one in best if not falling_loads(*one.change(poses, wrench), there)]
+            best = rising or best
         mended = _error(problem, body, best[0]) if best else None
         if mended is not None and mended <= min(MENDED_SHARE * before, most):
             return WrongStatement(in_words(best), before, mended)
@@ -299,13 +283,10 @@ def _bodies(base: StiffnessMap) -> list[StiffnessMap]:
         return [base]
     own = base.model
     terms: dict[str, Any] = {
-        "length_m": own.length_m, "degree": own.degree, "symmetry": "revolution"
+        "length_m": own.length_m, "degree": own.degree, "symmetry": "revolution", "scale": own.scale
     }  # fmt: skip
-    count = EnergyEvaluator.regressor(
-        np.array([[own.length_m, *[0.0] * 5]]), scale=own.scale, **terms
-    )
-    zeros = np.zeros(count.shape[2])
-    unlike = EnergyEvaluator.from_coefficients(scale=own.scale, coefficients=zeros, **terms)
+    count = EnergyEvaluator.regressor(np.array([[own.length_m, *[0.0] * 5]]), **terms).shape[2]
+    unlike = EnergyEvaluator.from_coefficients(coefficients=np.zeros(count), **terms)
     return [base, EnergyMap(unlike)]
 
 
@@ -320,25 +301,12 @@ def _any_elastic_body(poses: F, wrench: F) -> list[StiffnessMap]:
     return [EnergyMap(EnergyEvaluator.fit(poses, wrench, **terms))]
 
 
-def _falls(poses: F, wrench: F) -> bool:
-    """Whether a load falls where its coordinate grows."""
-    return bool(falling_loads(poses, wrench, np.full(12, True)))
-
-
-def _named(poses: F, wrench: F) -> dict[str, F]:
-    return dict(zip((*POSE, *WRENCH), np.hstack([poses, wrench]).T, strict=True))
-
-
-def _compared_rows(problem: Problem) -> I:
-    rows = np.flatnonzero(problem.scored & (problem.weights > 0.0))
-    return rows[evenly(len(rows), _ROWS)]
-
-
 def _error(problem: Problem, base: StiffnessMap, reading: Convention | None) -> float | None:
     """Return the whitened rms that a base leaves of a reading; None where it cannot be fitted."""
     table = problem.table
     if reading is not None:
-        table = table.with_columns(_named(*reading.change(table.matrix(POSE), table.wrenches)))
+        read = np.hstack(reading.change(table.matrix(POSE), table.wrenches))
+        table = table.with_columns(dict(zip((*POSE, *WRENCH), read.T, strict=True)))
     try:
         fit = joint_fit(base, (), table, problem.noise)
     except (EcmError, np.linalg.LinAlgError):
@@ -423,21 +391,20 @@ def _elasticity(problem: Problem) -> str:
     stated = Mechanism.from_dict(base.mechanism)
     if stated.builtin == "rod":
         stated = stated_rod(stated)
-    own = {"young_modulus_Pa": stated.young_modulus_Pa, "poisson_ratio": stated.poisson_ratio}
+    values = base.values
     spread = dict(zip(base.free, np.sqrt(np.diag(problem.fit.covariance)), strict=False))
-    parts = []
-    for name, least in (
-        ("young_modulus_Pa", _LEAST_CHANGE * own["young_modulus_Pa"]),
-        ("poisson_ratio", _LEAST_NU),
-    ):
-        change = abs(base.values[name] - own[name])
-        if name not in base.free or change < max(least, _DEVIATIONS * float(spread[name])):
-            continue
-        if name == "young_modulus_Pa":
-            ratio = base.values[name] / own[name]
-            parts.append(f"E is {ratio:.3g} times the stated {own[name]:.3g} Pa")
-        else:
-            parts.append(f"nu is {base.values[name]:.3f}, stated as {own[name]:.3g}")
+
+    def differs(name: str, own: float, least: float) -> bool:
+        return name in base.free and abs(values[name] - own) >= max(
+            least, _DEVIATIONS * float(spread[name])
+        )
+
+    parts, modulus, nu = [], stated.young_modulus_Pa, stated.poisson_ratio
+    if differs("young_modulus_Pa", modulus, _LEAST_CHANGE * modulus):
+        ratio = values["young_modulus_Pa"] / modulus
+        parts.append(f"E is {ratio:.3g} times the stated {modulus:.3g} Pa")
+    if differs("poisson_ratio", nu, _LEAST_NU):
+        parts.append(f"nu is {values['poisson_ratio']:.3f}, stated as {nu:.3g}")
     return f"by these rows {' and '.join(parts)}" if parts else ""
 
 
@@ -516,15 +483,8 @@ def ratio_warning(problem: Problem) -> str:
     nu = base.values["poisson_ratio"]
     if min(nu - low, high - nu) > 1e-6 * high:
         return ""
-    squares = problem.squares_of(problem.response)
-    matrix, vector, _ = problem.normal.total()
-    free = float(
-        explained_by_blocks(
-            (matrix, vector), projected_out(matrix, vector, ()), [problem.base_index]
-        )[0]
-    )
-    beyond = np.sqrt(max(squares - free, 0.0) / problem.size)
-    at_bound = np.sqrt(squares / problem.size)
+    beyond = np.sqrt(problem.squares_beside_base / problem.size)
+    at_bound = np.sqrt(problem.squares_of(problem.response) / problem.size)
     if at_bound < _FAR * max(1.0, float(beyond)):
         return ""
     return (
@@ -610,11 +570,8 @@ def _residual(problem: Problem, use: B) -> tuple[F, F]:
 def _score(residual: F, unfitted: F, effect_variance: F) -> tuple[float, float]:
     """Return z of U with the common scale estimated, and the parameter's square over its unit."""
     scale = float((residual**2).sum() / np.einsum("nii->", unfitted))
-    products = effect_variance @ unfitted
-    traces = np.einsum("nii->n", products)
-    plain = np.einsum("nii->n", unfitted)
     # Without its part along a common scale.
-    share = traces.sum() / plain.sum()
+    share = np.einsum("nij,nji->", effect_variance, unfitted) / np.einsum("nii->", unfitted)
     centred = effect_variance - share * np.eye(effect_variance.shape[1])
     product = centred @ unfitted
     score = float(np.einsum("ni,nij,nj->", residual, centred, residual)) / scale

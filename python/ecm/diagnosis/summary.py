@@ -109,16 +109,16 @@ def verdict_sentence(document: Mapping[str, Any]) -> str:
     if "slow_noise" in unknown:
         apart = "a pause, or the same motion again or at another speed, would"
         return f"Missing: {_missing_beside(document)}; {apart}."
-    if document["unknown"] is None and not document["answer"]:
-        bound = document["upper_bound"]
-        bounded = f"s < {bound:.2f}" if bound < np.inf else "too few rows to bound s"
-        return f"Nothing is missing that these data could show ({bounded})."
     if document["answer"]:
         causes = " and ".join(
             " or ".join(_named(document, id, len(members) == 1) for id in members)
             for members in document["answer"]
         )
         return f"Missing: {causes}; {_fall(document)}."
+    if not unknown:
+        bound = document["upper_bound"]
+        bounded = f"s < {bound:.2f}" if bound < np.inf else "too few rows to bound s"
+        return f"Nothing is missing that these data could show ({bounded})."
     nearest = unknown["nearest"]
     near = f"; nearest is {nearest['id']} ({nearest['share']:.0%})" if nearest else ""
     return f"Missing: {_missing_beside(document)}{near}."
@@ -140,7 +140,7 @@ def _named(document: Mapping[str, Any], id: str, single: bool) -> str:
     way = (document.get("directions") or {}).get(id)
     outside = [f"or {one['what'].split(':')[0]}" for one in document["look_alikes"]
                if single and one["id"] == id]  # fmt: skip
-    said = "; ".join([*([way] if way else []), *outside])
+    said = "; ".join(filter(None, [way, *outside]))
     return f"{id} ({said})" if said else id
 
 
@@ -149,8 +149,13 @@ def _missing_beside(document: Mapping[str, Any]) -> str:
     likely = f"; probability {min(document['probability'], 0.99):.2f}"  # never 1: nothing shows it
     if document["verdict"] in ("named", "ambiguous"):
         sizes = {item["id"]: _sized(item) for item in document["effects"]}
-        causes = " and ".join(_cause(members, sizes) for members in document["answer"])
-        return f"{causes}{likely}; {_fall(document)}"
+        causes = [
+            f"{' or '.join(members)} (these data cannot tell them apart)"
+            if len(members) > 1
+            else sizes.get(members[0], members[0])
+            for members in document["answer"]
+        ]
+        return f"{' and '.join(causes)}{likely}; {_fall(document)}"
     family, unknown = document.get("family"), document["unknown"]
     if family is not None:
         like = f" ({', '.join(family['like'])}: none fits)" if family["like"] else ""
@@ -166,23 +171,19 @@ def _missing_beside(document: Mapping[str, Any]) -> str:
         # What passes every check, and leaves too much to be all of it.
         beside = f"; beside it what looks like {part}, {_fall(document)}" if part else ""
         return f"{said}{unknown['words']}{beside}"
-    model = document["model"]
-    errs = f"{model['name']} errs {_error(model['as_given'])}"
-    again = model["refitted"] or model["base_errors"]
-    said_of_model = {
-        "form": f"no effect, a better form of the model: {errs}, {model['base']} "
-        f"{_error(model['base_errors'])}",
-        "numbers": f"no effect, the model's numbers are not those of this body: {errs}, fitted "
-        f"again {_error(again)}",
-        "effect": f"what {model['name']} lacks is too weak to be named: it errs "
-        f"{_error(model['as_given'])}",
-        "table": "no effect, the table looks misread: "
-        f"{(model.get('statement') or {}).get('what')}",
-        "noise": f"nothing that these data could show, though {errs}",
-    }
-    bound = document["upper_bound"]
+    model, bound = document["model"], document["upper_bound"]
+    given, base = (_error(model[key]) for key in ("as_given", "base_errors"))
+    again = _error(model["refitted"]) if model["refitted"] else base
+    errs, nothing = f"{model['name']} errs {given}", "nothing that these data could show"
     bounded = f" (below {bound:.2g} times the noise)" if bound < np.inf else ""
-    said = said_of_model.get(model["answer"], f"nothing that these data could show{bounded}")
+    said = {
+        "form": f"no effect, a better form of the model: {errs}, {model['base']} {base}",
+        "numbers": "no effect, the model's numbers are not those of this body: "
+        f"{errs}, fitted again {again}",
+        "effect": f"what {model['name']} lacks is too weak to be named: it errs {given}",
+        "table": f"no effect, the table looks misread: {model.get('statement', {}).get('what')}",
+        "noise": f"{nothing}, though {errs}",
+    }.get(model["answer"], f"{nothing}{bounded}")
     return f"{said}{_untested(document)}"
 
 
@@ -193,12 +194,6 @@ def _untested(document: Mapping[str, Any]) -> str:
         return ""
     some = ", ".join(ids[:_SOME_UNTESTED]) + (", ..." if len(ids) > _SOME_UNTESTED else "")
     return f"; not testable here: {len(ids)} effects ({some})"
-
-
-def _cause(members: list[str], sizes: Mapping[str, str]) -> str:
-    if len(members) > 1:
-        return f"{' or '.join(members)} (these data cannot tell them apart)"
-    return sizes.get(members[0], members[0])
 
 
 def _sized(item: Mapping[str, Any]) -> str:
@@ -422,21 +417,16 @@ def _errors(document: Mapping[str, Any]) -> list[TableBlock]:
     held_out = document["held_out"]
     steps = [step for step in _STEPS if errors[step]]
     rows = [[name, *(errors[step].get(name) for step in steps)] for name in errors["before"]]
+    floor = ". The floor is the noise" if errors["floor"] else ""
+    ceiling = "; the ceiling is the base with a free cubic of the pose, on held-out rows"
     caption = (
         "Root mean square error in the unit of each column. Before: the model as given, not "
         "refitted. Base: what names are against, fitted to these rows. After: the base with the "
-        "accepted effects"
+        f"accepted effects{floor}{ceiling if errors['ceiling'] else ''}."
     )
-    if errors["floor"]:
-        caption += ". The floor is the noise"
-    more = "; the ceiling is the base with a free cubic of the pose, on held-out rows."
-    caption += more if errors["ceiling"] else "."
-    over_noise = {"before": held_out["before"], "after": held_out["after"]}
     unit = "the base's own residual" if document["noise"].get("is_residual") else "the noise"
-    if errors["floor"]:
-        over_noise["floor"] = 1.0
-    if "ceiling" in held_out:
-        over_noise["ceiling"] = held_out["ceiling"]
+    known = held_out | ({"floor": 1.0} if errors["floor"] else {})
+    over_noise = {step: known[step] for step in _STEPS if step in known}
     return [
         TableBlock(caption, ("component", *steps), rows),
         TableBlock(

@@ -1,4 +1,4 @@
-"""Stages classify and verdict: final classes, the headline, and the probability that it is right.
+"""Stage verdict: the headline, and the probability that it is right.
 
 The chance of chance alone is far below 1e-6 for nearly every name; what makes names wrong is that
 another cause looks alike, or that the truth is in no catalogue. So the probability is the share of
@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ecm.diagnosis.accept import Accepted, widened_class
+from ecm.diagnosis.accept import Accepted
 from ecm.diagnosis.family import Family
 from ecm.diagnosis.left_over import (
     Gate,
@@ -43,13 +43,6 @@ from ecm.diagnosis.statements import (
 )
 from ecm.effects import Missing
 from ecm.models.physics.map import PhysicsMap
-
-_NEAR_SHARE_IN_DOUBT = 0.6
-"""Share of a name that a rival may lose where the form of the effect is in doubt."""
-DOUBTFUL_SHARE = 0.04
-"""The form is in doubt where more than this share is left,"""
-_DOUBTFUL_P = 0.05
-"""and where what is left is seen with this chance."""
 
 Headline = Literal["none", "named", "ambiguous", "family", "unknown"]
 Describe = Callable[..., Unknown]
@@ -107,33 +100,6 @@ class Decision:
             verdict="unknown",
             unknown=replace(everything, **said),
         )
-
-
-def classify(
-    problem: Problem, accepted: Accepted, left: Leftover, *, other_body: bool = False
-) -> Accepted:
-    """Widen the class of each effect where its form is in doubt, or beside another departure.
-
-    Two wrong names together may explain a third effect: each needs its rivals far away. So does
-    one name beside a body that is not the stated one.
-
-    Parameters
-    ----------
-    other_body
-        Whether the base stands in for that of a stated body that does not fit.
-    """
-    settings = problem.settings
-    if left.remains or modulus_warning(problem):
-        return accepted
-    doubtful = left.share > DOUBTFUL_SHARE and left.p < _DOUBTFUL_P
-    if not doubtful and not other_body and len(accepted.effects) < 2:
-        return accepted
-    near = _NEAR_SHARE_IN_DOUBT if doubtful else settings.near_share
-    classes = tuple(
-        tuple(widened_class(problem, accepted.effects, item, members, near))
-        for item, members in zip(accepted.effects, accepted.classes, strict=True)
-    )
-    return replace(accepted, classes=classes)
 
 
 def verdict(
