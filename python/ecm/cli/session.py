@@ -74,7 +74,7 @@ def way_in(path: Path) -> Remedy | None:
     of = {"pose": imported.table.pose_columns, "wrench": imported.table.wrench_columns}
     lacking = " or a ".join(kind for kind in of if not of[kind])
     own = [imported.meta.origin[name] == name for names in of.values() for name in names]
-    if any(own) and (lacking or not all(own)):
+    if lacking and any(own):
         return None  # a table already
     first = "import it, since it is a log of another program"
     last = ""
