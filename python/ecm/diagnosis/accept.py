@@ -141,6 +141,9 @@ class _Chosen:
         losses = self.bic - fall(self.problem, self.others, others)
         nearest: dict[str, float] = {}
         for other, loss in zip(others, losses.tolist(), strict=True):
+            form = other.effect.plain_form()
+            if of_parts and form is not None and form.id == self.item.id:
+                continue  # without its own sign it is this effect
             if self._is_rival(other, loss, least) and not self.is_refuted(other):
                 nearest[other.id] = min(loss, nearest.get(other.id, np.inf))
         return dict(sorted(nearest.items(), key=lambda pair: pair[1]))

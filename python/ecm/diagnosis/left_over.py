@@ -136,9 +136,10 @@ def leftover(problem: Problem, gate: Gate, effects: Sequence[Candidate]) -> Left
     # What the effects explain was structure, whether smooth functions see it or not.
     before = max(gate.structure, delta_chi2(problem, effects))
     allowed = max(0.0, _LEFT_SHARE - ONE_CAUSE_SHARE * (len(effects) - 1)) * before
+    allowed = max(allowed if effects else 0.0, ONE_CAUSE_SHARE * problem.held)
     # Chance adds to what is left: it must be more than the form of an effect may leave.
     spread = float(np.sqrt(2.0 * test.dof + 4.0 * allowed))
-    large = not effects or after > allowed + _LEFT_DEVIATIONS * spread
+    large = not (effects or problem.held) or after > allowed + _LEFT_DEVIATIONS * spread
     p = min(test.p, float(special.chdtrc(max(1, int(fit.at_bound.sum())), fit.lost)))
     return Leftover(
         beyond_chance=after,

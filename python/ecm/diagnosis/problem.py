@@ -481,6 +481,9 @@ class Problem:
     """What the base leaves out of the next degree; None of one that is projected out."""
     reduced: tuple[F, F] | None = None
     """Normal equations in place of those of the rows, to study a stage."""
+    held: float = 0.0
+    """Squares beside the base, over the noise scale, that the model's effects explain; they are
+    taken off the response."""
 
     @property
     def size(self) -> int:

@@ -38,7 +38,14 @@ from ecm.diagnosis.left_over import (
     residual_after,
 )
 from ecm.diagnosis.preparation import Prepared, prepare
-from ecm.diagnosis.problem import Candidate, Problem, assemble, base_beside, noise_by_rest
+from ecm.diagnosis.problem import (
+    Candidate,
+    Problem,
+    Projection,
+    assemble,
+    base_beside,
+    noise_by_rest,
+)
 from ecm.diagnosis.result import Diagnosis, report
 from ecm.diagnosis.search import Ranked, delta_chi2, rank, search
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
@@ -414,6 +421,7 @@ def decide(
     grown = with_load_growth(problem.noise, noise_effects)
     if grown is not problem.noise:
         problem = stages.assemble(problem.base, problem.table, effects, grown, settings)
+    problem = replace(problem, held=_held(problem, prepared))
 
     first = stages.gate(problem)
     ranking = stages.rank(problem)
@@ -429,13 +437,24 @@ def decide(
             # The same effects leave more there: a large one is no longer linear.
             break
         same = {item.id for item in again} == {item.id for item in chosen}
-        problem, ranking, chosen = nearer, order, again
+        problem, ranking, chosen = replace(nearer, held=problem.held), order, again
         if same:
             break
     accepted = stages.accept(problem, chosen, seed)
     left = stages.leftover(problem, first, accepted.effects)
     found = Decision(prepared, problem, tuple(noise_effects), first, tuple(ranking), accepted, left)
     return stages.verdict(found, describe=stages.describe, white=stages.white)
+
+
+def _held(problem: Problem, prepared: Prepared) -> float:
+    """Return the squares beside the base, over the noise scale, of the model's own effects."""
+    outputs = problem.base.outputs
+    taken = prepared.table.matrix(outputs) - problem.table.matrix(outputs)
+    if not taken.any():
+        return 0.0
+    projection = Projection.of(problem.base_block, np.sqrt(problem.weights))
+    beside = projection.rest(problem.whitener @ taken[:, :, None])[:, :, 0]
+    return problem.squares_of(beside) / problem.scale
 
 
 def _alike(problem: Problem, chosen: Sequence[Candidate]) -> tuple[Candidate, ...]:

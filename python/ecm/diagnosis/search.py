@@ -224,7 +224,8 @@ def all_needed(problem: Problem, chosen: Sequence[Candidate]) -> bool:
             return False
         if others and alone < _least_explained(problem, item, others, total):
             return False
-    return True
+    # What the forms of the model's own effects leave is no further cause.
+    return not chosen or total >= ONE_CAUSE_SHARE * problem.held
 
 
 def _least_explained(
@@ -251,7 +252,8 @@ def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]
         Of `rank(problem)`, best first.
     """
     least = problem.settings.least_bic
-    best = tuple(first.candidate for first in ranking[:1] if first.delta_bic >= least)
+    best = tuple(first.candidate for first in ranking[:1])
+    best = best if all_needed(problem, best) else ()
     # Two strong effects may hide each other: every effect is tried with every other.
     good: list[tuple[Candidate, ...]] = [(item.candidate,) for item in ranking]
     while good and len(good[0]) < problem.settings.most_effects:
