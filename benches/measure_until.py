@@ -34,7 +34,7 @@ from ecm import _native
 from ecm.designs import DesignSettings, diagnosable_plan, optimal_design
 from ecm.designs.next_pose import UNITS, NextPose
 from ecm.designs.regressors import NominalModel
-from ecm.diagnosis.agreement import agreed, is_due, names_of
+from ecm.diagnosis.agreement import Look, agreed, is_due, look_at, next_row
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.mechanism import Mechanism
@@ -308,21 +308,24 @@ class Bed:
 
     def whole(self) -> Named:
         """The whole plan, diagnosed at its end."""
-        names = names_of(self._campaign.run())
-        return Named(len(self.plan), self._campaign.minutes, names)
+        look = look_at(self._campaign.run(), self.plan)
+        return Named(len(self.plan), self._campaign.minutes, look.names)
 
     def stopped(self) -> Named:
-        """The plan until the diagnoses agree."""
-        names: list[tuple[str, ...]] = []
+        """Rows that tell most, until the diagnoses agree."""
+        listed = requests(self.plan, RigSettings().rig, float(self.plan.meta.length_m or 0.0))
+        listed = [one for one in listed if one.row in self._campaign.rows]
+        layout = Layout(RigSettings().rig, float(self.plan.meta.length_m or 0.0), listed)
+        looks: list[Look] = []
         order: list[int] = []
-        for row in self._campaign.rows:
-            order.append(row)
-            if self._is_pose[row] and is_due(int(self._is_pose[order].sum())):
+        while row := next_row(listed, order, looks[0].told if looks else None, layout.minutes):
+            order.append(row.row)
+            if self._is_pose[row.row] and is_due(int(self._is_pose[order].sum())):
                 campaign = self._campaign.in_order(order)
-                names.append(names_of(campaign.run()))
-                if agreed(names):
-                    return Named(len(order), campaign.minutes, names[-1])
-        return Named(len(order), self._campaign.minutes, ())
+                looks.insert(0, look_at(campaign.run(), self.plan))
+                if agreed(looks):
+                    return Named(len(order), campaign.minutes, looks[0].names)
+        return Named(len(order), self._campaign.in_order(order).minutes, ())
 
 
 def named(first: int, rigs: int, folder: Path) -> None:

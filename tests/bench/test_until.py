@@ -6,7 +6,7 @@ import json
 import re
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ from ecm.bench import Bench, measure
 from ecm.bench.devices import DeviceError
 from ecm.designs import Design, DesignSettings, diagnosable_plan, optimal_design
 from ecm.designs.next_pose import NextPose
+from ecm.diagnosis.agreement import Told, look_at, next_row
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
@@ -27,7 +28,8 @@ from ecm.models import EnergyModel, Model, fit_model
 from ecm.models.fit import fit_rows
 from ecm.models.maps import EnergyMap, EnergyTerms
 from ecm.rig import Campaign, RigSettings, fem_source
-from ecm.rig.settings import Instruments
+from ecm.rig.plan import LOOK_HOME, Request, requests
+from ecm.rig.settings import Instruments, Procedure
 
 
 def _body() -> EnergyMap:
@@ -326,7 +328,9 @@ def test_the_simulated_rig_follows_the_chosen_order(tmp_path: Path) -> None:
     assert certificate(out)["rows"] == 12
 
 
-def test_a_run_until_named_stops_when_three_diagnoses_name_the_same(tmp_path: Path) -> None:
+def test_a_run_until_named_takes_telling_rows_and_stops_when_a_name_is_believed(
+    tmp_path: Path,
+) -> None:
     poses = np.random.default_rng(0).uniform(-1.0, 1.0, (40, 6))
     poses *= [0.004, 0.012, 0.012, 0.2, 0.2, 0.2]
     poses[:, 0] += Mechanism().length_m
@@ -349,3 +353,61 @@ def test_a_run_until_named_stops_when_three_diagnoses_name_the_same(tmp_path: Pa
     assert promise["rows"] == np.count_nonzero(table.text("kind") == "pose") < 60
     assert promise["words"][0].endswith("named was reached")
     assert promise["words"][1] == "named payload"
+    # The run read its zero before the first pose: the plan's own would cost three minutes more.
+    assert plan.text("kind")[0] == "unloaded"
+    assert "unloaded" not in table.text("kind")
+    again = measure(plan, bench, tmp_path / "again.csv", until="named", say=unsaid)
+    assert again.text("approach").tolist() == table.text("approach").tolist()
+
+
+def test_looks_keep_their_places_and_every_other_pose_is_the_one_that_tells_most_a_minute() -> None:
+    kinds = ["unloaded", "home", *["pose"] * 15, "home", *["pose"] * 5, "unloaded", "pose"]
+    plan = spring_plan(len(kinds), kind=kinds)
+    rows = requests(plan, Procedure(), 0.1)
+
+    class Worth:
+        """Rows tell as much as their number; what was taken since tells nothing more."""
+
+        def worth(self, rows: list[int], since: list[int]) -> np.ndarray:
+            seen.append(since)
+            return np.asarray(rows, dtype=np.float64)
+
+    seen: list[list[int]] = []
+    order: list[int] = []
+    while row := next_row(rows, order, cast("Told", Worth()) if len(order) > 12 else None, minutes):
+        order += [row.row, LOOK_HOME][: 1 + (len(order) == 3)]
+    places = [row for row in order if row >= 0]
+    assert sorted(places) == list(range(len(kinds)))
+    # The twelve poses before the first diagnosis; 18 lasts long, and 15 poses are diagnosed again.
+    assert places[:13] == list(range(1, 14))
+    assert places[13:16] == [24, 14, 22]
+    assert places[16] == 17
+    assert places[17:19] == [21, 15]
+    assert seen[:2] == [[], [24, 14]]
+    assert places[-2:] == [18, 0]
+
+
+def minutes(row: Request) -> float:
+    """All take alike long but one."""
+    return 1e3 if row.row == 18 else 1.0
+
+
+def test_a_row_tells_less_once_it_is_measured_and_where_an_effect_is_not_seen() -> None:
+    plan = spring_plan(60, dwell_s=[2.0, 30.0] * 30)
+    for name, rest in zip(POSE, [0.1, 0.0, 0.0, 0.0, 0.0, 0.0], strict=True):
+        plan = plan.with_columns({name: np.append(plan.column(name)[:-1], rest)})
+    at = plan.poses[:30]
+    random = np.random.default_rng(2)
+    wrenches = BODY().predict(at) * np.where(np.arange(30) % 2, 0.95, 1.0)[:, None]
+    wrenches += np.repeat([0.05, 1e-3], 3) * random.standard_normal((30, 6))
+    read = dict(zip((*POSE, *WRENCH), np.hstack([at, wrenches]).T, strict=True))
+    read |= {"dwell_s": plan.column("dwell_s")[:30], "time_s": 10.0 * np.arange(30)}
+    rows = as_table(read, meta=Meta(mechanism={"length_m": 0.1}, instrument=NOISE))
+    look = look_at(rows, plan)
+    assert look.names == ("stress_relaxation",)
+    assert 0.0 < look.wrong < 0.5
+    assert look.told is not None
+    left = list(range(30, 60))
+    fresh, after = (look.told.worth(left, since) for since in ([], left))
+    assert (after < 0.9 * fresh).all()
+    assert fresh[-1] < 0.5 * np.median(fresh)

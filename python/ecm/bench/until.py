@@ -1,6 +1,6 @@
 """`--until`: which row is measured next, when it is enough, and what is promised then.
 
-For an error the next row is that which tells most per minute; travel, dwell and window count. A
+The next row is that which tells most per minute; travel, dwell and window count. A
 choice depends on the readings so far alone, so a run that was cut chooses as one that was not.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from ecm.bench.measured import Run, described, table_of
 from ecm.designs.next_pose import UNITS, NextPose
-from ecm.diagnosis.agreement import AGREE, agreed, is_due, names_of
+from ecm.diagnosis.agreement import Look, agreed, is_due, look_at, next_row
 from ecm.errors import InputError
 from ecm.io.cache import write_atomically
 from ecm.io.table import Table
@@ -118,7 +118,7 @@ the rig is another; take this row out, and measure it with a plan of its own
         self._poses: NextPose | None = None
         self._place: dict[int, int] = {}
         self._seed, self._model = seed, model
-        self._diagnosed: dict[int, tuple[str, ...]] = {}
+        self._looks: dict[int, Look] = {}
         if goal.unit in UNITS:
             moves = np.isin(words, ["", "measure"]) & np.isin(kinds, ["", AT_POSE])
             self._place = {row: i for i, row in enumerate(np.flatnonzero(moves).tolist())}
@@ -128,7 +128,7 @@ the rig is another; take this row out, and measure it with a plan of its own
         """Rows in the order in which they tell most; empty where it is enough."""
         if self._poses is not None:
             return self._for_error(run, left, self._poses)
-        return self._for_name(run, left)
+        return self._for_name(run)
 
     def _for_error(self, run: Run, left: list[Request], poses: NextPose) -> list[Request]:
         waiting = {self._place[r.row]: r for r in left if r.action.name == "measure"}
@@ -140,15 +140,20 @@ the rig is another; take this row out, and measure it with a plan of its own
         minutes = np.asarray([run.layout.minutes(r) for r in waiting.values()])
         return [waiting[i] for i in poses.order([*waiting], minutes).tolist()]
 
-    def _for_name(self, run: Run, left: list[Request]) -> list[Request]:
+    def _for_name(self, run: Run) -> list[Request]:
         at = [i for i, taken in enumerate(run.taken) if taken.kind == AT_POSE]
-        due = [n for n in range(len(at) + 1) if is_due(n)][-AGREE:]
-        for n in due:
-            if n not in self._diagnosed:
-                rows = table_of(run, self._plan, Path("so far"), run.taken[: at[n - 1] + 1])
-                self._diagnosed[n] = names_of(rows, self._model, self._seed)
-        self.reached = agreed([self._diagnosed[n] for n in due])
-        return [] if self.reached else left
+        due = [n for n in range(len(at), 0, -1) if is_due(n)]
+        self.reached = agreed(self._look(run, at[n - 1], n) for n in due)
+        told = self._look(run, at[due[0] - 1], due[0]).told if due else None
+        row = None if self.reached else next_row(run.requests, run.order, told, run.layout.minutes)
+        return [] if row is None else [row]
+
+    def _look(self, run: Run, last: int, poses: int) -> Look:
+        """The diagnosis of the readings up to one."""
+        if poses not in self._looks:
+            rows = table_of(run, self._plan, Path("so far"), run.taken[: last + 1])
+            self._looks[poses] = look_at(rows, self._plan, self._model, self._seed)
+        return self._looks[poses]
 
     def _poses_of(self, run: Run) -> Table:
         """Poses and wrenches so far: the zeros since change those that were read before them."""
@@ -160,7 +165,7 @@ the rig is another; take this row out, and measure it with a plan of its own
     @property
     def names(self) -> tuple[str, ...]:
         """What the last diagnosis named."""
-        return self._diagnosed[max(self._diagnosed)] if self._diagnosed else ()
+        return self._looks[max(self._looks)].names if self._looks else ()
 
     def state(self) -> dict[str, Any]:
         """How far the goal is."""
