@@ -15,7 +15,8 @@ an energy5 whose noise is known, by linear theory, in the order of the plan and 
 it most with each row.
 
 Names: the neck by FEM on simulated rigs (noise, zero, climate and robot of their own), each with an
-effect of strength 1. The diagnosable plan has 50 poses in 150 visits; `--until named` stops it.
+effect of strength 1. The diagnosable plan has 50 poses in 150 visits; `--until named` takes its
+rows in another order and stops.
 
 No process and no device: an order of rows costs a fit per row. Figures of docs/measure.md.
 """
@@ -29,12 +30,14 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from ecm import _native
+from ecm.bench.until import next_row
 from ecm.designs import DesignSettings, diagnosable_plan, optimal_design
 from ecm.designs.next_pose import UNITS, NextPose
 from ecm.designs.regressors import NominalModel
-from ecm.diagnosis.agreement import Look, agreed, is_due, look_at, next_row
+from ecm.diagnosis.agreement import Look, agreed, is_due, look_at
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.mechanism import Mechanism
@@ -313,9 +316,10 @@ class Bed:
 
     def stopped(self) -> Named:
         """Rows that tell most, until the diagnoses agree."""
-        listed = requests(self.plan, RigSettings().rig, float(self.plan.meta.length_m or 0.0))
-        listed = [one for one in listed if one.row in self._campaign.rows]
-        layout = Layout(RigSettings().rig, float(self.plan.meta.length_m or 0.0), listed)
+        procedure, length = RigSettings().rig, float(self.plan.meta.length_m or 0.0)
+        every, known = requests(self.plan, procedure, length), set(self._campaign.rows)
+        listed = [one for one in every if one.row in known]
+        layout = Layout(procedure, length, listed)
         looks: list[Look] = []
         order: list[int] = []
         while row := next_row(listed, order, looks[0].told if looks else None, layout.minutes):
@@ -345,9 +349,12 @@ def named(first: int, rigs: int, folder: Path) -> None:
         print(f"bed {seed:2d} {effect}: {'; '.join(words)}", flush=True)
     for name, own in found.items():
         faster, right, wrong = (np.asarray(part) for part in zip(*own, strict=True))
+        # Of the median, with 95 %, whatever the distribution.
+        beyond = max(int(stats.binom.ppf(0.025, len(own), 0.5)), 1)
+        low, high = np.sort(faster)[[beyond - 1, -beyond]]
         print(
             f"{name}: right {right.sum()}, wrong {wrong.sum()} of {len(own)}; times fewer minutes, "
-            f"median {np.median(faster):.2f}, of those that are right "
+            f"median {np.median(faster):.2f} ({low:.2f} to {high:.2f}), of those that are right "
             f"{np.median(faster[right]) if right.any() else np.nan:.2f}"
         )
 

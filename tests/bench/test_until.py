@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import time
 from functools import cache
 from pathlib import Path
 from typing import Any, cast
@@ -14,9 +15,10 @@ import pytest
 from bench.test_measure import PARTS, Rig, bench_of, plan_of, run, unsaid
 from ecm.bench import Bench, measure
 from ecm.bench.devices import DeviceError
+from ecm.bench.until import next_row
 from ecm.designs import Design, DesignSettings, diagnosable_plan, optimal_design
 from ecm.designs.next_pose import NextPose
-from ecm.diagnosis.agreement import Told, look_at, next_row
+from ecm.diagnosis.agreement import Told, look_at
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
@@ -411,3 +413,8 @@ def test_a_row_tells_less_once_it_is_measured_and_where_an_effect_is_not_seen() 
     fresh, after = (look.told.worth(left, since) for since in ([], left))
     assert (after < 0.9 * fresh).all()
     assert fresh[-1] < 0.5 * np.median(fresh)
+    wide = spring_plan(2000)
+    told, began = look_at(rows, wide).told, time.process_time()
+    next_row(requests(wide, Procedure(), 0.1), list(range(30)), told, lambda row: 1.0)
+    assert told is not None
+    assert time.process_time() - began < 0.2  # 0.04 s on an idle core

@@ -1,13 +1,14 @@
 """`--until`: which row is measured next, when it is enough, and what is promised then.
 
-The next row is that which tells most per minute; travel, dwell and window count. A
-choice depends on the readings so far alone, so a run that was cut chooses as one that was not.
+A row is chosen by what it tells per minute; travel, dwell and window count. A choice depends on the
+readings so far alone, so a run that was cut chooses as one that was not.
 """
 
 from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ import numpy as np
 
 from ecm.bench.measured import Run, described, table_of
 from ecm.designs.next_pose import UNITS, NextPose
-from ecm.diagnosis.agreement import Look, agreed, is_due, look_at, next_row
+from ecm.diagnosis.agreement import Look, Told, agreed, is_due, look_at
 from ecm.errors import InputError
 from ecm.io.cache import write_atomically
 from ecm.io.table import Table
@@ -200,6 +201,50 @@ the rig is another; take this row out, and measure it with a plan of its own
                 "further row helps it; ecm diagnose says what is missing"
             )
         return {"schema": 1, "rows": count, "minutes": minutes, "words": words} | self.state()
+
+
+def next_row(
+    requests: Sequence[Request],
+    order: Sequence[int],
+    told: Told | None,
+    minutes: Callable[[Request], float],
+) -> Request | None:
+    """Return the next row of a plan; None where there is none.
+
+    Every other pose is the one that tells most per minute. By that alone short rests come first and
+    long ones late, and what grows with time looks like what grows with rest; so the others are the
+    next of the plan, whose order is random. Looks at the rest pose and at the zero stay after as
+    many poses as in the plan; a zero before the first pose is last: the run has read its own.
+
+    Parameters
+    ----------
+    requests
+        The rows of the plan, in its order.
+    order
+        Rows as they were gone to; those that no plan asked for are below 0.
+    told
+        What rows tell by the last diagnosis that was due.
+    minutes
+        Gives the time that a row takes.
+    """
+    is_pose = {one.row: one.action.name == "measure" for one in requests}
+    places = [i for i, row in enumerate(order) if is_pose.get(row)]
+    gone, poses, others, before = set(order), [], [], 0
+    for one in requests:
+        if one.row not in gone:
+            if is_pose[one.row]:
+                poses.append(one)
+            elif before <= len(places) and (before or one.action.name == "home"):
+                return one
+            else:
+                others.append(one)
+        before += is_pose[one.row]
+    last = max((n for n in range(len(places) + 1) if is_due(n)), default=0)
+    if told is None or not poses or (len(places) - last) % 2:
+        return next(iter(poses + others), None)
+    since = [row for row in order[places[last - 1] + 1 :] if row in is_pose]
+    worth = told.worth([one.row for one in poses], since)
+    return poses[int(np.argmax(worth / [minutes(one) for one in poses]))]
 
 
 def certificate_path(out: Path) -> Path:

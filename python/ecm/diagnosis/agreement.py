@@ -5,14 +5,12 @@ it in a row are wrong is small.
 
 Every effect that can be told from the rows so far predicts, in the size that it has in them, what
 the rows of the plan would read now. A row tells as much as the predictions differ, and as each is
-still unsure, in units of its noise, beside a base that is fitted again. By this alone short rests
-would come first and long ones late, and what grows with time would look like what grows with rest:
-every other row is the next of the plan, whose order is random.
+still unsure, in units of its noise, beside a base that is fitted again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -33,7 +31,6 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models import Model
-from ecm.rig.plan import Request
 
 _FEWEST = 12
 """Rows before the first diagnosis."""
@@ -184,45 +181,3 @@ class Told:
             spread += weight * columns @ both @ np.swapaxes(columns, 1, 2)
         spread -= mean[:, :, None] * mean[:, None, :]
         return np.asarray(np.linalg.slogdet(np.eye(m) + spread)[1])
-
-
-def next_row(
-    requests: Sequence[Request],
-    order: Sequence[int],
-    told: Told | None,
-    minutes: Callable[[Request], float],
-) -> Request | None:
-    """Return the next row of a plan; None where there is none.
-
-    Looks at the rest pose and at the zero stay after as many poses as in the plan; a zero before
-    the first pose is last, for the run has read its own.
-
-    Parameters
-    ----------
-    requests
-        The rows of the plan, in its order.
-    order
-        Rows as they were gone to; those that no plan asked for are below 0.
-    told
-        What rows tell by the last diagnosis that was due.
-    minutes
-        Gives the time that a row takes.
-    """
-    is_pose = {one.row: one.action.name == "measure" for one in requests}
-    places = [i for i, row in enumerate(order) if is_pose.get(row)]
-    gone, poses, others, before = set(order), [], [], 0
-    for one in requests:
-        if one.row not in gone:
-            if is_pose[one.row]:
-                poses.append(one)
-            elif before <= len(places) and (before or one.action.name == "home"):
-                return one
-            else:
-                others.append(one)
-        before += is_pose[one.row]
-    last = max((n for n in range(len(places) + 1) if is_due(n)), default=0)
-    if told is None or not poses or (len(places) - last) % 2:
-        return next(iter(poses + others), None)
-    since = [row for row in order[places[last - 1] + 1 :] if row in is_pose]
-    worth = told.worth([one.row for one in poses], since)
-    return poses[int(np.argmax(worth / [minutes(one) for one in poses]))]
