@@ -16,7 +16,7 @@ it most with each row.
 
 Names: the neck by FEM on simulated rigs (noise, zero, climate and robot of their own), each with an
 effect of strength 1. The diagnosable plan has 50 poses in 150 visits; `--until named` takes its
-rows in another order and stops.
+rows in another order, some of them again, and stops.
 
 No process and no device: an order of rows costs a fit per row. Figures of docs/measure.md.
 """
@@ -315,14 +315,18 @@ class Bed:
         return Named(len(self.plan), self._campaign.minutes, look.names)
 
     def stopped(self) -> Named:
-        """Rows that tell most, until the diagnoses agree."""
+        """Rows that tell most, until the diagnoses agree or the minutes of the plan are over."""
         procedure, length = RigSettings().rig, float(self.plan.meta.length_m or 0.0)
         every, known = requests(self.plan, procedure, length), set(self._campaign.rows)
         listed = [one for one in every if one.row in known]
         layout = Layout(procedure, length, listed)
         looks: list[Look] = []
         order: list[int] = []
-        while row := next_row(listed, order, looks[0].told if looks else None, layout.minutes):
+        end_s = self._campaign.timeline.visits[-2].time_s
+        while layout.timeline.visits[-1].time_s < end_s:
+            row = next_row(listed, order, looks[0].told if looks else None, layout.minutes)
+            assert row is not None
+            layout.add(row)
             order.append(row.row)
             if self._is_pose[row.row] and is_due(int(self._is_pose[order].sum())):
                 campaign = self._campaign.in_order(order)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -146,7 +147,8 @@ the rig is another; take this row out, and measure it with a plan of its own
         due = [n for n in range(len(at), 0, -1) if is_due(n)]
         self.reached = agreed(self._look(run, at[n - 1], n) for n in due)
         told = self._look(run, at[due[0] - 1], due[0]).told if due else None
-        row = None if self.reached else next_row(run.requests, run.order, told, run.layout.minutes)
+        over = self.reached or run.is_over
+        row = None if over else next_row(run.requests, run.order, told, run.layout.minutes)
         return [] if row is None else [row]
 
     def _look(self, run: Run, last: int, poses: int) -> Look:
@@ -189,7 +191,7 @@ the rig is another; take this row out, and measure it with a plan of its own
             self._poses.learn(self._poses_of(run))
         if self.reached:
             why = f"{self.goal.text} was reached"
-        elif run.left():
+        elif run.left() or self._poses is None:
             why = f"the time was over before {self.goal.text}"
         else:
             why = f"the plan has no more rows, and {self.goal.text} was not reached"
@@ -209,12 +211,13 @@ def next_row(
     told: Told | None,
     minutes: Callable[[Request], float],
 ) -> Request | None:
-    """Return the next row of a plan; None where there is none.
+    """Return the next row of a plan, which may have been measured before; None without a pose.
 
     Every other pose is the one that tells most per minute. By that alone short rests come first and
-    long ones late, and what grows with time looks like what grows with rest; so the others are the
-    next of the plan, whose order is random. Looks at the rest pose and at the zero stay after as
-    many poses as in the plan; a zero before the first pose is last: the run has read its own.
+    long ones late, and what grows with time looks like what grows with rest; so the others are from
+    the plan, whose order is random, again and again: of any time as many of each kind as it takes
+    less. Looks at the rest pose stay after as many poses as in the plan. The sensor's zero is left
+    to the run, which reads it of itself.
 
     Parameters
     ----------
@@ -227,24 +230,24 @@ def next_row(
     minutes
         Gives the time that a row takes.
     """
-    is_pose = {one.row: one.action.name == "measure" for one in requests}
-    places = [i for i, row in enumerate(order) if is_pose.get(row)]
-    gone, poses, others, before = set(order), [], [], 0
+    taken = Counter(order)
+    poses = [one for one in requests if one.action.name == "measure"]
+    rows = {one.row for one in poses}
+    places = [i for i, row in enumerate(order) if row in rows]
+    before = 0
     for one in requests:
-        if one.row not in gone:
-            if is_pose[one.row]:
-                poses.append(one)
-            elif before <= len(places) and (before or one.action.name == "home"):
-                return one
-            else:
-                others.append(one)
-        before += is_pose[one.row]
+        before += one.row in rows
+        if one.action.name == "home" and before + len(poses) * taken[one.row] <= len(places):
+            return one
+    if not poses:
+        return None
     last = max((n for n in range(len(places) + 1) if is_due(n)), default=0)
-    if told is None or not poses or (len(places) - last) % 2:
-        return next(iter(poses + others), None)
-    since = [row for row in order[places[last - 1] + 1 :] if row in is_pose]
-    worth = told.worth([one.row for one in poses], since)
-    return poses[int(np.argmax(worth / [minutes(one) for one in poses]))]
+    takes = np.asarray([minutes(one) for one in poses])
+    if told is None or (len(places) - last) % 2:
+        turns = len(poses) * np.asarray([taken[one.row] for one in poses])
+        return poses[int(np.argmin((turns + np.arange(1, len(poses) + 1)) * takes))]
+    since = [row for row in order[places[last - 1] + 1 :] if row >= 0]
+    return poses[int(np.argmax(told.worth([one.row for one in poses], since) / takes))]
 
 
 def certificate_path(out: Path) -> Path:

@@ -21,11 +21,12 @@ from ecm.designs.next_pose import NextPose
 from ecm.designs.plans import predicted_table
 from ecm.designs.regressors import NominalModel
 from ecm.diagnosis.next_experiment import Added, ConfusionClass, continued
-from ecm.diagnosis.problem import Problem, best_of_each
+from ecm.diagnosis.problem import Problem, best_of_each, with_more
 from ecm.diagnosis.procedure import find_missing
 from ecm.diagnosis.search import delta_chi2_of_each
 from ecm.diagnosis.verdict import probability
-from ecm.effects import Rows
+from ecm.effects import Effect, Rows
+from ecm.effects.registry import get_effect
 from ecm.errors import EcmError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
@@ -43,8 +44,10 @@ _WRONG = 0.05
 """Chance, at most, that all of them are wrong: a weak name needs more of them."""
 _UNSURE = 30.0
 """Fall of BIC by which an effect must be behind to weigh e times less: shapes are not sure."""
+_NOW = "time_s", "temperature_degC", "sensor_temperature_degC"
+"""Columns of which every predicted row has the latest reading,"""
 _STEP_S = 1e-3
-"""Time between predicted rows: each is what would be read now."""
+"""and the time between predicted rows."""
 
 
 def is_due(rows: int) -> bool:
@@ -133,20 +136,33 @@ def look_at(rows: Table, plan: Table, model: Model | None = None, seed: int = 0)
     return Look(names, 1.0 - probability(found), told)
 
 
+def _shown_later(problem: Problem, joined: Table) -> list[Effect]:
+    """Return the effects that the rows so far cannot show, and those of the whole plan can."""
+    known = {one.id for one in problem.offered}
+    effects = (get_effect(id) for id, why in problem.untestable.items() if not why.absent)
+    return [
+        one.variants(joined)[0]
+        for one in effects
+        if one.id not in known and one.kind != "noise" and one.missing(joined) is None
+    ]
+
+
 class Told:
     """What each row of a plan would tell about the cause."""
 
     def __init__(self, problem: Problem, plan: Table) -> None:
-        table, offered = problem.table, problem.offered
+        table = problem.table
         nominal = NominalModel(problem.base, problem.noise, table.meta)
         predicted = predicted_table(plan, nominal)
-        if table.has("time_s"):
-            now = float(table.column("time_s").max()) + _STEP_S * np.arange(1, len(plan) + 1)
-            predicted = predicted.with_columns({"time_s": now})
-        rows = Rows(continued(table, predicted, table.meta), problem.base)
+        now = {name: np.full(len(plan), table.column(name)[-1]) for name in _NOW if table.has(name)}
+        if "time_s" in now:
+            now["time_s"] += _STEP_S * np.arange(1, len(plan) + 1)
+        rows = Rows(continued(table, predicted.with_columns(now), table.meta), problem.base)
+        problem, unseen = with_more(problem, _shown_later(problem, rows.table))
+        offered = problem.offered
         falls = delta_chi2_of_each(problem, (), offered)
         falls -= np.log(problem.size) * np.array([one.parameters for one in offered])
-        best = best_of_each(offered, falls.tolist())
+        best = best_of_each(offered, falls.tolist()) | {one.id: (0.0, one) for one in unseen}
         group = ConfusionClass(problem, (), {id: [one] for id, (_, one) in best.items()})
         added = Added.of(group, rows)
         self._design = added.design.reshape(len(plan), -1, added.design.shape[1])
@@ -155,10 +171,11 @@ class Told:
         # The last is that nothing is missing.
         known = np.maximum([*(fall for fall, _ in best.values()), 0.0], 0.0)
         self._weights = special.softmax(known / _UNSURE)[:-1]
+        values = {one.id: np.zeros(one.parameters) for one in unseen}
         self._effects = [
             (
                 np.array(added.place[one]) - self._base,
-                group.values[id],
+                values[id] if id in values else group.values[id],
                 problem.norms[list(one.columns)] * [of.scale for of in one.effect.parameters],
             )
             for id, (_, one) in best.items()
