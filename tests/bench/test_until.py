@@ -363,7 +363,7 @@ def test_a_run_until_named_takes_telling_rows_and_stops_when_a_name_is_believed(
 
 
 def test_looks_keep_their_places_and_every_other_pose_is_the_one_that_tells_most_a_minute() -> None:
-    kinds = ["unloaded", "home", *["pose"] * 15, "home", *["pose"] * 5, "unloaded", "pose"]
+    kinds = ["unloaded", "home", *["pose"] * 15, "home", *["pose"] * 5, "unloaded"]
     plan = spring_plan(len(kinds), kind=kinds)
     rows = requests(plan, Procedure(), 0.1)
 
@@ -372,26 +372,61 @@ def test_looks_keep_their_places_and_every_other_pose_is_the_one_that_tells_most
 
         def worth(self, rows: list[int], since: list[int]) -> np.ndarray:
             seen.append(since)
-            return np.asarray(rows, dtype=np.float64)
+            return np.where(np.isin(rows, since), 0.0, rows)
 
     seen: list[list[int]] = []
     order: list[int] = []
-    while row := next_row(rows, order, cast("Told", Worth()) if len(order) > 12 else None, minutes):
+    while len(order) < 100:
+        row = next_row(rows, order, cast("Told", Worth()) if len(order) > 12 else None, minutes)
+        assert row is not None
         order += [row.row, LOOK_HOME][: 1 + (len(order) == 3)]
     places = [row for row in order if row >= 0]
-    assert sorted(places) == list(range(len(kinds)))
-    # The twelve poses before the first diagnosis; 18 lasts long, and 15 poses are diagnosed again.
-    assert places[:13] == list(range(1, 14))
-    assert places[13:16] == [24, 14, 22]
-    assert places[16] == 17
-    assert places[17:19] == [21, 15]
-    assert seen[:2] == [[], [24, 14]]
-    assert places[-2:] == [18, 0]
+    # The twelve poses before the first diagnosis: in the order of the plan, and 9 lasts long.
+    assert places[:13] == [1, *range(2, 9), *range(10, 15)]
+    # The thirteenth tells most, the next is from the plan; 14 poses are diagnosed again.
+    assert places[13:16] == [22, 15, 22]
+    # The look after 15 poses, and that before the first again after all 20.
+    assert places[16:23] == [17, 16, 22, 18, 22, 19, 1]
+    # What was taken since the diagnosis of 20 tells nothing more.
+    assert [since for since in seen if since][:2] == [[1], [1, 22, 20]]
+    assert places[23:26] == [22, 20, 21]
+    # Every other row is from the plan, and it begins again.
+    looks = [i for i, row in enumerate(places) if row == 17]
+    assert [sum(row not in (1, 17) for row in places[:i]) for i in looks] == [15, 35, 55, 75]
+    # The zero is the run's; what lasts long comes late, and is not left out.
+    assert set(places) == set(range(1, 23))
+    assert 1 <= places.count(9) < min(places.count(row) for row in range(2, 9))
 
 
 def minutes(row: Request) -> float:
     """All take alike long but one."""
-    return 1e3 if row.row == 18 else 1.0
+    return 3.0 if row.row == 9 else 1.0
+
+
+def test_rows_tell_of_what_the_rows_so_far_cannot_show() -> None:
+    plan, rest = spring_plan(60), np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0])
+    far = plan.poses[:30] - rest
+    # The second 30 are the first again; every other of them is driven to from twice as far.
+    poses = np.vstack([far, far, 2.0 * far]) + rest
+    ways = ["initial"] * 90
+    ways[31:60:2] = [str(30 + i) for i in range(1, 30, 2)]
+    text = {"approach": ways, "pose_id": [*range(30), *range(60)]}
+    way = as_table(dict(zip(POSE, poses.T, strict=True)) | text, meta=plan.meta)
+    pairs = np.hstack([poses, BODY().predict(poses)])[:30]
+    read = dict(zip((*POSE, *WRENCH), pairs.T, strict=True))
+    random = np.random.default_rng(0).standard_normal((6, 30))
+    noise = np.repeat([1e-5, 1e-4, 0.05, 1e-3], 3)
+    for column, kick, sd in zip((*POSE, *WRENCH), [*random, *random], noise, strict=True):
+        read[column] = read[column] + sd * kick
+    warm = {"time_s": 60.0 * np.arange(30), "sensor_temperature_degC": np.linspace(40.0, 41.0, 30)}
+    own = {"approach": ["initial"] * 30, "pose_id": np.arange(30), "dwell_s": np.full(30, 2.0)}
+    rows = as_table(read | warm | own, meta=Meta(mechanism={"length_m": 0.1}, instrument=NOISE))
+    told = look_at(rows, way).told
+    assert told is not None
+    worth = told.worth(list(range(90)), [])
+    assert np.median(worth[31:60:2] / worth[1:30:2]) > 1.5
+    # Each is what would be read now: the rows so far say little of a sensor 20 K colder.
+    assert worth[:60].max() < 5.0
 
 
 def test_a_row_tells_less_once_it_is_measured_and_where_an_effect_is_not_seen() -> None:

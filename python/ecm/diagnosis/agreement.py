@@ -3,9 +3,10 @@
 Diagnoses of more and more rows are compared: a name is believed when the chance that all that gave
 it in a row are wrong is small.
 
-Every effect that can be told from the rows so far predicts, in the size that it has in them, what
-the rows of the plan would read now. A row tells as much as the predictions differ, and as each is
-still unsure, in units of its noise, beside a base that is fitted again.
+Every effect predicts what the rows of the plan would read now, in the size that it has in the rows
+so far, or, where they cannot show it, in any of the usual sizes. A row tells as much as the
+predictions differ, and as each is still unsure, in units of its noise, beside a base that is fitted
+again.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from ecm.models import Model
 
 _FEWEST = 12
 """Rows before the first diagnosis."""
-_GROWTH = 1.15
+_GROWTH = 1.1
 """Growth of the rows between two diagnoses."""
 _AGREE = 2
 """Diagnoses in a row that must give the same name: with few rows a rival fits as well for a while.
@@ -56,11 +57,11 @@ def is_due(rows: int) -> bool:
     Examples
     --------
     >>> [n for n in range(40) if is_due(n)]
-    [12, 15, 19, 23, 28, 34]
+    [12, 14, 16, 18, 20, 23, 26, 29, 32, 36]
     """
     due = _FEWEST
     while due < rows:
-        due = int(_GROWTH * due) + 2
+        due = int(_GROWTH * due) + 1
     return due == rows
 
 
