@@ -15,7 +15,8 @@ an energy5 whose noise is known, by linear theory, in the order of the plan and 
 it most with each row.
 
 Names: the neck by FEM on simulated rigs (noise, zero, climate and robot of their own), each with an
-effect of strength 1. The diagnosable plan has 50 poses in 150 visits; `--until named` stops it.
+effect of strength 1. The diagnosable plan has 50 poses in 150 visits; `--until named` takes its
+rows in another order, some of them again, and stops.
 
 No process and no device: an order of rows costs a fit per row. Figures of docs/measure.md.
 """
@@ -29,12 +30,14 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from ecm import _native
+from ecm.bench.until import next_row
 from ecm.designs import DesignSettings, diagnosable_plan, optimal_design
 from ecm.designs.next_pose import UNITS, NextPose
 from ecm.designs.regressors import NominalModel
-from ecm.diagnosis.agreement import agreed, is_due, names_of
+from ecm.diagnosis.agreement import Look, agreed, is_due, look_at
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.mechanism import Mechanism
@@ -308,21 +311,29 @@ class Bed:
 
     def whole(self) -> Named:
         """The whole plan, diagnosed at its end."""
-        names = names_of(self._campaign.run())
-        return Named(len(self.plan), self._campaign.minutes, names)
+        look = look_at(self._campaign.run(), self.plan)
+        return Named(len(self.plan), self._campaign.minutes, look.names)
 
     def stopped(self) -> Named:
-        """The plan until the diagnoses agree."""
-        names: list[tuple[str, ...]] = []
+        """Rows that tell most, until the diagnoses agree or the minutes of the plan are over."""
+        procedure, length = RigSettings().rig, float(self.plan.meta.length_m or 0.0)
+        every, known = requests(self.plan, procedure, length), set(self._campaign.rows)
+        listed = [one for one in every if one.row in known]
+        layout = Layout(procedure, length, listed)
+        looks: list[Look] = []
         order: list[int] = []
-        for row in self._campaign.rows:
-            order.append(row)
-            if self._is_pose[row] and is_due(int(self._is_pose[order].sum())):
+        end_s = self._campaign.timeline.visits[-2].time_s
+        while layout.timeline.visits[-1].time_s < end_s:
+            row = next_row(listed, order, looks[0].told if looks else None, layout.minutes)
+            assert row is not None
+            layout.add(row)
+            order.append(row.row)
+            if self._is_pose[row.row] and is_due(int(self._is_pose[order].sum())):
                 campaign = self._campaign.in_order(order)
-                names.append(names_of(campaign.run()))
-                if agreed(names):
-                    return Named(len(order), campaign.minutes, names[-1])
-        return Named(len(order), self._campaign.minutes, ())
+                looks.insert(0, look_at(campaign.run(), self.plan))
+                if agreed(looks):
+                    return Named(len(order), campaign.minutes, looks[0].names)
+        return Named(len(order), self._campaign.in_order(order).minutes, ())
 
 
 def named(first: int, rigs: int, folder: Path) -> None:
@@ -342,9 +353,12 @@ def named(first: int, rigs: int, folder: Path) -> None:
         print(f"bed {seed:2d} {effect}: {'; '.join(words)}", flush=True)
     for name, own in found.items():
         faster, right, wrong = (np.asarray(part) for part in zip(*own, strict=True))
+        # Of the median, with 95 %, whatever the distribution.
+        beyond = max(int(stats.binom.ppf(0.025, len(own), 0.5)), 1)
+        low, high = np.sort(faster)[[beyond - 1, -beyond]]
         print(
             f"{name}: right {right.sum()}, wrong {wrong.sum()} of {len(own)}; times fewer minutes, "
-            f"median {np.median(faster):.2f}, of those that are right "
+            f"median {np.median(faster):.2f} ({low:.2f} to {high:.2f}), of those that are right "
             f"{np.median(faster[right]) if right.any() else np.nan:.2f}"
         )
 

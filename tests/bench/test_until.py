@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import re
+import time
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,8 +15,10 @@ import pytest
 from bench.test_measure import PARTS, Rig, bench_of, plan_of, run, unsaid
 from ecm.bench import Bench, measure
 from ecm.bench.devices import DeviceError
+from ecm.bench.until import next_row
 from ecm.designs import Design, DesignSettings, diagnosable_plan, optimal_design
 from ecm.designs.next_pose import NextPose
+from ecm.diagnosis.agreement import Told, look_at
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
@@ -27,7 +30,8 @@ from ecm.models import EnergyModel, Model, fit_model
 from ecm.models.fit import fit_rows
 from ecm.models.maps import EnergyMap, EnergyTerms
 from ecm.rig import Campaign, RigSettings, fem_source
-from ecm.rig.settings import Instruments
+from ecm.rig.plan import LOOK_HOME, Request, requests
+from ecm.rig.settings import Instruments, Procedure
 
 
 def _body() -> EnergyMap:
@@ -326,7 +330,9 @@ def test_the_simulated_rig_follows_the_chosen_order(tmp_path: Path) -> None:
     assert certificate(out)["rows"] == 12
 
 
-def test_a_run_until_named_stops_when_three_diagnoses_name_the_same(tmp_path: Path) -> None:
+def test_a_run_until_named_takes_telling_rows_and_stops_when_a_name_is_believed(
+    tmp_path: Path,
+) -> None:
     poses = np.random.default_rng(0).uniform(-1.0, 1.0, (40, 6))
     poses *= [0.004, 0.012, 0.012, 0.2, 0.2, 0.2]
     poses[:, 0] += Mechanism().length_m
@@ -349,3 +355,101 @@ def test_a_run_until_named_stops_when_three_diagnoses_name_the_same(tmp_path: Pa
     assert promise["rows"] == np.count_nonzero(table.text("kind") == "pose") < 60
     assert promise["words"][0].endswith("named was reached")
     assert promise["words"][1] == "named payload"
+    # The run read its zero before the first pose: the plan's own would cost three minutes more.
+    assert plan.text("kind")[0] == "unloaded"
+    assert "unloaded" not in table.text("kind")
+    again = measure(plan, bench, tmp_path / "again.csv", until="named", say=unsaid)
+    assert again.text("approach").tolist() == table.text("approach").tolist()
+
+
+def test_looks_keep_their_places_and_every_other_pose_is_the_one_that_tells_most_a_minute() -> None:
+    kinds = ["unloaded", "home", *["pose"] * 15, "home", *["pose"] * 5, "unloaded"]
+    plan = spring_plan(len(kinds), kind=kinds)
+    rows = requests(plan, Procedure(), 0.1)
+
+    class Worth:
+        """Rows tell as much as their number; what was taken since tells nothing more."""
+
+        def worth(self, rows: list[int], since: list[int]) -> np.ndarray:
+            seen.append(since)
+            return np.where(np.isin(rows, since), 0.0, rows)
+
+    seen: list[list[int]] = []
+    order: list[int] = []
+    while len(order) < 100:
+        row = next_row(rows, order, cast("Told", Worth()) if len(order) > 12 else None, minutes)
+        assert row is not None
+        order += [row.row, LOOK_HOME][: 1 + (len(order) == 3)]
+    places = [row for row in order if row >= 0]
+    # The twelve poses before the first diagnosis: in the order of the plan, and 9 lasts long.
+    assert places[:13] == [1, *range(2, 9), *range(10, 15)]
+    # The thirteenth tells most, the next is from the plan; 14 poses are diagnosed again.
+    assert places[13:16] == [22, 15, 22]
+    # The look after 15 poses, and that before the first again after all 20.
+    assert places[16:23] == [17, 16, 22, 18, 22, 19, 1]
+    # What was taken since the diagnosis of 20 tells nothing more.
+    assert [since for since in seen if since][:2] == [[1], [1, 22, 20]]
+    assert places[23:26] == [22, 20, 21]
+    # Every other row is from the plan, and it begins again.
+    looks = [i for i, row in enumerate(places) if row == 17]
+    assert [sum(row not in (1, 17) for row in places[:i]) for i in looks] == [15, 35, 55, 75]
+    # The zero is the run's; what lasts long comes late, and is not left out.
+    assert set(places) == set(range(1, 23))
+    assert 1 <= places.count(9) < min(places.count(row) for row in range(2, 9))
+
+
+def minutes(row: Request) -> float:
+    """All take alike long but one."""
+    return 3.0 if row.row == 9 else 1.0
+
+
+def test_rows_tell_of_what_the_rows_so_far_cannot_show() -> None:
+    plan, rest = spring_plan(60), np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0])
+    far = plan.poses[:30] - rest
+    # The second 30 are the first again; every other of them is driven to from twice as far.
+    poses = np.vstack([far, far, 2.0 * far]) + rest
+    ways = ["initial"] * 90
+    ways[31:60:2] = [str(30 + i) for i in range(1, 30, 2)]
+    text = {"approach": ways, "pose_id": [*range(30), *range(60)]}
+    way = as_table(dict(zip(POSE, poses.T, strict=True)) | text, meta=plan.meta)
+    pairs = np.hstack([poses, BODY().predict(poses)])[:30]
+    read = dict(zip((*POSE, *WRENCH), pairs.T, strict=True))
+    random = np.random.default_rng(0).standard_normal((6, 30))
+    noise = np.repeat([1e-5, 1e-4, 0.05, 1e-3], 3)
+    for column, kick, sd in zip((*POSE, *WRENCH), [*random, *random], noise, strict=True):
+        read[column] = read[column] + sd * kick
+    warm = {"time_s": 60.0 * np.arange(30), "sensor_temperature_degC": np.linspace(40.0, 41.0, 30)}
+    own = {"approach": ["initial"] * 30, "pose_id": np.arange(30), "dwell_s": np.full(30, 2.0)}
+    rows = as_table(read | warm | own, meta=Meta(mechanism={"length_m": 0.1}, instrument=NOISE))
+    told = look_at(rows, way).told
+    assert told is not None
+    worth = told.worth(list(range(90)), [])
+    assert np.median(worth[31:60:2] / worth[1:30:2]) > 1.5
+    # Each is what would be read now: the rows so far say little of a sensor 20 K colder.
+    assert worth[:60].max() < 5.0
+
+
+def test_a_row_tells_less_once_it_is_measured_and_where_an_effect_is_not_seen() -> None:
+    plan = spring_plan(60, dwell_s=[2.0, 30.0] * 30)
+    for name, rest in zip(POSE, [0.1, 0.0, 0.0, 0.0, 0.0, 0.0], strict=True):
+        plan = plan.with_columns({name: np.append(plan.column(name)[:-1], rest)})
+    at = plan.poses[:30]
+    random = np.random.default_rng(2)
+    wrenches = BODY().predict(at) * np.where(np.arange(30) % 2, 0.95, 1.0)[:, None]
+    wrenches += np.repeat([0.05, 1e-3], 3) * random.standard_normal((30, 6))
+    read = dict(zip((*POSE, *WRENCH), np.hstack([at, wrenches]).T, strict=True))
+    read |= {"dwell_s": plan.column("dwell_s")[:30], "time_s": 10.0 * np.arange(30)}
+    rows = as_table(read, meta=Meta(mechanism={"length_m": 0.1}, instrument=NOISE))
+    look = look_at(rows, plan)
+    assert look.names == ("stress_relaxation",)
+    assert 0.0 < look.wrong < 0.5
+    assert look.told is not None
+    left = list(range(30, 60))
+    fresh, after = (look.told.worth(left, since) for since in ([], left))
+    assert (after < 0.9 * fresh).all()
+    assert fresh[-1] < 0.5 * np.median(fresh)
+    wide = spring_plan(2000)
+    told, began = look_at(rows, wide).told, time.process_time()
+    next_row(requests(wide, Procedure(), 0.1), list(range(30)), told, lambda row: 1.0)
+    assert told is not None
+    assert time.process_time() - began < 0.2  # 0.04 s on an idle core

@@ -124,12 +124,14 @@ class Run:
     layout: Layout
     """The visits so far and those that are next."""
     total: int
-    """Visits of the whole plan."""
+    """Visits of the whole plan, or of the run, which may take its rows again."""
     skipped: list[Skipped]
     ways: F = field(default_factory=lambda: np.empty((0, 6)))
     """Every point (k, 6) that the mover passes in the plan's own order."""
     poses: F = field(default_factory=lambda: np.empty((0, 6)))
     """Poses (n, 6) of the plan."""
+    plan_s: float = np.inf
+    """When the whole plan, in its own order, would come to its last zero."""
     taken: list[Taken] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     order: list[int] = field(default_factory=list)
@@ -161,6 +163,11 @@ class Run:
         """The visits."""
         return self.layout.timeline
 
+    @property
+    def is_over(self) -> bool:
+        """Whether the run has taken as long as the whole plan would."""
+        return self.timeline.visits[-1].time_s >= self.plan_s
+
     def left(self) -> list[Request]:
         """Rows of the plan that were not gone to."""
         gone = set(self.order)
@@ -176,6 +183,7 @@ class Run:
             self.layout.look_home()
             return
         self.layout.add(next(request for request in self.requests if request.row == row))
+        self.total = max(self.total, len(self.timeline.visits))
 
     def next_row(self) -> int:
         """What to go to next: a row of the plan, LOOK_HOME or THE_END."""

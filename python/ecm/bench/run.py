@@ -132,6 +132,7 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
     run = Run(bench, visited, layout, len(timeline.visits), skipped)
     run.ways = np.concatenate([visit.way for visit in timeline.visits])
     run.poses = poses[[visit.kind == AT_POSE for visit in timeline.visits]]
+    run.plan_s = timeline.visits[-2].time_s
     return run, lines
 
 

@@ -1,13 +1,15 @@
 """`--until`: which row is measured next, when it is enough, and what is promised then.
 
-For an error the next row is that which tells most per minute; travel, dwell and window count. A
-choice depends on the readings so far alone, so a run that was cut chooses as one that was not.
+A row is chosen by what it tells per minute; travel, dwell and window count. A choice depends on the
+readings so far alone, so a run that was cut chooses as one that was not.
 """
 
 from __future__ import annotations
 
 import json
 import re
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +18,7 @@ import numpy as np
 
 from ecm.bench.measured import Run, described, table_of
 from ecm.designs.next_pose import UNITS, NextPose
-from ecm.diagnosis.agreement import AGREE, agreed, is_due, names_of
+from ecm.diagnosis.agreement import Look, Told, agreed, is_due, look_at
 from ecm.errors import InputError
 from ecm.io.cache import write_atomically
 from ecm.io.table import Table
@@ -118,7 +120,7 @@ the rig is another; take this row out, and measure it with a plan of its own
         self._poses: NextPose | None = None
         self._place: dict[int, int] = {}
         self._seed, self._model = seed, model
-        self._diagnosed: dict[int, tuple[str, ...]] = {}
+        self._looks: dict[int, Look] = {}
         if goal.unit in UNITS:
             moves = np.isin(words, ["", "measure"]) & np.isin(kinds, ["", AT_POSE])
             self._place = {row: i for i, row in enumerate(np.flatnonzero(moves).tolist())}
@@ -128,7 +130,7 @@ the rig is another; take this row out, and measure it with a plan of its own
         """Rows in the order in which they tell most; empty where it is enough."""
         if self._poses is not None:
             return self._for_error(run, left, self._poses)
-        return self._for_name(run, left)
+        return self._for_name(run)
 
     def _for_error(self, run: Run, left: list[Request], poses: NextPose) -> list[Request]:
         waiting = {self._place[r.row]: r for r in left if r.action.name == "measure"}
@@ -140,15 +142,21 @@ the rig is another; take this row out, and measure it with a plan of its own
         minutes = np.asarray([run.layout.minutes(r) for r in waiting.values()])
         return [waiting[i] for i in poses.order([*waiting], minutes).tolist()]
 
-    def _for_name(self, run: Run, left: list[Request]) -> list[Request]:
+    def _for_name(self, run: Run) -> list[Request]:
         at = [i for i, taken in enumerate(run.taken) if taken.kind == AT_POSE]
-        due = [n for n in range(len(at) + 1) if is_due(n)][-AGREE:]
-        for n in due:
-            if n not in self._diagnosed:
-                rows = table_of(run, self._plan, Path("so far"), run.taken[: at[n - 1] + 1])
-                self._diagnosed[n] = names_of(rows, self._model, self._seed)
-        self.reached = agreed([self._diagnosed[n] for n in due])
-        return [] if self.reached else left
+        due = [n for n in range(len(at), 0, -1) if is_due(n)]
+        self.reached = agreed(self._look(run, at[n - 1], n) for n in due)
+        told = self._look(run, at[due[0] - 1], due[0]).told if due else None
+        over = self.reached or run.is_over
+        row = None if over else next_row(run.requests, run.order, told, run.layout.minutes)
+        return [] if row is None else [row]
+
+    def _look(self, run: Run, last: int, poses: int) -> Look:
+        """The diagnosis of the readings up to one."""
+        if poses not in self._looks:
+            rows = table_of(run, self._plan, Path("so far"), run.taken[: last + 1])
+            self._looks[poses] = look_at(rows, self._plan, self._model, self._seed)
+        return self._looks[poses]
 
     def _poses_of(self, run: Run) -> Table:
         """Poses and wrenches so far: the zeros since change those that were read before them."""
@@ -160,7 +168,7 @@ the rig is another; take this row out, and measure it with a plan of its own
     @property
     def names(self) -> tuple[str, ...]:
         """What the last diagnosis named."""
-        return self._diagnosed[max(self._diagnosed)] if self._diagnosed else ()
+        return self._looks[max(self._looks)].names if self._looks else ()
 
     def state(self) -> dict[str, Any]:
         """How far the goal is."""
@@ -183,7 +191,7 @@ the rig is another; take this row out, and measure it with a plan of its own
             self._poses.learn(self._poses_of(run))
         if self.reached:
             why = f"{self.goal.text} was reached"
-        elif run.left():
+        elif run.left() or self._poses is None:
             why = f"the time was over before {self.goal.text}"
         else:
             why = f"the plan has no more rows, and {self.goal.text} was not reached"
@@ -195,6 +203,51 @@ the rig is another; take this row out, and measure it with a plan of its own
                 "further row helps it; ecm diagnose says what is missing"
             )
         return {"schema": 1, "rows": count, "minutes": minutes, "words": words} | self.state()
+
+
+def next_row(
+    requests: Sequence[Request],
+    order: Sequence[int],
+    told: Told | None,
+    minutes: Callable[[Request], float],
+) -> Request | None:
+    """Return the next row of a plan, which may have been measured before; None without a pose.
+
+    Every other pose is the one that tells most per minute. By that alone short rests come first and
+    long ones late, and what grows with time looks like what grows with rest; so the others are from
+    the plan, whose order is random, again and again: of any time as many of each kind as it takes
+    less. Looks at the rest pose stay after as many poses as in the plan. The sensor's zero is left
+    to the run, which reads it of itself.
+
+    Parameters
+    ----------
+    requests
+        The rows of the plan, in its order.
+    order
+        Rows as they were gone to; those that no plan asked for are below 0.
+    told
+        What rows tell by the last diagnosis that was due.
+    minutes
+        Gives the time that a row takes.
+    """
+    taken = Counter(order)
+    poses = [one for one in requests if one.action.name == "measure"]
+    rows = {one.row for one in poses}
+    places = [i for i, row in enumerate(order) if row in rows]
+    before = 0
+    for one in requests:
+        before += one.row in rows
+        if one.action.name == "home" and before + len(poses) * taken[one.row] <= len(places):
+            return one
+    if not poses:
+        return None
+    last = max((n for n in range(len(places) + 1) if is_due(n)), default=0)
+    takes = np.asarray([minutes(one) for one in poses])
+    if told is None or (len(places) - last) % 2:
+        turns = len(poses) * np.asarray([taken[one.row] for one in poses])
+        return poses[int(np.argmin((turns + np.arange(1, len(poses) + 1)) * takes))]
+    since = [row for row in order[places[last - 1] + 1 :] if row >= 0]
+    return poses[int(np.argmax(told.worth([one.row for one in poses], since) / takes))]
 
 
 def certificate_path(out: Path) -> Path:

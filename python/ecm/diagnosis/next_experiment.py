@@ -34,6 +34,7 @@ from ecm.effects.registry import effects_of_actuators, with_shape
 from ecm.errors import EcmError
 from ecm.io.arrays import F, I
 from ecm.io.columns import TEXT
+from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models.joint_fit import base_columns, error_columns, further_columns
 from ecm.regression.noise import whiteners
@@ -190,7 +191,7 @@ class ConfusionClass:
         read = experiment.readings
         if rows is None and not set(read) & set(self.members):
             return _NOTHING_TOLD
-        added = None if rows is None else _Added.of(self, rows)
+        added = None if rows is None else Added.of(self, rows)
 
         def chance(truth: str, rival: str) -> float:
             seen = [self._seen(id, read[id]) for id in (truth, rival) if id in read]
@@ -230,7 +231,7 @@ def _with_entry(one: Candidate, name: str, value: str) -> Candidate | None:
 
 
 @dataclass(frozen=True)
-class _Added:
+class Added:
     """Whitened rows of a campaign in the columns of a class, run by run."""
 
     group: ConfusionClass
@@ -244,7 +245,7 @@ class _Added:
     """(r,)."""
 
     @staticmethod
-    def of(group: ConfusionClass, joined: Rows) -> _Added:
+    def of(group: ConfusionClass, joined: Rows) -> Added:
         problem = group.problem
         fresh = np.arange(len(problem.table), len(joined))
         whitener = whiteners(problem.noise.covariance(joined, problem.base.error))
@@ -264,7 +265,7 @@ class _Added:
         n, m, k = design.shape
         run = np.unique(joined.table.column("run")[fresh], return_inverse=True)[1]
         old = problem.equations[0][np.ix_(use, use)]
-        return _Added(group, place, old, design.reshape(n * m, k), np.repeat(run, m))
+        return Added(group, place, old, design.reshape(n * m, k), np.repeat(run, m))
 
     @cached_property
     def matrix(self) -> F:
@@ -483,13 +484,17 @@ def _joined_rows(problem: Problem, experiment: Experiment) -> Rows | None:
         predicted = predicted.with_columns({"time_s": time})
         begins_s = (*meta.file.begins_s, float(time[0]))
         meta = replace(meta, file=replace(meta.file, begins_s=begins_s))
+    return Rows(continued(table, predicted, meta), problem.base)
+
+
+def continued(table: Table, predicted: Table, meta: Meta) -> Table:
+    """Return the data, then predicted rows."""
     columns = {name: _continued(table, name, predicted) for name in table.columns}
     columns["run"] = np.concatenate(
         [table.column("run") if table.has("run") else np.zeros(len(table)), predicted.column("run")]
     )
     # The chosen rows of a large table stand for its history.
-    joined = replace(table, columns=columns, meta=meta, sampled_from=None, sampled_rows=None)
-    return Rows(joined, problem.base)
+    return replace(table, columns=columns, meta=meta, sampled_from=None, sampled_rows=None)
 
 
 def _continued(table: Table, name: str, predicted: Table) -> NDArray[Any]:
