@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, cast, get_args
+from typing import Any, get_args
 
 import numpy as np
 from scipy.optimize import nnls
@@ -32,13 +32,11 @@ from ecm.models.expression import Expression, FunctionModel
 from ecm.models.joint_fit import declared_or_fitted
 from ecm.models.maps import (
     CHOOSE,
-    EnergyMap,
     FittedMap,
     MapDefaults,
     ModelSpecification,
     PolynomialMap,
     StiffnessMap,
-    Symmetry,
     Weights,
     pose_and_wrench_columns,
 )
@@ -375,34 +373,6 @@ def polynomial(table: Table, also: int = 0) -> StiffnessMap:
     """The free polynomial of the degree that the rows can carry, up to three; also of another."""
     degrees = (*_POLYNOMIAL, *([also] if also > _POLYNOMIAL[-1] else []))
     return _by_degree(table, [PolynomialModel(degree) for degree in degrees])
-
-
-def next_degree(base: StiffnessMap, table: Table) -> StiffnessMap | None:
-    """The same kind of map, one degree higher; None where the rows do not carry one.
-
-    A free polynomial of six columns takes in nearly every effect of the pose: none is returned.
-    """
-    model: ModelSpecification
-    whole = whole_map(base)
-    if isinstance(whole, EnergyMap) and whole.model.degree < _ENERGY[-1]:
-        symmetry = cast(Symmetry, whole.model.symmetry)
-        model = EnergyModel(whole.model.degree + 1, symmetry, tuple(whole.model.groups))
-    elif isinstance(base, ActuatedMap) and base.terms.degree < _ACTUATED[-1]:
-        model = ActuatedModel(base.terms.degree + 1, base.terms.body, base.terms.order)
-    elif (
-        isinstance(base, PolynomialMap)
-        and base.model.degree < _POLYNOMIAL[-1]
-        and len(base.inputs) < len(POSE)
-    ):
-        model = PolynomialModel(base.model.degree + 1)
-    else:
-        return None
-    measured = table.measured()
-    try:
-        higher = measured_part(fit_rows(measured, model).base, measured)
-    except (ModelError, InputError):
-        return None
-    return higher if len(higher.coefficients) <= _HALF * _equations(higher, measured) else None
 
 
 def _by_degree(table: Table, models: Sequence[ModelSpecification]) -> StiffnessMap:
