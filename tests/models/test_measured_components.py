@@ -16,6 +16,7 @@ from ecm.models import choose_model, surrogate_of
 from ecm.models.maps import EnergyMap
 from ecm.models.partial import MeasuredMap
 from ecm.models.physics.refit import PhysicsModel
+from support.neck import columns_of
 
 LENGTH_M = 0.1
 NOISE = np.repeat([0.05, 0.005], 3)
@@ -40,7 +41,7 @@ def measured(outputs: tuple[str, ...] = FORCES, rows: int = 120, seed: int = 1) 
     poses = random.uniform(-1.0, 1.0, (rows, 6)) * [2e-3, 5e-3, 5e-3, 0.1, 0.1, 0.1]
     poses[:, 0] += LENGTH_M
     wrenches = body().predict(poses) + random.standard_normal((rows, 6)) * NOISE
-    columns = dict(zip((*POSE, *WRENCH), (*poses.T, *wrenches.T), strict=True))
+    columns = columns_of(poses, wrenches)
     kept = {name: columns[name] for name in (*POSE, *outputs)}
     return ecm.as_table(kept | {"time_s": 2.0 * np.arange(rows)}, meta=META)
 
