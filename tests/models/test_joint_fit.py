@@ -17,7 +17,7 @@ from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table
 from ecm.models import load_model
 from ecm.models.joint_fit import FittedEffect, joint_fit, unit_products
-from support.campaigns import campaign, model, physics, workspace_poses
+from support.campaigns import campaign, model, physics, with_change, workspace_poses
 from support.neck import Done, columns_of
 
 
@@ -25,9 +25,7 @@ def with_effect(id: str, values: np.ndarray, seed: int = 3):  # type: ignore[no-
     """The campaign with nothing hidden, plus an effect in the library's own form."""
     table = campaign(seed=seed)
     change = get_effect(id).correction(Rows(table, physics()), values)
-    return table.with_columns(
-        {name: table.column(name) + change[:, j] for j, name in enumerate(WRENCH)}
-    )
+    return with_change(table, change)
 
 
 @pytest.mark.parametrize(
