@@ -20,7 +20,7 @@ from ecm.fem.material_fit import MaterialTest, fit_material
 from ecm.io.cache import write_json
 from ecm.io.columns import POSE, WRENCH
 from ecm.models.export import export as export_module
-from support.neck import Done
+from support.neck import Done, columns_of
 
 Command = Callable[..., Done]
 SPRING = "x_m,fx_N\n0,0\n0.001,1.1\n0.002,1.9\n0.003,3.2\n"
@@ -105,34 +105,31 @@ def test_a_load_unload_loop_is_said_to_be_one() -> None:
     assert not any("unloading" in warning for warning in same)
 
 
-def test_a_model_that_folding_changes_beyond_the_noise_is_not_exported(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def folded_badly(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Folding its effects changes a model by 36 times the noise."""
+    names, name = export_module.__globals__, "_mechanism_alone"
+    folded = names[name]
+    monkeypatch.setitem(names, name, lambda m: (*folded(m)[:2], 36.0))
+
+
+@pytest.mark.usefixtures("folded_badly")
+def test_a_model_that_folding_changes_beyond_the_noise_is_not_exported(tmp_path: Path) -> None:
     table = ecm.Table({"y_m": [-0.01, 0.0, 0.01], "fy_N": [-30.0, 0.0, 30.0]})
     model = ecm.fit(table, "linear")
-    folded = export_module.__globals__["_mechanism_alone"]
-    monkeypatch.setitem(
-        export_module.__globals__, "_mechanism_alone", lambda m: (*folded(m)[:2], 36.0)
-    )
     with pytest.raises(InputError, match=r"(?s)36 times the measurement noise.*force=True"):
         ecm.export(model, "c", tmp_path)
     assert list(tmp_path.iterdir()) == []
     assert ecm.export(model, "c", tmp_path, force=True).folding == 36.0
 
 
-def test_a_folded_model_without_a_control_loop_is_refused_as_well(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.usefixtures("folded_badly")
+def test_a_folded_model_without_a_control_loop_is_refused_as_well(tmp_path: Path) -> None:
     """A mechanism that pushes away has no loop; how much folding changes it must not be lost."""
     poses = np.random.default_rng(2).normal(size=(60, 6)) * [1e-3, 1e-3, 1e-3, 0.05, 0.05, 0.05]
     wrenches = -poses * [3000.0, 3000.0, 3000.0, 1.0, 1.0, 1.0]
-    columns = np.hstack([poses, wrenches]).T
-    table = ecm.as_table(dict(zip((*POSE, *WRENCH), columns, strict=True)))
+    table = ecm.as_table(columns_of(poses, wrenches))
     model = ecm.fit(table, "linear", force=True)
-    folded = export_module.__globals__["_mechanism_alone"]
-    monkeypatch.setitem(
-        export_module.__globals__, "_mechanism_alone", lambda m: (*folded(m)[:2], 36.0)
-    )
     with pytest.raises(InputError, match="36 times the measurement noise"):
         ecm.export(model, "c", tmp_path)
     assert any(

@@ -28,18 +28,18 @@ from support.campaigns import campaign, model, physics
 from support.neck import Done, csv_text
 
 
-def load_cell(shared_data: Path) -> tuple[np.ndarray, np.ndarray]:
+def load_cell(shared_data: Path) -> dict[str, np.ndarray]:
+    """Deflection in inches as a displacement and load in pounds as a force: no unit matters."""
     data = np.loadtxt(shared_data / "nist_load_cell" / "load_cell.csv", delimiter=",", skiprows=1)
-    return data[:, 0], data[:, 1]
+    load, deflection = data.T
+    _, cells = np.unique(load, return_inverse=True)
+    return {"x_m": load * 1e-7, "fx_N": deflection, "pose_id": cells.astype(float)}
 
 
 def test_the_loop_on_the_nist_load_cell(shared_data: Path) -> None:
     """A straight line fails, the quadratic has the certified residual standard deviation."""
-    load, deflection = load_cell(shared_data)
-    _, cells = np.unique(load, return_inverse=True)
-    # Deflection in inches as a displacement and load in pounds as a force: units do not matter.
-    columns = {"x_m": load * 1e-7, "fx_N": deflection, "pose_id": cells.astype(float)}
-    table = Table(columns, Meta(), "load cell")
+    table = Table(load_cell(shared_data), Meta(), "load cell")
+    deflection = table["fx_N"]
     line = compare(fit_model(table, "linear"), table)
     assert line.noise.source == "repeats"
     assert line.excess_low > 0.0
@@ -65,11 +65,8 @@ def test_the_loop_on_the_nist_load_cell(shared_data: Path) -> None:
 def test_the_command_says_the_certified_lack_of_fit(
     shared_data: Path, tmp_path: Path, ecm_command: Callable[..., Done]
 ) -> None:
-    load, deflection = load_cell(shared_data)
-    _, cells = np.unique(load, return_inverse=True)
-    columns = {"x_m": load * 1e-7, "fx_N": deflection, "pose_id": cells.astype(float)}
     data, fitted, found = (tmp_path / name for name in ("d.csv", "m.json", "c.json"))
-    data.write_text(csv_text(columns), encoding="utf-8")
+    data.write_text(csv_text(load_cell(shared_data)), encoding="utf-8")
     assert ecm_command("fit", data, "--model", "linear", "--out", fitted).code == 0
     done = ecm_command("compare", fitted, data, "--json", found)
     assert re.search(r"^all +214\.747 +18 +20 ", done.out, re.MULTILINE)

@@ -35,9 +35,8 @@ def measured(seed: int, *, factor: float = 1.0, rows: int = 120) -> Table:
     """Rows of the closed form with noise; another specimen is stiffer by a factor."""
     poses, random = workspace_poses(rows, seed), np.random.default_rng([seed, 1])
     noise = random.standard_normal((rows, 6)) * [0.3, 0.3, 0.3, 0.01, 0.01, 0.01]
-    columns = dict(zip(POSE, poses.T, strict=True)) | {"time_s": 9.0 * np.arange(rows)}
-    columns |= dict(zip(WRENCH, (factor * wrench(poses) + noise).T, strict=True))
-    return as_table(columns, meta=META)
+    columns = columns_of(poses, factor * wrench(poses) + noise)
+    return as_table(columns | {"time_s": 9.0 * np.arange(rows)}, meta=META)
 
 
 def model(name: str = "energy6", seed: int = 0) -> Model:

@@ -2,40 +2,24 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
-import numpy as np
 import pytest
 
-from ecm.designs import Design, diagnosable_plan
 from ecm.diagnosis import DiagnosisSettings, diagnose, find_missing
 from ecm.diagnosis.summary import verdict_blocks
-from ecm.io.columns import POSE
-from ecm.io.description import Meta
-from ecm.io.table import Table
 from ecm.regression.folds import without_zero_readings
 from ecm.report import TableBlock
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
-from support.campaigns import campaign, model, workspace_poses
-from support.stand_in import L, StandIn
+from support.campaigns import campaign, model, plan
+from support.stand_in import StandIn
 
 FEW = DiagnosisSettings(most_rows=300)
-
-
-@lru_cache(maxsize=1)
-def long_plan() -> Table:
-    """100 poses in 600 visits."""
-    columns = dict(zip(POSE, workspace_poses(100, 3).T, strict=True))
-    candidates = Table(columns, Meta(mechanism={"length_m": L}), "candidates")
-    chosen = Design(np.arange(100), "maximin", 0.0, 0.0, 1.0, "converged")
-    return diagnosable_plan(candidates, chosen, 600, seed=0)
 
 
 @pytest.mark.parametrize("hidden", ["", "base_compliance", "hysteresis", "fts_drift"])
 def test_the_verdict_of_some_rows_is_that_of_all(hidden: str) -> None:
     hide = f"{hidden}=1" if hidden else None
     source = CampaignOptions(source=StandIn())
-    table = run_campaign(long_plan(), RigSettings(), None, hide=hide, seed=3, options=source)
+    table = run_campaign(plan(600), RigSettings(), None, hide=hide, seed=3, options=source)
     assert len(table) > 600
     every, some = (
         find_missing(model(), table, settings=settings) for settings in (DiagnosisSettings(), FEW)

@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import FileMeta, Instrument, Meta
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
 from support.campaigns import META, NOISE, workspace_poses
+from support.neck import columns_of
 from support.stand_in import L, wrench
 
 ROWS = 160
@@ -34,9 +34,8 @@ class Visits:
 
     def table(self, poses: F, loads: F) -> Table:
         noise = self.random.standard_normal((ROWS, 6)) * NOISE
-        columns = dict(zip(POSE, poses.T, strict=True)) | {"time_s": self.time}
-        columns |= dict(zip(WRENCH, (loads + noise).T, strict=True)) | {"dwell_s": self.dwell}
-        return as_table(columns, meta=META)
+        times = {"time_s": self.time, "dwell_s": self.dwell}
+        return as_table(columns_of(poses, loads + noise) | times, meta=META)
 
 
 def attraction(v: Visits) -> Table:

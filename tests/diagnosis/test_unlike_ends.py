@@ -7,11 +7,12 @@ import pytest
 
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
 from rows import slow_ramp
+from support.neck import columns_of
 from support.stand_in import left_jacobian_inverse, rotate, transpose
 
 L = 0.1
@@ -42,9 +43,8 @@ def measured(extra: F | float = 0.0) -> Table:
     poses = random.uniform(-1.0, 1.0, (120, 6)) * [3e-3, 8e-3, 8e-3, 0.25, 0.25, 0.25]
     poses[:, 0] += L
     noise = random.standard_normal((120, 6)) * [0.2, 0.2, 0.2, 0.004, 0.004, 0.004]
-    columns = dict(zip(POSE, poses.T, strict=True)) | {"time_s": 30.0 * np.arange(120)}
-    columns |= dict(zip(WRENCH, (tapered(poses) + extra + noise).T, strict=True))
-    return as_table(columns, meta=META)
+    columns = columns_of(poses, tapered(poses) + extra + noise)
+    return as_table(columns | {"time_s": 30.0 * np.arange(120)}, meta=META)
 
 
 EFFECTS = ("cable_drag", "payload", "fts_offset", "fts_drift")

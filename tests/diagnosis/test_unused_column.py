@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 import ecm
-from ecm._native import EnergyEvaluator
 from ecm.diagnosis.procedure import find_missing
 from ecm.effects import effect, effects_of, unregister, with_shape
 from ecm.io.columns import POSE, WRENCH
 from ecm.models import load_model
-from ecm.models.maps import EnergyMap
+from support.models import spring_body
 
 LENGTH_M = 0.1
 META = {
@@ -21,18 +20,6 @@ META = {
     "instrument": {"force_sd_N": 0.05, "torque_sd_Nm": 0.005,
                    "pose_position_sd_m": 1e-9, "pose_rotation_sd_rad": 1e-9},
 }  # fmt: skip
-
-
-def _spring() -> EnergyEvaluator:
-    """An energy of a body of revolution, fitted to a linear spring."""
-    poses = np.random.default_rng(0).uniform(-1.0, 1.0, (60, 6)) * np.repeat([4e-3, 0.05], 3)
-    wrenches = poses @ np.diag([2e4, 900.0, 900.0, 4.0, 6.0, 6.0])
-    return EnergyEvaluator.fit(
-        poses + LENGTH_M * np.eye(6)[0], wrenches, length_m=LENGTH_M, degree=4
-    )
-
-
-SPRING = _spring()
 
 
 def six_by_six(acts: str, rows: int = 240) -> ecm.Table:
@@ -47,7 +34,7 @@ def six_by_six(acts: str, rows: int = 240) -> ecm.Table:
     at = poses.copy()
     if acts == "shifts":
         at[:, 1] -= 2e-4 * valve
-    wrenches = EnergyMap(SPRING).predict(at)
+    wrenches = spring_body().predict(at)
     if acts == "adds":
         wrenches[:, 2] += 0.2 * valve
     elif acts == "scales":

@@ -10,11 +10,11 @@ from ecm.diagnosis.left_over import find_pattern
 from ecm.diagnosis.preparation import prepare
 from ecm.diagnosis.problem import Problem, assemble
 from ecm.effects import get_effect
-from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
 from ecm.models.fit import choose_base
 from support.campaigns import META, NOISE, workspace_poses
+from support.neck import columns_of
 from support.one_angle import META as ONE_ANGLE
 from support.one_angle import cycles, spring
 from support.stand_in import wrench
@@ -27,9 +27,8 @@ def measured(seed: int, rows: int = 150, change: object = None) -> Table:
     h = wrench(poses)
     if change is not None:
         h = h + change(time, poses, h)  # type: ignore[operator]
-    columns = dict(zip(POSE, poses.T, strict=True)) | {"time_s": time}
     noise = random.standard_normal((rows, 6)) * NOISE
-    return as_table(columns | dict(zip(WRENCH, (h + noise).T, strict=True)), meta=META)
+    return as_table(columns_of(poses, h + noise) | {"time_s": time}, meta=META)
 
 
 def problem_of(table: Table) -> Problem:

@@ -23,10 +23,9 @@ from ecm.effects import (
 )
 from ecm.effects.protocol import needs_columns, needs_full, needs_varying, optional
 from ecm.errors import InputError
-from ecm.io.columns import WRENCH
 from ecm.io.table import Table
 from ecm.models import load_model
-from support.campaigns import campaign, model, physics
+from support.campaigns import campaign, model, physics, with_change
 
 F = NDArray[np.float64]
 
@@ -59,9 +58,7 @@ def blown() -> Table:
     """Half a newton from the first to the last row, and more."""
     table = campaign("", 1.0, 4)
     change = get_effect("fan").correction(Rows(table, physics()), np.array([2e-4]))
-    return table.with_columns(
-        {name: table.column(name) + change[:, j] for j, name in enumerate(WRENCH)}
-    )
+    return with_change(table, change)
 
 
 def test_a_model_file_carries_it(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 import ecm
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Meta, as_table, read_table
+from support.neck import columns_of
 
 F = np.ndarray[Any, np.dtype[np.float64]]
 ROWS = 30
@@ -50,9 +51,7 @@ def base() -> dict[str, F]:
     poses = np.column_stack(
         [[0.1, 0.0, 0.0] + 0.02 * rng.normal(size=(ROWS, 3)), 0.4 * rng.normal(size=(ROWS, 3))]
     )
-    return dict(
-        zip((*POSE, *WRENCH), np.hstack([poses, rng.normal(size=(ROWS, 6))]).T, strict=True)
-    )
+    return columns_of(poses, rng.normal(size=(ROWS, 6)))
 
 
 def tops(base: dict[str, F]) -> Motion:

@@ -23,7 +23,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.se3 import Frames
 from ecm.logs.sources import rotation_columns, to_rotation_vectors
-from support.neck import Done
+from support.neck import Done, columns_of
 
 F = np.ndarray[Any, np.dtype[np.float64]]
 ROWS = 40
@@ -35,9 +35,7 @@ def truth() -> dict[str, F]:
     rng = np.random.default_rng(3)
     poses = np.column_stack([0.1 + 0.01 * rng.random((ROWS, 3)), 0.4 * rng.normal(size=(ROWS, 3))])
     wrenches = rng.normal(size=(ROWS, 6)) * [10.0] * 1
-    return {"time_s": np.arange(ROWS) * 1.0} | dict(
-        zip((*POSE, *WRENCH), np.column_stack([poses, wrenches]).T, strict=True)
-    )
+    return {"time_s": np.arange(ROWS) * 1.0} | columns_of(poses, wrenches)
 
 
 def pose(truth: Mapping[str, F]) -> F:

@@ -12,22 +12,20 @@ import pytest
 from ecm.comparison import compare, declared_noise
 from ecm.effects import Rows, get_effect
 from ecm.errors import InputError, ModelError
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table
 from ecm.models import load_model
 from ecm.models.joint_fit import FittedEffect, joint_fit, unit_products
-from support.campaigns import campaign, model, physics, workspace_poses
-from support.neck import Done
+from support.campaigns import campaign, model, physics, with_change, workspace_poses
+from support.neck import Done, columns_of
 
 
 def with_effect(id: str, values: np.ndarray, seed: int = 3):  # type: ignore[no-untyped-def]
     """The campaign with nothing hidden, plus an effect in the library's own form."""
     table = campaign(seed=seed)
     change = get_effect(id).correction(Rows(table, physics()), values)
-    return table.with_columns(
-        {name: table.column(name) + change[:, j] for j, name in enumerate(WRENCH)}
-    )
+    return with_change(table, change)
 
 
 @pytest.mark.parametrize(
@@ -202,7 +200,7 @@ def test_a_fit_weighs_by_the_noise_of_its_rows() -> None:
     quiet = np.array([0.03] * 3 + [0.001] * 3)
     poses = np.tile(workspace_poses(40, 6), (3, 1))
     wrench = physics().predict(poses) + quiet * random.standard_normal((120, 6))
-    columns = {**dict(zip(POSE, poses.T, strict=True)), **dict(zip(WRENCH, wrench.T, strict=True))}
+    columns = columns_of(poses, wrench)
     told = Instrument(
         pose_position_sd_m=1e-7, pose_rotation_sd_rad=1e-6, force_sd_N=0.03, torque_sd_Nm=0.001
     )

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import ecm
-from ecm._native import EnergyEvaluator
 from ecm.errors import InputError, remedy_of
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.models import choose_model, surrogate_of
-from ecm.models.maps import EnergyMap
 from ecm.models.partial import MeasuredMap
 from ecm.models.physics.refit import PhysicsModel
+from support.models import spring_body
+from support.neck import columns_of
 
 LENGTH_M = 0.1
 NOISE = np.repeat([0.05, 0.005], 3)
@@ -27,20 +27,12 @@ META = {
 FORCES = WRENCH[:3]
 
 
-def body() -> EnergyMap:
-    """An energy of a body of revolution, fitted to a linear spring."""
-    poses = np.random.default_rng(0).uniform(-1.0, 1.0, (60, 6)) * np.repeat([4e-3, 0.05], 3)
-    wrenches = poses @ np.diag([2e4, 900.0, 900.0, 4.0, 6.0, 6.0])
-    poses[:, 0] += LENGTH_M
-    return EnergyMap(EnergyEvaluator.fit(poses, wrenches, length_m=LENGTH_M, degree=4))
-
-
 def measured(outputs: tuple[str, ...] = FORCES, rows: int = 120, seed: int = 1) -> ecm.Table:
     random = np.random.default_rng(seed)
     poses = random.uniform(-1.0, 1.0, (rows, 6)) * [2e-3, 5e-3, 5e-3, 0.1, 0.1, 0.1]
     poses[:, 0] += LENGTH_M
-    wrenches = body().predict(poses) + random.standard_normal((rows, 6)) * NOISE
-    columns = dict(zip((*POSE, *WRENCH), (*poses.T, *wrenches.T), strict=True))
+    wrenches = spring_body().predict(poses) + random.standard_normal((rows, 6)) * NOISE
+    columns = columns_of(poses, wrenches)
     kept = {name: columns[name] for name in (*POSE, *outputs)}
     return ecm.as_table(kept | {"time_s": 2.0 * np.arange(rows)}, meta=META)
 
@@ -77,10 +69,10 @@ def test_a_body_that_forces_determine_predicts_all_six() -> None:
     poses = table.poses
     stiff = surrogate_of(
         poses,
-        body().predict(poses),
+        spring_body().predict(poses),
         LENGTH_M,
         test_poses=poses,
-        test_wrenches=body().predict(poses),
+        test_wrenches=spring_body().predict(poses),
     )
     model = ecm.fit(table, PhysicsModel(base=stiff.with_coefficients(np.array([2.0]))))
     assert model.outputs == WRENCH
@@ -96,10 +88,10 @@ def test_a_whole_model_of_forces_without_a_stated_noise_is_stored_and_read(tmp_p
     poses = measured().poses
     base = surrogate_of(
         poses,
-        body().predict(poses),
+        spring_body().predict(poses),
         LENGTH_M,
         test_poses=poses,
-        test_wrenches=body().predict(poses),
+        test_wrenches=spring_body().predict(poses),
     )
     table = measured().with_meta(Meta(mechanism={"length_m": LENGTH_M}))
     model = ecm.fit(table, PhysicsModel(base=base))

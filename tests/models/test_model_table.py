@@ -10,7 +10,7 @@ import pytest
 
 from ecm._native import rod_poses
 from ecm.errors import InputError, MissingExtra
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import POSE
 from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models import fit_model, load_model, parse_model
@@ -38,12 +38,7 @@ def rod_table(count: int, seed: int) -> Table:
 
 def stand_in(count: int, seed: int) -> Table:
     poses = workspace_poses(count, seed)
-    columns = dict(zip(POSE, poses.T, strict=True))
-    return Table(
-        columns | dict(zip(WRENCH, wrench(poses).T, strict=True)),
-        Meta(mechanism={"length_m": L}),
-        "exact",
-    )
+    return Table(columns_of(poses, wrench(poses)), Meta(mechanism={"length_m": L}), "exact")
 
 
 def test_a_rod_is_found_and_answers_in_wrenches() -> None:

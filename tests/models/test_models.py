@@ -14,7 +14,7 @@ from ecm import _native
 from ecm.effects import Rows, get_effect
 from ecm.effects.frames import LedOcclusion
 from ecm.errors import InputError
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import WRENCH
 from ecm.io.description import Meta, Scene
 from ecm.io.table import Table
 from ecm.models import (
@@ -33,14 +33,13 @@ from ecm.models.joint_fit import FittedEffect
 from ecm.models.maps import ModelSpecification
 from ecm.models.registry import MODELS
 from support.campaigns import campaign, model, physics, workspace_poses
+from support.neck import columns_of
 from support.stand_in import L, wrench
 
 
 def noise_free(count: int = 250, seed: int = 5) -> Table:
     poses = workspace_poses(count, seed)
-    columns = {name: poses[:, j] for j, name in enumerate(POSE)}
-    columns |= dict(zip(WRENCH, wrench(poses).T, strict=True))
-    return Table(columns, Meta(mechanism={"length_m": L}), "exact")
+    return Table(columns_of(poses, wrench(poses)), Meta(mechanism={"length_m": L}), "exact")
 
 
 def test_names() -> None:

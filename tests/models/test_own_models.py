@@ -22,6 +22,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.models import parse_model
 from ecm.models.expression import FUNCTIONS, Expression
 from support.exports import done
+from support.neck import columns_of
 
 NOISE_N = 0.05
 META = {"instrument": {"force_sd_N": NOISE_N, "pose_position_sd_m": 1e-9}}
@@ -102,7 +103,7 @@ def test_a_model_of_ones_own_is_compared_and_diagnosed(model: str, tmp_path: Pat
 def test_functions_of_six_columns_are_differentiated_and_named() -> None:
     poses = np.random.default_rng(0).uniform(-0.01, 0.01, (30, 6))
     wrenches = poses @ np.diag([2e4, 900.0, 900.0, 4.0, 6.0, 6.0])
-    table = ecm.as_table(dict(zip((*POSE, *WRENCH), (*poses.T, *wrenches.T), strict=True)))
+    table = ecm.as_table(columns_of(poses, wrenches))
 
     def body(at: F) -> F:
         return at @ np.diag([2e4, 900.0, 900.0, 4.0, 6.0, 6.0])
@@ -133,10 +134,8 @@ def test_an_expression_of_six_columns_is_exported_as_an_energy(tmp_path: Path) -
     poses = np.random.default_rng(1).uniform(-1.0, 1.0, (60, 6)) * np.repeat([2e-3, 0.02], 3)
     poses[:, 0] += 0.1
     wrenches = own.map().predict(poses)
-    table = ecm.as_table(
-        dict(zip((*POSE, *WRENCH), (*poses.T, *wrenches.T), strict=True)),
-        meta={"mechanism": {"length_m": 0.1}},
-    )
+    meta = {"mechanism": {"length_m": 0.1}}
+    table = ecm.as_table(columns_of(poses, wrenches), meta=meta)
     model = ecm.fit(table, own)
     np.testing.assert_allclose(model.base.coefficients, own.map().coefficients, rtol=1e-6)
     exported = ecm.export(model, "c", tmp_path, force=True)

@@ -21,7 +21,7 @@ from ecm._native import EnergyEvaluator
 from ecm.diagnosis import diagnose
 from ecm.errors import InputError
 from ecm.fem.simulate import fem_poses
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import WRENCH
 from ecm.io.description import Meta
 from ecm.io.mechanism import Material, Mechanism
 from ecm.io.settings import read_toml
@@ -42,6 +42,7 @@ from ecm.models.physics.build import BuildSettings, shape_of
 from ecm.models.physics.family import PARAMETERS, compressibility, poisson_ratio
 from ecm.models.physics.refit import physics_sentences, refit_physics
 from ecm.workflow.app import steps
+from support.neck import columns_of
 from support.products import kept_arrays
 
 F = NDArray[np.float64]
@@ -276,12 +277,10 @@ def test_bodies_keep_their_law_when_nu_changes() -> None:
 
 
 def table_of(poses: F, wrenches: F) -> Table:
-    columns = dict(zip(POSE, poses.T.copy(), strict=True))
-    columns |= dict(zip(WRENCH, wrenches.T.copy(), strict=True))
     instrument = {"pose_position_sd_m": 37e-6, "pose_rotation_sd_rad": 6e-4,
                   "force_sd_N": 0.3, "torque_sd_Nm": 0.010}  # fmt: skip
     meta = Meta.from_dict({"mechanism": NECK.to_dict(), "instrument": instrument}, "test")
-    return Table(columns, meta, "pairs")
+    return Table(columns_of(poses, wrenches), meta, "pairs")
 
 
 def by_fem(body: Mechanism, count: int, seed: int) -> tuple[F, F, F]:

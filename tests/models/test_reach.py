@@ -23,7 +23,7 @@ from ecm.models.physics.family import PhysicsFamily
 from ecm.models.physics.map import PhysicsMap, physics_map
 from ecm.models.prediction import predict
 from support.campaigns import physics, workspace_poses
-from support.neck import Done
+from support.neck import Done, columns_of
 from support.stand_in import L
 
 Command = Callable[..., Done]
@@ -37,8 +37,7 @@ def far_table() -> Table:
     wrenches = physics().predict(poses)
     noise = [0.3, 0.3, 0.3, 0.01, 0.01, 0.01]
     wrenches += noise * np.random.default_rng(0).standard_normal(wrenches.shape)
-    columns = dict(zip(POSE, poses.T.copy(), strict=True))
-    return as_table(columns | dict(zip(WRENCH, wrenches.T.copy(), strict=True)))
+    return as_table(columns_of(poses, wrenches))
 
 
 @pytest.mark.parametrize(

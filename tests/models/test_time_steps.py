@@ -97,14 +97,16 @@ def test_steps_are_what_the_effect_predicts_along_a_recorded_table(
     assert np.abs(expected - plain.predict(table.poses)).max() > 1e-3 * size.max()
 
 
-def test_springs_that_slip_follow_the_visits_of_a_campaign(plain: Model) -> None:
-    """Each reading is reached over the pose before it: two moves a row."""
-    model = with_effects(plain, FRICTION)
+def visits(model: Model) -> tuple[Table, F, F, Controller]:
+    """A campaign of one run: the pose before each, the model's wrench, the model in steps."""
     table = campaign(seed=3).measured()
     table = table.with_columns({"run": np.zeros(len(table))})
-    expected = model.predict(table)
-    came = Rows(table, model.base).known_before
-    controller = at_rest(model)
+    return table, Rows(table, model.base).known_before, model.predict(table), at_rest(model)
+
+
+def test_springs_that_slip_follow_the_visits_of_a_campaign(plain: Model) -> None:
+    """Each reading is reached over the pose before it: two moves a row."""
+    table, came, expected, controller = visits(with_effects(plain, FRICTION))
     for i in np.argsort(table.column("time_s"), kind="stable"):
         controller.step(came[i], 1.0)
         found, _ = controller.step(table.poses[i], 1.0)
@@ -113,12 +115,7 @@ def test_springs_that_slip_follow_the_visits_of_a_campaign(plain: Model) -> None
 
 def test_relaxation_over_visits_is_two_moves_and_a_rest(plain: Model) -> None:
     effect = StressRelaxation(8.0, path="visits", frame="middle")
-    model = with_effects(plain, (effect, [0.3]))
-    table = campaign(seed=3).measured()
-    table = table.with_columns({"run": np.zeros(len(table))})
-    expected = model.predict(table)
-    came = Rows(table, model.base).known_before
-    controller = at_rest(model)
+    table, came, expected, controller = visits(with_effects(plain, (effect, [0.3])))
     assert not any("replaced" in text for text in controller.effects.warnings)
     time, dwell = table.column("time_s"), table.column("dwell_s")
     order = np.argsort(time, kind="stable")

@@ -21,12 +21,9 @@ from ecm.rig.physics.camera import MarkerMotion
 from ecm.rig.physics.true_effect import RigScale
 from ecm.rig.plant import residual, wrench_in_base
 from support.campaigns import plan as diagnosable_plan
-from support.stand_in import F, StandIn, error_of, plan_of, some_poses, wrench
+from support.stand_in import AT_REST, F, StandIn, error_of, plan_of, some_poses, wrench
 
 SCALE = RigScale(0.1, 3600.0, 22.0, 28.0, 0.5)
-AT_REST = sorted(
-    name for name, kind in TRUE_EFFECTS.items() if not (kind.only_in_motion or kind.of_actuators)
-)
 
 
 def both_sides() -> Table:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,8 +39,18 @@ def files(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
-def test_rigs_differ_and_workers_give_the_same_bytes(tmp_path: Path) -> None:
+def on_workers(*campaign: Any, **more: Any) -> None:
+    """Run the campaigns of many rigs on two processes of a cluster."""
     distributed = pytest.importorskip("distributed", reason="needs the extra `cluster`")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        options = CampaignOptions(scheduler=cluster.scheduler_address)
+        run_campaigns(*campaign, **more, options=options)
+
+
+def test_rigs_differ_and_workers_give_the_same_bytes(tmp_path: Path) -> None:
+    pytest.importorskip("distributed", reason="needs the extra `cluster`")
     here, there = tmp_path / "here", tmp_path / "there"
     hide = "payload=20"
     paths = run_campaigns(
@@ -48,13 +59,7 @@ def test_rigs_differ_and_workers_give_the_same_bytes(tmp_path: Path) -> None:
     wrenches = [read_table(path).wrenches for path in paths]
     assert not np.allclose(wrenches[0], wrenches[1])
     assert [reveal(path).seed for path in paths] == [5, 6, 7]
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
-    ) as cluster:
-        run_campaigns(
-            plan(), RigSettings(), there / "d.csv", seeds=range(5, 5 + RIGS), hide=hide,
-            options=CampaignOptions(scheduler=cluster.scheduler_address),
-        )  # fmt: skip
+    on_workers(plan(), RigSettings(), there / "d.csv", seeds=range(5, 5 + RIGS), hide=hide)
     assert files(there) == files(here)
 
 
@@ -129,12 +134,10 @@ def test_a_table_that_stands_there_is_not_overwritten(tmp_path: Path) -> None:
 
     with pytest.raises(InputError, match="--overwrite"):
         run_campaigns(plan(), RigSettings(), out, seeds=range(1, 1 + RIGS))
-    run_campaigns(
-        plan(), RigSettings(), out, seeds=range(1, 1 + RIGS), overwrite=True, progress=count
-    )
-    run_campaigns(
-        plan(), RigSettings(), out, seeds=range(1, 1 + RIGS), overwrite=True, progress=count
-    )
+    for _ in range(2):
+        run_campaigns(
+            plan(), RigSettings(), out, seeds=range(1, 1 + RIGS), overwrite=True, progress=count
+        )
     assert measured == [1, 2, 3, 1, 2, 3]
     # Fewer of them anew: the others stay done.
     measured.clear()
@@ -167,7 +170,7 @@ def test_an_unfinished_job_goes_on(tmp_path: Path, overwrite: bool) -> None:
 
 def test_rigs_with_the_arm_give_the_same_bytes_on_workers(tmp_path: Path) -> None:
     pytest.importorskip("mujoco", reason="needs the extra `robot`")
-    distributed = pytest.importorskip("distributed", reason="needs the extra `cluster`")
+    pytest.importorskip("distributed", reason="needs the extra `cluster`")
     need_program("cc", "gcc")
     fast = {"mode": "robot", "speed_rad_s": 0.6, "speed_m_s": 0.08, "dwell_s": 0.1}
     arm = RigSettings.from_dict({"rig": {**fast, "processes": 1}})
@@ -184,13 +187,7 @@ def test_rigs_with_the_arm_give_the_same_bytes_on_workers(tmp_path: Path) -> Non
     assert all(table.has("q1_rad", "q7_dir") for table in tables)
     assert not np.allclose(tables[0].poses, tables[1].poses)
     assert (here / "d-0001.robot.json").exists()
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
-    ) as cluster:
-        run_campaigns(
-            three, arm, there / "d.csv", seeds=range(5, 7), hide="payload=20",
-            options=CampaignOptions(scheduler=cluster.scheduler_address),
-        )  # fmt: skip
+    on_workers(three, arm, there / "d.csv", seeds=range(5, 7), hide="payload=20")
     assert files(there) == files(here)
 
 

@@ -21,7 +21,7 @@ from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.physics.camera import TimeSkew
 from ecm.rig.raw_stream import RawStream
 from support.campaigns import model, workspace_poses
-from support.stand_in import F, L, StandIn, Stop, plan_of, some_poses, stop_at, wrench
+from support.stand_in import AT_REST, F, L, StandIn, Stop, plan_of, some_poses, stop_at, wrench
 
 pytest.importorskip("pyarrow", reason="pyarrow is missing: pip install 'ecm-stiffness[data]'")
 
@@ -153,9 +153,6 @@ def test_what_is_hidden_at_rest_is_in_the_stream_too(tmp_path: Path) -> None:
     assert "time_skew" not in found.answer[0]
 
 
-AT_REST = sorted(
-    name for name, kind in TRUE_EFFECTS.items() if not (kind.only_in_motion or kind.of_actuators)
-)
 OTHERWISE = {
     # effect: share of it by which the stream may differ from the readings at rest, and why.
     "fts_hysteresis": 0.3,  # at rest it follows commanded poses, in the stream those reached

@@ -51,14 +51,13 @@ def physics() -> PhysicsMap:
     )  # fmt: skip
 
 
-@lru_cache(maxsize=1)
-def plan() -> Table:
-    """100 poses in 290 visits with repeats, both sides, three dwells, home and unloaded checks."""
-    poses = workspace_poses(100, 3)
-    columns = {name: poses[:, j] for j, name in enumerate(POSE)}
+@cache
+def plan(visits: int = 290) -> Table:
+    """100 poses visited with repeats, both sides, three dwells, home and unloaded checks."""
+    columns = dict(zip(POSE, workspace_poses(100, 3).T, strict=True))
     candidates = Table(columns, Meta(mechanism={"length_m": L}), "candidates")
     chosen = Design(np.arange(100), "maximin", 0.0, 0.0, 1.0, "converged")
-    return diagnosable_plan(candidates, chosen, 290, seed=0)
+    return diagnosable_plan(candidates, chosen, visits, seed=0)
 
 
 def campaign(hidden: str = "", strength: float = 1.0, seed: int = 0) -> Table:
@@ -81,9 +80,7 @@ def model() -> Model:
 
 def with_change(table: Table, change: F) -> Table:
     """The table with a wrench (N, 6) more."""
-    return table.with_columns(
-        {name: table.column(name) + change[:, j] for j, name in enumerate(WRENCH)}
-    )
+    return table.with_columns(dict(zip(WRENCH, (table.wrenches + change).T, strict=True)))
 
 
 def diagnosis_of(hidden: str = "", strength: float = 1.0, seed: int = 0) -> Diagnosis:

@@ -27,10 +27,15 @@ from ecm.rig.elastic import (
     Smooth,
     SolvedPoses,
 )
+from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.settings import Instruments
 
 F = NDArray[np.float64]
 L = 0.1034
+AT_REST = sorted(
+    name for name, kind in TRUE_EFFECTS.items() if not (kind.only_in_motion or kind.of_actuators)
+)
+"""What a campaign of visits can hide on a mechanism without actuators."""
 AXIAL, LATERAL, TWIST, BEND = 24000.0, 3500.0, 4.1, 6.8
 
 

@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -183,8 +183,6 @@ def with_columns(text: str, entries: Sequence[str]) -> str:
     parse_toml(found, "[columns]", "description of a table")
     return found
 
-
-T = TypeVar("T")
 
 _NOT_PER_RUN = {
     "turned_end_for_end": "no effect models it: diagnose the table of that run alone",
@@ -453,19 +451,16 @@ class Meta:
         check_keys(mechanism, MECHANISM_KEYS, f"{where} [mechanism]")
         if mechanism and "mesh" not in mechanism:
             Mechanism.from_dict(mechanism, f"{where} [mechanism]")
-
-        def section(cls: type[T], name: str) -> T:
-            return read_settings(cls, document.get(name, {}), f"{where} [{name}]")
-
+        sections: dict[str, Any] = {
+            name: read_settings(of, document.get(name, {}), f"{where} [{name}]")
+            for name, of in _SECTIONS.items()
+        }
         return Meta(
-            file=section(FileMeta, "file"),
+            **sections,
             columns=columns,
             group=group,
             mechanism=dict(mechanism),
-            instrument=section(Instrument, "instrument"),
-            scene=section(Scene, "scene"),
             runs=_runs(_table(document, "run", where, "tables [run.0], [run.1], ..."), where),
-            frames=section(Frames, "frames"),
             leave_out=read_leave_out(_table(document, "leave_out", where), where),
             origin=_origin(_table(document, "import", where), f"{where} [import]"),
             source=where,

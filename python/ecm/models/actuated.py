@@ -42,12 +42,8 @@ _ALL_ORDERS = 4
 """Number of actuators up to which every order is tried; of more only two exchanged."""
 
 
-Exchanged = tuple[tuple[str, ...], float, float]
-"""The order that fits, and the errors as stated and in that order, over the spread of the loads."""
-
-
-def exchanged(table: Table, model: ActuatedModel) -> Exchanged | None:
-    """The order in which the columns of the actuators fit far better, and both errors.
+def exchanged(table: Table, model: ActuatedModel) -> WrongConvention | None:
+    """Which columns of the actuators stand exchanged: in another order they fit far better.
 
     A model that knows how the actuators stand round the axis errs where two columns are exchanged.
     The error is the geometric mean of the components', for a pressure may show in one alone.
@@ -78,8 +74,18 @@ def exchanged(table: Table, model: ActuatedModel) -> Exchanged | None:
     orders = [order for order in orders if [kind_of(name) for name in order] == kinds]
     errors = {order: error(order) for order in orders}
     best = min(orders, key=lambda order: errors[order])
-    found = (best, errors[names], errors[best])
-    return found if errors[names] > _EXCHANGED * errors[best] else None
+    if errors[names] <= _EXCHANGED * errors[best]:
+        return None
+    own = tuple(
+        (name, other, 1.0) for name, other in zip(names, best, strict=True) if name != other
+    )
+    columns = tuple(name for name, *_ in own)
+    what = (
+        f"{' and '.join(columns)} look exchanged (chambers or tendons swapped): an energy of equal "
+        f"actuators errs {100.0 * errors[names]:.2g} % of the spread, with that mended "
+        f"{100.0 * errors[best]:.2g} %"
+    )
+    return WrongConvention(what, columns, decided=True, mend=entries_of(table, own))
 
 
 def misread(table: Table, symmetry: Symmetry = "alike") -> WrongConvention | None:
@@ -96,21 +102,7 @@ def misread(table: Table, symmetry: Symmetry = "alike") -> WrongConvention | Non
     rows = table.measured()
     if wrong is not None or table.meta.length_m is None or not rows.has(*POSE, *WRENCH):
         return wrong
-    found = exchanged(rows, ActuatedModel(symmetry=symmetry))
-    if found is None:
-        return None
-    order, stated, mended = found
-    names = table.actuation_columns
-    own = tuple(
-        (name, other, 1.0) for name, other in zip(names, order, strict=True) if name != other
-    )
-    said = " and ".join(name for name, *_ in own)
-    what = (
-        f"{said} look exchanged (chambers or tendons swapped): an energy of equal actuators errs "
-        f"{100.0 * stated:.2g} % of the spread, with that mended {100.0 * mended:.2g} %"
-    )
-    columns = tuple(name for name, *_ in own)
-    return WrongConvention(what, columns, decided=True, mend=entries_of(table, own))
+    return exchanged(rows, ActuatedModel(symmetry=symmetry))
 
 
 @dataclass(frozen=True)

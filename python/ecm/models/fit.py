@@ -143,31 +143,12 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
     return replace(fitted, training={**fitted.training, **known})
 
 
-def _refuse_exchanged(table: Table, specification: ActuatedModel) -> None:
-    """Raise InputError where the columns of the actuators stand in another order than they act."""
-    found = exchanged(table, specification)
-    if found is None:
-        return
-    order, stated, mended = found
-    own = [(a, b) for a, b in zip(table.actuation_columns, order, strict=True) if a != b]
-    columns = "\n".join(f'{name} = "{other}"' for name, other in own)
-    raise InputError(
-        f"{table.source}: chambers swapped: with {', '.join(order)} in the place of "
-        f"{', '.join(table.actuation_columns)} an energy errs {stated / mended:.2g} times less. "
-        "--force (force=True in Python) takes the table as it is.",
-        remedy=Remedy(
-            f"name the columns in the TOML beside the table:\n[columns]\n{columns}\nThen fit it "
-            "again",
-            f"ecm fit DATA --model {specification.name} --out OUT",
-            force=True,
-        ),
-    )
-
-
 def refuse_unused_inputs(table: Table, specification: ModelSpecification) -> None:
     """Raise InputError where inputs vary that the model does not take, or stand exchanged."""
     if isinstance(specification, ActuatedModel):
-        _refuse_exchanged(table, specification)
+        wrong = exchanged(table, specification)
+        if wrong is not None:
+            raise wrong.refusal(table.source)
     takes = specification.any_columns or specification.takes_inputs
     varying = () if takes else unused_inputs(None, table)
     if varying:

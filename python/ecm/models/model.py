@@ -106,7 +106,7 @@ class Model(Shown, EvaluatedModel):
         return f"<Model {self.name}: {columns}, {len(self.params)} parameters{error}>"
 
     def blocks(self) -> list[Block]:
-        """Return what a notebook shows: the parameters, and the history of fits."""
+        """Return what a notebook shows: the parameters, and the fit report."""
         params = list(self.params.items())
         rows: list[list[Cell]] = [
             [name, f"{own.value:.5g}", own.sd, own.unit, _finite(own.min), _finite(own.max)]
@@ -117,15 +117,10 @@ class Model(Shown, EvaluatedModel):
         header = ("parameter", "value", "sd", "unit", "min", "max")
         blocks: list[Block] = [TextBlock(repr(self)[1:-1], strong=True)]
         blocks += [TableBlock(caption, header, rows)] if rows else []
-        if self.history:
-            fits: list[list[Cell]] = [[one.name, one.train, one.held_out] for one in self.history]
-            of_fits = ("model", "fitted rows", "held-out rows")
-            blocks.append(TableBlock("Error over the noise, of each fit.", of_fits, fits))
-        said = (self.training.get(name) for name in _SAID_OF_A_FIT)
-        return blocks + [TextBlock(part["sentence"]) for part in said if part is not None]
+        return [*blocks, CodeBlock("Fit report", self.fit_report())]
 
     def report(self, table: Table) -> Report:
-        """Return the parameters, measured and modelled over displacement, and the fit report."""
+        """Return the parameters, the fit report, and measured and modelled over displacement."""
         figure = FigureBlock(
             "Measured and modelled wrench over displacement."
             + figures.drawn_sentence(table.matrix(self.outputs)),
@@ -134,7 +129,6 @@ class Model(Shown, EvaluatedModel):
         sections = [
             Section("Model", self.blocks()),
             Section("Measured and modelled", [figure]),
-            Section("Fit report", [CodeBlock("", self.fit_report())]),
         ]
         return Report(f"Model {self.name}", f"{table.source}: {len(table)} rows", sections)
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ecm.io.arrays import F
 from ecm.io.cache import Stage
 from ecm.io.columns import POSE as POSE_COLUMNS
-from ecm.io.se3 import rotation, rotation_vector, transpose
+from ecm.io.se3 import rotation, rotation_vector, seen_from, transpose
 from ecm.rig.plan import POSE, Visit, rest_pose
 from ecm.rig.readings import disk_error
 from ecm.rig.settings import Procedure
@@ -250,12 +250,8 @@ PHASES = tuple(COLOURS)
 
 def pose_errors(poses: F, goals: F) -> tuple[F, F]:
     """Distance in m and angle in rad between (N, 6) poses: (N,) each."""
-    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - it takes 0.3 s to load
-
-    turn = Rotation.from_rotvec(goals[:, 3:]).inv() * Rotation.from_rotvec(poses[:, 3:])
-    distance: F = np.linalg.norm(poses[:, :3] - goals[:, :3], axis=1)
-    angle: F = np.atleast_1d(turn.magnitude())
-    return distance, angle
+    off = seen_from(goals, poses)
+    return np.linalg.norm(off[:, :3], axis=1), np.linalg.norm(off[:, 3:], axis=1)
 
 
 def motion_shares(poses: F, goals: F, rest: F) -> F:
