@@ -82,13 +82,14 @@ def page_of(group: str) -> str:
         if place := drawn(effect):
             shown.setdefault(place.where, []).append(f"`{effect.id}`")
     if shown:
+        made_up = " What follows *with* is made up." if any("*with*" in w for w in shown) else ""
         where = "; ".join(
             f"{', '.join(names)} on the rows of {path}" for path, names in shown.items()
         )
         lines.append(
             f"![What each effect leaves in the residual, at its ordinary size]({group}.png)\n\n"
             "What an effect at its ordinary size leaves in the residual of a model without it, in "
-            f"the component that it changes most: {where}.\n"
+            f"the component that it changes most: {where}.{made_up}\n"
         )
     for effect in effects:
         lines += section(group, effect)
@@ -395,7 +396,7 @@ class Shown:
     def where(self) -> str:
         """The table in words."""
         more = " and ".join(ADDED[name].words for name in self.added)
-        return f"`examples/{self.path.name}`" + (f" with {more} made up" if more else "")
+        return f"`examples/{self.path.name}`" + (f" *with* {more}" if more else "")
 
 
 @cache

@@ -236,8 +236,8 @@ class SealFriction(LinearEffect):
     What presses the sliding faces together is the input a of an actuator: the pressure behind a
     seal, the tension in a sheath. Both c and g lose work.
 
-    Parameters: *_growth: growth of the friction with the input; friction_*: force or moment that the
-    friction holds at no input.
+    Parameters: *_growth: growth of the friction with the input; friction_*: force or moment that
+    the friction holds at no input.
     """
 
     id = "seal_friction"
