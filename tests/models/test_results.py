@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ecm import as_table, check, compare, cross_validate, diagnose, fit, import_log, refit
+from ecm._native import mid_frame
 from ecm.errors import InputError
 from ecm.models import (
     CrossValidation,
@@ -16,6 +17,7 @@ from ecm.models import (
     ModelChoice,
     PolynomialModel,
 )
+from ecm.models.maps import EnergyTerms
 from ecm.rig.hidden.truth import Revealed
 from support.campaigns import campaign, model
 from support.neck import ROOT
@@ -52,6 +54,53 @@ def test_results_become_data_frames() -> None:
     assert frame["value"].tolist() == [*fitted.base.coefficients, *fitted.effects[0].values]
     assert frame["effect"].tolist() == ["base"] + ["payload"] * (len(frame) - 1)
     assert len(model().to_pandas()) == len(model().base.coefficients)
+
+
+@pytest.mark.parametrize(
+    "terms",
+    [
+        EnergyTerms(0.1, 4),
+        EnergyTerms(0.1, 4, "revolution", ("handedness", "face_tilt")),
+        EnergyTerms(0.1, 3, "general"),
+    ],
+    ids=lambda terms: terms.symmetry,
+)
+def test_the_names_of_an_energys_parameters_are_its_terms(terms: EnergyTerms) -> None:
+    """Forces are the slopes of the energy that the names spell."""
+    random = np.random.default_rng(4)
+    poses = random.uniform(-1.0, 1.0, (20, 6)) * ([0.01] * 3 + [0.2] * 3) + [0.1, 0, 0, 0, 0, 0]
+    scale = terms.frame(poses)
+    count = len(terms.regressor(poses, scale)[0, 0])
+    base = terms.map(scale, random.normal(size=count))
+    assert base.parameter_unit == "J"
+    assert len(set(base.parameter_names)) == count
+
+    def energy(at: np.ndarray) -> np.ndarray:
+        c, theta = np.split(mid_frame(at, 0.1), 2, axis=1)
+        c, theta = c.T / scale[0], theta.T / scale[1]
+        big_c, d = c[1] + 1j * c[2], -theta[2] + 1j * theta[1]
+        known = {
+            "c_x": c[0], "c_y": c[1], "c_z": c[2],
+            "theta_x": theta[0], "theta_y": theta[1], "theta_z": theta[2],
+            "|c_perp|^2": c[1] ** 2 + c[2] ** 2, "|theta_perp|^2": theta[1] ** 2 + theta[2] ** 2,
+            "a": c[1] * theta[1] + c[2] * theta[2], "b": c[1] * theta[2] - c[2] * theta[1],
+            "C": big_c, "C*": big_c.conj(), "D": d, "D*": d.conj(),
+        }  # fmt: skip
+        total = np.zeros(len(at))
+        for name, coefficient in zip(base.parameter_names, base.coefficients, strict=True):
+            first, *others = name.split()
+            factors = others if first in ("Re", "Im") else [first, *others]
+            product = np.ones(len(at), dtype=complex)
+            for factor in factors:
+                inner, _, digits = (factor, "", "1") if factor in known else factor.rpartition("^")
+                product *= known[inner.strip("()")] ** int(digits)
+            total += coefficient * (product.imag if first == "Im" else product.real)
+        return total
+
+    for j in range(3):
+        step = 1e-6 * np.eye(6)[j]
+        slope = (energy(poses + step) - energy(poses - step)) / 2e-6
+        np.testing.assert_allclose(slope, base.predict(poses)[:, j], rtol=1e-5, atol=1e-4)
 
 
 def test_results_draw_themselves() -> None:
