@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
+from html import escape
+from typing import Any
+
 import numpy as np
 import pytest
 
-from ecm import as_table, check, compare, cross_validate, diagnose, fit, import_log, refit
+from ecm import (
+    Mechanism,
+    as_table,
+    check,
+    compare,
+    cross_validate,
+    diagnose,
+    fit,
+    import_log,
+    refit,
+    solve_wrenches,
+)
 from ecm._native import mid_frame
 from ecm.errors import InputError
 from ecm.models import (
@@ -54,6 +68,27 @@ def test_results_become_data_frames() -> None:
     assert frame["value"].tolist() == [*fitted.base.coefficients, *fitted.effects[0].values]
     assert frame["effect"].tolist() == ["base"] + ["payload"] * (len(frame) - 1)
     assert len(model().to_pandas()) == len(model().base.coefficients)
+
+
+def test_what_holds_columns_becomes_a_data_frame() -> None:
+    pytest.importorskip("pandas", reason="pandas is not installed (extra data)")
+    imported = import_log({"x [mm]": [0.0, 1.0], "Fx (lbf)": [0.0, 2.0]})
+    assert imported.to_pandas()["x_m"].tolist() == [0.0, 1e-3]
+    frame = check(imported.table).to_pandas()
+    assert frame.loc["x_m", ["unit", "role", "max"]].tolist() == ["m", "pose", 1e-3]
+    pairs = solve_wrenches(Mechanism(), np.zeros((1, 6)))
+    assert pairs.to_pandas().shape == (1, len(pairs.table().columns))
+
+
+@pytest.mark.parametrize(
+    "given", [{}, {"builtin": "tube", "inner_radius_m": 0.02, "density_kg_m3": 0.0}]
+)
+def test_a_mechanism_prints_what_creates_it(given: dict[str, Any]) -> None:
+    body = Mechanism(length_m=0.2, **given)
+    assert eval(repr(body)) == body
+    assert "length_m=0.2" in repr(body)
+    assert len(repr(body)) < 150
+    assert body._repr_html_() == f"<pre>{escape(repr(body))}</pre>"
 
 
 @pytest.mark.parametrize(
