@@ -15,6 +15,7 @@ from ecm import (
     compare,
     cross_validate,
     diagnose,
+    dynamic_stiffness,
     fit,
     import_log,
     refit,
@@ -89,6 +90,32 @@ def test_a_mechanism_prints_what_creates_it(given: dict[str, Any]) -> None:
     assert "length_m=0.2" in repr(body)
     assert len(repr(body)) < 150
     assert body._repr_html_() == f"<pre>{escape(repr(body))}</pre>"
+
+
+def test_a_dynamic_stiffness_prints_in_the_units_of_a_report() -> None:
+    time = np.linspace(0.0, 3.0, 301)
+    for (pose, wrench), way, head, row in (
+        (("x_m", "fx_N"), 1e-3, "|K*| N/mm", [1, 5, 3, 4, 53.1]),
+        (
+            ("theta_z_rad", "tau_z_Nm"),
+            np.pi / 180.0,
+            "|K*| N m/rad",
+            [1, 286, 172, 229, 53.1],
+        ),
+    ):
+        turn = 2.0 * np.pi * 1.5 * time
+        log = {
+            "time_s": time,
+            pose: way * np.sin(turn),
+            wrench: 3.0 * np.sin(turn) + 4.0 * np.cos(turn),
+        }
+        found = dynamic_stiffness(log)
+        assert head in str(found)
+        assert [float(n) for n in str(found).splitlines()[-1].split()[1:6]] == row
+        assert repr(found).startswith("<DynamicStiffness: ")
+        assert found["stiffness"] == pytest.approx(5.0 / way)
+        pytest.importorskip("pandas", reason="pandas is not installed (extra data)")
+        assert found.to_pandas()["loss_angle_deg"][0] == pytest.approx(53.13, abs=0.01)
 
 
 @pytest.mark.parametrize(
