@@ -27,7 +27,7 @@ class DynamicStiffness(Shown, dict[str, F]):
     """An array with a value for each run, by name; `print` shows it as a report has it."""
 
     units = ("mm", "N/mm")
-    """Of a way and its stiffness, as printed; of an angle degrees and N m/rad."""
+    """Units of the printed way and stiffness; for an angle degrees and N m/rad."""
 
     def blocks(self) -> list[Block]:
         """Return the table that `print` and a notebook show."""

@@ -315,9 +315,6 @@ young_modulus_Pa=650000.0, poisson_ratio=0.49)
         ]
         return f"{type(self).__name__}({', '.join(shown)})"
 
-    def __str__(self) -> str:
-        return repr(self)
-
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.builtin and self.mesh_file is not None:
