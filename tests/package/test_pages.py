@@ -36,9 +36,11 @@ def test_a_page_runs_and_prints_what_it_says(
     follow(blocks(page), page.name, tmp_path, run_here)
 
 
-def test_python_of_the_page_of_models_prints_what_it_says(tmp_path: Path) -> None:
-    """Its configuration is a part of a file."""
-    page = ROOT / "docs" / "models.md"
+@pytest.mark.parametrize("name", ["models.md", "actuation.md"])
+def test_python_of_a_page_with_parts_of_files_prints_what_it_says(
+    name: str, tmp_path: Path
+) -> None:
+    page = ROOT / "docs" / name
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     found = [block for block in blocks(page) if block.language in ("python", "text")]
     assert [block.language for block in found].count("text") >= 1

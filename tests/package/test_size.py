@@ -12,7 +12,7 @@ LIMITS = {
     "python/ecm": (42_089, 200),
     "benches": (5_970, 51),
     "examples": (1_517, 13),
-    "tests": (31_344, 229),
+    "tests": (31_347, 229),
     "crates": (34_399, 199),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a test
