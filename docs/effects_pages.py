@@ -3,8 +3,9 @@
     python docs/effects_pages.py               # the pages
     python docs/effects_pages.py --pictures    # and a picture of each family
 
-A class gives its sentence of physics, its formula (the docstring), forms (the fields), parameters,
-columns and look-alikes. Words that stand here are those that all effects share.
+A class gives its sentence of physics, its formula (the docstring, with what its parameters mean),
+forms (the fields), parameters, columns and look-alikes. Words that stand here are those that all
+effects share.
 """
 
 from __future__ import annotations
@@ -12,7 +13,9 @@ from __future__ import annotations
 import inspect
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from fnmatch import fnmatch
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -22,16 +25,22 @@ from typing import Any
 import numpy as np
 
 import ecm
+from ecm._native import rotation_matrices
 from ecm.effects import Effect, Parameter, all_effects, effects_for
 from ecm.effects.experiments import get_experiment
+from ecm.effects.noise import NoiseEffect
 from ecm.effects.protocol import correction_of
 from ecm.effects.registry import _GROUPS as GROUPS
 from ecm.effects.registry import effects_of_actuators
 from ecm.errors import EcmError
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.arrays import F
+from ecm.io.columns import JOINTS, POSE, WRENCH
 from ecm.io.settings import meanings
+from ecm.io.table import Table
 from ecm.logs import import_log
-from ecm.regression.rows import Rows
+from ecm.regression.rows import Rows, actuators_of
+from ecm.rig import RigSettings
+from ecm.rig.arm.simulation import inverse_kinematics, scene, swivel_angle
 
 ROOT = Path(__file__).parents[1]
 FOLDER = Path(__file__).with_name("effects")
@@ -39,7 +48,9 @@ NECK = ROOT / "examples" / "neck_measured.csv"
 HINGE = ROOT / "examples" / "hinge_log.csv"
 ARM = ROOT / "examples" / "wound_arm_pairs.csv"
 FEW = (POSE[5], WRENCH[5])
+MADE = {"mechanism": {"length_m": 0.1}}
 TWELVE = "the twelve columns of pose and wrench"
+SOURCE, PARAMETERS = "Source: ", "Parameters: "
 LISTS = ("EFFECTS", "FEW", "ACTUATED", "ACTUATED_FEW")
 SYMBOLS = """
 ## Symbols
@@ -56,6 +67,7 @@ adds to h, or what becomes of h where h stands in it.
 BY_COLUMNS = (
     "It has parameters for each column of the table that takes part, in the units of these columns"
 )
+OWN = "The catalogue's own formula ([what that means](index.md))."
 UNITS = {"m": (1e3, "mm"), "rad": (180.0 / np.pi, "°"), "1": (100.0, "%"), "Pa": (1e-3, "kPa")}
 """Units in which a person says a size."""
 
@@ -68,15 +80,16 @@ def page_of(group: str) -> str:
     shown: dict[str, list[str]] = {}
     for effect in effects:
         if place := drawn(effect):
-            shown.setdefault(f"`examples/{place[0].name}`", []).append(f"`{effect.id}`")
+            shown.setdefault(place.where, []).append(f"`{effect.id}`")
     if shown:
+        made_up = " What follows *with* is made up." if any("*with*" in w for w in shown) else ""
         where = "; ".join(
             f"{', '.join(names)} on the rows of {path}" for path, names in shown.items()
         )
         lines.append(
             f"![What each effect leaves in the residual, at its ordinary size]({group}.png)\n\n"
             "What an effect at its ordinary size leaves in the residual of a model without it, in "
-            f"the component that it changes most: {where}.\n"
+            f"the component that it changes most: {where}.{made_up}\n"
         )
     for effect in effects:
         lines += section(group, effect)
@@ -113,9 +126,9 @@ def section(group: str, effect: Effect) -> Iterator[str]:
     """One effect in full."""
     yield f"## {effect.id}\n"
     yield f"{safe(effect.physics)}\n"
-    formula, *more = (inspect.getdoc(type(effect)) or "").split("\n\n")
-    papers = [text(part).removeprefix("Source: ") for part in more if part.startswith("Source: ")]
-    more = [part for part in more if not part.startswith("Source: ")]
+    formula, *more = paragraphs(effect)
+    papers = [text(part).removeprefix(SOURCE) for part in more if part.startswith(SOURCE)]
+    more = [part for part in more if not part.startswith((SOURCE, PARAMETERS))]
     yield f"**Formula.** {text(formula)}\n"
     yield from (f"{text(part)}\n" for part in more)
     forms = meanings(type(effect)) if hasattr(effect, "__dataclass_fields__") else {}
@@ -128,12 +141,15 @@ def section(group: str, effect: Effect) -> Iterator[str]:
         yield ""
     parameters, there = effect.parameters, ""
     if not parameters and (place := drawn(effect)):
-        path, form = place
-        parameters = form.variants(rows_of(path).table)[0].parameters
-        there = f" (for the columns of `examples/{path.name}`)" if parameters else ""
-    none = "It has no parameters" if effect.kind == "noise" else BY_COLUMNS
-    own = sizes(parameters) + there if parameters else none
-    yield f"**Sizes.** {own}.\n"
+        parameters = place.form.variants(place.rows.table)[0].parameters
+        there = f" (for the columns of {place.where})" if parameters else ""
+    if parameters:
+        yield f"**Parameters**{there}\n"
+        yield from (f"- {line}" for line in sizes(effect, parameters))
+        yield ""
+    else:
+        none = "It has no parameters" if effect.kind == "noise" else BY_COLUMNS
+        yield f"**Parameters.** {none}.\n"
     needs = effect.needs or "nothing beside pose and wrench"
     few = along_few(effect)
     own = needs.rstrip(".")
@@ -143,7 +159,9 @@ def section(group: str, effect: Effect) -> Iterator[str]:
         own += "; any columns of pose and wrench"
     yield f"**Columns:** {safe(own)}.\n"
     if effect.signature:
-        yield f"**How it shows.** {safe(effect.signature[0].upper() + effect.signature[1:])}.\n"
+        none = "" if drawn(effect) else " No picture: it leaves no curve."
+        shows = safe(effect.signature[0].upper() + effect.signature[1:])
+        yield f"**How it shows.** {shows}.{none}\n"
     looks = [
         f"{link(other)}: {safe(get_experiment(name).action)}"
         for other, name in effect.rivals.items()
@@ -157,7 +175,7 @@ def section(group: str, effect: Effect) -> Iterator[str]:
         yield ""
     file = Path(inspect.getsourcefile(type(effect)) or "").relative_to(ROOT)
     code = f"[`{type(effect).__name__}`](../../{file})"
-    yield f"**Source.** {''.join(f'{paper} ' for paper in papers)}Code: {code}.\n"
+    yield f"**Source.** {' '.join(papers) or OWN} Code: {code}.\n"
 
 
 def family(group: str) -> tuple[ModuleType, list[Effect]]:
@@ -172,7 +190,8 @@ def family(group: str) -> tuple[ModuleType, list[Effect]]:
 
 def along_few(effect: Effect) -> Effect:
     """The form of an effect along a table of two columns."""
-    return next((form for form in effects_for(FEW) if form.id == effect.id), effect)
+    forms = (*effects_for(FEW), *effects_for((*FEW, "pressure_1_Pa")))
+    return next((form for form in forms if form.id == effect.id), effect)
 
 
 def full_only(effect: Effect) -> bool:
@@ -188,8 +207,8 @@ def link(id: str) -> str:
     return f"`{id}`"
 
 
-def sizes(parameters: tuple[Parameter, ...]) -> str:
-    """Ordinary size and bounds of parameters in words, alike ones together."""
+def sizes(effect: Effect, parameters: tuple[Parameter, ...]) -> list[str]:
+    """Meaning, ordinary size and bounds of parameters in words, alike ones together."""
     groups: dict[str, list[str]] = {}
     for one in parameters:
         ends = [size(end, one.unit) for end in (one.lower, one.upper) if np.isfinite(end)]
@@ -198,10 +217,24 @@ def sizes(parameters: tuple[Parameter, ...]) -> str:
             bounds = f", from {ends[0]} to {ends[1]}"
         elif ends:
             bounds = f", at {'least' if np.isfinite(one.lower) else 'most'} {ends[0]}"
-        groups.setdefault(f"ordinarily about {size(one.scale, one.unit)}{bounds}", []).append(
-            one.name
-        )
-    return "; ".join(f"{some(names)}: {words}" for words, names in groups.items())
+        words = f"{meaning(effect, one.name)}. Ordinarily about {size(one.scale, one.unit)}{bounds}"
+        groups.setdefault(words, []).append(one.name)
+    return [f"{some(names)}: {words}" for words, names in groups.items()]
+
+
+def meaning(effect: Effect, name: str) -> str:
+    """What a parameter is, by its effect's docstring; KeyError where that does not say."""
+    said = " ".join(part for part in paragraphs(effect) if part.startswith(PARAMETERS))
+    for one in " ".join(said.removeprefix(PARAMETERS).rstrip(".").split()).split("; "):
+        names, _, words = one.partition(": ")
+        if any(fnmatch(name, pattern) for pattern in names.split(", ")):
+            return safe(words)
+    raise KeyError(f"{effect.id}: its docstring does not say what {name} is")
+
+
+def paragraphs(effect: Effect) -> list[str]:
+    """Paragraphs of a class: the formula, what is said about it, parameters, source."""
+    return (inspect.getdoc(type(effect)) or "").split("\n\n")
 
 
 def some(names: list[str]) -> str:
@@ -218,7 +251,7 @@ def size(value: float, unit: str) -> str:
     if unit == "1/m":  # of a force per torque: no share of anything
         return f"{value:.3g} per m"
     head, over, below = unit.partition("/")
-    if below == "s" and value < 2e-4:
+    if below == "s" and abs(value) < 2e-4:
         value, below = 3600.0 * value, "hour"
     factor, name = UNITS.get(head, (1.0, head))
     number = f"{float(f'{value * factor:.3g}'):,.15g}"
@@ -252,75 +285,208 @@ def written() -> str:
 
 
 @cache
-def rows_of(path: Path) -> Rows:
-    """The rows of an example under a base that was fitted to them."""
+def example(path: Path) -> Table:
+    """The table of an example."""
     if path == HINGE:
-        return under(import_log(HINGE, axis="z", meta=HINGE.with_suffix(".toml")).table, "cubic")
-    return under(ecm.read_table(path), "actuated4" if path == ARM else "energy4")
+        return import_log(HINGE, axis="z", meta=HINGE.with_suffix(".toml")).table
+    return ecm.read_table(path)
 
 
-def under(table: ecm.Table, name: str) -> Rows:
-    """Rows under the base of this name."""
+@cache
+def rows_of(path: Path, added: tuple[str, ...] = ()) -> Rows:
+    """The rows of an example with what was added, under a base that was fitted to them."""
+    table = example(path)
+    for name in added:
+        table = ADDED[name].to(table)
+    if added and table.actuation_columns == example(path).actuation_columns:
+        return Rows(table, rows_of(path).base)
+    name = {HINGE: "cubic", ARM: "actuated4"}.get(path, "energy4")
     return Rows(table, ecm.fit(table, name).base)
 
 
-def drawn(effect: Effect) -> tuple[Path, Effect] | None:
-    """The example that shows an effect, and the form that it has there."""
-    if effect.kind == "noise" or effect.id.startswith("unused"):
-        return None
+def joints(table: Table) -> Table:
+    """The arm's joints at the poses, by its inverse kinematics, the elbow now here, now there."""
+    place = scene(RigSettings.from_dict({"rig": {"mode": "robot"}}), table.meta.length_m or 0.1)
+    found = []
+    axes = rotation_matrices(np.ascontiguousarray(table.poses[:, 3:]))
+    turns = np.resize((-0.3, 0.0, 0.3), len(table))
+    for pose, frame, turn in zip(table.poses, axes, turns, strict=True):
+        elbow = swivel_angle(place.home_rad) + turn
+        goal = place.flange_goal(pose[:3], frame)
+        found.append(inverse_kinematics(*goal, elbow, place.home_rad, 0.035).joints_rad)
+    return table.with_columns(dict(zip(JOINTS, np.array(found).T, strict=True)))
+
+
+def stream(table: Table) -> Table:
+    """Samples of the moves between its first poses: a second each, then half a second of rest."""
+    way = np.linspace(0.0, 1.0, 20)
+    way = np.append(way**2 * (3.0 - 2.0 * way), np.ones(10))
+    stops = table.matrix((*POSE, *WRENCH))[np.flatnonzero(table["kind"] == "pose")[:12]]
+    samples = (stops[:-1, None] + np.diff(stops, axis=0)[:, None] * way[:, None]).reshape(-1, 12)
+    columns = dict(zip((*POSE, *WRENCH), samples.T, strict=True))
+    meta = replace(table.meta, file=replace(table.meta.file, kind="continuous"))
+    return ecm.as_table(columns | {"time_s": 0.05 * np.arange(len(samples))}).with_meta(meta)
+
+
+def tensions(table: Table) -> Table:
+    """Each chamber as a tendon, with the tension of its pressure on a square centimetre."""
+    named = {name: name.replace("pressure", "tension") for name in table.actuation_columns}
+    named = {name: new.replace("_Pa", "_N") for name, new in named.items()}
+    columns = {new: 1e-4 * table.column(name) for name, new in named.items()}
+    return ecm.as_table({n: table.column(n) for n in (*POSE, *WRENCH)} | columns, meta=MADE)
+
+
+@dataclass(frozen=True)
+class Added:
+    """What an example gets that an effect asks for."""
+
+    path: Path
+    words: str
+    to: Callable[[Table], Table]
+
+
+def column(path: Path, values: Callable[[int], Any], *names: str) -> Added:
+    """Columns of an example: `values` of the number of its rows."""
+    return Added(
+        path,
+        f"`{names[0]}`" if len(names) == 1 else f"`{names[0]}` to `{names[-1]}`",
+        lambda table: table.with_columns(dict.fromkeys(names, values(len(table)))),
+    )
+
+
+ADDED = {
+    "time_s": column(ARM, lambda n: 20.0 * np.arange(n), "time_s"),
+    "dwell_s": column(ARM, lambda n: np.resize((2.0, 5.0, 20.0), n), "dwell_s"),
+    "pressure_1_Pa": column(HINGE, lambda n: 2e4 * (np.arange(n) > n / 2), "pressure_1_Pa"),
+    "tension_1_N": Added(ARM, "tensions in place of pressures", tensions),
+    "tendon1_N": column(NECK, lambda n: np.full(n, 5.0), *(f"tendon{j}_N" for j in (1, 2, 3))),
+    "q1_rad": Added(NECK, f"`{JOINTS[0]}` to `{JOINTS[-1]}`", joints),
+    "poses from the encoders": Added(
+        NECK, "poses told to be the encoders'", lambda table: table.drop("leds_visible")
+    ),
+    "[mechanism] free_length_m": Added(
+        NECK,
+        "`free_length_m` in `[mechanism]`",
+        lambda table: table.with_meta(
+            replace(table.meta, mechanism={**table.meta.mechanism, "free_length_m": 0.1})
+        ),
+    ),
+    "NAME.raw.parquet": Added(NECK, "samples of the moves between its poses", stream),
+    "what else may act": column(HINGE, lambda n: np.resize((0.0, 5.0, 10.0), n), "slider_mm"),
+}
+"""What an effect may ask for that no example has, by the first words of its `record`."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The rows that show an effect."""
+
+    path: Path
+    form: Effect
+    added: tuple[str, ...]
+
+    @property
+    def rows(self) -> Rows:
+        """Rows of the example with what was added."""
+        return rows_of(self.path, self.added)
+
+    @property
+    def where(self) -> str:
+        """The table in words."""
+        more = " and ".join(ADDED[name].words for name in self.added)
+        return f"`examples/{self.path.name}`" + (f" *with* {more}" if more else "")
+
+
+@cache
+def drawn(effect: Effect) -> Shown | None:
+    """The example that shows an effect with the least added to it, and the form it has there."""
+    found = []
     for path in (NECK, HINGE, ARM):
         form = along_few(effect) if path == HINGE else effect
         its_own = full_only(effect) is (path != HINGE) or form is not effect
-        if its_own and form.missing(rows_of(path).table) is None:
-            return path, form
-    return None
+        added: tuple[str, ...] | None = () if its_own else None
+        while added is not None and (lacking := form.missing(rows_of(path, added).table)):
+            asked = [name for name in ADDED if lacking.record.startswith(name)]
+            known = asked and ADDED[asked[0]].path == path and asked[0] not in added
+            added = (*added, asked[0]) if known else None
+        if added is not None and np.ptp(left_by(shown := Shown(path, form, added))) > 0.0:
+            found.append(shown)
+    return min(found, key=lambda shown: len(shown.added), default=None)
+
+
+def left_by(shown: Shown) -> F:
+    """(N, m) what an effect of ordinary size leaves; of noise a draw, without its mean of zero."""
+    rows = shown.rows
+    form = shown.form.variants(rows.table)[0]
+    values = np.array([one.scale for one in form.parameters])
+    if isinstance(form, NoiseEffect):
+        normal = np.random.default_rng(1).normal(size=rows.wrench.shape)
+        return np.einsum("nij,nj->ni", roots(form.variance(rows, values)), normal)
+    return correction_of(form, rows, values)
+
+
+def roots(squares: F) -> F:
+    """(N, m, m) symmetric square roots."""
+    sizes, axes = np.linalg.eigh(squares)
+    return np.asarray((axes * np.sqrt(np.maximum(sizes, 0.0))[:, None]) @ np.swapaxes(axes, 1, 2))
 
 
 def draw(group: str) -> None:
     """Write the picture of a family: a panel for each effect that an example can show."""
     from matplotlib.figure import Figure  # noqa: PLC0415 - the pages need none
 
-    effects = [effect for effect in family(group)[1] if drawn(effect)]
-    if not effects:
+    panels = [place for effect in family(group)[1] if (place := drawn(effect))]
+    if not panels:
         return
-    across = min(len(effects), 3)
-    down = -(-len(effects) // across)
+    across = min(len(panels), 3)
+    down = -(-len(panels) // across)
     figure = Figure(figsize=(3.4 * across, 2.5 * down), layout="constrained")
     axes = figure.subplots(down, across, squeeze=False)
-    for place, effect in zip(axes.flat, effects, strict=False):
-        panel(place, *drawn(effect))
-    for place in axes.flat[len(effects) :]:
+    for place, shown in zip(axes.flat, panels, strict=False):
+        panel(place, shown)
+    for place in axes.flat[len(panels) :]:
         place.axis("off")
     figure.savefig(FOLDER / f"{group}.png", dpi=80)
 
 
-def panel(axes: Any, path: Path, effect: Effect) -> None:
+def panel(axes: Any, shown: Shown) -> None:
     """The component that an effect changes most, over what it follows."""
-    rows = rows_of(path)
-    form = effect.variants(rows.table)[0]
-    values = np.array([one.scale for one in form.parameters])
+    rows = shown.rows
     loaded = ~rows.unloaded
-    left = correction_of(form, rows, values)[loaded]
+    left = left_by(shown)[loaded]
     j = int(np.argmax(left.std(axis=0) / rows.wrench[loaded].std(axis=0)))
     name, unit = rows.base.outputs[j].rsplit("_", 1)
     factor, unit = (1e3, "N mm") if unit == "Nm" else (1.0, unit)
-    if effect.kind == "time" and rows.table.has("time_s") and path == NECK:
-        over, label = rows.time_s() / 60.0, "time [min]"
-    else:
-        partner = {"fx": 0, "fy": 5, "fz": 4, "tau_x": 3, "tau_y": 4, "tau_z": 5}[name]
-        at = rows.table.column(POSE[partner])
-        over, label = (
-            (1e3 * at, "x [mm]")
-            if partner == 0
-            else (np.rad2deg(at), f"{POSE[partner][:-4]} [deg]")
-        )
+    over, label = abscissa(shown, left[:, j], name)
     axes.plot(over[loaded], factor * left[:, j], ".", ms=3, color="#0072b2")
     axes.axhline(0.0, color="#1c2430", lw=0.6)
     size_there = factor * np.sqrt((left[:, j] ** 2).mean())
-    axes.set_title(f"{effect.id}: {size_there:.2g} {unit} rms", fontsize=9)
+    axes.set_title(f"{shown.form.id}: {float(f'{size_there:.2g}'):g} {unit} rms", fontsize=9)
     axes.set_xlabel(label, fontsize=8)
     axes.set_ylabel(f"{name} [{unit}]", fontsize=8)
     axes.tick_params(labelsize=7)
+
+
+def abscissa(shown: Shown, left: F, output: str) -> tuple[F, str]:
+    """Values and label: an input, joint or own column that tells most, time, or the pose."""
+    rows, table = shown.rows, shown.rows.table
+    others = (name for name in (*JOINTS, "slider_mm") if name in table.columns)
+    if names := (*actuators_of(rows.base), *others):
+        inputs = table.matrix(names)[~rows.unloaded]
+        told = np.abs((inputs - inputs.mean(axis=0)).T @ (left - left.mean())) / inputs.std(axis=0)
+        best = names[int(np.argmax(told))]
+        what, unit = best.replace("_", " ").rsplit(" ", 1)
+        factor, unit = {"Pa": (1e-3, "kPa"), "rad": (180.0 / np.pi, "deg")}.get(unit, (1.0, unit))
+        return factor * table.column(best), f"{what} [{unit}]"
+    if shown.form.kind == "time" and table.continuous:
+        return rows.time_s(), "time [s]"
+    if shown.form.kind == "time" and shown.path == NECK:
+        return rows.time_s() / 60.0, "time [min]"
+    partner = {"fx": 0, "fy": 5, "fz": 4, "tau_x": 3, "tau_y": 4, "tau_z": 5}[output]
+    at = table.column(POSE[partner])
+    if partner == 0:
+        return 1e3 * at, "x [mm]"
+    return np.rad2deg(at), f"{POSE[partner][:-4]} [deg]"
 
 
 def pages() -> dict[str, str]:

@@ -9,8 +9,11 @@ picture of its name.
 from __future__ import annotations
 
 import csv
+import re
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import matplotlib
 
@@ -318,6 +321,36 @@ def blind_first_beside() -> plt.Figure:
     return figure
 
 
+def rubber() -> plt.Figure:
+    """The log of docs/howto/rubber.md: stiffness and loss angle, measured and by its model."""
+    page = Path(__file__).with_name("howto") / "rubber.md"
+    made, toml = re.findall(
+        r"^```(?:python|toml \S+)\n(.*?)^```$", page.read_text(encoding="utf-8"), re.M | re.S
+    )[:2]
+    page_names: dict[str, Any] = {}
+    exec(made.partition("\nbushing(")[0], page_names)
+    with TemporaryDirectory() as folder:
+        path, meta = (Path(folder) / f"bushing.{kind}" for kind in ("csv", "toml"))
+        page_names["bushing"](path)
+        meta.write_text(toml, encoding="utf-8")
+        log = ecm.import_log(path, columns={"run": "block"}, axis="x", meta=meta)
+    model = ecm.fit(log.table, "linear")
+    model = ecm.refit(model, log.table, add=["stress_relaxation", "hysteresis"])
+    measured, modelled = (ecm.dynamic_stiffness(log.table, how) for how in (None, model))
+    figure, (above, below) = plt.subplots(2, 1, figsize=(7, 5), sharex=True, layout="constrained")
+    amplitudes = (1e3 * measured["amplitude"]).round(1)
+    for amplitude, colour in zip(np.unique(amplitudes), (BLUE, ORANGE, INK), strict=True):
+        rows = amplitudes == amplitude
+        for axes, name, factor in ((above, "stiffness", 1e-3), (below, "loss_angle_deg", 1.0)):
+            over = measured["frequency_Hz"][rows]
+            axes.plot(over, factor * measured[name][rows], "o", color=colour)
+            axes.plot(over, factor * modelled[name][rows], color=colour, label=f"{amplitude} mm")
+    above.set(xscale="log", ylabel="|K*| [N/mm]")
+    above.legend(fontsize=8, frameon=False)
+    below.set(xlabel="frequency [Hz]", ylabel="loss angle [deg]")
+    return figure
+
+
 def share(text: str) -> float:
     """A number of a record; `23 of 24` is a share."""
     part, _, whole = text.partition(" of ")
@@ -379,7 +412,7 @@ def save(figure: plt.Figure, path: Path) -> None:
 
 PICTURES = (
     frames, midframe, models, stiffness, chambers, potential, valve, models_learning, blind_first,
-    blind_first_beside,
+    blind_first_beside, rubber,
 )  # fmt: skip
 
 

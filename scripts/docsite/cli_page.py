@@ -15,6 +15,17 @@ failed, 2 bad input, 130 interrupted.
 All commands accept `--seed N` (the same seed gives the same bytes) and `--threads N` (0: all
 cores; the number does not change a result), also where the tables below leave them out because
 they change nothing.
+
+## Completion by the shell
+
+```sh
+ecm --install-completion
+```
+
+once, then a new shell: the tab key completes commands, options and names of files, as in `ecm fi`,
+tab, `fit`. It knows bash, zsh, fish and PowerShell, and adds a line to the start-up file of the
+shell from which it is called. To see what it would install, or to write it elsewhere:
+`ecm --show-completion`. An environment that is only there when it is active completes while it is.
 """
 
 

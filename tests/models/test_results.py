@@ -2,10 +2,26 @@
 
 from __future__ import annotations
 
+from html import escape
+from typing import Any
+
 import numpy as np
 import pytest
 
-from ecm import as_table, check, compare, cross_validate, diagnose, fit, import_log, refit
+from ecm import (
+    Mechanism,
+    as_table,
+    check,
+    compare,
+    cross_validate,
+    diagnose,
+    dynamic_stiffness,
+    fit,
+    import_log,
+    refit,
+    solve_wrenches,
+)
+from ecm._native import mid_frame
 from ecm.errors import InputError
 from ecm.models import (
     CrossValidation,
@@ -16,6 +32,7 @@ from ecm.models import (
     ModelChoice,
     PolynomialModel,
 )
+from ecm.models.maps import EnergyTerms
 from ecm.rig.hidden.truth import Revealed
 from support.campaigns import campaign, model
 from support.neck import ROOT
@@ -52,6 +69,100 @@ def test_results_become_data_frames() -> None:
     assert frame["value"].tolist() == [*fitted.base.coefficients, *fitted.effects[0].values]
     assert frame["effect"].tolist() == ["base"] + ["payload"] * (len(frame) - 1)
     assert len(model().to_pandas()) == len(model().base.coefficients)
+
+
+def test_what_holds_columns_becomes_a_data_frame() -> None:
+    pytest.importorskip("pandas", reason="pandas is not installed (extra data)")
+    imported = import_log({"x [mm]": [0.0, 1.0], "Fx (lbf)": [0.0, 2.0]})
+    assert imported.to_pandas()["x_m"].tolist() == [0.0, 1e-3]
+    frame = check(imported.table).to_pandas()
+    assert frame.loc["x_m", ["unit", "role", "max"]].tolist() == ["m", "pose", 1e-3]
+    pairs = solve_wrenches(Mechanism(), np.zeros((1, 6)))
+    assert pairs.to_pandas().shape == (1, len(pairs.table().columns))
+
+
+@pytest.mark.parametrize(
+    "given", [{}, {"builtin": "tube", "inner_radius_m": 0.02, "density_kg_m3": 0.0}]
+)
+def test_a_mechanism_prints_what_creates_it(given: dict[str, Any]) -> None:
+    body = Mechanism(length_m=0.2, **given)
+    assert eval(repr(body)) == body
+    assert "length_m=0.2" in repr(body)
+    assert len(repr(body)) < 150
+    assert body._repr_html_() == f"<pre>{escape(repr(body))}</pre>"
+
+
+def test_a_dynamic_stiffness_prints_in_the_units_of_a_report() -> None:
+    time = np.linspace(0.0, 3.0, 301)
+    for (pose, wrench), way, head, row in (
+        (("x_m", "fx_N"), 1e-3, "|K*| N/mm", [1, 5, 3, 4, 53.1]),
+        (
+            ("theta_z_rad", "tau_z_Nm"),
+            np.pi / 180.0,
+            "|K*| N m/rad",
+            [1, 286, 172, 229, 53.1],
+        ),
+    ):
+        turn = 2.0 * np.pi * 1.5 * time
+        log = {
+            "time_s": time,
+            pose: way * np.sin(turn),
+            wrench: 3.0 * np.sin(turn) + 4.0 * np.cos(turn),
+        }
+        found = dynamic_stiffness(log)
+        assert head in str(found)
+        assert [float(n) for n in str(found).splitlines()[-1].split()[1:6]] == row
+        assert repr(found).startswith("<DynamicStiffness: ")
+        assert found["stiffness"] == pytest.approx(5.0 / way)
+        pytest.importorskip("pandas", reason="pandas is not installed (extra data)")
+        assert found.to_pandas()["loss_angle_deg"][0] == pytest.approx(53.13, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    "terms",
+    [
+        EnergyTerms(0.1, 4),
+        EnergyTerms(0.1, 4, "revolution", ("handedness", "face_tilt")),
+        EnergyTerms(0.1, 3, "general"),
+    ],
+    ids=lambda terms: terms.symmetry,
+)
+def test_the_names_of_an_energys_parameters_are_its_terms(terms: EnergyTerms) -> None:
+    """Forces are the slopes of the energy that the names spell."""
+    random = np.random.default_rng(4)
+    poses = random.uniform(-1.0, 1.0, (20, 6)) * ([0.01] * 3 + [0.2] * 3) + [0.1, 0, 0, 0, 0, 0]
+    scale = terms.frame(poses)
+    count = len(terms.regressor(poses, scale)[0, 0])
+    base = terms.map(scale, random.normal(size=count))
+    assert base.parameter_unit == "J"
+    assert len(set(base.parameter_names)) == count
+
+    def energy(at: np.ndarray) -> np.ndarray:
+        c, theta = np.split(mid_frame(at, 0.1), 2, axis=1)
+        c, theta = c.T / scale[0], theta.T / scale[1]
+        big_c, d = c[1] + 1j * c[2], -theta[2] + 1j * theta[1]
+        known = {
+            "c_x": c[0], "c_y": c[1], "c_z": c[2],
+            "theta_x": theta[0], "theta_y": theta[1], "theta_z": theta[2],
+            "|c_perp|^2": c[1] ** 2 + c[2] ** 2, "|theta_perp|^2": theta[1] ** 2 + theta[2] ** 2,
+            "a": c[1] * theta[1] + c[2] * theta[2], "b": c[1] * theta[2] - c[2] * theta[1],
+            "C": big_c, "C*": big_c.conj(), "D": d, "D*": d.conj(),
+        }  # fmt: skip
+        total = np.zeros(len(at))
+        for name, coefficient in zip(base.parameter_names, base.coefficients, strict=True):
+            first, *others = name.split()
+            factors = others if first in ("Re", "Im") else [first, *others]
+            product = np.ones(len(at), dtype=complex)
+            for factor in factors:
+                inner, _, digits = (factor, "", "1") if factor in known else factor.rpartition("^")
+                product *= known[inner.strip("()")] ** int(digits)
+            total += coefficient * (product.imag if first == "Im" else product.real)
+        return total
+
+    for j in range(3):
+        step = 1e-6 * np.eye(6)[j]
+        slope = (energy(poses + step) - energy(poses - step)) / 2e-6
+        np.testing.assert_allclose(slope, base.predict(poses)[:, j], rtol=1e-5, atol=1e-4)
 
 
 def test_results_draw_themselves() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from ecm.effects import effects_for, get_effect
 from ecm.io.columns import POSE_OFFSETS, STANDARD, is_standard
 from ecm.io.table import read_table
 from support.neck import ROOT, Done
@@ -34,6 +35,30 @@ def test_every_standard_column_is_in_the_guide_once() -> None:
 @pytest.mark.parametrize("path", WRITTEN, ids=lambda path: path.name)
 def test_a_page_is_the_one_that_the_code_writes(path: Path) -> None:
     assert path.read_text(encoding="utf-8") == WRITTEN[path], "see docs/: columns.py and others"
+
+
+def test_every_effect_has_a_picture_or_its_page_says_why_not() -> None:
+    effects = [(g, e) for g in EFFECTS["GROUPS"] for e in EFFECTS["family"](g)[1]]
+    none = [(group, effect.id) for group, effect in effects if EFFECTS["drawn"](effect) is None]
+    assert none == [("noise", "outliers")]
+    page = WRITTEN[DOCS / "effects" / "noise.md"]
+    assert page.count("No picture: it leaves no curve.") == 1
+    assert all((DOCS / "effects" / f"{group}.png").exists() for group, _ in effects)
+
+
+@pytest.mark.parametrize("path", [EFFECTS[name] for name in ("NECK", "HINGE", "ARM")])
+def test_a_docstring_says_what_each_parameter_of_each_form_is(path: Path) -> None:
+    table = EFFECTS["rows_of"](path).table
+    forms = [
+        form
+        for effect in effects_for(table.columns)
+        if effect.missing(table) is None
+        for form in effect.variants(table)
+    ]
+    said = [EFFECTS["meaning"](form, one.name) for form in forms for one in form.parameters]
+    assert len(said) > 10
+    with pytest.raises(KeyError, match="does not say what nothing is"):
+        EFFECTS["meaning"](get_effect("payload"), "nothing")
 
 
 @pytest.mark.parametrize(("dof", "columns"), [("1", 2), ("3", 6), ("6", 12)])

@@ -9,9 +9,11 @@ from scipy.optimize import minimize_scalar
 
 from ecm.errors import InputError
 from ecm.io.arrays import F
+from ecm.io.extras import require
 from ecm.io.table import takes_table
 from ecm.models.fit import as_model
 from ecm.regression.history import order_of_visits
+from ecm.report.blocks import Block, Shown, TableBlock
 
 if TYPE_CHECKING:
     from ecm.io.table import MetaLike, TableLike
@@ -21,10 +23,32 @@ _LEAST_ROWS = 8
 """Fewer rows of a cycle's length tell no sine from another curve."""
 
 
+class DynamicStiffness(Shown, dict[str, F]):
+    """An array with a value for each run, by name; `print` shows it as a report has it."""
+
+    units = ("mm", "N/mm")
+    """Units of the printed way and stiffness; for an angle degrees and N m/rad."""
+
+    def blocks(self) -> list[Block]:
+        """Return the table that `print` and a notebook show."""
+        way, stiffness = self.units
+        factor, per = (1e3, 1e-3) if way == "mm" else (180.0 / np.pi, 1.0)
+        kept = [self["frequency_Hz"], factor * self["amplitude"]]
+        kept += [per * self[name] for name in ("stiffness", "storage", "loss")]
+        kept += [self["loss_angle_deg"], 100.0 * self["rest"]]
+        head = ("Hz", way, f"|K*| {stiffness}", "K'", "K''", "delta deg", "no sine %")
+        rows = [[float(f"{value:.3g}") for value in row] for row in np.stack(kept, axis=1)]
+        return [TableBlock("", head, rows)]
+
+    def to_pandas(self) -> Any:
+        """Return a DataFrame with a row for each run."""
+        return require("pandas", "data", "DynamicStiffness.to_pandas").DataFrame(dict(self))
+
+
 @takes_table("fit")
 def dynamic_stiffness(
     table: TableLike, model: Model | Any = None, *, skip: float = 1.0, meta: MetaLike = None
-) -> dict[str, F]:
+) -> DynamicStiffness:
     """Complex stiffness of each run of sines: the first harmonic of the load over that of the way.
 
     K* = K' + i K''; its size is the dynamic stiffness, its angle the loss angle delta.
@@ -42,10 +66,10 @@ def dynamic_stiffness(
 
     Returns
     -------
-    dict
+    DynamicStiffness
         An array with a value for each run: `run`, `frequency_Hz`, `amplitude` (of the way, m or
         rad), `stiffness` (|K*|), `storage` (K'), `loss` (K''), `loss_angle_deg`, and `rest`, the
-        share of the load's spread that is no sine of this frequency. `pandas.DataFrame` takes it.
+        share of the load's spread that is no sine of this frequency. It is a dict that prints.
 
     Raises
     ------
@@ -89,7 +113,10 @@ def dynamic_stiffness(
             (number, frequency, abs(way), abs(k), k.real, k.imag, np.angle(k, deg=True), rest)
         )
     names = "run frequency_Hz amplitude stiffness storage loss loss_angle_deg rest"
-    return dict(zip(names.split(), np.array(found).T, strict=True))
+    made = DynamicStiffness(zip(names.split(), np.array(found).T, strict=True))
+    if table.pose_columns[0].endswith("_rad"):
+        made.units = ("deg", "N m/rad")
+    return made
 
 
 def _harmonic(time: F, values: F, frequency: float) -> tuple[complex, float]:

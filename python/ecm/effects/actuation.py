@@ -92,7 +92,10 @@ class _OfActuator(LinearEffect):
 
 
 class PressureOffset(_OfActuator):
-    """G o: the pressure is off by a constant o."""
+    """G o: the pressure is off by a constant o.
+
+    Parameters: offset: what acts beside the recorded pressure.
+    """
 
     id = "pressure_offset"
     needs = "pressure_1_Pa"
@@ -108,7 +111,10 @@ class PressureOffset(_OfActuator):
 
 
 class PressureGain(_OfActuator):
-    """G s a: the pressure a is off by a share s of itself."""
+    """G s a: the pressure a is off by a share s of itself.
+
+    Parameters: share: share of the recorded pressure that acts beside it.
+    """
 
     id = "pressure_gain"
     needs = "pressure_1_Pa"
@@ -124,9 +130,13 @@ class PressureGain(_OfActuator):
 
 
 class PressureCrossTalk(_OfActuator):
-    """G s m: a share s of m, the mean pressure of the other chambers, acts as well."""
+    """G s m: a share s of m, the mean pressure of the other chambers, acts as well.
+
+    Parameters: share: share of the mean of the other chambers that acts beside the own pressure.
+    """
 
     id = "pressure_cross_talk"
+    needs = "pressure_1_Pa and pressure_2_Pa"
     physics = (
         "A part of the pressure of the other chambers comes into a chamber, by a shared supply."
     )
@@ -147,6 +157,8 @@ class PressureHysteresis(_OfActuator):
 
     z is the sign of the last change, or, with a reach, what the last changes of pressure have
     stretched a spring that slips there, over its reach: no change turns all of it at once.
+
+    Parameters: pressure: what acts less after a rise, and more after a fall.
     """
 
     reach_Pa: float = 0.0
@@ -191,7 +203,10 @@ class PressureHysteresis(_OfActuator):
 
 
 class ChamberLeak(_OfActuator):
-    """-G r a d: a chamber loses pressure a at a rate r while it is held for the dwell d."""
+    """-G r a d: a chamber loses pressure a at a rate r while it is held for the dwell d.
+
+    Parameters: rate: share of the pressure lost per second.
+    """
 
     id = "chamber_leak"
     physics = "A chamber leaks during the dwell: its pressure falls by a share of itself a second."
@@ -207,7 +222,10 @@ class ChamberLeak(_OfActuator):
 
 @dataclass(frozen=True)
 class RegulatorLag(_OfActuator):
-    """-G s (a - a_before) exp(-t / tau): a part of the last change is to come, t after it."""
+    """-G s (a - a_before) exp(-t / tau): a part of the last change is to come, t after it.
+
+    Parameters: share: share of the last change that is still to come just after it.
+    """
 
     tau_s: float = 0.0
     """Time constant; 0: the same part of each change, whatever the time."""
@@ -261,6 +279,8 @@ def _before(rows: Rows, inputs: F) -> F:
 class CapstanFriction(_OfActuator):
     """-G mu a b, and + after it was let out: a tendon loses tension a along the bend b = |theta_t|.
 
+    Parameters: friction: coefficient of friction between tendon and sheath, per angle of the bend.
+
     Source: The capstan equation of Euler and Eytelwein, exp(-mu b), to first order in the bend.
     """
 
@@ -288,7 +308,10 @@ class CapstanFriction(_OfActuator):
 
 @dataclass(frozen=True)
 class TendonStretch(_OfActuator):
-    """-G k (l - l_set): the winch stands still while the way l of the tendon shortens."""
+    """-G k (l - l_set): the winch stands still while the way l of the tendon shortens.
+
+    Parameters: stiffness: stiffness of the tendon between winch and platform.
+    """
 
     set_at: str = "rest"
     """Where the tension was set: at rest, or at the free pose of these inputs."""

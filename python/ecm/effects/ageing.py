@@ -69,6 +69,8 @@ class TemperatureModulus(LinearEffect):
 
     Of either sign: an ideal rubber has beta = -1 / T, that is -0.0034 / K at 20 degrees C.
 
+    Parameters: beta: share of the stiffness lost per kelvin.
+
     Source: Treloar, The Physics of Rubber Elasticity, 3rd edition, 1975 (ideal rubber).
     """
 
@@ -100,7 +102,10 @@ class TemperatureModulus(LinearEffect):
 
 
 class Ageing(LinearEffect):
-    """h (1 + alpha t)."""
+    """h (1 + alpha t).
+
+    Parameters: alpha: share of the stiffness gained per second.
+    """
 
     id = "ageing"
     physics = "The material stiffens or softens steadily with time, at rest as well as in use."
@@ -133,6 +138,8 @@ class MullinsSoftening(LinearEffect):
     maximum: h (1 - eta tanh((W_max - W) / (width W_typical))), W_typical the median. In place of
     the energy the largest `bend` or distance (`reach`) may count, m: h (1 - eta u / (u + width b)),
     u = m_max - m and b the median, or a straight line without a width.
+
+    Parameters: eta: share of the stiffness that is lost far below the largest load so far.
 
     Source: Mullins, Softening of rubber by deformation, Rubber Chemistry and Technology 42, 1969;
     the form with a width: Ogden and Roxburgh, A pseudo-elastic model for the Mullins effect in
@@ -224,6 +231,8 @@ class PermanentSet(LinearEffect):
     `summed`: each visit adds a share of (1 - y / |x|) (p - p0) where |x| > y, |x| the deflection
     with rotations times the length; `each` coordinate with a share of its own, where no home checks
     show the set by itself. It ends with a run, or is `kept` in joined tables.
+
+    Parameters: share*: part of the largest pose that stays as a set.
     """
 
     id = "permanent_set"

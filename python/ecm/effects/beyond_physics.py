@@ -67,7 +67,10 @@ def _range(table: Table, name: str) -> tuple[float, float]:
 
 @dataclass(eq=False)
 class Kink(LinearEffect):
-    """k max(0, p - c): from the pose c on the stiffness is larger or smaller by k."""
+    """k max(0, p - c): from the pose c on the stiffness is larger or smaller by k.
+
+    Parameters: stiffness_*: how much stiffer it is beyond the kink.
+    """
 
     of: str
     at: float
@@ -114,7 +117,10 @@ class Kink(LinearEffect):
 
 @dataclass(eq=False)
 class DeadZone(LinearEffect):
-    """-k clip(p - c, -w, w): within w of the pose c the stiffness is smaller by k."""
+    """-k clip(p - c, -w, w): within w of the pose c the stiffness is smaller by k.
+
+    Parameters: slack_*: how much softer it is within the zone.
+    """
 
     of: str
     at: float
@@ -171,7 +177,10 @@ class DeadZone(LinearEffect):
 
 @dataclass(eq=False)
 class HigherDegree(LinearEffect):
-    """Powers of each pose column from the fourth on, which a cubic lacks."""
+    """Powers of each pose column from the fourth on, which a cubic lacks.
+
+    Parameters: power*: what this power of the pose column adds at the end of its range.
+    """
 
     of: str
     degree: int = setting(low=3, high=30)
@@ -244,7 +253,11 @@ _SCALES = {"N": 0.1, "N m": 0.1, "m": 1e-4, "rad": 1e-3}
 
 @dataclass(eq=False)
 class UnusedColumn(LinearEffect):
-    """b (u - u0) on each wrench column, a share c (u - u0) of it, or -K d (u - u0)."""
+    """b (u - u0) on each wrench column, a share c (u - u0) of it, or -K d (u - u0).
+
+    Parameters: *_per_unit: what this output changes by per unit of the column; share: share of the
+    wrench per unit of it.
+    """
 
     column: str
     zero: float

@@ -56,6 +56,8 @@ class PlatformSlip(LinearEffect):
     """After t* the mechanism's end is displaced on the platform: -K_s B (d, w).
 
     Its force then acts beside the platform's centre: the torque changes by -(B d) x f.
+
+    Parameters: slip_d*: way of the end along this axis; slip_w*: turn of the end about this axis.
     """
 
     id = "platform_slip"
@@ -100,6 +102,9 @@ class MarkerMotion(LinearEffect):
     """The base marker creeps (`ramp`, `settling`) or jumps at t*: -K_s (d + w x r, w) g(t).
 
     Where the base is measured at the start of `each` campaign, its creep counts from there.
+
+    Parameters: marker_d*: way of the base marker along this axis; marker_w*: its turn about this
+    axis.
     """
 
     id = "marker_motion"
@@ -168,6 +173,9 @@ class BaseCompliance(Effect):
 
     The base plate moves by C (f, tau + r x f); the mechanism feels the pose relative to it, and
     its wrench turns with it. Solved by fixed-point iteration from the rigid base.
+
+    Parameters: bending*: turn of the base per moment; torsion: turn about the axis per moment;
+    lateral: shift of the base across the axis per force; axial: shift along the axis per force.
     """
 
     id = "base_compliance"
@@ -236,6 +244,9 @@ class ContactStop(LinearEffect):
     """Beyond the tilt c a stop holds the rim: moment k (tilt - c) and a push along the base's axis.
 
     The tilt is that of the platform's axis, in all directions or its part towards one azimuth.
+
+    Parameters: stiffness: moment per angle beyond the stop; push: force along the base's axis per
+    angle beyond it.
     """
 
     id = "contact_stop"
@@ -306,6 +317,9 @@ class Debonding(LinearEffect):
     `gap_top`). An open joint at the base is a `hinge`: it turns by c m q / (q + q0), with the
     moment m at the base and the pull q = max(0, f_x + b |m| / (r / 2)) at the rim, and lifts by
     l max(0, f_x); the mechanism's wrench turns with it.
+
+    Parameters: loss: share of the stiffness that is lost where the bond is open; hinge: turn of the
+    open joint per moment; lift: way that the open joint lifts off per pull.
     """
 
     id = "debonding"

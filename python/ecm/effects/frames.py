@@ -40,6 +40,9 @@ class TipFrameMisalignment(_FrameMisalignment):
     """The marker on the platform is not where it is said to be: p_true = p exp(-(d, w)).
 
     Wrenches that were turned to base axes with the measured rotation turn with the error.
+
+    Parameters: tip_d*: displacement of the marker along this axis of the platform; tip_w*: its turn
+    about this axis.
     """
 
     id = "tip_frame_misalignment"
@@ -66,7 +69,11 @@ class TipFrameMisalignment(_FrameMisalignment):
 
 
 class BaseFrameMisalignment(_FrameMisalignment):
-    """The base frame is not where it is said to be: p_true = exp(-(d, w)) p."""
+    """The base frame is not where it is said to be: p_true = exp(-(d, w)) p.
+
+    Parameters: base_d*: displacement of the base frame along this axis; base_w*: its turn about
+    this axis.
+    """
 
     id = "base_frame_misalignment"
     physics = "The measured base frame is a shifted and turned copy of the real one."
@@ -91,7 +98,10 @@ class BaseFrameMisalignment(_FrameMisalignment):
 
 
 class CameraScale(Effect):
-    """Positions are measured too large by the factor 1 + s about the rest position."""
+    """Positions are measured too large by the factor 1 + s about the rest position.
+
+    Parameters: scale: share by which positions are read too large.
+    """
 
     id = "camera_scale"
     physics = "The camera's length scale is off, so that positions are, and rotations are not."
@@ -122,6 +132,9 @@ class LedOcclusion(LinearEffect):
     Which of them are hidden depends on the side of the target that leans away from the camera. So
     the twist may be a Fourier series in the azimuth of that side, of any target and any error of
     its markers.
+
+    Parameters: hidden_*d*: shift of the pose along this axis were all markers hidden; hidden_*w*:
+    turn of the pose about this axis, likewise.
     """
 
     id = "led_occlusion"

@@ -65,6 +65,9 @@ class Hysteresis(LinearEffect):
     the friction: then springs slip along pairs of columns (`of`), c z / y in N or N m, and c > 0
     where the loops of the motion lose work.
 
+    Parameters: c: displacement whose static wrench is the friction; c_*: the same for this
+    coordinate; friction_*: force or moment that the friction holds.
+
     Source: Iwan, A distributed-element model for hysteresis and its steady-state dynamic response,
     J. Applied Mechanics 33, 1966 (springs that slip, there many beside each other).
     """
@@ -232,6 +235,9 @@ class SealFriction(LinearEffect):
 
     What presses the sliding faces together is the input a of an actuator: the pressure behind a
     seal, the tension in a sheath. Both c and g lose work.
+
+    Parameters: *_growth: growth of the friction with the input; friction_*: force or moment that
+    the friction holds at no input.
     """
 
     id = "seal_friction"

@@ -41,6 +41,9 @@ class Payload(LinearEffect):
     A sensor zeroed with the payload reads zero at the zeroing pose R_z: B B_z' of the payload at
     that pose is then subtracted. The mass is that of [scene]; a run with another payload_mass_kg
     has the same multiple of all four, and was zeroed again.
+
+    Parameters: mass: mass of what hangs at the platform; mass_*: this mass times the place of its
+    centre along the axis.
     """
 
     id = "payload"
@@ -95,6 +98,8 @@ class OwnWeight(LinearEffect):
     The mean position is r / 2 plus, in mid-frame axes, (b / 20, -L theta_z / 12, L theta_y / 12),
     b = c_y theta_z - c_z theta_y: to first order the rod keeps its elastic shape. A sensor that was
     zeroed with the mechanism attached reads zero at the rest pose.
+
+    Parameters: mass: mass of the mechanism between its ends.
     """
 
     id = "own_weight"
@@ -168,6 +173,10 @@ class CableDrag(LinearEffect):
 
     Or a cable from the rim at an azimuth (`azimuth_rad`) away from the mechanism: a constant force
     and springs along and across the cable, on the lever from the platform's centre to the rim.
+
+    Parameters: force_*: pull of the cable along this axis at the rest pose; moment_*: its moment
+    about this axis; spring: stiffness of the cable; along, across: stiffness in this direction of
+    the cable; along_growing: growth of the stiffness along it with the way.
     """
 
     id = "cable_drag"
@@ -256,6 +265,9 @@ class TendonFriction(LinearEffect):
 
     Tendon j of n runs at the azimuth 2 pi j / n, s_j = (0, cos, sin); u is the top's axis where the
     tendons are `guided` along the mechanism, and the chord from base to top where they run `free`.
+
+    Parameters: friction: share of a tendon's pull that friction takes; friction_lever: the same
+    times the radius on which the tendons run.
     """
 
     id = "tendon_friction"

@@ -52,6 +52,9 @@ class Anisotropy(Effect):
     The bending stiffness in the plane at azimuth phi grows by c, across it falls by c. In mid-frame
     coordinates the bending part of the energy belongs to theta, and, by its share in the lateral
     compliance, to c; both are stretched by half of c, so that the change stays conservative.
+
+    Parameters: c_cos2phi: what the bending stiffness at the azimuth 0 has beyond the mean, over the
+    mean; c_sin2phi: the same at an azimuth of 45 degrees.
     """
 
     id = "anisotropy"
@@ -103,6 +106,11 @@ class StrainStiffening(LinearEffect):
     A filled rubber has a modulus of its strain rather than an energy (Payne): then each section is
     secant (`sections`), N = E A e m and M = E I kappa m with m = 1 + c1 e / e0 + c2 b, b = (r kappa
     / e0)^2, its torsion times 1 + c3 b and its lateral shear times 1 + c4 b.
+
+    Parameters: modulus_at_strain_0p1: how much the modulus has grown at a strain of 10 %;
+    modulus_at_energy: the same by the energy of the pose; stretch, stretch_and_shear, shear,
+    lateral_shear, even: the factor c of this term of the series; by_*: growth of the modulus with
+    this strain; *_by_bend: growth of this stiffness with the bend.
 
     Source: The first terms, at moderate strain, of Yeoh, Rubber Chemistry and Technology 66, 1993,
     and Gent, the same 69, 1996; of Mooney, J. Applied Physics 11, 1940, and Ogden, Proc. R. Soc.
@@ -219,6 +227,8 @@ class Compressibility(Effect):
 
     On the physics base 1 + nu smaller by 1 + g, which its free nu absorbs.
 
+    Parameters: shear_over_young: how much G / E is larger than said.
+
     Source: E = 2 (1 + nu) G of an isotropic body.
     """
 
@@ -258,6 +268,8 @@ class LengthError(Effect):
     """The mechanism is longer than the file says: U(c - (dL, 0, 0), theta).
 
     On the physics base the body of that length itself, which is softer too.
+
+    Parameters: length: how much longer the mechanism is than said.
     """
 
     id = "length_error"
@@ -292,6 +304,8 @@ class DiameterError(Effect):
 
     On the physics base the body of that diameter itself. A base that is no family of bodies may
     also be a slender `beam`: bending D^4, lateral D^4 by its share of bending, else D^2 of shear.
+
+    Parameters: relative_diameter: how much thicker it is than said.
     """
 
     id = "diameter_error"
@@ -329,7 +343,10 @@ class DiameterError(Effect):
 
 
 class Taper(LinearEffect):
-    """E A and E I fall by t from the middle to the top and grow by t to the base."""
+    """E A and E I fall by t from the middle to the top and grow by t to the base.
+
+    Parameters: softer_towards_top: how much the end at the top is softer than the middle.
+    """
 
     id = "taper"
     physics = "The mechanism is stiffer at one end than at the other."
@@ -354,6 +371,8 @@ class Taper(LinearEffect):
 
 class Pretension(LinearEffect):
     """A tension N0 along the centre line: V = N0 (c_x + 3/5 |c_t|^2 / L + L |theta_t|^2 / 24).
+
+    Parameters: tension: pull along the centre line at the rest pose.
 
     Source: Timoshenko and Gere, Theory of Elastic Stability, 2nd edition, 1961 (energy of a beam
     column, N int w'^2 / 2), w the cubic between clamped ends and the arc.
@@ -394,6 +413,8 @@ class FaceTilt(Effect):
     """The base face is tilted by w = (0, w_y, w_z): h(exp(-w) p), wrench turned with it.
 
     Where the wedge was cast between the true faces, it has no load at the rest pose.
+
+    Parameters: tilt_*: tilt of the base face about this axis.
     """
 
     id = "face_tilt"
@@ -448,6 +469,8 @@ class PreCurvature(LinearEffect):
     m is the moment in each section of the straight mechanism, in axes of the section.
     kappa(s) = k (p + 1) |s|^p / L, s from -1 to 1, k the total bend about the body's y and z: one
     arc for p = 0, near both bonds for larger p (straight in the middle, with tilted end faces).
+
+    Parameters: bend_*: bend of the unloaded body about this axis, from end to end.
 
     Source: Love, A Treatise on the Mathematical Theory of Elasticity, 4th edition, 1927 (rods
     curved at rest: moments follow the change of curvature).

@@ -73,6 +73,9 @@ class ViscousDamping(LinearEffect):
     With fewer than the twelve columns D sign(v) |v|^a along pairs of columns (`of`), a = 1 for a
     viscous damper and 0.3 for what hardly depends on the speed; D > 0 loses work.
 
+    Parameters: translation: force per velocity; rotation: moment per rate of turn; damping_*: force
+    or moment per velocity of this column.
+
     Source: a = 1 is the damper of Kelvin and Voigt; other powers only describe.
     """
 
@@ -142,7 +145,11 @@ class ViscousDamping(LinearEffect):
 
 
 class Inertia(LinearEffect):
-    """M p'': the moving mass, and one moment of inertia for all axes."""
+    """M p'': the moving mass, and one moment of inertia for all axes.
+
+    Parameters: mass: mass that moves with the platform; moment_of_inertia: its moment of inertia,
+    about any axis.
+    """
 
     id = "inertia"
     physics = "The load of the sensor still swings while a reading is taken."
@@ -166,7 +173,10 @@ class Inertia(LinearEffect):
 
 
 class TimeSkew(LinearEffect):
-    """K p' delta: the wrench is read a little later than the pose."""
+    """K p' delta: the wrench is read a little later than the pose.
+
+    Parameters: delay: how much later the wrench is read than the pose.
+    """
 
     id = "time_skew"
     physics = "Camera and sensor are not read at the same moment."

@@ -70,7 +70,11 @@ class Outliers(NoiseEffect):
 
 
 class HeteroscedasticNoise(NoiseEffect):
-    """sigma^2 (1 + (g h)^2) on each axis, sigma that of the sensor."""
+    """sigma^2 (1 + (g h)^2) on each axis, sigma that of the sensor.
+
+    Parameters: force_growth: growth of the scatter with the force, over the scatter without load;
+    torque_growth: the same with the torque.
+    """
 
     id = "heteroscedastic_noise"
     physics = "The sensor scatters more under load."
@@ -95,7 +99,11 @@ class HeteroscedasticNoise(NoiseEffect):
 
 
 class PoseNoise(NoiseEffect):
-    """K_s Sigma_p K_s': scatter of the pose beyond what is declared, through the stiffness."""
+    """K_s Sigma_p K_s': scatter of the pose beyond what is declared, through the stiffness.
+
+    Parameters: position: standard deviation of a position beside the declared one; rotation: that
+    of a rotation.
+    """
 
     id = "pose_noise"
     physics = "The pose scatters, and the stiff axes turn it into force."
@@ -120,6 +128,8 @@ class PoseNoise(NoiseEffect):
 
 class FtsQuantisation(NoiseEffect):
     """B A diag(step^2 / 12) A' B': rounding to the sensor's steps.
+
+    Parameters: steps: size of the steps over the declared resolution.
 
     Source: Sheppard, On the calculation of the most probable values of frequency-constants, for
     data arranged according to equidistant divisions of a scale, Proc. London Mathematical Society

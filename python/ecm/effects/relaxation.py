@@ -126,6 +126,8 @@ class StressRelaxation(LinearEffect):
     With fewer than the twelve columns there is no frame, and the static slope may be negative: a
     branch then has the sign with which it loses work (`loses`).
 
+    Parameters: *: what relaxes at rest, over the static wrench.
+
     Source: Christensen, Theory of Viscoelasticity, 2nd edition, 1982 (hereditary integral).
     """
 

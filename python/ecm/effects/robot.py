@@ -281,6 +281,8 @@ class RobotCompliance(_JointEffect):
     The arm yields to -h until both springs balance, under the tangent stiffness; to first order
     -M h.
 
+    Parameters: joint*: turn of this joint per torque.
+
     Source: Salisbury, Active stiffness control of a manipulator in Cartesian coordinates, IEEE
     Conference on Decision and Control 1980, pp. 95-100 (J' K J, the stiffness of the joints
     against that at the tool; C is its inverse).
@@ -321,6 +323,8 @@ class Backlash(_JointEffect, LinearEffect):
     With fewer than the twelve columns there are no joints: then (h(q) - h(p)) b / w, the pose q
     stays behind the measured p by a `play` of half width w. Behind a spring it gives work on a way
     there and back, where friction takes it: the sign is what tells the two apart.
+
+    Parameters: joint*: half of the play of this joint; play_*: half of the play along this column.
     """
 
     id = "backlash"
@@ -397,6 +401,8 @@ class Backlash(_JointEffect, LinearEffect):
 
 class JointOffset(_JointEffect, LinearEffect):
     """-K_s B J dq, dq constant.
+
+    Parameters: joint*: error of this encoder's zero.
 
     Source: Siciliano, Sciavicco, Villani and Oriolo, Robotics: Modelling, Planning and Control,
     2009 (kinematic calibration).

@@ -109,6 +109,8 @@ class FtsOffset(CourseEffect):
     """B b: a constant in sensor axes; from the strain of its bolts only where it is mounted.
 
     Of single wrench columns it is told from the model by unloaded readings, or begins with a run.
+
+    Parameters: *_offset: what this axis reads without a load.
     """
 
     id = "fts_offset"
@@ -165,6 +167,8 @@ class FtsDrift(CourseEffect):
     """B b g(t), g(t) = t, or tau (1 - exp(-t / tau)) for a sensor that settles.
 
     Zeroed at the start of `each` campaign: B b (g(t) - g(t_begin)).
+
+    Parameters: *_rate: how fast the zero of this axis drifts.
     """
 
     id = "fts_drift"
@@ -213,6 +217,8 @@ class FtsThermalDrift(CourseEffect):
     """B b (T_sensor - T0); T0 is where the sensor was zeroed, the first row's or the mean.
 
     Zeroed at the start of `each` campaign: T0 is that of the campaign's first row.
+
+    Parameters: *_per_K: how much the zero of this axis drifts per kelvin.
     """
 
     id = "fts_thermal_drift"
@@ -275,6 +281,8 @@ class GrowingLoad(CourseEffect):
 
     Six columns tell it from a drift by the axes, which turn with the sensor. Fewer need readings
     with the sensor unloaded, which drift and do not feel the load.
+
+    Parameters: *_rate: how fast the load on this column grows.
     """
 
     id = "growing_load"
@@ -317,6 +325,8 @@ class FtsGain(LinearEffect):
     """B A diag(g) A^-1 B' h: each axis of the sensor has its own gain error.
 
     A moves a wrench from the sensor's frame to the top frame ([instrument] top_from_sensor).
+
+    Parameters: *_gain: share by which this axis reads too much.
     """
 
     id = "fts_gain"
@@ -342,6 +352,8 @@ class FtsCrosstalk(LinearEffect):
 
     Or C has one row, for an axis that reads all others, or one column, for an axis that all others
     read.
+
+    Parameters: *_from_*: what the first axis reads of the second.
     """
 
     id = "fts_crosstalk"
@@ -393,7 +405,11 @@ def _share_of_axis(i: int, j: int) -> Parameter:
 
 
 class FtsFrame(LinearEffect):
-    """The sensor is displaced by (d, w): f' = f + w x f, tau' = tau + w x tau + d x f, in body."""
+    """The sensor is displaced by (d, w): f' = f + w x f, tau' = tau + w x tau + d x f, in body.
+
+    Parameters: sensor_d*: displacement of the sensor along this axis; sensor_w*: its turn about
+    this axis.
+    """
 
     id = "fts_frame"
     physics = "The sensor is shifted or turned against its stated pose on the platform."
@@ -431,7 +447,10 @@ def _needs_range(table: Table) -> Missing | None:
 
 @dataclass(eq=False)
 class FtsSaturation(LinearEffect):
-    """Beyond a knee c one raw axis reads less: -u (|h_j| - c); u = 1 is a hard ceiling."""
+    """Beyond a knee c one raw axis reads less: -u (|h_j| - c); u = 1 is a hard ceiling.
+
+    Parameters: lost: share of the load beyond the knee that is not read.
+    """
 
     id = "fts_saturation"
     physics = "The sensor reads ever less near the end of an axis' range."
@@ -490,6 +509,8 @@ class FtsHysteresis(LinearEffect):
     The operator follows the load at its width or less, from reading to reading and over the load of
     the pose before. Its lag while the sensor's zero is read becomes part of the zero and shifts all
     readings about it.
+
+    Parameters: lag: share of the play's lag that the readings have; *_lag: that of this axis.
 
     Source: Krasnosel'skii and Pokrovskii, Systems with Hysteresis, 1989 (play).
     """

@@ -510,6 +510,10 @@ class Simulated(Printed):
         counts = ", ".join(f"{name} {count}" for name, count in self.counts.items())
         return f"Simulated({len(self)} wrench-pose pairs: {counts})"
 
+    def to_pandas(self) -> Any:
+        """Return the solved pairs as a DataFrame."""
+        return self.table().to_pandas()
+
     def table(self, source: str = "simulated pairs") -> Table:
         """Return the solved pairs as a measurement table that knows its mechanism."""
         solved = np.array([word == "solved" for word in self.status], dtype=np.bool_)

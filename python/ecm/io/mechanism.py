@@ -15,6 +15,7 @@ from ecm._native import Fem, FemError, Mesh, material_models, material_moduli, m
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.cache import hash_of
+from ecm.io.events import Printed
 from ecm.io.mesh import mesh_bytes, read_mesh
 from ecm.io.settings import Checked, check_keys, did_you_mean, read_settings, setting
 
@@ -214,8 +215,8 @@ class Tendon(Checked):
         return len(self.base_m) + len(self.body_m) + len(self.platform_m)
 
 
-@dataclass(frozen=True)
-class Mechanism(Checked):
+@dataclass(frozen=True, repr=False)
+class Mechanism(Checked, Printed):
     """An elastic body between two rigid plates. The default is the neck of the paper.
 
     Its shape is `builtin` with its dimensions, or a mesh or CAD file. Its material is neo-Hookean,
@@ -234,6 +235,9 @@ class Mechanism(Checked):
     3600.0
     >>> round(neck.rod_sections()["bending_stiffness_Nm2"], 3)
     0.605
+    >>> Mechanism(builtin="tube", inner_radius_m=0.02)
+    Mechanism(builtin='tube', length_m=0.1034, radius_m=0.033, inner_radius_m=0.02, \
+young_modulus_Pa=650000.0, poisson_ratio=0.49)
     """
 
     builtin: str = setting("cylinder", choices=("", *_SHAPES))
@@ -300,6 +304,16 @@ class Mechanism(Checked):
     """EI of a rod."""
     torsion_stiffness_Nm2: float = setting(0.0, low=0.0)
     """GJ of a rod."""
+
+    def __repr__(self) -> str:
+        """What differs from the default, and numbers that are not 0: it creates the same again."""
+        pairs = [(item, getattr(self, item.name)) for item in fields(self)]
+        shown = [
+            f"{item.name}={value!r}"
+            for item, value in pairs
+            if value != item.default or (isinstance(value, float) and value)
+        ]
+        return f"{type(self).__name__}({', '.join(shown)})"
 
     def __post_init__(self) -> None:
         super().__post_init__()

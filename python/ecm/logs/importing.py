@@ -100,6 +100,10 @@ class ImportedLog(Printed):
         """The table as every command reads it: frames applied, rows left out."""
         return as_table(dict(self.columns), source=self.source, meta=self.meta)
 
+    def to_pandas(self) -> Any:
+        """Return the table as a DataFrame."""
+        return self.table.to_pandas()
+
     def __str__(self) -> str:
         rows = len(next(iter(self.columns.values())))
         lines = [f"{self.source}: {rows} rows"]

@@ -14,6 +14,7 @@ from ecm.effects.protocol import missing_beside_columns
 from ecm.io.columns import KINDS, POSE, TEXT, WRENCH, is_standard
 from ecm.io.conventions import WrongConvention
 from ecm.io.events import Printed, Progress, Steps, fields_json
+from ecm.io.extras import require
 from ecm.io.sanity import (
     SuspectRows,
     doubts,
@@ -137,6 +138,11 @@ class Check(Printed):
 
     def __str__(self) -> str:
         return "\n".join(self.sentences())
+
+    def to_pandas(self) -> Any:
+        """Return a DataFrame with a row for each column of the table."""
+        rows = [fields_json(column) for column in self.columns]
+        return require("pandas", "data", "Check.to_pandas").DataFrame(rows).set_index("name")
 
     def sentences(self) -> list[str]:
         """Return what matters, in plain words."""

@@ -71,6 +71,10 @@ class StiffnessMap(BaseMap, Protocol):
         """(k,) names of the coefficients, with the unit where they have one."""
 
     @property
+    def parameter_unit(self) -> str:
+        """Unit of all coefficients; empty where their names have it, or there is none."""
+
+    @property
     def error(self) -> F:
         """(m,) root mean square error of the map itself; zero where it is fitted to data."""
 
@@ -106,6 +110,7 @@ class MapDefaults:
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    parameter_unit = ""
 
     def head(self: Any, **more: Any) -> dict[str, Any]:
         """What the document of a map begins with, and more of it."""
@@ -211,14 +216,7 @@ class PolynomialMap(MapDefaults):
     def parameter_names(self) -> tuple[str, ...]:
         """(k,) `fx_N:x^2`: the output, in whose unit it is, and the term; each x from -1 to 1."""
         short = [name.rpartition("_")[0] for name in self.inputs]
-        terms = [
-            " ".join(
-                f"{name}^{power}" if power > 1 else name
-                for name, power in zip(short, powers, strict=True)
-                if power
-            )
-            for powers in self.document()["terms"]
-        ]
+        terms = [_monomial(short, powers) for powers in self.document()["terms"]]
         return tuple(f"{output}:{term or 1}" for output in self.outputs for term in terms)
 
     def predict(self, poses: F) -> F:
@@ -313,6 +311,24 @@ class EnergyMap(SixAxisMap):
         """(k,) one per term of the energy."""
         return np.asarray(self.model.coefficients)
 
+    parameter_unit = "J"
+    """Coordinates are taken over `normalisation.scale` of the model file."""
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """(k,) `c_x^2 b`: the term; of a group the real or imaginary part of `c_x C D*` and so on.
+
+        C = c_y + i c_z, D = -theta_z + i theta_y, and * conjugates.
+        """
+        own = self.model
+        variables = _VARIABLES[own.symmetry == "general"]
+        terms = (_monomial(variables, powers) for powers in own.terms.tolist())
+        groups = (
+            f"{('Re', 'Im')[kind]} {_monomial(_GROUP_VARIABLES, powers)}"
+            for *powers, kind in own.group_terms.tolist()
+        )
+        return (*terms, *groups)
+
     def predict(self, poses: F) -> F:
         """(N, 6) poses to (N, 6) wrenches."""
         return self.model.predict(np.ascontiguousarray(poses))
@@ -361,6 +377,20 @@ class EnergyMap(SixAxisMap):
         )
         scale = np.asarray(document["normalisation"]["scale"], dtype=np.float64)
         return terms.map(scale, np.asarray(document["coefficients"], dtype=np.float64))
+
+
+_VARIABLES = (
+    ("c_x", "|c_perp|^2", "|theta_perp|^2", "theta_x", "a", "b"),
+    ("c_x", "c_y", "c_z", "theta_x", "theta_y", "theta_z"),
+)
+"""Variables of an energy (docs/explain/energies.md): of a body of revolution, and of any."""
+_GROUP_VARIABLES = ("c_x", "theta_x", "C", "C*", "D", "D*")
+
+
+def _monomial(names: Sequence[str], powers: Sequence[int]) -> str:
+    """A product of powers: `x^2 y`."""
+    pairs = [(name, power) for name, power in zip(names, powers, strict=True) if power]
+    return " ".join(f"({n})^{p}" if "^" in n and p > 1 else n + f"^{p}" * (p > 1) for n, p in pairs)
 
 
 Solved = tuple[StiffnessMap, F, float]

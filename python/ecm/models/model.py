@@ -155,9 +155,12 @@ class Model(Shown, EvaluatedModel):
             sd = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
         fitted = zip(base.parameter_names, base.coefficients, low, high, sd, strict=True)
         found = {
-            name: FittedParameter.at(value, (least, most), error, vary=not self.base_frozen)
+            name: FittedParameter.at(
+                value, (least, most), error, vary=not self.base_frozen,
+                unit=base.parameter_unit,
+            )
             for name, value, least, most, error in fitted
-        }
+        }  # fmt: skip
         if isinstance(base, ParametrisedMap):  # those that are held, too
             held = {name: own for name, own in base.parameters.items() if not own.vary}
             found |= {

@@ -81,6 +81,11 @@ class MeasuredMap(MapDefaults):
         return self.whole.parameter_names
 
     @property
+    def parameter_unit(self) -> str:  # type: ignore[override]
+        """That of the whole map."""
+        return self.whole.parameter_unit
+
+    @property
     def error(self) -> F:
         """(m,) own error of these columns."""
         return np.asarray(self.whole.error[self.places])
