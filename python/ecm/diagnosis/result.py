@@ -28,10 +28,12 @@ from ecm.diagnosis.preparation import Prepared
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import (
     Ranked,
+    Refinement,
     estimate,
     held_out_by_fold,
     held_out_rms,
     kind_of,
+    refinements,
 )
 from ecm.diagnosis.statements import (
     NoiseFinding,
@@ -229,6 +231,8 @@ class Diagnosis(Shown):
     """Causes outside the catalogue for each effect of the answer."""
     directions: dict[str, str] | None = field(metadata={"optional": True})
     """Whether the stiffness grows or falls, by effect; None where no id leaves that open."""
+    refinements: tuple[Refinement, ...] = field(metadata={"json": "further"})
+    """Richer forms of the accepted effects that were tried."""
     warnings: tuple[str, ...]
     addition: Addition | None = field(default=None, metadata={"optional": True})
     """What the effects bring to the model that was given; None where none is named."""
@@ -363,6 +367,7 @@ def _report(decision: Decision, seed: int, judged: Future[GivenModel]) -> Diagno
         left_over=decision.left,
         look_alikes=_outside_causes(decision),
         directions=_ways(final) if decision.answer else None,
+        refinements=tuple(refinements(problem, accepted)),
         warnings=tuple(_warnings(decision, final)),
         model=judged.result(),
         rmse=_component_errors(judged.result().as_given.rmse, problem, final, ceiling),

@@ -1,9 +1,9 @@
-"""Stages rank and search: score tests, sets of effects, bounds, held-out errors."""
+"""Stages rank and search: score tests, sets of effects, bounds, held-out errors, refinements."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,6 +13,7 @@ from scipy import special
 from scipy.optimize import lsq_linear
 
 from ecm.diagnosis.problem import Candidate, Problem, best_of_each, with_more
+from ecm.effects import Shape
 from ecm.io.arrays import B, F, I
 from ecm.regression.folds import folds, held_out_by
 from ecm.regression.normal_equations import (
@@ -29,6 +30,8 @@ ONE_CAUSE_SHARE = 0.03
 """Share that two effects must explain beyond any single one: one cause is likelier."""
 _BEAM = 5
 """Best sets at each size of the search."""
+_WORST_FOLD = 1.1
+"""Largest growth of the error of a fold that a richer form may cause."""
 
 
 @dataclass(frozen=True)
@@ -468,3 +471,34 @@ def _scored_groups(problem: Problem) -> F:
     count = len(problem.normal.squares)
     scored = np.bincount(problem.groups, problem.scored.astype(np.float64), count)
     return np.asarray(scored, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """A richer form of an accepted effect, with held-out errors of both forms."""
+
+    id: str
+    shape: Shape
+    held_out_plain: tuple[float, ...]
+    """Whitened rms of each held-out fold with the plain form."""
+    held_out_richer: tuple[float, ...]
+    """The same with the richer form."""
+    kept: bool
+    """Whether the total error falls and no fold gets much worse."""
+
+
+def refinements(problem: Problem, chosen: Sequence[Candidate]) -> Iterator[Refinement]:
+    """Yield, for each chosen effect that has richer forms, the one that fits best."""
+    for item in chosen:
+        forms = item.effect.refinement(problem.rows.whole.table)
+        if not forms:
+            continue
+        wider, candidates = with_more(problem, forms)
+        others = without(chosen, item)
+        best = max(candidates, key=lambda c: delta_chi2(wider, (*others, c)))
+        plain = held_out_by_fold(wider, chosen)
+        richer = held_out_by_fold(wider, (*others, best))
+        falls = (richer**2).sum() < (plain**2).sum()
+        kept = bool(falls and np.all(richer < _WORST_FOLD * plain))
+        errors = (tuple(plain.tolist()), tuple(richer.tolist()))
+        yield Refinement(item.id, best.effect.shape, *errors, kept)

@@ -257,6 +257,10 @@ class Effect:
         """Shapes on both sides of this one, nearer with each round from 0; here none."""
         return ()
 
+    def refinement(self, table: Table) -> tuple[Effect, ...]:
+        """Richer forms to try on held-out rows once the effect is accepted; here none."""
+        return ()
+
     def plain_form(self) -> Effect | None:
         """A plainer effect without this one's own sign, which may explain as much; here none."""
         return None

@@ -249,6 +249,16 @@ class StressRelaxation(LinearEffect):
         slow = self.second_tau_s
         return (*first, *(replace(self, second_tau_s=slow * factor) for factor in factors))
 
+    def refinement(self, table: Table) -> tuple[Effect, ...]:
+        """The same with a second branch, slower or faster; none where there is one already."""
+        if not self.overstress or self.second_tau_s > 0.0:
+            return ()
+        return tuple(
+            replace(self, second_tau_s=float(t))
+            for t in time_constants(table)
+            if not 0.5 < t / self.tau_s < 2.0
+        )
+
     def columns(self, rows: Rows) -> F:
         """exp(-d / tau) h, or the convolution, one column per branch."""
         taus = [self.tau_s, self.second_tau_s][: self.branches]
