@@ -23,7 +23,6 @@ from ecm.diagnosis.search import (
     bounded_estimate,
     delta_bic,
     delta_bic_of_each,
-    delta_bic_of_parts,
     delta_chi2,
     estimate,
     held_out_delta,
@@ -125,25 +124,19 @@ class _Chosen:
         )
         return left / size if size > 0.0 else 1.0
 
-    def rivals(self, least: float, *, of_parts: bool = False) -> dict[str, float]:
+    def rivals(self, least: float) -> dict[str, float]:
         """Return the rivals with their least loss of BIC in its place, the nearest first.
 
         Parameters
         ----------
         least
             Loss below which each is a rival. A shape that a later run refutes never is.
-        of_parts
-            Each without the parameters that it does not need there.
         """
         present = {one.id for one in self.chosen}
         others = [c for c in self.problem.offered if c.id not in present]
-        fall = delta_bic_of_parts if of_parts else delta_bic_of_each
-        losses = self.bic - fall(self.problem, self.others, others)
+        losses = self.bic - delta_bic_of_each(self.problem, self.others, others)
         nearest: dict[str, float] = {}
         for other, loss in zip(others, losses.tolist(), strict=True):
-            form = other.effect.plain_form()
-            if of_parts and form is not None and form.id == self.item.id:
-                continue  # without its own sign it is this effect
             if self._is_rival(other, loss, least) and not self.is_refuted(other):
                 nearest[other.id] = min(loss, nearest.get(other.id, np.inf))
         return dict(sorted(nearest.items(), key=lambda pair: pair[1]))
@@ -160,7 +153,10 @@ class _Chosen:
         form = other.effect.plain_form()
         if form is not None and form.id == self.item.id:
             return False  # its own sign explains nothing: it is this effect
-        return loss < FORM_SHARE * self.bic and self.share_beside(other) < SEPARABLE
+        # What explains as much, with more parameters, is likelier by no physics.
+        more = (other.parameters - self.item.parameters) * float(np.log(self.problem.size))
+        near = loss < max(FORM_SHARE * self.bic, least + more)
+        return near and self.share_beside(other) < SEPARABLE
 
     def is_refuted(self, rival: Candidate) -> bool:
         """Whether one run after the first is against a rival and none as clearly for it.
@@ -284,18 +280,16 @@ def confusion_class(
         Members of the class; of rivals that only look alike the nearest.
     """
     least = problem.settings.least_bic if least_bic is None else least_bic
-    one = _Chosen(problem, chosen, item)
-    nearest = one.rivals(least)
-    near = [id for id, loss in nearest.items() if loss < least]
-    # Rivals that only look alike, and lose in BIC: a long list names nothing. They may lose by
-    # parameters that are about zero alone.
-    alike_only = [*nearest, *one.rivals(least, of_parts=True)]
+    nearest = _Chosen(problem, chosen, item).rivals(least)
     plain = item.effect.plain_form()
     explains_more, by_far = own_sign(problem, chosen, item)
     if plain is not None and by_far:
         # They are of one form: what the form may leave says nothing about which of them it is.
-        near, alike_only = ([id for id in ids if id != plain.id] for ids in (near, alike_only))
-    members = list(dict.fromkeys([item.id, *near, *alike_only]))[: max(most, 1 + len(near))]
+        nearest.pop(plain.id, None)
+    near = [id for id, loss in nearest.items() if loss < least]
+    # Rivals that only look alike, and lose in BIC: a long list names nothing.
+    alike_only = [id for id in nearest if id not in near][: max(0, most - 1 - len(near))]
+    members = [item.id, *near, *alike_only]
     offered = {c.id for c in problem.offered} - {other.id for other in chosen}
     if plain is None or explains_more or plain.id not in offered.difference(members):
         return members

@@ -421,7 +421,8 @@ def decide(
     grown = with_load_growth(problem.noise, noise_effects)
     if grown is not problem.noise:
         problem = stages.assemble(problem.base, problem.table, effects, grown, settings)
-    problem = replace(problem, held=_held(problem, prepared))
+    if held := _held(problem, prepared):
+        problem = replace(problem, held=held)
 
     first = stages.gate(problem)
     ranking = stages.rank(problem)

@@ -189,33 +189,6 @@ def delta_bic_of_each(
     return np.asarray(falls + delta_bic(problem, chosen))
 
 
-def delta_bic_of_parts(
-    problem: Problem, chosen: Sequence[Candidate], candidates: Sequence[Candidate]
-) -> F:
-    """Return (c,) `delta_bic` of the chosen with each candidate without what it does not need.
-
-    A sensor of which two axes read too much is told from the gains of all six by four zeros. A
-    part of m of k parameters counts 2 log C(k, m) for being chosen (Chen and Chen 2008).
-    """
-    left = projected_out(*problem.equations, problem.columns_of(chosen))
-    penalty, found = float(np.log(problem.size)), []
-    for candidate in candidates:
-        part, k = candidate.columns, candidate.parameters
-        best = -np.inf
-        while True:
-            m = len(part)
-            (gain,) = explained_by_blocks(problem.equations, left, [part], problem.signs)
-            choices = special.gammaln(k + 1) - special.gammaln(m + 1) - special.gammaln(k - m + 1)
-            best = max(best, float(gain) - m * penalty - 2.0 * float(choices))
-            if m == 1:
-                break
-            fewer = [part[:i] + part[i + 1 :] for i in range(m)]
-            gains = explained_by_blocks(problem.equations, left, fewer, problem.signs)
-            part = fewer[int(np.argmax(gains))]
-        found.append(best)
-    return np.asarray(np.array(found) + delta_bic(problem, chosen))
-
-
 def all_needed(problem: Problem, chosen: Sequence[Candidate]) -> bool:
     """Whether each effect of a set is needed, by BIC and by its share of what is explained."""
     settings = problem.settings
