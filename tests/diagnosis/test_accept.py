@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from ecm.diagnosis import DiagnosisSettings, diagnose
+from ecm.diagnosis import DiagnosisSettings, diagnose, find_missing
 from ecm.diagnosis import accept as accept_module
 from ecm.diagnosis.accept import (
     CHOSEN_SHARE,
@@ -23,12 +24,14 @@ from ecm.diagnosis.search import rank, search
 from ecm.diagnosis.settings import DEFAULTS
 from ecm.effects import Rows, all_effects, get_effect
 from ecm.io.description import FileMeta
-from ecm.io.table import Table
+from ecm.io.table import Table, as_table
+from ecm.models import fit_model
 from ecm.models.fit import choose_base
 from ecm.regression.folds import folds, held_out_by, row_groups
 from ecm.regression.noise import declared_noise, whiteners
 from support.acceptance import acceptance_check
 from support.campaigns import campaign, model, physics, with_change
+from support.neck import columns_of
 
 F = NDArray[np.float64]
 PASSES = AcceptanceCheck(
@@ -257,3 +260,26 @@ def test_a_rival_that_wins_one_resampling_in_ten_joins_the_class(
     assert accepted.classes == (("payload", "cable_drag"),)
     won |= {"payload": 0.92, "cable_drag": 0.07}
     assert accept_module.accept(problem, [first], 0).classes == (("payload",),)
+
+
+def test_gains_of_two_axes_are_not_told_from_a_stiffer_plane() -> None:
+    """The gains have six parameters, of which these rows show two: they are no less likely."""
+    body, found = physics(), []
+    for seed in range(2, 8):
+        random = np.random.default_rng(seed)
+        poses = random.uniform(-1.0, 1.0, (60, 6)) * [1e-3, 4e-3, 4e-3, 0.05, 0.15, 0.15]
+        poses[:, 1:3] += 0.5 * body.length_m * np.column_stack([poses[:, 5], -poses[:, 4]])
+        poses[:, 0] += body.length_m
+        noise = random.standard_normal((60, 6)) * np.repeat([0.4, 0.012], 3)
+        wrenches = body.predict(poses)
+        top = Rotation.from_rotvec(poses[:, 3:])
+        wrenches[:, 3:] = top.apply(top.inv().apply(wrenches[:, 3:]) * [1.0, 1.012, 0.988])
+        meta = {
+            "mechanism": {"length_m": body.length_m},
+            "instrument": {"force_sd_N": 0.4, "torque_sd_Nm": 0.012,
+                           "pose_position_sd_m": 1e-9, "pose_rotation_sd_rad": 1e-9},
+        }  # fmt: skip
+        table = as_table(columns_of(poses, wrenches + noise), meta=meta)
+        found.append(find_missing(fit_model(table, "energy4"), table).answer)
+    assert [("anisotropy" in answer[0], len(answer)) for answer in found] == [(True, 1)] * 6
+    assert sum("fts_gain" in answer[0] for answer in found) >= 5

@@ -12,6 +12,7 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
+from ecm import refit
 from ecm.comparison import compare
 from ecm.diagnosis import diagnose, find_missing
 from ecm.diagnosis.problem import assemble
@@ -413,3 +414,21 @@ def test_the_evidence_for_an_effect_that_is_not_there_can_be_written() -> None:
     found = acceptance_check(problem, [weakest], weakest, [weakest.id], 0)
     assert not found.accepted
     assert json.loads(json.dumps(asdict(found)))["held_out_fall"] < 1.0
+
+
+@pytest.mark.parametrize("effect", ["temperature_modulus", "hysteresis"])
+@pytest.mark.parametrize("strength", [2.0, 4.0])
+def test_what_an_added_effect_leaves_of_its_form_is_no_further_cause(
+    effect: str, strength: float
+) -> None:
+    table = campaign(effect, strength, 8)
+    better = refit(model(), table, add=effect)
+    found = find_missing(better, table)
+    assert (found.verdict, found.answer) == ("none", ())
+
+
+def test_a_second_cause_is_found_after_the_first_was_added() -> None:
+    change = campaign("payload", 1.0, 8).wrenches - campaign("", 1.0, 8).wrenches
+    both = with_change(campaign("temperature_modulus", 2.0, 8), change)
+    better = refit(model(), both, add="temperature_modulus")
+    assert find_missing(better, both).answer == (("payload",),)

@@ -153,7 +153,7 @@ class _Chosen:
         form = other.effect.plain_form()
         if form is not None and form.id == self.item.id:
             return False  # its own sign explains nothing: it is this effect
-        # What explains as much, with more parameters, is likelier by no physics.
+        # What explains as much is no less likely for its parameters: a sensor has six gains.
         more = (other.parameters - self.item.parameters) * float(np.log(self.problem.size))
         near = loss < max(FORM_SHARE * self.bic, least + more)
         return near and self.share_beside(other) < SEPARABLE

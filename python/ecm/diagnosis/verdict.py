@@ -169,18 +169,21 @@ def _pattern_instead(
     white: Callable[[Problem], Pattern | None],
 ) -> Pattern | None:
     """Return a pattern where nothing is accepted and no function of the pose is left, or where it
-    explains more than what is accepted: names would imitate a part of it.
+    explains more than what is accepted and what the model holds: names would imitate a part of it.
 
     A periodic motion gives every effect its period: beside what is accepted a pattern must be left.
     """
-    if not accepted.effects:
-        return None if still else white(problem)
-    runs = runs_apart(problem, accepted.effects)
+    if still and not accepted.effects:
+        return None
+    runs = runs_apart(problem, accepted.effects) if accepted.effects else None
     if runs is not None:
         return runs
     pattern = white(problem)
-    if pattern is None or pattern.explained <= delta_chi2(problem, accepted.effects):
+    named = delta_chi2(problem, accepted.effects) + problem.held
+    if pattern is None or (named and pattern.explained <= named):
         return None
+    if not accepted.effects:
+        return pattern
     beside = white(replace(problem, response=residual_after(problem, accepted.effects)))
     return None if beside is None else pattern
 
