@@ -203,10 +203,11 @@ def undetermined(fitted: Model, table: Table, before: Model) -> list[str]:
         for j, parameter in enumerate(item.effect.parameters)
         if not item.frozen and item.at_bounds[j]
     }
+    of_effects = {name for name, own in fitted.params.items() if own.effect != "base"}
     reasons = [
-        f"{name} = {bounds[name]:.3g} is at its bound and one with {other} ({r:+.3f})"
+        f"{name} = {bounds[name]:.3g} is at its bound and one with {other} of the base ({r:+.3f})"
         for other, name, r in fitted.correlations
-        if name in bounds and other.startswith("base.") and abs(r) > _ONE_COLUMN
+        if name in bounds and other not in of_effects and abs(r) > _ONE_COLUMN
     ]
     return reasons[:1] + _stiffness_moves(fitted, table.measured(), before)
 

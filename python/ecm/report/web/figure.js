@@ -51,7 +51,7 @@ export function figure(spec, {onpick = () => {}, label = null} = {}) {
     const put = (...of) => picture.appendChild(svg(...of));
     const panels = Object.keys(layout).filter(key => /^xaxis\d*$/.test(key)).map(key => panel(key.slice(5), at));
     if (!panels.length) return;
-    for (const shape of layout.shapes ?? []) below(shape, panels[0], put);
+    for (const shape of layout.shapes ?? []) if (shape.label) below(shape, panels[0], put);
     for (const item of panels) axes(item, put);
     for (const trace of given) {
       const item = panels.find(one => one.id === (trace.xaxis ?? "x").slice(1)) ?? panels[0];

@@ -100,10 +100,11 @@ def report_of(session: Session) -> Report:
     rungs = [rung for rung in state["rungs"] if rung["rmse"]]
     if len(rungs) > 1:
         sections.append(Section("Before and after", _before_and_after(rungs[0], rungs[-1], floor)))
-    effects = (state["fit"] or {}).get("effects", [])
-    if effects:
-        sections.append(Section("Parameters", [_parameters(effects)]))
     history, files = session.now()
+    if files.model is not None:
+        load_installed()
+        if parameters := _parameters(load_model(session.folder / files.model)):
+            sections.append(Section("Parameters", [parameters]))
     found = session.result(history.last("diagnose", data=files.data))
     truth = state["truth"]
     said = [] if found is None else [TextBlock(found["summary"]["missing"], strong=True)]
@@ -165,14 +166,25 @@ def _before_and_after(first: dict[str, Any], last: dict[str, Any], floor: Errors
     ]
 
 
-def _parameters(effects: Sequence[dict[str, Any]]) -> Block:
-    rows: list[list[Cell]] = [
-        [effect["id"], one["name"], one["value"], one["value"] - _IN_95 * one["sd"],
-         one["value"] + _IN_95 * one["sd"], one["unit"]]
-        for effect in effects for one in effect["parameters"]
-    ]  # fmt: skip
-    header = ("effect", "parameter", "value", "from", "to", "unit")
-    return TableBlock("95 of 100 times the true value lies between the two.", header, rows)
+def _parameters(model: Model) -> TableBlock | None:
+    """What the body and the effects are; the coefficients of a polynomial tell a person nothing."""
+    rows: list[list[Cell]] = []
+    for name, own in model.params.items():
+        what, _, short = name.rpartition(".")
+        unit, scale = own.unit, 1.0
+        if own.effect == "base":
+            if name not in MEASURES:
+                continue
+            what, (short, unit, scale) = "the body", MEASURES[name]
+        half = math.inf if own.sd is None else _IN_95 * own.sd
+        ends = (scale * (own.value - half), scale * (own.value + half))
+        rows.append([what, short, scale * own.value, *ends, unit])
+    header = ("of", "parameter", "value", "from", "to", "unit")
+    return (
+        TableBlock("95 of 100 times the true value lies between the two.", header, rows)
+        if rows
+        else None
+    )
 
 
 def archive_of(folder: Path) -> bytes:
