@@ -651,6 +651,7 @@ def test_a_session_has_a_report_and_goes_on_from_its_zip(app: App, tmp_path: Pat
         assert all(isinstance(held, float) for *_, held in ladder[0].rows)
         for part in ("Ladder of errors", "Before and after", "Parameters", "ecm refit"):
             assert part in report
+        assert [block.title for block in report_of(app.session).sections].count("Parameters") == 1
         content = client.get("/api/zip").content
     shutil.unpack_archive(_written(tmp_path / "all.zip", content), tmp_path / "other")
     found = state_of(Session(tmp_path / "other" / "session"))

@@ -37,18 +37,19 @@ OWN_ERROR_LIMIT = 0.15
 """Error over noise above which the base imitates effects; the covariance includes it anyway."""
 
 
-_SHOWN: dict[str, tuple[str, str, float]] = {
+MEASURES: dict[str, tuple[str, str, float]] = {
     "young_modulus_Pa": ("E", "MPa", 1e-6),
     "poisson_ratio": ("nu", "", 1.0),
     "length_m": ("L", "mm", 1e3),
     "diameter_m": ("D", "mm", 1e3),
 }
+"""Symbol, unit and factor of what is shown of a body."""
 
 
 def physics_sentences(base: PhysicsMap, covariance: F) -> list[str]:
     """The free parameters with their errors and correlations; (k, k) covariance of them."""
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    shown = [_SHOWN.get(name, (name, "", 1.0)) for name in base.parameter_names]
+    shown = [MEASURES.get(name, (name, "", 1.0)) for name in base.parameter_names]
     lines = [
         f"{symbol} = {scale * value:.5g} +- {scale * error:.2g} {unit}".strip()
         for (symbol, unit, scale), value, error in zip(shown, base.coefficients, sd, strict=True)

@@ -11,6 +11,9 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from ecm.effects import load_installed
+from ecm.models import Model, load_model
+from ecm.models.physics.refit import MEASURES
 from ecm.report.blocks import (
     WEB,
     Block,
