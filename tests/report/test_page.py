@@ -81,6 +81,24 @@ def test_every_figure_is_drawn_and_hostile_text_stays_text(tmp_path: Path) -> No
 
 
 @pytest.mark.browser
+def test_the_names_of_bars_are_whole_however_long(tmp_path: Path) -> None:
+    names = ["sensor_temperature_degC", *"abcdefgh", "constant_in_body"]
+    block = FigureBlock("bars", draw.bars({"a": [1.0] * len(names)}, names, y_title="y"))
+    path = tmp_path / "bars.html"
+    Report("bars", "", [Section("Bars", [block])]).write(path)
+    with open_chromium() as page:
+        page.open(path.resolve().as_uri())
+        page.until("!!document.documentElement.dataset.figures")
+        box = "getBoundingClientRect()"
+        outside = "own.left < place.left || own.bottom > place.bottom + 1 ? [text.textContent] : []"
+        cut = (
+            f"(place => [...document.querySelectorAll('svg.figure text')].flatMap(text => "
+            f"(own => {outside})(text.{box})))(document.querySelector('svg.figure').{box})"
+        )
+        assert page.js(cut) == []
+
+
+@pytest.mark.browser
 def test_the_mechanism_stands_before_the_first_table_and_shares_the_marks(tmp_path: Path) -> None:
     path = tmp_path / "compare.html"
     compare(model(), campaign("payload", 1.0, 0)).report().write(path)

@@ -32,6 +32,7 @@ export function figure(spec, {onpick = () => {}, label = null} = {}) {
     take(menu.buttons[event.target.value].args);
   }}, menu.buttons.map((button, i) => el("option", {value: i, selected: i === menu.active}, plain(button.label)))));
   const node = el("div", {}, menus.length ? el("div", {class: "row menus"}, menus) : null, place);
+  const bottom = margin.b;
   let chosen = null, drawn = 0;
 
   // What a menu changes: values of the traces, and texts of the layout.
@@ -46,6 +47,10 @@ export function figure(spec, {onpick = () => {}, label = null} = {}) {
     if (!width) return;
     picture.replaceChildren();
     picture.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    // Names that do not fit beside each other are tilted, and need the room below.
+    const names = given.flatMap(({type, x}) => type !== "heatmap" && typeof x?.[0] === "string" ? x.map(plain) : []);
+    const longest = Math.max(0, ...names.map(name => name.length)), narrow = 7 * longest > (width - margin.l - margin.r) / new Set(names).size;
+    margin.b = Math.max(bottom, narrow ? Math.min(24 + 6.5 * longest, height / 2) : 0);
     const inner = {w: width - margin.l - margin.r, h: height - margin.t - margin.b};
     const at = {x: v => margin.l + v * inner.w, y: v => height - margin.b - v * inner.h};
     const put = (...of) => picture.appendChild(svg(...of));
@@ -106,7 +111,7 @@ export function figure(spec, {onpick = () => {}, label = null} = {}) {
     }
     for (const [at, text] of texts) {
       if (!x.names) line(at, edge, at, edge + 4, "--soft");
-      put("text", tilt ? {x: at, y: edge + 14, "text-anchor": "end", transform: `rotate(-30 ${at} ${edge + 14})`}
+      put("text", tilt ? {x: at, y: edge + 14, "text-anchor": "end", transform: `rotate(-60 ${at} ${edge + 14})`}
         : {x: at, y: top ? edge - 8 : edge + 17, "text-anchor": "middle"}, text);
     }
     line(x.from, y.from, x.to, y.from, "--soft");
@@ -180,7 +185,7 @@ export function figure(spec, {onpick = () => {}, label = null} = {}) {
     const right = layout.legend?.xanchor === "right" ? width - margin.r - named().reduce((sum, {name}) => sum + 40 + 7 * plain(name).length, 0) : 0;
     at = Math.max(at, right);
     for (const trace of named()) {
-      const colour = themed(trace.marker?.color ?? trace.line?.color ?? "#0072b2"), y = Math.max(14, margin.t - 24);
+      const colour = themed(trace.marker?.color ?? trace.line?.color ?? "#0072b2"), y = Math.max(14, margin.t - (layout.annotations?.length ? 44 : 24));
       if (trace.type === "bar") put("rect", {x: at, y: y - 6, width: 14, height: 12, fill: colour});
       else if ((trace.mode ?? "lines").includes("lines")) put("path", {d: `M${at - 2},${y}h20`, stroke: colour, "stroke-width": 2, "stroke-dasharray": DASH[trace.line?.dash] ?? null});
       if (trace.mode?.includes("markers")) put(...symbol(trace.marker?.symbol ?? "circle", at + 8, y, 4, colour));
