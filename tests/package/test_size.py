@@ -19,7 +19,7 @@ LIMITS = {
 out as a call in Python, microstrain and °C of a log (python/ecm 70); results that print and become
 data frames, names of an energy's terms (57); half the time of a diagnosis of many rows (37); rows
 that name a cause sooner (21); a session's report by the command, with its body (27); effects that
-a model holds (18). The diagnosis fell by 183. Tests (470): the page's gap, script, copy and race,
+a model holds (18). Tests (470): the page's gap, script, copy and race,
 shipped tables, rows of a name, numbers of pages."""
 
 
