@@ -123,10 +123,10 @@ def test_a_workbook_is_told_how_it_becomes_a_table(ecm_command: Run) -> None:
 
 
 @pytest.mark.parametrize("table", sorted((ROOT / "examples").glob("*.csv")), ids=lambda p: p.stem)
-def test_each_shipped_table_is_read_where_it_lies(table: Path, ecm_command: Run) -> None:
-    done = ecm_command("check", table)
-    if done.code:  # a log: the import that is advised works
-        typed(ecm_command, done.err)
+def test_each_shipped_table_is_read_with_what_lies_beside_it(table: Path, ecm_command: Run) -> None:
+    shutil.copytree(table.parent, "examples")  # what an import writes lies beside its log
+    done = ecm_command("check", Path("examples", table.name))
+    assert done.code == 0 or typed(ecm_command, done.err)  # of a log the import that is advised
 
 
 def test_a_strain_becomes_a_displacement_by_the_gauge_length(ecm_command: Run) -> None:

@@ -181,6 +181,13 @@ def _to_the_model(page: Page, address: str) -> None:
     page.click("[name=kind][value=linear]")
 
 
+def _to_the_causes(page: Page, address: str) -> None:
+    """The same with the model fitted, where effects are asked for."""
+    _to_the_model(page, address)
+    _click_to_the_end(page, "#fit")
+    page.js("location.hash = 'missing'")
+
+
 def _ticked_and_counted_down(page: Page) -> None:
     """A tick fits base and effect in the page: the error counts down, and up again without it."""
     error = "document.querySelector('#error-now').textContent"
@@ -454,9 +461,7 @@ def test_a_fit_foreseen_in_the_page_is_confirmed_and_rows_are_left_out_by_a_key(
 ) -> None:
     data = drifting_table(tmp_path / "stage.csv")
     with served(data, folder=tmp_path / "session") as address:
-        _to_the_model(page, address)
-        _click_to_the_end(page, "#fit")
-        page.js("location.hash = 'missing'")
+        _to_the_causes(page, address)
         page.click("#tick-fts_drift")
         page.js(_GAPS_DRAWN)
         state = _click_to_the_end(page, "#fit-ticked")
@@ -837,9 +842,7 @@ def test_gravity_and_the_range_of_the_sensor_are_typed_and_make_effects_testable
 
     data = drifting_table(tmp_path / "stage.csv")
     with served(data, folder=tmp_path / "session") as address:
-        _to_the_model(page, address)
-        _click_to_the_end(page, "#fit")
-        page.js("location.hash = 'missing'")
+        _to_the_causes(page, address)
         page.until("!!document.querySelector('[data-add=fts_drift]')")
         assert "Say the largest reading of the sensor, under Data" in asked_for()
         page.js("location.hash = 'data'")
