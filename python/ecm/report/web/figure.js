@@ -32,7 +32,7 @@ export function figure(spec, {onpick = () => {}, label = null} = {}) {
     take(menu.buttons[event.target.value].args);
   }}, menu.buttons.map((button, i) => el("option", {value: i, selected: i === menu.active}, plain(button.label)))));
   const node = el("div", {}, menus.length ? el("div", {class: "row menus"}, menus) : null, place);
-  const bottom = margin.b;
+  const {l: left, b: bottom} = margin;
   let chosen = null, drawn = 0;
 
   // What a menu changes: values of the traces, and texts of the layout.
@@ -47,10 +47,12 @@ export function figure(spec, {onpick = () => {}, label = null} = {}) {
     if (!width) return;
     picture.replaceChildren();
     picture.setAttribute("viewBox", `0 0 ${width} ${height}`);
-    // Names that do not fit beside each other are tilted, and need the room below.
-    const names = given.flatMap(({type, x}) => type !== "heatmap" && typeof x?.[0] === "string" ? x.map(plain) : []);
-    const longest = Math.max(0, ...names.map(name => name.length)), narrow = 7 * longest > (width - margin.l - margin.r) / new Set(names).size;
-    margin.b = Math.max(bottom, narrow ? Math.min(24 + 6.5 * longest, height / 2) : 0);
+    // Names that do not fit beside each other are tilted by 60 degrees, and need the room below and left of them.
+    const names = [...new Set(given.flatMap(({type, x}) => type !== "heatmap" && typeof x?.[0] === "string" ? x.map(plain) : []))];
+    const long = names.map(name => { const text = picture.appendChild(svg("text", {}, name)), size = text.getComputedTextLength(); text.remove(); return size; });
+    const longest = Math.max(0, ...long), narrow = 7 * Math.max(0, ...names.map(name => name.length)) > (width - left - margin.r) / names.length;
+    margin.b = Math.max(bottom, narrow ? Math.min(24 + 0.87 * longest, height / 2) : 0);
+    margin.l = Math.max(left, narrow ? 16 + 0.5 * long[0] - (width - left - margin.r) / names.length / 2 : 0);
     const inner = {w: width - margin.l - margin.r, h: height - margin.t - margin.b};
     const at = {x: v => margin.l + v * inner.w, y: v => height - margin.b - v * inner.h};
     const put = (...of) => picture.appendChild(svg(...of));
