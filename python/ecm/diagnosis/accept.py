@@ -145,7 +145,7 @@ class _Chosen:
         """Whether a shape loses little in its place, or cannot be told from it."""
         if loss < least:
             return True
-        if other in self.problem.imitators:
+        if other in self.problem.imitators and self.problem.untestable[other.id].imitates:
             # The data cannot show its true form; one of several shapes comes nearer to it.
             shaped = bool(self.problem.untestable[other.id].forms)
             if loss < (_LOST_BY_SHAPES if shaped else _LOST_BY_ONE) * self.gain:

@@ -292,6 +292,7 @@ def _not_absorbed(
     elif not is_whole(base):
         record = "the same poses again, in another order and at another speed"
     kept: list[ScoreColumns] = []
+    rest: list[ScoreColumns] = []
     absorbed: dict[str, Missing] = {}
     shares = projection.absorbed_by_each([item.columns for item in every])
     for item, share in zip(every, shares, strict=True):
@@ -300,7 +301,10 @@ def _not_absorbed(
             kept.append(item)
         elif not item.imitates:
             absorbed[item.id] = Missing(f"the base absorbs it ({100.0 * share:.0f} %)", record)
+            if share <= _ABSORBED_BY_PHYSICS:
+                rest.append(replace(item, imitates=True))
     seen = {item.id for item in kept}
+    kept += [item for item in rest if item.id not in seen]
     return kept, {id: why for id, why in absorbed.items() if id not in seen}
 
 
