@@ -63,6 +63,17 @@ def _load(wrenches: F, outputs: tuple[str, ...]) -> F:
     return np.asarray(np.linalg.norm(wrenches[:, force or range(len(outputs))], axis=1))
 
 
+def settling_times(table: Table) -> tuple[float, ...]:
+    """Times that are tried for what settles; the first is infinite: a steady change."""
+    span = float(np.ptp(table.column("time_s")))
+    return np.inf, *(round(span * share, 1) for share in (0.35, 1.0))
+
+
+def settled(time_s: F, tau_s: float) -> F:
+    """t, or tau (1 - exp(-t / tau)), which begins as fast."""
+    return time_s if np.isinf(tau_s) else np.asarray(tau_s * -np.expm1(-time_s / tau_s))
+
+
 @dataclass(eq=False)
 class TemperatureModulus(LinearEffect):
     """h (1 - beta (T - T0)); T0 is the table's mean, the modulus takes what is left.
@@ -101,14 +112,15 @@ class TemperatureModulus(LinearEffect):
         return np.asarray(-((temperature - zero)[:, None] * rows.material_wrench)[:, :, None])
 
 
+@dataclass(eq=False)
 class Ageing(LinearEffect):
-    """h (1 + alpha t).
+    """h (1 + alpha g(t)), g(t) = t, or tau (1 - exp(-t / tau)) for a material that settles.
 
-    Parameters: alpha: share of the stiffness gained per second.
+    Parameters: alpha: share of the stiffness gained per second at the start.
     """
 
     id = "ageing"
-    physics = "The material stiffens or softens steadily with time, at rest as well as in use."
+    physics = "The material stiffens or softens with time, at rest as well as in use."
     parameters = (Parameter("alpha", "1/s", 1e-6, -1e-3, 1e-3),)
     outside = LookAlike(
         "anything that scales the wrench over the hours: drying, a gain that drifts, the room",
@@ -123,9 +135,17 @@ class Ageing(LinearEffect):
         "mullins_softening": "repeat_first_poses",
     }
 
+    tau_s: float = optional(np.inf)
+    """Time in which it settles; infinite for a steady change."""
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Steady, and settling within the campaign."""
+        return tuple(Ageing(tau) for tau in settling_times(table))
+
     def columns(self, rows: Rows) -> F:
-        """t h."""
-        return np.asarray((rows.time_s()[:, None] * rows.material_wrench)[:, :, None])
+        """g(t) h."""
+        grown = settled(rows.time_s(), self.tau_s)
+        return np.asarray((grown[:, None] * rows.material_wrench)[:, :, None])
 
 
 @dataclass(eq=False)

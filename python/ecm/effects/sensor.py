@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ecm.effects.ageing import settled, settling_times
 from ecm.effects.friction import Hysteresis
 from ecm.effects.pairs import on_output, short
 from ecm.effects.protocol import (
@@ -197,19 +198,13 @@ class FtsDrift(CourseEffect):
         """Steady, and settling within the campaign; of single columns steady."""
         if self.outputs is not None:
             return (FtsDrift(outputs=",".join(table.wrench_columns)),)
-        span = float(np.ptp(table.column("time_s")))
-        taus = (np.inf, *(round(span * share, 1) for share in (0.35, 1.0)))
+        taus = settling_times(table)
         return tuple(FtsDrift(tau, zeroed) for zeroed in zeroings(table) for tau in taus)
 
     def course(self, rows: Rows) -> F:
         """g(t), or g(t) - g(t_begin)."""
-        grown = self._grown(rows.time_s())
-        return grown - self._grown(rows.begin_s()) if self.zeroed == "each" else grown
-
-    def _grown(self, time_s: F) -> F:
-        if np.isinf(self.tau_s):
-            return time_s
-        return np.asarray(self.tau_s * -np.expm1(-time_s / self.tau_s))
+        grown = settled(rows.time_s(), self.tau_s)
+        return grown - settled(rows.begin_s(), self.tau_s) if self.zeroed == "each" else grown
 
 
 @dataclass(eq=False)

@@ -319,6 +319,7 @@ _HALF = 0.5
 """Coefficients over equations from which a higher degree must be far better."""
 _MOST = 0.8
 _FAR_BETTER = 0.1
+_EXACT = 1e-9
 """Its error over that of the lower degrees: these would leave structure that has no other name."""
 
 
@@ -366,32 +367,35 @@ def _by_degree(table: Table, models: Sequence[ModelSpecification]) -> StiffnessM
         except (ModelError, InputError):
             # More coefficients than equations: so are they for every degree above.
             break
-        share = len(base.coefficients) / _equations(base, measured)
+        share = _share(base, measured)
         least = min(_score(other, measured) for other in tried)
         if share < _HALF or (share < _MOST and _score(base, measured) < _FAR_BETTER * least):
             tried.append(base)
     return min(tried, key=lambda base: _score(base, measured))
 
 
-def _equations(base: StiffnessMap, measured: Table) -> int:
-    """Readings that tell the form of a base: a repeat of a pose tells nothing more of it."""
-    return len(np.unique(repeat_cells(measured))) * len(base.outputs)
+def _share(base: StiffnessMap, measured: Table) -> float:
+    """Coefficients that the columns see, over the readings that tell the form of a base.
+
+    A repeat of a pose tells nothing more of it; a pure turn does no work at the forces.
+    """
+    seen = np.abs(base.columns(inputs_of(base, measured))).max(axis=(0, 1), initial=0.0) > 0.0
+    return int(seen.sum()) / (len(np.unique(repeat_cells(measured))) * len(base.outputs))
 
 
 def _score(base: StiffnessMap, measured: Table) -> float:
-    """Generalised cross-validation error, sum over components in their spread.
+    """Generalised cross-validation error, product over components: each has a noise of its own.
 
-    A component that never varies has none, whatever the rounding of its mean makes of it. Of a
-    driven body it is the product over components instead: the noise of the stiff axis is a large
-    share of its spread, and would hide what the small moments of the pressures tell.
+    A sum in their spread would hide what the small components tell: the noise of a stiff axis is a
+    small share of its spread, that of a soft one a large share. A component that never varies has
+    no error, whatever the rounding of its mean makes of it.
     """
     truth, poses = measured.matrix(base.outputs), inputs_of(base, measured)
-    rest: float = 1.0 - min(len(base.coefficients) / _equations(base, measured), 0.999)
-    spread = np.where(np.ptp(truth, axis=0) > 1e-12, truth.std(axis=0), np.inf)
-    squares = (((truth - base.predict(poses)) / spread) ** 2).mean(axis=0)
-    if isinstance(base, ActuatedMap):
-        return float(np.exp(np.log(squares[squares > 0.0]).mean())) / (rest * rest)
-    return float(squares.sum()) / (rest * rest)
+    rest = 1.0 - min(_share(base, measured), 0.999)
+    spread = np.ptp(truth, axis=0)
+    squares = np.maximum(((truth - base.predict(poses)) ** 2).mean(axis=0), (_EXACT * spread) ** 2)
+    logs = np.log(squares[spread > 1e-12])
+    return float(np.exp(logs.sum() / max(len(logs), 1))) / (rest * rest)
 
 
 def choose_base(model: Model, table: Table) -> StiffnessMap:
