@@ -127,8 +127,8 @@ class Ageing(LinearEffect):
         "the first poses again at the end, and next day",
     )
     signature = "proportional to h, monotone in t"
-    needs = "time (time_s), and poses that are measured again"
-    requires = (needs_again("repeat the first set at the end, and next day"),)
+    needs = "time (time_s)"
+    requires = (needs_full, needs_varying("time_s", 1.0))
     kind = "time"
     rivals = {
         "temperature_modulus": "repeat_next_day",
