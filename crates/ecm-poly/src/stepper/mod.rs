@@ -41,8 +41,6 @@ mod state;
 #[cfg(feature = "std")]
 mod document;
 #[cfg(feature = "std")]
-pub mod line;
-#[cfg(feature = "std")]
 mod models;
 
 pub use decay::Decay;

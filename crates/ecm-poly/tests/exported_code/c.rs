@@ -59,6 +59,8 @@ fn exported_c_steps_through_a_golden_history() {
             broken(&["anisotropy", "precurvature"]),
             Precision::Double,
         ),
+        ("line3", polynomial(1, 1, 3), Precision::Single),
+        ("line", polynomial(1, 1, 4), Precision::Double),
         ("alike4", energy(Symmetry::Alike, 4), Precision::Double),
     ] {
         let folder = folder(&format!("c-steps-{name}"));
