@@ -202,7 +202,7 @@ impl Steps {
         let (frame, own, any, words) = match n {
             1 => (
                 include_str!("templates/frame_line.c"),
-                60,
+                20,
                 [-1e30, 1e30],
                 ["", ""],
             ),

@@ -1,4 +1,4 @@
-/* A single coordinate, counted from the rest, has no frame: q is p, and Q is h. */
+/* A single coordinate has no frame: q is p, and Q is h. At rest p is 0. */
 typedef struct {
     real q[1], refused;
 } frame_t;

@@ -6,9 +6,9 @@
  * after the step before and gives the wrench and its derivative to p; the way between two steps counts
  * as straight and even, so that dt may vary and a pause of hours is exact. dt = 0 is a sudden move.
  * settled gives the limit of a long rest at p, without friction, softening and set.
- * predict_ahead steps a copy of the state through count planned p (one after another, dt apart) and
+ * predict_ahead steps a copy of the state through count planned ones (p one after another, dt apart) and
  * returns how many were taken; the results of the first that is refused are NaN, those beyond it untouched.
- * h takes @M@ numbers for each p, k @NM@, or may be 0.
+ * For each p h takes @M@ and k @NM@ numbers; k may be 0.
  * init, step and settled return 1. Where p or an input is not finite, |theta| > pi, p is farther
  * than four times the measured ones, or dt < 0 or not finite, they return 0, the results are
  * NaN and the state stays as it was: the next dt counts from the last step that returned 1.
