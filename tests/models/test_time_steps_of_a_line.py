@@ -40,7 +40,7 @@ def stepped_in_c(model: Model, points: F, times: F, folder: Path) -> F:
     """Wrench of the exported code after each step."""
     assert export_files(model, "c", "line").left_out == ()
     code = built(model, folder)
-    state, h, k = (ctypes.c_double * 7)(), ctypes.c_double(), ctypes.c_double()
+    state, h, k = (ctypes.c_double * 9)(), ctypes.c_double(), ctypes.c_double()
     assert code.line_init(state, ctypes.byref(ctypes.c_double(points[0]))) == 1
     said = []
     for point, dt in zip(points, np.diff(times, prepend=times[0]), strict=True):

@@ -13,7 +13,7 @@ LIMITS = {
     "benches": (5_982, 51),
     "examples": (1_516, 13),
     "tests": (31_650, 229),
-    "crates": (34_399, 199),
+    "crates": (34_304, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a way
 out as a call in Python, microstrain and °C of a log (python/ecm 70); results that print and become

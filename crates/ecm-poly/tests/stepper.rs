@@ -407,6 +407,47 @@ fn slow_branches_fade_in_single_precision_as_well() {
     assert!((fallen / 1e-3 - 1.0).abs() < 0.01, "{fallen}");
 }
 
+/// A spring of 100 N/m along x, with what a branch and friction add to its force and stiffness.
+#[test]
+fn a_single_coordinate_is_the_first_of_six() {
+    struct Spring;
+    impl ecm_poly::stepper::Elastic<f64> for Spring {
+        fn wrench_and_stiffness(&self, pose: &Pose<f64>) -> (Wrench<f64>, Mat6<f64>) {
+            let (mut wrench, mut stiffness) = ([0.0; 6], [[0.0; 6]; 6]);
+            (wrench[0], stiffness[0][0]) = (100.0 * pose.to_array()[0], 100.0);
+            (Wrench::from_array(&wrench), stiffness)
+        }
+    }
+    let steps = |effects: Effects<f64>, way: &[(f64, f64)]| -> Vec<[f64; 2]> {
+        let model = &Spring;
+        let stepper = Stepper { model, effects };
+        let mut state = stepper.init(&Pose::at_rest(0.0)).unwrap();
+        let step = |(x, dt): &(f64, f64)| {
+            let inputs = effects.default_inputs();
+            let found = stepper.step(&mut state, &Pose::at_rest(*x), *dt, &inputs);
+            let (h, k) = found.unwrap();
+            assert_eq!(
+                (&h.to_array()[1..], &k[0][1..]),
+                (&[0.0; 5][..], &[0.0; 5][..])
+            );
+            [h.force[0], k[0][0]]
+        };
+        way.iter().map(step).collect()
+    };
+    let mut relaxes = Effects::none(0.0);
+    relaxes.stiffness[0] = 100.0;
+    relaxes.branches[0] = Branch {
+        share: 0.5,
+        tau_s: 1.0,
+        linear: true,
+    };
+    assert_eq!(steps(relaxes, &[(0.1, 0.0)]), [[15.0, 150.0]]);
+    let mut rubs = Effects::none(0.0);
+    (rubs.friction[0], rubs.slip[0]) = (20.0, 0.05);
+    let there_and_back = steps(rubs, &[(0.1, 0.1), (0.075, 0.1)]);
+    assert_eq!(there_and_back, [[11.0, 100.0], [8.0, 120.0]]);
+}
+
 /// A clock that ticks twice at once gives a dt whose inverse overflows.
 #[test]
 fn a_dt_that_is_hardly_any_is_a_sudden_move() {

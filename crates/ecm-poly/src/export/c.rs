@@ -17,7 +17,6 @@ use crate::export::terms::{Terms, half_turn_squared, inverse_factorial, most_ste
 use crate::export::{Precision, SourceFile, filled, list};
 use crate::normalise::unit_slope;
 use crate::polynomial_model::PolynomialModel;
-use crate::stepper::line::LINE_NUMBERS;
 use crate::stepper::{Branch, Effects, STATE_NUMBERS};
 
 const WITHIN: [&str; 3] = [
@@ -141,7 +140,7 @@ pub fn export_with_effects(
             let history = History::new(&model, reach.as_ref(), effects, precision)?;
             let place = golden.rfind("#endif").unwrap_or(golden.len());
             golden.insert_str(place, &history_tables(&history, &name, (n, m)));
-            Steps::new(effects, precision, numbers, line)
+            Steps::new(effects, precision, numbers, n)
         }
         None => Steps::default(),
     };
@@ -194,50 +193,58 @@ struct Steps {
 }
 
 impl Steps {
-    fn new(effects: &Effects<f64>, precision: Precision, numbers: usize, line: bool) -> Self {
+    /// Along n coordinates: six of a pose, or one, which has no frame.
+    fn new(effects: &Effects<f64>, precision: Precision, numbers: usize, n: usize) -> Self {
         let row = |values: &[f64]| list(values.iter().map(|&x| real(x)));
         let factorials: Vec<f64> = (0..10).map(inverse_factorial).collect();
         let branch = |of: fn(&Branch<f64>) -> f64| row(&effects.branches.map(|b| of(&b)));
         let number = |x: f64| format!("{x:e}");
-        let stack = ((numbers + 340) * precision.size() + 800).next_multiple_of(16);
-        let ahead = stack + (STATE_NUMBERS + 52) * precision.size();
-        let ranges = effects.input_ranges();
-        let any = if line { [-1e30, 1e30] } else { [1e15, 1e15] };
-        let (header, source, kept) = if line {
-            let source = include_str!("templates/stepper_line.c");
-            (
-                include_str!("templates/stepper_line.h"),
-                source,
-                LINE_NUMBERS,
-            )
-        } else {
-            let source = include_str!("templates/stepper.c");
-            (include_str!("templates/stepper.h"), source, STATE_NUMBERS)
+        let (frame, own, any, words) = match n {
+            1 => (
+                include_str!("templates/frame_line.c"),
+                20,
+                [-1e30, 1e30],
+                ["", ""],
+            ),
+            _ => (
+                include_str!("templates/frame_pose.c"),
+                340,
+                [1e15, 1e15],
+                [", in the mid frame", ": what @NAME@_adapt takes"],
+            ),
         };
-        let shared = [
+        let stack = ((numbers + own) * precision.size() + 800).next_multiple_of(16);
+        // All of a state but the largest work has a number for each coordinate.
+        let kept = (STATE_NUMBERS - 1) / 6 * n + 1;
+        let ahead = stack + (kept + n * n + 16) * precision.size();
+        let ranges = effects.input_ranges();
+        let parts = [
+            ("FRAME", frame),
             ("CONDITIONS", include_str!("templates/conditions.c")),
             ("DECAY", include_str!("templates/decay.c")),
             ("AHEAD", include_str!("templates/predict_ahead.c")),
         ];
         let header = filled(
-            header,
+            include_str!("templates/stepper.h"),
             &[
                 ("EFFECTS", &effects.names()),
                 ("STATE", &(kept * precision.size()).to_string()),
                 ("STEPSTACK", &stack.to_string()),
                 ("AHEADSTACK", &ahead.to_string()),
                 ("INPUTTABLE", &input_table(effects)),
+                ("INFRAME", words[0]),
+                ("FORADAPT", words[1]),
             ],
         );
         let source = filled(
-            &filled(source, &shared),
+            &filled(include_str!("templates/stepper.c"), &parts),
             &[
-                ("STIFFNESS", &row(&effects.stiffness)),
+                ("STIFFNESS", &row(&effects.stiffness[..n])),
                 ("SHARES", &branch(|b| b.share)),
                 ("TAUS", &branch(|b| b.tau_s)),
                 ("LINEAR", &branch(|b| f64::from(u8::from(b.linear)))),
-                ("FRICTION", &row(&effects.friction)),
-                ("SLIP", &row(&effects.slip)),
+                ("FRICTION", &row(&effects.friction[..n])),
+                ("SLIP", &row(&effects.slip[..n])),
                 ("WARMER", &number(effects.softer_per_kelvin)),
                 ("REFERENCE", &number(effects.reference_degc)),
                 ("AGEING", &number(effects.ageing_per_s)),

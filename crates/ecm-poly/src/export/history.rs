@@ -10,7 +10,6 @@ use crate::export::Precision;
 use crate::export::golden::{Golden, wave};
 use crate::export::model::Model;
 use crate::export::reach::Reach;
-use crate::stepper::line::LineState;
 use crate::stepper::{Effects, Elastic, Inputs, Stepper};
 
 /// One step: what the code is told, and what it must say.
@@ -37,8 +36,6 @@ pub struct History {
 
 const DTS: [f64; 7] = [0.0, 1e-3, 0.1, 1e-3, 1.0, 20.0, 3600.0];
 
-type Said = Option<(Vec<f64>, Vec<f64>)>;
-
 impl History {
     /// The history of a model of six pose and six wrench columns, or of one and one.
     pub fn new(
@@ -48,44 +45,37 @@ impl History {
         precision: Precision,
     ) -> Result<Self, ModelError> {
         let points = Golden::within(model, reach, precision)?.points;
-        let first = points.first().map_or(&[][..], Vec::as_slice);
-        if model.shape() == (1, 1) {
-            let at = |point: &[f64]| {
-                let (value, slope) = model.value_and_jacobian(point).ok()?;
-                Some((*point.first()?, *value.first()?, *slope.first()?))
-            };
-            let (point, value, _) = at(first).ok_or_else(refused)?;
-            let mut state = LineState::new(point, value);
-            return Self::along(&points, effects, precision, |point, dt, inputs| {
-                let (point, value, slope) = at(point)?;
-                let (h, k) = state.step(effects, point, (value, slope), dt, inputs)?;
-                Some((std::vec![h], std::vec![k]))
-            });
+        if model.shape() != (1, 1) {
+            return Self::along(&points, model, effects, precision);
         }
-        let stepper = Stepper {
-            model,
-            effects: *effects,
-        };
-        let pose = |point: &[f64]| Pose::checked(&Vec6::try_from(point).ok()?);
-        let start = pose(first).and_then(|pose| stepper.init(&pose));
-        let mut state = start.ok_or_else(refused)?;
-        Self::along(&points, effects, precision, |point, dt, inputs| {
-            let (h, k) = stepper.step(&mut state, &pose(point)?, dt, inputs)?;
-            Some((h.to_array().to_vec(), k.as_flattened().to_vec()))
-        })
+        let mut first = *effects;
+        // The limits of a single coordinate are none of a pose; golden points are within them.
+        (first.length_m, first.limits) = (0.0, None);
+        Self::along(&points, &FirstOfSix(model), &first, precision)
     }
 
     /// Each point twice: after the move a rest.
     fn along(
         points: &[Vec<f64>],
+        model: &impl Elastic<f64>,
         effects: &Effects<f64>,
         precision: Precision,
-        mut step: impl FnMut(&[f64], f64, &Inputs<f64>) -> Said,
     ) -> Result<Self, ModelError> {
+        let stepper = Stepper {
+            model,
+            effects: *effects,
+        };
+        let n = points.first().map_or(0, Vec::len);
+        let pose = |point: &[f64]| {
+            let number = |j| point.get(j).copied().unwrap_or(0.0);
+            Pose::checked(&core::array::from_fn(number))
+        };
+        let start = points.first().and_then(|point| stepper.init(&pose(point)?));
+        let mut state = start.ok_or_else(refused)?;
         let rounded = |x: f64| precision.rounded(x);
         let (mut steps, mut largest) = (Vec::new(), [0.0_f64; 2]);
         for i in 0..2 * points.len() {
-            let pose = points[i / 2].clone();
+            let point = points[i / 2].clone();
             let dt = rounded(DTS[i % DTS.len()]);
             let inputs = [
                 effects.reference_degc + 5.0 * wave(i, 0),
@@ -96,12 +86,16 @@ impl History {
                 temperature_degc: inputs[0],
                 age_s: inputs[1],
             };
-            let (wrench, tangent) = step(&pose, dt, &told).ok_or_else(refused)?;
+            let at = pose(&point);
+            let found = at.and_then(|pose| stepper.step(&mut state, &pose, dt, &told));
+            let (h, k) = found.ok_or_else(refused)?;
+            let wrench = h.to_array()[..n].to_vec();
+            let tangent: Vec<f64> = k[..n].iter().flat_map(|row| row[..n].to_vec()).collect();
             for (size, values) in largest.iter_mut().zip([&wrench, &tangent]) {
                 *size = values.iter().fold(*size, |m, x| m.max(x.abs()));
             }
             steps.push(Step {
-                pose,
+                pose: point,
                 dt,
                 inputs,
                 wrench,
@@ -141,5 +135,19 @@ impl Elastic<f64> for Model {
         };
         let tangent = core::array::from_fn(|i| core::array::from_fn(|j| k[6 * i + j]));
         (Wrench::from_array(&h), tangent)
+    }
+}
+
+/// A map of one coordinate as the first of six, so that no stepper is needed for a line: where θ = 0
+/// the mid frame turns nothing, and the other five stay zero.
+struct FirstOfSix<'a>(&'a Model);
+
+impl Elastic<f64> for FirstOfSix<'_> {
+    fn wrench_and_stiffness(&self, pose: &Pose<f64>) -> (Wrench<f64>, Mat6<f64>) {
+        let (mut wrench, mut stiffness) = ([0.0; 6], [[0.0; 6]; 6]);
+        let found = self.0.value_and_jacobian(&pose.to_array()[..1]);
+        let (value, slope) = found.map_or((f64::NAN, f64::NAN), |(h, k)| (h[0], k[0]));
+        (wrench[0], stiffness[0][0]) = (value, slope);
+        (Wrench::from_array(&wrench), stiffness)
     }
 }

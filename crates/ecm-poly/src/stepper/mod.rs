@@ -11,6 +11,7 @@
 //! the mid frame: stress stays with the material, and a turn of the base turns everything.
 //! After a set the rest pose has moved by a share of the farthest pose: h(p − s) acts in place of h(p).
 //! Work is done on Q dq, so that branches of k q (k ≥ 0, g ≥ 0) and springs that slip only take energy.
+//! A map of a single coordinate is one along x, of length 0: where θ = 0 the mid frame turns nothing.
 //!
 //! ```
 //! use ecm_poly::stepper::{Branch, Effects, Stepper};
@@ -40,8 +41,6 @@ mod state;
 
 #[cfg(feature = "std")]
 mod document;
-#[cfg(feature = "std")]
-pub mod line;
 #[cfg(feature = "std")]
 mod models;
 

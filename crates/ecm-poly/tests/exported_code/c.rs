@@ -59,6 +59,8 @@ fn exported_c_steps_through_a_golden_history() {
             broken(&["anisotropy", "precurvature"]),
             Precision::Double,
         ),
+        ("line3", polynomial(1, 1, 3), Precision::Single),
+        ("line", polynomial(1, 1, 4), Precision::Double),
         ("alike4", energy(Symmetry::Alike, 4), Precision::Double),
     ] {
         let folder = folder(&format!("c-steps-{name}"));
@@ -67,22 +69,28 @@ fn exported_c_steps_through_a_golden_history() {
         let sources = ["", "_check"].map(|part| format!("{name}{part}.c"));
         assert_eq!(checked(&folder, "-O2", &sources), Some(0), "{name}");
         compiles_as_cpp(&folder, &sources[0]);
-        if name != "alike4" {
-            continue;
-        }
+        let n = match name {
+            "alike4" => 6,
+            "line" => 1,
+            _ => continue,
+        };
         // Each constant of each effect counts, and each golden number.
         for (file, place, wrong) in [
             (".c", "share_of[2] = {", "R(1)+"),
             (".c", "tau_of[2] = {", "R(1)+"),
-            (".c", "friction_of[6] = {", "R(1)+"),
-            (".c", "slip_of[6] = {", "R(1)+"),
+            (".c", &format!("friction_of[{n}] = {{"), "R(1)+"),
+            (".c", &format!("slip_of[{n}] = {{"), "R(1)+"),
             (".c", "damping_of[2] = {", "R(1)+"),
             (".c", "softer_per_kelvin = ", "R(1)+"),
             (".c", "ageing_per_s = ", "R(1)+"),
             (".c", "softening = ", "R(1)+"),
             (".c", "set_share = ", "R(1)+"),
-            ("_golden.h", "_history_h[32][6] = {{", "1e3+"),
-            ("_golden.h", "_history_k[32][36] = {{", "1e6+"),
+            ("_golden.h", &format!("_history_h[32][{n}] = {{{{"), "1e3+"),
+            (
+                "_golden.h",
+                &format!("_history_k[32][{}] = {{{{", n * n),
+                "1e6+",
+            ),
         ] {
             let path = folder.join(format!("{name}{file}"));
             let right = std::fs::read_to_string(&path).unwrap();

@@ -1,62 +1,58 @@
 
-/* Effects of time. q: mid-frame coordinates, Q: force to q of the static wrench. */
+/* Effects of time along @N@ coordinates q; Q: force to q of the static wrench. */
 
 typedef @NAME@_state state_t;
 typedef @NAME@_conditions inputs_t;
 
-static const real stiffness_at_rest[6] = {@STIFFNESS@};
+static const real stiffness_at_rest[@N@] = {@STIFFNESS@};
 static const real share_of[2] = {@SHARES@};
 static const real tau_of[2] = {@TAUS@};
 static const real linear_of[2] = {@LINEAR@};
-static const real friction_of[6] = {@FRICTION@};
-static const real slip_of[6] = {@SLIP@};
+static const real friction_of[@N@] = {@FRICTION@};
+static const real slip_of[@N@] = {@SLIP@};
 static const real softer_per_kelvin = R(@WARMER@), ageing_per_s = R(@AGEING@);
 static const real softening = R(@SOFTENING@), set_share = R(@SETSHARE@);
 static const real damping_of[2] = {@DAMPING@};
-/* Largest |c| and |theta| of a pose that is no fault */
 static const real farthest_of[2] = {@FARTHEST@};
 
 @CONDITIONS@
+@FRAME@
 /* The static map at a pose: Q, dQ/dq, h, and the work |(p - p0) . h| / 2. */
 typedef struct {
     frame_t frame;
-    real force[6], u[36], h[6], away[6], work, sign;
+    real force[@N@], u[@NM@], h[@N@], away[@N@], work, sign;
 } here_t;
 
 @DECAY@
 
 static int32_t find_here(const real *p, here_t *here)
 {
-    real m[OFSLOPES + 1], sum, product = R(0);
-    prepare(p, &here->frame);
-    monomials_at(here->frame.q, OFSLOPES, m);
-    forces_at(here->frame.q, m, here->force, here->u);
+    real sum, product = R(0);
+    static_at(p, &here->frame, here->force, here->u);
     wrench_of(&here->frame, here->force, here->h);
     sum = here->frame.refused;
-    for (int32_t i = 0; i < 6; i++) {
+    for (int32_t i = 0; i < @N@; i++) {
         here->away[i] = p[i] - (i == 0 ? length_m : R(0));
         product += here->away[i] * here->h[i];
         sum += here->h[i];
     }
     here->sign = product < R(0) ? R(-1) : R(1);
     here->work = R(0.5) * here->sign * product;
-    return is_finite(sum) &&
-           dot(here->frame.q, here->frame.q) <= farthest_of[0] * farthest_of[0] &&
-           dot(here->frame.theta, here->frame.theta) <= farthest_of[1] * farthest_of[1];
+    return is_finite(sum) && is_near(here->frame.q);
 }
 
 /* K of a pose that is below the largest work: k += factor h dW/dp */
 static void soften(const real *p, const here_t *here, real factor, real *k)
 {
-    real h[6], slope[36];
+    real h[@N@], slope[@NM@];
     @NAME@_value_and_stiffness(p, h, slope);
-    for (int32_t j = 0; j < 6; j++) {
+    for (int32_t j = 0; j < @N@; j++) {
         real work = h[j];
-        for (int32_t i = 0; i < 6; i++) {
-            work += slope[6 * i + j] * here->away[i];
+        for (int32_t i = 0; i < @N@; i++) {
+            work += slope[@N@ * i + j] * here->away[i];
         }
-        for (int32_t i = 0; i < 6; i++) {
-            k[6 * i + j] += R(0.5) * here->sign * factor * h[i] * work;
+        for (int32_t i = 0; i < @N@; i++) {
+            k[@N@ * i + j] += R(0.5) * here->sign * factor * h[i] * work;
         }
     }
 }
@@ -64,41 +60,29 @@ static void soften(const real *p, const here_t *here, real factor, real *k)
 /* h and its derivative at the pose less the set, which grows at the farthest pose; 0 where it is refused */
 static int32_t after_set(const state_t *state, const real *p, int32_t grows, real *h, real *k)
 {
-    real shifted[6], sum = R(0);
-    for (int32_t i = 0; i < 6; i++) {
+    real shifted[@N@], sum = R(0);
+    for (int32_t i = 0; i < @N@; i++) {
         shifted[i] = p[i] - set_share * (grows ? p[i] : state->farthest[i]);
     }
     shifted[0] += set_share * length_m;
     @NAME@_value_and_stiffness(shifted, h, k);
-    for (int32_t i = 0; i < 6; i++) {
+    for (int32_t i = 0; i < @N@; i++) {
         sum += h[i];
     }
-    for (int32_t i = 0; i < 36; i++) {
+    for (int32_t i = 0; i < @NM@; i++) {
         k[i] *= grows ? R(1) - set_share : R(1);
     }
     return is_finite(sum);
 }
 
-/* Position r of mid-frame coordinates */
-static void position_of(const real *q, real *r)
-{
-    const real half_theta[3] = {R(0.5) * q[3], R(0.5) * q[4], R(0.5) * q[5]};
-    const real c[3] = {q[0] + length_m, q[1], q[2]};
-    real series[8], a[9];
-    stumpff(dot(half_theta, half_theta), series);
-    with_parts(half_theta, series[0], series[1], series[2], a);
-    apply(a, c, r);
-}
-
 /* Change of the pose since the last step; not at all where q is the same. */
 static void moved_since(const state_t *state, const real *q, real *moved)
 {
-    real now[3], before[3];
-    position_of(q, now);
-    position_of(state->coordinates, before);
-    for (int32_t i = 0; i < 3; i++) {
-        moved[i] = now[i] - before[i];
-        moved[3 + i] = q[3 + i] - state->coordinates[3 + i];
+    real before[@N@];
+    pose_of(q, moved);
+    pose_of(state->coordinates, before);
+    for (int32_t i = 0; i < @N@; i++) {
+        moved[i] -= before[i];
     }
 }
 
@@ -107,22 +91,22 @@ static int32_t refuse(real *h, real *k)
 {
     real none = R(0);
     none /= none;
-    for (int32_t i = 0; i < 6; i++) {
+    for (int32_t i = 0; i < @N@; i++) {
         h[i] = none;
     }
-    for (int32_t i = 0; i < 36; i++) {
+    for (int32_t i = 0; i < @NM@; i++) {
         k[i] = none;
     }
     return 0;
 }
 
-int32_t @NAME@_init(state_t *state, const real p[6])
+int32_t @NAME@_init(state_t *state, const real p[@N@])
 {
     here_t here;
     if (!find_here(p, &here)) {
         return 0;
     }
-    for (int32_t i = 0; i < 6; i++) {
+    for (int32_t i = 0; i < @N@; i++) {
         state->farthest[i] = p[i];
         state->coordinates[i] = here.frame.q[i];
         state->force[i] = here.force[i];
@@ -136,12 +120,12 @@ int32_t @NAME@_init(state_t *state, const real p[6])
     return 1;
 }
 
-int32_t @NAME@_step(state_t *state, const real p[6], real dt, const inputs_t *inputs, real h[6],
-                    real k[36])
+int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *inputs,
+                    real h[@N@], real k[@NM@])
 {
     here_t here;
-    real lost[2], left[2], total[6], steep[36] = {R(0)}, set_h[6], set_k[36], moved[6] = {R(0)};
-    real elastic = R(0), below = R(0), size;
+    real lost[2], left[2], total[@N@], steep[@NM@] = {R(0)}, set_h[@N@], set_k[@NM@];
+    real moved[@N@] = {R(0)}, elastic = R(0), below = R(0), size;
     int32_t grows;
     const int32_t sets = set_share * set_share > R(0);
     inputs = inputs ? inputs : &@NAME@_default_conditions;
@@ -157,7 +141,7 @@ int32_t @NAME@_step(state_t *state, const real p[6], real dt, const inputs_t *in
         decay(dt / tau_of[b], &lost[b], &left[b]);
         elastic += (R(1) - linear_of[b]) * share_of[b] * left[b];
     }
-    for (int32_t j = 0; j < 6; j++) {
+    for (int32_t j = 0; j < @N@; j++) {
         const real along = here.frame.q[j] - state->coordinates[j];
         const real driven = here.force[j] - state->force[j];
         const real wanted = state->stretch[j] + along;
@@ -171,7 +155,7 @@ int32_t @NAME@_step(state_t *state, const real p[6], real dt, const inputs_t *in
             state->carry[b][j] = change - (now - old);
             state->memory[b][j] = now;
             total[j] += share_of[b] * now;
-            steep[7 * j] += linear_of[b] * share_of[b] * left[b] * stiffness_at_rest[j];
+            steep[(@N@ + 1) * j] += linear_of[b] * share_of[b] * left[b] * stiffness_at_rest[j];
         }
         if (wanted > slip_of[j]) {
             state->stretch[j] = slip_of[j];
@@ -179,7 +163,7 @@ int32_t @NAME@_step(state_t *state, const real p[6], real dt, const inputs_t *in
             state->stretch[j] = -slip_of[j];
         } else {
             state->stretch[j] = wanted;
-            steep[7 * j] += friction_of[j];
+            steep[(@N@ + 1) * j] += friction_of[j];
         }
         total[j] += friction_of[j] * state->stretch[j];
     }
@@ -191,10 +175,10 @@ int32_t @NAME@_step(state_t *state, const real p[6], real dt, const inputs_t *in
     }
     /* With a set the wrench at the pose less the set stands for that at the pose. */
     size -= softening * below + (sets ? R(1) : R(0));
-    for (int32_t i = 0; i < 6; i++) {
+    for (int32_t i = 0; i < @N@; i++) {
         total[i] += size * here.force[i];
     }
-    for (int32_t i = 0; i < 36; i++) {
+    for (int32_t i = 0; i < @NM@; i++) {
         steep[i] += (size + elastic) * here.u[i];
     }
     carried(&here.frame, total, steep, h, k);
@@ -202,22 +186,22 @@ int32_t @NAME@_step(state_t *state, const real p[6], real dt, const inputs_t *in
         soften(p, &here, softening / state->largest, k);
     }
     if (sets) {
-        for (int32_t i = 0; i < 6; i++) {
+        for (int32_t i = 0; i < @N@; i++) {
             h[i] += set_h[i];
         }
-        for (int32_t i = 0; i < 36; i++) {
+        for (int32_t i = 0; i < @NM@; i++) {
             k[i] += set_k[i];
         }
     }
     if (damping_of[0] * damping_of[0] + damping_of[1] * damping_of[1] > R(0)) {
         moved_since(state, here.frame.q, moved);
     }
-    for (int32_t j = 0; j < 6; j++) {
+    for (int32_t j = 0; j < @N@; j++) {
         const real damping = dt > R(0) ? damping_of[j / 3] / dt : R(0);
         /* A dt so short that this overflows is a sudden move as well. */
         if (damping * damping > R(0) && is_finite(damping)) {
             h[j] += damping * moved[j];
-            k[7 * j] += damping;
+            k[(@N@ + 1) * j] += damping;
         }
         if (grows) {
             state->farthest[j] = p[j];
@@ -228,29 +212,26 @@ int32_t @NAME@_step(state_t *state, const real p[6], real dt, const inputs_t *in
     return 1;
 }
 
-void @NAME@_branches(const state_t *state, real wrenches[12])
+void @NAME@_branches(const state_t *state, real wrenches[2 * @N@])
 {
     frame_t f;
-    real p[6];
-    position_of(state->coordinates, p);
-    for (int32_t i = 3; i < 6; i++) {
-        p[i] = state->coordinates[i];
-    }
+    real p[@N@];
+    pose_of(state->coordinates, p);
     prepare(p, &f);
     wrench_of(&f, state->memory[0], wrenches);
-    wrench_of(&f, state->memory[1], wrenches + 6);
+    wrench_of(&f, state->memory[1], wrenches + @N@);
 }
 
-int32_t @NAME@_settled(const real p[6], const inputs_t *inputs, real h[6], real k[36])
+int32_t @NAME@_settled(const real p[@N@], const inputs_t *inputs, real h[@N@], real k[@NM@])
 {
     const real size = size_at(inputs ? inputs : &@NAME@_default_conditions);
     real sum = size;
     @NAME@_value_and_stiffness(p, h, k);
-    for (int32_t i = 0; i < 6; i++) {
+    for (int32_t i = 0; i < @N@; i++) {
         h[i] *= size;
         sum += h[i];
     }
-    for (int32_t i = 0; i < 36; i++) {
+    for (int32_t i = 0; i < @NM@; i++) {
         k[i] *= size;
     }
     return is_finite(sum) ? 1 : refuse(h, k);

@@ -2,15 +2,15 @@
 /* Effects of time: @EFFECTS@.
  *
  * A state holds what the mechanism remembers: @STATE@ bytes of plain numbers, to be copied, stored and
- * loaded as they are. init sets it after an infinite rest at p. step takes the measured pose dt seconds
+ * loaded as they are. init sets it after an infinite rest at p. step takes the measured p dt seconds
  * after the step before and gives the wrench and its derivative to p; the way between two steps counts
  * as straight and even, so that dt may vary and a pause of hours is exact. dt = 0 is a sudden move.
  * settled gives the limit of a long rest at p, without friction, softening and set.
- * predict_ahead steps a copy of the state through count planned poses (p one after another, dt apart) and
+ * predict_ahead steps a copy of the state through count planned ones (p one after another, dt apart) and
  * returns how many were taken; the results of the first that is refused are NaN, those beyond it untouched.
- * h takes 6 numbers for each pose, k 36, or may be 0.
+ * For each p h takes @M@ and k @NM@ numbers; k may be 0.
  * init, step and settled return 1. Where p or an input is not finite, |theta| > pi, p is farther
- * than four times the measured poses, or dt < 0 or not finite, they return 0, the results are
+ * than four times the measured ones, or dt < 0 or not finite, they return 0, the results are
  * NaN and the state stays as it was: the next dt counts from the last step that returned 1.
  *
  * Inputs: name, default (changes nothing), range for which the model was measured.
@@ -19,10 +19,10 @@
  * Stack of step: at most @STEPSTACK@ bytes; predict_ahead @AHEADSTACK@.
  */
 typedef struct {
-    @NAME@_real farthest[6];               /* pose of the largest work so far */
-    @NAME@_real coordinates[6], force[6];  /* of the last step, in the mid frame */
-    @NAME@_real stretch[6];                /* of springs that slip, m and rad */
-    @NAME@_real memory[2][6], carry[2][6]; /* of relaxing branches, N and N m */
+    @NAME@_real farthest[@N@];               /* p of the largest work so far */
+    @NAME@_real coordinates[@N@], force[@N@];  /* of the last step@INFRAME@ */
+    @NAME@_real stretch[@N@];                /* of springs that slip, m and rad */
+    @NAME@_real memory[2][@N@], carry[2][@N@]; /* of relaxing branches, N and N m */
     @NAME@_real largest;                   /* largest work so far, J */
 } @NAME@_state;
 
@@ -38,13 +38,13 @@ extern const @NAME@_conditions @NAME@_largest_conditions;
 /* 1 where every input is in its range, else 0 */
 int32_t @NAME@_inputs_inside(const @NAME@_conditions *inputs);
 
-int32_t @NAME@_init(@NAME@_state *state, const @NAME@_real p[6]);
-int32_t @NAME@_step(@NAME@_state *state, const @NAME@_real p[6], @NAME@_real dt,
-                    const @NAME@_conditions *inputs, @NAME@_real h[6], @NAME@_real k[36]);
-/* The wrench of each relaxing branch with share 1, at the pose of the last step: what @NAME@_adapt takes. */
-void @NAME@_branches(const @NAME@_state *state, @NAME@_real wrenches[12]);
-int32_t @NAME@_settled(const @NAME@_real p[6], const @NAME@_conditions *inputs, @NAME@_real h[6],
-                       @NAME@_real k[36]);
+int32_t @NAME@_init(@NAME@_state *state, const @NAME@_real p[@N@]);
+int32_t @NAME@_step(@NAME@_state *state, const @NAME@_real p[@N@], @NAME@_real dt,
+                    const @NAME@_conditions *inputs, @NAME@_real h[@N@], @NAME@_real k[@NM@]);
+/* The wrench of each relaxing branch with share 1, at p of the last step@FORADAPT@. */
+void @NAME@_branches(const @NAME@_state *state, @NAME@_real wrenches[2 * @N@]);
+int32_t @NAME@_settled(const @NAME@_real p[@N@], const @NAME@_conditions *inputs, @NAME@_real h[@N@],
+                       @NAME@_real k[@NM@]);
 int32_t @NAME@_predict_ahead(const @NAME@_state *state, const @NAME@_real *p, int32_t count,
                              @NAME@_real dt, const @NAME@_conditions *inputs, @NAME@_real *h,
                              @NAME@_real *k);
