@@ -23,25 +23,12 @@ from ecm.effects.protocol import (
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
-from ecm.regression.folds import repeat_visits
 from ecm.regression.history import largest_so_far, memory_options, order_of_visits
 from ecm.regression.rows import Rows
 
 _LEAST_AGAIN = 5
 _WIDTHS = (0.0, 0.25, 0.7, 2.0)
 """Widths that are tried, over the median; 0: a straight line."""
-
-
-def needs_again(record: str) -> Need:
-    """Missing without time, or where every pose is visited once: then time and pose are one."""
-
-    def need(table: Table) -> Missing | None:
-        lacking = needs_varying("time_s", 1.0)(table)
-        if lacking is None and repeat_visits(table) < _LEAST_AGAIN:
-            return Missing("no pose was measured again", record, imitates=True)
-        return lacking
-
-    return need
 
 
 def _needs_unloading(table: Table) -> Missing | None:
@@ -174,8 +161,8 @@ class MullinsSoftening(LinearEffect):
         "five cycles to the largest pose, then the first poses again; clamp anew",
     )
     signature = "first visit above later ones, only below the past maximum"
-    needs = "order (time_s), and poses that are measured again"
-    requires = (needs_full, needs_again("repeat the first 10 poses"))
+    needs = "order (time_s)"
+    requires = (needs_full, needs_varying("time_s", 1.0))
     kind = "time"
     rivals = {
         "ageing": "conditioning_cycles",
