@@ -11,7 +11,6 @@ from ecm.effects.protocol import (
     LinearEffect,
     LookAlike,
     Missing,
-    Need,
     Parameter,
     beside,
     listed,
