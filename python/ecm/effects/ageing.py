@@ -56,8 +56,10 @@ def settling_times(table: Table) -> tuple[float, ...]:
 
 
 def settled(time_s: F, tau_s: float) -> F:
-    """t, or tau (1 - exp(-t / tau)), which begins as fast."""
-    return time_s if np.isinf(tau_s) else np.asarray(tau_s * -np.expm1(-time_s / tau_s))
+    """t, or tau (1 - exp(-t / tau)), which begins as fast; before the start a straight line."""
+    if np.isinf(tau_s):
+        return time_s
+    return np.asarray(np.minimum(time_s, 0.0) - tau_s * np.expm1(-np.maximum(time_s, 0.0) / tau_s))
 
 
 @dataclass(eq=False)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ecm._native import mid_frame
 from ecm.effects import Effect
-from ecm.effects.ageing import MullinsSoftening, PermanentSet, TemperatureModulus
+from ecm.effects.ageing import Ageing, MullinsSoftening, PermanentSet, TemperatureModulus
 from ecm.effects.friction import Hysteresis
 from ecm.effects.pairs import numbers, split, turns
 from ecm.effects.relaxation import StressRelaxation
@@ -325,8 +325,10 @@ def _temperature(
     return ""
 
 
-def _ageing(found: TimeEffects, model: EvaluatedModel, effect: Effect, values: F) -> str:
+def _ageing(found: TimeEffects, model: EvaluatedModel, effect: Ageing, values: F) -> str:
     found.document["ageing_per_s"] = float(values[0])
+    if np.isfinite(effect.tau_s):
+        found.document["ageing_tau_s"] = effect.tau_s
     measured = model.conditions.get("time_s")
     if measured is None:
         _warn_of_range(found, effect, "ages", "0 s")

@@ -248,6 +248,7 @@ impl Steps {
                 ("WARMER", &number(effects.softer_per_kelvin)),
                 ("REFERENCE", &number(effects.reference_degc)),
                 ("AGEING", &number(effects.ageing_per_s)),
+                ("SETTLING", &number(effects.settling_per_s)),
                 ("FARTHEST", &row(&effects.limits.unwrap_or(any))),
                 ("SOFTENING", &number(effects.softening)),
                 ("SETSHARE", &number(effects.set_share)),

@@ -328,6 +328,7 @@ fn steps<R: Real>(
             ("WARMER", &number(effects.softer_per_kelvin)),
             ("REFERENCE", &number(effects.reference_degc)),
             ("AGEING", &number(effects.ageing_per_s)),
+            ("SETTLING", &number(effects.settling_per_s)),
             ("DAMPING", &row(&effects.damping)),
             ("SOFTENING", &number(effects.softening)),
             ("SETSHARE", &number(effects.set_share)),

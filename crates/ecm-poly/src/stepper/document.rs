@@ -50,6 +50,10 @@ impl Effects<f64> {
         effects.softer_per_kelvin = number(document, "softer_per_kelvin", Some(0.0))?;
         effects.reference_degc = number(document, "reference_degc", Some(0.0))?;
         effects.ageing_per_s = number(document, "ageing_per_s", Some(0.0))?;
+        effects.settling_per_s = match number(document, "ageing_tau_s", Some(0.0))? {
+            steady if steady <= 0.0 => 0.0,
+            tau_s => 1.0 / tau_s,
+        };
         effects.softening = number(document, "softening", Some(0.0))?;
         effects.set_share = number(document, "set_share", Some(0.0))?;
         effects.temperature_range_degc = range(document, "temperature_range_degc")?;
@@ -110,6 +114,7 @@ impl Effects<f64> {
             softer_per_kelvin: R::from_f64(self.softer_per_kelvin),
             reference_degc: R::from_f64(self.reference_degc),
             ageing_per_s: R::from_f64(self.ageing_per_s),
+            settling_per_s: R::from_f64(self.settling_per_s),
             damping: self.damping.map(R::from_f64),
             softening: R::from_f64(self.softening),
             set_share: R::from_f64(self.set_share),

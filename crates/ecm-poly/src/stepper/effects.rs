@@ -2,6 +2,8 @@
 
 use ecm_se3::{Real, Vec6};
 
+use super::Decay;
+
 /// Relaxing branches of a stepper.
 pub const BRANCHES: usize = 2;
 
@@ -35,8 +37,10 @@ pub struct Effects<R> {
     pub softer_per_kelvin: R,
     /// T0 (°C).
     pub reference_degc: R,
-    /// α (1/s): h (1 + α t).
+    /// α (1/s): h (1 + α g(t)), g(t) = t, or τ (1 − e^(−t/τ)) where it settles.
     pub ageing_per_s: R,
+    /// 1/τ (1/s) of the ageing; 0: it is steady.
+    pub settling_per_s: R,
     /// D (N s/m, N m s/rad) of translation and of rotation.
     pub damping: [R; 2],
     /// η: h (1 − η (1 − W/W_max)), W = |(p − p0) · h|/2.
@@ -69,6 +73,7 @@ impl<R: Real> Effects<R> {
             softer_per_kelvin: R::ZERO,
             reference_degc: R::ZERO,
             ageing_per_s: R::ZERO,
+            settling_per_s: R::ZERO,
             damping: [R::ZERO; 2],
             softening: R::ZERO,
             set_share: R::ZERO,
@@ -102,7 +107,8 @@ impl<R: Real> Effects<R> {
     /// The factor of temperature and age on h.
     pub(crate) fn size(&self, inputs: &Inputs<R>) -> R {
         let warmer = inputs.temperature_degc - self.reference_degc;
-        R::ONE - self.softer_per_kelvin * warmer + self.ageing_per_s * inputs.age_s
+        let grown = inputs.age_s * Decay::new(inputs.age_s * self.settling_per_s).share;
+        R::ONE - self.softer_per_kelvin * warmer + self.ageing_per_s * grown
     }
 
     /// The inputs at which temperature and age change nothing.

@@ -83,6 +83,7 @@ fn exported_c_steps_through_a_golden_history() {
             (".c", "damping_of[2] = {", "R(1)+"),
             (".c", "softer_per_kelvin = ", "R(1)+"),
             (".c", "ageing_per_s = ", "R(1)+"),
+            (".c", "settling_per_s = ", "R(1)+"),
             (".c", "softening = ", "R(1)+"),
             (".c", "set_share = ", "R(1)+"),
             ("_golden.h", &format!("_history_h[32][{n}] = {{{{"), "1e3+"),

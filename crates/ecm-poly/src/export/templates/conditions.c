@@ -13,6 +13,8 @@ int32_t @NAME@_inputs_inside(const inputs_t *inputs)
 /* Factor of the wrench by temperature and age */
 static real size_at(const inputs_t *inputs)
 {
+    real lost, left;
+    decay(inputs->age_s * settling_per_s, &lost, &left);
     return R(1) - softer_per_kelvin * (inputs->temperature_degC - R(@REFERENCE@)) +
-           ageing_per_s * inputs->age_s;
+           ageing_per_s * inputs->age_s * left;
 }

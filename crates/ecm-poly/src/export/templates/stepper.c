@@ -11,9 +11,12 @@ static const real linear_of[2] = {@LINEAR@};
 static const real friction_of[@N@] = {@FRICTION@};
 static const real slip_of[@N@] = {@SLIP@};
 static const real softer_per_kelvin = R(@WARMER@), ageing_per_s = R(@AGEING@);
+static const real settling_per_s = R(@SETTLING@);
 static const real softening = R(@SOFTENING@), set_share = R(@SETSHARE@);
 static const real damping_of[2] = {@DAMPING@};
 static const real farthest_of[2] = {@FARTHEST@};
+
+@DECAY@
 
 @CONDITIONS@
 @FRAME@
@@ -22,8 +25,6 @@ typedef struct {
     frame_t frame;
     real force[@N@], u[@NM@], h[@N@], away[@N@], work, sign;
 } here_t;
-
-@DECAY@
 
 static int32_t find_here(const real *p, here_t *here)
 {
