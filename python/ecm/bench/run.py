@@ -21,7 +21,7 @@ from ecm.bench.measured import STREAM_HEADER, THE_END, Run, Taken, stream_of, ta
 from ecm.bench.messages import Messages, Status, Stopped
 from ecm.bench.picture import envelope_svg
 from ecm.bench.settings import ALL, Bench
-from ecm.bench.until import Goal, Until, certify
+from ecm.bench.until import NAMED, Goal, Until, certify
 from ecm.designs.next_pose import UNITS
 from ecm.errors import ComputationError, InputError, Remedy
 from ecm.io.arguments import check_arguments
@@ -257,14 +257,8 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
     lines.append(pictured(run, out))
     if agree is not None:
         agree(lines)
-    run.model = model
-    if model is not None and (
-        bench.columns != ALL or np.shape(model.predict(run.layout.rest[None])) != (1, 6)
-    ):
-        raise InputError(
-            "the model or the rig has not all six columns of pose and wrench, by which rows are "
-            "compared"
-        )
+    if model is not None:
+        _hold_to(run, model, until)
     head = ",".join(["visit,row,kind,time_s", HEADER, *plan.actuation_columns])
     key = _key(plan, bench)
     with ExitStack() as files:
@@ -303,6 +297,17 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
         certify(run, out)
         journal.remove()
     return table
+
+
+def _hold_to(run: Run, model: Any, until: str) -> None:
+    """Have rows held to a model of six columns; one of fewer is what a name is asked of."""
+    if run.bench.columns == ALL and np.shape(model.predict(run.layout.rest[None])) == (1, 6):
+        run.model = model
+    elif until != NAMED:
+        raise InputError(
+            "the model or the rig has not all six columns of pose and wrench, by which rows are "
+            "compared"
+        )
 
 
 def _drive(
