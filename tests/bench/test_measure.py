@@ -370,7 +370,9 @@ def test_a_run_that_is_killed_goes_on_from_its_last_reading(
     assert not out.exists()
     kept = int(journal.read_text().splitlines()[-1].split(",")[0]) + 1
     table = run(plan_of(), Rig(), out)
-    assert np.count_nonzero(table.text("kind") == "pose") == 12
+    # The same noise in each process: a repeat may look like an outlier, and is measured again.
+    ids = table.column("pose_id")[table.text("kind") == "pose"]
+    assert np.unique(ids, return_counts=True)[1].min() >= 2
     assert f"going on at visit {kept + 1} of 14" in table.warnings[0]
     cuts = f"interrupted before visit {first + 1} and before visit {kept + 1}"
     assert read_table(out).meta.runs[0]["note"] == cuts
@@ -539,6 +541,8 @@ def test_what_a_bench_lacks_is_named() -> None:
         envelope(plan_of(), Bench.from_dict(alone, "bench.toml"))
     zeroed = Bench.from_dict(alone | {"rig": {"offset_compensation": "none"}}, "bench.toml")
     assert envelope(plan_of(), zeroed)[1][0] == "12 visits, about 1 minutes"
+    far = plan_of().with_columns({"x_m": np.where(np.arange(12) < 3, 0.3, 0.1)})
+    assert "3 of 12 rows are left out, the first is row 1: " in "\n".join(envelope(far, zeroed)[1])
 
 
 def test_a_dry_run_and_a_command_without_yes_move_nothing(tmp_path: Path) -> None:

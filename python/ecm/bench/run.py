@@ -117,6 +117,9 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
             for name, column in zip(plan.actuation_columns, driven.T, strict=True)
         ),
     ]
+    if skipped:
+        first = f"the first is row {skipped[0].row + 1}: {skipped[0].reason}"
+        lines.append(f"{len(skipped)} of {len(plan)} rows are left out, {first}")
     if any(request.offset is not None for request in visited):
         lines.append(
             "each row of the plan is an offset from the pose to which the follower goes"
