@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import socket
 import subprocess
@@ -21,6 +22,7 @@ from ecm.bench.devices import DeviceError, opened
 from ecm.bench.manual import Manual
 from ecm.errors import InputError
 from ecm.io.table import as_table, read_table
+from ecm.models import fit_model
 
 HAND = ("mover", "wrench", "pose", "person")
 
@@ -30,7 +32,8 @@ def hinge(columns: list[str] | None = None) -> Bench:
     tables: dict[str, Any] = {part: {"device": "manual", "sd_rad": 5e-3} for part in HAND}
     tables["columns"] = columns or ["theta_z_rad", "tau_z_Nm"]
     limits = {"answer_s": 0.05, "move_s": 0.05}
-    rig = {"offset_compensation": "none", "dwell_s": 0.0}
+    rig = {"offset_compensation": "none", "dwell_s": 0.0, "approach": "previous"}
+    tables["instrument"] = {"pose_rotation_sd_rad": 1e-4, "torque_sd_Nm": 2e-3}
     return Bench.from_dict(tables | {"limits": limits, "rig": rig}, "bench.toml")
 
 
@@ -63,6 +66,60 @@ def test_a_person_types_one_angle_and_one_torque_a_row_and_has_time(tmp_path: Pa
     texts = [element.text or "" for element in picture.iter() if element.tag.endswith("text")]
     assert [text for text in texts if "up" in text] == ["θy [rad] to the right, θz [rad] up"]
     assert read_table(tmp_path / "data.csv").pose_columns == ("theta_z_rad",)
+
+
+class Rubbing(Manual):
+    """A hinge of 0.9 N m/rad that rubs by `rub`, and a person with a clock who measures it."""
+
+    def __init__(self, rub: float) -> None:
+        super().__init__(ask_for=self.answer)
+        self.rub, self.side, self.time_s, self.random = rub, 0.0, 0.0, np.random.default_rng(0)
+
+    def now(self) -> float:
+        return self.time_s
+
+    def wait(self, seconds: float) -> None:
+        self.time_s += seconds
+
+    def start(self, pose: np.ndarray) -> None:
+        self.side = np.sign(pose[5] - np.nan_to_num(self._pose[5])) or self.side
+        super().start(pose)
+
+    def answer(self, prompt: str) -> str:
+        self.time_s += 4.0
+        torque = 0.9 * self._pose[5] + self.rub * self.side + 0.002 * self.random.standard_normal()
+        return f"{torque:.4f}" if prompt.startswith("wrench") else ""
+
+
+def test_a_hinge_is_measured_until_its_friction_has_a_name(tmp_path: Path) -> None:
+    loop = [*range(0, 25, 5), *range(25, -25, -5), *range(-25, 0, 5)]
+    dwell_s = [2.0] * 20 + [60.0] * 20
+    plan = as_table({"theta_z_rad": np.deg2rad([*loop, *loop]), "dwell_s": dwell_s})
+    bench = hinge()
+    rows = {}
+    for rub in (0.02, 0.0):
+        person, out = Rubbing(rub), tmp_path / f"rubs{rub}.csv"
+        person.columns = bench.columns
+        devices = dict.fromkeys(HAND, person)
+        measure(plan, bench, out, devices=devices, until="named", say=unsaid)
+        said = json.loads(out.with_suffix(".until.json").read_text())
+        assert (said["reached"], said["names"]) == (rub > 0.0, ["hysteresis"] if rub else [])
+        rows[rub] = said["rows"]
+    assert rows[0.02] < 0.75 * len(plan) < rows[0.0]
+    # The model that lacks something may be given, though no row can be held to it.
+    model = fit_model(read_table(tmp_path / "rubs0.0.csv"), "cubic")
+    table = measure(
+        plan,
+        bench,
+        out,
+        model=model,
+        devices=devices,
+        until="named",
+        say=unsaid,
+        minutes=1.0,
+        overwrite=True,
+    )
+    assert len(table) < 12
 
 
 @pytest.mark.parametrize(

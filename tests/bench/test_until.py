@@ -453,3 +453,7 @@ def test_a_row_tells_less_once_it_is_measured_and_where_an_effect_is_not_seen() 
     next_row(requests(wide, Procedure(), 0.1), list(range(30)), told, lambda row: 1.0)
     assert told is not None
     assert time.process_time() - began < 0.2  # 0.04 s on an idle core
+    choice, began = NextPose(wide, "mm"), time.process_time()
+    choice.learn(rows)
+    choice.order(range(2000), np.ones(2000))
+    assert time.process_time() - began < 0.2  # 0.05 s

@@ -1070,6 +1070,12 @@ def test_a_run_that_has_not_told_its_poses_yet_is_waited_for(page: Page, tmp_pat
             file.write("".join(json.dumps(event) + "\n" for event in told))
         page.until("document.querySelector('#live').textContent.startsWith('1 reading so far')", 20)
         page.until("document.querySelector('.space canvas').width > 0")
+        # A rig of one axis has no torque, so no noise of one.
+        told = [{"begun": begun | {"at": 2.0, "columns": ["x_m", "fx_N"]}},
+                {"measured": reading | {"noise_N": 0.1, "noise_Nm": 0.0}}]  # fmt: skip
+        with live.open("a", encoding="utf-8") as file:
+            file.write("".join(json.dumps(event) + "\n" for event in told))
+        page.until("/0.1 N\\s+noise of one/.test(document.querySelector('#so-far').innerText)", 20)
     assert page.problems() == []
 
 

@@ -129,6 +129,10 @@ def opened(kind: str, settings: Mapping[str, Any], where: str) -> Device:
         raise InputError(f"{where}: {error}; see docs/measure.md for its settings") from None
     except OSError as error:
         raise DeviceError(f"{where}: the device cannot be reached: {error}") from None
+    except Exception as error:  # of a device of one's own
+        raise DeviceError(
+            f"{where}: the device cannot be opened: {type(error).__name__}: {error}"
+        ) from error
 
 
 def require_part(device: Device, part: str, where: str) -> Device:

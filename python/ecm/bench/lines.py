@@ -86,8 +86,10 @@ class LineDevice:
         return bool(self._ask({"do": "settled"})["settled"])
 
     def stop(self) -> None:
-        """Stop at once."""
-        self._ask({"do": "stop"})
+        """Stop at once, whatever else is waited for: the answers come in the order of questions."""
+        self._write({"do": "stop"})
+        with self._lock:
+            self._read("stop")
 
     def wrench(self, window_s: float) -> F:
         """Samples (n, 6) over a window, in sensor axes."""
@@ -126,11 +128,17 @@ class LineDevice:
 
     def _ask(self, question: dict[str, Any], more_s: float = 0.0) -> dict[str, Any]:
         with self._lock:
-            text = _csv_line(question) if self._csv else json.dumps(question)
-            os.write(self._fd, text.encode() + b"\n")
-            line = self._line(time.monotonic() + self._timeout_s + more_s)
+            self._write(question)
+            return self._read(question["do"], more_s)
+
+    def _write(self, question: dict[str, Any]) -> None:
+        text = _csv_line(question) if self._csv else json.dumps(question)
+        os.write(self._fd, text.encode() + b"\n")
+
+    def _read(self, do: str, more_s: float = 0.0) -> dict[str, Any]:
+        line = self._line(time.monotonic() + self._timeout_s + more_s)
         try:
-            answer = _csv_answer(question["do"], line.decode()) if self._csv else json.loads(line)
+            answer = _csv_answer(do, line.decode()) if self._csv else json.loads(line)
             good = isinstance(answer, dict) and "ok" in answer
         except (ValueError, IndexError):
             good = False

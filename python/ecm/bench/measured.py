@@ -16,6 +16,7 @@ from ecm.bench.settings import ALL, Bench
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
+from ecm.io.events import tell
 from ecm.io.se3 import rotation, turn_wrench, wrench_adjoint
 from ecm.io.table import Table
 from ecm.rig.instruments import zero_at
@@ -204,9 +205,19 @@ class Run:
             else:
                 self.go_on(taken.row)
 
+    def told(self, taken: Taken) -> list[str]:
+        """`add`, and tell programs that draw the state."""
+        findings = self.add(taken)
+        tell(measured=self.record(taken, findings))
+        return findings
+
     def add(self, taken: Taken) -> list[str]:
         """Keep a reading and return what is wrong with it or with the rig at it."""
         visit = self.timeline.visits[taken.number]
+        if taken.kind == AT_HOME and self.taken and self.taken[-1].number == taken.number:
+            note = self.timeline.runs.setdefault(visit.run, {})
+            earlier = f"{note['note']} and " if "note" in note else "interrupted "
+            note["note"] = f"{earlier}before visit {taken.number + 2}"
         self.taken.append(taken)
         if self._reads_zero(taken):
             self.zero = taken.reading.sensor

@@ -20,6 +20,7 @@ import numpy as np
 
 from ecm.bench.devices import Device, DeviceError
 from ecm.bench.measured import THE_END, Run, Taken
+from ecm.errors import EcmError
 from ecm.io.arrays import F
 from ecm.io.extras import require
 from ecm.io.se3 import displaced
@@ -29,7 +30,7 @@ from ecm.rig.plan import POSE as AT_POSE
 from ecm.rig.readings import HEADER, Reading
 
 _CALL_S = 60.0
-"""Longest time of a call that has no limit of its own."""
+"""Longest time in which actuators are set."""
 
 
 class Stopped(DeviceError):
@@ -102,7 +103,7 @@ class _Mover:
         self.ended = threading.Event()
         """Whether nothing may move any more."""
         self.over = False
-        """Whether the run has come to its end, where the mover rests."""
+        """Whether the mover rests: at the end of the run, or since it answered a stop."""
 
     def set(self, pose: F) -> Status:
         return Status(lambda: self._move(np.asarray(pose)))
@@ -111,12 +112,12 @@ class _Mover:
         mover, limits = self._devices["mover"], self._run.bench.limits
         if self.ended.is_set():
             raise Stopped("the run was interrupted")
-        until = time.monotonic() + limits.move_s
-        mover.start(pose)
-        while not mover.settled():
+        until, seen = time.monotonic() + limits.move_s, None
+        self._rig.answer("mover", lambda: mover.start(pose), limits.move_s)
+        while not self._rig.answer("mover", mover.settled):
             if self.ended.is_set():
                 break
-            self._rig.look()
+            seen = self._rig.look(seen)
             if time.monotonic() > until:
                 raise Stopped(f"the move has not ended within {limits.move_s:g} s (move_s)")
 
@@ -124,11 +125,19 @@ class _Mover:
         del success  # which is true whatever happened
         if self.over:
             return
+        self.ended.set()
         with suppress(Exception):  # the reason of the stop is what is told
-            self._devices["mover"].stop()
+            self._rig.answer("mover", self._devices["mover"].stop)
+            self.over = True
         with suppress(Exception):
             if "actuation" in self._devices and self._run.bench.limits.release_on_stop:
                 self._devices["actuation"].actuate(np.zeros_like(self._run.layout.rest[6:]))
+
+    def words(self) -> str:
+        """Whether it rests after a stop."""
+        if self.over:
+            return "The mover was stopped"
+        return "THE MOVER HAS NOT ANSWERED THE STOP (look at the rig)"
 
 
 @dataclass(frozen=True)
@@ -163,28 +172,59 @@ class _Rig:
         # Two questions at once would be one too many for a person.
         self._by_hand = by_hand(devices, "pose", "wrench")
 
-    def look(self) -> None:
-        """Read sensor, thermometer and gauges; Stopped where they are beyond a limit."""
-        limits, devices = self._run.bench.limits, self._devices
-        if by_hand(devices, "wrench"):
-            return
+    def answer(self, part: str, work: Callable[[], Any], more_s: float = 0.0) -> Any:
+        """What a device answers; DeviceError where it fails, or is silent for answer_s more."""
+        most_s = more_s + self._run.bench.limits.answer_s
+        patient = np.isinf(most_s) or by_hand(self._devices, part)
+        try:
+            return Status(work).result(None if patient else most_s)
+        except EcmError:
+            raise
+        except TimeoutError:
+            raise DeviceError(f"the {part} did not answer within {most_s:g} s") from None
+        except Exception as error:
+            raise DeviceError(f"the {part} failed: {type(error).__name__}: {error}") from error
+
+    def look(self, before: tuple[F, float] | None = None) -> tuple[F, float] | None:
+        """Read what is not read by hand; Stopped where it is beyond a limit.
+
+        before: pose (6,) and its time at the last look of this move; those of this one are
+        returned.
+        """
+        limits, devices, at = self._run.bench.limits, self._devices, None
         rate, window_s = self._run.bench.procedure.stream_Hz, limits.check_s
         follows = self._sample is not None and not self._by_hand
         if follows:
             window_s = min(window_s, 1.0 / rate)
-            seen = Status(lambda: devices["pose"].pose(window_s))
-        sensor = self._samples(window_s).mean(axis=0)
-        breach = limits.wrench_breach(sensor - self._run.zero)
-        if not breach and "thermometer" in devices:
-            degrees = float(np.ravel(devices["thermometer"].temperature())[0])
-            breach = limits.temperature_breach(degrees)
-        if not breach and "actuation" in devices:
-            breach = limits.actuation_breach(devices["actuation"].actuation())
+        if not by_hand(devices, "pose"):
+            pose = Status(lambda: self.answer("pose", lambda: self._seen(window_s), window_s))
+        if not by_hand(devices, "wrench"):
+            samples = self.answer("wrench", lambda: self._samples(window_s), window_s)
+            sensor = samples.mean(axis=0)
+            self._hold(limits.wrench_breach(sensor - self._run.zero))
+        if not by_hand(devices, "pose"):
+            at = pose.result(None)
+            self._hold(limits.pose_breach(at[0], self._run.layout.rest))
+            self._hold(limits.speed_breach(before, at))
+        if "thermometer" in devices:
+            degrees = self.answer("thermometer", devices["thermometer"].temperature)
+            self._hold(limits.temperature_breach(float(np.ravel(degrees)[0])))
+        if "actuation" in devices:
+            gauges = self.answer("actuation", devices["actuation"].actuation)
+            self._hold(limits.actuation_breach(gauges))
+        if follows and at is not None:
+            self._keep(at[0], sensor[None], at[1], window_s)
+        return at
+
+    @staticmethod
+    def _hold(breach: str) -> None:
         if breach:
             raise Stopped(breach)
-        if follows:
-            pose, _ = seen.result(window_s + limits.answer_s)
-            self._keep(np.asarray(pose), sensor[None], self.clock.middle(window_s), window_s)
+
+    def _seen(self, window_s: float) -> tuple[F, float]:
+        """Pose (6,) over a window, and the time of its middle."""
+        pose, _ = self._devices["pose"].pose(window_s)
+        return np.asarray(pose), self.clock.middle(window_s)
 
     def _samples(self, window_s: float) -> F:
         samples: F = np.atleast_2d(self._devices["wrench"].wrench(window_s))
@@ -197,17 +237,18 @@ class _Rig:
 
     def _take(self) -> None:
         devices, window_s = self._devices, self.window_s
-        seen = Status(lambda: devices["pose"].pose(window_s))
+        seen = Status(lambda: self.answer("pose", lambda: devices["pose"].pose(window_s), window_s))
         if self._by_hand:
             seen.result(None)
-        samples = self._samples(window_s)
+        samples = self.answer("wrench", lambda: self._samples(window_s), window_s)
         warm = [np.nan, np.nan]
         if "thermometer" in devices:
-            degrees = np.ravel(devices["thermometer"].temperature())
+            degrees = np.ravel(self.answer("thermometer", devices["thermometer"].temperature))
             warm[: len(degrees)] = degrees.tolist()
         if "actuation" in devices:
-            self.inputs = np.asarray(devices["actuation"].actuation(), dtype=np.float64)
-        mean, spread = seen.result(window_s + self._run.bench.limits.answer_s)
+            gauges = self.answer("actuation", devices["actuation"].actuation)
+            self.inputs = np.asarray(gauges, dtype=np.float64)
+        mean, spread = seen.result(None)
         self.time_s = self.clock.middle(window_s)
         self.reading = Reading.of_samples(
             Window(np.asarray(mean), np.asarray(spread)),
@@ -248,7 +289,7 @@ class Messages:
         self,
         run: Run,
         devices: Mapping[str, Device],
-        keep: Callable[[Taken, list[str]], None],
+        keep: Callable[[Taken], list[str]],
         say: Callable[[str], None],
         minutes: float | None,
         sample: Callable[[str], None] | None = None,
@@ -326,7 +367,7 @@ class Messages:
                 device.begin(number, again, self._run.order)
 
     def _read(self, visit: Visit, number: int) -> Iterator[Any]:
-        stubs, limits = self._stubs, self._run.bench.limits
+        stubs = self._stubs
         yield from stubs.checkpoint()
         way = visit.way[1:] if len(visit.way) > 1 else visit.way
         offset = self._run.offset(visit.row) if visit.kind == AT_POSE else None
@@ -338,9 +379,7 @@ class Messages:
             if offset is not None and i == len(way) - 1 and "follower" in self._devices:
                 goal = yield from self._followed(point[6:], offset)
             yield from stubs.abs_set(self.mover, goal, group="move")
-            patient = by_hand(self._devices, "mover")
-            most_s = None if patient else limits.move_s + limits.answer_s
-            yield from stubs.wait("move", timeout=most_s)
+            yield from stubs.wait("move")
             self._at = point
         yield from self._handled(visit)
         freed = visit.kind in (OFFSET, UNLOADED)
@@ -348,20 +387,17 @@ class Messages:
             yield from self._asked("free the sensor from the mechanism")
         yield from self._waited(visit.dwell_s)
         if not freed:
-            yield from self._called(self._rig.look)
+            yield from self._called("rig", self._rig.look, np.inf)
         rig = self._rig
         rig.window_s, rig.run_number = visit.window_s, visit.run
-        patient = by_hand(self._devices, "pose", "wrench")
         yield from stubs.trigger(rig, group="read")
-        yield from stubs.wait("read", timeout=None if patient else visit.window_s + limits.answer_s)
+        yield from stubs.wait("read")
         yield from stubs.create("primary")
         yield from stubs.read(rig)
         yield from stubs.save()
         assert rig.reading is not None
         taken = Taken(number, self._row, visit.kind, rig.time_s, rig.reading, rig.inputs)
-        findings = self._run.add(taken)
-        self._keep(taken, findings)
-        for finding in findings:
+        for finding in self._keep(taken):
             self.told(finding)
         if freed:
             yield from self._asked("connect the sensor to the mechanism again")
@@ -373,10 +409,8 @@ class Messages:
         breach = self._run.bench.limits.actuation_breach(values)
         if breach:
             raise Stopped(breach)
-        patient = by_hand(self._devices, "actuation")
-        yield from self._called(
-            lambda: self._devices["actuation"].actuate(values), None if patient else _CALL_S
-        )
+        device = self._devices["actuation"]
+        yield from self._called("actuation", lambda: device.actuate(values), _CALL_S)
 
     def _followed(self, values: F, offset: F) -> Generator[Any, Any, F]:
         """Pose (6,) that is `offset` away from the free one, which is looked for where unknown."""
@@ -388,7 +422,7 @@ class Messages:
                 follower.follow(bench.procedure.free_N)
                 self._free[values.tobytes()] = np.asarray(camera.pose(bench.procedure.window_s)[0])
 
-            yield from self._called(find, bench.limits.move_s + bench.limits.answer_s)
+            yield from self._called("follower", find, bench.limits.move_s)
         goal: F = displaced(self._free[values.tobytes()][None], offset[None])[0]
         breach = bench.limits.pose_breach(goal, self._run.layout.rest)
         if breach:
@@ -418,12 +452,13 @@ class Messages:
             yield from self._asked(word)
 
     def _asked(self, text: str) -> Iterator[Any]:
-        yield from self._called(lambda: self._devices["person"].ask(text), None)
+        yield from self._called("person", lambda: self._devices["person"].ask(text), np.inf)
 
-    def _called(self, work: Callable[[], Any], most_s: float | None = _CALL_S) -> Iterator[Any]:
+    def _called(self, part: str, work: Callable[[], Any], more_s: float) -> Iterator[Any]:
         """Wait for a call in a thread of its own, so that Bluesky may stop in between."""
-        yield from self._stubs.trigger(_Call(work), group="call")
-        yield from self._stubs.wait("call", timeout=most_s)
+        call = _Call(lambda: self._rig.answer(part, work, more_s))
+        yield from self._stubs.trigger(call, group="call")
+        yield from self._stubs.wait("call")
 
     def _waited(self, seconds: float) -> Iterator[Any]:
         if self._clock.own:

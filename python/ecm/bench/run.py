@@ -21,13 +21,13 @@ from ecm.bench.measured import STREAM_HEADER, THE_END, Run, Taken, stream_of, ta
 from ecm.bench.messages import Messages, Status, Stopped
 from ecm.bench.picture import envelope_svg
 from ecm.bench.settings import ALL, Bench
-from ecm.bench.until import Goal, Until, certify
+from ecm.bench.until import NAMED, Goal, Until, certify
 from ecm.designs.next_pose import UNITS
-from ecm.errors import InputError, Remedy
+from ecm.errors import ComputationError, InputError, Remedy
 from ecm.io.arguments import check_arguments
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE
-from ecm.io.events import tell, told_beside
+from ecm.io.events import told_beside
 from ecm.io.extras import require
 from ecm.io.table import Table
 from ecm.rig.plan import (
@@ -101,9 +101,10 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
             remedy=remedy,
         )
     driven = poses[:, 6:]
-    count = sum(visit.kind != OFFSET or zeros for visit in timeline.visits)
+    unread = 0 if zeros else sum(visit.kind == OFFSET for visit in timeline.visits)
+    seconds = timeline.end_s - unread * (2.0 * procedure.unload_s + procedure.offset_window_s)
     lines = [
-        f"{count} visits, about {timeline.end_s / 60.0:.0f} minutes",
+        f"{len(timeline.visits) - unread} visits, about {seconds / 60.0:.0f} minutes",
         *(
             f"{name:12s} {1e3 * column.min():8.2f} to {1e3 * column.max():8.2f} "
             + ("mm" if name.endswith("_m") else "mrad")
@@ -116,6 +117,9 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
             for name, column in zip(plan.actuation_columns, driven.T, strict=True)
         ),
     ]
+    if skipped:
+        first = f"the first is row {skipped[0].row + 1}: {skipped[0].reason}"
+        lines.append(f"{len(skipped)} of {len(plan)} rows are left out, {first}")
     if any(request.offset is not None for request in visited):
         lines.append(
             "each row of the plan is an offset from the pose to which the follower goes"
@@ -256,14 +260,8 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
     lines.append(pictured(run, out))
     if agree is not None:
         agree(lines)
-    run.model = model
-    if model is not None and (
-        bench.columns != ALL or np.shape(model.predict(run.layout.rest[None])) != (1, 6)
-    ):
-        raise InputError(
-            "the model or the rig has not all six columns of pose and wrench, by which rows are "
-            "compared"
-        )
+    if model is not None:
+        _hold_to(run, model, until)
     head = ",".join(["visit,row,kind,time_s", HEADER, *plan.actuation_columns])
     key = _key(plan, bench)
     with ExitStack() as files:
@@ -277,14 +275,15 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
         for line in journal.lines:
             taken = Taken.parse(line, str(journal.path))
             run.again_at(taken)
-            tell(measured=run.record(taken, run.add(taken)))
+            run.told(taken)
         first = 1 + max((taken.number for taken in run.taken), default=-1)
 
-        def keep(taken: Taken, findings: list[str]) -> None:
+        def keep(taken: Taken) -> list[str]:
             journal.append(taken.line())
-            tell(measured=run.record(taken, findings))
+            findings = run.told(taken)
             if progress is not None:
                 progress(taken.number + 1, run.total, run.words(taken))
+            return findings
 
         if not run.taken or run.taken[-1].row != THE_END:
             parts = bench.open() if devices is None else devices
@@ -303,14 +302,22 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
     return table
 
 
+def _hold_to(run: Run, model: Any, until: str) -> None:
+    """Have rows held to a model of six columns; one of fewer is what a name is asked of."""
+    if run.bench.columns == ALL and np.shape(model.predict(run.layout.rest[None])) == (1, 6):
+        run.model = model
+    elif until != NAMED:
+        raise InputError(
+            "the model or the rig has not all six columns of pose and wrench, by which rows are "
+            "compared"
+        )
+
+
 def _drive(
     messages: Messages, engine_of: Any, run: Run, first: int, devices: Mapping[str, Device]
 ) -> None:
     """Let Bluesky go through the visits; whatever happens, the mover is stopped first."""
     if first:
-        run.timeline.runs.setdefault(run.timeline.visits[-1].run, {})["note"] = (
-            f"interrupted before visit {first + 1}; the zero and the rest pose were read again"
-        )
         messages.told(f"going on at visit {first + 1} of {run.total}")
     # Its errors are raised here and told once.
     logging.getLogger("bluesky").addHandler(logging.NullHandler())
@@ -324,10 +331,10 @@ def _drive(
         error = work.exception()
         if error is not None:
             messages.mover.stop()
-            raise _told_error(error, run) from error
+            raise _told_error(error, run, messages.mover.words()) from error
     except KeyboardInterrupt:
-        messages.mover.ended.set()
         messages.mover.stop()
+        messages.told(messages.mover.words())
         with suppress(TimeoutError):
             work.exception(_ENDS_S)
         raise
@@ -336,19 +343,19 @@ def _drive(
             closed(device)
 
 
-def _told_error(error: BaseException, run: Run) -> BaseException:
+def _told_error(error: BaseException, run: Run, stop: str) -> BaseException:
     """The error with what is kept, where it comes from a device."""
     cause: BaseException | None = error
-    while cause is not None and not isinstance(cause, (DeviceError, TimeoutError, OSError)):
+    while cause is not None and not isinstance(cause, (ComputationError, TimeoutError, OSError)):
         cause = cause.__cause__
     if cause is None:
         return error
-    words = str(cause) or "a device did not answer in time"
+    words = str(cause).removesuffix(".") or "a device did not answer in time"
     kind = Stopped if isinstance(cause, Stopped) else DeviceError
     visit = run.taken[-1].number + 2 if run.taken else 1
     return kind(
-        f"stopped at visit {visit}: {words}. The mover was stopped, and {len(run.taken)} readings "
-        "are kept; the same command goes on there"
+        f"stopped at visit {visit}: {words}. {stop}, and {len(run.taken)} readings are kept; the "
+        "same command goes on there"
     )
 
 

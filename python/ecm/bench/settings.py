@@ -16,6 +16,7 @@ from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Scene
+from ecm.io.se3 import seen_from
 from ecm.io.settings import Checked, check_keys, read_settings, read_toml, setting
 from ecm.rig.settings import Procedure
 
@@ -40,6 +41,10 @@ class LimitsTable(Checked):
     """Largest distance of a pose from the rest pose, m."""
     rotation_rad: float = setting(0.8, above=0.0)
     """Largest rotation of a pose, rad."""
+    speed_m_s: float = setting(0.25, above=0.0)
+    """Largest speed of the platform between two looks while it moves, m/s."""
+    speed_rad_s: float = setting(1.0, above=0.0)
+    """Largest speed of its rotation, rad/s."""
     temperature_degC: tuple[float, float] = setting((5.0, 45.0))
     """Lowest and highest temperature of the mechanism, degrees Celsius."""
     move_s: float = setting(60.0, above=0.0)
@@ -63,6 +68,19 @@ class LimitsTable(Checked):
             return f"{1e3 * shift:.1f} mm from rest, limit {1e3 * self.shift_m:g} mm (shift_m)"
         if turn > self.rotation_rad:
             return f"rotation {turn:.3f} rad, limit {self.rotation_rad:g} rad (rotation_rad)"
+        return ""
+
+    def speed_breach(self, before: tuple[F, float] | None, now: tuple[F, float]) -> str:
+        """Words for a motion between two poses (6,) with their times; empty where it is slow."""
+        passed_s = 0.0 if before is None else now[1] - before[1]
+        if before is None or passed_s <= 0.0:
+            return ""
+        step = seen_from(before[0][None], now[0][None])[0] / passed_s
+        speed, turning = float(np.linalg.norm(step[:3])), float(np.linalg.norm(step[3:]))
+        if speed > self.speed_m_s:
+            return f"{1e3 * speed:.0f} mm/s, limit {1e3 * self.speed_m_s:g} mm/s (speed_m_s)"
+        if turning > self.speed_rad_s:
+            return f"{turning:.2f} rad/s, limit {self.speed_rad_s:g} rad/s (speed_rad_s)"
         return ""
 
     def actuation_breach(self, values: F) -> str:

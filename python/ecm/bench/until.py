@@ -10,6 +10,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -17,12 +18,13 @@ from typing import Any
 import numpy as np
 
 from ecm.bench.measured import Run, described, table_of
+from ecm.bench.settings import ALL
 from ecm.designs.next_pose import UNITS, NextPose
 from ecm.diagnosis.agreement import Look, Told, agreed, is_due, look_at
-from ecm.errors import InputError
+from ecm.errors import EcmError, InputError
 from ecm.io.cache import write_atomically
 from ecm.io.table import Table
-from ecm.models import Model
+from ecm.models import Model, choose_model, fit_model
 from ecm.rig.plan import POSE as AT_POSE
 from ecm.rig.plan import Request
 
@@ -82,7 +84,8 @@ class Until:
     fit
         Model whose error counts, `energyD`; by default that of the least AIC of degree 4 to 6.
     model
-        Model that lacks something, for `named`; by default an energy fitted to the rows.
+        Model that lacks something, for `named`; by default an energy fitted to the rows, or, with
+        few columns or with actuators, what predicts held-out rows of them best.
     seed
         Seed of the diagnosis.
 
@@ -155,7 +158,10 @@ the rig is another; take this row out, and measure it with a plan of its own
         """The diagnosis of the readings up to one."""
         if poses not in self._looks:
             rows = table_of(run, self._plan, Path("so far"), run.taken[: last + 1])
-            self._looks[poses] = look_at(rows, self._plan, self._model, self._seed)
+            model = self._model
+            if model is None and (run.bench.columns != ALL or self._plan.actuation_columns):
+                model = _chosen(rows.measured())
+            self._looks[poses] = look_at(rows, self._plan, model, self._seed)
         return self._looks[poses]
 
     def _poses_of(self, run: Run) -> Table:
@@ -203,6 +209,13 @@ the rig is another; take this row out, and measure it with a plan of its own
                 "further row helps it; ecm diagnose says what is missing"
             )
         return {"schema": 1, "rows": count, "minutes": minutes, "words": words} | self.state()
+
+
+def _chosen(rows: Table) -> Model | None:
+    """The model of rows that no energy of the pose alone describes; None with too few of them."""
+    with suppress(EcmError):
+        return fit_model(rows, choose_model(rows).best)
+    return None
 
 
 def next_row(

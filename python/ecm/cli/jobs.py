@@ -300,7 +300,7 @@ def measure(
                 "look at numbers and picture, clear the rig's surroundings, and say --yes"
             )
             raise InputError("nobody has agreed to the moves above", remedy=remedy)
-        session.on_interrupt("the mover was stopped. The same command goes on there.")
+        session.on_interrupt("finished readings are kept. The same command goes on there.")
         if not dry_run:
             session.print(f"ecm app --follow {out} shows the rows in a browser as they come")
 

@@ -202,9 +202,11 @@ def _replacing(path: Path) -> Iterator[IO[bytes]]:
             file.flush()
             os.fsync(file.fileno())
         os.replace(temporary, path)
-    except BaseException:
+    except BaseException as error:
         with suppress(OSError):
             temporary.unlink()
+        if isinstance(error, OSError):
+            error.filename = error.filename or str(path)
         raise
     with suppress(OSError, AttributeError):  # not every system opens directories
         handle = os.open(path.parent, os.O_RDONLY)

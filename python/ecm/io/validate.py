@@ -76,7 +76,8 @@ def validated_columns(
         for row, first in repeated:
             same = f"each row once (the same as {raw.word} {numbers[first]})"
             errors.add(row, "", "a row identical in every column", same)
-    elif repeated and "action" not in columns:  # a plan visits the same pose again on purpose
+    # A plan visits the same pose again on purpose.
+    elif repeated and "action" not in columns and not columns.keys().isdisjoint(WRENCH):
         row, first = repeated[0]
         warnings.append(
             f"{source}: {len(repeated)} row(s) are identical to an earlier one in every column "

@@ -98,10 +98,11 @@ function figures(begun, all, rows) {
   const card = (size, unit, text, name) => el("div", {class: "card"},
     el("div", {class: "value"}, size, " ", el("small", {}, unit)), el("div", {class: "soft"}, text, name ? help(name) : null));
   const last = all.at(-1), with_ = rows.filter(item => item.model), of = key => number(median(with_.map(item => item[key])), 2);
-  const [force] = sizeOf(begun), moment = `${number(last.noise_Nm, 2)} N m`;
+  const [force] = sizeOf(begun), both = (begun.columns ?? WRENCH).some(name => name.endsWith("_Nm"));
+  const moment = both ? `and ${number(last.noise_Nm, 2)} N m: ` : "";
   return [card(`${last.visit} of ${last.of}`, "", `visits, ${number((last.time_s - all[0].time_s) / 60, 2)} min`),
     last.noise_N === null ? card("–", "", "noise of one reading: known after five repeats", "noise floor")
-      : force ? card(number(last.noise_N, 2), "N", `and ${moment}: noise of one reading`, "noise floor")
+      : force ? card(number(last.noise_N, 2), "N", `${moment}noise of one reading`, "noise floor")
         : card(number(last.noise_Nm, 2), "N m", "noise of one reading", "noise floor"),
     ...with_.length ? [card(of("model_N"), "N, median", `from the model; the last row ${number(with_.at(-1).model_N, 2)} N`, "residual"),
       card(of("model_mm"), "mm, median", `from the model; the last row ${number(with_.at(-1).model_mm, 2)} mm`, "as pose error")] : [],
