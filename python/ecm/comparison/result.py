@@ -18,7 +18,6 @@ from ecm.comparison.reference_models import (
 )
 from ecm.comparison.residual_figures import LINK, residual_figure, residual_section
 from ecm.comparison.residual_maps import WORST, ResidualMaps, residual_maps_of
-from ecm.comparison.residuals import residuals
 from ecm.comparison.structure import (
     StructureTest,
     neighbours_alike,
@@ -30,6 +29,7 @@ from ecm.io.arrays import F, I
 from ecm.io.columns import unit_of
 from ecm.io.events import Progress, Steps
 from ecm.io.extras import require
+from ecm.models.errors import residuals
 from ecm.models.evaluation import PoseError, pose_error
 from ecm.models.fit import remedy_of_inputs
 from ecm.models.joint_fit import base_columns

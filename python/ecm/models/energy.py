@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 
 from ecm.errors import InputError
-from ecm.io.arrays import I
+from ecm.io.arrays import I, rms_of_columns
 from ecm.io.events import Progress, Steps
 from ecm.io.settings import ENERGY_DEGREES, setting
 from ecm.io.table import Table
@@ -174,11 +174,11 @@ def _refuse_wild(terms: EnergyTerms, table: Table) -> None:
     errors = fitted.predict(table.poses[stretch]) - table.wrenches[stretch]
     spread = table.wrenches.std(axis=0)
     excited = spread > 0.0
-    rms = np.sqrt((errors[:, excited] ** 2).mean(axis=0)) / spread[excited]
-    if not rms.max(initial=0.0) <= _WILD:
+    shares = rms_of_columns(errors[:, excited]) / spread[excited]
+    if not shares.max(initial=0.0) <= _WILD:
         raise InputError(
             f"{table.source}: {fitted.name} has {len(fitted.coefficients)} coefficients, "
             "which these rows do not hold: fitted without a stretch of them, it errs "
-            f"{rms.max():.2g} times the spread there. Take an energy with symmetry "
+            f"{shares.max():.2g} times the spread there. Take an energy with symmetry "
             f"(energy{terms.degree}), a lower degree, or record more poses."
         )

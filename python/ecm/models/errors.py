@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ecm._native import polynomial_regressor
-from ecm.io.arrays import F, rms
+from ecm.io.arrays import F, rms, rms_of_columns
 from ecm.io.cache import hash_of
 from ecm.io.columns import POSE, same_unit
 from ecm.io.table import Table
@@ -41,7 +41,49 @@ def worst_over(noise: F, errors: F) -> float:
     >>> worst_over(np.array([1.0, 10.0]), np.array([[2.0, 5.0], [-2.0, 5.0]]))
     2.0
     """
-    return float(np.max(np.sqrt((errors**2).mean(axis=0)) / noise))
+    return float(np.max(rms_of_columns(errors) / noise))
+
+
+_BLOCK = 20_000
+"""Rows whose covariances are held at once."""
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Measured minus predicted."""
+
+    physical: F
+    """(N, m) in the units of the outputs."""
+    whitened: F
+    """(N, m)."""
+    covariance: F
+    """(N, m, m) of the noise of each row."""
+    whitener: F
+    """(N, m, m)."""
+
+
+def residuals_by_block(rows: Rows, predicted: F, noise: Noise, base_error: F) -> tuple[F, F, F]:
+    """Return the residuals (N, m), whitened (N, m), and the variance of each component (N, m).
+
+    The covariances of a large table's rows are never held together.
+    """
+    blocks = []
+    for start in range(0, len(rows), _BLOCK):
+        part = np.arange(start, min(start + _BLOCK, len(rows)))
+        own = rows if len(part) == len(rows) else Rows(rows.table.select(part), rows.base)
+        errors = residuals(own, predicted[part], noise, base_error)
+        variance = np.einsum("nii->ni", errors.covariance)
+        blocks.append((errors.physical, errors.whitened, variance))
+    physical, whitened, variance = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+    return physical, whitened, variance
+
+
+def residuals(rows: Rows, predicted: F, noise: Noise, base_error: F) -> Residuals:
+    """Return the residuals of a prediction (N, m) under the noise of the rows."""
+    covariance = noise.covariance(rows, base_error)
+    whitener = whiteners(covariance)
+    physical = rows.table.matrix(rows.base.outputs) - predicted
+    return Residuals(physical, np.einsum("nij,nj->ni", whitener, physical), covariance, whitener)
 
 
 def error_over_noise(base: StiffnessMap, noise: Noise, table: Table) -> float | None:
@@ -52,9 +94,7 @@ def error_over_noise(base: StiffnessMap, noise: Noise, table: Table) -> float | 
     if noise.is_residual:
         return None
     rows = Rows(table.subsample(spread_rows(table, _MOST_ROWS)), base)
-    errors = rows.table.matrix(base.outputs) - rows.sensor_load
-    whitener = whiteners(noise.covariance(rows, base.error))
-    return rms(np.einsum("nij,nj->ni", whitener, errors))
+    return rms(residuals(rows, rows.sensor_load, noise, base.error).whitened)
 
 
 def errors_and_noise(model: EvaluatedModel, table: Table) -> tuple[F, F]:
@@ -66,9 +106,9 @@ def errors_and_noise(model: EvaluatedModel, table: Table) -> tuple[F, F]:
     scored = some.of_poses
     readings = some.matrix(model.outputs)
     left = readings - model.predict(some, skip_untestable=True)
-    errors = np.sqrt((left[scored] ** 2).mean(axis=0))
+    errors = rms_of_columns(left[scored])
     if model.noise.is_residual:
-        size = np.sqrt((readings[scored] ** 2).mean(axis=0))
+        size = rms_of_columns(readings[scored])
         return errors, _ROUNDING * (same_unit(model.outputs) * size).max(axis=1)
     variance = model.noise.variances(Rows(some, model.base))
     return errors, np.sqrt(variance[scored].mean(axis=0))

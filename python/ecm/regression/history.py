@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from ecm.io.arrays import B, F, I
+from ecm.io.arrays import B, F, I, rms
 from ecm.io.columns import POSE, VELOCITY
 from ecm.io.table import Table
 from ecm.regression.f_test import orthonormal
@@ -250,7 +250,7 @@ def _moving(velocities: dict[str, F]) -> dict[str, F]:
     moving = {name: v for name, v in velocities.items() if float(np.ptp(v)) > 0.0}
     if not moving:
         return {}
-    scaled = [v / np.sqrt((v**2).mean()) for v in moving.values()]
+    scaled = [v / rms(v) for v in moving.values()]
     return moving | {"speed": np.sqrt(np.square(scaled).sum(axis=0))}
 
 

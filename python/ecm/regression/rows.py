@@ -12,7 +12,7 @@ import numpy as np
 
 from ecm._native import inverse_left_jacobians, rotation_matrices
 from ecm.errors import InputError, ModelError
-from ecm.io.arrays import B, F, I
+from ecm.io.arrays import B, F, I, rms
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.regression.history import order_of_visits, pose_before
@@ -396,7 +396,7 @@ class Rows:
     def of_other_torques(self) -> Rows:
         """The rows of `of_six` with other torques where the base does not give them."""
         unknown = np.array([name not in self.base.outputs for name in WRENCH])
-        size = float(np.sqrt((self.stiffness**2).mean()))
+        size = rms(self.stiffness)
         more = size * np.random.default_rng(0).standard_normal((6, 6)) * unknown[:, None]
         return Rows(self.table, _OfSix(self.of_six.base, more))
 
