@@ -6,6 +6,7 @@ floor and all components count alike.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -24,6 +25,7 @@ from ecm.regression.folds import folds, held_out_by, row_groups, spread_rows
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.normal_equations import NormalEquations, ridge_path
 from ecm.regression.rows import Rows
+from ecm.report.figures import bars
 
 _CEILING_DEGREE = 3
 _CEILING_FOLDS = 5
@@ -215,6 +217,13 @@ class FitRecord:
             f"(F = {test.F:.3g}, p = {test.p:.2g}, BIC falls by {bic:.1f})"
         )
         return replace(self, test=words)
+
+
+def history_figure(history: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The errors of the fits of a history, each a `FitRecord.to_dict`, side by side."""
+    shown = {"fitted rows": "train", "held-out rows": "held_out"}
+    errors = {word: [record[key] for record in history] for word, key in shown.items()}
+    return bars(errors, [record["name"] for record in history], y_title="error / noise")
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from ecm.io.extras import require
 from ecm.io.table import Table, TableLike, as_table, takes_table
 from ecm.models import registry
 from ecm.models.controller import Controller
-from ecm.models.errors import FitRecord
+from ecm.models.errors import FitRecord, history_figure
 from ecm.models.evaluation import EvaluatedModel, error_of_report, rows_of_poses
 from ecm.models.joint_fit import (
     CoefficientPrior,
@@ -336,12 +336,8 @@ class Model(Shown, EvaluatedModel):
                 "the model has no history of fits to plot: give the data, plot(table), or call "
                 "fit(table) first"
             )
-        errors: dict[str, Sequence[float]] = {
-            "fitted rows": [record.train for record in self.history],
-            "held-out rows": [record.held_out for record in self.history],
-        }
-        names = [record.name for record in self.history]
-        return figures.plotly_figure(figures.bars(errors, names, y_title="error / noise"))
+        records = [record.to_dict() for record in self.history]
+        return figures.plotly_figure(history_figure(records))
 
     def _over_displacement(self, table: Table) -> dict[str, Any]:
         """Measured and modelled wrench of each row, a panel for each component."""
