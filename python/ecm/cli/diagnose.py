@@ -97,7 +97,7 @@ def _compared(model: Model, table: Table, result: Diagnosis) -> tuple[Comparison
     if not (result.effects and complete):
         return compared, None
     after = replace(model, effects=(*model.effects, *result.effects))
-    return compared, (after.predict(table) - model.predict(table))[compared.where().row - 1]
+    return compared, (after.readings(table) - model.readings(table))[compared.where().row - 1]
 
 
 def _write_next(path: Path, table: Table, document: dict[str, Any], session: Session) -> None:

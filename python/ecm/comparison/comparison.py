@@ -101,7 +101,7 @@ def compare(
     steps.begin("errors")
     table = table.with_length(model.known_length_m)
     rows = Rows(table, model.base)
-    predicted = model.predict(table)
+    predicted = model.readings(table)
     chosen = spread_rows(table, most_rows)
     if noise is None:
         some = Rows(table.subsample(chosen), model.base)

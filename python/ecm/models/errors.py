@@ -107,7 +107,7 @@ def errors_and_noise(model: EvaluatedModel, table: Table) -> tuple[F, F]:
     some = table.subsample(spread_rows(table, _MOST_ROWS_OF_A_MODEL))
     scored = some.of_poses
     readings = some.matrix(model.outputs)
-    left = readings - model.predict(some, skip_untestable=True)
+    left = readings - model.readings(some, skip_untestable=True)
     errors = rms_of_columns(left[scored])
     if model.noise.is_residual:
         size = rms_of_columns(readings[scored])

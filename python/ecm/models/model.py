@@ -342,7 +342,7 @@ class Model(Shown, EvaluatedModel):
     def _over_displacement(self, table: Table) -> dict[str, Any]:
         """Measured and modelled wrench of each row, a panel for each component."""
         measured = table.matrix(self.outputs)
-        modelled = self.predict(table, skip_untestable=True)
+        modelled = self.readings(table, skip_untestable=True)
         poses = table.matrix(self.inputs)
         spread = poses.std(axis=0)
         places = []
