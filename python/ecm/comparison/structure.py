@@ -260,7 +260,7 @@ def signature_shares(
 
 
 _DEGREE = 3
-_UNLIKE = 1.5
+_OUTLYING = 1.5
 """A run is an outlier where the curves of the others miss it so many times more than they miss each
 other."""
 _SWAPPED = 0.5
@@ -281,7 +281,7 @@ class RunOutlier:
     def sentence(self) -> str:
         """Return one plain sentence."""
         text = (
-            f"run {self.run} is unlike the others: what they say of it is off by "
+            f"run {self.run} differs from the others: what they say of it is off by "
             f"{self.error:.2g} of its spread, among themselves by {self.others:.2g}"
         )
         return text + (
@@ -313,7 +313,7 @@ def run_outliers(table: Table, inputs: Sequence[str], outputs: Sequence[str]) ->
     outliers = []
     for i, number in enumerate(numbers):
         rest = float(np.median(np.delete(errors, i)))
-        if errors[i] <= _UNLIKE * rest:
+        if errors[i] <= _OUTLYING * rest:
             continue
         turned = _exchanged(own[int(number)], x[run != number], y[run != number])
         again = np.median([_miss(turned, own[int(b)]) for b in numbers if b != number])

@@ -30,7 +30,7 @@ from ecm.report.figures import bars
 _CEILING_DEGREE = 3
 _CEILING_FOLDS = 5
 _MOST_ROWS, _MOST_ROWS_OF_A_MODEL = 1000, 3000
-"""Rows that give the error of a map at home, and those of a model with its effects."""
+"""Most rows for the error of a map, and for that of a model with its effects."""
 _ROUNDING = 1e-9
 """Share of the readings that is rounding: what never moves is predicted to the last digits only."""
 
@@ -91,7 +91,7 @@ def residuals(rows: Rows, predicted: F, noise: Noise, base_error: F) -> Residual
 def error_over_noise(base: StiffnessMap, noise: Noise, table: Table) -> float | None:
     """Error of a fitted map on its own rows over their noise, where it is known.
 
-    What a later table may be compared with: a model that erred at home errs as much elsewhere.
+    A later table may be compared with it: there a model errs at least as much.
     """
     if noise.is_residual:
         return None

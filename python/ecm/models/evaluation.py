@@ -423,7 +423,7 @@ def is_one_pose(poses: F, base: StiffnessMap) -> bool:
 def rows_of_poses(poses: F, base: StiffnessMap) -> F:
     """(N, n) of poses (N, n), or (1, n) of one pose (n,); of one column also of (N,) or a number.
 
-    With the inputs of actuators behind them where the map has some.
+    With the inputs of actuators after them where the map has some.
     """
     inputs, actuators = base.inputs, actuators_of(base)
     try:

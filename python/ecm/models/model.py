@@ -179,7 +179,7 @@ class Model(Shown, EvaluatedModel):
         """(N,) whether the model is asked beyond its measured poses.
 
         There `inside` of the exported model is 0. A file that holds no measured poses has the range
-        of each pose column. Inputs of actuators stand behind the pose; without any they are 0.
+        of each pose column. Inputs of actuators follow the pose; without any they are 0.
         """
         return ~are_inside(self, rows_of_poses(poses, self.base))
 

@@ -176,7 +176,7 @@ class HiddenPhysics:
 
 
 def with_inputs(poses: F, inputs: F) -> F:
-    """Return poses (N, 6) with the same inputs (m,) of actuators behind each."""
+    """Return poses (N, 6) with the same inputs (m,) of actuators after each."""
     return np.hstack([poses, np.tile(inputs, (len(poses), 1))])
 
 

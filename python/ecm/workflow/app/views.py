@@ -72,7 +72,7 @@ def compute_view(name: str, path: Path, given: Given) -> None:
 def poses(given: Given) -> dict[str, Any]:
     """Return the measured poses and wrenches, the outline of the body, and a line about it."""
     table = given.table()
-    rows = _thinned(len(table))
+    rows = _drawn_rows(len(table))
     columns = [name for name in (*POSE, *WRENCH) if table.has(name)]
     return {
         "row": (rows + 1).tolist(),
@@ -284,7 +284,7 @@ def _at_rows(values: F, of: I, row: I) -> F:
     return found
 
 
-def _thinned(rows: int) -> I:
+def _drawn_rows(rows: int) -> I:
     return np.arange(0, rows, -(-rows // MOST_ROWS) or 1, dtype=np.int64)
 
 
