@@ -30,7 +30,7 @@ from ecm.io.arrays import F
 from ecm.io.cache import write_atomically
 from ecm.io.settings import write_toml
 from ecm.io.table import Table
-from ecm.report.blocks import columns, text_of
+from ecm.report.blocks import text_of
 from ecm.rig import CampaignOptions, campaign_minutes, run_campaign, run_campaigns
 from ecm.rig import reveal as reveal_truth
 from ecm.rig.arm.trips import summary_lines
@@ -537,13 +537,8 @@ def material(
         fitted = fit_material(tests, terms=terms, use=use, progress=tell, **options)
     for warning in fitted.warnings:
         session.warn(warning)
-    modulus = fitted.material.young_modulus_Pa
-    session.print(f"{fitted.material.model}: E = {modulus:.4g} Pa")
-    values = zip(fitted.names, fitted.values, fitted.sd, strict=True)
-    rows = [(name, f"{value:.5g}", f"{sd:.2g}") for name, value, sd in values]
-    session.print(columns([("parameter", "value", "sd"), *rows]))
-    for mode, rms in fitted.rms.items():
-        session.print(f"{mode}: off by {100.0 * rms:.1f} % rms")
+    for line in fitted.sentences():
+        session.print(line)
     table = fitted.material.to_dict()
     if out is not None:
         text = "[mechanism.material]\n" + write_toml(table)
@@ -553,7 +548,7 @@ def material(
         {
             "schema": 1,
             "material": table,
-            "young_modulus_Pa": modulus,
+            "young_modulus_Pa": fitted.material.young_modulus_Pa,
             "sd": dict(zip(fitted.names, fitted.sd.tolist(), strict=True)),
             "relative_rms": fitted.rms,
             "aicc": fitted.aicc,
