@@ -88,6 +88,18 @@ def residuals(rows: Rows, predicted: F, noise: Noise, base_error: F) -> Residual
     return Residuals(physical, np.einsum("nij,nj->ni", whitener, physical), covariance, whitener)
 
 
+def error_over(floor: Mapping[str, float], rmse: Mapping[str, float] | None) -> float | None:
+    """Root mean square over the components of their error over their floor; None without one.
+
+    Examples
+    --------
+    >>> error_over({"fx_N": 0.5, "fy_N": 0.0}, {"fx_N": 1.0, "fy_N": 3.0})
+    2.0
+    """
+    known = [error / floor[name] for name, error in (rmse or {}).items() if floor.get(name)]
+    return rms(np.array(known)) if known else None
+
+
 def error_over_noise(base: StiffnessMap, noise: Noise, table: Table) -> float | None:
     """Error of a fitted map on its own rows over their noise, where it is known.
 
