@@ -9,10 +9,10 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (42_127, 200),
+    "python/ecm": (42_108, 200),
     "benches": (5_982, 51),
     "examples": (1_516, 13),
-    "tests": (31_650, 229),
+    "tests": (31_616, 229),
     "crates": (34_399, 199),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a way

@@ -73,8 +73,7 @@ def diagnose(
         session.print(f"(--details: {DETAILS})")
     if next_plan is not None:
         _write_next(next_plan, table, document, session)
-    for warning in result.warnings:
-        session.warn(warning)
+    session.warn(*result.warnings)
 
 
 def _fill_remedies(document: dict[str, Any], model: str, files: dict[str, str]) -> None:

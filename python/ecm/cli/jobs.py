@@ -239,13 +239,11 @@ def campaign(
     )
     rest = "Run the same command with --overwrite for the rest."
     session.on_interrupt(f"complete: {out}. {rest}")
-    for warning in data.warnings:
-        session.warn(warning)
+    session.warn(*data.warnings)
     session.write_json({"schema": 1, "seed": session.seed, "rows": len(data), "data": str(out)})
     session.print(f"{out}: {len(data)} rows")
     if settings.rig.mode == "robot":
-        for line in summary_lines(robot_path(out)):
-            session.print(line)
+        session.print(*summary_lines(robot_path(out)))
 
 
 def measure(
@@ -293,8 +291,7 @@ def measure(
     visits = session.read([plan], need="predict")
 
     def agree(lines: list[str]) -> None:
-        for line in lines:
-            session.print(line)
+        session.print(*lines)
         if not dry_run and not yes and not _agreed():
             remedy = Remedy(
                 "look at numbers and picture, clear the rig's surroundings, and say --yes"
@@ -326,8 +323,7 @@ def measure(
     session.write_json({"schema": 1, "rows": len(data), "data": str(out)})
     session.print(f"{out}: {len(data)} rows")
     if until or fit:
-        for line in json.loads(certificate_path(out).read_text(encoding="utf-8"))["words"]:
-            session.print(line)
+        session.print(*json.loads(certificate_path(out).read_text(encoding="utf-8"))["words"])
 
 
 def _agreed() -> bool:
@@ -535,10 +531,8 @@ def material(
     ]
     with session.working("fitting the material") as tell:
         fitted = fit_material(tests, terms=terms, use=use, progress=tell, **options)
-    for warning in fitted.warnings:
-        session.warn(warning)
-    for line in fitted.sentences():
-        session.print(line)
+    session.warn(*fitted.warnings)
+    session.print(*fitted.sentences())
     table = fitted.material.to_dict()
     if out is not None:
         text = "[mechanism.material]\n" + write_toml(table)

@@ -269,14 +269,14 @@ class Session(Console):
         self._before: dict[Path, tuple[int, int] | None] = {}
         """The files that are to be written, as they were."""
 
-    def print(self, text: str = "") -> None:
-        """Print a line of the result; on stderr where stdout gets --json or --report."""
-        self._said.append(text)
-        to_stdout = _STDOUT in (self.json, self.report)
-        if to_stdout:
-            self.note(text)
+    def print(self, *lines: str) -> None:
+        """Print lines of the result; on stderr where stdout gets --json or --report."""
+        self._said += lines
+        if _STDOUT not in (self.json, self.report):
+            super().print(*lines)
         else:
-            super().print(text)
+            for text in lines:
+                self.note(text)
 
     def write_report(self, report: Report) -> None:
         """Write the page of --report, where it is asked for."""
@@ -346,8 +346,7 @@ class Session(Console):
             if not is_known and (log := next(logs, None)):
                 error.remedy = way_in(log) or error.remedy
             raise
-        for warning in brief(table.warnings, paths):
-            self.warn(warning)
+        self.warn(*brief(table.warnings, paths))
         return table
 
     def files_of(self, **options: object) -> dict[str, str]:

@@ -86,8 +86,7 @@ def import_log(
             error.remedy = Remedy(f"for example, {found[0].words}", f"AGAIN {again}")
         raise
     session.print(str(imported))
-    for warning in imported.table.warnings:
-        session.warn(warning)
+    session.warn(*imported.table.warnings)
     session.write_json(imported.to_dict())
     if session.report is not None:
         session.write_report(import_report(imported))
@@ -140,8 +139,7 @@ def check(
     report = result.report()
     session.show(report)
     session.write_report(report)
-    for doubt in result.warnings[len(table.warnings) :]:
-        session.warn(doubt, wrong=True)
+    session.warn(*result.warnings[len(table.warnings) :], wrong=True)
     if result.misread is not None and result.misread.mend:
         session.note("--mend puts under [columns] into the TOML beside the table:")
         for entry in result.misread.mend:
