@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from ecm.comparison import compare
-from ecm.comparison.residuals import residuals, residuals_by_block
 from ecm.comparison.result import Comparison
 from ecm.diagnosis import diagnose
 from ecm.diagnosis.summary import diagnosis_report
 from ecm.io.table import Table
+from ecm.models.errors import residuals, residuals_by_block
 from ecm.regression.noise import Noise
 from ecm.regression.rows import Rows
 from ecm.report import TextBlock
@@ -72,7 +72,7 @@ def test_a_large_comparison_says_so_in_every_form() -> None:
 def test_blocks_of_rows_give_the_residuals_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
     rows, noise = Rows(campaign(), physics()), Noise()
     whole = residuals(rows, rows.wrench, noise, physics().error)
-    monkeypatch.setattr("ecm.comparison.residuals._BLOCK", 50)
+    monkeypatch.setattr("ecm.models.errors._BLOCK", 50)
     physical, whitened, variance = residuals_by_block(rows, rows.wrench, noise, physics().error)
     np.testing.assert_array_equal(physical, whole.physical)
     np.testing.assert_allclose(whitened, whole.whitened, rtol=1e-12)

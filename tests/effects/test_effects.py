@@ -62,54 +62,17 @@ def cross(a: F, b: F) -> F:
     return np.cross(a, b)
 
 
-CATALOGUE = [
-    "stress_relaxation",
-    "viscous_damping",
-    "hysteresis",
-    "mullins_softening",
-    "permanent_set",
-    "temperature_modulus",
-    "ageing",
-    "anisotropy",
-    "strain_stiffening",
-    "compressibility",
-    "pretension",
-    "taper",
-    "length_error",
-    "diameter_error",
-    "face_tilt",
-    "pre_curvature",
-    "base_compliance",
-    "platform_slip",
-    "contact_stop",
-    "debonding",
-    "own_weight",
-    "payload",
-    "cable_drag",
-    "tendon_friction",
-    "inertia",
-    "fts_offset",
-    "fts_drift",
-    "fts_thermal_drift",
-    "fts_gain",
-    "fts_crosstalk",
-    "fts_saturation",
-    "fts_hysteresis",
-    "fts_quantisation",
-    "fts_frame",
-    "base_frame_misalignment",
-    "tip_frame_misalignment",
-    "camera_scale",
-    "marker_motion",
-    "time_skew",
-    "led_occlusion",
-    "robot_compliance",
-    "backlash",
-    "joint_offset",
-    "outliers",
-    "heteroscedastic_noise",
-    "pose_noise",
-]
+CATALOGUE = (
+    "stress_relaxation", "viscous_damping", "hysteresis", "mullins_softening", "permanent_set",
+    "temperature_modulus", "ageing", "anisotropy", "strain_stiffening", "compressibility",
+    "pretension", "taper", "length_error", "diameter_error", "face_tilt", "pre_curvature",
+    "base_compliance", "platform_slip", "contact_stop", "debonding", "own_weight", "payload",
+    "cable_drag", "tendon_friction", "inertia", "fts_offset", "fts_drift", "fts_thermal_drift",
+    "fts_gain", "fts_crosstalk", "fts_saturation", "fts_hysteresis", "fts_quantisation",
+    "fts_frame", "base_frame_misalignment", "tip_frame_misalignment", "camera_scale",
+    "marker_motion", "time_skew", "led_occlusion", "robot_compliance", "backlash",
+    "joint_offset", "outliers", "heteroscedastic_noise", "pose_noise",
+)  # fmt: skip
 
 
 def test_every_id_of_the_catalogue_is_there_once_and_says_what_it_is() -> None:
@@ -209,18 +172,10 @@ def generalised_skew(item, values: F) -> float:  # type: ignore[no-untyped-def]
     return float(np.abs(hessian - np.swapaxes(hessian, 1, 2)).max() / np.abs(hessian).max())
 
 
-CONSERVATIVE = [
-    "strain_stiffening",
-    "compressibility",
-    "pretension",
-    "taper",
-    "length_error",
-    "diameter_error",
-    "face_tilt",
-    "pre_curvature",
-    "own_weight",
-    "base_compliance",
-]
+CONSERVATIVE = (
+    "strain_stiffening", "compressibility", "pretension", "taper", "length_error",
+    "diameter_error", "face_tilt", "pre_curvature", "own_weight", "base_compliance",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("id", CONSERVATIVE)

@@ -6,12 +6,13 @@ import ast
 import inspect
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import ecm
 from ecm.errors import InputError
-from ecm.io.table import TableLike, takes_table
+from ecm.io.table import TableLike, as_table, takes_table
 from support.neck import ROOT
 
 PACKAGE = ROOT / "python" / "ecm"
@@ -103,3 +104,16 @@ def test_the_door_gives_a_table_and_keeps_the_signature(tmp_path: Path) -> None:
         count({"y_m": [0.0]})
     with pytest.raises(TypeError, match="table"):
         count()  # type: ignore[call-arg]
+
+
+def test_a_table_passes_the_door_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[object] = []
+
+    def reading(data: object, **given: Any) -> ecm.Table:
+        read.append(data)
+        return as_table(data, **given)
+
+    monkeypatch.setattr("ecm.io.table.as_table", reading)
+    table = {"x_m": [0.0, 1e-3, 2e-3, 3e-3], "fx_N": [0.0, 9.0, 21.0, 30.0]}
+    ecm.compare(ecm.fit_model(table, "linear"), table)
+    assert len(read) == 2

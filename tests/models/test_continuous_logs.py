@@ -100,7 +100,7 @@ def test_the_fit_of_a_log_says_what_its_samples_are_worth(
     (tmp_path / "log.toml").write_text('[file]\nkind = "continuous"\n', encoding="utf-8")
     done = ecm_command("fit", path, "--model", "linear", "--out", tmp_path / "m.json")
     assert done.code == 0, done.err
-    assert "400 samples every 0.01 s stay alike for" in done.out
+    assert "400 samples every 0.01 s stay correlated for" in done.out
     said = "held out, 10 parts of stretches of time, 12 a run, share of the spread: fy_N "
     assert re.search(re.escape(said) + r"[\d.]+ %\n", done.out)
 

@@ -10,7 +10,7 @@ from ecm.regression.history import SlowNoise, slow_noise
 
 
 def found_in(time_s: F, orders: list[I], blocks: list[tuple[int, ...]]) -> SlowNoise | None:
-    """Noise that stays alike for some five rows beside a constant, and one column."""
+    """Noise that stays correlated for some five rows beside a constant, and one column."""
     n = len(time_s)
     random = np.random.default_rng(0)
     noise = np.convolve(random.standard_normal(n + 40), 0.8 ** np.arange(41), "valid")[:, None]

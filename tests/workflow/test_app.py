@@ -642,7 +642,8 @@ def test_what_is_typed_goes_into_the_descriptions(app: App, tmp_path: Path) -> N
 def test_a_session_has_a_report_and_goes_on_from_its_zip(app: App, tmp_path: Path) -> None:
     begin(app, [table(tmp_path / "stage.csv", drift=2e-4)], model="linear")
     with client_of(app) as client:
-        finished(client, app)
+        assert finished(client, app)["tried"][0]["held_out"] is None  # a base alone has no history
+        assert report_of(app.session).sections[0].blocks[0].rows[0][2] is None
         state = step(client, app, "refit", add=["fts_drift"])
         report = client.get("/api/report").text
         ladder = report_of(app.session).sections[0].blocks

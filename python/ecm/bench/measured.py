@@ -28,21 +28,21 @@ from ecm.rig.timeline import Layout, Timeline
 THE_END = -3
 """In place of a row: the zero that is read last."""
 _ENOUGH = 5
-"""Differences from which their scatter is known well enough to call one an outlier."""
+"""Fewest differences whose scatter is known well enough to call one an outlier."""
 _OUTLIER = 8.0
 """Robust standard deviations of the differences of repeats beyond which one is measured again: of
 a thousand rows of normal noise none is."""
 _MOVED = 6.0
 """Standard deviations by which the rest pose may differ from the first look at it."""
 _HOME_EVERY = 20
-"""Readings before the first home check that the plan has not; later as the drift so far asks."""
+"""Readings before the first home check beyond those of the plan; later ones follow the drift."""
 _HOME_RANGE = (5, 80)
 _ROWS_OF_SLIP = 3
-"""Rows within which a marker that slips is told."""
+"""Latest rows whose mean tells that a marker has slipped."""
 _ROWS_COMPARED = 30
-"""Latest rows that they are compared with."""
+"""Rows before these that they are compared with."""
 _AN_EPOCH_S = 1e8
-"""A time stamp beyond it counts from 1970, not from the begin of a run."""
+"""A time stamp beyond it counts from 1970, not from the start of a run."""
 _GAUGE = 0.05
 """Share of the actuators' limits by which one may be off what was asked for."""
 _SATURATED = 0.999
@@ -96,7 +96,7 @@ class Chooser(Protocol):
 
 
 class _Scatter:
-    """Robust standard deviation of columns (6,), of sizes that are kept sorted as they come."""
+    """Robust standard deviation (6,) of differences, by the median of their sizes."""
 
     def __init__(self) -> None:
         self._sizes: list[list[float]] = [[] for _ in range(6)]
@@ -109,7 +109,7 @@ class _Scatter:
             insort(column, one)
 
     def sd(self) -> F:
-        """Return that of one difference."""
+        """Return 1.4826 times the median size, the deviation of normal numbers."""
         middle, odd = divmod(len(self), 2)
         medians = [c[middle] if odd else 0.5 * (c[middle - 1] + c[middle]) for c in self._sizes]
         return 1.4826 * np.asarray(medians)
@@ -148,13 +148,15 @@ class Run:
     home_due: int = _HOME_EVERY
     """Readings until the next home check."""
     _repeats: _Scatter = field(default_factory=_Scatter)
+    """Differences of the wrench (6,) between two readings of one pose."""
     _before: dict[int, F] = field(default_factory=dict)
     """Last wrench (6,) at each pose."""
-    _homes: list[F] = field(default_factory=list)
-    """Those of the home checks."""
-    _steps: _Scatter = field(default_factory=_Scatter)
-    _beside: list[F] = field(default_factory=list)
+    _deviations: list[F] = field(default_factory=list)
     """Measured minus commanded pose (6,) of each reading."""
+    _at_home: list[F] = field(default_factory=list)
+    """The same of the home checks alone."""
+    _steps: _Scatter = field(default_factory=_Scatter)
+    """Changes of the deviation from one reading to the next."""
     _home_every: int = _HOME_EVERY
     _slipped: int = 0
     """Poses before the last slip: those after it are not compared with them."""
@@ -197,8 +199,8 @@ class Run:
             return LOOK_HOME
         return left[0].row
 
-    def again_at(self, taken: Taken) -> None:
-        """Lay out what led to a reading of the journal."""
+    def lay_out_to(self, taken: Taken) -> None:
+        """Lay out the visits up to that of a reading of the journal."""
         while taken.number >= len(self.timeline.visits):
             if self.chooser is None and taken.row >= 0:
                 self.go_on(self.left()[0].row)
@@ -223,16 +225,16 @@ class Run:
             self.zero = taken.reading.sensor
         self.off = np.zeros(6)
         if taken.kind == AT_POSE:
-            self._hold_to_repeat(visit.pose_id, taken.reading)
+            self._compare_with_repeat(visit.pose_id, taken.reading)
         found = self._at_range(taken.reading) + self._at_gauge(taken.inputs, visit.pose[6:])
         self.home_due -= 1
         if taken.kind == AT_HOME or (taken.kind == AT_POSE and self.offset(visit.row) is None):
             at_home = taken.kind == AT_HOME
             pose = self.layout.rest if at_home else visit.pose
-            found += self._beside_commanded(taken.reading.pose - pose[:6], at_home=at_home)
+            found += self._pose_findings(taken.reading.pose - pose[:6], at_home=at_home)
         return [f"visit {taken.number + 1}: {words}" for words in found]
 
-    def _hold_to_repeat(self, pose_id: int, reading: Reading) -> None:
+    def _compare_with_repeat(self, pose_id: int, reading: Reading) -> None:
         wrench = reading.sensor @ self.top_from_sensor.T
         if pose_id in self._before:
             difference = wrench - self._before[pose_id]
@@ -242,20 +244,20 @@ class Run:
             self._repeats.add(difference)
         self._before[pose_id] = wrench
 
-    def _beside_commanded(self, beside: F, *, at_home: bool) -> list[str]:
+    def _pose_findings(self, deviation: F, *, at_home: bool) -> list[str]:
         """Words for a pose that left the commanded one; when to look home follows from it."""
-        before, found = self._beside, []
+        before, found = self._deviations, []
         enough = len(self._steps) >= _ENOUGH
         sd = self._steps.sd() / np.sqrt(2.0) if enough else np.zeros(6)
         instrument = self.bench.instrument
         stated = instrument.pose_position_sd_m or 0.0, instrument.pose_rotation_sd_rad or 0.0
         sd = np.maximum(sd, np.repeat(stated, 3))
         if before:
-            self._steps.add(beside - before[-1])
-        before.append(beside)
+            self._steps.add(deviation - before[-1])
+        before.append(deviation)
         if at_home:
-            step = beside - self._homes[0] if self._homes else np.zeros(6)
-            self._homes.append(beside)
+            step = deviation - self._at_home[0] if self._at_home else np.zeros(6)
+            self._at_home.append(deviation)
             size = float((np.abs(step) / np.where(sd > 0.0, np.sqrt(2.0) * sd, np.inf)).max())
             moved = size > _MOVED
             if moved:
@@ -321,7 +323,7 @@ class Run:
         first = self.taken[0].time_s
         return first if first > _AN_EPOCH_S else 0.0
 
-    def six(self, poses: F, wrenches: F) -> dict[str, Any]:
+    def columns(self, poses: F, wrenches: F) -> dict[str, Any]:
         """The columns of poses and wrenches (N, 6) that the rig measures."""
         both = zip(ALL, [*poses.T, *wrenches.T], strict=True)
         return {name: column.copy() for name, column in both if name in self.bench.columns}
@@ -332,7 +334,7 @@ class Run:
         frame = self.bench.instrument.top_from_sensor
         return np.eye(6) if frame is None else np.asarray(wrench_adjoint(frame))
 
-    def again(self) -> str:
+    def why_again(self) -> str:
         """Words for why the last reading is to be repeated; empty where it agrees."""
         if self.off.max() < _OUTLIER:
             return ""
@@ -392,7 +394,7 @@ class Run:
 
     def record(self, taken: Taken, findings: Sequence[str]) -> dict[str, Any]:
         """The state at a reading, for programs that draw it."""
-        off, noise, again = self.off_model(taken), self.noise(), self.again()
+        off, noise, again = self.off_model(taken), self.noise(), self.why_again()
         more = [f"visit {taken.number + 1}: {again}"] if again else []
         return {
             "visit": taken.number + 1,
@@ -431,7 +433,7 @@ def table_of(run: Run, plan: Table, out: Path, readings: Sequence[Taken]) -> Tab
         repeats[key] += 1
     columns = visit_columns(visits, np.asarray([one.time_s for one in taken]) - run.began_s)
     means = [one.reading for one in taken]
-    columns |= run.six(np.stack([r.pose for r in means]), wrenches[rows])
+    columns |= run.columns(np.stack([r.pose for r in means]), wrenches[rows])
     inputs = np.stack([one.inputs for one in taken])
     columns |= dict(zip(plan.actuation_columns, inputs.T.copy(), strict=True))
     for name in ("temperature_degC", "sensor_temperature_degC"):
@@ -470,6 +472,6 @@ def stream_of(run: Run, plan: Table, lines: Sequence[str]) -> Table:
         warm = [t.reading.sensor_temperature_degC for t in known]
         degC = np.interp(time_s, [t.time_s for t in known], warm)
     columns = {"run": numbers[:, 0].copy(), "time_s": time_s - run.began_s}
-    columns |= run.six(poses, run.compensated(run.taken, time_s, poses, sensor, degC))
+    columns |= run.columns(poses, run.compensated(run.taken, time_s, poses, sensor, degC))
     meta = described(run, plan)
     return Table(columns, replace(meta, file=replace(meta.file, kind="continuous")), "stream")

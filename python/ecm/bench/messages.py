@@ -323,7 +323,7 @@ class Messages:
             if number == len(visits):
                 break
             yield from self._visit(number)
-            why = self._run.again()
+            why = self._run.why_again()
             if why:
                 self.told(f"visit {number + 1}: {why}; it was measured again at once")
                 yield from self._visit(number)

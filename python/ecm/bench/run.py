@@ -274,7 +274,7 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
         tell_begun(plan, columns=bench.columns, of=run.total)
         for line in journal.lines:
             taken = Taken.parse(line, str(journal.path))
-            run.again_at(taken)
+            run.lay_out_to(taken)
             run.told(taken)
         first = 1 + max((taken.number for taken in run.taken), default=-1)
 

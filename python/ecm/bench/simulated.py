@@ -169,14 +169,14 @@ class _Server:
     def _pose(self, question: dict[str, Any]) -> dict[str, Any]:
         if self._following:
             return {"mean": self._free[:6].tolist(), "sd": [0.0] * 6}
-        reading = self._now_reading()
+        reading = self._reading_begun()
         return {"mean": reading.pose.tolist(), "sd": reading.pose_sd.tolist()}
 
     def _temperature(self, question: dict[str, Any]) -> dict[str, Any]:
-        reading = self._now_reading()
+        reading = self._reading_begun()
         return {"degC": [reading.temperature_degC, reading.sensor_temperature_degC]}
 
-    def _now_reading(self) -> Reading:
+    def _reading_begun(self) -> Reading:
         if self._reading is None:
             raise InputError("no visit was begun")
         return self._reading

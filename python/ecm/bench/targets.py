@@ -16,9 +16,9 @@ OWN = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 def platform_pose(
     top_from_target: Sequence[float], base_from_target: Sequence[float]
 ) -> Callable[[F, F], F]:
-    """Return what makes the platform's pose (6,) of the poses (6,) of its target and the base's.
+    """Return a function of the poses (6,) of two targets that gives the platform's pose (6,).
 
-    Where the two targets are is said in the frames of the platform and of the base.
+    The first target is on the platform, the second on the base; their places there are given.
 
     Examples
     --------

@@ -168,7 +168,7 @@ the rig is another; take this row out, and measure it with a plan of its own
         """Poses and wrenches so far: the zeros since change those that were read before them."""
         at = [i for i, taken in enumerate(run.taken) if taken.kind == AT_POSE]
         poses = np.stack([run.taken[i].reading.pose for i in at])
-        columns = run.six(poses, run.wrenches(run.taken)[at])
+        columns = run.columns(poses, run.wrenches(run.taken)[at])
         return Table(columns, described(run, self._plan), "so far")
 
     @property

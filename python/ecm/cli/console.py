@@ -28,9 +28,9 @@ class Console:
         self.quiet = quiet
         self._progress: _Progress | None = None
 
-    def print(self, text: str = "") -> None:
-        """Print a line of the result."""
-        if not self.quiet:
+    def print(self, *lines: str) -> None:
+        """Print lines of the result."""
+        for text in () if self.quiet else lines:
             self._write(sys.stdout, text)
 
     def note(self, text: str = "") -> None:
@@ -38,10 +38,11 @@ class Console:
         if not self.quiet:
             self._write(sys.stderr, text)
 
-    def warn(self, text: str, *, wrong: bool = False) -> None:
-        """Print a warning about the input, in red on a terminal where the input looks wrong."""
+    def warn(self, *texts: str, wrong: bool = False) -> None:
+        """Print warnings about the input, in red on a terminal where the input looks wrong."""
         red = wrong and sys.stderr.isatty()
-        self.note(f"\x1b[31mwarning: {text}\x1b[0m" if red else f"warning: {text}")
+        for text in texts:
+            self.note(f"\x1b[31mwarning: {text}\x1b[0m" if red else f"warning: {text}")
 
     def progress(self, title: str) -> Callable[..., None] | None:
         """Return a callback (done, total[, step]) that is said from time to time; None when quiet.

@@ -73,8 +73,7 @@ def diagnose(
         session.print(f"(--details: {DETAILS})")
     if next_plan is not None:
         _write_next(next_plan, table, document, session)
-    for warning in result.warnings:
-        session.warn(warning)
+    session.warn(*result.warnings)
 
 
 def _fill_remedies(document: dict[str, Any], model: str, files: dict[str, str]) -> None:
@@ -97,7 +96,7 @@ def _compared(model: Model, table: Table, result: Diagnosis) -> tuple[Comparison
     if not (result.effects and complete):
         return compared, None
     after = replace(model, effects=(*model.effects, *result.effects))
-    return compared, (after.predict(table) - model.predict(table))[compared.where().row - 1]
+    return compared, (after.readings(table) - model.readings(table))[compared.where().row - 1]
 
 
 def _write_next(path: Path, table: Table, document: dict[str, Any], session: Session) -> None:

@@ -30,7 +30,7 @@ from ecm.io.arrays import F
 from ecm.io.cache import write_atomically
 from ecm.io.settings import write_toml
 from ecm.io.table import Table
-from ecm.report.blocks import columns, text_of
+from ecm.report.blocks import text_of
 from ecm.rig import CampaignOptions, campaign_minutes, run_campaign, run_campaigns
 from ecm.rig import reveal as reveal_truth
 from ecm.rig.arm.trips import summary_lines
@@ -239,13 +239,11 @@ def campaign(
     )
     rest = "Run the same command with --overwrite for the rest."
     session.on_interrupt(f"complete: {out}. {rest}")
-    for warning in data.warnings:
-        session.warn(warning)
+    session.warn(*data.warnings)
     session.write_json({"schema": 1, "seed": session.seed, "rows": len(data), "data": str(out)})
     session.print(f"{out}: {len(data)} rows")
     if settings.rig.mode == "robot":
-        for line in summary_lines(robot_path(out)):
-            session.print(line)
+        session.print(*summary_lines(robot_path(out)))
 
 
 def measure(
@@ -293,8 +291,7 @@ def measure(
     visits = session.read([plan], need="predict")
 
     def agree(lines: list[str]) -> None:
-        for line in lines:
-            session.print(line)
+        session.print(*lines)
         if not dry_run and not yes and not _agreed():
             remedy = Remedy(
                 "look at numbers and picture, clear the rig's surroundings, and say --yes"
@@ -326,8 +323,7 @@ def measure(
     session.write_json({"schema": 1, "rows": len(data), "data": str(out)})
     session.print(f"{out}: {len(data)} rows")
     if until or fit:
-        for line in json.loads(certificate_path(out).read_text(encoding="utf-8"))["words"]:
-            session.print(line)
+        session.print(*json.loads(certificate_path(out).read_text(encoding="utf-8"))["words"])
 
 
 def _agreed() -> bool:
@@ -535,15 +531,8 @@ def material(
     ]
     with session.working("fitting the material") as tell:
         fitted = fit_material(tests, terms=terms, use=use, progress=tell, **options)
-    for warning in fitted.warnings:
-        session.warn(warning)
-    modulus = fitted.material.young_modulus_Pa
-    session.print(f"{fitted.material.model}: E = {modulus:.4g} Pa")
-    values = zip(fitted.names, fitted.values, fitted.sd, strict=True)
-    rows = [(name, f"{value:.5g}", f"{sd:.2g}") for name, value, sd in values]
-    session.print(columns([("parameter", "value", "sd"), *rows]))
-    for mode, rms in fitted.rms.items():
-        session.print(f"{mode}: off by {100.0 * rms:.1f} % rms")
+    session.warn(*fitted.warnings)
+    session.print(*fitted.sentences())
     table = fitted.material.to_dict()
     if out is not None:
         text = "[mechanism.material]\n" + write_toml(table)
@@ -553,7 +542,7 @@ def material(
         {
             "schema": 1,
             "material": table,
-            "young_modulus_Pa": modulus,
+            "young_modulus_Pa": fitted.material.young_modulus_Pa,
             "sd": dict(zip(fitted.names, fitted.sd.tolist(), strict=True)),
             "relative_rms": fitted.rms,
             "aicc": fitted.aicc,

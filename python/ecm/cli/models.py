@@ -153,8 +153,7 @@ def predict(
     opened = open_model(model, session, table)
     with session.working(f"predicting {len(table)} rows") as tell:
         predicted = predict_table(opened, table, stiffness=kind, progress=tell, **options)
-    for warning in predicted.warnings[len(table.warnings) :]:
-        session.warn(warning)
+    session.warn(*predicted.warnings[len(table.warnings) :])
     if rotation:
         vectors = np.column_stack([predicted.column(name) for name in POSE[3:]])
         predicted = predicted.with_columns(rotation_columns(rotation, vectors))
@@ -181,10 +180,8 @@ def compare(session: Session, model: str, data: list[Path]) -> None:
     # Where the model fails is for the eye: the page draws it.
     told = report.sections[: 1 if result.references is None else 2]
     session.show(replace(report, sections=told))
-    for warning in result.warnings:
-        session.warn(warning)
-    for sentence in excitation_sentences(constant):
-        session.print(sentence)
+    session.warn(*result.warnings)
+    session.print(*excitation_sentences(constant))
 
 
 def export(
@@ -258,8 +255,7 @@ def export(
             "control_loop": None if exported.loop is None else exported.loop.to_dict(),
         }
     )
-    for line in exported.notes:
-        session.print(line)
+    session.print(*exported.notes)
     session.print(f"{out}: {len(exported.files)} files, {to}")
     session.print(f"Next: {exported.next_step.replace('@OUT@', str(out))}")
 
@@ -318,8 +314,7 @@ def fit(
             again = Remedy("name the model", f"AGAIN --out {shlex.quote(f'{out.stem}-2.json')}")
             raise InputError(f"{out} is already there and is not overwritten", remedy=again)
         session.check_output(out)
-    for sentence in likely_continuous(table):
-        session.warn(sentence)
+    session.warn(*likely_continuous(table))
     wrong = wrong_convention(table, refuse=not force)
     if wrong is not None:
         session.warn(wrong.sentence(), wrong=True)
@@ -339,8 +334,7 @@ def fit(
         with session.working("how many poses are enough") as tell:
             enough = learning_curve(table, specification, _SIZES, seed=session.seed, progress=tell)
         summary["curve"] = enough.to_dict()
-        for sentence in enough.sentences():
-            session.print(sentence)
+        session.print(*enough.sentences())
     said = [] if wrong is None else [wrong.sentence()]
     before, summary["addition"] = None, None
     if add:
@@ -350,8 +344,7 @@ def fit(
         summary["addition"] = refit_summary(fitted)
         summary["sentences"] = [*summary["sentences"], *summary["addition"]["sentences"]]
     session.write_json(summary | {"warnings": [*table.warnings, *said]})
-    for sentence in summary["sentences"]:
-        session.print(sentence)
+    session.print(*summary["sentences"])
     if not force:
         with session.working("errors of the model"), saved_by_force(out):
             held_out = (summary["held_out"] or {}).get("folds") if before is None else None
@@ -371,8 +364,7 @@ def _chosen(pcr: str | None, table: Table, session: Session) -> ModelChoice:
         session.print("energies are left out: no [mechanism] length_m in the data's TOML")
     with session.working(f"choosing among models of {len(table)} rows") as tell:
         choice = choose_model(table, seed=session.seed, progress=tell)
-    for sentence in choice.sentences():
-        session.print(sentence)
+    session.print(*choice.sentences())
     return choice
 
 
@@ -416,16 +408,14 @@ def refit(
     """
     session.check_output(out)
     table = session.read(data, need="fit")
-    for sentence in likely_continuous(table):
-        session.warn(sentence)
+    session.warn(*likely_continuous(table))
     before = open_model(model, session, table)
     with session.working(f"fitting {len(table)} rows") as tell:
         fitted = refit_model(before, table, remove=remove, progress=tell, **options)
     with session.working("errors of the new model"):
         summary = refit_summary(fitted)
     session.write_json(summary)
-    for line in summary["sentences"]:
-        session.print(line)
+    session.print(*summary["sentences"])
     if not force:
         # Without an effect a model errs more: that was asked for.
         with session.working("errors of both models"), saved_by_force(out):

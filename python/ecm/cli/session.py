@@ -36,12 +36,14 @@ def refuse_models(paths: Sequence[Path]) -> None:
     """Raise InputError where a model is given in place of a table, with the right order."""
     for path in filter(_is_model, paths):
         verb, *others = command.typed
+        # The last word that is this path: an option before it may name the same file.
         place = len(others) - 1 - [Path(word) for word in reversed(others)].index(path)
         if verb in _OF_MODELS and not any(_is_model(Path(word)) for word in others[:place]):
             others.insert(0, others.pop(place))
             said = "give the model first"
         else:
-            others[place : place + 1] = ["data.csv"] * (len(paths) == 1)
+            # Beside other tables the model is left out; alone a table stands in its place.
+            others[place : place + 1] = ["data.csv"] if len(paths) == 1 else []
             said = "give a table in its place"
         remedy = Remedy(said, shlex.join(["ecm", verb, *others]))
         raise InputError(f"{path} is a model, expected a table of measurements", remedy=remedy)
@@ -55,7 +57,7 @@ def way_in(path: Path) -> Remedy | None:
     path
         The file, or the folder of a bag, that was given as a table.
     """
-    # A sixth of the start.
+    # To import these takes a sixth of the time in which a command starts.
     from ecm.logs.importing import answered, read_log  # noqa: PLC0415 - see above
     from ecm.logs.names import read_name  # noqa: PLC0415 - see above
 
@@ -86,8 +88,8 @@ def way_in(path: Path) -> Remedy | None:
         last = "what there is becomes a table by"
     words = "; ".join(filter(None, (first, answer.words, last)))
     out = path.with_name(f"{path.stem}-table.csv")
-    command = ["ecm", "import", str(path), *import_options(answer.options), "--out", str(out)]
-    return Remedy(words, shlex.join(command))
+    typed = ["ecm", "import", str(path), *import_options(answer.options), "--out", str(out)]
+    return Remedy(words, shlex.join(typed))
 
 
 def import_options(options: Mapping[str, Any]) -> list[str]:
@@ -267,14 +269,14 @@ class Session(Console):
         self._before: dict[Path, tuple[int, int] | None] = {}
         """The files that are to be written, as they were."""
 
-    def print(self, text: str = "") -> None:
-        """Print a line of the result; on stderr where stdout gets --json or --report."""
-        self._said.append(text)
-        to_stdout = _STDOUT in (self.json, self.report)
-        if to_stdout:
-            self.note(text)
+    def print(self, *lines: str) -> None:
+        """Print lines of the result; on stderr where stdout gets --json or --report."""
+        self._said += lines
+        if _STDOUT not in (self.json, self.report):
+            super().print(*lines)
         else:
-            super().print(text)
+            for text in lines:
+                self.note(text)
 
     def write_report(self, report: Report) -> None:
         """Write the page of --report, where it is asked for."""
@@ -335,16 +337,16 @@ class Session(Console):
                     progress=tell,
                 )
         except InputError as error:
-            if isinstance(error, BadRows) and error.remedy.command == LEAVE_OUT:
-                error.remedy = Remedy(error.remedy.words, "AGAIN --leave-out")
-            own = error.remedy is not None and error.remedy.command != IMPORT
+            is_known = error.remedy is not None and error.remedy.command != IMPORT
+            if isinstance(error, BadRows):
+                is_known = not error.most  # where most rows are bad, the file may be a log
+                if error.remedy.command == LEAVE_OUT:
+                    error.remedy = Remedy(error.remedy.words, "AGAIN --leave-out")
             logs = (path for path in paths if not _is_table(path))
-            few = isinstance(error, BadRows) and not error.most
-            if (not own or isinstance(error, BadRows)) and not few and (log := next(logs, None)):
+            if not is_known and (log := next(logs, None)):
                 error.remedy = way_in(log) or error.remedy
             raise
-        for warning in brief(table.warnings, paths):
-            self.warn(warning)
+        self.warn(*brief(table.warnings, paths))
         return table
 
     def files_of(self, **options: object) -> dict[str, str]:

@@ -20,9 +20,7 @@ from ecm.logs import import_log as import_any
 from ecm.logs.importing import answered, import_report, read_log
 from ecm.logs.names import Question
 from ecm.models.actuated import misread
-from ecm.models.check import Check, lines_by_reason
 from ecm.models.check import check as check_table
-from ecm.report.blocks import CodeBlock, Report, Section, TableBlock, TextBlock, columns
 
 
 def import_log(
@@ -88,8 +86,7 @@ def import_log(
             error.remedy = Remedy(f"for example, {found[0].words}", f"AGAIN {again}")
         raise
     session.print(str(imported))
-    for warning in imported.table.warnings:
-        session.warn(warning)
+    session.warn(*imported.table.warnings)
     session.write_json(imported.to_dict())
     if session.report is not None:
         session.write_report(import_report(imported))
@@ -139,9 +136,10 @@ def check(
     with session.working(f"checking {len(table)} rows") as tell:
         result = check_table(table, progress=tell)
     session.write_json(result.to_dict())
-    _print(result, session)
-    for doubt in result.warnings[len(table.warnings) :]:
-        session.warn(doubt, wrong=True)
+    report = result.report()
+    session.show(report)
+    session.write_report(report)
+    session.warn(*result.warnings[len(table.warnings) :], wrong=True)
     if result.misread is not None and result.misread.mend:
         session.note("--mend puts under [columns] into the TOML beside the table:")
         for entry in result.misread.mend:
@@ -177,37 +175,6 @@ def _leave_out(data: list[Path], session: Session) -> None:
             if found
             else f"{path}: nothing to leave out"
         )
-
-
-def _print(result: Check, session: Session) -> None:
-    rows = [("column", "unit", "from", "to", "distinct", "what")]
-    for column in result.columns:
-        ends = ("", "")
-        if column.minimum is not None and column.maximum is not None:
-            ends = (f"{column.minimum:.4g}", f"{column.maximum:.4g}")
-        what = column.role + (", constant" if column.constant else "")
-        if column.unknown:
-            what += f", {column.unknown} unknown"
-        rows.append((column.name, column.unit, *ends, str(column.distinct), what))
-    session.print(columns(rows))
-    session.print()
-    for sentence in result.sentences():
-        session.print(sentence)
-    testable = ", ".join(result.testable) or "none"
-    session.print(f"\nTestable effects ({len(result.testable)}): {testable}")
-    lines = lines_by_reason(result.not_testable)
-    if lines:
-        session.print("Not testable with these columns:")
-        for line in lines:
-            session.print(line)
-    sections = [
-        Section("Table", [TextBlock(sentence) for sentence in result.sentences()]),
-        Section("Columns", [TableBlock("", rows[0], rows[1:])]),
-        Section(f"Testable effects ({len(result.testable)})", [TextBlock(testable)]),
-        Section("Not testable with these columns", [CodeBlock("", "\n".join(lines) or "none")]),
-    ]
-    warnings = result.warnings
-    session.write_report(Report("Check of a table", result.source, sections, warnings))
 
 
 _FILES = {

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ecm.comparison.residuals import residuals_by_block
 from ecm.comparison.result import STEPS, Compared, Comparison, Component, fitted_here
 from ecm.comparison.structure import run_outliers
 from ecm.errors import InputError
-from ecm.io.arrays import B, F, I
+from ecm.io.arrays import B, F, I, rms
 from ecm.io.events import Progress, Steps
 from ecm.io.table import takes_table
+from ecm.models.errors import residuals_by_block
 from ecm.models.fit import as_model
 from ecm.models.joint_fit import estimate_noise
 from ecm.models.prediction import beyond_reach
@@ -101,7 +101,7 @@ def compare(
     steps.begin("errors")
     table = table.with_length(model.known_length_m)
     rows = Rows(table, model.base)
-    predicted = model.predict(table)
+    predicted = model.readings(table)
     chosen = spread_rows(table, most_rows)
     if noise is None:
         some = Rows(table.subsample(chosen), model.base)
@@ -123,7 +123,7 @@ def compare(
     components = tuple(
         Component(
             name=name,
-            rmse=float(np.sqrt((physical[:, j] ** 2).mean())),
+            rmse=rms(physical[:, j]),
             bias=float(physical[:, j].mean()),
             floor=float(np.sqrt(variance[:, j].mean())),
             excess=_root(float((physical[:, j] ** 2 - variance[:, j]).mean())),

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ecm.comparison.residuals import Residuals, dependence_shares, dependence_variables
+from ecm.comparison.residuals import dependence_shares, dependence_variables
 from ecm.comparison.structure import signature_shares
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import POSE
+from ecm.models.errors import Residuals
 from ecm.regression.folds import spread_rows
 from ecm.regression.noise import Noise
 from ecm.regression.rows import Rows, is_whole

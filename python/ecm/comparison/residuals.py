@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +11,6 @@ from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
 from ecm.regression.f_test import orthonormal
 from ecm.regression.history import approach_sides
-from ecm.regression.noise import Noise, whiteners
 from ecm.regression.rows import Rows, derived_columns
 
 if TYPE_CHECKING:
@@ -85,49 +83,6 @@ def _ranks(values: F, parts: I) -> F:
     ranks = np.empty(len(values))
     ranks[order] = middle[tie]
     return ranks
-
-
-_BLOCK = 20_000
-"""Rows whose covariances are held at once."""
-
-
-@dataclass(frozen=True)
-class Residuals:
-    """Measured minus predicted."""
-
-    physical: F
-    """(N, m) in the units of the outputs."""
-    whitened: F
-    """(N, m)."""
-    covariance: F
-    """(N, m, m) of the noise of each row."""
-    whitener: F
-    """(N, m, m)."""
-
-
-def residuals_by_block(rows: Rows, predicted: F, noise: Noise, base_error: F) -> tuple[F, F, F]:
-    """Return the residuals (N, m), whitened (N, m), and the variance of each component (N, m).
-
-    The covariances of a large table's rows are never held together.
-    """
-    blocks = []
-    for start in range(0, len(rows), _BLOCK):
-        part = np.arange(start, min(start + _BLOCK, len(rows)))
-        own = rows if len(part) == len(rows) else Rows(rows.table.select(part), rows.base)
-        errors = residuals(own, predicted[part], noise, base_error)
-        variance = np.einsum("nii->ni", errors.covariance)
-        blocks.append((errors.physical, errors.whitened, variance))
-    physical, whitened, variance = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
-    return physical, whitened, variance
-
-
-def residuals(rows: Rows, predicted: F, noise: Noise, base_error: F) -> Residuals:
-    """Return the residuals of a prediction (N, m) under the noise of the rows."""
-    measured = np.stack([rows.table.column(name) for name in rows.base.outputs], axis=1)
-    covariance = noise.covariance(rows, base_error)
-    whitener = whiteners(covariance)
-    physical = measured - predicted
-    return Residuals(physical, np.einsum("nij,nj->ni", whitener, physical), covariance, whitener)
 
 
 def features(rows: Rows, most: int) -> tuple[F, tuple[str, ...]]:

@@ -18,7 +18,6 @@ from ecm.comparison.reference_models import (
 )
 from ecm.comparison.residual_figures import LINK, residual_figure, residual_section
 from ecm.comparison.residual_maps import WORST, ResidualMaps, residual_maps_of
-from ecm.comparison.residuals import residuals
 from ecm.comparison.structure import (
     StructureTest,
     neighbours_alike,
@@ -30,6 +29,7 @@ from ecm.io.arrays import F, I
 from ecm.io.columns import unit_of
 from ecm.io.events import Progress, Steps
 from ecm.io.extras import require
+from ecm.models.errors import residuals
 from ecm.models.evaluation import PoseError, pose_error
 from ecm.models.fit import remedy_of_inputs
 from ecm.models.joint_fit import base_columns
@@ -358,7 +358,7 @@ class Comparison(Shown):
         }
 
 
-_MEANING = {
+_CAN_FIT = {
     "physics base": "FEM of the body with E and ν free: what it leaves, no elasticity explains",
     "symmetric energy": "any elasticity or geometry that keeps the symmetry",
     "ceiling": "the better of the two with a free cubic of the pose: any function of the pose",
@@ -544,7 +544,7 @@ def reference_blocks(
     if lost:
         names = f"The {' and the '.join(lost)} do{'es' * (len(lost) == 1)}"
         blocks.append(TextBlock(f"{names} not extrapolate to the held-out rows."))
-    rows = [[name, shown.get(name), _MEANING[name]] for name in levels]
+    rows = [[name, shown.get(name), _CAN_FIT[name]] for name in levels]
     caption = f"Error over {over}, {HELD_OUT[known.by]} held out. What each reference leaves."
     return [
         *blocks,

@@ -92,7 +92,7 @@ def dynamic_stiffness(
     ways = table.column(table.pose_columns[0])
     loads = table.column(table.wrench_columns[0])
     if model is not None:
-        loads = as_model(model, table).predict(table)[:, 0]
+        loads = as_model(model, table).readings(table)[:, 0]
     found = []
     for rows in order_of_visits(table):
         time = table.column("time_s")[rows] - table.column("time_s")[rows[0]]

@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 
 from ecm.comparison.residuals import KNOWN, features, in_each_component
-from ecm.io.arrays import B, F, I
+from ecm.io.arrays import B, F, I, rms
 from ecm.io.columns import JOINT_SIGNS, JOINTS, VELOCITY
 from ecm.io.table import Table
 from ecm.regression.f_test import Beside, explained_by_span, lack_of_fit
@@ -260,7 +260,7 @@ def signature_shares(
 
 
 _DEGREE = 3
-_UNLIKE = 1.5
+_OUTLYING = 1.5
 """A run is an outlier where the curves of the others miss it so many times more than they miss each
 other."""
 _SWAPPED = 0.5
@@ -281,7 +281,7 @@ class RunOutlier:
     def sentence(self) -> str:
         """Return one plain sentence."""
         text = (
-            f"run {self.run} is unlike the others: what they say of it is off by "
+            f"run {self.run} differs from the others: what they say of it is off by "
             f"{self.error:.2g} of its spread, among themselves by {self.others:.2g}"
         )
         return text + (
@@ -304,7 +304,7 @@ def run_outliers(table: Table, inputs: Sequence[str], outputs: Sequence[str]) ->
     numbers = np.unique(run)
     if len(numbers) < 3:
         return []
-    size = np.array([float(np.sqrt((y[run == n] ** 2).mean())) for n in numbers])
+    size = np.array([rms(y[run == n]) for n in numbers])
     own = {int(n): (x[run == n], y[run == n]) for n in numbers}
     # Each run against each other one: the median does not see a single strange run.
     pairs = np.array([[_miss(own[int(a)], own[int(b)]) for b in numbers] for a in numbers])
@@ -313,11 +313,11 @@ def run_outliers(table: Table, inputs: Sequence[str], outputs: Sequence[str]) ->
     outliers = []
     for i, number in enumerate(numbers):
         rest = float(np.median(np.delete(errors, i)))
-        if errors[i] <= _UNLIKE * rest:
+        if errors[i] <= _OUTLYING * rest:
             continue
         turned = _exchanged(own[int(number)], x[run != number], y[run != number])
         again = np.median([_miss(turned, own[int(b)]) for b in numbers if b != number])
-        again /= float(np.sqrt((turned[1] ** 2).mean()))
+        again /= rms(turned[1])
         swapped = bool(again < _SWAPPED * errors[i])
         outliers.append(RunOutlier(int(number), float(errors[i]), rest, swapped))
     return outliers
@@ -332,7 +332,7 @@ def _miss(of: tuple[F, F], by: tuple[F, F]) -> float:
     # Beyond the range of `by` the curve is constant, and the distance counts as a difference.
     beyond = (of[0] - inside) / span
     miss = of[1] - curve(inside)
-    scale = float(np.sqrt((by[1] ** 2).mean()))
+    scale = rms(by[1])
     return float(np.sqrt((miss**2).mean() + (scale * beyond) ** 2 @ np.ones(len(miss)) / len(miss)))
 
 

@@ -4,7 +4,7 @@ Energies of growing degree are fitted to the rows so far; that of the least AIC 
 truth is taken to be one of the highest degree: what the poorest model has is free, and each further
 term has a normal prior of one size, in noise of a reading, over which the marginal likelihood of
 the rows is the weight (Bayesian linear regression, with the size integrated out on a grid). So a
-form that the rows cannot show yet counts as far as they leave it open.
+term that the rows do not determine yet makes the interval wider.
 
 The next pose is the one that lowers the mean variance of the prediction over the candidates most,
 in N or in mm, in the time that it takes (V-optimality). The error is that of the model to energies
@@ -41,17 +41,17 @@ _RICHEST = 6
 """Degree of the energies of which the truth is one."""
 _SIZES = np.geomspace(0.3, 100.0, 8)
 """Sizes that a further term may have, root mean square over the candidates, in noise of a reading.
-Below the least of them a form is not seen, so that the rows would call it none: of smaller ones too
-few promises were kept (benches/measure_until.py)."""
+The rows do not show a smaller term, and would weigh it as none: with smaller sizes in the grid too
+few intervals held the true error (benches/measure_until.py)."""
 _SIZE = 1.0
 """Size for which poses are chosen; the error falls fastest with it, in N and in mm, little faster
 than with 0.3 or with 3."""
 _DRAWS = 200
 _CHANCE = 0.95
 """Chance at which the residual holds more, or less, than the noise."""
-_PROMISED = 0.99
+_COVERED = 0.99
 """Chance with which the error is below the upper end of its interval. A run ends at the first row
-that promises enough, so at the luckiest of many looks: of those 95 % shall be kept."""
+whose interval is good enough, the luckiest of many: by this chance 95 % of those hold it."""
 
 
 @dataclass(frozen=True)
@@ -191,6 +191,7 @@ class NextPose:
         random = np.random.default_rng(0)
         normal = random.standard_normal((len(known), _DRAWS))
         weights, errors = np.zeros(len(_SIZES)), np.zeros((len(_SIZES), _DRAWS))
+        # For each size of the prior: errors drawn from the posterior, and the evidence as weight.
         for i, a_size in enumerate(_SIZES):
             prior = np.zeros(len(known))
             prior[free:] = (size / a_size) ** 2
@@ -203,10 +204,11 @@ class NextPose:
             weights[i] = -0.5 * (further + np.linalg.slogdet(spread)[1])
         each = np.repeat(special.softmax(weights) / _DRAWS, _DRAWS)
         drawn = random.choice(errors.ravel(), len(_SIZES) * _DRAWS, p=each)
+        # A residual beyond the noise is a form that no degree holds; its excess adds to the error.
         significant = not noise.is_assumed and squares > stats.chi2.ppf(_CHANCE, freedom)
         reading = np.trace(into @ noise.covariance(nominal.rows(region)).sum(axis=0) @ into.T)
         form = float(significant * (squares / freedom - 1.0) * reading)
-        squares_at = [drawn.mean(), *np.quantile(drawn, [1.0 - _PROMISED, _PROMISED])]
+        squares_at = [drawn.mean(), *np.quantile(drawn, [1.0 - _COVERED, _COVERED])]
         now, low, high = np.sqrt(np.asarray(squares_at) + form).tolist()
         return FreshError(model.base.name, self._unit, now, low, high, bool(significant))
 

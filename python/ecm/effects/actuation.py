@@ -235,7 +235,7 @@ class RegulatorLag(_OfActuator):
     parameters = (Parameter("share", "1", 0.05),)
     signature = "follows the last change of pressure and dies out with the time since then"
     requires = (needs_full, _needs_pressures, needs_columns("time_s"))
-    needs = "pressure_1_Pa and time_s, and rows at unlike times after a change of pressure"
+    needs = "pressure_1_Pa and time_s, and rows at different times after a change of pressure"
 
     def change(self, rows: Rows, inputs: F) -> F:
         """Minus the last change, times what is left of it."""

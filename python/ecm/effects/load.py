@@ -334,9 +334,9 @@ def _relative_payload(rows: Rows) -> F:
     """
     usual = rows.table.meta.scene.payload_mass_kg
     declared = rows.of_run("payload_mass_kg", np.nan)
-    carried = declared[(declared > 0.0) & ~rows.unloaded]
-    unit = usual or (float(carried[0]) if len(carried) else 1.0)
-    default = 0.0 if usual == 0.0 and len(carried) else 1.0
+    loads = declared[(declared > 0.0) & ~rows.unloaded]
+    unit = usual or (float(loads[0]) if len(loads) else 1.0)
+    default = 0.0 if usual == 0.0 and len(loads) else 1.0
     return np.where(np.isnan(declared), default, declared / unit)
 
 

@@ -29,7 +29,7 @@ from ecm.effects.rod import (
     wrench_of,
     wrench_of_other_body,
 )
-from ecm.io.arrays import F
+from ecm.io.arrays import F, rms_of_columns
 from ecm.io.se3 import seen_from, turn_wrench, wrapped_rotation
 from ecm.io.table import Table
 from ecm.regression.rows import Rows
@@ -164,7 +164,7 @@ class StrainStiffening(LinearEffect):
         """
         loaded = ~rows.unloaded
         wrench, correction = (part[loaded] for part in (rows.wrench, self.correction(rows, values)))
-        spread = np.sqrt((wrench**2).mean(axis=0))
+        spread = rms_of_columns(wrench)
         spread = np.where(spread > 0.0, spread, 1.0)
         pull = np.einsum("ni,ni->n", rows.rotation[loaded][:, :, 0], wrench[:, :3])
         wrench, correction = wrench / spread, correction / spread

@@ -5,7 +5,7 @@ h_i = h_base(p_i) + sum_e correction_e(row i, parameters_e). Corrections are exa
 parameters where that is cheap; products of two effects, a few per cent of a few per cent, are
 neglected. An effect knows its rows and nothing of the diagnosis that uses it.
 
-A thinned table holds some rows of a larger one. What depends on time and order follows what
+A subsample holds some rows of a larger table. What depends on time and order follows what
 happened between two of them: `correction_of` and `jacobian_of` compute it on the whole table.
 """
 

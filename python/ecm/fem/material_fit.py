@@ -124,14 +124,16 @@ class MaterialFit(Printed):
     """Uniaxial stretches that the tests cover; an equibiaxial one at l counts as l^-2."""
     warnings: tuple[str, ...]
 
-    def __str__(self) -> str:
+    def sentences(self) -> list[str]:
+        """The modulus, the misfit to each kind of test, and each value."""
         pairs = zip(self.names, self.values, self.sd, strict=True)
         misfit = ", ".join(f"{mode} {share:.1%}" for mode, share in self.rms.items())
-        return "\n".join(
-            [f"{self.material.model}: misfit {misfit}"]
-            + [f"{name} = {value:.5g} +- {sd:.2g}" for name, value, sd in pairs]
-            + list(self.warnings)
-        )
+        modulus = f"E = {self.material.young_modulus_Pa:.4g} Pa"
+        values = [f"{name} = {value:.5g} +- {sd:.2g}" for name, value, sd in pairs]
+        return [f"{self.material.model}: {modulus}, misfit {misfit} (rms)", *values]
+
+    def __str__(self) -> str:
+        return "\n".join([*self.sentences(), *self.warnings])
 
 
 _LONGER = 6

@@ -40,6 +40,17 @@ def rms(values: F) -> float:
     return float(np.sqrt((values**2).mean()))
 
 
+def rms_of_columns(values: F) -> F:
+    """(m,) root mean square of each column of (N, m).
+
+    Examples
+    --------
+    >>> rms_of_columns(np.array([[2.0, 0.0], [-2.0, 0.0]]))
+    array([2., 0.])
+    """
+    return np.asarray(np.sqrt((values**2).mean(axis=0)))
+
+
 def central_differences(
     function: Callable[[F], F], at: F, step: float | Sequence[float]
 ) -> list[F]:

@@ -196,7 +196,7 @@ class Tendon(Checked):
     base_m: tuple[tuple[float, ...], ...] = setting((), any_size=True)
     """Points that the base carries, first to last."""
     body_m: tuple[tuple[float, ...], ...] = setting((), any_size=True)
-    """Points within the body, behind those of the base."""
+    """Points within the body, after those of the base."""
     platform_m: tuple[tuple[float, ...], ...] = setting((), any_size=True)
     """Points that the platform carries, last."""
 

@@ -129,7 +129,7 @@ def wrench_adjoint(frame: tuple[float, ...] | None) -> F:
 def poses_of(q: F, length_m: float) -> F:
     """(N, 6 + m) poses of mid-frame coordinates (N, 6 + m), the inverse of `mid_frame`.
 
-    The m columns behind the six stay.
+    The m columns after the six stay.
 
     Examples
     --------

@@ -237,7 +237,7 @@ class ActuatedMap(SixAxisMap):
     pure_J
         (o,) coefficients of the polynomial of the inputs alone; zero where no amount was measured.
     actuators
-        Their columns: behind the six of the pose.
+        Their columns: after the six of the pose.
     """
 
     terms: ActuatedTerms

@@ -31,6 +31,7 @@ from ecm.models.actuated import misread
 from ecm.regression.folds import repeated_poses
 from ecm.regression.history import correlation_time
 from ecm.regression.noise import noise_source
+from ecm.report.blocks import CodeBlock, Report, Section, TableBlock, TextBlock
 
 _COLUMNS, _TESTABLE, _REPEATS, _SUSPECT = (
     "columns", "testable effects", "repeats", "rows that are no measurements",
@@ -56,6 +57,13 @@ class ColumnCheck:
     def constant(self) -> bool:
         """Whether all known values are the same."""
         return self.distinct <= 1
+
+    def cells(self) -> list[str]:
+        """Return its row in the table of a report."""
+        ends = ["" if end is None else f"{end:.4g}" for end in (self.minimum, self.maximum)]
+        what = self.role + ", constant" * self.constant
+        what += f", {self.unknown} unknown" if self.unknown else ""
+        return [self.name, self.unit, *ends, str(self.distinct), what]
 
 
 @dataclass(frozen=True)
@@ -138,6 +146,19 @@ class Check(Printed):
 
     def __str__(self) -> str:
         return "\n".join(self.sentences())
+
+    def report(self) -> Report:
+        """Return what the command prints and its page shows."""
+        header = ("column", "unit", "from", "to", "distinct", "what")
+        effects = TextBlock(", ".join(self.testable) or "none")
+        lines = "\n".join(lines_by_reason(self.not_testable)) or "none"
+        sections = [
+            Section("Table", [TextBlock(sentence) for sentence in self.sentences()]),
+            Section("Columns", [TableBlock("", header, [own.cells() for own in self.columns])]),
+            Section(f"Testable effects ({len(self.testable)})", [effects]),
+            Section("Not testable with these columns", [CodeBlock("", lines)]),
+        ]
+        return Report("Check of a table", self.source, sections, self.warnings)
 
     def to_pandas(self) -> Any:
         """Return a DataFrame with a row for each column of the table."""

@@ -60,7 +60,7 @@ class AdaptSettings:
     rotation_sd_rad: float = 4e-4
     """The same of the measured rotation, rad."""
     noise_time_s: float = 0.0
-    """Time over which the noise stays alike, such as a camera's period; 0: white."""
+    """Time over which the noise stays correlated, such as a camera's period; 0: white."""
     model_force_sd_N: float = 0.05
     """Error of the model beside these parameters in the middle of its domain, N: the excess error
     of `ecm compare` on rows that were not in the fit."""

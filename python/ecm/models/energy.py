@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 
 from ecm.errors import InputError
-from ecm.io.arrays import I
+from ecm.io.arrays import I, rms_of_columns
 from ecm.io.events import Progress, Steps
 from ecm.io.settings import ENERGY_DEGREES, setting
 from ecm.io.table import Table
@@ -43,7 +43,7 @@ _TRIED_ROWS = 1500
 """Rows on which it is tried before."""
 _STRETCHES = 5
 """Stretches of these rows, of which the middle one is predicted from the others."""
-_WILD = 20.0
+_OVERFITTED = 20.0
 """Error over spread that no model has that the rows hold."""
 
 
@@ -122,7 +122,7 @@ class EnergyModel(ModelSpecification):
         if is_partial(table):
             return fit_measured(_start(terms, table), table, weights == "spread", progress)
         if self.symmetry == "general" and len(table) > _FEWEST_TRIED:
-            _refuse_wild(terms, table)
+            _refuse_overfitted(terms, table)
         noise = declared_noise(table)
         if weights == "spread":
             first = terms.fit(table.poses, table.wrenches)
@@ -162,7 +162,7 @@ def _start(terms: EnergyTerms, table: Table) -> EnergyMap:
     return terms.map(scale, np.zeros(terms.regressor(table.poses[:1], scale).shape[2]))
 
 
-def _refuse_wild(terms: EnergyTerms, table: Table) -> None:
+def _refuse_overfitted(terms: EnergyTerms, table: Table) -> None:
     """Raise InputError where a fit without one stretch of rows errs beyond measure on it.
 
     Without symmetry the terms are so many that a log of one motion does not hold them. This is
@@ -174,11 +174,11 @@ def _refuse_wild(terms: EnergyTerms, table: Table) -> None:
     errors = fitted.predict(table.poses[stretch]) - table.wrenches[stretch]
     spread = table.wrenches.std(axis=0)
     excited = spread > 0.0
-    rms = np.sqrt((errors[:, excited] ** 2).mean(axis=0)) / spread[excited]
-    if not rms.max(initial=0.0) <= _WILD:
+    shares = rms_of_columns(errors[:, excited]) / spread[excited]
+    if not shares.max(initial=0.0) <= _OVERFITTED:
         raise InputError(
             f"{table.source}: {fitted.name} has {len(fitted.coefficients)} coefficients, "
             "which these rows do not hold: fitted without a stretch of them, it errs "
-            f"{rms.max():.2g} times the spread there. Take an energy with symmetry "
+            f"{shares.max():.2g} times the spread there. Take an energy with symmetry "
             f"(energy{terms.degree}), a lower degree, or record more poses."
         )

@@ -6,13 +6,14 @@ floor and all components count alike.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ecm._native import polynomial_regressor
-from ecm.io.arrays import F, rms
+from ecm.io.arrays import F, rms, rms_of_columns
 from ecm.io.cache import hash_of
 from ecm.io.columns import POSE, same_unit
 from ecm.io.table import Table
@@ -24,11 +25,12 @@ from ecm.regression.folds import folds, held_out_by, row_groups, spread_rows
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.normal_equations import NormalEquations, ridge_path
 from ecm.regression.rows import Rows
+from ecm.report.figures import bars
 
 _CEILING_DEGREE = 3
 _CEILING_FOLDS = 5
 _MOST_ROWS, _MOST_ROWS_OF_A_MODEL = 1000, 3000
-"""Rows that give the error of a map at home, and those of a model with its effects."""
+"""Most rows for the error of a map, and for that of a model with its effects."""
 _ROUNDING = 1e-9
 """Share of the readings that is rounding: what never moves is predicted to the last digits only."""
 
@@ -41,20 +43,72 @@ def worst_over(noise: F, errors: F) -> float:
     >>> worst_over(np.array([1.0, 10.0]), np.array([[2.0, 5.0], [-2.0, 5.0]]))
     2.0
     """
-    return float(np.max(np.sqrt((errors**2).mean(axis=0)) / noise))
+    return float(np.max(rms_of_columns(errors) / noise))
+
+
+_BLOCK = 20_000
+"""Rows whose covariances are held at once."""
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Measured minus predicted."""
+
+    physical: F
+    """(N, m) in the units of the outputs."""
+    whitened: F
+    """(N, m)."""
+    covariance: F
+    """(N, m, m) of the noise of each row."""
+    whitener: F
+    """(N, m, m)."""
+
+
+def residuals_by_block(rows: Rows, predicted: F, noise: Noise, base_error: F) -> tuple[F, F, F]:
+    """Return the residuals (N, m), whitened (N, m), and the variance of each component (N, m).
+
+    The covariances of a large table's rows are never held together.
+    """
+    blocks = []
+    for start in range(0, len(rows), _BLOCK):
+        part = np.arange(start, min(start + _BLOCK, len(rows)))
+        own = rows if len(part) == len(rows) else Rows(rows.table.select(part), rows.base)
+        errors = residuals(own, predicted[part], noise, base_error)
+        variance = np.einsum("nii->ni", errors.covariance)
+        blocks.append((errors.physical, errors.whitened, variance))
+    physical, whitened, variance = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+    return physical, whitened, variance
+
+
+def residuals(rows: Rows, predicted: F, noise: Noise, base_error: F) -> Residuals:
+    """Return the residuals of a prediction (N, m) under the noise of the rows."""
+    covariance = noise.covariance(rows, base_error)
+    whitener = whiteners(covariance)
+    physical = rows.table.matrix(rows.base.outputs) - predicted
+    return Residuals(physical, np.einsum("nij,nj->ni", whitener, physical), covariance, whitener)
+
+
+def error_over(floor: Mapping[str, float], rmse: Mapping[str, float] | None) -> float | None:
+    """Root mean square over the components of their error over their floor; None without one.
+
+    Examples
+    --------
+    >>> error_over({"fx_N": 0.5, "fy_N": 0.0}, {"fx_N": 1.0, "fy_N": 3.0})
+    2.0
+    """
+    known = [error / floor[name] for name, error in (rmse or {}).items() if floor.get(name)]
+    return rms(np.array(known)) if known else None
 
 
 def error_over_noise(base: StiffnessMap, noise: Noise, table: Table) -> float | None:
     """Error of a fitted map on its own rows over their noise, where it is known.
 
-    What a later table may be compared with: a model that erred at home errs as much elsewhere.
+    A later table may be compared with it: there a model errs at least as much.
     """
     if noise.is_residual:
         return None
     rows = Rows(table.subsample(spread_rows(table, _MOST_ROWS)), base)
-    errors = rows.table.matrix(base.outputs) - rows.sensor_load
-    whitener = whiteners(noise.covariance(rows, base.error))
-    return rms(np.einsum("nij,nj->ni", whitener, errors))
+    return rms(residuals(rows, rows.sensor_load, noise, base.error).whitened)
 
 
 def errors_and_noise(model: EvaluatedModel, table: Table) -> tuple[F, F]:
@@ -65,10 +119,10 @@ def errors_and_noise(model: EvaluatedModel, table: Table) -> tuple[F, F]:
     some = table.subsample(spread_rows(table, _MOST_ROWS_OF_A_MODEL))
     scored = some.of_poses
     readings = some.matrix(model.outputs)
-    left = readings - model.predict(some, skip_untestable=True)
-    errors = np.sqrt((left[scored] ** 2).mean(axis=0))
+    left = readings - model.readings(some, skip_untestable=True)
+    errors = rms_of_columns(left[scored])
     if model.noise.is_residual:
-        size = np.sqrt((readings[scored] ** 2).mean(axis=0))
+        size = rms_of_columns(readings[scored])
         return errors, _ROUNDING * (same_unit(model.outputs) * size).max(axis=1)
     variance = model.noise.variances(Rows(some, model.base))
     return errors, np.sqrt(variance[scored].mean(axis=0))
@@ -175,6 +229,13 @@ class FitRecord:
             f"(F = {test.F:.3g}, p = {test.p:.2g}, BIC falls by {bic:.1f})"
         )
         return replace(self, test=words)
+
+
+def history_figure(history: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The errors of the fits of a history, each a `FitRecord.to_dict`, side by side."""
+    shown = {"fitted rows": "train", "held-out rows": "held_out"}
+    errors = {word: [record[key] for record in history] for word, key in shown.items()}
+    return bars(errors, [record["name"] for record in history], y_title="error / noise")
 
 
 @dataclass(frozen=True)

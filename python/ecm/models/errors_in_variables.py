@@ -221,7 +221,7 @@ class _NoisyRows:
     wrenches: F
     """(N, m)."""
     driven: F
-    """(N, a) inputs of actuators behind the pose, which are taken as exact."""
+    """(N, a) inputs of actuators after the pose, which are taken as exact."""
     poses: F
     """(N, n) most likely true poses."""
     shift: F

@@ -134,23 +134,33 @@ class EvaluatedModel:
         """
         if actuation is not None:
             data = self.with_actuation(data, actuation)
-        if isinstance(self.base, MeasuredMap) and self.effects:
-            whole = replace(self, base=self.base.whole)
-            found = whole.predict(data, skip_untestable=skip_untestable)
-            return np.ascontiguousarray(found[..., self.base.places])
-        if isinstance(data, np.ndarray):
-            found = self._at_poses(rows_of_poses(data, self.base))
-            return np.asarray(found[0]) if is_one_pose(data, self.base) else found
-        rows = Rows(data, self.base)
-        lacking = self.left_out(data)
+        if isinstance(data, Table):
+            return self.readings(data, skip_untestable=skip_untestable)
+        whole, places = self._whole
+        found = whole._at_poses(rows_of_poses(data, self.base))[:, places]
+        return np.ascontiguousarray(found[0] if is_one_pose(data, self.base) else found)
+
+    def readings(self, table: Table, *, skip_untestable: bool = False) -> F:
+        """(N, m) expected readings of a table's rows, N and N m: `predict` behind its door."""
+        whole, places = self._whole
+        rows = Rows(table, whole.base)
+        lacking = whole.left_out(table)
         for id, why in lacking.items():
             if not skip_untestable:
                 raise InputError(
-                    f"{data.source}: effect {id} cannot be predicted here, "
+                    f"{table.source}: effect {id} cannot be predicted here, "
                     f"{why.reason}; record {why.record}, or remove the effect"
                 )
         acting = [item for item in self.effects if item.id not in lacking]
-        return self._with_corrections(rows.sensor_load, rows, acting)
+        found = whole._with_corrections(rows.sensor_load, rows, acting)
+        return np.ascontiguousarray(found[:, places])
+
+    @property
+    def _whole(self) -> tuple[EvaluatedModel, Any]:
+        """The model of all components, which effects need, and the places of its own in them."""
+        if isinstance(self.base, MeasuredMap) and self.effects:
+            return replace(self, base=self.base.whole), self.base.places
+        return self, slice(None)
 
     def with_actuation(self, poses: F, actuation: F) -> F:
         """(N, 6 + m) rows, or one (6 + m,), of poses and inputs of a model with actuators.
@@ -413,7 +423,7 @@ def is_one_pose(poses: F, base: StiffnessMap) -> bool:
 def rows_of_poses(poses: F, base: StiffnessMap) -> F:
     """(N, n) of poses (N, n), or (1, n) of one pose (n,); of one column also of (N,) or a number.
 
-    With the inputs of actuators behind them where the map has some.
+    With the inputs of actuators after them where the map has some.
     """
     inputs, actuators = base.inputs, actuators_of(base)
     try:
@@ -629,7 +639,7 @@ def error_of_report(model: EvaluatedModel, table: Table) -> dict[str, Any]:
     """Pose error of a model on the rows of a fit report, as plain JSON."""
     shown = report_rows(table)
     some = table.subsample(shown)
-    errors = some.matrix(model.outputs) - model.predict(some)
+    errors = some.matrix(model.outputs) - model.readings(some)
     return pose_error(model, table.select(shown), errors).to_dict()
 
 

@@ -258,12 +258,12 @@ def _onto(rows: F, beta: F, covariance: F) -> tuple[F, F]:
     size = np.linalg.norm(rows, axis=1).max()
     if size == 0.0:
         return beta, covariance
-    carried = covariance @ rows.T
-    gain = carried @ np.linalg.pinv(rows @ carried, rcond=1e-12, hermitian=True)
+    cross = covariance @ rows.T
+    gain = cross @ np.linalg.pinv(rows @ cross, rcond=1e-12, hermitian=True)
     # Twice: the second step removes what rounding left.
     for _ in range(2):
         beta = beta - gain @ (rows @ beta)
-    reduced = covariance - gain @ carried.T
+    reduced = covariance - gain @ cross.T
     return beta, 0.5 * (reduced + reduced.T)
 
 
@@ -302,13 +302,13 @@ def _above(rows: F, floor: float, start: F, covariance: F) -> F:
     """Nearest beta with rows @ beta >= floor: the dual is a non-negative least squares."""
     size = np.sqrt(np.einsum("ij,jk,ik->i", rows, covariance, rows))
     rows, need = rows / size[:, None], (floor - rows @ start) / size
-    carried = rows @ covariance
-    values, vectors = np.linalg.eigh(carried @ rows.T)
+    cross = rows @ covariance
+    values, vectors = np.linalg.eigh(cross @ rows.T)
     positive = values > 1e-12 * values[-1]
     root = np.sqrt(values[positive])[:, None] * vectors[:, positive].T
     target = (vectors[:, positive] / np.sqrt(values[positive])).T @ need
     multipliers, _ = nnls(root, target)
-    return np.asarray(start + multipliers @ carried)
+    return np.asarray(start + multipliers @ cross)
 
 
 _ENERGY = (4, 5, 6)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ecm.errors import EcmError
+from ecm.io.arrays import rms
 from ecm.io.columns import unit_of
 from ecm.io.table import Table
 from ecm.models.maps import ModelSpecification, StiffnessMap
@@ -67,7 +68,7 @@ def fit_summary(
     sentences: list[str] = []
     for j, column in enumerate(fitted.outputs):
         values = measured.column(column)
-        rmse = float(np.sqrt(np.mean((predicted[:, j] - values) ** 2)))
+        rmse = rms(predicted[:, j] - values)
         spread = float(np.std(values))
         share = rmse / spread if spread > 0.0 else None
         components[column] = {"rmse": rmse, "spread": spread, "rmse_over_spread": share}

@@ -105,7 +105,7 @@ def array(*shape: int | None, positive: bool = False, most: float = LARGEST) -> 
             raise _wrong(place, value, words)
         try:
             values = np.array(value)
-        except (ValueError, OverflowError):  # lists of unlike lengths
+        except (ValueError, OverflowError):  # lists of different lengths
             raise _wrong(place, value, words) from None
         if values.dtype.kind not in "fiu":
             raise _wrong(place, value, words)

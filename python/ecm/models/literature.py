@@ -447,7 +447,7 @@ def rod_sections(compliance: F, length_m: float) -> dict[str, float]:
     """EA, GA, EI, GJ of the clamped rod with this compliance (6,) at rest; means over y and z."""
     bending = 2.0 * length_m / (compliance[4] + compliance[5])
     lateral = 0.5 * (compliance[1] + compliance[2])
-    # c_yy = L/GA + L^3/(3 EI); for a body unlike a rod the shear part may be too small.
+    # c_yy = L/GA + L^3/(3 EI); for a body that is no rod the shear part may be too small.
     shear = max(lateral - length_m**3 / (3.0 * bending), 0.05 * lateral)
     sections = (length_m / compliance[0], length_m / shear, bending, length_m / compliance[3])
     return dict(zip(ROD_SECTIONS, map(float, sections), strict=True))

@@ -638,7 +638,7 @@ class ModelSpecification(Checked, ABC):
     any_columns: ClassVar[bool] = False
     """Whether it fits any pose columns; else it needs all six."""
     takes_inputs: ClassVar[bool] = False
-    """Whether it takes the inputs of actuators behind six pose columns."""
+    """Whether it takes the inputs of actuators after six pose columns."""
 
     @property
     def name(self) -> str:

@@ -3,7 +3,7 @@
 A fit keeps some hundred of its rows' poses in the model file. Export, control loop, the linear part
 for MuJoCo and `inside` all take their poses from here: measured rows, and mixes of near ones, in
 mid-frame coordinates, in which equal loads lie on straight lines as far as the mechanism is linear.
-The inputs of a map's actuators stand behind its poses, and count as coordinates of their own.
+The inputs of a map's actuators follow its poses, and count as coordinates of their own.
 Older files hold none: their poses are those that loads bend the model to inside its domain.
 """
 
@@ -234,9 +234,9 @@ def are_inside(model: EvaluatedModel, poses: F) -> B:
     """
     reach = reach_of(model, model.base)
     if reach is not None:
-        behind = np.zeros((len(poses), len(taken_by(model.base))))
-        behind[:, : poses.shape[1]] = poses
-        return reach.contains(_coordinates_of(model.base, behind)[:, : len(reach.low)])
+        padded = np.zeros((len(poses), len(taken_by(model.base))))
+        padded[:, : poses.shape[1]] = poses
+        return reach.contains(_coordinates_of(model.base, padded)[:, : len(reach.low)])
     everywhere = (-np.inf, np.inf)
     low, high = np.array([model.domain.get(name, everywhere) for name in model.base.inputs]).T
     poses = poses[:, : len(low)]

@@ -21,7 +21,7 @@ from ecm.io.extras import require
 from ecm.io.table import Table, TableLike, as_table, takes_table
 from ecm.models import registry
 from ecm.models.controller import Controller
-from ecm.models.errors import FitRecord
+from ecm.models.errors import FitRecord, history_figure
 from ecm.models.evaluation import EvaluatedModel, error_of_report, rows_of_poses
 from ecm.models.joint_fit import (
     CoefficientPrior,
@@ -179,7 +179,7 @@ class Model(Shown, EvaluatedModel):
         """(N,) whether the model is asked beyond its measured poses.
 
         There `inside` of the exported model is 0. A file that holds no measured poses has the range
-        of each pose column. Inputs of actuators stand behind the pose; without any they are 0.
+        of each pose column. Inputs of actuators follow the pose; without any they are 0.
         """
         return ~are_inside(self, rows_of_poses(poses, self.base))
 
@@ -336,17 +336,13 @@ class Model(Shown, EvaluatedModel):
                 "the model has no history of fits to plot: give the data, plot(table), or call "
                 "fit(table) first"
             )
-        errors: dict[str, Sequence[float]] = {
-            "fitted rows": [record.train for record in self.history],
-            "held-out rows": [record.held_out for record in self.history],
-        }
-        names = [record.name for record in self.history]
-        return figures.plotly_figure(figures.bars(errors, names, y_title="error / noise"))
+        records = [record.to_dict() for record in self.history]
+        return figures.plotly_figure(history_figure(records))
 
     def _over_displacement(self, table: Table) -> dict[str, Any]:
         """Measured and modelled wrench of each row, a panel for each component."""
         measured = table.matrix(self.outputs)
-        modelled = self.predict(table, skip_untestable=True)
+        modelled = self.readings(table, skip_untestable=True)
         poses = table.matrix(self.inputs)
         spread = poses.std(axis=0)
         places = []

@@ -141,7 +141,7 @@ def predict(
     """
     poses = inputs_of(model.base, table)
     # Effects follow the history of all rows.
-    whole = model.predict(table) if model.effects else None
+    whole = model.readings(table) if model.effects else None
     parts = []
     for start in range(0, len(poses), _ROWS):
         if progress is not None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from ecm.effects import Rows
 from ecm.errors import EcmError, InputError
-from ecm.io.arrays import F, I
+from ecm.io.arrays import F, I, rms_of_columns
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import Printed, Progress
 from ecm.io.extras import require
@@ -159,7 +159,7 @@ def cross_validate(
         predicted = measured_part(base, test).predict(inputs_of(base, test))
         residual[fold == part] = truth[fold == part] - predicted
         told(part + 1, count)
-    rmse = np.sqrt((residual**2).mean(axis=0))
+    rmse = rms_of_columns(residual)
     return CrossValidation(
         rmse=dict(zip(outputs, rmse.tolist(), strict=True)),
         spread=dict(zip(outputs, truth.std(axis=0).tolist(), strict=True)),

@@ -1,4 +1,4 @@
-"""Rows in time: the pose before each, the order of visits, and how long neighbours stay alike."""
+"""Rows in time: the pose before each, the order of visits, and their correlation time."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from ecm.io.arrays import B, F, I
+from ecm.io.arrays import B, F, I, rms
 from ecm.io.columns import POSE, VELOCITY
 from ecm.io.table import Table
 from ecm.regression.f_test import orthonormal
@@ -19,8 +19,8 @@ def pose_before(table: Table, rest_pose: F) -> F:
     """(N, 6) pose from which each row was approached; NaN where that is unknown.
 
     `initial` is the rest pose; a pose_id is the mean measured pose of that id. Without the column
-    `approach` it is the row before in time, of the same run. The rows of a thinned table keep the
-    poses before them in the whole one.
+    `approach` it is the row before in time, of the same run. The rows of a subsample keep the poses
+    before them in the whole table.
     """
     return values_before(table, POSE, rest_pose)
 
@@ -195,7 +195,7 @@ def speeds(table: Table) -> dict[str, F]:
     table
         With v_ columns, else with `time_s`: samples of a continuous test have velocities by the
         rows on both sides; visits only the speed of the way from the visit before. Those of a
-        thinned table come from all rows.
+        subsample come from all rows.
 
     Returns
     -------
@@ -250,7 +250,7 @@ def _moving(velocities: dict[str, F]) -> dict[str, F]:
     moving = {name: v for name, v in velocities.items() if float(np.ptp(v)) > 0.0}
     if not moving:
         return {}
-    scaled = [v / np.sqrt((v**2).mean()) for v in moving.values()]
+    scaled = [v / rms(v) for v in moving.values()]
     return moving | {"speed": np.sqrt(np.square(scaled).sum(axis=0))}
 
 
@@ -266,7 +266,7 @@ def _rate_of_way(table: Table, values: F) -> F:
 
 _MANY = 2**17
 """Longer runs are taken in every so many rows: their correlation time has many steps."""
-_ALIKE = 0.5
+_DEPENDENT = 0.5
 """Correlation of neighbours above which the rows of a log are no independent readings."""
 
 
@@ -277,7 +277,7 @@ class CorrelationTime:
     Examples
     --------
     >>> print(CorrelationTime(1.2, 0.01, 12000).sentence())
-    12000 samples every 0.01 s stay alike for 1.2 s: they tell as much as 100 rows at rest.
+    12000 samples every 0.01 s stay correlated for 1.2 s: they tell as much as 100 rows at rest.
     """
 
     time_s: float
@@ -294,8 +294,8 @@ class CorrelationTime:
     def sentence(self) -> str:
         """Return it in plain words."""
         return (
-            f"{self.rows} samples every {self.step_s:.3g} s stay alike for {self.time_s:.2g} s: "
-            f"they tell as much as {self.independent} rows at rest."
+            f"{self.rows} samples every {self.step_s:.3g} s stay correlated for "
+            f"{self.time_s:.2g} s: they tell as much as {self.independent} rows at rest."
         )
 
 
@@ -333,7 +333,7 @@ def correlation_time(table: Table) -> CorrelationTime | None:
 
 
 def correlation_of_rest(table: Table, rest: F) -> CorrelationTime | None:
-    """Return how long the residual of a continuous test stays alike; None: not at all.
+    """Return how long the residual of a continuous test stays correlated; None: not at all.
 
     Neighbours that share less than half of it are taken as independent: then most is the noise of
     each sample.
@@ -359,7 +359,7 @@ def correlation_of_rest(table: Table, rest: F) -> CorrelationTime | None:
         found = [
             _integral(own[::stride])
             for own in rest[rows].T
-            if own.std() > 0.0 and own[1:] @ own[:-1] > _ALIKE * (own @ own)
+            if own.std() > 0.0 and own[1:] @ own[:-1] > _DEPENDENT * (own @ own)
         ]
         times.append(max([value or 1.0 for value in found], default=1.0) * step * stride)
         steps.append(step)
@@ -377,7 +377,7 @@ def _runs(table: Table) -> Iterator[tuple[I, float, int]]:
 
 
 def _integral(values: F) -> float | None:
-    """Steps over which a channel stays alike, at least 1; None for a constant one."""
+    """Steps over which a channel stays correlated, at least 1; None for a constant one."""
     centred = values - values.mean()
     size = len(values)
     if size < 8 or not np.any(np.abs(centred) > 1e-12 * np.max(np.abs(values))):
@@ -405,7 +405,7 @@ class SlowNoise:
     Examples
     --------
     >>> SlowNoise(3.0, 0.9, 0.2).words()
-    'noise that stays alike for about 3 s, or an effect as slow: these rows cannot tell'
+    'noise that stays correlated for about 3 s, or an effect as slow: these rows cannot tell'
     """
 
     time_s: float
@@ -418,8 +418,8 @@ class SlowNoise:
     def words(self) -> str:
         """Return it in plain words."""
         return (
-            f"noise that stays alike for about {self.time_s:.2g} s, or an effect as slow: these "
-            "rows cannot tell"
+            f"noise that stays correlated for about {self.time_s:.2g} s, or an effect as slow: "
+            "these rows cannot tell"
         )
 
 

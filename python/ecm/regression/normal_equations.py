@@ -376,7 +376,7 @@ def without_each(fold: I, parts: Sequence[F], solve: Callable[[Sequence[F], int]
 
 
 def few_rows(table: Table) -> Table:
-    """A table of many rows thinned to some thousand, evenly over its rows; else the table."""
+    """Some thousand rows of a table of many, evenly spaced; of fewer rows the table itself."""
     if len(table) < MANY_ROWS:
         return table
     return table.select(np.arange(0, len(table), len(table) // _FEW_ROWS))

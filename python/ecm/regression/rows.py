@@ -12,7 +12,7 @@ import numpy as np
 
 from ecm._native import inverse_left_jacobians, rotation_matrices
 from ecm.errors import InputError, ModelError
-from ecm.io.arrays import B, F, I
+from ecm.io.arrays import B, F, I, rms
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.regression.history import order_of_visits, pose_before
@@ -135,17 +135,17 @@ def naming_wild_readings(table: Table) -> Iterator[None]:
     try:
         yield
     except ModelError as error:
-        said = _wildest(table)
+        said = _outlier(table)
         if said is None:
             raise
         raise InputError(
             f"{table.source}: {said}, at most {_TIMES:g} times can be computed with. Mend it, or "
-            'leave the row out: wild = "ROW" under [leave_out] of the description (rows are '
+            'leave the row out: outlier = "ROW" under [leave_out] of the description (rows are '
             f"counted from 1 below the header). What failed: {error}"
         ) from error
 
 
-def _wildest(table: Table) -> str | None:
+def _outlier(table: Table) -> str | None:
     found = None
     most = _TIMES
     for name in table.wrench_columns:
@@ -213,12 +213,12 @@ class BaseMap(Protocol):
 
 
 def actuators_of(base: Any) -> tuple[str, ...]:
-    """Columns of the actuators that a map takes behind the pose; none for most."""
+    """Columns of the actuators that a map takes after the pose; none for most."""
     return tuple(getattr(base, "actuators", ()))
 
 
 def taken_by(base: Any) -> tuple[str, ...]:
-    """Columns that a map takes: of the pose, and behind them those of its actuators."""
+    """Columns that a map takes: of the pose, and after them those of its actuators."""
     return (*base.inputs, *actuators_of(base))
 
 
@@ -252,7 +252,7 @@ def inputs_of(base: Any, table: Table) -> F:
 
 
 def columns_of(base: Any, poses: F) -> dict[str, F]:
-    """Columns of bare poses (N, n), with the inputs of actuators behind them or without: then 0.
+    """Columns of bare poses (N, n), with the inputs of actuators after them or without: then 0.
 
     Examples
     --------
@@ -374,7 +374,7 @@ class Rows:
 
     @cached_property
     def whole(self) -> Rows:
-        """All rows of the table that a thinned table was chosen from; else these rows."""
+        """All rows of the table that a subsample was chosen from; else these rows."""
         return self if self.table.sampled_from is None else Rows(self.table.sampled_from, self.base)
 
     def of_whole(self, values: F) -> F:
@@ -396,7 +396,7 @@ class Rows:
     def of_other_torques(self) -> Rows:
         """The rows of `of_six` with other torques where the base does not give them."""
         unknown = np.array([name not in self.base.outputs for name in WRENCH])
-        size = float(np.sqrt((self.stiffness**2).mean()))
+        size = rms(self.stiffness)
         more = size * np.random.default_rng(0).standard_normal((6, 6)) * unknown[:, None]
         return Rows(self.table, _OfSix(self.of_six.base, more))
 

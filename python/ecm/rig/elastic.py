@@ -70,7 +70,7 @@ class FemSource:
 
 
 def _slopes(results: FemResults) -> F:
-    """(N, 6, 6) K, or (N, 6, 6 + m) with G behind it."""
+    """(N, 6, 6) K, or (N, 6, 6 + m) with G beside it."""
     if not results.actuation_jacobians[0].shape[-1]:
         return results.stiffness
     return np.concatenate([results.stiffness, results.actuation_jacobians[0]], axis=2)
@@ -189,7 +189,7 @@ class Smooth(Protocol):
 class SolvedPoses:
     """Solutions at (N, 6) poses; `status` other than "solved" marks rows not to be visited.
 
-    Of a mechanism with m actuators the poses are (N, 6 + m) with their inputs behind, and the
+    Of a mechanism with m actuators the poses are (N, 6 + m) with their inputs after them, and the
     stiffness is (N, 6, 6 + m), K and G.
 
     Examples
@@ -226,7 +226,7 @@ class SolvedPoses:
 
 
 class Elastic:
-    """h(p) and K(p) near the solved poses, which may have the actuators' inputs behind them."""
+    """h(p) and K(p) near the solved poses, which may have the actuators' inputs after them."""
 
     def __init__(self, solved: SolvedPoses, smooth: Smooth | None = None) -> None:
         self.solved = solved

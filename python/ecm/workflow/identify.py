@@ -166,7 +166,7 @@ def _check(job: Job) -> None:
 
 
 def _rows(pairs: Simulated, rows: I) -> tuple[F, F]:
-    """Poses, with the actuators' inputs behind them where there are some, and wrenches."""
+    """Poses, with the actuators' inputs after them where there are some, and wrenches."""
     return np.hstack([pairs.poses, pairs.actuation])[rows], pairs.wrenches[rows]
 
 

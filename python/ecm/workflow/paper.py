@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm._native import EnergyEvaluator, PolynomialEvaluator
-from ecm.io.arrays import F, I
+from ecm.io.arrays import F, I, rms_of_columns
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.mechanism import Mechanism
@@ -88,11 +88,6 @@ Pairs = tuple[F, F]
 """Poses (N, 6) and their wrenches (N, 6)."""
 
 
-def rmse(predicted: F, observed: F) -> F:
-    """Root mean square error of each component."""
-    return np.asarray(np.sqrt(np.mean((predicted - observed) ** 2, axis=0)))
-
-
 def relative_error(predicted: F, observed: F) -> F:
     """e_rel of equation (7): (predicted - observed) / observed."""
     return np.asarray((predicted - observed) / observed)
@@ -131,7 +126,7 @@ def _errors(
     model: PolynomialEvaluator, test: Pairs, paper: tuple[Sequence[float], float] | None = None
 ) -> dict[str, Any]:
     """RMSE on test pairs and kappa(X), and those of the paper."""
-    errors = rmse(model.predict(test[0]), test[1]).tolist()
+    errors = rms_of_columns(model.predict(test[0]) - test[1]).tolist()
     row: dict[str, Any] = {"rmse": errors, "kappa": model.condition_number}
     return row if paper is None else row | {"paper_rmse": paper[0], "paper_kappa": paper[1]}
 
@@ -186,7 +181,7 @@ def energy_learning(
                 model: Any = fit_model(table, f"actuated{degree}").base
             else:
                 model = EnergyEvaluator.fit(*own, length_m=length_m, degree=degree)
-            errors.append(rmse(model.predict(test[0]), test[1]))
+            errors.append(rms_of_columns(model.predict(test[0]) - test[1]))
         rows.append(
             {
                 "model": f"{kind}{degree}",

@@ -12,6 +12,7 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import as_table
+from ecm.models.errors import history_figure
 from ecm.report import figures as draw
 from ecm.report.blocks import Block, Cell, FigureBlock, Section, TableBlock, TextBlock, number
 from ecm.report.figures import mechanism_blocks
@@ -440,14 +441,10 @@ def loop_section(step: Mapping[str, Any], figures: Mapping[str, F]) -> Section:
         _history_table(history),
     ]
     if history:
-        errors: dict[str, Sequence[float]] = {
-            "fitted rows": [record["train"] for record in history],
-            "held-out rows": [record["held_out"] for record in history],
-        }
         blocks.append(
             FigureBlock(
                 "The fit history: root mean square of whitened residuals, 1 is the noise floor.",
-                draw.bars(errors, [record["name"] for record in history], y_title="error / noise"),
+                history_figure(history),
             )
         )
     blocks.append(ranking_table(diagnosis))

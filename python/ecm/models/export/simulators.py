@@ -33,7 +33,7 @@ from scipy.spatial.transform import Rotation
 
 from ecm._native import left_jacobians, polynomial_exponents
 from ecm.errors import ComputationError, InputError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, rms_of_columns
 from ecm.io.columns import WRENCH
 from ecm.models.errors import worst_over
 from ecm.models.export.source import LINUX, WINDOWS, Exported, Source, shared_library
@@ -224,7 +224,7 @@ def _lost(model: Model, rest: _Rest, poses: F) -> list[str]:
     """What the linear part leaves out, in words."""
     exact = model.base.predict(poses)
     linear = rest.wrench + (poses[:, :6] - rest.pose) @ rest.stiffness
-    share = np.sqrt(((linear - exact) ** 2).mean(axis=0) / (exact**2).mean(axis=0))
+    share = rms_of_columns(linear - exact) / rms_of_columns(exact)
     listed = ", ".join(
         f"{column.rsplit('_', 1)[0]} {100 * s:.0f} %"
         for column, s in zip(WRENCH, share, strict=True)

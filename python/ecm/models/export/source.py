@@ -153,7 +153,7 @@ class Source:
 
     @property
     def actuators(self) -> tuple[str, ...]:
-        """Columns of the inputs that stand behind the six of the pose."""
+        """Columns of the inputs that follow the six of the pose."""
         taken = taken_by(self.inside.base)
         return taken[len(POSE) :] if taken[: len(POSE)] == POSE else ()
 

@@ -16,7 +16,7 @@ import numpy as np
 from ecm._native import convert_stiffness, d_optimal, mid_frame, rod_poses
 from ecm.errors import ComputationError
 from ecm.fem.simulate import TABLE_I_MAX, TABLE_I_MIN
-from ecm.io.arrays import B, F, central_differences
+from ecm.io.arrays import B, F, central_differences, rms, rms_of_columns
 from ecm.models.literature import rod_sections
 from ecm.models.maps import EnergyTerms, Symmetry
 from ecm.models.physics.family import POWER, PhysicsFamily, poisson_ratio
@@ -316,10 +316,7 @@ def _with_errors(family: PhysicsFamily, tests: list[Unseen]) -> PhysicsFamily:
     for test in tests:
         residual = family.at(test.values(family.centre[1])).predict(test.poses) - test.wrenches
         residuals.append(residual)
-        whitened.append(np.sqrt((np.einsum("nij,nj->ni", test.whiteners, residual) ** 2).mean()))
+        whitened.append(rms(np.einsum("nij,nj->ni", test.whiteners, residual)))
     unit = SHEAR_MODULUS_PA * LENGTH_M ** np.repeat([2.0, 3.0], 3)
-    errors = [
-        np.sqrt((np.concatenate(part) ** 2).mean(axis=0)) / unit
-        for part in (residuals[:2], residuals)
-    ]
+    errors = [rms_of_columns(np.concatenate(part)) / unit for part in (residuals[:2], residuals)]
     return replace(family, error=np.stack(errors), error_over_noise=np.array(whitened))

@@ -19,7 +19,7 @@ import numpy as np
 
 from ecm._native import EcmError
 from ecm.errors import InputError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, rms_of_columns
 from ecm.io.cache import Stage, cache_directory, hash_of, write_atomically
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import Progress
@@ -298,7 +298,7 @@ def surrogate_of(
     ('physics', [1.0])
     """
     surrogate = EnergyTerms(length_m, _DEGREE).fit(poses, wrenches)
-    error = np.sqrt(((surrogate.predict(test_poses) - test_wrenches) ** 2).mean(axis=0))
+    error = rms_of_columns(surrogate.predict(test_poses) - test_wrenches)
     return PhysicsMap(surrogate, error, {} if mechanism is None else dict(mechanism))
 
 

@@ -237,10 +237,10 @@ class RobotCampaign(Campaign):
             stop = result.stops[k]
             self.stops.append(stop)
             own_inputs = planned.pose[6:]
-            way = np.concatenate([way, with_inputs(_thinned(stop.trace), own_inputs)])
+            way = np.concatenate([way, with_inputs(_way_points(stop.trace), own_inputs)])
             after, began_s = rest[:0], trip.depart_s + shift_s
             if k == len(trip.stops) - 1:
-                after = with_inputs(_thinned(result.home.trace), off)
+                after = with_inputs(_way_points(result.home.trace), off)
                 shift_s += result.duration_s - (trip.home_s - trip.depart_s)
             if stop.reason:
                 way = np.concatenate([way, after])
@@ -291,7 +291,7 @@ class RobotCampaign(Campaign):
         return HiddenPhysics(bare, air, tuple(self.planned.visits), self._nearest)
 
 
-def _thinned(trace: F) -> F:
+def _way_points(trace: F) -> F:
     """Return a few points of a path, the last one included; none if it diverged at once."""
     trace = trace[np.isfinite(trace).all(axis=1)]
     if len(trace) == 0:

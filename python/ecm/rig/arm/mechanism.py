@@ -37,7 +37,7 @@ from ecm._native import (
     seal_model,
 )
 from ecm.errors import ComputationError, InputError
-from ecm.io.arrays import F, I
+from ecm.io.arrays import F, I, rms_of_columns
 from ecm.io.columns import POSE, WRENCH
 from ecm.rig.elastic import (
     SYMMETRY,
@@ -153,9 +153,9 @@ def fit_surrogate(poses: F, wrenches: F, length_m: float, slopes: F | None = Non
         )
     # What the pushes err would be fitted by a higher degree, and grow without end beyond the plan.
     model, degree = fitted_energy(poses, wrenches, length_m, 4 if fits else 6)
-    rms = np.sqrt(((model.predict(poses) - wrenches) ** 2).mean(axis=0))
+    error = rms_of_columns(model.predict(poses) - wrenches)
     pushes = tuple((one.scale, one.coefficients) for one in fits)
-    return Surrogate(length_m, degree, model.scale, model.coefficients, rms, pushes)
+    return Surrogate(length_m, degree, model.scale, model.coefficients, error, pushes)
 
 
 STEPS_BETWEEN = 200
@@ -176,7 +176,7 @@ class HiddenPhysics:
 
 
 def with_inputs(poses: F, inputs: F) -> F:
-    """Return poses (N, 6) with the same inputs (m,) of actuators behind each."""
+    """Return poses (N, 6) with the same inputs (m,) of actuators after each."""
     return np.hstack([poses, np.tile(inputs, (len(poses), 1))])
 
 

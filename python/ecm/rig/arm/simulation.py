@@ -385,7 +385,7 @@ class Simulation:
         self.model.dof_frictionloss *= scene.friction
         self.data: Any = self.library.MjData(self.model)
         self.mechanism = mechanism
-        """Function from pose, with the actuators' inputs behind it, (1, 6 + m) to h (1, 6)."""
+        """Function from pose, with the actuators' inputs after it, (1, 6 + m) to h (1, 6)."""
         self.home_rad = scene.home_rad
         self.joints_rad: F = self.data.qpos
         self.speeds_rad_s: F = self.data.qvel

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ecm.errors import InputError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, rms
 from ecm.io.se3 import rotation, transpose, turn_wrench
 from ecm.rig.hidden.truth import Hidden
 from ecm.rig.physics import TRUE_EFFECTS
@@ -63,7 +63,7 @@ class Whitener:
     def strength(self, effect: F) -> float:
         """s of an effect (N, 6) in N and N m."""
         white = np.einsum("nij,nj->ni", self._inverse, effect).ravel()
-        return float(np.sqrt(np.mean(self._without_base(white) ** 2)))
+        return rms(self._without_base(white))
 
     def _without_base(self, white: F) -> F:
         for column in self._base:

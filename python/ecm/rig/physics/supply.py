@@ -99,7 +99,7 @@ class Supplied(OfActuator):
     effect: ClassVar[str] = "pressure_cross_talk"
     name: ClassVar[str] = "shared supply"
     unit: ClassVar[str] = "1"
-    limit: ClassVar[Limit] = Limit(0.3, "poses with unlike pressures")
+    limit: ClassVar[Limit] = Limit(0.3, "poses with different pressures")
     either_sign: ClassVar[bool] = True
 
     @classmethod

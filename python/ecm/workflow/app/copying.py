@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 from ecm.effects import load_installed
 from ecm.models import Model, load_model
@@ -98,11 +98,12 @@ def report_of(session: Session) -> Report:
     """Return the report of a session: ladder, before and after, parameters, truth, commands."""
     state = state_of(session)
     tried = [rung for rung in state["tried"] if rung["rmse"]]
-    floor = min(tried, key=lambda rung: rung["train"])["floor"] if tried else {}
-    sections = [Section("Ladder of errors", _ladder(tried, floor))]
+    sections = [Section("Ladder of errors", _ladder(tried))]
     rungs = [rung for rung in state["rungs"] if rung["rmse"]]
     if len(rungs) > 1:
-        sections.append(Section("Before and after", _before_and_after(rungs[0], rungs[-1], floor)))
+        sections.append(
+            Section("Before and after", _before_and_after(rungs[0], rungs[-1], tried[-1]["floor"]))
+        )
     history, files = session.now()
     if files.model is not None:
         load_installed()
@@ -122,30 +123,19 @@ def report_of(session: Session) -> Report:
     return Report(f"Session {state['folder']}", f"{names}.", sections)
 
 
-Errors: TypeAlias = dict[str, Any]
-"""Root mean squares or floors of noise by component."""
-
-
-def _over(rung: dict[str, Any], floor: Errors) -> float:
-    """The error of a fit over one noise, which is that of all fits."""
-    squares = [(rung["rmse"][name] / size) ** 2 for name, size in floor.items() if size > 0.0]
-    return math.sqrt(sum(squares) / max(1, len(squares)))
-
-
-def _ladder(tried: Sequence[dict[str, Any]], floor: Errors) -> list[Block]:
+def _ladder(tried: Sequence[dict[str, Any]]) -> list[Block]:
     """Every fit that counts: its error over the noise beside the best of them."""
     if not tried:
         return [TextBlock("No model has been fitted yet.")]
-    errors = {f"{k} {rung['name']}": _over(rung, floor) for k, rung in enumerate(tried, 1)}
-    names, held = [*errors], dict[str, float]()
-    # The last fit on a base tells the held-out errors of all fits on it.
-    for k, rung in enumerate(tried):
-        for at, past in enumerate(rung["history"], k + 1 - len(rung["history"])):
-            held[names[at]] = errors[names[at]] * past["held_out"] / past["train"]
-    series = {"fitted rows": (names, [*errors.values()]), "held out": ([*held], [*held.values()]),
-              "noise floor": (names, [1.0] * len(names))}  # fmt: skip
+    names = [f"{k} {rung['name']}" for k, rung in enumerate(tried, 1)]
+    errors, held = (
+        {name: rung[key] for name, rung in zip(names, tried, strict=True) if rung[key] is not None}
+        for key in ("over_noise", "held_out")
+    )
+    drawn = {"fitted rows": errors, "held out": held, "noise floor": dict.fromkeys(names, 1.0)}
+    series = {word: ([*of], [*of.values()]) for word, of in drawn.items()}
+    rows: list[list[Cell]] = [[name, errors.get(name), held.get(name)] for name in names]
     figure = lines(series, x_title="fit", y_title="error / noise", log_y=True)
-    rows: list[list[Cell]] = [[name, error, held.get(name)] for name, error in errors.items()]
     header = ("fit", "fitted rows", "held out")
     return [
         TableBlock("The error of every fit of these rows, times the noise.", header, rows),
@@ -153,7 +143,9 @@ def _ladder(tried: Sequence[dict[str, Any]], floor: Errors) -> list[Block]:
     ]
 
 
-def _before_and_after(first: dict[str, Any], last: dict[str, Any], floor: Errors) -> list[Block]:
+def _before_and_after(
+    first: dict[str, Any], last: dict[str, Any], floor: dict[str, float]
+) -> list[Block]:
     rows: list[list[Cell]] = [
         [name, first["rmse"].get(name), error, floor.get(name)]
         for name, error in last["rmse"].items()

@@ -26,6 +26,7 @@ from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.table import Need, Table, read_table
 from ecm.logs.importing import list_columns
 from ecm.models import Model, load_model
+from ecm.models.errors import error_over
 from ecm.models.fit import choose_base
 from ecm.models.maps import StiffnessMap
 from ecm.regression.blas import one_blas_thread
@@ -72,7 +73,7 @@ def compute_view(name: str, path: Path, given: Given) -> None:
 def poses(given: Given) -> dict[str, Any]:
     """Return the measured poses and wrenches, the outline of the body, and a line about it."""
     table = given.table()
-    rows = _thinned(len(table))
+    rows = _drawn_rows(len(table))
     columns = [name for name in (*POSE, *WRENCH) if table.has(name)]
     return {
         "row": (rows + 1).tolist(),
@@ -284,7 +285,7 @@ def _at_rows(values: F, of: I, row: I) -> F:
     return found
 
 
-def _thinned(rows: int) -> I:
+def _drawn_rows(rows: int) -> I:
     return np.arange(0, rows, -(-rows // MOST_ROWS) or 1, dtype=np.int64)
 
 
@@ -333,7 +334,7 @@ def state_of(session: Session, history: History | None = None) -> dict[str, Any]
         "export": session.result(exported),
         "truth": session.result(session.opened(history, files)),
         "rungs": [_rung(session, history, step) for step in _rungs(tried)],
-        "tried": [_tried(session, history, step) for step in tried],
+        "tried": _tried(session, history, tried),
         "undo": history.can_undo(),
         "redo": bool(history.undone),
         "refused": _refused(history, files),
@@ -360,11 +361,29 @@ def _rungs(tried: list[Step]) -> list[Step]:
     return tried[bases[-1] :] if bases else tried
 
 
-def _tried(session: Session, history: History, step: Step) -> dict[str, Any]:
-    """Return a fit for the ladder of all of them: its errors, and the floors of their noise."""
-    rung = _rung(session, history, step)
-    report = rung.pop("report") or {}
-    return {**rung, "is_base": step.verb == "fit", "history": report.get("history", [])}
+def _tried(session: Session, history: History, tried: Sequence[Step]) -> list[dict[str, Any]]:
+    """Return the fits for the ladder of all of them, with their errors over one noise.
+
+    That is the noise of the best of them. The last fit on a base tells the held-out errors of all
+    fits on it.
+    """
+    rungs = [_rung(session, history, step) | {"is_base": step.verb == "fit"} for step in tried]
+    for rung in rungs:
+        rung["history"] = (rung.pop("report") or {}).get("history", [])
+    floors = [rung["floor"] for rung in rungs if rung["rmse"]]
+    errors = [error_over(floors[0], rung["rmse"]) or np.inf for rung in rungs if rung["rmse"]]
+    floor = floors[int(np.argmin(errors))] if floors else {}
+    bases = {i for i, rung in enumerate(rungs) if rung["is_base"]}
+    for first, end in itertools.pairwise(sorted({0, *bases, len(rungs)})):
+        past = rungs[end - 1]["history"]
+        records = past if len(past) == end - first else [None] * (end - first)
+        for rung, record in zip(rungs[first:end], records, strict=True):
+            error = rung["over_noise"] = error_over(floor, rung["rmse"])
+            known = record is not None and error is not None
+            rung["held_out"] = error * record["held_out"] / record["train"] if known else None
+            rung["test"] = "" if record is None else record["test"]
+            rung["floor"] = floor
+    return rungs
 
 
 def _rung(session: Session, history: History, step: Step) -> dict[str, Any]:

@@ -52,28 +52,12 @@ async function figures(state, space, over, grow) {
 const MANY = 3;  // parameters from which on they are a table
 let seen = {folder: "", rungs: Infinity};
 
-// All fits of these data over one noise, which does not change with the model: that beside the best of them. Without
-// a noise the errors are those of the readings' spread. What a fit says of its rungs tells the held-out errors.
+// The server's errors over one noise; where none is known, in the same ratio over the readings' spread.
 function rungsOf(state) {
-  const known = knowsNoise(state), floor = floorOf(state.tried.filter(({rmse}) => rmse));
-  const begins = state.tried.flatMap(({is_base: base}, i) => base ? [i] : []);
-  return state.tried.map((rung, i) => {
-    const first = begins.findLast(at => at <= i) ?? 0, end = begins.find(at => at > i) ?? state.tried.length;
-    const history = state.tried[end - 1].history, of = history.length === end - first ? history[i - first] : null;
-    const train = known ? overNoise(rung.rmse, floor) : share(state, rung.rmse);
-    return {name: effectName(rung.name), base: rung.is_base, train, test: real(of?.test ?? ""),
-      held: of && train !== null ? train * of.held_out / of.train : null};
+  return state.tried.map(({name, is_base: base, rmse, over_noise: over, held_out: held, test}) => {
+    const train = knowsNoise(state) ? over : share(state, rmse);
+    return {name: effectName(name), base, train, test: real(test), held: held === null || train === null ? null : train * held / over};
   });
-}
-
-function floorOf(tried) {
-  const over = tried.map(({rmse}) => overNoise(rmse, tried[0].floor) ?? Infinity);
-  return tried[over.indexOf(Math.min(...over))]?.floor ?? {};
-}
-
-function overNoise(rmse, floor) {
-  const squares = Object.entries(rmse ?? {}).flatMap(([name, error]) => floor[name] > 0 ? [(error / floor[name]) ** 2] : []);
-  return squares.length ? Math.sqrt(squares.reduce((sum, v) => sum + v, 0) / squares.length) : null;
 }
 
 // Beside what the page foresaw by its linear fit, what the fit gives.
