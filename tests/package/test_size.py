@@ -9,18 +9,16 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (42_108, 200),
+    "python/ecm": (42_186, 200),
     "benches": (5_982, 51),
     "examples": (1_516, 13),
-    "tests": (31_650, 229),
-    "crates": (34_304, 198),
+    "tests": (31_767, 229),
+    "crates": (34_317, 198),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a way
-out as a call in Python, microstrain and °C of a log (python/ecm 70); results that print and become
-data frames, names of an energy's terms (57); half the time of a diagnosis of many rows (37); rows
-that name a cause sooner (21); a session's report by the command, with its body (27); effects that
-a model holds (18). Tests (470): the page's gap, script, copy and race,
-shipped tables, rows of a name, numbers of pages."""
+"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: on a rig
+limits of speed and of the pose on the way, bounded calls of a device, and the model of few columns
+that predicts best (python/ecm 72, tests 149); ageing that settles, exported (python/ecm 6, crates
+13)."""
 
 
 @pytest.mark.parametrize("part", PARTS)
