@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ecm.diagnosis import diagnose
 from ecm.diagnosis.problem import assemble
-from ecm.diagnosis.search import delta_chi2, held_out_delta, held_out_squares, rank
+from ecm.diagnosis.search import delta_chi2, held_out_squares, held_out_t, rank
 from ecm.effects import Effect, LinearEffect, Parameter, Rows, effect, get_effect, unregister
 from ecm.io.arrays import rest_of
 from ecm.io.columns import POSE, WRENCH
@@ -136,7 +136,7 @@ def test_an_effect_is_held_out_beside_the_base_of_all_rows() -> None:
     problem = assemble(base, relaxed, [get_effect("stress_relaxation")])
     found = rank(problem)[0]
     assert found.drop > 100.0
-    assert held_out_delta(problem, (), found.candidate) > 2.0
+    assert held_out_t(problem, (), found.candidate) > 2.0
     falls = held_out_squares(problem, (), "time") - held_out_squares(
         problem, (found.candidate,), "time"
     )

@@ -23,7 +23,7 @@ from ecm.models import Model, fit_model
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.maps import StiffnessMap
 from ecm.regression.noise import Noise
-from ecm.regression.rows import naming_wild_readings
+from ecm.regression.rows import naming_outliers
 from support.campaigns import INSTRUMENT, workspace_poses
 from support.neck import columns_of
 from support.stand_in import L, wrench
@@ -216,11 +216,11 @@ def test_one_reading_out_of_all_bounds_is_named_and_nothing_of_the_inside() -> N
     wild, given = table.with_columns({"fx_N": force}), model()
     with pytest.raises(InputError, match=r"row 18, column 'fx_N': found 1e\+09.*\[leave_out\]"):
         diagnose(given, wild, effects=["base_compliance"])
-    with pytest.raises(ModelError, match="NaN"), naming_wild_readings(table):
+    with pytest.raises(ModelError, match="NaN"), naming_outliers(table):
         raise ModelError("the prediction is NaN")
     columns = {"y_m": np.arange(12.0) / 1e3, "fy_N": np.append(np.arange(1.0, 12.0), 1e9)}
     rest = as_table(columns, meta={"leave_out": {"start": "1-3"}})
-    with pytest.raises(InputError, match="row 12, "), naming_wild_readings(rest):
+    with pytest.raises(InputError, match="row 12, "), naming_outliers(rest):
         raise ModelError("the prediction is NaN")
     turned = wrapped_rotation(np.array([[0.0, 0.0, 9.0]]))[0, :, 1]
     assert np.allclose(turned, [-np.sin(9.0), np.cos(9.0), 0.0])
@@ -398,7 +398,7 @@ def test_a_wild_reading_does_not_hide_what_failed() -> None:
     columns = {"y_m": np.arange(12.0) / 1e3, "fy_N": np.append(np.arange(1.0, 12.0), 1e9)}
     with (
         pytest.raises(InputError, match=r"row 12, .*What failed: 3 rows are too few"),
-        naming_wild_readings(as_table(columns)),
+        naming_outliers(as_table(columns)),
     ):
         raise ModelError("3 rows are too few for 4 coefficients")
 

@@ -85,7 +85,7 @@ def reading_of_given_model(
         if _filled(p, ~moving) or _filled(h, ~loaded):
             return np.inf
         columns = dict(zip(model.inputs, p[:, moving].T, strict=True))
-        predicted = model.predict(part.with_columns(columns), skip_untestable=True)
+        predicted = model.readings(part.with_columns(columns), skip_untestable=True)
         # A smaller unit shrinks the error with the loads: as if they had the stated size.
         size = of_noise(wrench[:, loaded]) / max(of_noise(h[:, loaded]), 1e-300)
         return of_noise(h[:, loaded] - predicted) * size
@@ -327,7 +327,7 @@ def judge_given_model(
     same_form = alike and model.base.name == problem.base.name
     richer = len(problem.base.coefficients) > len(model.base.coefficients)
     reason: Reason = "weak" if too_plain and same_form else ""
-    if too_plain and far and problem.unlike_rows and not richer:
+    if too_plain and far and problem.outlying_rows and not richer:
         reason = "rows"
     over_noise = given.over_noise or 0.0
     beyond = over_noise > NEAR_NOISE and result.excess_low > 0.0

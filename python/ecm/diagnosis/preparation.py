@@ -40,7 +40,7 @@ class Prepared:
     """Rows left out because they repeat an earlier one."""
     effects: tuple[Effect, ...]
     """Effects to test."""
-    carried: dict[str, Missing]
+    of_model: dict[str, Missing]
     """Effects that the model has already."""
     zero_columns: tuple[str, ...] = ()
     """Pose and wrench columns that are 0 in every row: `unexplained` is without them."""
@@ -98,7 +98,7 @@ def prepare(
         rows=rows,
         copies=copies,
         effects=tuple(effect for effect in given if effect.id not in of_model),
-        carried={effect.id: why for effect in given if effect.id in of_model},
+        of_model={effect.id: why for effect in given if effect.id in of_model},
         zero_columns=zeros,
         misread=misread(
             table, model.base.terms.body if isinstance(model.base, ActuatedMap) else "general"

@@ -548,7 +548,7 @@ class Problem:
         return np.asarray(np.linalg.solve(self.whitener, whitened[:, :, None])[:, :, 0])
 
     @property
-    def unlike_rows(self) -> list[int]:
+    def outlying_rows(self) -> list[int]:
         """Rows that are unlike all others and count less; none where chance gives as many."""
         rows = np.flatnonzero(self.weights < _UNLIKE).tolist()
         return rows if len(rows) > max(3.0, _MANY_UNLIKE * len(self.weights)) else []

@@ -67,7 +67,7 @@ from ecm.io.table import takes_table
 from ecm.models.fit import (
     as_model,
     choose_base,
-    energy_of_unlike_ends,
+    energy_of_revolution,
     symmetric_energy,
 )
 from ecm.models.maps import EnergyMap, StiffnessMap
@@ -82,7 +82,7 @@ from ecm.regression.history import (
     slow_noise,
 )
 from ecm.regression.noise import Noise
-from ecm.regression.rows import actuators_of, naming_wild_readings
+from ecm.regression.rows import actuators_of, naming_outliers
 
 if TYPE_CHECKING:
     from ecm.io.table import MetaLike, Table, TableLike
@@ -99,7 +99,7 @@ _BESIDE_NAMES = 0.9
 """The same beside all that is named: effects imitate unlike ends by no more than a part."""
 
 
-def base_of_unlike_ends(decision: Decision) -> StiffnessMap | None:
+def base_of_revolution(decision: Decision) -> StiffnessMap | None:
     """Return the energy of a body whose ends differ, where it fits far better by itself.
 
     The symmetric energy takes both ends of the body as alike. On a tapered one, effects would be
@@ -112,7 +112,7 @@ def base_of_unlike_ends(decision: Decision) -> StiffnessMap | None:
     if not isinstance(whole, EnergyMap) or whole.model.symmetry != "alike":
         return None
     try:
-        base = energy_of_unlike_ends(problem.table)
+        base = energy_of_revolution(problem.table)
     except ModelError:
         # Fewer rows than coefficients.
         return None
@@ -291,7 +291,7 @@ def diagnose(
     'none'
     """
     model = as_model(model, table)
-    with naming_wild_readings(table):
+    with naming_outliers(table):
         decision = find_missing(
             model,
             table,
@@ -384,7 +384,7 @@ def _against_the_bases(
     """Go through the stages with the rows that were selected, against the bases that may fit."""
     decision = against(choose_base(model, prepared.table.drop(*prepared.zero_columns)))
     if decision.verdict != "none":
-        other = base_of_unlike_ends(decision)
+        other = base_of_revolution(decision)
         if other is not None:
             again, said = against(other), decision.statement
             left, before = (

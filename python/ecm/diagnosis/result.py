@@ -520,7 +520,7 @@ def _of_rows(problem: Problem, prepared: Prepared) -> Iterator[str]:
         yield f"never excited: {', '.join(silent)}: nothing can be said about it"
     if copies := prepared.copies:
         yield f"{copies} rows repeat an earlier row to the last digit: left out"
-    if unlike := problem.unlike_rows:
+    if unlike := problem.outlying_rows:
         numbers = shown_ranges(prepared.table.numbers_in_file[unlike].tolist())
         yield (
             f"{len(unlike)} rows are unlike all others and count less: {numbers}; ecm check says "

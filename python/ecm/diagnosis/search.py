@@ -366,7 +366,7 @@ def bounded_estimate(
     return replace(inside, lost=max(0.0, fit.explained - inside.explained))
 
 
-def held_out_delta(problem: Problem, others: Sequence[Candidate], item: Candidate) -> float:
+def held_out_t(problem: Problem, others: Sequence[Candidate], item: Candidate) -> float:
     """Return the fall of the held-out error by an effect over its standard error, in its folds.
 
     Held out is the effect: base and other effects are those of all rows. Of few rows a base that

@@ -77,7 +77,7 @@ class Decision:
     @property
     def not_testable(self) -> dict[str, Missing]:
         """Why an effect was not tested, and what to record, by id."""
-        return self.problem.untestable | self.prepared.carried
+        return self.problem.untestable | self.prepared.of_model
 
     @property
     def misread(self) -> bool:

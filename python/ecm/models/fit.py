@@ -346,7 +346,7 @@ def symmetric_energy(table: Table) -> StiffnessMap:
     return _by_degree(table, [EnergyModel(degree) for degree in _ENERGY])
 
 
-def energy_of_unlike_ends(table: Table) -> StiffnessMap:
+def energy_of_revolution(table: Table) -> StiffnessMap:
     """The energy of revolution, whose ends may differ, of the degree that the rows can carry."""
     return _by_degree(table, [EnergyModel(degree, "revolution") for degree in _ENERGY])
 

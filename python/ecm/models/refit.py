@@ -32,7 +32,7 @@ from ecm.models.registry import parse_model
 from ecm.regression.folds import spread_rows, without_zero_readings
 from ecm.regression.noise import Noise
 from ecm.regression.normal_equations import MANY_ROWS
-from ecm.regression.rows import Rows, naming_wild_readings
+from ecm.regression.rows import Rows, naming_outliers
 
 FAR_BEYOND_NOISE = 2.2
 """Error over the noise that a noise stated half as large does not explain."""
@@ -415,7 +415,7 @@ def refit(
         )
     add, remove, freeze = listed(add), listed(remove), listed(freeze)
     changed = as_model(model, table).remove(*remove).add(*add).freeze(*freeze)
-    with naming_wild_readings(table):
+    with naming_outliers(table):
         try:
             fitted = changed.fit(table, progress=progress)
         except ModelError as error:

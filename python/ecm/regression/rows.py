@@ -112,7 +112,7 @@ _TIMES = 1e3
 
 
 @contextmanager
-def naming_wild_readings(table: Table) -> Iterator[None]:
+def naming_outliers(table: Table) -> Iterator[None]:
     """Turn a failure of the model inside the block into an error about the reading that caused it.
 
     Raises
@@ -126,7 +126,7 @@ def naming_wild_readings(table: Table) -> Iterator[None]:
     >>> from ecm import as_table
     >>> table = as_table({"x_m": [0.0, 1e-3, 2e-3], "fx_N": [1.0, 1e9, 2.0]})
     >>> try:
-    ...     with naming_wild_readings(table):
+    ...     with naming_outliers(table):
     ...         raise ModelError("the rotation vector is longer than pi")
     ... except InputError as error:
     ...     print(str(error)[:34], "...", str(error)[-50:])
