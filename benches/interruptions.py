@@ -136,9 +136,9 @@ def run(
             if moment is not None and not sent and moment(life):
                 early = not loads_ecm(life)
                 sent = process.poll() is None
-                # As a terminal does: to the whole process group.
-                os.killpg(process.pid, number)
             if sent:
+                # As a terminal does: to the whole process group, which is there until it is waited for.
+                os.killpg(process.pid, number)
                 process.wait(_LONGEST_S)
             time.sleep(0.0005)
         end = time.monotonic() + _AFTER_S

@@ -89,7 +89,8 @@ class Console:
 
     def _write(self, stream: Any, text: str) -> None:
         self.close()
-        stream.write(visible(text) + "\n")
+        # Line by line: of one long write without buffers Python loses what a pipe did not take.
+        stream.writelines(f"{line}\n" for line in visible(text).split("\n"))
         stream.flush()
 
 
