@@ -137,7 +137,7 @@ def run(
                 early = not loads_ecm(life)
                 sent = process.poll() is None
             if sent:
-                # As a terminal does: to the whole process group, which is there until it is waited for.
+                # As a terminal does: to the whole group, which is there until it is waited for.
                 os.killpg(process.pid, number)
                 process.wait(_LONGEST_S)
             time.sleep(0.0005)
