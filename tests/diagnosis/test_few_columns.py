@@ -47,6 +47,32 @@ def test_a_kink_is_found_wherever_it_is(place: float) -> None:
     assert found.answer == (("kink",),)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_relaxation_that_remembers_the_poses_before_is_one_name(seed: int) -> None:
+    """A Maxwell branch stepped along the way and the rests, on a stage that never unloads."""
+    random = np.random.default_rng(seed)
+    x = random.uniform(-4e-3, 4e-3, 60)
+    x[40:] = x[random.permutation(40)[:20]]
+    dwell = np.exp(random.uniform(np.log(2.0), np.log(60.0), 60))
+    time_s, branch, at, now, rows = 0.0, 0.0, 0.0, [], []
+    for goal, rest in zip(x, dwell, strict=True):
+        move = abs(goal - at) / 2e-3
+        for _ in range(200):
+            branch = branch * np.exp(-move / 200 / 15.0) + 300.0 * (goal - at) / 200
+        branch *= np.exp(-rest / 15.0)
+        time_s, at = time_s + move + rest, goal
+        now.append(time_s)
+        rows.append(2000.0 * goal + 3e7 * goal**3 + branch + 0.02 * random.standard_normal())
+    columns = {"x_m": x, "fx_N": np.array(rows), "time_s": np.array(now), "dwell_s": dwell}
+    meta = {"instrument": {"force_sd_N": 0.02, "pose_position_sd_m": 1e-6}}
+    table = ecm.Table(columns, meta)
+    model = ecm.fit(table, "cubic")
+    assert find_missing(model, table).answer == (("stress_relaxation",),)
+    better = ecm.refit(model, table, add=["stress_relaxation"])
+    rest = (better.predict(table) - table.matrix(["fx_N"])) / 0.02
+    assert np.sqrt((rest**2).mean()) < 1.5
+
+
 @pytest.mark.parametrize("kind", ["viscous_damping", "dead_zone"])
 def test_what_looks_like_another_is_in_a_class_of_two(kind: str) -> None:
     """A damper of short relaxation, a smooth slack: one rival each may look the same."""

@@ -29,7 +29,7 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.table import Table
 from ecm.regression.history import order_of_visits
-from ecm.regression.rows import Rows
+from ecm.regression.rows import Rows, is_whole
 
 
 def fading(fades: F, grown: F, first: F) -> F:
@@ -220,11 +220,11 @@ class StressRelaxation(LinearEffect):
             return self._pairs(low, high)
         form = StressRelaxation(samples="dwell" * few)
         plain = [replace(form, tau_s=float(t)) for t in np.geomspace(low, high, 4)]
-        if few or not (table.has("time_s") and table.has("approach")):
+        if not table.has("time_s") or not (few or table.has("approach")):
             return tuple(plain)
         # Over the path between readings, branches slower than the dwell times count too.
         slow = np.geomspace(low, 4.0 * high, 5)
-        visits = [StressRelaxation(float(t), path="visits", frame=frame) for t in slow]
+        visits = [replace(form, tau_s=float(t), path="visits", frame=frame) for t in slow]
         return (plain[1], visits[2], *plain[:1], *plain[2:], *visits[:2], *visits[3:])
 
     def _pairs(self, low: float, high: float) -> tuple[Effect, ...]:
@@ -330,36 +330,39 @@ def _from_rest(rows: Rows) -> F:
 
 
 def over_visits(rows: Rows, tau_s: float, frame: str = "") -> F:
-    """(N, 6) the same integral of the base's wrench over the path from reading to reading.
+    """(N, m) the same integral of the base's wrench over the path from reading to reading.
 
     Between two readings the mechanism moves to the pose before the next one and then to that one,
-    each in half of the time before the dwell.
+    each in half of the time before the dwell; with fewer than the twelve columns straight to that.
     """
     table = rows.table
     time = table.column("time_s")
     dwell = table.column("dwell_s")
     known = np.nan_to_num(dwell)
-    came = rows.predict(rows.known_before)
-    came[rows.unloaded] = 0.0
-    goals = np.stack([came, rows.wrench], axis=1)
+    goals = rows.material_wrench[:, None]
+    if is_whole(rows.base):
+        came = rows.predict(rows.known_before)
+        came[rows.unloaded] = 0.0
+        goals = np.stack([came, rows.wrench], axis=1)
     if frame == "middle":
         came = generalised(rows.known_before, came)
         goals = np.stack([came, generalised(rows.poses, rows.wrench)], axis=1)
-    integral = np.zeros_like(rows.wrench)
+    moves, m = goals.shape[1:]
+    integral = np.zeros((len(rows), m))
     for order in order_of_visits(table):
         before = np.concatenate([[-np.inf], time[order][:-1]])
-        legs = 0.5 * np.maximum(time[order] - known[order] - before, 0.0)
+        legs = np.maximum(time[order] - known[order] - before, 0.0) / moves
         fades = np.exp(-legs / tau_s)
         shares = _remaining_shares(np.minimum(legs, 1e6), tau_s)
         shares[0] = 1.0
         # After an unknown dwell nothing remains, as in the dwell form.
         rests = np.exp(-np.where(np.isfinite(dwell[order]), dwell[order], np.inf) / tau_s)
-        # Two moves, then the rest, in which nothing grows.
-        parts = np.stack([fades, fades, rests], axis=1).ravel()
-        steps = np.diff(goals[order].reshape(-1, 6), axis=0, prepend=np.zeros((1, 6)))
-        grown = np.zeros((len(order), 3, 6))
-        grown[:, :2] = steps.reshape(-1, 2, 6) * shares[:, None, None]
-        integral[order] = fading(parts, grown.reshape(-1, 6), np.zeros(6))[3::3]
+        # The moves, then the rest, in which nothing grows.
+        parts = np.stack([*[fades] * moves, rests], axis=1).ravel()
+        steps = np.diff(goals[order].reshape(-1, m), axis=0, prepend=np.zeros((1, m)))
+        grown = np.zeros((len(order), moves + 1, m))
+        grown[:, :moves] = steps.reshape(-1, moves, m) * shares[:, None, None]
+        integral[order] = fading(parts, grown.reshape(-1, m), np.zeros(m))[moves + 1 :: moves + 1]
     if frame == "middle":
         integral = wrench_of(rows.poses, integral)
     integral[rows.unloaded] = 0.0
