@@ -319,8 +319,9 @@ _HALF = 0.5
 """Coefficients over equations from which a higher degree must be far better."""
 _MOST = 0.8
 _FAR_BETTER = 0.1
-_EXACT = 1e-9
 """Its error over that of the lower degrees: these would leave structure that has no other name."""
+_EXACT = 1e-9
+"""Error over the spread of a component below which only rounding is left."""
 
 
 def _energy_of_inputs(table: Table, given: StiffnessMap | None = None) -> StiffnessMap:
@@ -360,18 +361,18 @@ def polynomial(table: Table, also: int = 0) -> StiffnessMap:
 def _by_degree(table: Table, models: Sequence[ModelSpecification]) -> StiffnessMap:
     """The map of least generalised cross-validation error among those that the rows carry."""
     measured = table.measured()
-    tried = [measured_part(fit_rows(measured, models[0]).base, measured)]
+    chosen = measured_part(fit_rows(measured, models[0]).base, measured)
+    least = _score(chosen, measured)
     for model in models[1:]:
         try:
             base = measured_part(fit_rows(measured, model).base, measured)
         except (ModelError, InputError):
             # More coefficients than equations: so are they for every degree above.
             break
-        share = _share(base, measured)
-        least = min(_score(other, measured) for other in tried)
-        if share < _HALF or (share < _MOST and _score(base, measured) < _FAR_BETTER * least):
-            tried.append(base)
-    return min(tried, key=lambda base: _score(base, measured))
+        share, score = _share(base, measured), _score(base, measured)
+        if score < (least if share < _HALF else _FAR_BETTER * least) and share < _MOST:
+            chosen, least = base, score
+    return chosen
 
 
 def _share(base: StiffnessMap, measured: Table) -> float:
