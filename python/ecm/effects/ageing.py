@@ -26,6 +26,8 @@ from ecm.regression.history import largest_so_far, memory_options, order_of_visi
 from ecm.regression.rows import Rows
 
 _LEAST_AGAIN = 5
+_SOON = 0.35
+"""Shortest time that is tried for what settles, over that of the table."""
 _WIDTHS = (0.0, 0.25, 0.7, 2.0)
 """Widths that are tried, over the median; 0: a straight line."""
 
@@ -52,7 +54,12 @@ def _load(wrenches: F, outputs: tuple[str, ...]) -> F:
 def settling_times(table: Table) -> tuple[float, ...]:
     """Times that are tried for what settles; the first is infinite: a steady change."""
     span = float(np.ptp(table.column("time_s")))
-    return np.inf, *(round(span * share, 1) for share in (0.35, 1.0))
+    return np.inf, *(round(span * share, 1) for share in (_SOON, 1.0))
+
+
+def times_between(tau_s: float, round_: int) -> tuple[float, ...]:
+    """Times between this one and its neighbours; none of a steady change."""
+    return () if np.isinf(tau_s) else beside(tau_s, _SOON ** -(0.5 ** (round_ + 1)))
 
 
 def settled(time_s: F, tau_s: float) -> F:
@@ -130,6 +137,10 @@ class Ageing(LinearEffect):
         """Steady, and settling within the campaign."""
         return tuple(Ageing(tau) for tau in settling_times(table))
 
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Times between this one and its neighbours."""
+        return tuple(Ageing(tau) for tau in times_between(self.tau_s, round_))
+
     def columns(self, rows: Rows) -> F:
         """g(t) h."""
         grown = settled(rows.time_s(), self.tau_s)
@@ -204,6 +215,13 @@ class MullinsSoftening(LinearEffect):
             for measure in ("energy", "bend", "reach")
             for w in _WIDTHS
         )
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Widths between this one and its neighbours; none of a straight line."""
+        name = "width" if self.load_width is None else "load_width"
+        width = float(getattr(self, name))
+        widths = beside(width, (_WIDTHS[3] / _WIDTHS[2]) ** (0.5 ** (round_ + 1))) if width else ()
+        return tuple(replace(self, **{name: one}) for one in widths)
 
     def columns(self, rows: Rows) -> F:
         """The share that is lost, times -h."""

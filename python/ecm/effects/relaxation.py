@@ -204,7 +204,7 @@ class StressRelaxation(LinearEffect):
         few, two = bool(self.samples), self.branches == 2
         frame = "" if few else _frame(table)
         if self._by_time(table):
-            taus = time_constants(table)
+            taus = self._taus(table)
             loses = ",".join(losing_pairs(table)) if few else ""
             form = StressRelaxation(frame=frame, samples="time" * few, loses=loses)
             return tuple(
@@ -214,33 +214,32 @@ class StressRelaxation(LinearEffect):
                     itertools.combinations(taus[::2], 2) if two else ((tau, 0.0) for tau in taus)
                 )
             )
-        dwell = table.measured().column("dwell_s")
-        low, high = max(float(dwell.min()), 0.1), float(dwell.max())
         if two:
-            return self._pairs(low, high)
+            # Apart by more than one step of them.
+            taus = self._taus(table)
+            pairs = ((fast, slow) for i, fast in enumerate(taus) for slow in taus[i + 2 :])
+            return tuple(replace(self, tau_s=fast, second_tau_s=slow) for fast, slow in pairs)
         form = StressRelaxation(samples="dwell" * few)
-        plain = [replace(form, tau_s=float(t)) for t in np.geomspace(low, high, 4)]
+        plain = [replace(form, tau_s=tau) for tau in form._taus(table)]
         if not table.has("time_s") or not (few or table.has("approach")):
             return tuple(plain)
-        # Over the path between readings, branches slower than the dwell times count too.
-        slow = np.geomspace(low, 4.0 * high, 5)
-        visits = [replace(form, tau_s=float(t), path="visits", frame=frame) for t in slow]
+        path = replace(form, path="visits", frame=frame)
+        visits = [replace(path, tau_s=tau) for tau in path._taus(table)]
         return (plain[1], visits[2], *plain[:1], *plain[2:], *visits[:2], *visits[3:])
 
-    def _pairs(self, low: float, high: float) -> tuple[Effect, ...]:
-        """The same form with two time constants, apart by more than one step of them."""
-        taus = np.geomspace(low, 4.0 * high if self.path else high, 5).tolist()
-        return tuple(
-            replace(self, tau_s=fast, second_tau_s=slow)
-            for i, fast in enumerate(taus)
-            for slow in taus[i + 2 :]
-        )
+    def _taus(self, table: Table) -> list[float]:
+        """Time constants that are tried, in even steps of their logarithm."""
+        if self._by_time(table):
+            return list(time_constants(table))
+        dwell = table.measured().column("dwell_s")
+        low, high = max(float(dwell.min()), 0.1), float(dwell.max())
+        # Over the path between readings, branches slower than the dwell times count too.
+        last = 4.0 * high if self.path else high
+        return np.geomspace(low, last, 5 if self.path or self.branches == 2 else 4).tolist()
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Time constants between these and their neighbours, one at a time."""
-        if not self.overstress:
-            return ()
-        taus = time_constants(table)
+        taus = self._taus(table)
         step = (taus[-1] / taus[0]) ** (0.5 ** (round_ + 1) / (len(taus) - 1))
         factors = (1 / step, step)
         first = tuple(replace(self, tau_s=self.tau_s * factor) for factor in factors)

@@ -9,11 +9,11 @@ wrongly, and moved back.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ecm.effects.ageing import settled, settling_times
+from ecm.effects.ageing import settled, settling_times, times_between
 from ecm.effects.friction import Hysteresis
 from ecm.effects.pairs import on_output, short
 from ecm.effects.protocol import (
@@ -200,6 +200,10 @@ class FtsDrift(CourseEffect):
             return (FtsDrift(outputs=",".join(table.wrench_columns)),)
         taus = settling_times(table)
         return tuple(FtsDrift(tau, zeroed) for zeroed in zeroings(table) for tau in taus)
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Times between this one and its neighbours."""
+        return tuple(replace(self, tau_s=tau) for tau in times_between(self.tau_s, round_))
 
     def course(self, rows: Rows) -> F:
         """g(t), or g(t) - g(t_begin)."""
