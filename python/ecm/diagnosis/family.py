@@ -8,7 +8,10 @@ inverse gamma prior, the evidence of a size s is
     log p(y | s) = -sum_j log(1 + s^2 d_j^2) / 2 - (v + n) / 2 log(v + y'y - sum_j g_j (u_j'y)^2),
 
 g_j = s^2 d_j^2 / (1 + s^2 d_j^2), U D V' = C. Sizes are summed over a grid. The posterior compares
-the drivers with each other, with a process of the pose, which is no family, and with nothing.
+the drivers with each other, with a process of the pose, which is no family, with effects that may
+be named, and with nothing. k parameters that leave the residual z have the evidence (Schwarz 1978)
+
+    -(v + n) / 2 log(v + z'z) - k / 2 log n.
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ecm.comparison.residuals import KNOWN, candidate_covariates, in_one_order
-from ecm.diagnosis.left_over import draft_of
+from ecm.diagnosis.left_over import draft_of, residual_after
 from ecm.diagnosis.settings import FORM_SHARE
 from ecm.effects.experiments import get_experiment
 from ecm.io.arrays import F, evenly
@@ -29,7 +32,7 @@ from ecm.regression.f_test import orthonormal
 from ecm.regression.history import before_each, largest_so_far, row_before
 
 if TYPE_CHECKING:
-    from ecm.diagnosis.problem import Problem
+    from ecm.diagnosis.problem import Candidate, Problem
     from ecm.io.table import Table
     from ecm.regression.rows import Rows
 
@@ -123,6 +126,21 @@ def _in_its_order(
 
 def posterior(problem: Problem) -> list[tuple[Driver, float]]:
     """Return the probability of each driver beside the others, the pose, and nothing."""
+    drivers, chances = _chances(problem, ())
+    return list(zip(drivers, chances.tolist(), strict=False))
+
+
+def explained_by_a_process(problem: Problem, named: Sequence[Candidate]) -> bool:
+    """Whether a smooth process, of a driver or of the pose, explains far more than these effects.
+
+    Their form is then not that of the cause, of which they imitate a part.
+    """
+    drivers, chances = _chances(problem, named)
+    return bool(chances[: len(drivers) + 1].max() >= _SURE)
+
+
+def _chances(problem: Problem, named: Sequence[Candidate]) -> tuple[list[Driver], F]:
+    """Return the drivers, and the probability of each, of the pose, of effects, and of nothing."""
     rows = evenly(len(problem.table), _MOST_ROWS)
     m = problem.response.shape[1]
     numbers = (m * rows[:, None] + np.arange(m)).ravel()
@@ -140,12 +158,16 @@ def posterior(problem: Problem) -> list[tuple[Driver, float]]:
     nothing = -0.5 * (known + freedom) * np.log(known + y @ y)
     processes = [*(driver.columns for driver in drivers), _of_pose(problem)]
     logs = [_evidence(beside_base(columns), y, freedom, known) for columns in processes]
+    if named:
+        left = beside_base(residual_after(problem, named)[:, :, None])[:, 0]
+        squares = left @ left / problem.scale
+        count = sum(item.parameters for item in named)
+        logs.append(-0.5 * ((known + freedom) * np.log(known + squares) + count * np.log(y.size)))
     gains = np.append(np.array(logs) - nothing, 0.0)
     # A process is no more exact than the form of an effect: what that may lose tells nothing.
     unit = max(1.0, FORM_SHARE * float(gains.max()))
     shares = np.exp((gains - gains.max()) / unit)
-    chances = (shares / shares.sum()).tolist()
-    return list(zip(drivers, chances[: len(drivers)], strict=True))
+    return drivers, np.asarray(shares / shares.sum())
 
 
 def _evidence(columns: F, y: F, freedom: int, known: float) -> float:

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ecm.diagnosis.accept import Accepted, accept
-from ecm.diagnosis.family import find_family
+from ecm.diagnosis.family import explained_by_a_process, find_family
 from ecm.diagnosis.left_over import (
     Gate,
     Leftover,
@@ -351,25 +351,33 @@ def find_missing(
     rest = residual_after(decision.problem, decision.accepted.effects)
     alike = correlation_of_rest(decision.problem.table, rest)
     if alike is None:
-        return _with_family(decision)
+        return _with_family(decision, stages.describe)
     slow = slow_noise_of(decision)
     if slow is not None and slow.p < settings.level:
-        return _with_family(decision)
+        return _with_family(decision, stages.describe)
     most = max(_LEAST_ROWS_OF_LOG, alike.independent)
     again = of_rows(replace(settings, most_rows=most)) if most < len(table) else decision
     if slow is None or again.verdict == "none":
-        return _with_family(replace(again, neighbours_alike=again is not decision))
+        again = replace(again, neighbours_alike=again is not decision)
+        return _with_family(again, stages.describe)
     seen = {"variables": ("time_s",), "slow_noise": slow}
     return decision.without_names(stages.describe, slow.words(), **seen)
 
 
-def _with_family(decision: Decision) -> Decision:
-    """Return the decision with the family in place of `unknown`, where one is sure."""
+def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decision:
+    """Return the decision with the family in place of `unknown`, where one is sure.
+
+    Names that a smooth process outdoes by far are no more than a part of what is missing.
+    """
+    problem, named = decision.problem, decision.accepted.effects
+    if decision.answer and explained_by_a_process(problem, named):
+        left = describe(problem, residual_after(problem, named), named, decision.gate.structure)
+        decision = replace(decision, verdict="unknown", unknown=left)
     unknown = decision.unknown
     of_runs = unknown is not None and unknown.variables == ("run",)
     if unknown is None or decision.misread or of_runs:
         return decision
-    family = find_family(decision.problem)
+    family = find_family(problem)
     if family is None:
         return decision
     first = [family.column] if family.column else []
