@@ -290,8 +290,8 @@ class Campaign(CampaignState):
 
     def _visits(self, solved: SolvedPoses) -> Visits:
         visits = tuple(self.timeline.visits)
-        index = {pose.tobytes(): i for i, pose in enumerate(solved.poses)}
-        nearest = np.asarray([index[v.pose.tobytes()] for v in visits], dtype=np.int64)
+        place = [solved.place[visit.pose.tobytes()] for visit in visits]
+        nearest = np.asarray(place, dtype=np.int64)
         table = self.settings.rig
         size = np.repeat([table.pose_error_m, table.pose_error_rad], 3)
         errors = np.stack(
@@ -312,8 +312,7 @@ class Campaign(CampaignState):
         if not own:
             return visits
         solved = self.plant.elastic.solved
-        index = {pose.tobytes(): i for i, pose in enumerate(solved.poses)}
-        slopes = solved.stiffness[[index[start] for start in starts.values()]]
+        slopes = solved.stiffness[[solved.place[start] for start in starts.values()]]
         more = (self.plant.acting(visits) - visits.inputs)[own]
         size = self.settings.rig.free_N * SENSOR_SCALE
         left = np.stack(

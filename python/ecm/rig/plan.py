@@ -18,7 +18,7 @@ from ecm.io.events import tell
 from ecm.io.se3 import displaced, rotation, transpose, turn_wrench, wrench_adjoint
 from ecm.io.settings import did_you_mean
 from ecm.io.table import Table
-from ecm.rig.elastic import SolvedPoses
+from ecm.rig.elastic import SolvedPoses, unique_poses
 from ecm.rig.instruments import Optics
 from ecm.rig.physics.camera import LEDS, LEDS_NEEDED
 from ecm.rig.physics.true_effect import LEVER_M
@@ -195,8 +195,7 @@ def followed(
 def _pose_ids(plan: Table, poses: F) -> I:
     if plan.has("pose_id"):
         return plan.column("pose_id").astype(np.int64)
-    seen: dict[bytes, int] = {}
-    return np.asarray([seen.setdefault(p.tobytes(), len(seen)) for p in poses], dtype=np.int64)
+    return unique_poses(poses)[1]
 
 
 def _approaches(plan: Table, count: int) -> list[str]:
@@ -392,7 +391,6 @@ def reachable(
     requests: list[Request], skipped: list[Skipped], solved: SolvedPoses, settings: RigSettings
 ) -> tuple[list[Request], list[Skipped]]:
     """Skip poses without a stable solution, beyond the sensor's range or out of sight."""
-    index = {pose.tobytes(): i for i, pose in enumerate(solved.poses)}
     instrument, table = settings.instrument, settings.plant
     # What is left for the mechanism after the sensor's zero and three sigma of a sample.
     reserve = np.array(
@@ -406,7 +404,7 @@ def reachable(
     leds = Optics(instrument).visible(solved.poses[:, :6]).sum(axis=1)
 
     def reason(request: Request) -> str:
-        i = index[request.pose.tobytes()]
+        i = solved.place[request.pose.tobytes()]
         if request.action.name != "measure":
             return ""
         if solved.status[i] != "solved":

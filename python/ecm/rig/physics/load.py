@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ecm.io.arrays import F
+from ecm.io.arrays import F, central_differences
 from ecm.io.se3 import left_jacobian_inverse, rotate, rotation
 from ecm.rig.physics.true_effect import (
     Clamp,
@@ -258,10 +258,8 @@ class OwnWeight(PlatformLoad, effect="own_weight", unit="kg"):
     first_size: ClassVar[float] = 0.3
 
     def load(self, at: Conditions) -> F:
-        slope = np.empty((len(at.poses), 6))
-        for j, step in enumerate(_STEP * np.eye(6)):
-            up, down = (self._heights(at.poses + s, at) for s in (step, -step))
-            slope[:, j] = (up - down) / (2 * _STEP)
+        slopes = central_differences(lambda poses: self._heights(poses, at), at.poses, _STEP)
+        slope = np.stack(slopes, axis=1)
         moment = np.einsum("nji,nj->ni", left_jacobian_inverse(at.poses[:, 3:]), slope[:, 3:])
         return np.concatenate([slope[:, :3], moment], axis=1)
 

@@ -223,7 +223,6 @@ def _longer_by(whole: Conditions) -> F:
     """
     assert whole.elastic is not None
     solved = whole.elastic.solved
-    known = {pose.tobytes(): i for i, pose in enumerate(solved.poses)}
     start = solved.poses[REST_INDEX]
     starts = []
     for way in whole.ways:
@@ -231,7 +230,7 @@ def _longer_by(whole: Conditions) -> F:
             stays = j + 2 == len(way) and way[j + 1, 6:].any()
             start = way[j] if stays else way[j + 1]
         starts.append(start)
-    first = np.array([known.get(row.tobytes(), REST_INDEX) for row in starts])
+    first = np.array([solved.place.get(row.tobytes(), REST_INDEX) for row in starts])
     slope = 0.5 * (solved.stiffness[first] + solved.stiffness[whole.nearest])[:, :, 6:]
     step = whole.poses - np.stack(starts)[:, :6]
     return np.asarray(np.einsum("nij,ni->nj", slope, step))
