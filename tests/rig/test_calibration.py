@@ -98,8 +98,7 @@ def test_a_zero_that_follows_the_temperature_is_predicted_between_two_readings()
         time[ends],
         true[ends],
         "temperature",
-        temperature_degC=warm,
-        reading_temperature_degC=warm[ends],
+        temperatures_degC=(warm, warm[ends]),
     )
     assert found == pytest.approx(true, abs=1e-9)
     straight = zero_at(time, time[ends], true[ends], "linear")

@@ -44,7 +44,7 @@ from ecm.models.actuated import ActuatedModel
 from ecm.models.maps import EnergyTerms
 from ecm.regression.noise import Noise, declared_noise, whiteners
 from ecm.regression.rows import actuators_of
-from ecm.rig.instruments import Camera, ForceTorqueSensor
+from ecm.rig.instruments import Camera, ForceTorqueSensor, sd_of
 from ecm.rig.settings import RigSettings
 
 _NOMINAL_ACTUATED = "actuated4"
@@ -244,9 +244,8 @@ def rig_noise(settings: RigSettings) -> Noise:
     """
     instrument, window = settings.instrument, settings.rig.window_s
     adjoint = wrench_adjoint(instrument.top_from_sensor)
-    variance = np.diag(ForceTorqueSensor(instrument).row_covariance(window, adjoint))
-    position, angle = Camera(instrument).row_sd(window)
-    sd = np.array([position, angle, *np.sqrt(variance.reshape(2, 3).mean(axis=1))])
+    wrench = sd_of(ForceTorqueSensor(instrument).row_covariance(window, adjoint))
+    sd = np.array([*Camera(instrument).row_sd(window), *wrench])
     if not (sd > 0.0).all():
         raise InputError(
             f"--rig: its noise of position, rotation, force and torque is {sd.tolist()}; a design "

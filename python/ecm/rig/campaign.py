@@ -180,22 +180,16 @@ class Campaign(CampaignState):
 
     def measure(self, index: int) -> Reading:
         """Takes one reading: samples of every instrument over the window, averaged."""
-        visit = self.timeline.visits[index]
-        instrument, serial = self.settings.instrument, visit.serial
+        visit, air = self.timeline.visits[index], self._air
+        serial, time = visit.serial, np.array([visit.time_s])
         sensor = self.sensor_samples(index)
         eyes = stream(self.seed, "base target", *serial), stream(self.seed, "camera", *serial)
         seen = self.image(self._truth.pose_seen[index], visit.time_s, visit.window_s, eyes)
-        air = self._air
         noise = stream(self.seed, "thermometer", *serial).standard_normal(2)
-        read = instrument.thermometer_noise_degC * noise
-        time = np.array([visit.time_s])
-        return Reading.of_samples(
-            seen,
-            sensor,
-            self.plant.top_from_sensor,
-            float(air.at(air.probe_degC, time)[0] + read[0]),
-            float(air.at(air.sensor_degC, time)[0] + read[1]),
-        )
+        read = self.settings.instrument.thermometer_noise_degC * noise
+        probe, gauge = (air.at(process, time)[0] for process in (air.probe_degC, air.sensor_degC))
+        warm = float(probe + read[0]), float(gauge + read[1])
+        return Reading.of_samples(seen, sensor, self.plant.top_from_sensor, warm)
 
     def sensor_samples(self, index: int) -> F:
         """What the force-torque sensor reads in the window of a visit, (n, 6) in its own axes."""

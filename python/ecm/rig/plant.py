@@ -289,8 +289,7 @@ def compensated(
         read_s,
         zero,
         plant.settings.rig.offset_compensation,
-        temperature_degC=temperature_degC,
-        reading_temperature_degC=warm,
+        temperatures_degC=(temperature_degC, warm),
         later_readings_lost=warm_up is not None and warm_up.later_readings_lost,
     )
     return turn_wrench(rotation(poses[:, 3:]), plant.to_top(sensor - zero))

@@ -168,9 +168,9 @@ class RawStream:
             rows = np.flatnonzero(self.leg == i)
             for row in rows:
                 sensor[row] = gauge.read(sensor[row], self.window_s, random).mean(axis=0)
-                seen[row] = campaign.image(
+                seen[row], _ = campaign.image(
                     seen[row], self.time_s[row], self.window_s, (random, random)
-                ).mean
+                )
             other[rows] = random.standard_normal((len(rows), 3))
         air, visits = self._air, campaign.visits
         reads = visits.zero_readings
