@@ -121,9 +121,10 @@ def requests(plan: Table, procedure: Procedure, length_m: float) -> list[Request
     where = plan.source or "plan"
     if count == 0:
         raise InputError(f"{where}: the plan has no rows; expected poses to measure")
-    kinds = [str(k) for k in plan.text("kind")] if plan.has("kind") else [""] * count
-    words = [str(a) for a in plan.text("action")] if plan.has("action") else [""] * count
-    approaches = _approaches(plan, count)
+    kinds, words = _texts(plan, "kind"), _texts(plan, "action")
+    # A table program may have written the integer 12 as 12.0.
+    texts = [text.strip() for text in _texts(plan, "approach")]
+    approaches = [str(n) if (n := _as_int(text)) is not None else text for text in texts]
     dwell = plan.column("dwell_s") if plan.has("dwell_s") else np.full(count, np.nan)
     runs = plan.column("run") if plan.has("run") else np.zeros(count)
     actions = [_action(words[i], kinds[i], f"{where} row {i + 1}") for i in range(count)]
@@ -198,12 +199,8 @@ def _pose_ids(plan: Table, poses: F) -> I:
     return unique_poses(poses)[1]
 
 
-def _approaches(plan: Table, count: int) -> list[str]:
-    if not plan.has("approach"):
-        return [""] * count
-    texts = [str(a).strip() for a in plan.text("approach")]
-    # A table program may have written the integer 12 as 12.0.
-    return [str(n) if (n := _as_int(t)) is not None else t for t in texts]
+def _texts(plan: Table, name: str) -> list[str]:
+    return [str(cell) for cell in plan.text(name)] if plan.has(name) else [""] * len(plan)
 
 
 def _as_int(text: str) -> int | None:

@@ -239,11 +239,10 @@ def select(job: Job, train: tuple[F, F], test: tuple[F, F]) -> dict[str, Design]
         counts=[count for count in settings.energy_poses if count <= len(train[0])],
         seed=job.seed,
     )
-    designs = {}
-    for name in DESIGNS:
-        designs[name] = _design(
-            job, train[0], f"design-{name}", criterion=name, iterations=_ITERATIONS[name]
-        )
+    designs = {
+        name: _design(job, train[0], f"design-{name}", criterion=name, iterations=most)
+        for name, most in _ITERATIONS.items()
+    }
     by_paper = {  # the paper's own algorithms: Fedorov's exchange and simple exchange
         f"{name} by the paper's exchange": _design(
             job, train[0], f"paper-design-{name}", criterion=name, method="paper"
