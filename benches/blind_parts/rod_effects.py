@@ -77,9 +77,7 @@ def base_compliance(random: np.random.Generator, rod_state: RodState) -> Made:
     shares = random.uniform([0.1, 0.8, 0.8], [0.4, 1.2, 1.2])
     give = random.uniform([0.0, 0.02, 0.02], [0.01, 0.06, 0.06]) * rod_state.section.length_m**2
     return _section(
-        5e-4,
-        base_turn=lambda s: tuple(s * shares),
-        base_give=lambda s: tuple(s * give),
+        5e-4, base_turn=lambda s: tuple(s * shares), base_give=lambda s: tuple(s * give)
     )
 
 

@@ -30,23 +30,9 @@ from ecm.io.columns import POSE
 from ecm.io.events import told_beside
 from ecm.io.extras import require
 from ecm.io.table import Table
-from ecm.rig.plan import (
-    OFFSET,
-    UNLOADED,
-    requests,
-    rest_pose,
-    split_by_limits,
-    tell_begun,
-)
+from ecm.rig.plan import OFFSET, UNLOADED, requests, rest_pose, split_by_limits, tell_begun
 from ecm.rig.plan import POSE as AT_POSE
-from ecm.rig.readings import (
-    HEADER,
-    Journal,
-    clear_beside,
-    journal_path,
-    keep_data,
-    raw_path,
-)
+from ecm.rig.readings import HEADER, Journal, clear_beside, journal_path, keep_data, raw_path
 from ecm.rig.timeline import Layout, timeline_of
 
 _ENDS_S = 2.0

@@ -196,11 +196,7 @@ def nominal_model(
 
 
 def _physics(
-    where: str,
-    body: Mechanism | None,
-    model: Model | None,
-    threads: int,
-    progress: Progress | None,
+    where: str, body: Mechanism | None, model: Model | None, threads: int, progress: Progress | None
 ) -> StiffnessMap:
     """The physics map, whose E and (where it is tabulated) Poisson's ratio are unknown."""
     if model is not None:

@@ -196,9 +196,7 @@ class Campaign(CampaignState):
         """What the force-torque sensor reads in the window of a visit, (n, 6) in its own axes."""
         visit = self.timeline.visits[index]
         return ForceTorqueSensor(self.settings.instrument).read(
-            self._truth.sensor[index],
-            visit.window_s,
-            stream(self.seed, "sensor", *visit.serial),
+            self._truth.sensor[index], visit.window_s, stream(self.seed, "sensor", *visit.serial)
         )
 
     def raw_stream(self) -> RawStream | None:

@@ -339,10 +339,7 @@ class Skipped:
 
 
 def split_by_limits(
-    requests: list[Request],
-    procedure: Procedure,
-    length_m: float,
-    skipped: Sequence[Skipped] = (),
+    requests: list[Request], procedure: Procedure, length_m: float, skipped: Sequence[Skipped] = ()
 ) -> tuple[list[Request], list[Skipped]]:
     """Split requests into poses within the rig's limits and the others with the reason."""
     rest = rest_pose(length_m)

@@ -250,11 +250,7 @@ def visits_of(
 
 
 def wrench_in_base(
-    plant: Plant,
-    visits: Visits,
-    sensor: F,
-    poses: F,
-    temperature_degC: F | None = None,
+    plant: Plant, visits: Visits, sensor: F, poses: F, temperature_degC: F | None = None
 ) -> F:
     """Compensated wrench (N, 6) in base axes at the top frame.
 
@@ -274,12 +270,7 @@ def wrench_in_base(
 
 
 def compensated(
-    plant: Plant,
-    readings: tuple[F, F, F],
-    time_s: F,
-    sensor: F,
-    poses: F,
-    temperature_degC: F,
+    plant: Plant, readings: tuple[F, F, F], time_s: F, sensor: F, poses: F, temperature_degC: F
 ) -> F:
     """The same at any times (N,); readings of the zero (k, 6), their times and temperatures."""
     zero, read_s, warm = readings

@@ -422,10 +422,7 @@ def find_hidden_effect(job: Job, candidates: Table, physics: PhysicsMap | None) 
     """Step 4: measure with the hidden effect, diagnose, refit; writes `model-loop.json`."""
     # Half as many poses, each visited twice: what the first campaign cost in robot time.
     settings = DesignSettings(
-        criterion="maximin",
-        seed=job.seed,
-        threads=job.threads,
-        iterations=_ITERATIONS["maximin"],
+        criterion="maximin", seed=job.seed, threads=job.threads, iterations=_ITERATIONS["maximin"]
     )
     rows = candidates.matrix((*POSE, *_driven(job)))
     design = optimal_design(rows, max(20, job.config.design.n // 2), settings)
