@@ -167,6 +167,11 @@ class Run:
         return self.layout.timeline
 
     @property
+    def at_poses(self) -> list[int]:
+        """Which readings are at a pose of the plan."""
+        return [i for i, taken in enumerate(self.taken) if taken.kind == AT_POSE]
+
+    @property
     def is_over(self) -> bool:
         """Whether the run has taken as long as the whole plan would."""
         return self.timeline.visits[-1].time_s >= self.plan_s

@@ -275,7 +275,7 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
             parts = bench.open() if devices is None else devices
             sample = None if samples is None else samples.append
             _drive(Messages(run, parts, keep, say, minutes, sample), engine_of, run, first, parts)
-        if not any(taken.kind == AT_POSE for taken in run.taken):
+        if not run.at_poses:
             raise InputError(f"{out}: no pose was measured, so no table is written")
         table = table_of(run, plan, out, run.taken)
         table.write(out)

@@ -22,6 +22,7 @@ from ecm._native import EnergyEvaluator, FemResults
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import B, F, I
 from ecm.io.cache import array_key, read_arrays, write_arrays
+from ecm.io.events import with_words
 from ecm.io.mechanism import Material, Mechanism
 
 
@@ -44,13 +45,8 @@ class FemSource:
         fem = changed(self._mechanism, grade).fem(
             element_modulus_scale=modulus_grade(self._mechanism, grade)
         )
-        word = "plant" if grade == UNIFORM else f"plant ({grade})"
-
-        def report(done: int, total: int) -> None:
-            if progress is not None:
-                progress(done, total, word)
-
-        results = fem.solve_poses(poses, threads=self._threads, progress=report)
+        told = with_words(progress, "plant" if grade == UNIFORM else f"plant ({grade})")
+        results = fem.solve_poses(poses, threads=self._threads, progress=told)
         return SolvedPoses(poses, results.wrenches, _slopes(results), tuple(results.status))
 
     def free_poses(self, inputs: F) -> SolvedPoses:
