@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import sys
-from collections import Counter
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,14 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("RAYON_NUM_THREADS", "1")
 
-from blind_parts.command import diagnosed, parser_of, run_sets, write_table
+from blind_parts.command import (
+    diagnosed,
+    not_right_lines,
+    outcome_lines,
+    parser_of,
+    run_sets,
+    write_table,
+)
 from blind_parts.fourth import HIDDEN, SWAPPED, FourthSet, fourth_sets, fourth_table, solved
 from blind_parts.workers import run_all
 from ecm.models import fit_model
@@ -80,28 +86,18 @@ def table_text(results: list[dict[str, Any]]) -> str:
     for name, (own, what) in figures.items():
         sign = "<=" if name == "wrong name" else ">="
         lines.append(f"| {name} | {len(own)} | {sign} {_GOALS[name]:g} | {share(own, what):.3f} |")
-    lines += ["", "| hidden | sets | " + " | ".join(_OUTCOMES) + " |"]
-    lines.append("|---" * (len(_OUTCOMES) + 2) + "|")
-    groups: list[tuple[str, list[dict[str, Any]]]] = [("nothing", nothing)]
+    groups = {"nothing": nothing}
     for name in (*HIDDEN, SWAPPED):
-        groups.append((name, [r for r in hidden if r["set"]["names"] == [name]]))
-    groups.append(("pairs", [r for r in hidden if len(r["set"]["names"]) == 2]))
-    groups.append(("all", results))
-    for what, own in groups:
-        counts = Counter(r["outcome"] for r in own)
-        shown = " | ".join(str(counts[key] or "") for key in _OUTCOMES)
-        lines.append(f"| {what} | {len(own)} | {shown} |")
-    lines.append("")
-    for r in results:
-        if r["outcome"] != "right":
-            case = r["set"]
-            answer = " + ".join("|".join(members) for members in r["answer"])
-            lines.append(
-                f"- {case['index']} {' + '.join(case['names']) or 'nothing'} at "
-                f"{case['strength']:g} (arm {case['body']}, {case['poses']} poses): "
-                f"{r['outcome']}: {r['verdict']} {answer}"
-            )
-    return "\n".join(lines) + "\n"
+        groups[name] = [r for r in hidden if r["set"]["names"] == [name]]
+    groups["pairs"] = [r for r in hidden if len(r["set"]["names"]) == 2]
+
+    def words(r: dict[str, Any]) -> str:
+        case = r["set"]
+        which = f"(arm {case['body']}, {case['poses']} poses): {r['outcome']}"
+        return f"{' + '.join(case['names']) or 'nothing'} at {case['strength']:g} {which}"
+
+    lines += ["", *outcome_lines({**groups, "all": results}, _OUTCOMES), ""]
+    return "\n".join([*lines, *not_right_lines(results, words)]) + "\n"
 
 
 def main() -> int:

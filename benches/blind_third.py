@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import sys
-from collections import Counter
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,14 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("RAYON_NUM_THREADS", "1")
 
-from blind_parts.command import diagnosed, parser_of, run_sets, write_table
+from blind_parts.command import (
+    diagnosed,
+    not_right_lines,
+    outcome_lines,
+    parser_of,
+    run_sets,
+    write_table,
+)
 from blind_parts.third import (
     HIDDEN,
     ThirdSet,
@@ -45,29 +51,20 @@ def answer_of(case: ThirdSet, folder: Path) -> dict[str, Any]:
 
 def table_text(results: list[dict[str, Any]]) -> str:
     """Markdown: a line for each law, for each protocol, and for each set that is not right."""
-    lines = [
-        "| hidden | sets | " + " | ".join(_OUTCOMES) + " |",
-        "|---" * (len(_OUTCOMES) + 2) + "|",
-    ]
-    groups = [(name or "nothing", lambda r, name=name: r["set"]["name"] == name)
-              for name in ("", *HIDDEN)]  # fmt: skip
+
+    def of(key: str, value: str) -> list[dict[str, Any]]:
+        return [r for r in results if r["set"][key] == value]
+
+    def words(r: dict[str, Any]) -> str:
+        case = r["set"]
+        which = f"({case['body']}, {case['protocol']}, {case['rows']} rows)"
+        return f"{case['name'] or 'nothing'} at {case['strength']:g} {which}"
+
+    groups = {name or "nothing": of("name", name) for name in ("", *HIDDEN)}
     protocols = sorted({r["set"]["protocol"] for r in results})
-    groups += [(f"*{p}*", lambda r, p=p: r["set"]["protocol"] == p) for p in protocols]
-    groups.append(("all", lambda r: True))
-    for what, test in groups:
-        own = Counter(r["outcome"] for r in results if test(r))
-        shown = " | ".join(str(own[key] or "") for key in _OUTCOMES)
-        lines.append(f"| {what} | {own.total()} | {shown} |")
-    for r in results:
-        if r["outcome"] != "right":
-            case = r["set"]
-            answer = " + ".join("|".join(members) for members in r["answer"])
-            lines.append(
-                f"- {case['index']} {case['name'] or 'nothing'} at {case['strength']:g} "
-                f"({case['body']}, {case['protocol']}, {case['rows']} rows): "
-                f"{r['verdict']} {answer}"
-            )
-    return "\n".join(lines) + "\n"
+    groups |= {f"*{protocol}*": of("protocol", protocol) for protocol in protocols}
+    lines = outcome_lines({**groups, "all": results}, _OUTCOMES)
+    return "\n".join([*lines, *not_right_lines(results, words)]) + "\n"
 
 
 def main() -> int:

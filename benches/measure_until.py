@@ -112,11 +112,7 @@ class Rig:
         travel = np.array([travel_s(pose - rest, procedure) for pose in true[:count, :6]])
         still = procedure.dwell_s + procedure.window_s
         return Rig(
-            table(true[:count]),
-            read(),
-            read(),
-            table(true[count:]),
-            (2.0 * travel + still) / 60.0,
+            table(true[:count]), read(), read(), table(true[count:]), (2.0 * travel + still) / 60.0
         )
 
 

@@ -89,9 +89,7 @@ def slow_ramp(rows: int, seed: int = 0) -> Table:
     columns |= dict(zip(names, np.gradient(path, 1.0 / RATE_HZ, axis=0).T, strict=True))
     columns["temperature_degC"] = 22.0 + 2.0 * np.linspace(0.0, 1.0, rows)
     meta = Meta(
-        file=FileMeta(kind="continuous"),
-        mechanism={"length_m": LENGTH_M},
-        instrument=INSTRUMENT,
+        file=FileMeta(kind="continuous"), mechanism={"length_m": LENGTH_M}, instrument=INSTRUMENT
     )
     return Table(columns, meta, "slow ramp")
 

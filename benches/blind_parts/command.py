@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -88,6 +89,30 @@ def diagnosed(
         verdict, answer, said = "refused", [], str(error)
     result = {"set": case.to_dict(), "verdict": verdict, "answer": answer, "said": said}
     return result | {"seconds": time.process_time() - began}, found
+
+
+def outcome_lines(
+    groups: Mapping[str, Sequence[dict[str, Any]]], outcomes: Sequence[str]
+) -> list[str]:
+    """Markdown: how often each outcome is in the results of each group."""
+    lines = ["| hidden | sets | " + " | ".join(outcomes) + " |", "|---" * (len(outcomes) + 2) + "|"]
+    for what, own in groups.items():
+        counts = Counter(r["outcome"] for r in own)
+        shown = " | ".join(str(counts[key] or "") for key in outcomes)
+        lines.append(f"| {what} | {len(own)} | {shown} |")
+    return lines
+
+
+def not_right_lines(
+    results: Sequence[dict[str, Any]], words: Callable[[dict[str, Any]], str]
+) -> list[str]:
+    """Markdown: each set that is not right, by words of its own, and what was said."""
+    return [
+        f"- {r['set']['index']} {words(r)}: {r['verdict']} "
+        + " + ".join("|".join(members) for members in r["answer"])
+        for r in results
+        if r["outcome"] != "right"
+    ]
 
 
 def write_table(given: argparse.Namespace, text: str, found: int, cases: int) -> None:

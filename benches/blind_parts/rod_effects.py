@@ -53,29 +53,14 @@ def strain_stiffening(random: np.random.Generator, rod_state: RodState) -> Made:
     return _section(0.1, hardening=lambda s: s)
 
 
-def compressibility(random: np.random.Generator, rod_state: RodState) -> Made:
-    sign = _sign(random)
-    return _section(0.02, twist_share=lambda s: sign * s)
+def _of_either_sign(first: float, name: str) -> Draw:
+    """A property of the section that may be larger or smaller."""
 
+    def draw(random: np.random.Generator, rod_state: RodState) -> Made:
+        sign = _sign(random)
+        return _section(first, **{name: lambda s: sign * s})
 
-def pretension(random: np.random.Generator, rod_state: RodState) -> Made:
-    sign = _sign(random)
-    return _section(1e-3, free_stretch=lambda s: sign * s)
-
-
-def taper(random: np.random.Generator, rod_state: RodState) -> Made:
-    sign = _sign(random)
-    return _section(0.02, taper=lambda s: sign * s)
-
-
-def length_error(random: np.random.Generator, rod_state: RodState) -> Made:
-    sign = _sign(random)
-    return _section(1e-4, base_shift_m=lambda s: sign * s)
-
-
-def diameter_error(random: np.random.Generator, rod_state: RodState) -> Made:
-    sign = _sign(random)
-    return _section(0.01, thicker=lambda s: sign * s)
+    return draw
 
 
 def face_tilt(random: np.random.Generator, rod_state: RodState) -> Made:
@@ -92,9 +77,7 @@ def base_compliance(random: np.random.Generator, rod_state: RodState) -> Made:
     shares = random.uniform([0.1, 0.8, 0.8], [0.4, 1.2, 1.2])
     give = random.uniform([0.0, 0.02, 0.02], [0.01, 0.06, 0.06]) * rod_state.section.length_m**2
     return _section(
-        5e-4,
-        base_turn=lambda s: tuple(s * shares),
-        base_give=lambda s: tuple(s * give),
+        5e-4, base_turn=lambda s: tuple(s * shares), base_give=lambda s: tuple(s * give)
     )
 
 
@@ -298,11 +281,11 @@ def cable_drag(random: np.random.Generator, rod_state: RodState) -> Made:
 BODY: dict[str, Draw] = {
     "anisotropy": anisotropy,
     "strain_stiffening": strain_stiffening,
-    "compressibility": compressibility,
-    "pretension": pretension,
-    "taper": taper,
-    "length_error": length_error,
-    "diameter_error": diameter_error,
+    "compressibility": _of_either_sign(0.02, "twist_share"),
+    "pretension": _of_either_sign(1e-3, "free_stretch"),
+    "taper": _of_either_sign(0.02, "taper"),
+    "length_error": _of_either_sign(1e-4, "base_shift_m"),
+    "diameter_error": _of_either_sign(0.01, "thicker"),
     "face_tilt": face_tilt,
     "pre_curvature": pre_curvature,
     "base_compliance": base_compliance,

@@ -97,9 +97,7 @@ def test_a_run_stops_when_the_error_is_reached_and_promises_it(tmp_path: Path) -
     assert "energy4 errs" in promise["words"][1]
 
 
-def test_a_stricter_error_takes_more_rows_and_another_order_than_the_plan_s(
-    tmp_path: Path,
-) -> None:
+def test_a_stricter_error_takes_more_rows_and_another_order_than_the_plan_s(tmp_path: Path) -> None:
     rows = []
     for name, until in (("a", "0.03 N"), ("b", "0.02 N")):
         out = tmp_path / f"{name}.csv"

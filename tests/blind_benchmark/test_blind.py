@@ -49,13 +49,7 @@ from ecm.rig.physics import TRUE_EFFECTS
 from support.campaigns import model, plan
 from support.stand_in import StandIn
 
-ONE = (
-    "anisotropy",
-    "base_compliance",
-    "fts_offset",
-    "payload",
-    "temperature_modulus",
-)
+ONE = ("anisotropy", "base_compliance", "fts_offset", "payload", "temperature_modulus")
 
 
 @pytest.fixture(scope="module")
@@ -283,9 +277,7 @@ def test_read_by_hand_and_needed_in_another_unit_rules_nothing_out(
     assert _readings(case, data, first, read) == (([id], []) if turn_rad else ([], [id]))
 
 
-def test_unknown_of_the_joint_data_stays_whatever_is_read_by_hand(
-    folder: Path,
-) -> None:
+def test_unknown_of_the_joint_data_stays_whatever_is_read_by_hand(folder: Path) -> None:
     case = Set(5, 901, "rod", hidden=(("payload", 1.0),))
     data = replace(_data(case, folder), truth={"length_error": 4e-4})
     unknown = {"verdict": "unknown", "answer": []}
@@ -471,13 +463,7 @@ def test_the_table_counts_what_was_run() -> None:
     def made(s: float, right: bool) -> dict[str, Any]:
         answer = [["a"]] if right else []
         return {
-            "set": {
-                "tier": 1,
-                "index": 0,
-                "source": "rod",
-                "hidden": [["a", s]],
-                "strength": 0.0,
-            },
+            "set": {"tier": 1, "index": 0, "source": "rod", "hidden": [["a", s]], "strength": 0.0},
             "ours": {"verdict": "named", "answer": answer},
         }
 

@@ -130,10 +130,7 @@ RANDOM_FOLDS = DiagnosisSettings(held_out="random")
             Method(settings=NOTHING_HELD_OUT),
             short.test_what_held_out_rows_contradict_is_not_accepted,
         ),
-        (
-            Method(settings=RANDOM_FOLDS),
-            short.test_what_held_out_rows_contradict_is_not_accepted,
-        ),
+        (Method(settings=RANDOM_FOLDS), short.test_what_held_out_rows_contradict_is_not_accepted),
         (
             Method(stages=Stages(gate=gate_never_rejects, white=nothing_followed)),
             short.test_what_is_not_in_the_library_is_unknown,

@@ -19,10 +19,7 @@ CASES = [s for s in other_sets(120, 41) if s.kind == "known" and s.body in BODIE
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.name}-{case.body}")
 def test_the_printed_command_reaches_what_it_promises(
-    case: OtherSet,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    ecm_command: Callable[..., Any],
+    case: OtherSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Callable[..., Any]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     table, mechanism = table_of(case, tmp_path)

@@ -185,10 +185,7 @@ def test_physics_needs_its_base() -> None:
 
 
 def test_a_design_for_the_physics_base_from_end_to_end(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    ecm_command: Command,
-    neck_physics: PhysicsMap,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command, neck_physics: PhysicsMap
 ) -> None:
     """The neck's own FEM, made once for all tests."""
     monkeypatch.chdir(tmp_path)

@@ -118,10 +118,7 @@ def test_extrapolation_is_warned_about() -> None:
     text = " ".join(fit_material(only, "yeoh", use=(0.5, 1.6)).warnings)
     assert "extrapolation" in text
     assert "only uniaxial" in text
-    wide = [
-        *only,
-        MaterialTest("equibiaxial", STRETCH, law.nominal_stress("equibiaxial", STRETCH)),
-    ]
+    wide = [*only, MaterialTest("equibiaxial", STRETCH, law.nominal_stress("equibiaxial", STRETCH))]
     # An equibiaxial stretch of 2.2 is a compression to 0.21.
     assert not fit_material(wide, "neo_hookean", use=(0.5, 1.4)).warnings
 
@@ -171,11 +168,7 @@ def test_the_command_writes_a_material_for_the_mechanism(tmp_path: Path) -> None
     ],
 )
 def test_bad_tests_are_refused(
-    text: str,
-    options: list[str],
-    expected: str,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    text: str, options: list[str], expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "test.csv"
     path.write_text(text, encoding="utf-8")

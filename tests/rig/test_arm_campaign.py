@@ -316,11 +316,7 @@ def test_what_is_hidden_acts_while_the_arm_moves(cache: Path, effect: str) -> No
     ends = {}
     for hide in ((), Hidden.parse(f"{effect}=3")):
         campaign = RobotCampaign(
-            plan(poses),
-            settings(dwell_s=1.0),
-            StandIn(),
-            hide=hide,
-            folder=cache,
+            plan(poses), settings(dwell_s=1.0), StandIn(), hide=hide, folder=cache
         )
         ends[bool(hide)] = SimulatedArm(campaign.setup).trip(campaign.trips[0].stops).stops[0]
         if hide:

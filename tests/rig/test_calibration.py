@@ -94,12 +94,7 @@ def test_a_zero_that_follows_the_temperature_is_predicted_between_two_readings()
     true = np.outer(warm, slope)
     ends = np.array([0, 49])
     found = zero_at(
-        time,
-        time[ends],
-        true[ends],
-        "temperature",
-        temperature_degC=warm,
-        reading_temperature_degC=warm[ends],
+        time, time[ends], true[ends], "temperature", temperatures_degC=(warm, warm[ends])
     )
     assert found == pytest.approx(true, abs=1e-9)
     straight = zero_at(time, time[ends], true[ends], "linear")

@@ -10,11 +10,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from ecm.errors import ComputationError
-from ecm.io.se3 import (
-    rotate,
-    rotation,
-    seen_from,
-)
+from ecm.io.se3 import rotate, rotation, seen_from
 from ecm.rig.instruments import zero_at
 from ecm.rig.physics import Conditions
 from ecm.rig.physics.body import FaceTilt, NaturalBend, PlatformSlip

@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from ecm.io.se3 import rotate, transpose
-from ecm.rig.elastic import (
-    UNIFORM,
-    Elastic,
-)
+from ecm.rig.elastic import UNIFORM, Elastic
 from support.stand_in import (
     AXIAL,
     BEND,

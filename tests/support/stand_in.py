@@ -8,12 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.io.se3 import (
-    left_jacobian_inverse,
-    rotate,
-    rotation,
-    transpose,
-)
+from ecm.io.se3 import left_jacobian_inverse, rotate, rotation, transpose
 from ecm.io.table import POSE, Table, as_table
 from ecm.rig import Campaign, RigSettings
 from ecm.rig.elastic import (

@@ -105,7 +105,6 @@ def test_a_few_pairs_are_enough_for_simulate_alone() -> None:
 def test_a_mesh_is_looked_for_beside_the_file(tmp_path: Path) -> None:
     path = tmp_path / "own.toml"
     path.write_text(
-        '[mechanism]\nmesh = "body.msh"\nlength_m = 0.1\nyoung_modulus_Pa = 1e6\n',
-        encoding="utf-8",
+        '[mechanism]\nmesh = "body.msh"\nlength_m = 0.1\nyoung_modulus_Pa = 1e6\n', encoding="utf-8"
     )
     assert read_config(path).mechanism.mesh_file == tmp_path / "body.msh"

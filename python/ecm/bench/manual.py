@@ -35,11 +35,7 @@ class Manual:
     """No watchdog waits for an answer, and nothing is asked while the person moves."""
 
     def __init__(
-        self,
-        *,
-        sd_m: float = 5e-4,
-        sd_rad: float = 5e-3,
-        ask_for: Callable[[str], str] = input,
+        self, *, sd_m: float = 5e-4, sd_rad: float = 5e-3, ask_for: Callable[[str], str] = input
     ) -> None:
         self._sd = np.repeat([sd_m, sd_rad], 3)
         self._ask_for = ask_for

@@ -167,6 +167,11 @@ class Run:
         return self.layout.timeline
 
     @property
+    def at_poses(self) -> list[int]:
+        """Which readings are at a pose of the plan."""
+        return [i for i, taken in enumerate(self.taken) if taken.kind == AT_POSE]
+
+    @property
     def is_over(self) -> bool:
         """Whether the run has taken as long as the whole plan would."""
         return self.timeline.visits[-1].time_s >= self.plan_s
@@ -289,25 +294,20 @@ class Run:
 
     def wrenches(self, taken: Sequence[Taken]) -> F:
         """Wrenches (N, 6) of readings, by the zeros among them that the procedure asks for."""
-        readings = [t.reading for t in taken]
-        return self.compensated(
-            taken,
-            np.asarray([t.time_s for t in taken]),
-            np.stack([reading.pose for reading in readings]),
-            np.stack([reading.sensor for reading in readings]),
-            np.asarray([r.sensor_temperature_degC for r in readings]),
+        poses, sensor = (
+            np.stack([getattr(t.reading, name) for t in taken]) for name in ("pose", "sensor")
         )
+        return self.compensated(taken, _times(taken), poses, sensor, _warmth(taken))
 
     def compensated(self, taken: Sequence[Taken], time_s: F, poses: F, sensor: F, degC: F) -> F:
         """Wrenches (N, 6) of samples at (N,) times and temperatures, by the zeros of readings."""
         zeros = [one for one in taken if self._reads_zero(one)]
         zero = zero_at(
             time_s,
-            np.asarray([t.time_s for t in zeros]),
+            _times(zeros),
             np.asarray([t.reading.sensor for t in zeros]).reshape(-1, 6),
             self.bench.procedure.offset_compensation,
-            temperature_degC=degC,
-            reading_temperature_degC=np.asarray([t.reading.sensor_temperature_degC for t in zeros]),
+            temperatures_degC=(degC, _warmth(zeros)),
         )
         return self._in_base(poses, sensor - zero)
 
@@ -414,6 +414,14 @@ class Run:
         }
 
 
+def _times(taken: Sequence[Taken]) -> F:
+    return np.asarray([one.time_s for one in taken])
+
+
+def _warmth(taken: Sequence[Taken]) -> F:
+    return np.asarray([one.reading.sensor_temperature_degC for one in taken])
+
+
 def _size(step: F) -> str:
     """A step (6,) in words."""
     shift, turn = 1e3 * np.linalg.norm(step[:3]), np.linalg.norm(step[3:])
@@ -431,7 +439,7 @@ def table_of(run: Run, plan: Table, out: Path, readings: Sequence[Taken]) -> Tab
         key = (one.kind, visit.pose_id)
         visits[i] = replace(visit, kind=one.kind, repeat=repeats[key])
         repeats[key] += 1
-    columns = visit_columns(visits, np.asarray([one.time_s for one in taken]) - run.began_s)
+    columns = visit_columns(visits, _times(taken) - run.began_s)
     means = [one.reading for one in taken]
     columns |= run.columns(np.stack([r.pose for r in means]), wrenches[rows])
     inputs = np.stack([one.inputs for one in taken])
@@ -469,8 +477,7 @@ def stream_of(run: Run, plan: Table, lines: Sequence[str]) -> Table:
     known = [t for t in run.taken if np.isfinite(t.reading.sensor_temperature_degC)]
     degC = np.full(len(time_s), np.nan)
     if known:
-        warm = [t.reading.sensor_temperature_degC for t in known]
-        degC = np.interp(time_s, [t.time_s for t in known], warm)
+        degC = np.interp(time_s, _times(known), _warmth(known))
     columns = {"run": numbers[:, 0].copy(), "time_s": time_s - run.began_s}
     columns |= run.columns(poses, run.compensated(run.taken, time_s, poses, sensor, degC))
     meta = described(run, plan)

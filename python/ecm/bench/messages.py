@@ -24,7 +24,6 @@ from ecm.errors import EcmError
 from ecm.io.arrays import F
 from ecm.io.extras import require
 from ecm.io.se3 import displaced
-from ecm.rig.instruments import Window
 from ecm.rig.plan import AT_HOME, OFFSET, UNLOADED, Visit
 from ecm.rig.plan import POSE as AT_POSE
 from ecm.rig.readings import HEADER, Reading
@@ -206,12 +205,8 @@ class _Rig:
             at = pose.result(None)
             self._hold(limits.pose_breach(at[0], self._run.layout.rest))
             self._hold(limits.speed_breach(before, at))
-        if "thermometer" in devices:
-            degrees = self.answer("thermometer", devices["thermometer"].temperature)
-            self._hold(limits.temperature_breach(float(np.ravel(degrees)[0])))
-        if "actuation" in devices:
-            gauges = self.answer("actuation", devices["actuation"].actuation)
-            self._hold(limits.actuation_breach(gauges))
+        self._hold(limits.temperature_breach(self._degrees()[0]))
+        self._hold(limits.actuation_breach(self._told("actuation", "actuation")))
         if follows and at is not None:
             self._keep(at[0], sensor[None], at[1], window_s)
         return at
@@ -232,6 +227,18 @@ class _Rig:
             raise DeviceError("the sensor gave no samples of six numbers")
         return samples
 
+    def _degrees(self) -> tuple[float, float]:
+        """Temperatures of the mechanism and of the sensor; NaN where nothing tells one."""
+        told = [*self._told("thermometer", "temperature"), np.nan, np.nan]
+        return float(told[0]), float(told[1])
+
+    def _told(self, part: str, method: str) -> F:
+        """Numbers (k,) that a device tells; none where there is no such device."""
+        if part not in self._devices:
+            return np.empty(0)
+        answer = self.answer(part, getattr(self._devices[part], method))
+        return np.asarray(answer, dtype=np.float64).ravel()
+
     def trigger(self) -> Status:
         return Status(self._take)
 
@@ -241,22 +248,11 @@ class _Rig:
         if self._by_hand:
             seen.result(None)
         samples = self.answer("wrench", lambda: self._samples(window_s), window_s)
-        warm = [np.nan, np.nan]
-        if "thermometer" in devices:
-            degrees = np.ravel(self.answer("thermometer", devices["thermometer"].temperature))
-            warm[: len(degrees)] = degrees.tolist()
-        if "actuation" in devices:
-            gauges = self.answer("actuation", devices["actuation"].actuation)
-            self.inputs = np.asarray(gauges, dtype=np.float64)
-        mean, spread = seen.result(None)
+        warm, self.inputs = self._degrees(), self._told("actuation", "actuation")
+        mean, spread = map(np.asarray, seen.result(None))
         self.time_s = self.clock.middle(window_s)
-        self.reading = Reading.of_samples(
-            Window(np.asarray(mean), np.asarray(spread)),
-            samples,
-            self._run.top_from_sensor,
-            float(warm[0]),
-            float(warm[1]),
-        )
+        adjoint = self._run.top_from_sensor
+        self.reading = Reading.of_samples((mean, spread), samples, adjoint, warm)
         if self._sample is not None:
             count = max(1, round(window_s * self._run.bench.procedure.stream_Hz))
             parts = np.array_split(samples, min(count, len(samples)))

@@ -30,23 +30,9 @@ from ecm.io.columns import POSE
 from ecm.io.events import told_beside
 from ecm.io.extras import require
 from ecm.io.table import Table
-from ecm.rig.plan import (
-    OFFSET,
-    UNLOADED,
-    requests,
-    rest_pose,
-    split_by_limits,
-    tell_begun,
-)
+from ecm.rig.plan import OFFSET, UNLOADED, requests, rest_pose, split_by_limits, tell_begun
 from ecm.rig.plan import POSE as AT_POSE
-from ecm.rig.readings import (
-    HEADER,
-    Journal,
-    clear_beside,
-    journal_path,
-    keep_data,
-    raw_path,
-)
+from ecm.rig.readings import HEADER, Journal, clear_beside, journal_path, keep_data, raw_path
 from ecm.rig.timeline import Layout, timeline_of
 
 _ENDS_S = 2.0
@@ -289,7 +275,7 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
             parts = bench.open() if devices is None else devices
             sample = None if samples is None else samples.append
             _drive(Messages(run, parts, keep, say, minutes, sample), engine_of, run, first, parts)
-        if not any(taken.kind == AT_POSE for taken in run.taken):
+        if not run.at_poses:
             raise InputError(f"{out}: no pose was measured, so no table is written")
         table = table_of(run, plan, out, run.taken)
         table.write(out)

@@ -185,10 +185,8 @@ class _Server:
 def main(plan: str, rig: str, seed: str, hide: str) -> None:
     """Solve the plan, say the address, answer until the other side closes."""
     table = read_table([Path(plan)], need="predict")
-    settings = (
-        RigSettings.from_dict(read_toml(Path(rig), "rig file"), rig) if rig else RigSettings()
-    )
-    hidden = Hidden.parse(hide) if hide else ()
+    settings = RigSettings.from_dict(read_toml(Path(rig), "rig file") if rig else {}, rig)
+    hidden = Hidden.parse(hide)
     server = _Server(Campaign(table, settings, fem_source(table), hide=hidden, seed=int(seed)))
     with socket.create_server(("127.0.0.1", 0)) as listener:
         print(f"127.0.0.1:{listener.getsockname()[1]}", flush=True)

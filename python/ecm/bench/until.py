@@ -137,7 +137,7 @@ the rig is another; take this row out, and measure it with a plan of its own
 
     def _for_error(self, run: Run, left: list[Request], poses: NextPose) -> list[Request]:
         waiting = {self._place[r.row]: r for r in left if r.action.name == "measure"}
-        if any(taken.kind == AT_POSE for taken in run.taken):
+        if run.at_poses:
             poses.learn(self._poses_of(run))
         self.reached = poses.error is not None and poses.error.high <= self.goal.limit
         if self.reached or not waiting:
@@ -146,7 +146,7 @@ the rig is another; take this row out, and measure it with a plan of its own
         return [waiting[i] for i in poses.order([*waiting], minutes).tolist()]
 
     def _for_name(self, run: Run) -> list[Request]:
-        at = [i for i, taken in enumerate(run.taken) if taken.kind == AT_POSE]
+        at = run.at_poses
         due = [n for n in range(len(at), 0, -1) if is_due(n)]
         self.reached = agreed(self._look(run, at[n - 1], n) for n in due)
         told = self._look(run, at[due[0] - 1], due[0]).told if due else None
@@ -166,7 +166,7 @@ the rig is another; take this row out, and measure it with a plan of its own
 
     def _poses_of(self, run: Run) -> Table:
         """Poses and wrenches so far: the zeros since change those that were read before them."""
-        at = [i for i, taken in enumerate(run.taken) if taken.kind == AT_POSE]
+        at = run.at_poses
         poses = np.stack([run.taken[i].reading.pose for i in at])
         columns = run.columns(poses, run.wrenches(run.taken)[at])
         return Table(columns, described(run, self._plan), "so far")
@@ -191,7 +191,7 @@ the rig is another; take this row out, and measure it with a plan of its own
 
     def certificate(self, run: Run) -> dict[str, Any]:
         """Why the run stopped, and what is promised, of all readings."""
-        count = sum(taken.kind == AT_POSE for taken in run.taken)
+        count = len(run.at_poses)
         minutes = (run.taken[-1].time_s - run.taken[0].time_s) / 60.0
         if self._poses is not None:
             self._poses.learn(self._poses_of(run))

@@ -140,16 +140,9 @@ def optimal_design(
     if not (np.ptp(poses, axis=0) > 0.0).any():
         raise InputError("design: all candidate poses are the same")
     paper = settings.method == "paper"
-    search: dict[str, Any] = {
-        "starts": settings.starts,
-        "iterations": settings.iterations,
-        "seed": settings.seed,
-        "threads": settings.threads,
-        "time_limit_s": settings.time_limit_s,
-        "include": inside,
-        "exclude": outside,
-        "progress": progress,
-    }
+    names = ("starts", "iterations", "seed", "threads", "time_limit_s")
+    search: dict[str, Any] = {name: getattr(settings, name) for name in names}
+    search |= {"include": inside, "exclude": outside, "progress": progress}
     if settings.criterion == "maximin":
         scale, middle = _distance_scale(poses, settings)
         result = maximin(

@@ -44,7 +44,7 @@ from ecm.models.actuated import ActuatedModel
 from ecm.models.maps import EnergyTerms
 from ecm.regression.noise import Noise, declared_noise, whiteners
 from ecm.regression.rows import actuators_of
-from ecm.rig.instruments import Camera, ForceTorqueSensor
+from ecm.rig.instruments import Camera, ForceTorqueSensor, sd_of
 from ecm.rig.settings import RigSettings
 
 _NOMINAL_ACTUATED = "actuated4"
@@ -196,11 +196,7 @@ def nominal_model(
 
 
 def _physics(
-    where: str,
-    body: Mechanism | None,
-    model: Model | None,
-    threads: int,
-    progress: Progress | None,
+    where: str, body: Mechanism | None, model: Model | None, threads: int, progress: Progress | None
 ) -> StiffnessMap:
     """The physics map, whose E and (where it is tabulated) Poisson's ratio are unknown."""
     if model is not None:
@@ -244,9 +240,8 @@ def rig_noise(settings: RigSettings) -> Noise:
     """
     instrument, window = settings.instrument, settings.rig.window_s
     adjoint = wrench_adjoint(instrument.top_from_sensor)
-    variance = np.diag(ForceTorqueSensor(instrument).row_covariance(window, adjoint))
-    position, angle = Camera(instrument).row_sd(window)
-    sd = np.array([position, angle, *np.sqrt(variance.reshape(2, 3).mean(axis=1))])
+    wrench = sd_of(ForceTorqueSensor(instrument).row_covariance(window, adjoint))
+    sd = np.array([*Camera(instrument).row_sd(window), *wrench])
     if not (sd > 0.0).all():
         raise InputError(
             f"--rig: its noise of position, rotation, force and torque is {sd.tolist()}; a design "

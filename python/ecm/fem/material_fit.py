@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 
 from ecm._native import material_decode, material_start
 from ecm.errors import ComputationError, InputError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, central_differences
 from ecm.io.events import Printed, Progress, Steps
 from ecm.io.mechanism import MODELS, TESTS, WITH_TERMS, Material
 from ecm.io.settings import did_you_mean, read_text
@@ -280,14 +280,9 @@ def _fit(
     variance = 2.0 * best.cost / (rows - size)
     jacobian = np.asarray(best.jac, dtype=np.float64)
     covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
-    steps = np.diag(1e-6 * np.maximum(1.0, np.abs(best.x)))
-    slopes = np.column_stack(
-        [
-            (material_decode(model, best.x + h) - material_decode(model, best.x - h))
-            / (2.0 * h.sum())
-            for h in steps
-        ]
-    )
+    step = 1e-6 * np.maximum(1.0, np.abs(best.x))
+    decoded = central_differences(lambda x: material_decode(model, x), best.x, step)
+    slopes = np.column_stack(decoded)
     sd = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
     parts = np.split(misfit(best.x), np.cumsum([len(t.stretch) for t in tests])[:-1])
     rms: dict[str, float] = {}

@@ -37,7 +37,7 @@ from ecm.io.arrays import B, F, I
 from ecm.io.cache import Stage
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
-from ecm.io.events import Printed
+from ecm.io.events import Printed, with_words
 from ecm.io.extras import dask_client, dask_completed, require
 from ecm.io.mechanism import Mechanism
 from ecm.io.settings import Checked, setting
@@ -347,8 +347,6 @@ class Workspace(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if len(self.wrench_min) != len(self.wrench_max):
-            raise InputError("wrench_min and wrench_max: expected six numbers each")
         if not all(a < b for a, b in zip(self.wrench_min, self.wrench_max, strict=True)):
             raise InputError("wrench_min must be below wrench_max in each component")
 
@@ -714,13 +712,8 @@ def solve_wrenches(
         parts.append(part)
         given += [of_amounts] * count
     loads = np.hstack(parts)
-
-    def report(done: int, total: int) -> None:
-        if progress is not None:
-            progress(done, total, "solving")
-
-    fem = mechanism.fem()
-    results = fem.solve_wrenches(loads, given=given, threads=threads, progress=report)
+    fem, told = mechanism.fem(), with_words(progress, "solving")
+    results = fem.solve_wrenches(loads, given=given, threads=threads, progress=told)
     status = tuple(results.status)
     lost = np.array([word != "solved" for word in status], dtype=np.bool_)
     arrays = {name: np.array(getattr(results, name)) for name in ARRAYS}
@@ -729,14 +722,11 @@ def solve_wrenches(
     for name, values in arrays.items():
         if name not in ("loads", "iterations"):
             values[lost] = np.nan
-    iterations = arrays["iterations"]
-    unstable = status.count("unstable")
-    solved = len(status) - int(lost.sum())
-    failed = len(status) - solved - unstable
+    counts = {name: status.count(name) for name in ("solved", "unstable")}
     return Simulated(
         **arrays,
-        newton_per_case=float(iterations.mean()) if status else 0.0,
-        counts={"solved": solved, "unstable": unstable, "failed": failed},
+        newton_per_case=float(arrays["iterations"].mean()) if status else 0.0,
+        counts={**counts, "failed": len(status) - sum(counts.values())},
         mechanism=mechanism,
         status=status,
     )

@@ -156,6 +156,21 @@ def told_beside(table: Path) -> Iterator[None]:
     path.unlink(missing_ok=True)
 
 
+def with_words(
+    progress: Callable[[int, int, str], object] | None, words: str
+) -> Callable[[int, int], object] | None:
+    """A callback (done, total) that tells these words besides; None: nobody waits.
+
+    Examples
+    --------
+    >>> told = []
+    >>> with_words(lambda *what: told.append(what), "solving")(1, 2)
+    >>> told, with_words(None, "solving")
+    ([(1, 2, 'solving')], None)
+    """
+    return progress and (lambda done, total: progress(done, total, words))
+
+
 def tell_progress(what: str, done: float, total: float, left_s: float) -> None:
     """Tell how far a work is; a total or a time left of 0 is not known."""
     tell(what=what, done=done, total=total or None, left_s=left_s or None)

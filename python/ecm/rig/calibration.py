@@ -29,7 +29,7 @@ from ecm.io.se3 import (
     skew,
     wrench_adjoint,
 )
-from ecm.rig.instruments import Camera, ForceTorqueSensor
+from ecm.rig.instruments import Camera, ForceTorqueSensor, sd_of
 from ecm.rig.settings import Instruments
 from ecm.rig.timeline import stream
 
@@ -122,7 +122,7 @@ def calibrated(instruments: Instruments, seed: int) -> Calibration:
         places = bores @ rotation(frame[None, 3:])[0].T + frame[:3]
         camera = Camera(instruments)
         seen = [
-            camera.read(np.concatenate([place, np.zeros(3)]), WINDOW_S, random).mean[:3]
+            camera.read(np.concatenate([place, np.zeros(3)]), WINDOW_S, random)[0][:3]
             for place in places
         ]
         true[name], fitted[name] = frame[None], target_frame(bores, np.stack(seen))
@@ -144,13 +144,8 @@ def _sensor(instruments: Instruments, random: np.random.Generator) -> F:
     true = at_top @ np.linalg.inv(wrench_adjoint(instruments.top_from_sensor)).T
     sensor = ForceTorqueSensor(instruments)
     read = np.stack([sensor.read(row, WINDOW_S, random).mean(axis=0) for row in true])
-    variance = np.diag(sensor.row_covariance(WINDOW_S, np.eye(6)))
-    return sensor_frame(
-        read,
-        at_top,
-        force_sd_N=float(np.sqrt(variance[:3].mean())) or 1.0,
-        torque_sd_Nm=float(np.sqrt(variance[3:].mean())) or 0.03,
-    )
+    force, torque = sd_of(sensor.row_covariance(WINDOW_S, np.eye(6)))
+    return sensor_frame(read, at_top, force_sd_N=force or 1.0, torque_sd_Nm=torque or 0.03)
 
 
 def _quaternion(vector: F) -> tuple[float, float, float, float]:

@@ -40,6 +40,7 @@ from ecm.rig.physics.supply import Gain, Lag, Leak, Zero
 from ecm.rig.physics.true_effect import SENSOR_SCALE, Supply
 from ecm.rig.plan import (
     LOOK_HOME,
+    Visit,
     Visits,
     followed,
     reachable,
@@ -180,30 +181,22 @@ class Campaign(CampaignState):
 
     def measure(self, index: int) -> Reading:
         """Takes one reading: samples of every instrument over the window, averaged."""
-        visit = self.timeline.visits[index]
-        instrument, serial = self.settings.instrument, visit.serial
+        visit, air = self.timeline.visits[index], self._air
+        serial, time = visit.serial, np.array([visit.time_s])
         sensor = self.sensor_samples(index)
         eyes = stream(self.seed, "base target", *serial), stream(self.seed, "camera", *serial)
         seen = self.image(self._truth.pose_seen[index], visit.time_s, visit.window_s, eyes)
-        air = self._air
         noise = stream(self.seed, "thermometer", *serial).standard_normal(2)
-        read = instrument.thermometer_noise_degC * noise
-        time = np.array([visit.time_s])
-        return Reading.of_samples(
-            seen,
-            sensor,
-            self.plant.top_from_sensor,
-            float(air.at(air.probe_degC, time)[0] + read[0]),
-            float(air.at(air.sensor_degC, time)[0] + read[1]),
-        )
+        read = self.settings.instrument.thermometer_noise_degC * noise
+        probe, gauge = (air.at(process, time)[0] for process in (air.probe_degC, air.sensor_degC))
+        warm = float(probe + read[0]), float(gauge + read[1])
+        return Reading.of_samples(seen, sensor, self.plant.top_from_sensor, warm)
 
     def sensor_samples(self, index: int) -> F:
         """What the force-torque sensor reads in the window of a visit, (n, 6) in its own axes."""
         visit = self.timeline.visits[index]
         return ForceTorqueSensor(self.settings.instrument).read(
-            self._truth.sensor[index],
-            visit.window_s,
-            stream(self.seed, "sensor", *visit.serial),
+            self._truth.sensor[index], visit.window_s, stream(self.seed, "sensor", *visit.serial)
         )
 
     def raw_stream(self) -> RawStream | None:
@@ -253,13 +246,16 @@ class Campaign(CampaignState):
 
     def _hidden(self, hide: Sequence[Hidden], graded: Callable[[str], Grading]) -> list[Hidden]:
         """Puts what is drawn into the plant; `random` is drawn again where it cannot be."""
-        draws, streamed = stream(self.seed, "hidden effect"), self.settings.rig.stream_Hz > 0.0
-        driven = bool(self.plan.actuation_columns)
+        draw = partial(
+            Hidden.drawn,
+            random=stream(self.seed, "hidden effect"),
+            streamed=self.settings.rig.stream_Hz > 0.0,
+            driven=bool(self.plan.actuation_columns),
+        )
         named = tuple(h.effect for h in hide if h.effect != "random")
         drawn: list[Hidden] = []
         for hidden in hide:
-            taken = (*named, *(h.effect for h in drawn))
-            drawn.append(hidden.drawn(draws, taken, streamed=streamed, driven=driven))
+            drawn.append(draw(hidden, taken=(*named, *(h.effect for h in drawn))))
         self._grade(drawn, graded)
         for i, hidden in enumerate(hide):
             impossible: tuple[str, ...] = ()
@@ -271,10 +267,8 @@ class Campaign(CampaignState):
                     if hidden.effect != "random":
                         raise
                     impossible = (*impossible, drawn[i].effect)
-                    taken = tuple(h.effect for k, h in enumerate(drawn) if k != i)
-                    drawn[i] = hidden.drawn(
-                        draws, (*named, *taken), impossible, streamed=streamed, driven=driven
-                    )
+                    taken = (*named, *(h.effect for k, h in enumerate(drawn) if k != i))
+                    drawn[i] = draw(hidden, taken=taken, impossible=impossible)
                     self._grade(drawn, graded)
                     continue
                 self.plant = self.plant.put(effect.truth)
@@ -290,17 +284,20 @@ class Campaign(CampaignState):
 
     def _visits(self, solved: SolvedPoses) -> Visits:
         visits = tuple(self.timeline.visits)
-        index = {pose.tobytes(): i for i, pose in enumerate(solved.poses)}
-        nearest = np.asarray([index[v.pose.tobytes()] for v in visits], dtype=np.int64)
+        place = [solved.place[visit.pose.tobytes()] for visit in visits]
+        nearest = np.asarray(place, dtype=np.int64)
         table = self.settings.rig
         size = np.repeat([table.pose_error_m, table.pose_error_rad], 3)
-        errors = np.stack(
-            [size * stream(self.seed, "robot", *v.serial).standard_normal(6) for v in visits]
-        )
+        errors = size * self._scatter("robot", visits)
         reached = displaced(np.stack([v.pose[:6] for v in visits]), errors)
         heating = self.timeline.heating
         self._air = Climate.build(self.settings, self.seed, self.timeline.end_s, heating)
         return visits_of(visits, reached, nearest, self._air)
+
+    def _scatter(self, name: str, visits: Sequence[Visit]) -> F:
+        """Six normal numbers of each visit, (n, 6), from its stream of this name."""
+        streams = [stream(self.seed, name, *visit.serial) for visit in visits]
+        return np.stack([random.standard_normal(6) for random in streams])
 
     def _following(self, visits: Visits) -> Visits:
         """The visits from the free poses of the mechanism as its actuators really drive it.
@@ -312,16 +309,10 @@ class Campaign(CampaignState):
         if not own:
             return visits
         solved = self.plant.elastic.solved
-        index = {pose.tobytes(): i for i, pose in enumerate(solved.poses)}
-        slopes = solved.stiffness[[index[start] for start in starts.values()]]
+        slopes = solved.stiffness[[solved.place[start] for start in starts.values()]]
         more = (self.plant.acting(visits) - visits.inputs)[own]
         size = self.settings.rig.free_N * SENSOR_SCALE
-        left = np.stack(
-            [
-                size * stream(self.seed, "follow", *visits.rows[i].serial).standard_normal(6)
-                for i in own
-            ]
-        )
+        left = size * self._scatter("follow", [visits.rows[i] for i in own])
         wrench = left - np.einsum("nij,nj->ni", slopes[:, :, 6:], more)
         shift = np.linalg.solve(slopes[:, :, :6], wrench[:, :, None])[:, :, 0]
         reached = visits.reached.copy()
@@ -331,13 +322,10 @@ class Campaign(CampaignState):
 
 def _regulators(table: PlantTable, largest: float) -> list[Supply]:
     """What the rig file says of all regulators and chambers; the largest input of the plan."""
-    effects: list[Supply] = []
-    if table.regulator_offset_Pa:
-        effects.append(Zero(table.regulator_offset_Pa))
-    if table.regulator_gain:
-        effects.append(Gain(table.regulator_gain, largest=largest))
-    if table.chamber_leak_per_s:
-        effects.append(Leak(table.chamber_leak_per_s))
-    if table.regulator_lag_s:
-        effects.append(Lag(1.0, time_s=table.regulator_lag_s))
-    return effects
+    effects: dict[Supply, float] = {
+        Zero(table.regulator_offset_Pa): table.regulator_offset_Pa,
+        Gain(table.regulator_gain, largest=largest): table.regulator_gain,
+        Leak(table.chamber_leak_per_s): table.chamber_leak_per_s,
+        Lag(1.0, time_s=table.regulator_lag_s): table.regulator_lag_s,
+    }
+    return [effect for effect, stated in effects.items() if stated]

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Literal, Protocol
 
@@ -19,8 +20,9 @@ import numpy as np
 
 from ecm._native import EnergyEvaluator, FemResults
 from ecm.errors import ComputationError, InputError
-from ecm.io.arrays import F, I
+from ecm.io.arrays import B, F, I
 from ecm.io.cache import array_key, read_arrays, write_arrays
+from ecm.io.events import with_words
 from ecm.io.mechanism import Material, Mechanism
 
 
@@ -43,13 +45,8 @@ class FemSource:
         fem = changed(self._mechanism, grade).fem(
             element_modulus_scale=modulus_grade(self._mechanism, grade)
         )
-        word = "plant" if grade == UNIFORM else f"plant ({grade})"
-
-        def report(done: int, total: int) -> None:
-            if progress is not None:
-                progress(done, total, word)
-
-        results = fem.solve_poses(poses, threads=self._threads, progress=report)
+        told = with_words(progress, "plant" if grade == UNIFORM else f"plant ({grade})")
+        results = fem.solve_poses(poses, threads=self._threads, progress=told)
         return SolvedPoses(poses, results.wrenches, _slopes(results), tuple(results.status))
 
     def free_poses(self, inputs: F) -> SolvedPoses:
@@ -63,7 +60,7 @@ class FemSource:
 
     def surrogate(self, solved: SolvedPoses) -> Smooth | None:
         """A symmetric energy of the loaded poses: it gives curvature, never the value."""
-        few = sum(s == "solved" for s in solved.status) < ENOUGH_FOR_SURROGATE
+        few = solved.good.sum() < ENOUGH_FOR_SURROGATE
         if few or self._mechanism.actuators:  # no energy of the pose alone goes through them
             return None
         return fitted_energy(*solved.loaded, self.length_m)[0]
@@ -79,18 +76,14 @@ def _slopes(results: FemResults) -> F:
 def changed(mechanism: Mechanism, grade: str) -> Mechanism:
     """The body that a grade solves: thicker, or of a rubber that stiffens; else the same."""
     if grade == THICK:
-        thicker = 1.0 + CONTRAST
-        return replace(
-            mechanism,
-            radius_m=thicker * mechanism.radius_m,
-            inner_radius_m=thicker * mechanism.inner_radius_m,
-            waist_radius_m=thicker * mechanism.waist_radius_m,
-        )
+        radii = ("radius_m", "inner_radius_m", "waist_radius_m")
+        thicker = {name: (1.0 + CONTRAST) * getattr(mechanism, name) for name in radii}
+        return replace(mechanism, **thicker)
     if grade == STIFF:
         nu = mechanism.poisson_ratio
         c1 = mechanism.young_modulus_Pa / (4.0 * (1.0 + nu))
-        stiffer = {"c1_Pa": c1, "c2_Pa": 4.0 * CONTRAST * c1, "c3_Pa": 0.0}
-        return replace(mechanism, material=Material("yeoh", {**stiffer, "poisson_ratio": nu}))
+        stiffer = {"c1_Pa": c1, "c2_Pa": 4.0 * CONTRAST * c1, "c3_Pa": 0.0, "poisson_ratio": nu}
+        return replace(mechanism, material=Material("yeoh", stiffer))
     return mechanism
 
 
@@ -213,10 +206,19 @@ class SolvedPoses:
         )
 
     @property
+    def good(self) -> B:
+        """Which rows are solved, (N,)."""
+        return np.asarray([status == "solved" for status in self.status])
+
+    @cached_property
+    def place(self) -> dict[bytes, int]:
+        """The row of each pose, by its bytes."""
+        return {pose.tobytes(): i for i, pose in enumerate(self.poses)}
+
+    @property
     def loaded(self) -> tuple[F, F]:
         """Solved poses and wrenches (n, 6); the rest pose tells nothing that an energy does not."""
-        solved = np.asarray([s == "solved" for s in self.status])
-        rows = solved & (np.linalg.norm(self.wrenches, axis=1) > 0.0)
+        rows = self.good & (np.linalg.norm(self.wrenches, axis=1) > 0.0)
         return self.poses[rows], self.wrenches[rows]
 
     def __post_init__(self) -> None:
@@ -260,7 +262,7 @@ class Elastic:
         ComputationError
             for a point that is not solved, where there is no smooth map.
         """
-        known = {pose.tobytes(): i for i, pose in enumerate(self.solved.poses)}
+        known = self.solved.place
         index = np.asarray([known.get(point.tobytes(), -1) for point in points], dtype=np.int64)
         h: F = self.solved.wrenches[index]
         between = index < 0
@@ -314,25 +316,24 @@ def free_cached(source: Source, inputs: F, folder: Path | None) -> SolvedPoses:
     return _kept(folder, f"free-1|{source.key()}", inputs, lambda: solve(inputs))
 
 
+_KEPT = ("wrenches", "stiffness", "status")
+
+
 def _kept(folder: Path | None, name: str, rows: F, solve: Callable[[], SolvedPoses]) -> SolvedPoses:
     """What `solve` gives for the rows, read from the folder where it is there."""
-    path = None
-    if folder is not None:
-        path = folder / f"anchors-{array_key(name, rows)[:32]}.npz"
-        stored = read_arrays(path)
-        if stored is not None:
-            status = tuple(str(s) for s in stored["status"])
-            poses = stored.get("poses", rows)
-            return SolvedPoses(poses, stored["wrenches"], stored["stiffness"], status)
-    solved = solve()
-    if path is not None:
-        arrays = {
-            "wrenches": solved.wrenches,
-            "stiffness": solved.stiffness,
-            "status": np.asarray(solved.status),
-        }
-        write_arrays(path, arrays if solved.poses is rows else arrays | {"poses": solved.poses})
-    return solved
+    if folder is None:
+        return solve()
+    path = folder / f"anchors-{array_key(name, rows)[:32]}.npz"
+    arrays = read_arrays(path)
+    if arrays is None:
+        solved = solve()
+        arrays = {name: np.asarray(getattr(solved, name)) for name in _KEPT}
+        if solved.poses is not rows:
+            arrays["poses"] = solved.poses
+        write_arrays(path, arrays)
+        return solved
+    wrenches, stiffness, status = (arrays[name] for name in _KEPT)
+    return SolvedPoses(arrays.get("poses", rows), wrenches, stiffness, tuple(map(str, status)))
 
 
 def grading(
@@ -344,13 +345,11 @@ def grading(
 ) -> Grading:
     """Difference of the graded and the plain solution, per unit contrast; 0 where unsolved."""
     graded = solve_cached(source, plain.poses, grade, folder, progress)
-    solved = np.asarray(
-        [a == b == "solved" for a, b in zip(graded.status, plain.status, strict=True)]
-    )
+    solved = (graded.good & plain.good)[:, None]
+    stiffness = (graded.stiffness - plain.stiffness)[:, :, :6]
     return Grading(
-        np.where(solved[:, None], graded.wrenches - plain.wrenches, 0.0) / CONTRAST,
-        np.where(solved[:, None, None], graded.stiffness - plain.stiffness, 0.0)[:, :, :6]
-        / CONTRAST,
+        np.where(solved, graded.wrenches - plain.wrenches, 0.0) / CONTRAST,
+        np.where(solved[:, None], stiffness, 0.0) / CONTRAST,
     )
 
 

@@ -11,7 +11,6 @@ taken off again.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -29,14 +28,8 @@ DOME_RAD = 0.5
 @lru_cache(maxsize=1)
 def _directions() -> F:
     angle = 2.0 * np.pi * np.arange(LEDS - 1) / (LEDS - 1)
-    ring = np.stack(
-        [
-            np.sin(DOME_RAD) * np.cos(angle),
-            np.sin(DOME_RAD) * np.sin(angle),
-            np.full(LEDS - 1, np.cos(DOME_RAD)),
-        ],
-        axis=1,
-    )
+    side, up = np.sin(DOME_RAD), np.full(LEDS - 1, np.cos(DOME_RAD))
+    ring = np.stack([side * np.cos(angle), side * np.sin(angle), up], axis=1)
     return np.concatenate([[[0.0, 0.0, 1.0]], ring])
 
 
@@ -90,8 +83,7 @@ class Optics:
     def independent_sd(self) -> tuple[float, float]:
         """Errors of the fitted pose per metre of error of each LED, all seen: m/m and rad/m."""
         flat = rigid_design(self.places_m).reshape(-1, 6)
-        variance = np.diag(np.linalg.inv(flat.T @ flat))
-        return float(np.sqrt(variance[:3].mean())), float(np.sqrt(variance[3:].mean()))
+        return sd_of(np.linalg.inv(flat.T @ flat))
 
 
 def _frame_of(normal: F) -> F:
@@ -102,12 +94,10 @@ def _frame_of(normal: F) -> F:
     return np.stack([first, np.cross(normal, first), normal], axis=1)
 
 
-@dataclass(frozen=True)
-class Window:
-    """Mean and spread of the samples of one window."""
-
-    mean: F
-    spread: F
+def sd_of(covariance: F) -> tuple[float, float]:
+    """Standard deviation of a component of the first three of (6, 6), and of the last three."""
+    variance = np.diag(covariance)
+    return float(np.sqrt(variance[:3].mean())), float(np.sqrt(variance[3:].mean()))
 
 
 class Camera:
@@ -121,7 +111,7 @@ class Camera:
         """Number of images in a window."""
         return max(1, round(window_s * self._settings.camera_rate_Hz))
 
-    def read(self, true: F, window_s: float, random: np.random.Generator) -> Window:
+    def read(self, true: F, window_s: float, random: np.random.Generator) -> tuple[F, F]:
         """Mean pose (6,) and spread over a window.
 
         Errors are a translation and a rotation in base axes about the target: the rotation
@@ -147,7 +137,7 @@ class Camera:
             if count > 1
             else np.zeros(6)
         )
-        return Window(mean, spread)
+        return mean, spread
 
     def apparent_pose(self, true: F, walk: F, random: np.random.Generator) -> F:
         """The pose (6,) as the creeping camera sees it; walk (6,) is the stand's unit process."""
@@ -226,8 +216,7 @@ def zero_at(
     readings: F,
     law: str,
     *,
-    temperature_degC: F | None = None,
-    reading_temperature_degC: F | None = None,
+    temperatures_degC: tuple[F, F] | None = None,
     later_readings_lost: bool = False,
 ) -> F:
     """Zero of the sensor (N, 6) at (N,) times, in sensor axes.
@@ -240,7 +229,7 @@ def zero_at(
         "linear" between the readings before and after (the paper's), "before": the last one,
         "none": zero; "temperature": b0 + b1 T fitted to all readings (and + b2 t where there are
         four), and the line between what that leaves of the readings before and after.
-    temperature_degC, reading_temperature_degC
+    temperatures_degC
         Of the sensor, at the rows (N,) and the readings (k,); for "temperature".
     later_readings_lost
         Only the first reading is used, whatever the law.
@@ -252,27 +241,16 @@ def zero_at(
     if law == "before":
         last = np.clip(np.searchsorted(reading_time_s, time_s, side="right") - 1, 0, None)
         return readings[last]
-    model, at_readings = np.zeros((len(time_s), readings.shape[1])), np.zeros_like(readings)
-    if (
-        law == "temperature"
-        and len(readings) >= 2
-        and temperature_degC is not None
-        and reading_temperature_degC is not None
-    ):
-        with_time = len(readings) >= _ENOUGH_FOR_TIME
-        own = _columns(reading_time_s, reading_temperature_degC, with_time)
-        coefficients = np.linalg.lstsq(own, readings, rcond=1e-9)[0]
-        model, at_readings = (
-            _columns(time_s, temperature_degC, with_time) @ coefficients,
-            own @ coefficients,
+    model, left = np.zeros((len(time_s), readings.shape[1])), readings
+    if law == "temperature" and temperatures_degC is not None and len(readings) >= 2:
+        columns, own = (
+            # Times in hours: columns of one size.
+            np.stack([np.ones_like(t), warm - 25.0, t / 3600.0], axis=1)
+            for t, warm in zip((time_s, reading_time_s), temperatures_degC, strict=True)
         )
-    left = readings - at_readings
+        if len(readings) < _ENOUGH_FOR_TIME:
+            columns, own = columns[:, :2], own[:, :2]
+        coefficients = np.linalg.lstsq(own, readings, rcond=1e-9)[0]
+        model, left = columns @ coefficients, readings - own @ coefficients
     line = np.stack([np.interp(time_s, reading_time_s, axis) for axis in left.T], axis=1)
-    zero: F = model + line
-    return zero
-
-
-def _columns(time_s: F, temperature_degC: F, with_time: bool) -> F:
-    # Times in hours: columns of one size.
-    columns = [np.ones_like(time_s), temperature_degC - 25.0, time_s / 3600.0]
-    return np.stack(columns[: 3 if with_time else 2], axis=1)
+    return np.asarray(model + line)

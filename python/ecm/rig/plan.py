@@ -18,7 +18,7 @@ from ecm.io.events import tell
 from ecm.io.se3 import displaced, rotation, transpose, turn_wrench, wrench_adjoint
 from ecm.io.settings import did_you_mean
 from ecm.io.table import Table
-from ecm.rig.elastic import SolvedPoses
+from ecm.rig.elastic import SolvedPoses, unique_poses
 from ecm.rig.instruments import Optics
 from ecm.rig.physics.camera import LEDS, LEDS_NEEDED
 from ecm.rig.physics.true_effect import LEVER_M
@@ -121,9 +121,10 @@ def requests(plan: Table, procedure: Procedure, length_m: float) -> list[Request
     where = plan.source or "plan"
     if count == 0:
         raise InputError(f"{where}: the plan has no rows; expected poses to measure")
-    kinds = [str(k) for k in plan.text("kind")] if plan.has("kind") else [""] * count
-    words = [str(a) for a in plan.text("action")] if plan.has("action") else [""] * count
-    approaches = _approaches(plan, count)
+    kinds, words = _texts(plan, "kind"), _texts(plan, "action")
+    # A table program may have written the integer 12 as 12.0.
+    texts = [text.strip() for text in _texts(plan, "approach")]
+    approaches = [str(n) if (n := _as_int(text)) is not None else text for text in texts]
     dwell = plan.column("dwell_s") if plan.has("dwell_s") else np.full(count, np.nan)
     runs = plan.column("run") if plan.has("run") else np.zeros(count)
     actions = [_action(words[i], kinds[i], f"{where} row {i + 1}") for i in range(count)]
@@ -195,16 +196,11 @@ def followed(
 def _pose_ids(plan: Table, poses: F) -> I:
     if plan.has("pose_id"):
         return plan.column("pose_id").astype(np.int64)
-    seen: dict[bytes, int] = {}
-    return np.asarray([seen.setdefault(p.tobytes(), len(seen)) for p in poses], dtype=np.int64)
+    return unique_poses(poses)[1]
 
 
-def _approaches(plan: Table, count: int) -> list[str]:
-    if not plan.has("approach"):
-        return [""] * count
-    texts = [str(a).strip() for a in plan.text("approach")]
-    # A table program may have written the integer 12 as 12.0.
-    return [str(n) if (n := _as_int(t)) is not None else t for t in texts]
+def _texts(plan: Table, name: str) -> list[str]:
+    return [str(cell) for cell in plan.text(name)] if plan.has(name) else [""] * len(plan)
 
 
 def _as_int(text: str) -> int | None:
@@ -343,10 +339,7 @@ class Skipped:
 
 
 def split_by_limits(
-    requests: list[Request],
-    procedure: Procedure,
-    length_m: float,
-    skipped: Sequence[Skipped] = (),
+    requests: list[Request], procedure: Procedure, length_m: float, skipped: Sequence[Skipped] = ()
 ) -> tuple[list[Request], list[Skipped]]:
     """Split requests into poses within the rig's limits and the others with the reason."""
     rest = rest_pose(length_m)
@@ -392,7 +385,6 @@ def reachable(
     requests: list[Request], skipped: list[Skipped], solved: SolvedPoses, settings: RigSettings
 ) -> tuple[list[Request], list[Skipped]]:
     """Skip poses without a stable solution, beyond the sensor's range or out of sight."""
-    index = {pose.tobytes(): i for i, pose in enumerate(solved.poses)}
     instrument, table = settings.instrument, settings.plant
     # What is left for the mechanism after the sensor's zero and three sigma of a sample.
     reserve = np.array(
@@ -406,7 +398,7 @@ def reachable(
     leds = Optics(instrument).visible(solved.poses[:, :6]).sum(axis=1)
 
     def reason(request: Request) -> str:
-        i = index[request.pose.tobytes()]
+        i = solved.place[request.pose.tobytes()]
         if request.action.name != "measure":
             return ""
         if solved.status[i] != "solved":

@@ -250,11 +250,7 @@ def visits_of(
 
 
 def wrench_in_base(
-    plant: Plant,
-    visits: Visits,
-    sensor: F,
-    poses: F,
-    temperature_degC: F | None = None,
+    plant: Plant, visits: Visits, sensor: F, poses: F, temperature_degC: F | None = None
 ) -> F:
     """Compensated wrench (N, 6) in base axes at the top frame.
 
@@ -274,12 +270,7 @@ def wrench_in_base(
 
 
 def compensated(
-    plant: Plant,
-    readings: tuple[F, F, F],
-    time_s: F,
-    sensor: F,
-    poses: F,
-    temperature_degC: F,
+    plant: Plant, readings: tuple[F, F, F], time_s: F, sensor: F, poses: F, temperature_degC: F
 ) -> F:
     """The same at any times (N,); readings of the zero (k, 6), their times and temperatures."""
     zero, read_s, warm = readings
@@ -289,8 +280,7 @@ def compensated(
         read_s,
         zero,
         plant.settings.rig.offset_compensation,
-        temperature_degC=temperature_degC,
-        reading_temperature_degC=warm,
+        temperatures_degC=(temperature_degC, warm),
         later_readings_lost=warm_up is not None and warm_up.later_readings_lost,
     )
     return turn_wrench(rotation(poses[:, 3:]), plant.to_top(sensor - zero))

@@ -168,9 +168,9 @@ class RawStream:
             rows = np.flatnonzero(self.leg == i)
             for row in rows:
                 sensor[row] = gauge.read(sensor[row], self.window_s, random).mean(axis=0)
-                seen[row] = campaign.image(
+                seen[row], _ = campaign.image(
                     seen[row], self.time_s[row], self.window_s, (random, random)
-                ).mean
+                )
             other[rows] = random.standard_normal((len(rows), 3))
         air, visits = self._air, campaign.visits
         reads = visits.zero_readings
@@ -245,14 +245,11 @@ class RawStream:
         """FEM less the smooth map at the nodes of all legs: (legs, 4, 6), (legs, 4, 6, 6 + m)."""
         known = self._plant.elastic.solved
         nodes = np.stack([leg.nodes() for leg in self.legs])
-        solved = {pose.tobytes() for pose in known.poses}
         flat = nodes.reshape(-1, nodes.shape[2])
-        every = known.joined(
-            solve(unique_poses(flat[[p.tobytes() not in solved for p in flat]])[0])
-        )
-        index = {pose.tobytes(): i for i, pose in enumerate(every.poses)}
-        at = np.asarray([index[pose.tobytes()] for pose in flat]).reshape(nodes.shape[:2])
-        ok = np.asarray([s == "solved" for s in every.status])[at]
+        new = unique_poses(flat[[pose.tobytes() not in known.place for pose in flat]])[0]
+        every = known.joined(solve(new))
+        at = np.asarray([every.place[pose.tobytes()] for pose in flat]).reshape(nodes.shape[:2])
+        ok = every.good[at]
         # Where the body is not stable under the inputs of the end, G leads there from the start.
         starts = np.asarray([leg.solved[0] for leg in self.legs])
         more = (nodes[:, 0] - known.poses[starts])[:, 6:]
@@ -304,7 +301,7 @@ class RawStream:
 
 def _legs(plant: Plant, visits: Visits, procedure: Procedure) -> list[Leg]:
     """The last legs to all poses, and the ways home from there."""
-    known = {pose.tobytes(): i for i, pose in enumerate(plant.elastic.solved.poses)}
+    known = plant.elastic.solved.place
     rest = plant.elastic.solved.poses[REST_INDEX]
     legs = []
     following = [*visits.rows[1:], None]

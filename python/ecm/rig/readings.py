@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import IO, TYPE_CHECKING, Any
@@ -24,7 +24,7 @@ from ecm.io.columns import POSE, SPREAD, WRENCH
 from ecm.io.description import FileMeta, Instrument, Meta, Scene
 from ecm.io.se3 import rotation, turn_wrench
 from ecm.io.table import Table
-from ecm.rig.instruments import Camera, ForceTorqueSensor, Optics, Window
+from ecm.rig.instruments import Camera, ForceTorqueSensor, Optics, sd_of
 from ecm.rig.plan import OFFSET
 from ecm.rig.plant import wrench_in_base
 from ecm.rig.timeline import stream
@@ -212,14 +212,17 @@ class CampaignState:
         time_s: float,
         window_s: float,
         random: tuple[np.random.Generator, np.random.Generator],
-    ) -> Window:
-        """What the camera makes of a pose (6,); streams of the base target and of the camera."""
+    ) -> tuple[F, F]:
+        """Mean and spread (6,) of what the camera sees of a pose (6,) in a window.
+
+        random: streams of the base target and of the camera.
+        """
         walk = self._air.at(self._air.camera, np.array([time_s]))[0]
         camera = Camera(self.settings.instrument)
-        seen = camera.read(camera.apparent_pose(pose, walk, random[0]), window_s, random[1])
-        if self.frames is None:
-            return seen
-        return replace(seen, mean=self.frames.measured(seen.mean[None])[0])
+        mean, spread = camera.read(camera.apparent_pose(pose, walk, random[0]), window_s, random[1])
+        if self.frames is not None:
+            mean = self.frames.measured(mean[None])[0]
+        return mean, spread
 
 
 @dataclass(frozen=True)
@@ -237,24 +240,13 @@ class Reading:
 
     @staticmethod
     def of_samples(
-        seen: Window,
-        sensor: F,
-        top_from_sensor: F,
-        temperature_degC: float,
-        sensor_temperature_degC: float,
+        seen: tuple[F, F], sensor: F, top_from_sensor: F, warm_degC: tuple[float, float]
     ) -> Reading:
-        """From samples (n, 6) of the sensor and the camera's window."""
-        turn = rotation(seen.mean[None, 3:])
+        """From mean and spread of the pose, samples (n, 6) of the sensor and both temperatures."""
+        turn = rotation(seen[0][None, 3:])
         samples = turn_wrench(turn, sensor @ top_from_sensor.T)
         spread = samples.std(axis=0, ddof=1) if len(samples) > 1 else np.zeros(6)
-        return Reading(
-            seen.mean,
-            seen.spread,
-            sensor.mean(axis=0),
-            spread,
-            temperature_degC,
-            sensor_temperature_degC,
-        )
+        return Reading(*seen, sensor.mean(axis=0), spread, *warm_degC)
 
     def line(self) -> str:
         """A line of the journal; numbers read back bit for bit."""
@@ -287,7 +279,7 @@ def table_of(campaign: CampaignState, readings: list[Reading], truth_sha256: str
     visits = campaign.timeline.visits
     rows = [i for i, v in enumerate(visits) if v.kind != OFFSET]
     taken = [visits[i] for i in rows]
-    columns = visit_columns(taken, _stamps(campaign, rows))
+    columns = visit_columns(taken, _stamps(campaign, taken))
     optics = Optics(campaign.settings.instrument)
     columns["leds_visible"] = optics.visible(poses[rows]).sum(axis=1).astype(np.float64)
     columns |= dict(zip(POSE, poses[rows].T.copy(), strict=True))
@@ -322,16 +314,12 @@ def spread_columns(readings: Sequence[Reading]) -> dict[str, NDArray[Any]]:
     return dict(zip(SPREAD, spreads.T.copy(), strict=True))
 
 
-def _stamps(campaign: CampaignState, rows: list[int]) -> F:
+def _stamps(campaign: CampaignState, visits: list[Visit]) -> F:
     """Time stamps by the recorder's clock; they grow, as a recorder's do."""
-    instrument = campaign.settings.instrument
-    time = np.asarray([campaign.timeline.visits[i].time_s for i in rows])
-    scatter = instrument.time_stamp_sd_s * np.asarray(
-        [
-            stream(campaign.seed, "stamp", *campaign.timeline.visits[i].serial).standard_normal()
-            for i in rows
-        ]
-    )
+    instrument, seed = campaign.settings.instrument, campaign.seed
+    time = np.asarray([visit.time_s for visit in visits])
+    noise = [stream(seed, "stamp", *visit.serial).standard_normal() for visit in visits]
+    scatter = instrument.time_stamp_sd_s * np.asarray(noise)
     return np.maximum.accumulate((1.0 + instrument.clock_skew) * time + scatter)
 
 
@@ -342,8 +330,8 @@ def described(campaign: CampaignState, truth_sha256: str, window_s: float | None
     window = settings.rig.window_s if window_s is None else window_s
     sensor = ForceTorqueSensor(instrument).row_covariance(window, campaign.plant.top_from_sensor)
     position, angle = Camera(instrument).row_sd(window)
-    variance = np.diag(sensor)
-    gravity = plant.gravity_m_s2
+    force, torque = sd_of(sensor)
+    x, y, z = plant.gravity_m_s2
     known = campaign.plan.meta
     return Meta(
         file=FileMeta(truth_sha256=truth_sha256),
@@ -351,17 +339,14 @@ def described(campaign: CampaignState, truth_sha256: str, window_s: float | None
         instrument=Instrument(
             pose_position_sd_m=position,
             pose_rotation_sd_rad=angle,
-            force_sd_N=float(np.sqrt(variance[:3].mean())),
-            torque_sd_Nm=float(np.sqrt(variance[3:].mean())),
+            force_sd_N=force,
+            torque_sd_Nm=torque,
             fts_range=instrument.fts_range,
             fts_resolution=instrument.fts_resolution,
             top_from_sensor=instrument.top_from_sensor,
             zeroed_with_payload=instrument.zeroed_with_payload,
         ),
-        scene=Scene(
-            gravity_m_s2=(gravity[0], gravity[1], gravity[2]),
-            payload_mass_kg=plant.payload_mass_kg or None,
-        ),
+        scene=Scene((x, y, z), plant.payload_mass_kg or None),
         runs=campaign.timeline.runs,
         source=known.source,
     )

@@ -97,11 +97,7 @@ def _a_little_noisy(table: Table, base: NominalModel) -> Table:
 
 
 def identifiability(
-    plan: Table,
-    base: NominalModel,
-    effects: Sequence[Effect],
-    *,
-    rig: RigSettings | None = None,
+    plan: Table, base: NominalModel, effects: Sequence[Effect], *, rig: RigSettings | None = None
 ) -> list[Identifiability]:
     """Return what a plan can show about each effect, those that it can name first.
 

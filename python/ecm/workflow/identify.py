@@ -239,11 +239,10 @@ def select(job: Job, train: tuple[F, F], test: tuple[F, F]) -> dict[str, Design]
         counts=[count for count in settings.energy_poses if count <= len(train[0])],
         seed=job.seed,
     )
-    designs = {}
-    for name in DESIGNS:
-        designs[name] = _design(
-            job, train[0], f"design-{name}", criterion=name, iterations=_ITERATIONS[name]
-        )
+    designs = {
+        name: _design(job, train[0], f"design-{name}", criterion=name, iterations=most)
+        for name, most in _ITERATIONS.items()
+    }
     by_paper = {  # the paper's own algorithms: Fedorov's exchange and simple exchange
         f"{name} by the paper's exchange": _design(
             job, train[0], f"paper-design-{name}", criterion=name, method="paper"
@@ -423,10 +422,7 @@ def find_hidden_effect(job: Job, candidates: Table, physics: PhysicsMap | None) 
     """Step 4: measure with the hidden effect, diagnose, refit; writes `model-loop.json`."""
     # Half as many poses, each visited twice: what the first campaign cost in robot time.
     settings = DesignSettings(
-        criterion="maximin",
-        seed=job.seed,
-        threads=job.threads,
-        iterations=_ITERATIONS["maximin"],
+        criterion="maximin", seed=job.seed, threads=job.threads, iterations=_ITERATIONS["maximin"]
     )
     rows = candidates.matrix((*POSE, *_driven(job)))
     design = optimal_design(rows, max(20, job.config.design.n // 2), settings)

@@ -134,6 +134,7 @@ class RobotCampaign(Campaign):
         planned, stops, length = self.planned.visits, self.stops, self.plant.length_m
         driven_rows = {planned[s.visit].row for s in stops}
         not_driven = [s for s in self.skipped if s.row not in driven_rows]
+        given_up = [self._skipped(s) for s in stops if s.reason]
         reached = [s for s in stops if not s.reason]
         total = len(stops) + len(not_driven)
         plan = np.stack([visit.pose[:6] for visit in planned if visit.kind == POSE])
@@ -161,14 +162,7 @@ class RobotCampaign(Campaign):
             "poses": total,
             "reached": len(reached),
             "success": len(reached) / total if total else 0.0,
-            "reasons": [
-                *([s.row + 1, s.pose_id, s.reason] for s in not_driven),
-                *(
-                    [planned[s.visit].row + 1, planned[s.visit].pose_id, s.reason]
-                    for s in stops
-                    if s.reason
-                ),
-            ],
+            "reasons": [[s.row + 1, s.pose_id, s.reason] for s in (*not_driven, *given_up)],
             "mechanism_rms": dict(zip(WRENCH, self.mechanism.rms.tolist(), strict=True)),
             "minutes": self.minutes,
             "off_known_m": {
@@ -274,9 +268,12 @@ class RobotCampaign(Campaign):
         self._truth = self.plant.truth(self.visits)
 
     def _skip(self, stop: StopResult, reason: str) -> None:
-        planned = self.planned.visits[stop.visit]
         stop.reason = reason
-        self.skipped = [*self.skipped, Skipped(planned.row, planned.pose_id, reason)]
+        self.skipped = [*self.skipped, self._skipped(stop)]
+
+    def _skipped(self, stop: StopResult) -> Skipped:
+        planned = self.planned.visits[stop.visit]
+        return Skipped(planned.row, planned.pose_id, stop.reason)
 
     def _hidden_physics(self) -> HiddenPhysics | None:
         """Return what acts on the platform beyond the bare mechanism; None if nothing is hidden."""

@@ -112,8 +112,7 @@ def fem_pairs(
     A free pose has no load and tells what the inputs do.
     """
     driven = solved.poses.shape[1] > 6
-    loaded = np.asarray([s == "solved" for s in solved.status])
-    loaded &= driven | (np.linalg.norm(solved.wrenches, axis=1) > 0.0)
+    loaded = solved.good & (driven | (np.linalg.norm(solved.wrenches, axis=1) > 0.0))
     poses, rest = solved.poses[loaded], solved.poses[0]
     pairs = SolvedPoses(poses, solved.wrenches[loaded], solved.stiffness[loaded], ())
     if len(poses) < _ENOUGH:
@@ -123,9 +122,8 @@ def fem_pairs(
             steps = np.diag(sizes) @ np.eye(6, len(rest))
             extra += [rest + steps, rest - steps]
         more = solve_cached(source, np.concatenate(extra), UNIFORM, folder, progress)
-        ok = np.asarray([s == "solved" for s in more.status])
-        more = SolvedPoses(more.poses[ok], more.wrenches[ok], more.stiffness[ok], ())
-        pairs = pairs.joined(more)
+        ok = more.good
+        pairs = pairs.joined(SolvedPoses(more.poses[ok], more.wrenches[ok], more.stiffness[ok], ()))
     return pairs.poses, pairs.wrenches, pairs.stiffness[:, :, 6:]
 
 

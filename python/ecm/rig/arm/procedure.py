@@ -12,7 +12,8 @@ backwards.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -146,13 +147,12 @@ class SimulatedArm:
 
     def _reset_to_home(self) -> None:
         """Put the arm at home after a divergence; the clock goes on."""
-        self._begin_phase()
-        steps = self.simulation.steps
-        self._servo.release()
-        self.simulation.reset()
-        self.simulation.steps = steps
-        self._recorded = [self._servo.encoders_rad().copy()]
-        self._end_phase("return")
+        with self._phase("return"):
+            steps = self.simulation.steps
+            self._servo.release()
+            self.simulation.reset()
+            self.simulation.steps = steps
+            self._recorded = [self._servo.encoders_rad().copy()]
 
     # --- phases ---------------------------------------------------------------
 
@@ -160,7 +160,6 @@ class SimulatedArm:
         """Phases impedance, settle and position."""
         simulation = self.simulation
         goal_rotation = Rotation.from_rotvec(goal[3:])
-        self._begin_phase()
         self._servo.release()
         start = simulation.pose.copy()
         start_rotation = Rotation.from_rotvec(start[3:])
@@ -178,15 +177,13 @@ class SimulatedArm:
         positions = start[:3] + lead[:3] + share[:, None] * shift
         rotations = Rotation.from_rotvec(share[:, None] * turn) * first_rotation
         quaternions = rotations.as_quat(scalar_first=True)
-        self._cartesian("impedance", positions, quaternions)
-        self._end_phase("impedance")
-        self._begin_phase()
-        self._settle(positions[-1], quaternions[-1])
-        self._end_phase("settle")
+        with self._phase("impedance"):
+            self._cartesian("impedance", positions, quaternions)
+        with self._phase("settle"):
+            self._settle(positions[-1], quaternions[-1])
         self._result.after_impedance = simulation.pose.copy()
-        self._begin_phase()
-        self._position(goal, goal_rotation)
-        self._end_phase("position")
+        with self._phase("position"):
+            self._position(goal, goal_rotation)
 
     def _followed(self, offset: F) -> F:
         """Phase follow: the arm gives way until the driven mechanism no longer pushes it.
@@ -196,21 +193,20 @@ class SimulatedArm:
         Returns the pose (6,) that is `offset` away from where it ends.
         """
         simulation, rig = self.simulation, self._settings.rig
-        self._begin_phase()
         self._servo.release()
         place, turned = simulation.position.copy(), Rotation.from_rotvec(simulation.pose[3:])
         share = TICK * simulation.step_s / _FOLLOWS_S
-        for _ in range(max(1, round(rig.follow_s / (TICK * simulation.step_s)))):
-            self._impedance.design()
-            step = -share * np.linalg.solve(self._model.stiffness, simulation.wrench)
-            place = place + step[:3]
-            turned = Rotation.from_rotvec(step[3:]) * turned
-            quaternion = turned.as_quat(scalar_first=True)
-            self._cartesian("follow", np.tile(place, (TICK, 1)), np.tile(quaternion, (TICK, 1)))
-            if (np.abs(simulation.wrench) < rig.free_N * SENSOR_SCALE).all():
-                break
-        self._settle(place, quaternion)
-        self._end_phase("follow")
+        with self._phase("follow"):
+            for _ in range(max(1, round(rig.follow_s / (TICK * simulation.step_s)))):
+                self._impedance.design()
+                step = -share * np.linalg.solve(self._model.stiffness, simulation.wrench)
+                place = place + step[:3]
+                turned = Rotation.from_rotvec(step[3:]) * turned
+                quaternion = turned.as_quat(scalar_first=True)
+                self._cartesian("follow", np.tile(place, (TICK, 1)), np.tile(quaternion, (TICK, 1)))
+                if (np.abs(simulation.wrench) < rig.free_N * SENSOR_SCALE).all():
+                    break
+            self._settle(place, quaternion)
         goal: F = displaced(simulation.pose[None], offset[None])[0]
         return goal
 
@@ -283,15 +279,13 @@ class SimulatedArm:
     def _read(self, stop: Stop, wanted: F) -> None:
         """Phases rest and reading."""
         simulation, arm, result = self.simulation, self._arm, self._result
-        self._begin_phase()
-        self._hold("rest", stop.dwell_s)
-        self._end_phase("rest")
-        self._begin_phase()
-        result.rest_s = stop.dwell_s
-        result.joints_rad = self._servo.encoders_rad().copy()
-        result.reached = self._hold("reading", stop.window_s).mean(axis=0)
-        result.reading_s = 0.5 * (self._phase_begin_s + simulation.time_s)
-        self._end_phase("reading")
+        with self._phase("rest"):
+            self._hold("rest", stop.dwell_s)
+        with self._phase("reading"):
+            result.rest_s = stop.dwell_s
+            result.joints_rad = self._servo.encoders_rad().copy()
+            result.reached = self._hold("reading", stop.window_s).mean(axis=0)
+            result.reading_s = 0.5 * (self._phase_begin_s + simulation.time_s)
         # The arm judges by its encoders; a yield behind them is seen by the camera only.
         lag = simulation.jacobian.dot(self._servo.encoders_rad() - simulation.joints_rad)
         error_m = float(np.linalg.norm(result.reached[:3] + lag[:3] - wanted[:3]))
@@ -322,14 +316,15 @@ class SimulatedArm:
     def _return(self) -> None:
         """Go back along the recorded joints; put there where the simulation diverges."""
         try:
-            self._go_back()
+            with self._phase("return"):
+                self._go_back()
+            self._servo.release()
         except (Diverged, np.linalg.LinAlgError):
             self._reset_to_home()
 
     def _go_back(self) -> None:
         """The way back, without safety limits: it was free before."""
         simulation = self.simulation
-        self._begin_phase()
         simulation.inputs[:] = 0.0
         self._servo.engage()
         back = np.stack(self._recorded[::-1])
@@ -346,8 +341,6 @@ class SimulatedArm:
         self._target = back[-1]
         self._hold("return", _HOME_S)
         self._recorded = [simulation.home_rad.copy()]
-        self._end_phase("return")
-        self._servo.release()
 
     def _direct_path(self) -> list[F]:
         """Joints from home to here in one cubic motion.
@@ -397,8 +390,12 @@ class SimulatedArm:
             self._end_phase(phase)
             raise LimitExceeded(f"while in phase {phase}: {broken}")
 
-    def _begin_phase(self) -> None:
+    @contextmanager
+    def _phase(self, name: str) -> Iterator[None]:
+        """Record a phase; one that a limit ends is recorded where that is found."""
         self._phase_begin_s = self.simulation.time_s
+        yield
+        self._end_phase(name)
 
     def _end_phase(self, phase: str) -> None:
         """Record a phase and its trace."""
@@ -444,26 +441,18 @@ class SafetyLimits:
 
     def broken(self, torque_Nm: F) -> str:
         """Message about the first limit that is broken by the state and the joint torques (7,)."""
-        arm, simulation = self._arm, self._simulation
-        force = _norm(simulation.wrench[:3])
-        if force > arm.force_limit_N:
-            return f"force {force:.1f} N, limit {arm.force_limit_N:g} N ([rig] force_limit_N)"
-        moment = _norm(simulation.wrench[3:])
-        if moment > arm.torque_limit_Nm:
-            return (
-                f"torque {moment:.2f} N m, limit {arm.torque_limit_Nm:g} N m "
-                "([rig] torque_limit_Nm)"
-            )
-        pose = simulation.pose
+        arm, simulation, pose = self._arm, self._simulation, self._simulation.pose
+        force, tau = _norm(simulation.wrench[:3]), _norm(simulation.wrench[3:])
         moved = math.hypot(pose[0] - self._length_m, pose[1], pose[2])
-        if moved > self._stretch_m:
-            return (
-                f"top moved {moved * 1e3:.1f} mm, limit {self._stretch_m * 1e3:.1f} mm "
-                "([rig] stretch_limit)"
-            )
         speed = _norm(simulation.jacobian[:3].dot(simulation.speeds_rad_s))
-        if speed > arm.speed_limit_m_s:
-            return f"speed {speed:.3f} m/s, limit {arm.speed_limit_m_s:g} ([rig] speed_limit_m_s)"
+        for found, limit, unit, words, key in (
+            (force, arm.force_limit_N, 1.0, "force {:.1f} N, limit {:g} N", "force_limit_N"),
+            (tau, arm.torque_limit_Nm, 1.0, "torque {:.2f} N m, limit {:g} N m", "torque_limit_Nm"),
+            (moved, self._stretch_m, 1e3, "top moved {:.1f} mm, limit {:.1f} mm", "stretch_limit"),
+            (speed, arm.speed_limit_m_s, 1.0, "speed {:.3f} m/s, limit {:g}", "speed_limit_m_s"),
+        ):
+            if found > limit:
+                return f"{words.format(unit * found, unit * limit)} ([rig] {key})"
         return self._joints(torque_Nm) or self._contact()
 
     def _joints(self, torque_Nm: F) -> str:

@@ -123,10 +123,7 @@ def measure(unit: str, rig: RigScale) -> float:
     force = min(rig.ranges[:3])
     lateral, bending = min(rig.rest_stiffness[1:3]), min(rig.rest_stiffness[4:])
     return {
-        "1": 1.0,
-        "rad": 1.0,
-        "1/K": 1.0,
-        "s": 1.0,
+        **dict.fromkeys(("1", "rad", "1/K", "s", "1/s", "1/rad"), 1.0),
         "m": rig.length_m,
         "N": force,
         "N/K": force,
@@ -135,8 +132,6 @@ def measure(unit: str, rig: RigScale) -> float:
         "N/m": lateral,
         "rad/(N m)": 1.0 / bending,
         "Pa": rig.largest_input,
-        "1/s": 1.0,
-        "1/rad": 1.0,
     }[unit]
 
 

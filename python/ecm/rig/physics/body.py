@@ -31,7 +31,7 @@ T = TypeVar("T", bound="LateralTurn")
 
 
 @dataclass(frozen=True)
-class PlatformSlip(BodyPose):
+class PlatformSlip(BodyPose, effect="platform_slip", unit="m"):
     """The platform slips on the mechanism once: a rigid jump between the two, exact in SE(3).
 
     `size` is the translation of the jump.
@@ -41,8 +41,6 @@ class PlatformSlip(BodyPose):
     """Direction of translation, and of rotation times 0.1 m, in the platform's axes."""
     at_s: float = 1800.0
 
-    effect: ClassVar[str] = "platform_slip"
-    unit: ClassVar[str] = "m"
     limit: ClassVar[Limit] = Limit(0.05, "poses measured again at the end")
 
     @classmethod
@@ -64,7 +62,7 @@ class PlatformSlip(BodyPose):
 
 
 @dataclass(frozen=True)
-class PermanentSet(BodyPose):
+class PermanentSet(BodyPose, effect="permanent_set", unit="1"):
     """Permanent set: beyond a yield length the rest pose creeps after the platform (Perzyna).
 
     In x = M^(1/2) (p - p0), at each visit with excess e = |x| - y > 0 the set grows towards x by
@@ -78,8 +76,6 @@ class PermanentSet(BodyPose):
     time_s: float = 10.0
     """tau."""
 
-    effect: ClassVar[str] = "permanent_set"
-    unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.3, "home checks, small poses after large ones")
 
     @classmethod
@@ -112,7 +108,7 @@ class PermanentSet(BodyPose):
 
 
 @dataclass(frozen=True)
-class LateralTurn(BodyPose):
+class LateralTurn(BodyPose, unit="rad"):
     """A turn about a lateral axis of the body, which a remount turns about x.
 
     `size` is its angle.
@@ -121,7 +117,6 @@ class LateralTurn(BodyPose):
     azimuth_rad: float = 0.0
     """Direction of the axis from y, in the body."""
 
-    unit: ClassVar[str] = "rad"
     limit: ClassVar[Limit] = Limit(0.15, "a remount by 180 degrees")
 
     @classmethod
@@ -137,13 +132,11 @@ class LateralTurn(BodyPose):
 
 
 @dataclass(frozen=True)
-class FaceTilt(LateralTurn):
+class FaceTilt(LateralTurn, effect="face_tilt"):
     """The clamped face is not square to the axis: the mechanism is tilted, exact in SE(3).
 
     The face is the mechanism's own: a remount turns the tilt about x. `size` is the tilt.
     """
-
-    effect: ClassVar[str] = "face_tilt"
 
     def body_pose(self, poses: F, at: Conditions) -> F:
         return seen_from(self.turns(at), poses)
@@ -153,16 +146,13 @@ class FaceTilt(LateralTurn):
 
 
 @dataclass(frozen=True)
-class NaturalBend(LateralTurn):
+class NaturalBend(LateralTurn, effect="pre_curvature", name="natural_bend"):
     """A body that is bent when nothing acts on it: an arc instead of a straight line.
 
     Half of the bend sits at either end: T_top = A T_body A with A the rotation by half the bend,
     which is exact for a uniform body to the first order of the bend. A remount turns the bend about
     x. `size` is the whole bend from base to top.
     """
-
-    effect: ClassVar[str] = "pre_curvature"
-    name: ClassVar[str] = "natural_bend"
 
     def body_pose(self, poses: F, at: Conditions) -> F:
         half = 0.5 * self.turns(at)
@@ -173,16 +163,13 @@ class NaturalBend(LateralTurn):
 
 
 @dataclass(frozen=True)
-class MountingGap(BodyPose):
+class MountingGap(BodyPose, effect="length_error", name="mounting_gap", unit="m"):
     """The mechanism is longer than the drawing says, by what lies under its clamped face.
 
     It is deformed by the pose T(gap)^-1 T_top: a preload at home that a free length measured with a
     calliper would show. `size` is the gap along the axis.
     """
 
-    effect: ClassVar[str] = "length_error"
-    name: ClassVar[str] = "mounting_gap"
-    unit: ClassVar[str] = "m"
     limit: ClassVar[Limit] = Limit(0.1, "poses at which the axial force differs")
     first_size: ClassVar[float] = 1e-4
     either_sign: ClassVar[bool] = True
@@ -194,7 +181,7 @@ class MountingGap(BodyPose):
 
 
 @dataclass(frozen=True)
-class Anisotropy(BodyVariation):
+class Anisotropy(BodyVariation, effect="anisotropy", unit="1"):
     """A cross-section that is stiffer in one direction: a modulus graded with twice the azimuth.
 
     E -> E (1 + c rho^2/R^2 cos 2(phi - phi0)), through two FEM solutions (cos 2 phi and sin 2 phi)
@@ -207,8 +194,6 @@ class Anisotropy(BodyVariation):
     angle_rad: float = 0.0
     """phi0: azimuth of the stiffest fibre, from y."""
 
-    effect: ClassVar[str] = "anisotropy"
-    unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.5, "a remount by 90 degrees")
     grades: ClassVar[tuple[str, ...]] = (COS2, SIN2)
 
@@ -236,13 +221,11 @@ class GradedBody(BodyVariation):
 
 
 @dataclass(frozen=True)
-class Taper(GradedBody):
+class Taper(GradedBody, effect="taper", unit="1"):
     """A modulus that grows along the axis."""
 
     grade: str = TAPER
 
-    effect: ClassVar[str] = "taper"
-    unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.5, "bending and shear on all sides")
     first_size: ClassVar[float] = 0.02
     either_sign: ClassVar[bool] = True
@@ -250,14 +233,11 @@ class Taper(GradedBody):
 
 
 @dataclass(frozen=True)
-class Thickness(GradedBody):
+class Thickness(GradedBody, effect="diameter_error", name="thickness", unit="1"):
     """A body that is thicker than drawn."""
 
     grade: str = THICK
 
-    effect: ClassVar[str] = "diameter_error"
-    name: ClassVar[str] = "thickness"
-    unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.2, "bending and shear as well as stretch")
     first_size: ClassVar[float] = 0.01
     either_sign: ClassVar[bool] = True
@@ -265,14 +245,11 @@ class Thickness(GradedBody):
 
 
 @dataclass(frozen=True)
-class Stiffening(GradedBody):
+class Stiffening(GradedBody, effect="strain_stiffening", name="stiffening", unit="1"):
     """A rubber that stiffens with strain (Yeoh)."""
 
     grade: str = STIFF
 
-    effect: ClassVar[str] = "strain_stiffening"
-    name: ClassVar[str] = "stiffening"
-    unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.5, "larger poses")
     first_size: ClassVar[float] = 0.05
     grades: ClassVar[tuple[str, ...]] = (STIFF,)

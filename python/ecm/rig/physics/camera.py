@@ -35,7 +35,7 @@ LEDS_NEEDED = 4
 
 
 @dataclass(frozen=True)
-class Leds(CameraPose):
+class Leds(CameraPose, effect="led_occlusion", name="leds", unit="m"):
     """LEDs that are not quite where the target's file says, once some turn away from the camera.
 
     With all in sight the calibration has taken the mean error out; with some hidden the mean error
@@ -46,9 +46,6 @@ class Leds(CameraPose):
     errors: tuple[tuple[float, ...], ...] = ()
     """Errors (9, 3) of unit size; empty: none."""
 
-    effect: ClassVar[str] = "led_occlusion"
-    name: ClassVar[str] = "leds"
-    unit: ClassVar[str] = "m"
     limit: ClassVar[Limit] = Limit(0.1, "larger tilts")
 
     @classmethod
@@ -75,7 +72,7 @@ class Leds(CameraPose):
 
 
 @dataclass(frozen=True)
-class AskewFrame(CameraPose):
+class AskewFrame(CameraPose, unit="rad"):
     """A frame that is a shifted and turned copy of the stated one; `size` is the rotation."""
 
     axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
@@ -83,7 +80,6 @@ class AskewFrame(CameraPose):
     shift_m_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Translation per rad of rotation, in the same axes."""
 
-    unit: ClassVar[str] = "rad"
     limit: ClassVar[Limit] = Limit(0.1, "poses that bend and turn on all sides")
 
     @classmethod
@@ -98,30 +94,25 @@ class AskewFrame(CameraPose):
 
 
 @dataclass(frozen=True)
-class TipTarget(AskewFrame):
+class TipTarget(AskewFrame, effect="tip_frame_misalignment", name="tip_target"):
     """The target sits askew on the platform: a rigid transform, exact in SE(3).
 
     The camera reports T_top exp(xi): every measured pose carries the same small motion, constant
     in the platform's axes. `size` is the rotation of the target.
     """
 
-    effect: ClassVar[str] = "tip_frame_misalignment"
-    name: ClassVar[str] = "tip_target"
-
     def measured(self, poses: F, at: Conditions) -> F:
         return compose(poses, self.motion[None])
 
 
 @dataclass(frozen=True)
-class CameraScale(CameraPose):
+class CameraScale(CameraPose, effect="camera_scale", unit="1"):
     """The camera's scale is off, by an error that fades away from where it was calibrated.
 
     Positions are seen as r0 + (r - r0) (1 + s (1 - |r - r0|^2/(4 L^2))): a radial distortion of the
     calibrated volume, not a pure factor. `size` is the relative error of scale at the rest pose.
     """
 
-    effect: ClassVar[str] = "camera_scale"
-    unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.2, "larger translations")
     first_size: ClassVar[float] = 0.005
     either_sign: ClassVar[bool] = True
@@ -135,22 +126,19 @@ class CameraScale(CameraPose):
 
 
 @dataclass(frozen=True)
-class BaseFrame(AskewFrame):
+class BaseFrame(AskewFrame, effect="base_frame_misalignment", name="base_frame"):
     """The base frame that the camera was calibrated to is not the mechanism's: exact in SE(3).
 
     Every pose is seen as T_error T_top, and the wrenches, turned with the measured rotation, are
     turned along with it. `size` is the rotation of the frame.
     """
 
-    effect: ClassVar[str] = "base_frame_misalignment"
-    name: ClassVar[str] = "base_frame"
-
     def measured(self, poses: F, at: Conditions) -> F:
         return compose(np.tile(self.motion, (len(poses), 1)), poses)
 
 
 @dataclass(frozen=True)
-class MarkerMotion(CameraPose):
+class MarkerMotion(CameraPose, effect="marker_motion", unit="m"):
     """The base marker creeps in its clamp: log(1 + t/tau) along one fixed small motion.
 
     The camera takes the marker for fixed, so all poses seem to move the other way; a step comes
@@ -165,8 +153,6 @@ class MarkerMotion(CameraPose):
     step_s: float = 1e12
     """Time at which half of the motion happens at once; beyond the end: no step."""
 
-    effect: ClassVar[str] = "marker_motion"
-    unit: ClassVar[str] = "m"
     limit: ClassVar[Limit] = Limit(0.05, "a longer campaign, poses measured again at its end")
 
     @classmethod
@@ -190,7 +176,7 @@ class MarkerMotion(CameraPose):
 
 
 @dataclass(frozen=True)
-class TimeSkew(Clock):
+class TimeSkew(Clock, effect="time_skew", unit="s"):
     """Two clocks: the sensor's readings carry another moment's stamp than the camera's images.
 
     A row that the recorder stamps t holds the pose at t and the wrench at
@@ -205,8 +191,6 @@ class TimeSkew(Clock):
     """Growth of the delay until the end, as a share of it."""
     end_s: float = 1.0
 
-    effect: ClassVar[str] = "time_skew"
-    unit: ClassVar[str] = "s"
     limit: ClassVar[Limit] = Limit(
         0.5, "faster ways ([rig] speed_m_s) and more samples ([rig] stream_Hz)"
     )

@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ecm.io.arrays import F
+from ecm.io.arrays import F, central_differences
 from ecm.io.se3 import left_jacobian_inverse, rotate, rotation
 from ecm.rig.physics.true_effect import (
     Clamp,
@@ -27,7 +27,7 @@ from ecm.rig.physics.true_effect import (
 
 
 @dataclass(frozen=True)
-class LiftOff(Clamp):
+class LiftOff(Clamp, effect="debonding", name="lift_off", unit="rad/(N m)"):
     """A bond that has let go at the clamped face: the body lifts off in tension and under bending.
 
     Where the largest normal stress at the rim, f/A + 2 |m|/(A R/2), is tensile, the open part of
@@ -43,9 +43,6 @@ class LiftOff(Clamp):
     bending_share: float = 0.3
     """How much of the bending stress counts beside the axial one."""
 
-    effect: ClassVar[str] = "debonding"
-    name: ClassVar[str] = "lift_off"
-    unit: ClassVar[str] = "rad/(N m)"
     limit: ClassVar[Limit] = Limit(0.6, "a push-pull pair of poses")
     part: ClassVar[str] = "open joint"
     iterations: ClassVar[int] = 200
@@ -69,7 +66,7 @@ class LiftOff(Clamp):
 
 
 @dataclass(frozen=True)
-class BasePlate(Clamp):
+class BasePlate(Clamp, effect="base_compliance", name="base_plate", unit="rad/(N m)"):
     """The plate under the mechanism gives way.
 
     The plate moves by the rotation exp(C_r m) and the translation C_t f under the wrench (f, m)
@@ -87,9 +84,6 @@ class BasePlate(Clamp):
     axial_share: float = 0.01
     """Axial translation compliance over size L^2."""
 
-    effect: ClassVar[str] = "base_compliance"
-    name: ClassVar[str] = "base_plate"
-    unit: ClassVar[str] = "rad/(N m)"
     limit: ClassVar[Limit] = Limit(0.4, "larger poses")
     part: ClassVar[str] = "base plate"
 
@@ -118,7 +112,7 @@ _DEPTH_M = 1e-3
 
 
 @dataclass(frozen=True)
-class Payload(TrueEffect):
+class Payload(TrueEffect, effect="payload", unit="kg"):
     """Weight that hangs between sensor and mechanism: point masses under gravity.
 
     The sensor carries platform and masses: what it exerts is the mechanism's wrench minus the
@@ -131,8 +125,6 @@ class Payload(TrueEffect):
     places_m: tuple[tuple[float, ...], ...] = ((0.03, 0.0, 0.0),)
     """Places of the points, in the top frame."""
 
-    effect: ClassVar[str] = "payload"
-    unit: ClassVar[str] = "kg"
     limit: ClassVar[Limit] = Limit(0.25, "poses that turn on all sides")
 
     @classmethod
@@ -158,7 +150,7 @@ class Payload(TrueEffect):
 
 
 @dataclass(frozen=True)
-class Cable(PlatformLoad):
+class Cable(PlatformLoad, effect="cable_drag", name="cable", unit="N/m"):
     """A cable that pulls the platform towards a clamp: a slack spring that stiffens when taut.
 
     force = k l0 softplus((|d| - l0)/(0.1 l0)) 0.1 along d, from the platform to the clamp. `size`
@@ -172,9 +164,6 @@ class Cable(PlatformLoad):
     free_m: float = 0.25
     """l0: its free length."""
 
-    effect: ClassVar[str] = "cable_drag"
-    name: ClassVar[str] = "cable"
-    unit: ClassVar[str] = "N/m"
     limit: ClassVar[Limit] = Limit(0.3, "larger poses on all sides")
 
     @classmethod
@@ -202,7 +191,7 @@ class Cable(PlatformLoad):
 
 
 @dataclass(frozen=True)
-class Stop(PlatformLoad):
+class Stop(PlatformLoad, effect="contact_stop", name="stop", unit="N/m"):
     """A stop: a ring that the platform's rim meets beyond a tilt; a true kink, with friction.
 
     Depth d = R (tilt - limit) where positive. The ring pushes the rim back along the axis of the
@@ -217,9 +206,6 @@ class Stop(PlatformLoad):
     friction: float = 0.2
     """mu."""
 
-    effect: ClassVar[str] = "contact_stop"
-    name: ClassVar[str] = "stop"
-    unit: ClassVar[str] = "N/m"
     limit: ClassVar[Limit] = Limit(300.0, "larger tilts")
 
     @classmethod
@@ -258,7 +244,7 @@ def _length(vectors: F) -> F:
 
 
 @dataclass(frozen=True)
-class OwnWeight(PlatformLoad):
+class OwnWeight(PlatformLoad, effect="own_weight", unit="kg"):
     """Own weight: point masses along the bent backbone, by virtual work.
 
     The backbone is a cubic between base and top with both end tangents; mass i at share s_i along
@@ -268,16 +254,12 @@ class OwnWeight(PlatformLoad):
 
     points: int = 8
 
-    effect: ClassVar[str] = "own_weight"
-    unit: ClassVar[str] = "kg"
     limit: ClassVar[Limit] = Limit(0.25, "poses that bend on all sides")
     first_size: ClassVar[float] = 0.3
 
     def load(self, at: Conditions) -> F:
-        slope = np.empty((len(at.poses), 6))
-        for j, step in enumerate(_STEP * np.eye(6)):
-            up, down = (self._heights(at.poses + s, at) for s in (step, -step))
-            slope[:, j] = (up - down) / (2 * _STEP)
+        slopes = central_differences(lambda poses: self._heights(poses, at), at.poses, _STEP)
+        slope = np.stack(slopes, axis=1)
         moment = np.einsum("nji,nj->ni", left_jacobian_inverse(at.poses[:, 3:]), slope[:, 3:])
         return np.concatenate([slope[:, :3], moment], axis=1)
 

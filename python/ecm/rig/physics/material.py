@@ -35,7 +35,7 @@ _MOST_STEPS = 60
 
 
 @dataclass(frozen=True)
-class Temperature(MaterialFactor):
+class Temperature(MaterialFactor, effect="temperature_modulus", name="temperature", unit="1/K"):
     """Stiffness against temperature: an Arrhenius softening, not a straight line in T.
 
         h -> h exp(A (1/T - 1/T0)) (T/T0),   T absolute
@@ -47,9 +47,6 @@ class Temperature(MaterialFactor):
     reference_degC: float = 22.0
     """T0."""
 
-    effect: ClassVar[str] = "temperature_modulus"
-    name: ClassVar[str] = "temperature"
-    unit: ClassVar[str] = "1/K"
     limit: ClassVar[Limit] = Limit(0.1, "a warm-up between the poses")
 
     @classmethod
@@ -64,7 +61,7 @@ class Temperature(MaterialFactor):
 
 
 @dataclass(frozen=True)
-class Ageing(MaterialFactor):
+class Ageing(MaterialFactor, effect="ageing", unit="1"):
     """Slow stiffening of the material (post-curing): logarithmic in time, not linear.
 
     h -> h (1 + a log(1 + t/tau) / log 2): `size` is a, the relative change at t = tau.
@@ -73,8 +70,6 @@ class Ageing(MaterialFactor):
     time_s: float = 3600.0
     """tau."""
 
-    effect: ClassVar[str] = "ageing"
-    unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.5, "a longer campaign, the first poses again at its end")
 
     @classmethod
@@ -87,7 +82,9 @@ class Ageing(MaterialFactor):
 
 
 @dataclass(frozen=True)
-class Relaxation(MaterialFactor, MaterialMemory):
+class Relaxation(
+    MaterialFactor, MaterialMemory, effect="stress_relaxation", name="relaxation", unit="1"
+):
     """Stress relaxation: generalised Maxwell chains loaded by a ramp, then held.
 
     A chain of share g and time tau that is stretched over the travel time T and rests d more
@@ -110,9 +107,6 @@ class Relaxation(MaterialFactor, MaterialMemory):
     shares: tuple[float, ...] = (0.4, 0.35, 0.25)
     times_s: tuple[float, ...] = (1.0, 8.0, 60.0)
 
-    effect: ClassVar[str] = "stress_relaxation"
-    name: ClassVar[str] = "relaxation"
-    unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.6, "several dwells, from 2 to 60 s")
 
     @classmethod
@@ -196,7 +190,7 @@ class Relaxation(MaterialFactor, MaterialMemory):
 
 
 @dataclass(frozen=True)
-class Softening(MaterialFactor):
+class Softening(MaterialFactor, effect="mullins_softening", name="softening", unit="1"):
     """Mullins softening after Ogden and Roxburgh: an error function of the energy deficit.
 
         factor = 1 - (1/r) erf((W_max - W)/m)
@@ -209,9 +203,6 @@ class Softening(MaterialFactor):
     energy_J: float = 0.5
     """m: width of the transition."""
 
-    effect: ClassVar[str] = "mullins_softening"
-    name: ClassVar[str] = "softening"
-    unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.6, "small poses again after large ones")
 
     @classmethod
@@ -230,7 +221,7 @@ class Softening(MaterialFactor):
 
 
 @dataclass(frozen=True)
-class Hysteresis(MaterialMemory):
+class Hysteresis(MaterialMemory, effect="hysteresis", unit="m"):
     """Internal friction of the material: a multi-axial Bouc-Wen element along the approach path.
 
     In x = M^(1/2) (p - p0), M = diag(1, 1, 1, L^2, L^2, L^2), the internal state z follows
@@ -250,8 +241,6 @@ class Hysteresis(MaterialMemory):
     beta: float = 0.6
     """Share of the symmetric part: 1/2 makes unloading as stiff as loading."""
 
-    effect: ClassVar[str] = "hysteresis"
-    unit: ClassVar[str] = "m"
     limit: ClassVar[Limit] = Limit(0.05, "approaches from several sides, poses measured twice")
 
     @classmethod

@@ -28,7 +28,7 @@ from ecm.rig.physics.true_effect import (
 
 
 @dataclass(frozen=True)
-class SensorSeat(SensorFrame):
+class SensorSeat(SensorFrame, effect="fts_frame", name="sensor_seat", unit="rad"):
     """The sensor sits askew: its frame is not where the rig file says, exact in SE(3).
 
     `size` is the rotation of the sensor's frame.
@@ -38,9 +38,6 @@ class SensorSeat(SensorFrame):
     shift_m_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Shift of its origin per rad, sensor axes."""
 
-    effect: ClassVar[str] = "fts_frame"
-    name: ClassVar[str] = "sensor_seat"
-    unit: ClassVar[str] = "rad"
     limit: ClassVar[Limit] = Limit(0.2, "larger forces")
 
     @classmethod
@@ -56,7 +53,7 @@ class SensorSeat(SensorFrame):
 
 
 @dataclass(frozen=True)
-class SensorCrosstalk(SensorReading):
+class SensorCrosstalk(SensorReading, effect="fts_crosstalk", name="sensor_crosstalk", unit="1"):
     """Axes that read each other, with a part that grows with the load of the other axis.
 
     r_i -> r_i + sum over j of c_ij r_j (1 + r_j/(10 range_j)), where a torque counts over LEVER_M.
@@ -66,9 +63,6 @@ class SensorCrosstalk(SensorReading):
     matrix: tuple[tuple[float, ...], ...] = ()
     """Pattern (6, 6) with an empty diagonal; empty: none."""
 
-    effect: ClassVar[str] = "fts_crosstalk"
-    name: ClassVar[str] = "sensor_crosstalk"
-    unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.1, "loads on every axis")
 
     @classmethod
@@ -86,7 +80,7 @@ class SensorCrosstalk(SensorReading):
 
 
 @dataclass(frozen=True)
-class SensorGain(SensorReading):
+class SensorGain(SensorReading, effect="fts_gain", name="sensor_gain", unit="1"):
     """Gain errors of the axes, with a slight compression towards the range.
 
     r_i -> r_i (1 + g_i) / (1 + (g_i r_i / (4 range_i))^2): not a pure factor. `size` is a typical
@@ -96,9 +90,6 @@ class SensorGain(SensorReading):
     pattern: tuple[float, ...] = (1.0, -1.0, 0.5, -0.5, 1.0, -1.0)
     """Gain error of each axis over `size`."""
 
-    effect: ClassVar[str] = "fts_gain"
-    name: ClassVar[str] = "sensor_gain"
-    unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.3, "loads on every axis")
 
     @classmethod
@@ -112,7 +103,7 @@ class SensorGain(SensorReading):
 
 
 @dataclass(frozen=True)
-class SensorKnee(SensorReading):
+class SensorKnee(SensorReading, effect="fts_saturation", name="sensor_knee", unit="1/N or 1/(N m)"):
     """An amplifier that saturates softly: beyond a knee the reading grows ever less.
 
     r -> r below the knee k of an axis, and sign(r) (k + u/(1 + s u)) above it, with u = |r| - k:
@@ -123,9 +114,6 @@ class SensorKnee(SensorReading):
     knee: float = 50.0
     """Load in N or N m."""
 
-    effect: ClassVar[str] = "fts_saturation"
-    name: ClassVar[str] = "sensor_knee"
-    unit: ClassVar[str] = "1/N or 1/(N m)"
     limit: ClassVar[Limit] = Limit(4.0, "larger loads")
 
     @classmethod
@@ -143,7 +131,7 @@ class SensorKnee(SensorReading):
 
 
 @dataclass(frozen=True)
-class SensorPlay(SensorReading):
+class SensorPlay(SensorReading, effect="fts_hysteresis", name="sensor_play", unit="1"):
     """Hysteresis of the sensor: a Preisach model with a few play operators per axis.
 
     Each operator follows the load at a distance of its width; the reading lags by `size` times the
@@ -153,9 +141,6 @@ class SensorPlay(SensorReading):
     widths: tuple[tuple[float, ...], ...] = ((1.0,), (1.0,), (1.0,), (0.03,), (0.03,), (0.03,))
     """Widths of the operators of each axis, N and N m."""
 
-    effect: ClassVar[str] = "fts_hysteresis"
-    name: ClassVar[str] = "sensor_play"
-    unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.4, "approaches from several sides")
     follows_the_way: ClassVar[bool] = True
 
@@ -195,7 +180,7 @@ class SensorPlay(SensorReading):
 
 
 @dataclass(frozen=True)
-class SensorStrain(SensorReading):
+class SensorStrain(SensorReading, effect="fts_offset", name="sensor_strain", unit="N"):
     """Strain that fastening puts into the sensor: a constant reading in its own frame.
 
     It comes when the sensor is bolted to the platform, so no unloaded reading shows it, and the
@@ -206,9 +191,6 @@ class SensorStrain(SensorReading):
     direction: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     """In sensor axes: force directions, then torque directions over LEVER_M."""
 
-    effect: ClassVar[str] = "fts_offset"
-    name: ClassVar[str] = "sensor_strain"
-    unit: ClassVar[str] = "N"
     limit: ClassVar[Limit] = Limit(0.25, "poses that turn on all sides")
 
     @classmethod
@@ -221,7 +203,7 @@ class SensorStrain(SensorReading):
 
 
 @dataclass(frozen=True)
-class SensorWarmUp(SensorReading):
+class SensorWarmUp(SensorReading, effect="fts_drift", name="sensor_warm_up", unit="N"):
     """Zero of the sensor while it warms up: saturating, with a slow random part on top.
 
         b(t) = d (1 - exp(-t/tau)) + wander
@@ -241,9 +223,6 @@ class SensorWarmUp(SensorReading):
     later_readings_lost: bool = False
     """Only the first unloaded reading is subtracted."""
 
-    effect: ClassVar[str] = "fts_drift"
-    name: ClassVar[str] = "sensor_warm_up"
-    unit: ClassVar[str] = "N"
     limit: ClassVar[Limit] = Limit(0.25, "a longer campaign")
 
     @classmethod
@@ -263,7 +242,7 @@ class SensorWarmUp(SensorReading):
 
 
 @dataclass(frozen=True)
-class SensorThermal(SensorReading):
+class SensorThermal(SensorReading, effect="fts_thermal_drift", name="sensor_thermal", unit="N/K"):
     """Zero of the sensor against its own temperature: a bent curve, not a straight line.
 
         b(T) = d (exp((T - T0)/S) - 1) S,   with S some tens of kelvin
@@ -276,9 +255,6 @@ class SensorThermal(SensorReading):
     reference_degC: float = 28.0
     bend_K: float = 25.0
 
-    effect: ClassVar[str] = "fts_thermal_drift"
-    name: ClassVar[str] = "sensor_thermal"
-    unit: ClassVar[str] = "N/K"
     limit: ClassVar[Limit] = Limit(0.05, "a warm-up between the poses")
 
     @classmethod

@@ -54,12 +54,9 @@ class OfActuator(Supply):
 
 
 @dataclass(frozen=True)
-class Zero(OfActuator):
+class Zero(OfActuator, effect="pressure_offset", name="regulator zero", unit="Pa"):
     """A regulator's zero that grows as it warms: a -> a + s (1 + (T - T0) / 30 K)."""
 
-    effect: ClassVar[str] = "pressure_offset"
-    name: ClassVar[str] = "regulator zero"
-    unit: ClassVar[str] = "Pa"
     limit: ClassVar[Limit] = Limit(0.3, "poses at several pressures")
     either_sign: ClassVar[bool] = True
 
@@ -69,15 +66,12 @@ class Zero(OfActuator):
 
 
 @dataclass(frozen=True)
-class Gain(OfActuator):
+class Gain(OfActuator, effect="pressure_gain", name="regulator gain", unit="1"):
     """A characteristic that bends: a -> a + s a (1 + 0.3 (4 u (1 - u) - 0.5)), u = a / largest."""
 
     largest: float = 1.0
     """Largest input of the plan."""
 
-    effect: ClassVar[str] = "pressure_gain"
-    name: ClassVar[str] = "regulator gain"
-    unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.3, "poses at several pressures")
     either_sign: ClassVar[bool] = True
 
@@ -91,14 +85,11 @@ class Gain(OfActuator):
 
 
 @dataclass(frozen=True)
-class Supplied(OfActuator):
+class Supplied(OfActuator, effect="pressure_cross_talk", name="shared supply", unit="1"):
     """One supply: what flows into the others moves a chamber with the root of their pressure."""
 
     largest: float = 1.0
 
-    effect: ClassVar[str] = "pressure_cross_talk"
-    name: ClassVar[str] = "shared supply"
-    unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(0.3, "poses with different pressures")
     either_sign: ClassVar[bool] = True
 
@@ -114,7 +105,7 @@ class Supplied(OfActuator):
 
 
 @dataclass(frozen=True)
-class Slip(OfActuator):
+class Slip(OfActuator, effect="pressure_hysteresis", name="slip in a valve or a wall", unit="Pa"):
     """A valve with play, or a wall of elements that stick and then slip (Maxwell slip).
 
     a -> a - s mean(z_k / r_k): z_k follows each change of a, but never beyond its reach -r_k to
@@ -126,9 +117,6 @@ class Slip(OfActuator):
     reaches: tuple[float, ...] = ()
     """Reaches of the elements of a wall, Pa; none: a valve."""
 
-    effect: ClassVar[str] = "pressure_hysteresis"
-    name: ClassVar[str] = "slip in a valve or a wall"
-    unit: ClassVar[str] = "Pa"
     limit: ClassVar[Limit] = Limit(0.3, "pressures approached from below and from above")
 
     @classmethod
@@ -156,15 +144,12 @@ class Slip(OfActuator):
 
 
 @dataclass(frozen=True)
-class Leak(OfActuator):
+class Leak(OfActuator, effect="chamber_leak", name="outflow", unit="1/s"):
     """Outflow through a hole: the root of the pressure falls in proportion to time.
 
     a -> a (1 - r t / 2)^2 with t the time since the pressure was set; `size` is r.
     """
 
-    effect: ClassVar[str] = "chamber_leak"
-    name: ClassVar[str] = "outflow"
-    unit: ClassVar[str] = "1/s"
     limit: ClassVar[Limit] = Limit(0.1, "several dwells, from 2 to 60 s")
     first_size: ClassVar[float] = 1e-3
 
@@ -174,7 +159,7 @@ class Leak(OfActuator):
 
 
 @dataclass(frozen=True)
-class Lag(OfActuator):
+class Lag(OfActuator, effect="regulator_lag", name="lag of a tube", unit="1"):
     """A chamber behind a tube: a part of each change comes with a time constant.
 
     `size` is the part of the last change that is still to come just after it.
@@ -182,9 +167,6 @@ class Lag(OfActuator):
 
     time_s: float = 3.0
 
-    effect: ClassVar[str] = "regulator_lag"
-    name: ClassVar[str] = "lag of a tube"
-    unit: ClassVar[str] = "1"
     limit: ClassVar[Limit] = Limit(1.0, "several dwells, from 2 to 60 s")
     first_size: ClassVar[float] = 0.1
 
@@ -198,15 +180,12 @@ class Lag(OfActuator):
 
 
 @dataclass(frozen=True)
-class Capstan(OfActuator):
+class Capstan(OfActuator, effect="capstan_friction", name="capstan", unit="1/rad"):
     """A tendon round a bent body: T -> T exp(-m b), or exp(m b) where it was let out.
 
     b is the turn of the platform's axis beside a turn of 0.1 rad in the guides; `size` is m.
     """
 
-    effect: ClassVar[str] = "capstan_friction"
-    name: ClassVar[str] = "capstan"
-    unit: ClassVar[str] = "1/rad"
     limit: ClassVar[Limit] = Limit(1.0, "tensions approached from below and from above")
     first_size: ClassVar[float] = 0.1
     acts_on: ClassVar[str] = "tension"
@@ -218,16 +197,13 @@ class Capstan(OfActuator):
 
 
 @dataclass(frozen=True)
-class Stretch(OfActuator):
+class Stretch(OfActuator, effect="tendon_stretch", name="winch that stands still", unit="N/m"):
     """A winch that stands still once it has set the tension: T -> T + s l (1 + l / 2 l_max) >= 0.
 
     l is how much longer the tendon's way became since, by G = dh/dT of the solved body in the
     middle of both poses; `size` is s.
     """
 
-    effect: ClassVar[str] = "tendon_stretch"
-    name: ClassVar[str] = "winch that stands still"
-    unit: ClassVar[str] = "N/m"
     limit: ClassVar[Limit] = Limit(100.0, "poses far from where the tension was set")
     first_size: ClassVar[float] = 10.0
     acts_on: ClassVar[str] = "tension"
@@ -247,7 +223,6 @@ def _longer_by(whole: Conditions) -> F:
     """
     assert whole.elastic is not None
     solved = whole.elastic.solved
-    known = {pose.tobytes(): i for i, pose in enumerate(solved.poses)}
     start = solved.poses[REST_INDEX]
     starts = []
     for way in whole.ways:
@@ -255,7 +230,7 @@ def _longer_by(whole: Conditions) -> F:
             stays = j + 2 == len(way) and way[j + 1, 6:].any()
             start = way[j] if stays else way[j + 1]
         starts.append(start)
-    first = np.array([known.get(row.tobytes(), REST_INDEX) for row in starts])
+    first = np.array([solved.place.get(row.tobytes(), REST_INDEX) for row in starts])
     slope = 0.5 * (solved.stiffness[first] + solved.stiffness[whole.nearest])[:, :, 6:]
     step = whole.poses - np.stack(starts)[:, :6]
     return np.asarray(np.einsum("nij,ni->nj", slope, step))

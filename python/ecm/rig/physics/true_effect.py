@@ -187,7 +187,7 @@ TRUE_EFFECTS: dict[str, type[TrueEffect]] = {}
 class TrueEffect:
     """A physical effect of the plant: `size` scales it, the other fields are its shape.
 
-    A class that names its `effect` can be hidden.
+    A class says effect, name and unit in its head; one that names its effect can be hidden.
     """
 
     size: float
@@ -212,11 +212,13 @@ class TrueEffect:
     either_sign: ClassVar[bool] = False
     """Whether the size may be negative as well."""
 
-    def __init_subclass__(cls) -> None:
+    def __init_subclass__(cls, effect: str = "", name: str = "", unit: str = "") -> None:
         super().__init_subclass__()
-        if "effect" in vars(cls):
-            TRUE_EFFECTS[cls.effect] = cls
-            cls.name = vars(cls).get("name", cls.effect)
+        if unit:
+            cls.unit = unit
+        if effect:
+            cls.effect, cls.name = effect, name or effect
+            TRUE_EFFECTS[effect] = cls
 
     @classmethod
     def draw(cls: type[T], random: Random, rig: RigScale) -> T:
