@@ -369,6 +369,10 @@ class Session(Console):
         if self.json is not None:
             write_json(self.json, document)
 
+    def write_result(self, **fields: Any) -> None:
+        """Write these fields there."""
+        self.write_json({"schema": 1, **fields})
+
 
 def run_command(
     work: Callable[..., None], options: Mapping[str, Any], common: Mapping[str, Any]
