@@ -51,9 +51,8 @@ def rotate(matrices: F, vectors: F) -> F:
 
 def turn_wrench(matrices: F, wrenches: F) -> F:
     """Force and moment both turned by (N, 3, 3): the reference point stays."""
-    return np.concatenate(
-        [rotate(matrices, wrenches[..., :3]), rotate(matrices, wrenches[..., 3:])], axis=-1
-    )
+    parts = np.split(wrenches, 2, axis=-1)
+    return np.concatenate([rotate(matrices, part) for part in parts], axis=-1)
 
 
 def transpose(matrices: F) -> F:
@@ -150,11 +149,8 @@ def left_jacobian_inverse(vectors: F) -> F:
 
 def displaced(poses: F, errors: F) -> F:
     """Poses (N, 6) whose origin is shifted and whose axes are turned in base axes."""
-    turned = compose(
-        np.concatenate([np.zeros_like(errors[:, :3]), errors[:, 3:]], axis=1),
-        np.concatenate([np.zeros_like(errors[:, :3]), poses[:, 3:]], axis=1),
-    )
-    return np.concatenate([poses[:, :3] + errors[:, :3], turned[:, 3:]], axis=1)
+    turned = wrapped_rotation(errors[:, 3:]) @ wrapped_rotation(poses[:, 3:])
+    return np.concatenate([poses[:, :3] + errors[:, :3], rotation_vector(turned)], axis=1)
 
 
 def rotations_of_axyb(a: F, b: F) -> tuple[tuple[F, F], F]:

@@ -498,16 +498,9 @@ def list_columns(log: Any) -> list[LogColumn]:
         known = values[np.isfinite(values)]
         low, high = (known.min(), known.max()) if len(known) else (np.nan, np.nan)
         unit = raw.units.get(name, "") if named.unit is None else named.unit.word
-        found.append(
-            LogColumn(
-                name,
-                float(low),
-                float(high),
-                unit,
-                str(*standards) if len(standards) == 1 else "",
-                named.guesses[0].quantity if named.guesses else "",
-            )
-        )
+        standard = str(*standards) if len(standards) == 1 else ""
+        quantity = named.guesses[0].quantity if named.guesses else ""
+        found.append(LogColumn(name, float(low), float(high), unit, standard, quantity))
     return found
 
 

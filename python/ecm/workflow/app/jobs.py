@@ -174,13 +174,7 @@ class Jobs:
         told = self.session.told(job.step.number, "what")
         return found | {name: value for name, value in told.items() if name in found}
 
-    def _begin(
-        self,
-        verb: str,
-        request: dict[str, Any],
-        *,
-        automatic: bool = False,
-    ) -> int:
+    def _begin(self, verb: str, request: dict[str, Any], *, automatic: bool = False) -> int:
         request = dict(request)
         then = request.pop("then", None)
         if then is not None and not isinstance(then, dict):
