@@ -20,7 +20,7 @@ from ecm.io.arrays import evenly
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.csv import BadRows, check_names, write_csv
-from ecm.io.description import FileMeta, Meta, as_meta, row_ranges, shown_ranges
+from ecm.io.description import Meta, as_meta, row_ranges, shown_ranges
 from ecm.io.events import Printed, Progress
 from ecm.io.interrupts import uninterrupted
 from ecm.io.sanity import order_warning, samples_s
@@ -256,7 +256,9 @@ def import_log(  # noqa: PLR0913 - one for each question that a log may raise
         notes.append(f"left out {len(rows)} {what}: {shown}")
     every = (*raw.notes, *notes, *time_notes)
     origin = {"source": source, "sha256": digest} | words | {"notes": list(every)}
-    described = replace(given, file=_file(table, given.file), leave_out=left, origin=origin)
+    # Samples that follow each other closely are a continuous test.
+    file = replace(given.file, kind="continuous") if samples_s(table) else given.file
+    described = replace(given, file=file, leave_out=left, origin=origin)
     return ImportedLog(table, described, source, every, mapped.missing)
 
 
@@ -430,11 +432,6 @@ def _read(log: Any, topics: Sequence[str], progress: Progress | None) -> ReadLog
     if reader is None:
         reader = read_hdf5 if is_hdf5(path) else partial(read_text_log, progress=progress)
     return ReadLog(reader(path), str(path), digest)
-
-
-def _file(table: Mapping[str, NDArray[Any]], file: FileMeta) -> FileMeta:
-    """[file] of the table: samples that follow each other closely are a continuous test."""
-    return replace(file, kind="continuous") if samples_s(table) else file
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import IO, Any
 from urllib.parse import quote
 
-from ecm.errors import EcmError, InputError, Refusal, Remedy
+from ecm.errors import EcmError, InputError, Remedy, document_of
 from ecm.io.arguments import check_arguments, listed
 from ecm.io.description import Meta
 from ecm.io.events import Follower, live_path
@@ -374,9 +374,8 @@ class _Routes:
         if not isinstance(error, EcmError):  # the page was closed in the middle of an upload
             return _json({"error": "the file did not come to its end"}, 400)
         known: dict[type[Exception], int] = {Busy: 409, DiskError: 507}
-        message = error.message if isinstance(error, Refusal) else str(error)
-        remedy = self.app.session.way_out(error)
-        return _json({"error": message, "remedy": remedy}, known.get(type(error), 400))
+        found = {"error": document_of(error)["message"], "remedy": self.app.session.way_out(error)}
+        return _json(found, known.get(type(error), 400))
 
     async def action(self, request: Any) -> Any:
         action, body = request.path_params["action"], await _body(request)
