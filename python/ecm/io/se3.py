@@ -20,15 +20,12 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.settings import Checked, setting
 
-
-def rotation(vectors: F) -> F:
-    """exp of (N, 3) rotation vectors: (N, 3, 3)."""
-    return rotation_matrices(vectors)
-
-
-def rotation_vector(matrices: F) -> F:
-    """log of (N, 3, 3) rotations: (N, 3)."""
-    return rotation_vectors(matrices)
+rotation = rotation_matrices
+"""exp of (N, 3) rotation vectors: (N, 3, 3)."""
+rotation_vector = rotation_vectors
+"""log of (N, 3, 3) rotations: (N, 3)."""
+left_jacobian_inverse = inverse_left_jacobians
+"""J(theta)^-1 of (N, 3) rotation vectors: (N, 3, 3), increments to change of the vector."""
 
 
 def wrapped_rotation(vectors: F) -> F:
@@ -140,11 +137,6 @@ def poses_of(q: F, length_m: float) -> F:
     half = rotation_matrices(np.ascontiguousarray(0.5 * q[:, 3:6]))
     position = np.einsum("nij,nj->ni", half, q[:, :3] + np.array([length_m, 0.0, 0.0]))
     return np.hstack([position, q[:, 3:]])
-
-
-def left_jacobian_inverse(vectors: F) -> F:
-    """J(theta)^-1 of (N, 3) rotation vectors: (N, 3, 3), increments to change of the vector."""
-    return inverse_left_jacobians(vectors)
 
 
 def displaced(poses: F, errors: F) -> F:

@@ -83,9 +83,7 @@ class Jobs:
         InputError
             Where the step is not possible now.
         """
-        with self._lock:
-            self._require_none()
-            return self._begin(verb, request)
+        return self.alone(lambda: self._begin(verb, request))
 
     def alone(self, change: Callable[[], T]) -> T:
         """Change the session while no step is computed, and none can begin.
