@@ -26,6 +26,7 @@ __all__ = [
     "ModelError",
     "Refusal",
     "Remedy",
+    "document_of",
     "exit_code",
     "remedy_of",
     "shortened",
@@ -303,6 +304,22 @@ def visible(text: str) -> str:
 def exit_code(error: EcmError) -> int:
     """Return the exit code of the command line: 1 for a failed computation, 2 for wrong input."""
     return 1 if isinstance(error, ComputationError) else 2
+
+
+def document_of(error: EcmError) -> dict[str, Any]:
+    """Return what JSON says of an error: the message, the exit code and the way out.
+
+    Examples
+    --------
+    >>> document_of(InputError("no length"))
+    {'message': 'no length', 'exit_code': 2, 'remedy': None}
+    """
+    remedy = remedy_of(error)
+    return {
+        "message": error.message if isinstance(error, Refusal) else str(error),
+        "exit_code": exit_code(error),
+        "remedy": None if remedy is None else remedy.to_dict(),
+    }
 
 
 def remedy_of(error: BaseException) -> Remedy | None:

@@ -19,7 +19,7 @@ import pytest
 
 from ecm._native import Mesh
 from support.meshes import block_mesh
-from support.neck import Done, csv_text, neck_columns
+from support.neck import Done, csv_text, neck_columns, saved
 
 CUBIC = ("--model", "quadratic", "--out", "m.json")
 NECK_TOML = "[mechanism]\nlength_m = 0.1034\n"
@@ -225,12 +225,10 @@ def test_exit_code_two_and_a_message(
         else:
             Path(name).write_text(content, encoding="utf-8")
     if case.fit_first:
-        fitted = ecm_command("fit", "d.csv", *CUBIC)
-        assert fitted.code == 0, fitted.err
+        ecm_command("fit", "d.csv", *CUBIC).good()
         damage_copies()
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.is_file()}
-    done = ecm_command(*case.arguments)
-    assert done.code == 2, f"{done.code}: {done.out}{done.err}"
+    done = ecm_command(*case.arguments).refused()
     message = done.err.lower()
     for piece in case.says:
         assert piece.lower() in message, done.err
@@ -256,8 +254,7 @@ def test_there_are_twenty_kinds() -> None:
 
 def test_a_good_block_is_a_good_mesh(tmp_path: Path) -> None:
     """The mesh of the broken cases is right but for what is broken in it."""
-    path = tmp_path / "body.msh"
-    path.write_text(block_mesh(), encoding="utf-8")
+    path = saved(tmp_path / "body.msh", block_mesh())
     mesh = Mesh.read(str(path))
     assert mesh.volume_m3 == pytest.approx(1e-3)
     assert mesh.length_m == pytest.approx(0.1)

@@ -39,7 +39,7 @@ from ecm.models import PhysicsMap, fit_model
 from ecm.models.refit import refit
 from ecm.report.blocks import number
 from support.campaigns import campaign, physics
-from support.neck import LENGTH_M, ROOT, Done, columns_of, csv_text, neck_columns, neck_rows
+from support.neck import LENGTH_M, ROOT, Done, columns_of, csv_text, neck_columns, neck_rows, saved
 from support.neck import STIFFNESS as K
 
 Command = Callable[..., Done]
@@ -129,8 +129,7 @@ def test_the_parser_states_what_the_functions_take(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["", *COMMANDS])
 def test_help_is_one_screen(name: str, ecm_command: Command) -> None:
-    done = ecm_command(*([name] if name else []), "--help")
-    assert done.code == 0
+    done = ecm_command(*([name] if name else []), "--help").good()
     lines = done.out.rstrip("\n").split("\n")
     assert len(lines) <= 24, done.out
     assert max(len(line) for line in lines) <= 80, done.out
@@ -185,8 +184,7 @@ def test_rows_are_left_out_by_one_name_and_the_old_one_is_taken(
     for name in ("--leave-out", "--skip-bad-rows"):
         done = ecm_command(
             "fit", tmp_path / "d.csv", name, "--model", "linear", "--out", tmp_path / "m.json"
-        )
-        assert done.code == 0, done.err
+        ).good()
         assert "left out 1 row(s)" in done.err
         assert "column 'fx_N'" in done.err
     for command in ("fit", "compare", "check", "import"):
@@ -207,8 +205,7 @@ def test_every_result_has_a_page(tmp_path: Path, ecm_command: Command) -> None:
         (("effects", "payload"), "payload"),
     ):
         page.unlink(missing_ok=True)
-        done = ecm_command(*words, "--report", page)
-        assert done.code == 0, done.err
+        ecm_command(*words, "--report", page).good()
         assert said in page.read_text(encoding="utf-8")
 
 
@@ -223,8 +220,7 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def test_check_writes_what_it_says(neck_csv: Path, tmp_path: Path, ecm_command: Command) -> None:
-    done = ecm_command("check", neck_csv, "--json", tmp_path / "check.json")
-    assert done.code == 0
+    done = ecm_command("check", neck_csv, "--json", tmp_path / "check.json").good()
     assert "60 rows" in done.out
     document = read(tmp_path / "check.json")
     assert document["rows"] == 60
@@ -247,21 +243,19 @@ def test_fit_and_predict(tmp_path: Path, ecm_command: Command) -> None:
     wrenches = (poses - [LENGTH_M, 0, 0, 0, 0, 0]) @ K
     columns = columns_of(poses, wrenches)
     (tmp_path / "d.csv").write_text(csv_text(columns), encoding="utf-8")
-    fitted = ecm_command(
+    ecm_command(
         "fit", tmp_path / "d.csv", "--model", "linear", "--out", tmp_path / "m.json",
         "--json", tmp_path / "fit.json",
-    )  # fmt: skip
-    assert fitted.code == 0, fitted.err
+    ).good()  # fmt: skip
     assert read(tmp_path / "fit.json")["components"]["fx_N"]["rmse"] < 1e-9
     new, _ = neck_rows(5, seed=3)
     asked = {"pose_id": np.arange(5.0), **dict(zip(POSE, new.T, strict=True))}
     asked |= {"fx_N": np.zeros(5), "humidity": np.full(5, 40.0)}
     (tmp_path / "p.csv").write_text(csv_text(asked), encoding="utf-8")
-    done = ecm_command(
+    ecm_command(
         "predict", tmp_path / "m.json", tmp_path / "p.csv", "--out", tmp_path / "out.csv",
         "--stiffness",
-    )  # fmt: skip
-    assert done.code == 0, done.err
+    ).good()  # fmt: skip
     table = read_table(tmp_path / "out.csv")
     # The input's columns keep their order, fx_N its place; predicted ones follow.
     assert list(table.columns)[: len(asked)] == list(asked)
@@ -280,8 +274,7 @@ def test_predicting_far_away_warns(neck_csv: Path, tmp_path: Path, ecm_command: 
     far = {name: np.full(3, 0.7) for name in POSE}
     (tmp_path / "p.csv").write_text(csv_text(far), encoding="utf-8")
     done = ecm_command("predict", tmp_path / "m.json", tmp_path / "p.csv", "--out",
-                       tmp_path / "o.csv")  # fmt: skip
-    assert done.code == 0
+                       tmp_path / "o.csv").good()  # fmt: skip
     assert "3 of 3 poses are outside what the model was trained on" in done.err
 
 
@@ -292,8 +285,7 @@ def test_compare_prints_every_component(
     done = ecm_command(
         "compare", tmp_path / "m.json", neck_csv, "--json", tmp_path / "c.json",
         "--report", tmp_path / "c.html",
-    )  # fmt: skip
-    assert done.code == 0, done.err
+    ).good()  # fmt: skip
     for word in ("RMSE", "bias", "% of the spread", *WRENCH):
         assert word in done.out
     assert "noise floor" not in done.out  # the noise of this table is assumed
@@ -322,8 +314,7 @@ def test_compare_sets_four_references_side_by_side(
     done = ecm_command(
         "compare", tmp_path / "m.json", tmp_path / "d.csv", "--json", tmp_path / "c.json",
         "--report", tmp_path / "c.html",
-    )  # fmt: skip
-    assert done.code == 0, done.err
+    ).good()  # fmt: skip
     assert asked[0].radius_m == 0.033
     document = read(tmp_path / "c.json")
     known = document["references"]
@@ -351,10 +342,9 @@ def test_a_single_row_is_compared_and_drawn(tmp_path: Path, ecm_command: Command
     (tmp_path / "d.csv").write_text(csv_text(neck_columns()), encoding="utf-8")
     (tmp_path / "one.csv").write_text(csv_text(neck_columns(1)), encoding="utf-8")
     ecm_command("fit", tmp_path / "d.csv", "--model", "linear", "--out", tmp_path / "m.json")
-    done = ecm_command(
+    ecm_command(
         "compare", tmp_path / "m.json", tmp_path / "one.csv", "--report", tmp_path / "c.html"
-    )
-    assert done.code == 0, done.err
+    ).good()
     assert "% of the spread" in (tmp_path / "c.html").read_text(encoding="utf-8")
 
 
@@ -366,8 +356,7 @@ def test_effects_lists_and_explains(tmp_path: Path, ecm_command: Command) -> Non
     assert all(id in listed.out for id in ids)
     assert "With fewer than the twelve columns of pose and wrench also:\ngrowing_load" in listed.out
     assert "needs: time (time_s), and motion both ways" in ecm_command("effects", "backlash").out
-    one = ecm_command("effects", "hysteresis")
-    assert one.code == 0
+    one = ecm_command("effects", "hysteresis").good()
     assert "parameter" in one.out
     assert "confused with" in one.out
     for line in ("needs: poses reached from both sides (approach, ", "side: physics", "kind: time"):
@@ -407,8 +396,7 @@ def test_effects_of_installed_packages_are_known(
     finally:
         unregister("draught")
     offer(broken)
-    done = ecm_command("effects")
-    assert done.code == 2
+    done = ecm_command("effects").refused()
     assert "no module named fan" in done.err
 
 
@@ -443,8 +431,7 @@ def test_from_candidates_to_a_refit_and_the_truth(
     Path("rig.toml").write_text("[rig]\ndwell_s = 5.0\n", encoding="utf-8")
 
     def done(*arguments: object) -> Done:
-        found = ecm_command(*arguments)
-        assert found.code == 0, found.err
+        found = ecm_command(*arguments).good()
         return found
 
     said = done("design", "c.csv", "--n", "14", "--model", "linear", "--out", "plan.csv",
@@ -467,8 +454,7 @@ def test_from_candidates_to_a_refit_and_the_truth(
     assert data.meta.instrument.force_sd_N == pytest.approx(0.3, rel=0.05)
     assert "fts_offset" not in Path("data.csv").read_text(encoding="utf-8")
     measured = Path("data.csv").read_bytes()
-    again = ecm_command("campaign", "plan.csv", "--rig", "rig.toml", "--out", "data.csv")
-    assert again.code == 2
+    again = ecm_command("campaign", "plan.csv", "--rig", "rig.toml", "--out", "data.csv").refused()
     assert "measurements are not overwritten" in again.err
     assert Path("data.csv").read_bytes() == measured
     assert "fts_offset" not in Path("data.toml").read_text(encoding="utf-8")
@@ -509,15 +495,12 @@ def test_a_plan_replaces_nothing_but_a_plan(
     )
     measured = neck_csv.read_bytes()
     for way in ways:
-        done = ecm_command(*way, neck_csv)
-        assert done.code == 2
+        done = ecm_command(*way, neck_csv).refused()
         assert "is no plan, and is not overwritten" in done.err
         assert neck_csv.read_bytes() == measured
-    rig = tmp_path / "plan.toml"
-    rig.write_text("[rig]\ndwell_s = 5.0\n", encoding="utf-8")
+    rig = saved(tmp_path / "plan.toml", "[rig]\ndwell_s = 5.0\n")
     for way in ways:
-        done = ecm_command(*way, plan)
-        assert done.code == 2
+        done = ecm_command(*way, plan).refused()
         assert "plan.toml, which" in done.err
         assert "description would overwrite" in done.err
         assert rig.read_text(encoding="utf-8") == "[rig]\ndwell_s = 5.0\n"
@@ -547,8 +530,7 @@ def test_no_description_replaces_settings(
                 ("predict", model, plan, "--out", out),
             ]
         for way in ways:
-            done = ecm_command(*way)
-            assert done.code == 2, way
+            done = ecm_command(*way).refused()
             assert f"{settings.name}, which" in done.err
             assert "Choose another name" in done.err
             assert settings.read_text(encoding="utf-8") == text
@@ -571,8 +553,7 @@ def test_diagnose_reports_a_verdict(tmp_path: Path, ecm_command: Command) -> Non
     done = ecm_command(
         "diagnose", tmp_path / "m.json", data, "--json", tmp_path / "d.json", "--report",
         tmp_path / "d.html", "--seed", "7", "--details",
-    )  # fmt: skip
-    assert done.code == 0, done.err
+    ).good()  # fmt: skip
     document = read(tmp_path / "d.json")
     assert document["seed"] == 7
     assert document["verdict"] in ("none", "named", "ambiguous", "unknown")

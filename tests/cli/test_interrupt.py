@@ -181,8 +181,7 @@ def test_a_plan_that_was_cut_between_its_files_is_completed(
     assert files(tmp_path) == whole
     plan.unlink()
     plan.with_suffix(".toml").write_text("[mechanism]\nlength_m = 0.2\n")
-    done = ecm_command(*design)
-    assert done.code == 2
+    done = ecm_command(*design).refused()
     assert "which the plan's description would overwrite" in done.err
 
 

@@ -180,8 +180,7 @@ def test_predict_says_the_time_left(
     monkeypatch.setattr(Model, "predict", slow)
     done = ecm_command(
         "predict", tmp_path / "m.json", tmp_path / "d.csv", "--out", tmp_path / "p.csv"
-    )
-    assert done.code == 0
+    ).good()
     assert re.search(r"predicting 400 rows, \d s so far: \d+ %, about \d s left", done.err)
     predicted = read_table(tmp_path / "p.csv")
     assert np.array_equal(predicted["tau_z_Nm"], fit_model(table, "linear").predict(table)[:, 0])

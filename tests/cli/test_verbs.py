@@ -41,8 +41,7 @@ def same_tables(path: Path, table: ecm.Table) -> None:
 
 def test_fit_predict_refit_and_export(data: Path, tmp_path: Path, ecm_command: Ecm) -> None:
     def run(*arguments: object) -> None:
-        done = ecm_command(*arguments)
-        assert done.code == 0, done.err
+        ecm_command(*arguments).good()
 
     table = ecm.read_table(data)
     model = ecm.fit(table, "energy4")
@@ -82,8 +81,7 @@ def test_check_and_design(data: Path, tmp_path: Path, ecm_command: Ecm) -> None:
         "design", data, "--n", "9", "--model", "linear", "--starts", "1", "--preset", "paper",
         "--seed", "3", "--exclude", "1-5", "--out", tmp_path / "plan.csv",
         "--json", tmp_path / "plan.json",
-    )  # fmt: skip
-    assert done.code == 0, done.err
+    ).good()  # fmt: skip
     planned = ecm.design(
         table, 9, preset="paper", model="linear", starts=1, seed=3, exclude=range(5)
     )

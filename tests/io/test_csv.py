@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 import ecm
 import ecm.io.csv as reader
 from ecm.errors import InputError
+from support.neck import saved
 
 ROWS = "".join(f"{0.1 * i!r}, at {i} ,{-(3.0**i)!r}\n" for i in range(-3, 4))
 LONG = "".join(f"{i / 7.0!r},a,{i}\n" for i in range(9000))
@@ -80,8 +81,7 @@ def test_both_readers_give_the_same(
 def test_plain_numbers_and_words_are_left_to_numpy(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = tmp_path / "table.csv"
-    path.write_text("x_m,kind,fx_N\n" + LONG)
+    path = saved(tmp_path / "table.csv", "x_m,kind,fx_N\n" + LONG)
     monkeypatch.setattr(reader, "_finite_numbers", lambda _: pytest.fail("one by one"))
     raw = reader.read_csv(path)
     assert list(raw.columns[2]) == list(range(9000))
@@ -116,7 +116,6 @@ def own_of(table: ecm.Table) -> list[str]:
 
 @pytest.mark.parametrize("header", ["0.0,1.5", "0.0,nan", "1,2,x"])
 def test_a_header_of_numbers_is_told_from_names(tmp_path: Path, header: str) -> None:
-    path = tmp_path / "bare.csv"
-    path.write_text(f"{header}\n{header}\n", encoding="utf-8")
+    path = saved(tmp_path / "bare.csv", f"{header}\n{header}\n")
     with pytest.raises(InputError, match="the header row holds the number"):
         ecm.read_table(path)

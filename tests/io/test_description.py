@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from ecm.errors import InputError
 from ecm.io.description import ColumnSource, FileMeta, Instrument, Meta, Scene, read_meta
 from ecm.io.settings import read_toml, write_toml
+from support.neck import saved
 
 FULL = """
 [file]
@@ -42,8 +43,7 @@ mount_angle_rad = 1.57
 
 
 def meta_of(text: str, tmp_path: Path) -> Meta:
-    path = tmp_path / "data.toml"
-    path.write_text(text, encoding="utf-8")
+    path = saved(tmp_path / "data.toml", text)
     return read_meta(path)
 
 
@@ -112,8 +112,7 @@ def test_refusals_name_file_table_and_key(text: str, expected: str, tmp_path: Pa
 
 
 def read_toml_text(text: str, tmp_path: Path) -> dict[str, object]:
-    path = tmp_path / "text.toml"
-    path.write_text(text, encoding="utf-8")
+    path = saved(tmp_path / "text.toml", text)
     return read_toml(path)
 
 
@@ -150,8 +149,7 @@ def test_written_toml_is_read_back(
 def test_a_key_in_the_wrong_table_is_told_the_right_one(
     text: str, table: str, line: str, tmp_path: Path
 ) -> None:
-    path = tmp_path / "t.toml"
-    path.write_text(text + "\n", encoding="utf-8")
+    path = saved(tmp_path / "t.toml", text + "\n")
     with pytest.raises(InputError, match=rf"belongs into \[{table}\]") as found:
         read_meta(path)
     assert found.value.remedy is not None

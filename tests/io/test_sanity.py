@@ -15,10 +15,10 @@ import pytest
 import ecm
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH, unit_of_factor
-from ecm.io.conventions import falling_loads, wrong_convention
+from ecm.io.conventions import WrongConvention, falling_loads, wrong_convention
 from ecm.io.table import Table, as_table, read_table
 from ecm.io.templates import data_template, description_template
-from support.neck import ROOT, Done
+from support.neck import ROOT, Done, saved
 
 NECK = ROOT / "examples" / "neck_measured.csv"
 COLUMNS = (*POSE, *WRENCH)
@@ -41,11 +41,17 @@ def exchanged(table: Table, first: str, second: str) -> Table:
     return table.with_columns({first: table.column(second), second: table.column(first)})
 
 
+def told(table: Table, *, decided: bool = True) -> WrongConvention:
+    """What is told of a table with which something is wrong."""
+    found = wrong_convention(table)
+    assert found is not None
+    assert found.decided == decided
+    return found
+
+
 @pytest.mark.parametrize("name", COLUMNS)
 def test_each_negated_column_is_told(neck: Table, name: str) -> None:
-    found = wrong_convention(negated(neck, name))
-    assert found is not None
-    assert found.decided
+    found = told(negated(neck, name))
     assert found.columns == (name,)
     assert found.sentence().startswith(f"the sign of {name.rsplit('_', 1)[0]} looks reversed: ")
     assert found.mend == (f'{name} = {{ column = "{name}", scale = -1.0 }}',)
@@ -53,9 +59,7 @@ def test_each_negated_column_is_told(neck: Table, name: str) -> None:
 
 @pytest.mark.parametrize(("first", "second"), PAIRS)
 def test_each_exchange_of_two_columns_is_told(neck: Table, first: str, second: str) -> None:
-    found = wrong_convention(exchanged(neck, first, second))
-    assert found is not None
-    assert found.decided
+    found = told(exchanged(neck, first, second))
     assert set(found.columns) == {first, second}
     assert "look exchanged" in found.what
     assert f'{first} = {{ column = "{second}" }}' in found.mend
@@ -72,9 +76,7 @@ def test_each_exchange_of_two_columns_is_told(neck: Table, first: str, second: s
     ],
 )
 def test_groups_of_columns_are_told(neck: Table, names: tuple[str, ...], words: str) -> None:
-    found = wrong_convention(negated(neck, *names))
-    assert found is not None
-    assert found.decided
+    found = told(negated(neck, *names))
     assert found.what.startswith(words)
     assert set(found.columns) == set(names)
 
@@ -84,9 +86,7 @@ def test_groups_of_columns_are_told(neck: Table, names: tuple[str, ...], words: 
 def test_axes_of_pose_or_wrench_exchanged(neck: Table, names: tuple[str, ...], axes: str) -> None:
     a, b = ("xyz".index(axis) for axis in axes)
     wrong = exchanged(exchanged(neck, names[a], names[b]), names[a + 3], names[b + 3])
-    found = wrong_convention(wrong)
-    assert found is not None
-    assert found.decided
+    found = told(wrong)
     assert set(found.columns) == {names[a], names[b], names[a + 3], names[b + 3]}
 
 
@@ -106,8 +106,7 @@ def test_right_tables_are_left_alone(neck: Table, tmp_path: Path) -> None:
     for some in (WRENCH[3:], WRENCH[:3], POSE[:3], (*POSE[3:], *WRENCH[3:])):
         assert wrong_convention(neck.drop(*some)) is None
     for dof in (1, 3, 6):
-        path = tmp_path / f"data{dof}.csv"
-        path.write_text(data_template(dof), encoding="utf-8")
+        path = saved(tmp_path / f"data{dof}.csv", data_template(dof))
         path.with_suffix(".toml").write_text(description_template(dof), encoding="utf-8")
         assert wrong_convention(read_table(path)) is None
 
@@ -123,13 +122,9 @@ def springs(stiffness: np.ndarray, random: np.random.Generator, rows: int = 60) 
 def test_springs_without_a_coupling_do_not_say_which_of_the_two_is_reversed() -> None:
     table = springs(np.diag([3e3, 3e2, 3e2, 3.0, 2.0, 2.0]), np.random.default_rng(0))
     assert wrong_convention(table) is None
-    along = wrong_convention(negated(table, "fx_N"))
-    assert along is not None
-    assert not along.decided
+    along = told(negated(table, "fx_N"), decided=False)
     assert along.columns == ("fx_N",)  # with -x the top would stand on the other side of the base
-    found = wrong_convention(negated(table, "fy_N"))
-    assert found is not None
-    assert not found.decided
+    found = told(negated(table, "fy_N"), decided=False)
     assert set(found.columns) == {"fy_N", "y_m"}
     assert found.sentence() == (
         "fy_N falls where its coordinate grows: the sign of fy or of y looks reversed, or the "
@@ -143,9 +138,7 @@ def test_a_body_that_buckles_is_not_called_wrong() -> None:
     stiffness[1, 5] = stiffness[5, 1] = -14.0
     stiffness[2, 4] = stiffness[4, 2] = 6.0
     assert np.linalg.eigvalsh(stiffness).min() < 0.0
-    found = wrong_convention(springs(stiffness, np.random.default_rng(1)))
-    assert found is not None
-    assert not found.decided
+    found = told(springs(stiffness, np.random.default_rng(1)), decided=False)
     assert "or the mechanism is not passive there" in found.sentence()
     assert found.mend == ()
 
@@ -166,25 +159,20 @@ def test_directions_that_no_pose_takes_say_nothing() -> None:
 
 def test_one_axis_and_three_forces() -> None:
     x = np.linspace(-1e-3, 1e-3, 20)
-    one = wrong_convention(as_table({"x_m": x, "fx_N": -1e4 * x}))
-    assert one is not None
-    assert not one.decided
+    one = told(as_table({"x_m": x, "fx_N": -1e4 * x}), decided=False)
     assert one.what == "the wrench's sign looks reversed"
     random = np.random.default_rng(4)
     place = random.uniform(-0.01, 0.01, (30, 3))
     force = -place * [3e3, 5e2, 5e2]
     values = np.hstack([place, force]).T
-    three = wrong_convention(as_table(dict(zip((*POSE[:3], *WRENCH[:3]), values, strict=True))))
-    assert three is not None
-    assert three.decided  # no body can be held that pushes on in every direction
+    # No body can be held that pushes on in every direction.
+    told(as_table(dict(zip((*POSE[:3], *WRENCH[:3]), values, strict=True))))
 
 
 def test_a_real_joint_whose_torque_falls(shared_data: Path) -> None:
     """The gyroscope's x axis points against that of the weights: r = -0.86."""
     path = shared_data / "finger_joint" / "03April2018_full_calculated_data.csv"
-    found = wrong_convention(read_table(path, meta=ROOT / "examples" / "finger_joint.toml"))
-    assert found is not None
-    assert not found.decided
+    found = told(read_table(path, meta=ROOT / "examples" / "finger_joint.toml"), decided=False)
     assert set(found.columns) == {"tau_x_Nm", "theta_x_rad"}
 
 
@@ -198,8 +186,7 @@ def test_fit_refuses_with_an_entry_that_works(
     data = tmp_path / "data.csv"
     wrong(read_table(NECK)).write(data)
     shutil.copy(NECK.with_suffix(".toml"), data.with_suffix(".toml"))
-    done = ecm_command("fit", data, "--model", model, "--out", tmp_path / "m.json")
-    assert done.code == 2
+    done = ecm_command("fit", data, "--model", model, "--out", tmp_path / "m.json").refused()
     assert not (tmp_path / "m.json").exists()
     assert "fewer coefficients" not in done.err
     entry = re.search(r"^\[columns\]\n(.*)\nThen check it again:\n  ecm (check \S+)$", done.err,
@@ -215,8 +202,7 @@ def test_fit_refuses_with_an_entry_that_works(
     assert sentence in document["warnings"]
     with data.with_suffix(".toml").open("a", encoding="utf-8") as file:
         file.write(f"\n[columns]\n{entry[1]}\n")
-    after = ecm_command(*entry[2].split(), "--json", report)
-    assert after.code == 0, after.err
+    ecm_command(*entry[2].split(), "--json", report).good()
     assert json.loads(report.read_text(encoding="utf-8"))["misread"] is None
 
 

@@ -22,7 +22,7 @@ from ecm.io.columns import POSE, STANDARD, WRENCH, likely_name
 from ecm.io.description import Meta, Scene
 from ecm.io.table import Table, as_table, read_table
 from ecm.logs import import_log
-from support.neck import csv_text, neck_columns
+from support.neck import csv_text, neck_columns, saved
 
 Edit = Callable[[list[list[str]]], None]
 
@@ -33,8 +33,7 @@ def written(tmp_path: Path, edit: Edit | None = None, **more: Any) -> Path:
     cells = [line.split(",") for line in csv_text(columns).splitlines()]
     if edit is not None:
         edit(cells)
-    path = tmp_path / "data.csv"
-    path.write_text("\n".join(",".join(row) for row in cells) + "\n", encoding="utf-8")
+    path = saved(tmp_path / "data.csv", "\n".join(",".join(row) for row in cells) + "\n")
     return path
 
 
@@ -104,8 +103,7 @@ def test_the_first_ten_places_and_the_count(tmp_path: Path) -> None:
 
 
 def test_lines_are_those_of_the_file_after_blank_and_quoted_lines(tmp_path: Path) -> None:
-    path = tmp_path / "data.csv"
-    path.write_text('x_m,fx_N,approach\n\n0.1,1.0,"a\nb"\n0.1,oops,c\n', encoding="utf-8")
+    path = saved(tmp_path / "data.csv", 'x_m,fx_N,approach\n\n0.1,1.0,"a\nb"\n0.1,oops,c\n')
     assert "line 5, column 'fx_N': found 'oops'" in refusal(path)
 
 
@@ -159,8 +157,7 @@ def test_a_standard_name_with_another_unit_is_refused_with_the_likely_one(
     tmp_path: Path, own: str, likely: str
 ) -> None:
     assert likely_name(own) == likely
-    path = tmp_path / "data.csv"
-    path.write_text(f"{own},covariate\n1.0,2.0\n", encoding="utf-8")
+    path = saved(tmp_path / "data.csv", f"{own},covariate\n1.0,2.0\n")
     assert f"column '{own}' looks like '{likely}'" in refusal(path)
 
 
@@ -244,9 +241,8 @@ def test_whole_numbers_and_kinds_are_checked() -> None:
 
 
 def test_unknown_dwell_and_approach_are_empty(tmp_path: Path) -> None:
-    path = tmp_path / "data.csv"
-    path.write_text(
-        "y_m,fy_N,dwell_s,approach,kind\n0.1,1.0,,,\n0.2,2.0,8.0,3,home\n", encoding="utf-8"
+    path = saved(
+        tmp_path / "data.csv", "y_m,fy_N,dwell_s,approach,kind\n0.1,1.0,,,\n0.2,2.0,8.0,3,home\n"
     )
     table = read_table(path)
     np.testing.assert_array_equal(table.column("dwell_s"), [np.nan, 8.0])
@@ -279,15 +275,13 @@ def test_the_header_may_be_absent_or_have_two_rows(tmp_path: Path) -> None:
 
 
 def test_a_header_of_numbers_asks_for_header_rows(tmp_path: Path) -> None:
-    path = tmp_path / "data.csv"
-    path.write_text("0.1,2.0\n0.2,3.0\n", encoding="utf-8")
+    path = saved(tmp_path / "data.csv", "0.1,2.0\n0.2,3.0\n")
     assert "header_rows = 0" in refusal(path)
 
 
 def test_mapping_errors_name_the_description(tmp_path: Path) -> None:
     path = written(tmp_path)
-    meta = tmp_path / "own.toml"
-    meta.write_text('[columns]\ndwell_s = "dwel"\n', encoding="utf-8")
+    meta = saved(tmp_path / "own.toml", '[columns]\ndwell_s = "dwel"\n')
     message = refusal(path, meta=meta)
     assert "own.toml [columns]: dwell_s is column 'dwel', which" in message
     meta.write_text("[columns]\ndwell_s = 40\n", encoding="utf-8")
@@ -546,8 +540,10 @@ def test_cells_are_quoted_as_written_in_every_block(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(csv_files, "_BLOCK", 2)
-    path = tmp_path / "blocks.csv"
-    path.write_text("x_m,fx_N,approach\n0.1,1,03\n0.2,2,4\n0.3,1_0,5\n0.4, NaN,6\n0.5,5,07\n")
+    path = saved(
+        tmp_path / "blocks.csv",
+        "x_m,fx_N,approach\n0.1,1,03\n0.2,2,4\n0.3,1_0,5\n0.4, NaN,6\n0.5,5,07\n",
+    )
     with pytest.raises(InputError) as caught:
         read_table(path)
     assert "line 4, column 'fx_N': found '1_0'" in str(caught.value)
@@ -581,10 +577,8 @@ def test_runs_may_each_begin_at_time_zero(runs: list[int]) -> None:
 
 
 def test_rows_of_leave_out_are_left_out_before_anything_is_checked(tmp_path: Path) -> None:
-    path = tmp_path / "t.csv"
-    path.write_text("x_m,fx_N\n0,1\n0.1,2\n0.2,?\n0.3,4\n0.4,5\n")
-    meta = tmp_path / "t.toml"
-    meta.write_text('[leave_out]\nstart_up = "1"\nunreadable = "3"\n')
+    path = saved(tmp_path / "t.csv", "x_m,fx_N\n0,1\n0.1,2\n0.2,?\n0.3,4\n0.4,5\n")
+    meta = saved(tmp_path / "t.toml", '[leave_out]\nstart_up = "1"\nunreadable = "3"\n')
     table = read_table(path)
     assert table.column("fx_N").tolist() == [2.0, 4.0, 5.0]
     assert "2 of 5 rows are left out by [leave_out]: start_up 1, unreadable 3" in table.warnings[0]

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 import ecm
 from ecm import import_log
 from ecm.io.columns import POSE
+from support.neck import saved
 
 ANGLE = np.linspace(-1.0, 1.0, 12)
 JOINT = {"theta_z_rad": ANGLE, "tau_z_Nm": 2.0 * ANGLE}
@@ -133,10 +134,10 @@ def test_odd_arrays_end_in_a_table_or_in_words(log: dict[str, Any]) -> None:
 
 
 def test_dates_of_which_some_have_a_time_zone_are_left_aside(tmp_path: Path) -> None:
-    path = tmp_path / "log.csv"
-    path.write_text(
+    path = saved(
+        tmp_path / "log.csv",
         "time,theta_z_rad,tau_z_Nm\n2026-03-05T10:00:00+00:00,0,0\n"
-        "2026-03-05T10:00:01,1,1\n2026-03-05T10:00:02,1,2\n"
+        "2026-03-05T10:00:01,1,1\n2026-03-05T10:00:02,1,2\n",
     )
     assert "'time' is text" in str(import_log(path))
 
@@ -161,8 +162,7 @@ def test_a_log_without_pose_or_wrench_is_told_so() -> None:
 
 
 def test_a_log_is_not_overwritten_by_its_own_table(tmp_path: Path) -> None:
-    path = tmp_path / "log.csv"
-    path.write_text("x (mm),Fx (N)\n1,2\n2,3\n")
+    path = saved(tmp_path / "log.csv", "x (mm),Fx (N)\n1,2\n2,3\n")
     with pytest.raises(ecm.InputError, match="is the log itself"):
         import_log(path).write(path)
     assert path.read_text().startswith("x (mm)")

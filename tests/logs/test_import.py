@@ -23,7 +23,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.se3 import Frames
 from ecm.logs.sources import rotation_columns, to_rotation_vectors
-from support.neck import Done, columns_of
+from support.neck import Done, columns_of, saved
 
 F = np.ndarray[Any, np.dtype[np.float64]]
 ROWS = 40
@@ -155,14 +155,12 @@ def test_predictions_come_with_the_angles_of_a_knee(
     ecm.fit(table, "linear").save(tmp_path / "model.json")
     table.write(tmp_path / "poses.csv")
     files = [tmp_path / "model.json", tmp_path / "poses.csv", "--out", tmp_path / "knee.csv"]
-    refused = ecm_command("predict", *files, "--rotation", "grood")
-    assert refused.code == 2
+    refused = ecm_command("predict", *files, "--rotation", "grood").refused()
     assert "grood-suntay-right" in refused.err
     ecm.as_table({"y_m": truth["y_m"]}).write(tmp_path / "few.csv")
     few = ecm_command("predict", files[0], tmp_path / "few.csv", *files[2:], "--rotation", "ZYX")
     assert "no column theta_x_rad, theta_y_rad, theta_z_rad" in few.err
-    done = ecm_command("predict", *files, "--rotation", "grood-suntay-left")
-    assert done.code == 0, done.err
+    ecm_command("predict", *files, "--rotation", "grood-suntay-left").good()
     back = import_log(
         tmp_path / "knee.csv",
         rotation="grood-suntay-left:flexion_rad,adduction_rad,internal_rotation_rad",
@@ -246,8 +244,7 @@ def test_map_axis_and_units_by_one_word() -> None:
 
 
 def test_map_finds_a_column_without_regard_to_case_and_separators(tmp_path: Path) -> None:
-    path = tmp_path / "finger.csv"
-    path.write_text("Big Pos, , Torque,\nX,  Y, X,  Y\n1,2,3,4\n2,3,4,5\n", encoding="utf-8")
+    path = saved(tmp_path / "finger.csv", "Big Pos, , Torque,\nX,  Y, X,  Y\n1,2,3,4\n2,3,4,5\n")
     imported = import_log(
         path, columns={"load_y_m": "big_pos-y:cm", "tau_y_Nm": "TORQUE Y:gf cm"}, units=["SI"]
     )
@@ -260,8 +257,7 @@ def test_map_negates_a_column_with_a_minus(
     tmp_path: Path, ecm_command: Callable[..., Done]
 ) -> None:
     """Names are compared without signs: the minus was dropped without a word."""
-    path = tmp_path / "log.csv"
-    path.write_text("x [mm],Fx [kN],-Q [N]\n0,1,2\n1,2,3\n2,3,4\n", encoding="utf-8")
+    path = saved(tmp_path / "log.csv", "x [mm],Fx [kN],-Q [N]\n0,1,2\n1,2,3\n2,3,4\n")
     pairs = {"fx_N": "-Fx [kN]", "fy_N": "-Q [N]", "fz_N": "--Q [N]:mN"}
     imported = import_log(path, columns=pairs)
     np.testing.assert_allclose(imported.table["fx_N"], [-1e3, -2e3, -3e3])
@@ -269,11 +265,9 @@ def test_map_negates_a_column_with_a_minus(
     np.testing.assert_allclose(imported.table["fz_N"], [-2e-3, -3e-3, -4e-3])
     done = ecm_command("import", path, "--map", "fx_N=-Fx [kN]")
     assert "fx_N  -1 * Fx [kN] * 1000" in done.out
-    wrong = ecm_command("import", path, "--map", "fx_N=-Fz")
-    assert wrong.code == 2
+    wrong = ecm_command("import", path, "--map", "fx_N=-Fz").refused()
     assert "the log has no column 'Fz'" in wrong.err
-    rotation = ecm_command("import", path, "--rotation", "rotvec:-x [mm],-Q [N],Fx [kN]")
-    assert rotation.code == 2
+    rotation = ecm_command("import", path, "--rotation", "rotvec:-x [mm],-Q [N],Fx [kN]").refused()
     assert "the log has no column '-x [mm]'" in rotation.err
 
 
@@ -340,8 +334,7 @@ def test_a_description_may_be_a_dict_or_the_name_of_a_file(tmp_path: Path) -> No
 )
 def test_dates_with_dots_and_times_of_day_are_seconds(stamps: list[str], tmp_path: Path) -> None:
     rows = [f"{stamp};{k},5;{2 * k},25" for k, stamp in enumerate(stamps)]
-    path = tmp_path / "log.csv"
-    path.write_text("\n".join(["Zeitstempel;Weg [mm];Fx [N]", *rows]), encoding="utf-8")
+    path = saved(tmp_path / "log.csv", "\n".join(["Zeitstempel;Weg [mm];Fx [N]", *rows]))
     table = import_log(path, axis="x").table
     np.testing.assert_allclose(table["time_s"], [0.0, 0.5, 1.25], rtol=0.0, atol=1e-9)
 
@@ -370,12 +363,11 @@ def test_the_command_writes_table_description_json_and_page(
 ) -> None:
     write_npz(tmp_path / "log.npz", {"pose": pose(truth), "Force [N]": wrench(truth)[:, :3]})
     (tmp_path / "rig.toml").write_text("[mechanism]\nlength_m = 0.1\n", encoding="utf-8")
-    done = ecm_command(
+    ecm_command(
         "import", tmp_path / "log.npz", "--out", tmp_path / "t.csv", "--units", "SI",
         "--rotation", "rotvec", "--meta", tmp_path / "rig.toml",
         "--json", tmp_path / "t.json", "--report", tmp_path / "t.html",
-    )  # fmt: skip
-    assert done.code == 0, done.err
+    ).good()  # fmt: skip
     table = ecm.read_table(tmp_path / "t.csv")
     np.testing.assert_array_equal(table.poses, pose(truth))
     assert table.meta.length_m == 0.1
@@ -447,8 +439,7 @@ def test_the_time_of_an_import_grows_with_the_columns_not_with_their_square(
     def seconds(count: int) -> float:
         names = ["time [s]", "x [mm]", "Fx [N]", *(name.format(i) for i in range(count))]
         rows = [names, *(map(str, range(i, i + len(names))) for i in range(3))]
-        path = tmp_path / f"{count}.csv"
-        path.write_text("\n".join(map(",".join, rows)), encoding="utf-8")
+        path = saved(tmp_path / f"{count}.csv", "\n".join(map(",".join, rows)))
         begin = time.process_time()
         assert len(import_log(path).columns) == len(names)
         return time.process_time() - begin
@@ -459,8 +450,7 @@ def test_the_time_of_an_import_grows_with_the_columns_not_with_their_square(
 
 
 def test_pressures_come_in_their_units(tmp_path: Path) -> None:
-    path = tmp_path / "piston.tsv"
-    path.write_text("0\t1.5\t2.5\t100\n10\t1.6\t2.6\t101\n", encoding="utf-8")
+    path = saved(tmp_path / "piston.tsv", "0\t1.5\t2.5\t100\n10\t1.6\t2.6\t101\n")
     map_ = {"time_s": "column_1:ms", "x_m": "column_2:mm", "fx_N": "column_4:N"}
     table = import_log(path, columns=map_ | {"pressure_1_Pa": "column_3:bar"}).table
     np.testing.assert_allclose(table["pressure_1_Pa"], [2.5e5, 2.6e5])

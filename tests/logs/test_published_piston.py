@@ -36,8 +36,7 @@ def of_bar(command: str, bar: int) -> list[str]:
 
 def typed(run: Run, command: str) -> str:
     """What a command prints."""
-    done = run(*shlex.split(command)[1:])
-    assert done.code == 0, done.err
+    done = run(*shlex.split(command)[1:]).good()
     return done.out
 
 

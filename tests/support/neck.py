@@ -36,6 +36,22 @@ class Done:
     out: str
     err: str
 
+    def good(self) -> Done:
+        """The same, of a command that did its work."""
+        assert self.code == 0, f"{self.code}: {self.out}{self.err}"
+        return self
+
+    def refused(self) -> Done:
+        """The same, of a command that refused its input."""
+        assert self.code == 2, f"{self.code}: {self.out}{self.err}"
+        return self
+
+
+def saved(path: Path, text: str) -> Path:
+    """The path of a file into which this text is written."""
+    path.write_text(text, encoding="utf-8")
+    return path
+
 
 def neck_rows(n: int, seed: int = 0) -> tuple[F, F]:
     """Poses (n, 6) and wrenches (n, 6) of a body that hardens a little with deflection."""

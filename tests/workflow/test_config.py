@@ -13,7 +13,7 @@ from ecm.io.mechanism import Mechanism
 from ecm.io.table import read_table
 from ecm.io.templates import template
 from ecm.workflow.config import Config, config_from_dict, read_config, read_rig
-from support.neck import ROOT
+from support.neck import ROOT, saved
 
 
 def test_the_example_is_the_neck_at_the_papers_size() -> None:
@@ -103,8 +103,8 @@ def test_a_few_pairs_are_enough_for_simulate_alone() -> None:
 
 
 def test_a_mesh_is_looked_for_beside_the_file(tmp_path: Path) -> None:
-    path = tmp_path / "own.toml"
-    path.write_text(
-        '[mechanism]\nmesh = "body.msh"\nlength_m = 0.1\nyoung_modulus_Pa = 1e6\n', encoding="utf-8"
+    path = saved(
+        tmp_path / "own.toml",
+        '[mechanism]\nmesh = "body.msh"\nlength_m = 0.1\nyoung_modulus_Pa = 1e6\n',
     )
     assert read_config(path).mechanism.mesh_file == tmp_path / "body.msh"

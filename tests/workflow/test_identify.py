@@ -181,8 +181,7 @@ def test_the_robot_follows_the_arm_and_measures_what_the_model_predicts(
         fast + text[text.index("[instrument]") :].partition("[hidden]")[0]
     )
     options = ("--rig", "robot.toml", "--out", "few-measured.csv", "--threads", 2)
-    done = ecm_command("campaign", "few.csv", *options)
-    assert done.code == 0, done.err
+    ecm_command("campaign", "few.csv", *options).good()
     rows = read_table(Path("few-measured.csv")).measured()
     assert rows.has(*JOINTS, *PRESSURES)
     np.testing.assert_array_equal(
@@ -308,8 +307,7 @@ def test_a_stream_that_cannot_be_kept_is_refused_before_any_work(
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     (tmp_path / "rig.toml").write_text(f'[rig]\nmode = "{mode}"\nstream_Hz = 50.0\n')
     out = tmp_path / "out"
-    done = ecm_command("identify", QUICK, "--rig", tmp_path / "rig.toml", "--out", out)
-    assert done.code == 2
+    done = ecm_command("identify", QUICK, "--rig", tmp_path / "rig.toml", "--out", out).refused()
     assert words in done.err
     assert not (out / "stages").exists()
 

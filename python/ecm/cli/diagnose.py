@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 import textwrap
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -141,20 +142,17 @@ def effects(session: Session, id: str | None = None) -> None:
     """
     load_installed()
     listed = list(all_effects()) if id is None else [get_effect(id)]
-    session.write_json({"schema": 1, "effects": [_document(effect) for effect in listed]})
+    session.write_result(effects=[_document(effect) for effect in listed])
     if id is None:
-        rows = [(effect.id, _first_sentence(effect.physics)) for effect in listed]
-        session.print(columns(rows, header=False))
         known = {effect.id for effect in listed}
         few = [effect for effect in effects_for(_FEW) if effect.id not in known]
-        also = [(effect.id, _first_sentence(effect.physics)) for effect in few]
+        driven = effects_of_actuators()
+        session.print(_listed(listed))
         session.print("\nWith fewer than the twelve columns of pose and wrench also:")
-        session.print(columns(also, header=False))
-        of_actuators = effects_of_actuators()
-        driven = [(effect.id, _first_sentence(effect.physics)) for effect in of_actuators]
+        session.print(_listed(few))
         session.print("\nWith columns of actuators (pressure_1_Pa, ...) also:")
-        session.print(columns(driven, header=False))
-        more = len(also) + len(driven)
+        session.print(_listed(driven))
+        more = len(few) + len(driven)
         session.print(
             f"\n{len(listed)} effects, and {more} more; most of those that need time have a "
             "form along the columns that exist. `ecm effects ID` shows one in full."
@@ -195,8 +193,10 @@ def _indented(text: str) -> str:
     return textwrap.fill(text, 78, initial_indent="  ", subsequent_indent="  ")
 
 
-def _first_sentence(text: str) -> str:
-    return text.partition(". ")[0].strip().rstrip(".")
+def _listed(effects: Sequence[Effect]) -> str:
+    """Each effect with the first sentence about it."""
+    firsts = [(one.id, one.physics.partition(". ")[0].strip().rstrip(".")) for one in effects]
+    return columns(firsts, header=False)
 
 
 def _document(effect: Effect) -> dict[str, Any]:

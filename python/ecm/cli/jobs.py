@@ -213,34 +213,21 @@ def campaign(
     common: dict[str, Any] = {
         "hide": hide,
         "overwrite": overwrite,
+        "options": CampaignOptions(threads=session.threads, scheduler=scheduler),
         "progress": paced(session.progress("campaign")),
     }
     if many:
-        paths = run_campaigns(
-            visits,
-            settings,
-            out,
-            seeds=range(session.seed, session.seed + max(1, rigs)),
-            options=CampaignOptions(threads=session.threads, scheduler=scheduler),
-            **common,
-        )
-        document = {"schema": 1, "seed": session.seed, "data": [str(path) for path in paths]}
-        session.write_json(document)
+        seeds = range(session.seed, session.seed + max(1, rigs))
+        paths = run_campaigns(visits, settings, out, seeds=seeds, **common)
+        session.write_result(seed=session.seed, data=[str(path) for path in paths])
         session.print(f"{paths[0]} … {paths[-1].name}: {len(paths)} rigs")
         return
     session.on_interrupt("finished readings are kept. The same command goes on there.")
-    data = run_campaign(
-        visits,
-        settings,
-        out,
-        seed=session.seed,
-        options=CampaignOptions(threads=session.threads),
-        **common,
-    )
+    data = run_campaign(visits, settings, out, seed=session.seed, **common)
     rest = "Run the same command with --overwrite for the rest."
     session.on_interrupt(f"complete: {out}. {rest}")
     session.warn(*data.warnings)
-    session.write_json({"schema": 1, "seed": session.seed, "rows": len(data), "data": str(out)})
+    session.write_result(seed=session.seed, rows=len(data), data=str(out))
     session.print(f"{out}: {len(data)} rows")
     if settings.rig.mode == "robot":
         session.print(*summary_lines(robot_path(out)))
@@ -320,7 +307,7 @@ def measure(
         say=session.warn,
         progress=paced(session.progress("measure")),
     )
-    session.write_json({"schema": 1, "rows": len(data), "data": str(out)})
+    session.write_result(rows=len(data), data=str(out))
     session.print(f"{out}: {len(data)} rows")
     if until or fit:
         session.print(*json.loads(certificate_path(out).read_text(encoding="utf-8"))["words"])
@@ -465,14 +452,8 @@ def simulate(
         session.print(f"{vtu}: {len(shown)} deformed bodies with displacement and stress")
     shutil.rmtree(parts, ignore_errors=True)
     newton = {"kept": float(pairs.iterations.mean()), "all": pairs.newton_per_case}
-    session.write_json(
-        {
-            "schema": 1,
-            "seed": session.seed,
-            "counts": pairs.counts,
-            "newton_per_case": newton,
-            "data": str(out),
-        }
+    session.write_result(
+        seed=session.seed, counts=pairs.counts, newton_per_case=newton, data=str(out)
     )
     session.print(", ".join(f"{name} {count}" for name, count in pairs.counts.items()))
     session.print(
@@ -520,13 +501,10 @@ def material(
     session.check_output(out)
     if not 0.0 < use[0] <= 1.0 <= use[1]:
         raise InputError(f"--use {use[0]} {use[1]}: expected stretches around 1")
+    given = {"uniaxial": uniaxial, "equibiaxial": equibiaxial, "pure_shear": pure_shear}
     tests = [
         read_test(path, mode, unit=unit, order=order)
-        for mode, paths in (
-            ("uniaxial", uniaxial),
-            ("equibiaxial", equibiaxial),
-            ("pure_shear", pure_shear),
-        )
+        for mode, paths in given.items()
         for path in paths
     ]
     with session.working("fitting the material") as tell:
@@ -535,18 +513,14 @@ def material(
     session.print(*fitted.sentences())
     table = fitted.material.to_dict()
     if out is not None:
-        text = "[mechanism.material]\n" + write_toml(table)
-        write_atomically(out, text)
+        write_atomically(out, "[mechanism.material]\n" + write_toml(table))
         session.print(f"{out}: copy [mechanism.material] into the TOML of the mechanism")
-    session.write_json(
-        {
-            "schema": 1,
-            "material": table,
-            "young_modulus_Pa": fitted.material.young_modulus_Pa,
-            "sd": dict(zip(fitted.names, fitted.sd.tolist(), strict=True)),
-            "relative_rms": fitted.rms,
-            "aicc": fitted.aicc,
-            "covered_stretch": list(fitted.covered),
-            "warnings": list(fitted.warnings),
-        }
+    session.write_result(
+        material=table,
+        young_modulus_Pa=fitted.material.young_modulus_Pa,
+        sd=dict(zip(fitted.names, fitted.sd.tolist(), strict=True)),
+        relative_rms=fitted.rms,
+        aicc=fitted.aicc,
+        covered_stretch=list(fitted.covered),
+        warnings=list(fitted.warnings),
     )

@@ -18,7 +18,7 @@ from typer.main import get_command
 
 from ecm.cli import command, interrupt
 from ecm.cli.app import app
-from ecm.errors import EcmError, Refusal, exit_code, remedy_of, visible
+from ecm.errors import EcmError, document_of, exit_code, visible
 from ecm.io import events
 from ecm.regression.blas import one_blas_thread_later
 
@@ -100,9 +100,8 @@ def _code(error: BaseException) -> int:  # noqa: PLR0911 - a code per kind of er
         events.tell(error=str(words() if callable(words) else error))
         return code
     if isinstance(error, EcmError):
-        message = error.message if isinstance(error, Refusal) else str(error)
-        remedy = remedy_of(error)
-        events.tell(error=message, remedy=None if remedy is None else remedy.to_dict())
+        found = document_of(error)
+        events.tell(error=found["message"], remedy=found["remedy"])
         _print(f"error: {error}")
         return exit_code(error)
     _print_error(

@@ -160,7 +160,7 @@ def predict(
     with session.working(f"writing {out}") as tell:
         predicted.write(out, progress=tell)
     new = [n for n, column in predicted.columns.items() if column is not table.columns.get(n)]
-    session.write_json({"schema": 1, "rows": len(table), "columns": new})
+    session.write_result(rows=len(table), columns=new)
     session.print(f"{out}: {len(table)} rows, {len(new)} predicted columns")
 
 
@@ -245,19 +245,17 @@ def export(
                 error.remedy = error.remedy.filled(_training_table(opened, model))
             raise
     session.on_interrupt(f"complete: {out}. Run the same command again for the rest.")
-    session.write_json(
-        {
-            "schema": 1,
-            "files": sorted(exported.files),
-            "left_out": list(exported.left_out),
-            "sentences": list(exported.notes),
-            "next_step": exported.next_step.replace("@OUT@", str(out)),
-            "control_loop": None if exported.loop is None else exported.loop.to_dict(),
-        }
+    next_step = exported.next_step.replace("@OUT@", str(out))
+    session.write_result(
+        files=sorted(exported.files),
+        left_out=list(exported.left_out),
+        sentences=list(exported.notes),
+        next_step=next_step,
+        control_loop=None if exported.loop is None else exported.loop.to_dict(),
     )
     session.print(*exported.notes)
     session.print(f"{out}: {len(exported.files)} files, {to}")
-    session.print(f"Next: {exported.next_step.replace('@OUT@', str(out))}")
+    session.print(f"Next: {next_step}")
 
 
 def _training_table(model: Model, file: str) -> dict[str, str]:

@@ -20,7 +20,7 @@ from ecm.cli import command, interrupt
 from ecm.cli.command import Natural
 from ecm.cli.console import Console
 from ecm.cli.interrupt import NOTHING_WRITTEN
-from ecm.errors import ComputationError, EcmError, InputError, Refusal, Remedy, exit_code, remedy_of
+from ecm.errors import ComputationError, EcmError, InputError, Refusal, Remedy, document_of
 from ecm.io.cache import is_device, write_json
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.csv import LEAVE_OUT, BadRows
@@ -369,6 +369,10 @@ class Session(Console):
         if self.json is not None:
             write_json(self.json, document)
 
+    def write_result(self, **fields: Any) -> None:
+        """Write these fields there."""
+        self.write_json({"schema": 1, **fields})
+
 
 def run_command(
     work: Callable[..., None], options: Mapping[str, Any], common: Mapping[str, Any]
@@ -386,18 +390,5 @@ def run_command(
                 error.remedy = error.remedy.filled(session.files_of(**options))
             # The refusal itself counts, not a disk that is full as well.
             with suppress(EcmError, OSError):
-                session.write_json(refusal(error))
+                session.write_result(error=document_of(error))
             raise
-
-
-def refusal(error: EcmError) -> dict[str, Any]:
-    """What --json gets in place of a result: the message, the exit code and the way out."""
-    remedy = remedy_of(error)
-    return {
-        "schema": 1,
-        "error": {
-            "message": error.message if isinstance(error, Refusal) else str(error),
-            "exit_code": exit_code(error),
-            "remedy": None if remedy is None else remedy.to_dict(),
-        },
-    }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -146,13 +146,19 @@ def check(
             session.note(f"    {entry}")
 
 
-def _mend(data: list[Path], session: Session) -> None:
-    """Record the exchanged and negated columns of each table in its description."""
+def _described(data: list[Path], session: Session, what: str) -> Iterator[tuple[Path, Path]]:
+    """Each table with the description that is about to be written."""
     if session.meta is not None and len(data) > 1:
-        raise InputError("--mend records columns per table: give one table with --meta")
+        raise InputError(f"{what} per table: give one table with --meta")
     for path in data:
         description = session.meta or path.with_suffix(".toml")
         session.check_output(description)
+        yield path, description
+
+
+def _mend(data: list[Path], session: Session) -> None:
+    """Record the exchanged and negated columns of each table in its description."""
+    for path, description in _described(data, session, "--mend records columns"):
         wrong = misread(session.read([path]))
         if wrong is None or not wrong.mend:
             session.print(f"{path}: nothing that an entry of [columns] mends")
@@ -164,11 +170,7 @@ def _mend(data: list[Path], session: Session) -> None:
 
 def _leave_out(data: list[Path], session: Session) -> None:
     """Record the rows of each table that are no measurements, in its description."""
-    if session.meta is not None and len(data) > 1:
-        raise InputError("--leave-out records rows per table: give one table with --meta")
-    for path in data:
-        description = session.meta or path.with_suffix(".toml")
-        session.check_output(description)
+    for path, description in _described(data, session, "--leave-out records rows"):
         found = record_leave_out(path, description)
         session.print(
             f"{description}: [leave_out] has {', '.join(found)}"
@@ -225,5 +227,5 @@ def new(
             write_atomically(target, text)
     for target in files:
         session.print(f"wrote {target}")
-    session.write_json({"schema": 1, "files": [str(target) for target in files]})
+    session.write_result(files=[str(target) for target in files])
     session.print(NEXT_STEP[what].format(path=path))

@@ -587,10 +587,8 @@ def _origin(table: Mapping[str, Any], where: str) -> dict[str, Any]:
 
 def _changed(section: Any) -> dict[str, Any]:
     """Return the fields that differ from their defaults, tuples as lists."""
-    values = {item.name: getattr(section, item.name) for item in fields(section)}
-    changed = {item.name for item in fields(section) if values[item.name] != item.default}
     return {
-        name: list(value) if isinstance(value, tuple) else value
-        for name, value in values.items()
-        if name in changed
+        item.name: list(value) if isinstance(value, tuple) else value
+        for item in fields(section)
+        if (value := getattr(section, item.name)) != item.default
     }

@@ -91,17 +91,13 @@ or save it again.
         yield
     except EcmError:
         raise
-    except MemoryError as error:
-        raise _unreadable(path, kind, "it asks for more memory than there is", advice) from error
     except Exception as error:
         lines = str(error).strip().splitlines()
         said = shortened(lines[0]) if lines else type(error).__name__
-        raise _unreadable(path, kind, said, advice) from error
-
-
-def _unreadable(path: Path, kind: str, said: str, advice: str) -> InputError:
-    advice = advice or "It may be cut off or damaged: copy or save it again."
-    return InputError(f"{path}: no readable {kind} ({said}). {advice}")
+        if isinstance(error, MemoryError):
+            said = "it asks for more memory than there is"
+        advice = advice or "It may be cut off or damaged: copy or save it again."
+        raise InputError(f"{path}: no readable {kind} ({said}). {advice}") from error
 
 
 def require_pyarrow(purpose: str) -> tuple[Any, Any]:

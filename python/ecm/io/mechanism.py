@@ -566,17 +566,13 @@ young_modulus_Pa=650000.0, poisson_ratio=0.49)
 
     def key(self) -> str:
         """Return a hash of solver version, shape and material; of a mesh file its content."""
-        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "mesh_file"}
-        # So that what was solved of bodies without actuators stays valid.
-        values = {
-            name: value
-            for name, value in values.items()
-            if not name.startswith(_OF_ACTUATORS) or value != _DEFAULTS[name]
-        }
-        values["tendons"] = [asdict(tendon) for tendon in self.tendons]
-        if not self.tendons:
-            del values["tendons"]
-        values["solver"] = SOLVER_VERSION
+        values: dict[str, Any] = {"solver": SOLVER_VERSION}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            # So that what was solved of bodies without actuators stays valid.
+            unused = field.name.startswith(_OF_ACTUATORS) and value == field.default
+            if field.name != "mesh_file" and not unused:
+                values[field.name] = value
         if self.material is not None:
             values["material"] = self.material.to_dict()
         content = ""
@@ -585,7 +581,6 @@ young_modulus_Pa=650000.0, poisson_ratio=0.49)
         return hash_of(values, content)
 
 
-_DEFAULTS = {field.name: field.default for field in fields(Mechanism)}
 _OF_ACTUATORS = ("chamber", "channel", "end_wall", "tendon", "winding")
 
 MECHANISM_KEYS = (*(f.name for f in fields(Mechanism) if f.name != "mesh_file"), "mesh")

@@ -10,6 +10,7 @@ largest x.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -47,25 +48,26 @@ def read_mesh(path: Path, quality: str = "standard") -> Mesh:
     InputError for a file that cannot be read, or that has no tetrahedra, no `base` or no `top`;
     MissingExtra where meshio or gmsh is needed and not installed.
     """
-    try:
+    with _there(path):
         stat = path.stat()
-    except OSError as error:
-        raise _unreadable(path, error) from None
     return _read(path.resolve(), path, quality, stat.st_mtime_ns, stat.st_size)
 
 
 def mesh_bytes(path: Path) -> bytes:
     """Return the content of a mesh file; InputError where it cannot be read."""
-    try:
+    with _there(path):
         return path.read_bytes()
+
+
+@contextmanager
+def _there(path: Path) -> Iterator[None]:
+    """Refuse a mesh file that cannot be read."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise InputError(f"{path}: this mesh file does not exist: check the path") from None
     except OSError as error:
-        raise _unreadable(path, error) from None
-
-
-def _unreadable(path: Path, error: OSError) -> InputError:
-    if isinstance(error, FileNotFoundError):
-        return InputError(f"{path}: this mesh file does not exist: check the path")
-    return InputError(f"{path}: this mesh file cannot be read: {error.strerror}")
+        raise InputError(f"{path}: this mesh file cannot be read: {error.strerror}") from None
 
 
 @lru_cache(maxsize=4)
@@ -84,11 +86,8 @@ def _read(_absolute: Path, path: Path, quality: str, _mtime: int, _size: int) ->
 
 def _is_plain_gmsh(path: Path) -> bool:
     """Whether our own reader takes it: Gmsh 4.1 ASCII, or no Gmsh file at all, which it reports."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(64).split()
-    except OSError as error:
-        raise _unreadable(path, error) from None
+    with _there(path), path.open("rb") as file:
+        head = file.read(64).split()
     known = len(head) > 2 and head[0] == b"$MeshFormat"
     return not known or head[1:3] == [b"4.1", b"0"]
 

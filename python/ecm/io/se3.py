@@ -20,15 +20,12 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.settings import Checked, setting
 
-
-def rotation(vectors: F) -> F:
-    """exp of (N, 3) rotation vectors: (N, 3, 3)."""
-    return rotation_matrices(vectors)
-
-
-def rotation_vector(matrices: F) -> F:
-    """log of (N, 3, 3) rotations: (N, 3)."""
-    return rotation_vectors(matrices)
+rotation = rotation_matrices
+"""exp of (N, 3) rotation vectors: (N, 3, 3)."""
+rotation_vector = rotation_vectors
+"""log of (N, 3, 3) rotations: (N, 3)."""
+left_jacobian_inverse = inverse_left_jacobians
+"""J(theta)^-1 of (N, 3) rotation vectors: (N, 3, 3), increments to change of the vector."""
 
 
 def wrapped_rotation(vectors: F) -> F:
@@ -51,9 +48,8 @@ def rotate(matrices: F, vectors: F) -> F:
 
 def turn_wrench(matrices: F, wrenches: F) -> F:
     """Force and moment both turned by (N, 3, 3): the reference point stays."""
-    return np.concatenate(
-        [rotate(matrices, wrenches[..., :3]), rotate(matrices, wrenches[..., 3:])], axis=-1
-    )
+    parts = np.split(wrenches, 2, axis=-1)
+    return np.concatenate([rotate(matrices, part) for part in parts], axis=-1)
 
 
 def transpose(matrices: F) -> F:
@@ -143,18 +139,10 @@ def poses_of(q: F, length_m: float) -> F:
     return np.hstack([position, q[:, 3:]])
 
 
-def left_jacobian_inverse(vectors: F) -> F:
-    """J(theta)^-1 of (N, 3) rotation vectors: (N, 3, 3), increments to change of the vector."""
-    return inverse_left_jacobians(vectors)
-
-
 def displaced(poses: F, errors: F) -> F:
     """Poses (N, 6) whose origin is shifted and whose axes are turned in base axes."""
-    turned = compose(
-        np.concatenate([np.zeros_like(errors[:, :3]), errors[:, 3:]], axis=1),
-        np.concatenate([np.zeros_like(errors[:, :3]), poses[:, 3:]], axis=1),
-    )
-    return np.concatenate([poses[:, :3] + errors[:, :3], turned[:, 3:]], axis=1)
+    turned = wrapped_rotation(errors[:, 3:]) @ wrapped_rotation(poses[:, 3:])
+    return np.concatenate([poses[:, :3] + errors[:, :3], rotation_vector(turned)], axis=1)
 
 
 def rotations_of_axyb(a: F, b: F) -> tuple[tuple[F, F], F]:

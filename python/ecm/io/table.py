@@ -479,10 +479,8 @@ one; expected the unit in the name. If it is in that unit, call it 'y_m'; else g
         return read_table(data, meta=meta, skip_bad_rows=skip_bad_rows, need=need)
     if isinstance(data, Table) and meta is None:
         table = data
-    elif isinstance(data, Table):
-        raw = raw_table(data.columns, data.source)
-        table = _checked(raw, as_meta(meta), data.source, skip_bad_rows)
     else:
+        source = data.source if isinstance(data, Table) else source
         table = _checked(raw_table(data, source), as_meta(meta), source, skip_bad_rows)
     require_columns(table, need)
     return table

@@ -61,15 +61,13 @@ def validated_columns(
             values = scaling.scale * values + scaling.offset
         _check_whole(name, values, errors)
         columns[name] = values
-    numeric = {name: column for name, column in columns.items() if name not in TEXT}
     rows = np.flatnonzero(_good(columns, numbers, errors))
-    _check_rotations(numeric, rows, errors, in_own_frames=meta.frames.moves_pose)
+    _check_rotations(columns, rows, errors, in_own_frames=meta.frames.moves_pose)
     if not meta.frames.empty:
         columns |= to_base(columns, meta.frames, meta.instrument.top_from_sensor, source)
-        numeric = {name: column for name, column in columns.items() if name not in TEXT}
-        _check_rotations(numeric, np.flatnonzero(_good(columns, numbers, errors)), errors)
+        _check_rotations(columns, np.flatnonzero(_good(columns, numbers, errors)), errors)
     rows = np.flatnonzero(_good(columns, numbers, errors))
-    _check_positions(numeric, rows, meta.length_m, errors)
+    _check_positions(columns, rows, meta.length_m, errors)
     warnings += _check_time(columns, numbers, errors)
     repeated = repeated_rows(columns, _good(columns, numbers, errors))
     if "time_s" in columns:

@@ -380,7 +380,6 @@ def read_bag(path: Path, topics: Sequence[str] = (), progress: Progress | None =
     highlevel = require("rosbags.highlevel", "logs", f"Reading {path}")
     typesys = require("rosbags.typesys", "logs", f"Reading {path}")
     store = typesys.get_typestore(typesys.Stores.LATEST)
-    streams: list[Stream] = []
     with (
         readable(path, "bag", _NEXT),
         highlevel.AnyReader([path], default_typestore=store) as reader,

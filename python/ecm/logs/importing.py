@@ -20,7 +20,7 @@ from ecm.io.arrays import evenly
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.csv import BadRows, check_names, write_csv
-from ecm.io.description import FileMeta, Meta, as_meta, row_ranges, shown_ranges
+from ecm.io.description import Meta, as_meta, row_ranges, shown_ranges
 from ecm.io.events import Printed, Progress
 from ecm.io.interrupts import uninterrupted
 from ecm.io.sanity import order_warning, samples_s
@@ -256,7 +256,9 @@ def import_log(  # noqa: PLR0913 - one for each question that a log may raise
         notes.append(f"left out {len(rows)} {what}: {shown}")
     every = (*raw.notes, *notes, *time_notes)
     origin = {"source": source, "sha256": digest} | words | {"notes": list(every)}
-    described = replace(given, file=_file(table, given.file), leave_out=left, origin=origin)
+    # Samples that follow each other closely are a continuous test.
+    file = replace(given.file, kind="continuous") if samples_s(table) else given.file
+    described = replace(given, file=file, leave_out=left, origin=origin)
     return ImportedLog(table, described, source, every, mapped.missing)
 
 
@@ -432,11 +434,6 @@ def _read(log: Any, topics: Sequence[str], progress: Progress | None) -> ReadLog
     return ReadLog(reader(path), str(path), digest)
 
 
-def _file(table: Mapping[str, NDArray[Any]], file: FileMeta) -> FileMeta:
-    """[file] of the table: samples that follow each other closely are a continuous test."""
-    return replace(file, kind="continuous") if samples_s(table) else file
-
-
 @dataclass(frozen=True)
 class LogColumn:
     """A column of numbers as a file has it.
@@ -498,16 +495,9 @@ def list_columns(log: Any) -> list[LogColumn]:
         known = values[np.isfinite(values)]
         low, high = (known.min(), known.max()) if len(known) else (np.nan, np.nan)
         unit = raw.units.get(name, "") if named.unit is None else named.unit.word
-        found.append(
-            LogColumn(
-                name,
-                float(low),
-                float(high),
-                unit,
-                str(*standards) if len(standards) == 1 else "",
-                named.guesses[0].quantity if named.guesses else "",
-            )
-        )
+        standard = str(*standards) if len(standards) == 1 else ""
+        quantity = named.guesses[0].quantity if named.guesses else ""
+        found.append(LogColumn(name, float(low), float(high), unit, standard, quantity))
     return found
 
 

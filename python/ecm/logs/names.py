@@ -438,9 +438,9 @@ class Question(InputError):
         self.answers = answers
 
 
-def named_as(standard: str, column: str, words: str = "") -> Answer:
+def named_as(standard: str, column: str) -> Answer:
     """The answer that a column of the log is a standard one."""
-    words = words or f"column '{column.rpartition(':')[0] or column}' is taken as {standard}"
+    words = f"column '{column.rpartition(':')[0] or column}' is taken as {standard}"
     return Answer({"columns": {standard: column}}, words)
 
 

@@ -48,15 +48,13 @@ _UNUSABLE = 0.5
 """A quaternion shorter than this, or a matrix this far from a rotation, has no direction."""
 
 
-def is_rotation_word(word: str) -> bool:
-    """Whether a word names a rotation: of the table above, or a sequence such as `ZYX` or `xyz`."""
-    sequence = re.fullmatch(r"[XYZ]{3}|[xyz]{3}", word)
-    return word in COUNT or (sequence is not None and word[0] != word[1] and word[1] != word[2])
-
-
 def check_rotation_word(word: str) -> int:
-    """Return the number of columns; InputError for an unknown word."""
-    if not is_rotation_word(word):
+    """Return the number of columns; InputError for a word that names no rotation.
+
+    It is one of the table above, or a sequence such as `ZYX` or `xyz`.
+    """
+    sequence = re.fullmatch(r"[XYZ]{3}|[xyz]{3}", word)
+    if word not in COUNT and (sequence is None or word[0] == word[1] or word[1] == word[2]):
         raise InputError(
             f"rotation '{word}': expected {', '.join(COUNT)}, or a sequence of Euler angles, e.g. "
             "ZYX about moving axes or xyz about fixed axes"

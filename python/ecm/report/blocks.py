@@ -428,7 +428,7 @@ class Shown(Printed):
 
 def _rendered(template: str, **values: Any) -> str:
     """Fill a template; figures and mechanisms are counted over the whole page."""
-    jinja2 = require("jinja2", "report", "The HTML report")
+    jinja2 = require_report()
     environment = jinja2.Environment(
         autoescape=True,
         undefined=jinja2.StrictUndefined,
@@ -451,6 +451,6 @@ def packed(text: str) -> str:
     return base64.b64encode(gzip.compress(text.encode("utf-8"), 6, mtime=0)).decode("ascii")
 
 
-def require_report() -> None:
-    """Raise MissingExtra where what writes a page is not installed."""
-    require("jinja2", "report", "The HTML report")
+def require_report() -> Any:
+    """What writes a page; MissingExtra where it is not installed."""
+    return require("jinja2", "report", "The HTML report")

@@ -83,9 +83,7 @@ class Jobs:
         InputError
             Where the step is not possible now.
         """
-        with self._lock:
-            self._require_none()
-            return self._begin(verb, request)
+        return self.alone(lambda: self._begin(verb, request))
 
     def alone(self, change: Callable[[], T]) -> T:
         """Change the session while no step is computed, and none can begin.
@@ -174,13 +172,7 @@ class Jobs:
         told = self.session.told(job.step.number, "what")
         return found | {name: value for name, value in told.items() if name in found}
 
-    def _begin(
-        self,
-        verb: str,
-        request: dict[str, Any],
-        *,
-        automatic: bool = False,
-    ) -> int:
+    def _begin(self, verb: str, request: dict[str, Any], *, automatic: bool = False) -> int:
         request = dict(request)
         then = request.pop("then", None)
         if then is not None and not isinstance(then, dict):

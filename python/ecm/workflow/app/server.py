@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import IO, Any
 from urllib.parse import quote
 
-from ecm.errors import EcmError, InputError, Refusal, Remedy
+from ecm.errors import EcmError, InputError, Remedy, document_of
 from ecm.io.arguments import check_arguments, listed
 from ecm.io.description import Meta
 from ecm.io.events import Follower, live_path
@@ -33,7 +33,7 @@ from ecm.workflow.app.copying import archive_of, copy_of, report_of
 from ecm.workflow.app.jobs import Busy, Jobs, Views
 from ecm.workflow.app.journal import DiskError, sentence, writing
 from ecm.workflow.app.session import INCOMING, Session, model_of, suffix_of
-from ecm.workflow.app.views import NEED_MODEL, SHOWN, fits_of, state_of
+from ecm.workflow.app.views import NEED_MODEL, VIEWS, fits_of, state_of
 
 if sys.platform == "win32":
     import msvcrt
@@ -122,7 +122,7 @@ class Guard:
 
     def _own_answer(self, scope: Scope) -> Any:
         """The answer to a request that the application does not get; None where it does."""
-        responses = require("starlette.responses", "app", _PURPOSE)
+        plain = _responses().PlainTextResponse
         asked = require("starlette.requests", "app", _PURPOSE).HTTPConnection(scope)
         headers = asked.headers
         # Whether another page asks: browsers say so, other programs do not.
@@ -131,16 +131,14 @@ class Guard:
         # The token of a program, else of the page's cookie.
         given = headers.get("x-ecm-token", asked.cookies.get(self.cookie, ""))
         if headers.get("host") not in self.hosts:
-            return responses.PlainTextResponse("This server answers to 127.0.0.1 only.", 421)
+            return plain("This server answers to 127.0.0.1 only.", 421)
         if foreign:
-            return responses.PlainTextResponse("Another page may not ask this server.", 403)
+            return plain("Another page may not ask this server.", 403)
         if scope["path"] == "/" and self._is_token(asked.query_params.get("token", "")):
             cookie = f"{self.cookie}={self.token}; HttpOnly; SameSite=Strict; Path=/"
-            return responses.RedirectResponse("/", 303, {"set-cookie": cookie})
+            return _responses().RedirectResponse("/", 303, {"set-cookie": cookie})
         if not self._is_token(given):
-            return responses.PlainTextResponse(
-                "Open the whole address that `ecm app` printed, with its token.", 403
-            )
+            return plain("Open the whole address that `ecm app` printed, with its token.", 403)
         return None
 
     def _is_token(self, given: str) -> bool:
@@ -314,8 +312,8 @@ class _Routes:
 
     async def view(self, request: Any) -> Any:
         name = request.path_params["name"]
-        if name not in SHOWN:
-            return _json({"error": f"no view; there are {', '.join(SHOWN)}"}, 404)
+        if name not in VIEWS:
+            return _json({"error": f"no view; there are {', '.join(VIEWS)}"}, 404)
         history, files = self.app.session.now()
         data = files.dropped[:1] if name == "log" else files.data
         if not data or (name in NEED_MODEL and files.model is None):
@@ -344,10 +342,9 @@ class _Routes:
         return _attached(text.encode(), f"{self.app.session.folder.resolve().name}.html")
 
     async def report(self, _request: Any) -> Any:
-        responses = require("starlette.responses", "app", _PURPOSE)
         report = await asyncio.to_thread(report_of, self.app.session)
         policy = {"content-security-policy": REPORT_POLICY}
-        return responses.HTMLResponse(report.page(), headers=policy)
+        return _responses().HTMLResponse(report.page(), headers=policy)
 
     async def zip(self, _request: Any) -> Any:
         content = await asyncio.to_thread(archive_of, self.app.session.folder)
@@ -364,11 +361,10 @@ class _Routes:
         if name not in self.app.session.downloads():
             return _json({"error": "no such file in this session"}, 404)
         if name == "script.sh":
-            responses = require("starlette.responses", "app", _PURPOSE)
-            return responses.PlainTextResponse(self.app.session.script())
-        headers = {} if name.endswith(".html") else {"content-disposition": "attachment"}
+            return _responses().PlainTextResponse(self.app.session.script())
+        headers = {"content-disposition": "attachment"}
         if name.endswith(".html"):
-            headers["content-security-policy"] = REPORT_POLICY
+            headers = {"content-security-policy": REPORT_POLICY}
         return _file(self.app.session.folder / name, headers)
 
     async def refused(self, _request: Any, error: Exception) -> Any:
@@ -378,9 +374,8 @@ class _Routes:
         if not isinstance(error, EcmError):  # the page was closed in the middle of an upload
             return _json({"error": "the file did not come to its end"}, 400)
         known: dict[type[Exception], int] = {Busy: 409, DiskError: 507}
-        message = error.message if isinstance(error, Refusal) else str(error)
-        remedy = self.app.session.way_out(error)
-        return _json({"error": message, "remedy": remedy}, known.get(type(error), 400))
+        found = {"error": document_of(error)["message"], "remedy": self.app.session.way_out(error)}
+        return _json(found, known.get(type(error), 400))
 
     async def action(self, request: Any) -> Any:
         action, body = request.path_params["action"], await _body(request)
@@ -471,21 +466,22 @@ async def _body(request: Any) -> dict[str, Any]:
     return body
 
 
+def _responses() -> Any:
+    return require("starlette.responses", "app", _PURPOSE)
+
+
 def _json(document: Any, status: int = 200) -> Any:
-    responses = require("starlette.responses", "app", _PURPOSE)
-    return responses.JSONResponse(document, status_code=status)
+    return _responses().JSONResponse(document, status_code=status)
 
 
 def _attached(content: bytes, name: str) -> Any:
-    responses = require("starlette.responses", "app", _PURPOSE)
     named = {"content-disposition": f"attachment; filename*=UTF-8''{quote(name)}"}
-    return responses.Response(content, media_type="application/octet-stream", headers=named)
+    return _responses().Response(content, media_type="application/octet-stream", headers=named)
 
 
 def _file(path: Path, headers: dict[str, str] | None = None) -> Any:
-    responses = require("starlette.responses", "app", _PURPOSE)
     kind = _TYPES.get(path.suffix, "application/octet-stream")
-    return responses.FileResponse(path, media_type=kind, headers=headers)
+    return _responses().FileResponse(path, media_type=kind, headers=headers)
 
 
 _HOST = "127.0.0.1"

@@ -254,6 +254,7 @@ VIEWS: dict[str, Callable[[Given], dict[str, Any]]] = {
     "actuation": actuation,
     "log": log,
 }
+"""What the page may ask for by name."""
 
 
 def _pose_error(found: Any, held: I, row: I, *, known: bool) -> dict[str, Any] | None:
@@ -298,8 +299,6 @@ def _columns(values: F) -> list[list[float | None]]:
     return [_short(column) for column in np.asarray(values).T]
 
 
-SHOWN = ("poses", "residuals", "effects", "actuation", "log")
-"""Those that the page may ask for by name."""
 NEED_MODEL = ("residuals", "effects", "actuation")
 
 
@@ -310,9 +309,6 @@ def state_of(session: Session, history: History | None = None) -> dict[str, Any]
     check = history.last("check", data=files.data)
     model = history.last("fit", "refit", data=files.data)
     of_model = {"data": files.data, "model": files.model}
-    compared = history.last("compare", **of_model) if files.model else None
-    found = history.last("diagnose", **of_model) if files.model else None
-    exported = history.last("export", **of_model) if files.model else None
     tried = fits_of(history, files)
     return {
         "schema": 1,
@@ -329,9 +325,9 @@ def state_of(session: Session, history: History | None = None) -> dict[str, Any]
         "pending": [] if check is None else session.pending(history, check),
         "model": files.model,
         "fit": session.result(model),
-        "compare": session.result(compared),
-        "diagnosis": session.result(found),
-        "export": session.result(exported),
+        "compare": session.result(history.last("compare", **of_model)),
+        "diagnosis": session.result(history.last("diagnose", **of_model)),
+        "export": session.result(history.last("export", **of_model)),
         "truth": session.result(session.opened(history, files)),
         "rungs": [_rung(session, history, step) for step in _rungs(tried)],
         "tried": _tried(session, history, tried),
