@@ -87,8 +87,7 @@ class Payload(LinearEffect):
             columns[:, 3:] -= turn @ zero[:, 3:]
         columns *= _relative_payload(rows)[:, None, None]
         # A sensor free of the mechanism is free of the payload too.
-        columns[rows.unloaded] = 0.0
-        return columns
+        return rows.loaded(columns)
 
 
 @dataclass(eq=False)
@@ -121,9 +120,8 @@ class OwnWeight(LinearEffect):
     zeroed: str = "free"
     """Whether the sensor was zeroed `free` of the mechanism, or with it `attached` at rest."""
 
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Both ways of zeroing."""
-        return (OwnWeight("free"), OwnWeight("attached"))
+    shapes = (("free",), ("attached",))
+    """Both ways of zeroing."""
 
     def columns(self, rows: Rows) -> F:
         """Wrench per kg."""
@@ -131,8 +129,7 @@ class OwnWeight(LinearEffect):
         for gravity in np.unique(rows.gravity_m_s2, axis=0):
             under = (rows.gravity_m_s2 == gravity).all(axis=1)
             columns[under] = self._under_gravity(gravity, rows)[under]
-        columns[rows.unloaded] = 0.0
-        return columns[:, :, None]
+        return rows.loaded(columns)[:, :, None]
 
     def _under_gravity(self, gravity: F, rows: Rows) -> F:
         """(N, 6) wrench per kg under one gravity (3,)."""
@@ -238,9 +235,8 @@ class CableDrag(LinearEffect):
             columns = columns[:, :, 6:] if self.slack else columns
         else:
             columns = self._from_rim(rows)
-        columns[rows.unloaded] = 0.0
         columns[rows.of_run("cable_attached", 1.0) == 0.0] = 0.0
-        return columns
+        return rows.loaded(columns)
 
     def _from_rim(self, rows: Rows) -> F:
         """Force at the rim, and its moment about the platform's centre."""
@@ -288,9 +284,8 @@ class TendonFriction(LinearEffect):
     run: str = "guided"
     """How the tendons run: `guided` along the mechanism, or `free` from base to top."""
 
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Both ways."""
-        return (TendonFriction("guided"), TendonFriction("free"))
+    shapes = (("guided",), ("free",))
+    """Both ways."""
 
     def missing(self, table: Table) -> Missing | None:
         """Needs tendon tensions and the side of approach."""

@@ -297,7 +297,7 @@ class GrowingLoad(CourseEffect):
 
     def course(self, rows: Rows) -> F:
         """t, zero where the sensor is unloaded."""
-        return np.where(rows.unloaded, 0.0, rows.time_s())
+        return rows.loaded(rows.time_s())
 
 
 _KNEES = (0.3, 0.6, 0.85)
@@ -477,8 +477,7 @@ class FtsSaturation(LinearEffect):
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Knees between this one and its neighbours."""
-        knees = beside(self.knee, 1.0 + 0.4 * 0.5**round_)
-        return tuple(FtsSaturation(self.axis, knee) for knee in knees)
+        return self.nearby("knee", 1.0 + 0.4 * 0.5**round_)
 
     def columns(self, rows: Rows) -> F:
         """Minus the part of the load beyond the knee."""
@@ -537,9 +536,8 @@ class FtsHysteresis(LinearEffect):
         if self.axes == "each":
             self.parameters = tuple(Parameter(f"{a}_lag", "1", 0.02, -1.0, 1.0) for a in AXES)
 
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Three widths, axes alike or not."""
-        return tuple(FtsHysteresis(w, axes) for axes in ("alike", "each") for w in _WIDTHS)
+    shapes = tuple((w, axes) for axes in ("alike", "each") for w in _WIDTHS)
+    """Three widths, axes alike or not."""
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Widths between this one and its neighbours."""
