@@ -384,8 +384,7 @@ class WallStiffness(ModelSpecification):
         rows = inputs_of(base, table)
         noise = declared_or_fitted(base, table)
         if weights == "spread" or noise.source != "declared":
-            spread = table.wrenches.std(axis=0)
-            spread[spread == 0.0] = max(float(spread.max()), 1e-300)
+            spread = _spread(table.wrenches)
             whitener = np.broadcast_to(np.diag(1.0 / spread), (len(table), 6, 6))
         else:
             whitener = whiteners(noise.covariance(Rows(table, base)))

@@ -89,8 +89,6 @@ class NoisyPoseFit:
     """(k, k) covariance of the coefficients, from the stated noise."""
     residual_variance: float
     """Whitened residual square per degree of freedom: 1 where noise and model are right."""
-    poses: F
-    """(N, n) most likely true poses."""
     converged: bool
 
 
@@ -144,7 +142,7 @@ def fit_with_pose_noise(
             break
         passes.ended(change, change / last)
         rows = rows.moved(base, noise)
-    return NoisyPoseFit(base, covariance, variance, rows.poses, change < 0.1)
+    return NoisyPoseFit(base, covariance, variance, change < 0.1)
 
 
 class _Passes:

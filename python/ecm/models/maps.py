@@ -517,11 +517,11 @@ def wrench_variances(base: StiffnessMap, covariance: F, poses: F) -> F:
     >>> wrench_variances(model.base, model.covariance, np.zeros((2, 1))).shape
     (2, 1)
     """
-    shares = _OwnVariances.of(base, covariance) if isinstance(base, PolynomialMap) else None
+    by_block = _own_variances(base, covariance)
 
     def of_block(block: slice) -> F:
         part = np.ascontiguousarray(poses[block])
-        return shares.at(part) if shares else variances_of(base.columns(part), covariance)
+        return by_block(part) if by_block else variances_of(base.columns(part), covariance)
 
     blocks = in_blocks(len(poses), of_block)
     return np.concatenate([np.zeros((0, len(base.outputs))), *blocks])
@@ -542,17 +542,17 @@ def variances_of(columns: F, covariance: F) -> F:
 def leverages(base: StiffnessMap, covariance: F, noise: Noise, poses: F) -> F:
     """(N,) leverage of poses (N, 6)."""
     known = {} if base.length_m is None else {"length_m": base.length_m}
-    shares = _OwnVariances.of(base, covariance) if isinstance(base, PolynomialMap) else None
+    by_block = _own_variances(base, covariance)
     # P = R R', so that only the columns' images are needed, block by block.
-    values, vectors = (np.zeros(0), np.zeros(0)) if shares else np.linalg.eigh(covariance)
+    values, vectors = (np.zeros(0), np.zeros(0)) if by_block else np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
 
     def of_block(block: slice) -> F:
         part = np.ascontiguousarray(poses[block])
         table = Table(columns_of(base, part), Meta(mechanism=known), "poses")
         row_covariance = noise.covariance(Rows(table, base))
-        if shares is not None:
-            own = shares.at(part) / np.einsum("njj->nj", row_covariance)
+        if by_block is not None:
+            own = by_block(part) / np.einsum("njj->nj", row_covariance)
             return np.asarray(own.max(axis=1))
         columns = base.columns(part)
         # One product of two matrices: many small ones are slow.
@@ -564,39 +564,33 @@ def leverages(base: StiffnessMap, covariance: F, noise: Noise, poses: F) -> F:
     return np.concatenate([np.zeros(0), *in_blocks(len(poses), of_block)])
 
 
-@dataclass(frozen=True)
-class _OwnVariances:
-    """Variance of each output of a polynomial: each has coefficients of its own, in blocks."""
+def _own_variances(base: StiffnessMap, covariance: F) -> Callable[[F], F] | None:
+    """(N, m) variances of a free polynomial at poses (N, n), an output by itself; None of others.
 
-    base: PolynomialMap
-    blocks: tuple[F, ...]
-    """(k, k) covariances that are no multiple of one before."""
-    outputs: tuple[tuple[int, float], ...]
-    """Number of each output's block, and the factor on it."""
+    The block of each output is often a multiple of one before it, and its form that of the other.
+    """
+    if not isinstance(base, PolynomialMap):
+        return None
+    k = len(covariance) // len(base.outputs)
+    blocks: list[F] = []
+    outputs: list[tuple[int, float]] = []
+    for j in range(len(base.outputs)):
+        own = covariance[j * k : (j + 1) * k, j * k : (j + 1) * k]
+        for i, block in enumerate(blocks):
+            factor = float(np.trace(own) / max(np.trace(block), 1e-300))
+            if np.allclose(own, factor * block, rtol=1e-12, atol=0.0):
+                outputs.append((i, factor))
+                break
+        else:
+            outputs.append((len(blocks), 1.0))
+            blocks.append(own)
 
-    @staticmethod
-    def of(base: PolynomialMap, covariance: F) -> _OwnVariances:
-        """Outputs fitted by ordinary least squares share their block up to a factor."""
-        k = len(covariance) // len(base.outputs)
-        blocks: list[F] = []
-        outputs: list[tuple[int, float]] = []
-        for j in range(len(base.outputs)):
-            own = covariance[j * k : (j + 1) * k, j * k : (j + 1) * k]
-            for i, block in enumerate(blocks):
-                factor = float(np.trace(own) / max(np.trace(block), 1e-300))
-                if np.allclose(own, factor * block, rtol=1e-12, atol=0.0):
-                    outputs.append((i, factor))
-                    break
-            else:
-                outputs.append((len(blocks), 1.0))
-                blocks.append(own)
-        return _OwnVariances(base, tuple(blocks), tuple(outputs))
+    def variances(poses: F) -> F:
+        x = base.regressor(poses)
+        forms = [np.einsum("nk,nk->n", x @ block, x) for block in blocks]
+        return np.stack([factor * forms[i] for i, factor in outputs], axis=1)
 
-    def at(self, poses: F) -> F:
-        """(N, m) x' P_jj x."""
-        x = self.base.regressor(poses)
-        forms = [np.einsum("nk,nk->n", x @ block, x) for block in self.blocks]
-        return np.stack([factor * forms[i] for i, factor in self.outputs], axis=1)
+    return variances
 
 
 Weights = Literal["auto", "noise", "spread"]
