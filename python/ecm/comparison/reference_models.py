@@ -30,11 +30,7 @@ _FAMILIES = {
     "asymmetric": "something asymmetric or not conservative",
     "other": "history, time or noise",
 }
-HELD_OUT = {
-    "pose": "clusters of poses",
-    "time": "blocks of time",
-    "run": "each run in turn",
-}
+HELD_OUT = {"pose": "clusters of poses", "time": "blocks of time", "run": "each run in turn"}
 FEM_REMEDY = Remedy(
     "the physics base is left out: the FEM of this body did not run yet (up to ten minutes, once)",
     "ecm fit DATA --model physics --out physics.json && AGAIN",

@@ -114,10 +114,7 @@ class Ageing(TimedEffect):
     )
     signature = "proportional to h, monotone in t"
     needs = "time (time_s)"
-    rivals = {
-        "temperature_modulus": "repeat_next_day",
-        "mullins_softening": "repeat_first_poses",
-    }
+    rivals = {"temperature_modulus": "repeat_next_day", "mullins_softening": "repeat_first_poses"}
 
     tau_s: float = optional(np.inf)
     """Time in which it settles; infinite for a steady change."""

@@ -188,11 +188,7 @@ class CableDrag(LinearEffect):
         "detach the cable; if it stays, move metal and magnets away",
     )
     signature = "m = 1, base axes: a constant, and a small stiffness"
-    rivals = {
-        "fts_offset": "detach_cable",
-        "payload": "detach_cable",
-        "own_weight": "detach_cable",
-    }
+    rivals = {"fts_offset": "detach_cable", "payload": "detach_cable", "own_weight": "detach_cable"}
 
     azimuth_rad: float | None = optional(None)
     """Side to which a cable leaves from the rim; None: towards a point far away."""

@@ -338,14 +338,10 @@ class Taper(LinearEffect):
     physics = "The mechanism is stiffer at one end than at the other."
     parameters = (Parameter("softer_towards_top", "1", 0.02, -0.9, 0.9),)
     outside = LookAlike(
-        "anything that is softer at one end: uneven cure, a reinforced foot",
-        "turn it end for end",
+        "anything that is softer at one end: uneven cure, a reinforced foot", "turn it end for end"
     )
     signature = "m = 0, conservative; K(y, theta_z) is not -L/2 K(y, y)"
-    rivals = {
-        "tip_frame_misalignment": "end_for_end",
-        "base_compliance": "end_for_end",
-    }
+    rivals = {"tip_frame_misalignment": "end_for_end", "base_compliance": "end_for_end"}
 
     def columns(self, rows: Rows) -> F:
         """psi = -s (e^2 + gamma^2 / 3) / 2."""
@@ -469,11 +465,7 @@ class PreCurvature(LinearEffect):
         "remount turned by 180 degrees",
     )
     signature = "m = 1, axes of the mechanism, a moment at home; conservative"
-    rivals = {
-        "payload": "remount_180",
-        "fts_offset": "remount_180",
-        "face_tilt": "end_for_end",
-    }
+    rivals = {"payload": "remount_180", "fts_offset": "remount_180", "face_tilt": "end_for_end"}
 
     power: float = 0.0
     """Power p with which the curvature grows towards both ends."""

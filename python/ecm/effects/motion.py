@@ -92,11 +92,7 @@ class ViscousDamping(LinearEffect):
     needs = "velocity (v_ columns, or a continuous test)"
     requires = (needs_full, needs_velocity)
     kind = "time"
-    rivals = {
-        "hysteresis": "two_speeds",
-        "time_skew": "two_speeds",
-        "inertia": "settle_longer",
-    }
+    rivals = {"hysteresis": "two_speeds", "time_skew": "two_speeds", "inertia": "settle_longer"}
 
     of: str | None = optional(None)
     """Pairs of columns (`ecm.effects.pairs`) along which it acts; None: all twelve."""

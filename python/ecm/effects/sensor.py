@@ -124,10 +124,7 @@ class FtsOffset(CourseEffect):
     )
     signature = "constant in body axes, not conservative (a follower load)"
     side = "measurement"
-    rivals = {
-        "payload": "zero_at_two_orientations",
-        "tip_frame_misalignment": "unloaded_zero",
-    }
+    rivals = {"payload": "zero_at_two_orientations", "tip_frame_misalignment": "unloaded_zero"}
 
     acts: str = optional("always")
     """`always`, or `mounted`: not on the free sensor."""
@@ -184,10 +181,7 @@ class FtsDrift(CourseEffect):
     requires = (needs_full, needs_varying("time_s", 1.0))
     side = "measurement"
     kind = "time"
-    rivals = {
-        "fts_thermal_drift": "warm_up_log",
-        "marker_motion": "zero_every_ten_poses",
-    }
+    rivals = {"fts_thermal_drift": "warm_up_log", "marker_motion": "zero_every_ten_poses"}
 
     tau_s: float = optional(np.inf)
     """Time in which the drift settles; infinite for a steady one."""
@@ -229,10 +223,7 @@ class FtsThermalDrift(CourseEffect):
     requires = (needs_full, needs_varying("sensor_temperature_degC", 0.25))
     side = "measurement"
     kind = "time"
-    rivals = {
-        "fts_drift": "warm_up_log",
-        "temperature_modulus": "zero_warm_and_cold",
-    }
+    rivals = {"fts_drift": "warm_up_log", "temperature_modulus": "zero_warm_and_cold"}
 
     reference_degC: float | None = optional(None)
     """Temperature at which the sensor was zeroed; None: that of the first row, or 0 degC of
@@ -451,8 +442,7 @@ class FtsSaturation(LinearEffect):
     physics = "The sensor reads ever less near the end of an axis' range."
     parameters = (Parameter("lost", "1", 0.1, 0.0, 1.5),)
     outside = LookAlike(
-        "any ceiling of a reading: a limit of the logger, a stop in the sensor",
-        "the raw counts",
+        "any ceiling of a reading: a limit of the logger, a stop in the sensor", "the raw counts"
     )
     signature = "a ceiling on one raw axis"
     needs = "the sensor's range ([instrument] fts_range)"

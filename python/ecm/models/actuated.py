@@ -272,13 +272,7 @@ def _spread(values: F) -> F:
 
 
 def _fitted(
-    base: ActuatedMap,
-    rows: F,
-    wrenches: F,
-    whitener: F,
-    amounts: F,
-    amount_sd: F,
-    of: list[int],
+    base: ActuatedMap, rows: F, wrenches: F, whitener: F, amounts: F, amount_sd: F, of: list[int]
 ) -> tuple[ActuatedMap, F, float]:
     """Map, covariance (k, k) for unit noise and whitened residual square per degree of freedom.
 

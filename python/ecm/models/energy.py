@@ -139,11 +139,7 @@ class EnergyModel(ModelSpecification):
         return FittedMap(result.base, noise, result.covariance, result.residual_variance)
 
     def maps_without(
-        self,
-        table: Table,
-        fold: I,
-        fitted: StiffnessMap | None,
-        progress: Progress | None = None,
+        self, table: Table, fold: I, fitted: StiffnessMap | None, progress: Progress | None = None
     ) -> list[StiffnessMap] | None:
         """One step from the fit to all rows; None where wrench columns are missing."""
         if is_partial(table):

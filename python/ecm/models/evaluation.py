@@ -109,11 +109,7 @@ class EvaluatedModel:
 
     @takes_table(name="data", or_array=True)
     def predict(
-        self,
-        data: TableLike | F,
-        actuation: F | None = None,
-        *,
-        skip_untestable: bool = False,
+        self, data: TableLike | F, actuation: F | None = None, *, skip_untestable: bool = False
     ) -> F:
         """(N, m) wrench, N and N m, at poses (N, n), or expected readings of a table.
 

@@ -666,11 +666,7 @@ class ModelSpecification(Checked, ABC):
         """Fit the map to a table that holds measured rows only; `progress` is told the share."""
 
     def maps_without(
-        self,
-        table: Table,
-        fold: I,
-        fitted: StiffnessMap | None,
-        progress: Progress | None = None,
+        self, table: Table, fold: I, fitted: StiffnessMap | None, progress: Progress | None = None
     ) -> list[StiffnessMap] | None:
         """Maps fitted without each fold of many rows, at the cost of one fit; None by default.
 

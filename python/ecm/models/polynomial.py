@@ -263,11 +263,7 @@ class PolynomialModel(ModelSpecification):
         return FittedMap(base, noise, np.asarray(covariance, dtype=np.float64))
 
     def maps_without(
-        self,
-        table: Table,
-        fold: I,
-        fitted: StiffnessMap | None,
-        progress: Progress | None = None,
+        self, table: Table, fold: I, fitted: StiffnessMap | None, progress: Progress | None = None
     ) -> list[StiffnessMap] | None:
         """Least squares of the other folds' rows; None with a threshold, which needs all rows."""
         if self.pcr is not None:
