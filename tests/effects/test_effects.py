@@ -263,10 +263,7 @@ def test_base_compliance_is_the_equilibrium_of_two_springs_in_series(rows: Rows)
     rotation = _native.rotation_vectors(np.ascontiguousarray(back @ rows.rotation))
     felt = rows.predict(np.concatenate([position, rotation], axis=1))
     expected = np.concatenate(
-        [
-            np.einsum("nij,nj->ni", plate, felt[:, :3]),
-            np.einsum("nij,nj->ni", plate, felt[:, 3:]),
-        ],
+        [np.einsum("nij,nj->ni", plate, felt[:, :3]), np.einsum("nij,nj->ni", plate, felt[:, 3:])],
         axis=1,
     )
     scale = np.abs(wrench).max(axis=0)

@@ -44,10 +44,7 @@ def measured(seed: int, effect: str, values: F) -> Table:
 
 @pytest.mark.parametrize(
     ("id", "values"),
-    [
-        ("fts_offset", [0.5, -0.5, 0.3, 0.02, -0.01, 0.01]),
-        ("payload", [0.1, 0.004, -0.002, 0.001]),
-    ],
+    [("fts_offset", [0.5, -0.5, 0.3, 0.02, -0.01, 0.01]), ("payload", [0.1, 0.004, -0.002, 0.001])],
 )
 def test_intervals_hold_the_truth_as_often_as_they_say(id: str, values: list[float]) -> None:
     truth = np.asarray(values)
