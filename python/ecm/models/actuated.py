@@ -204,11 +204,11 @@ class ActuatedModel(ModelSpecification):
             # By the weights alone first: from the fit by spreads poses may run away.
             whitener = noise.covariance(Rows(table, fitted))
             fitted, covariance, variance = solve(rows[:, :6], wrenches, whitener)
-            result = fit_with_pose_noise(table, fitted, noise, AllRows(solve), progress=progress)
-            if result.converged:
-                fitted, covariance = cast(ActuatedMap, result.base), result.covariance
-                variance = result.residual_variance
-        return FittedMap(fitted, noise, covariance, variance)
+            found = fit_with_pose_noise(table, fitted, noise, AllRows(solve), progress=progress)
+            if not found.converged:
+                found = FittedMap(fitted, noise, covariance, variance)
+            fitted = cast(ActuatedMap, found.base)
+        return found
 
     def empty_map(self, rows: F, length_m: float, actuators: tuple[str, ...]) -> ActuatedMap:
         """The map whose coefficients are all 0, in the scales of rows (N, 6 + m)."""

@@ -607,6 +607,7 @@ class FittedMap:
     """(k, k) covariance of the coefficients; None where it is not known."""
     residual_variance: float | None = None
     """Whitened residual square per degree of freedom; None where the noise was not used."""
+    converged: bool = True
 
 
 @dataclass(frozen=True)

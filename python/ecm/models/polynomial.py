@@ -253,8 +253,7 @@ class PolynomialModel(ModelSpecification):
             def solve(poses: F, wrenches: F, covariance: F) -> tuple[StiffnessMap, F, float]:
                 return fit_polynomial_gls(base, poses, wrenches, covariance)
 
-            result = fit_with_pose_noise(table, base, noise, AllRows(solve), progress=progress)
-            return FittedMap(result.base, noise, result.covariance, result.residual_variance)
+            return fit_with_pose_noise(table, base, noise, AllRows(solve), progress=progress)
         noise = declared_or_fitted(base, table)
         n, k = len(poses), len(model.coefficients)
         if self.pcr is not None or n <= k:
