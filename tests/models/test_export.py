@@ -14,10 +14,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm.cli.app import load_command
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.se3 import poses_of
 from ecm.io.table import as_table
@@ -40,7 +40,6 @@ from support.models import BRANCHES, with_effects, with_time
 from support.neck import ROOT, Done
 from support.programs import need_program
 
-F = NDArray[np.float64]
 Command = Callable[..., Done]
 
 

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import ecm
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models import Model
@@ -28,7 +28,6 @@ from support.fmu import Instance
 from support.neck import ROOT
 from support.programs import need_linux, need_program
 
-F = NDArray[np.float64]
 PRESSURES = ("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa")
 
 

@@ -13,13 +13,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm import _native
 from ecm._native import EnergyEvaluator
 from ecm.diagnosis import diagnose
 from ecm.errors import InputError
 from ecm.fem.simulate import fem_poses
+from ecm.io.arrays import F
 from ecm.io.columns import WRENCH
 from ecm.io.description import Meta
 from ecm.io.mechanism import Material, Mechanism
@@ -44,7 +44,6 @@ from ecm.workflow.app import steps
 from support.neck import columns_of
 from support.products import kept_arrays
 
-F = NDArray[np.float64]
 NECK = Mechanism()
 SMALL = BuildSettings(poses=30, test_poses=6)
 

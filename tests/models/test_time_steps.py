@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm._native import ModelError
 from ecm.effects import Effect, Rows
@@ -17,6 +16,7 @@ from ecm.effects.motion import ViscousDamping
 from ecm.effects.relaxation import StressRelaxation
 from ecm.effects.sensor import FtsOffset
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import FileMeta, Meta
 from ecm.io.table import Table, as_table
@@ -29,7 +29,6 @@ from support.campaigns import campaign
 from support.exports import loaded_library, written
 from support.models import BRANCHES, FRICTION, TEMPERATURE, with_effects
 
-F = NDArray[np.float64]
 LOOP = LoopSettings(mass_kg=2.0, inertia_kg_m2=0.01)
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm.effects import Rows, get_effect
+from ecm.io.arrays import F
 from ecm.io.columns import WRENCH
 from ecm.io.table import Table
 from ecm.io.validate import join_runs
@@ -14,7 +14,6 @@ from ecm.models.joint_fit import joint_fit
 from ecm.regression.noise import Noise, shared_zero_error
 from support.campaigns import campaign, physics
 
-F = NDArray[np.float64]
 NOISE = Noise(source="declared")
 SHARE = 0.3
 """Noise of a reading of the zero, as a share of a row's; the mean of 100 rows has a tenth."""
