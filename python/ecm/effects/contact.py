@@ -32,11 +32,13 @@ STEPS = 7
 """Times of a jump that are tried first; the best is refined afterwards."""
 
 
-def twist(name: str) -> tuple[Parameter, ...]:
+def twist(
+    name: str, scale_m: float = 1e-4, most_m: float = 0.02, scale_rad: float = 2e-3
+) -> tuple[Parameter, ...]:
     """A small rigid motion."""
     return (
-        *(Parameter(f"{name}_d{axis}", "m", 1e-4, -0.02, 0.02) for axis in "xyz"),
-        *(Parameter(f"{name}_w{axis}", "rad", 2e-3, -0.3, 0.3) for axis in "xyz"),
+        *(Parameter(f"{name}_d{axis}", "m", scale_m, -most_m, most_m) for axis in "xyz"),
+        *(Parameter(f"{name}_w{axis}", "rad", scale_rad, -0.3, 0.3) for axis in "xyz"),
     )
 
 

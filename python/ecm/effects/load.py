@@ -50,9 +50,7 @@ class Payload(LinearEffect):
     physics = "A mass on the sensor's side of the platform weighs on every reading."
     parameters = (
         Parameter("mass", "kg", 0.1, -5.0, 5.0),
-        Parameter("mass_x", "kg m", 0.005, -0.5, 0.5),
-        Parameter("mass_y", "kg m", 0.005, -0.5, 0.5),
-        Parameter("mass_z", "kg m", 0.005, -0.5, 0.5),
+        *(Parameter(f"mass_{axis}", "kg m", 0.005, -0.5, 0.5) for axis in "xyz"),
     )
     outside = LookAlike(
         "anything of constant force at the platform: a cable's weight, a magnet, a long spring",

@@ -58,10 +58,7 @@ class Anisotropy(Effect):
 
     id = "anisotropy"
     physics = "The section is stiffer in one bending plane than in the other."
-    parameters = (
-        Parameter("c_cos2phi", "1", 0.01, -0.5, 0.5),
-        Parameter("c_sin2phi", "1", 0.01, -0.5, 0.5),
-    )
+    parameters = tuple(Parameter(f"c_{wave}2phi", "1", 0.01, -0.5, 0.5) for wave in ("cos", "sin"))
     outside = LookAlike(
         "anything that is stiffer in one direction: a seam, a clamp that grips on two sides",
         "remount turned by 90 degrees",
@@ -399,10 +396,7 @@ class FaceTilt(Effect):
 
     id = "face_tilt"
     physics = "The clamped face is not square to the axis, so that the mechanism stands askew."
-    parameters = (
-        Parameter("tilt_y", "rad", 2e-3, -0.3, 0.3),
-        Parameter("tilt_z", "rad", 2e-3, -0.3, 0.3),
-    )
+    parameters = tuple(Parameter(f"tilt_{axis}", "rad", 2e-3, -0.3, 0.3) for axis in "yz")
     outside = LookAlike(
         "anything that gives a constant moment at rest on the base side: an off-centre clamp",
         "remount turned by 180 degrees",
@@ -456,10 +450,7 @@ class PreCurvature(LinearEffect):
 
     id = "pre_curvature"
     physics = "The mechanism is curved when nothing loads it."
-    parameters = (
-        Parameter("bend_y", "rad", 5e-3, -0.5, 0.5),
-        Parameter("bend_z", "rad", 5e-3, -0.5, 0.5),
-    )
+    parameters = tuple(Parameter(f"bend_{axis}", "rad", 5e-3, -0.5, 0.5) for axis in "yz")
     outside = LookAlike(
         "anything that gives a constant moment fixed to the body: uneven cure, a bent insert",
         "remount turned by 180 degrees",

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ecm.effects.ageing import settled, settling_times
+from ecm.effects.contact import twist
 from ecm.effects.friction import Hysteresis
 from ecm.effects.pairs import on_output, short
 from ecm.effects.protocol import (
@@ -399,10 +400,7 @@ class FtsFrame(LinearEffect):
 
     id = "fts_frame"
     physics = "The sensor is shifted or turned against its stated pose on the platform."
-    parameters = (
-        *(Parameter(f"sensor_d{axis}", "m", 1e-3, -0.05, 0.05) for axis in "xyz"),
-        *(Parameter(f"sensor_w{axis}", "rad", 5e-3, -0.3, 0.3) for axis in "xyz"),
-    )
+    parameters = twist("sensor", 1e-3, 0.05, 5e-3)
     outside = LookAlike(
         "anything that moves the point of the torque: a spacer, a frame of another tool",
         "a pure force at three points",
