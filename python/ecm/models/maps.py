@@ -237,13 +237,11 @@ class PolynomialMap(MapDefaults):
 
     def columns(self, poses: F) -> F:
         """(N, m, k) block diagonal: the same regressor for each output."""
-        regressor = self.regressor(poses)
-        n, k = regressor.shape
-        m = len(self.outputs)
-        columns = np.zeros((n, m, m * k))
-        for j in range(m):
-            columns[:, j, j * k : (j + 1) * k] = regressor
-        return columns
+        regressor, each = self.regressor(poses), np.arange(len(self.outputs))
+        (n, k), m = regressor.shape, len(each)
+        columns = np.zeros((n, m, m, k))
+        columns[:, each, each] = regressor[:, None]
+        return columns.reshape(n, m, m * k)
 
     def with_coefficients(self, coefficients: F) -> PolynomialMap:
         """The same terms with other coefficients (k,)."""

@@ -140,10 +140,7 @@ class Noise:
     def from_dict(document: dict[str, Any]) -> Noise:
         """The noise of a model file."""
         if "components" in document:
-            return Noise(
-                source=document["source"],
-                components=tuple(float(v) for v in document["components"]),
-            )
+            return Noise(**document | {"components": tuple(map(float, document["components"]))})
         return Noise(**document)
 
 
