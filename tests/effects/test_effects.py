@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm import _native
 from ecm.effects import (
@@ -28,14 +27,13 @@ from ecm.effects.load import Payload
 from ecm.effects.material import Anisotropy, LengthError
 from ecm.effects.sensor import FtsDrift, FtsOffset
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta, Scene
 from ecm.io.table import Table
 from support.campaigns import campaign, physics, workspace_poses
 from support.full_table import full_table
 from support.stand_in import L
-
-F = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")
@@ -263,10 +261,7 @@ def test_base_compliance_is_the_equilibrium_of_two_springs_in_series(rows: Rows)
     rotation = _native.rotation_vectors(np.ascontiguousarray(back @ rows.rotation))
     felt = rows.predict(np.concatenate([position, rotation], axis=1))
     expected = np.concatenate(
-        [
-            np.einsum("nij,nj->ni", plate, felt[:, :3]),
-            np.einsum("nij,nj->ni", plate, felt[:, 3:]),
-        ],
+        [np.einsum("nij,nj->ni", plate, felt[:, :3]), np.einsum("nij,nj->ni", plate, felt[:, 3:])],
         axis=1,
     )
     scale = np.abs(wrench).max(axis=0)

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm import _native
 from ecm.diagnosis import diagnose
@@ -15,6 +14,7 @@ from ecm.effects import Missing, Rows, get_effect
 from ecm.effects.registry import with_shape
 from ecm.effects.robot import flange_from_top, top_jacobian
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.columns import JOINT_SIGNS, JOINTS, POSE
 from ecm.io.description import Meta
 from ecm.io.se3 import compose
@@ -31,7 +31,6 @@ from support.arm_joints import joints_of
 from support.arm_rig import plan, settings
 from support.programs import need_program
 
-F = NDArray[np.float64]
 YIELD_RAD_NM = 2e-5
 
 

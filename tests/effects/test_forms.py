@@ -6,7 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.search import all_needed, delta_chi2, rank, search
@@ -37,8 +36,6 @@ from ecm.regression.normal_equations import (
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from support.campaigns import campaign, model, physics, plan
 from support.stand_in import L, StandIn
-
-F = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")

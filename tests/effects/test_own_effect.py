@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm.diagnosis import diagnose
 from ecm.effects import (
@@ -23,11 +22,10 @@ from ecm.effects import (
 )
 from ecm.effects.protocol import needs_columns, needs_full, needs_varying, optional
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.models import load_model
 from support.campaigns import campaign, model, physics, with_change
-
-F = NDArray[np.float64]
 
 
 def register_own() -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm._native import rotation_matrices
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.description import Meta
 from ecm.io.table import Table
@@ -17,7 +17,6 @@ from support.campaigns import workspace_poses
 from support.neck import columns_of
 from support.stand_in import L, wrench
 
-F = NDArray[np.float64]
 RATE = 20.0
 WRENCH_SD = np.repeat([0.3, 0.015], 3)
 POSE_SD = np.repeat([37e-6, 4e-4], 3)

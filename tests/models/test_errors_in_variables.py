@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm import _native
 from ecm.effects import Rows
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table
 from ecm.models import EnergyMap, PolynomialMap, PolynomialModel, StiffnessMap, fit_model
@@ -19,7 +19,6 @@ from support.campaigns import workspace_poses
 from support.neck import columns_of
 from support.stand_in import L, wrench
 
-F = NDArray[np.float64]
 COARSE = Noise(160e-6, 1.6e-3, 0.3, 0.010, source="declared")
 """Four times the rig's pose noise: a bias shows in few draws."""
 

@@ -14,10 +14,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm.cli.app import load_command
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.se3 import poses_of
 from ecm.io.table import as_table
@@ -35,12 +35,11 @@ from support.cortex_m import (
     rust_library,
     stated_stack,
 )
-from support.exports import adapter_library, done, written
+from support.exports import adapter_library, done, loaded_library, written
 from support.models import BRANCHES, with_effects, with_time
 from support.neck import ROOT, Done
 from support.programs import need_program
 
-F = NDArray[np.float64]
 Command = Callable[..., Done]
 
 
@@ -177,12 +176,9 @@ def test_rust_in_single_precision_has_no_double_arithmetic(
 
 
 def test_inside_is_the_range_of_the_training_data(fitted: dict[str, Model], tmp_path: Path) -> None:
-    gcc = need_program("gcc")
     for name in ("cubic", "energy6"):
         folder = written(fitted[name], tmp_path / name, "c")
-        library = folder / "neck.so"
-        done(gcc, "-O2", "-shared", "-fPIC", folder / "neck.c", "-o", library)
-        inside = ctypes.CDLL(str(library)).neck_inside
+        inside = loaded_library(folder / "neck.c").neck_inside
         table = campaign(seed=3).measured()
         poses = table.matrix(fitted[name].inputs)
 
@@ -223,16 +219,12 @@ def test_the_exported_adapter_takes_its_branches_from_the_exported_steps(
     fitted: dict[str, Model], tmp_path: Path
 ) -> None:
     """The wrench of a step is the static one and each share times its branch."""
-    gcc = need_program("gcc")
     model = with_effects(fitted["energy4"], BRANCHES)
     settings = AdaptSettings(("modulus", "shares"))
     written(model, tmp_path, "c", adapt=settings)
-    library = tmp_path / "neck.so"
     # -u: what a shared library does not call itself is taken from the static one only where named.
     sources = [tmp_path / "neck.c", "-Wl,-u,neck_adapt", adapter_library(tmp_path)]
-    built = done(gcc, "-O2", "-shared", "-fPIC", *sources, "-o", library)
-    assert built.returncode == 0, built.stderr
-    code, six = ctypes.CDLL(str(library)), ctypes.c_double * 6
+    code, six = loaded_library(*sources), ctypes.c_double * 6
     state, adapted = (ctypes.c_double * 49)(), (ctypes.c_double * 4000)()
     h, k, still = six(), (ctypes.c_double * 36)(), six()
     branches = (ctypes.c_double * 12)()

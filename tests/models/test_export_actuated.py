@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import ecm
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models import Model
@@ -23,12 +23,11 @@ from ecm.models.export import TARGETS, export_files
 from ecm.models.measured_poses import are_inside
 from ecm.regression.rows import taken_by
 from support.cortex_m import WARNINGS
-from support.exports import HEAD, done, written
+from support.exports import HEAD, done, loaded_library, written
 from support.fmu import Instance
 from support.neck import ROOT
 from support.programs import need_linux, need_program
 
-F = NDArray[np.float64]
 PRESSURES = ("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa")
 
 
@@ -51,13 +50,7 @@ def rows(table: Table) -> F:
 
 def called(folder: Path, kind: Any = ctypes.c_double) -> Callable[..., tuple[int, list[F]]]:
     """Calls a function of `arm.c` in a folder with arrays; what it leaves in them."""
-    library = folder / "arm.so"
-    source = folder / "arm.c"
-    built = done(
-        need_program("gcc", "cc"), *WARNINGS, "-O2", "-shared", "-fPIC", source, "-o", library
-    )
-    assert built.returncode == 0, built.stderr
-    functions = ctypes.CDLL(str(library))
+    functions = loaded_library(folder / "arm.c", *WARNINGS)
 
     def call(name: str, *arrays: F) -> tuple[int, list[F]]:
         given = [(kind * array.size)(*array.ravel()) for array in arrays]

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm.errors import ComputationError
 from ecm.io.columns import POSE, WRENCH
@@ -20,7 +19,6 @@ from support.fmu import Instance
 from support.models import with_time
 from support.programs import need_linux, need_program
 
-F = NDArray[np.float64]
 WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror"]
 CONDITIONS = ("temperature_degC", "age_s")
 

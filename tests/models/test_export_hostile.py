@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import io
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -13,14 +12,13 @@ from zipfile import ZipFile
 import numpy as np
 import pytest
 
-from ecm._native import seal_model
 from ecm.errors import EcmError, InputError
 from ecm.io.table import as_table
-from ecm.models import Model, fit_model, load_model
+from ecm.models import Model, fit_model, load_model, registry
 from ecm.models.control_loop import LoopSettings
 from ecm.models.export import export, export_files
 from ecm.models.export.simulators import fitted_expressions
-from support.exports import done, fitted, thousand_poses, written
+from support.exports import fitted, loaded_library, thousand_poses, written
 from support.models import with_time
 from support.programs import need_program
 
@@ -35,12 +33,8 @@ def spring() -> Model:
 def test_names_of_columns_add_nothing_to_the_code(
     spring: Model, hostile: str, tmp_path: Path
 ) -> None:
-    spring.save(tmp_path / "model.json")
-    document = json.loads((tmp_path / "model.json").read_text(encoding="utf-8"))
-    del document["sha256"]
-    document["inputs"] = [hostile]
-    document["domain"] = {hostile: [-0.01, 0.01]}
-    (tmp_path / "model.json").write_text(seal_model(json.dumps(document)), encoding="utf-8")
+    other = {"inputs": [hostile], "domain": {hostile: [-0.01, 0.01]}}
+    registry.write_document(spring.document() | other, tmp_path / "model.json")
     model = load_model(tmp_path / "model.json")
     for target in ("c", "rust", "fmu"):
         with pytest.raises(EcmError, match=r"inputs is .* letters, digits and _"):
@@ -114,11 +108,9 @@ def test_every_scene_has_the_mass_that_is_stated() -> None:
 
 def test_a_pose_that_is_a_fault_leaves_the_state_as_it_was(tmp_path: Path) -> None:
     """A finite pose far beyond the data would else stay in the memory for its time constants."""
-    gcc = need_program("gcc", "cc")
     model = with_time(fitted("energy4"))
-    folder = written(model, tmp_path, "c")
-    done(gcc, "-O2", "-shared", "-fPIC", folder / "neck.c", "-o", folder / "neck.so")
-    code, six = ctypes.CDLL(str(folder / "neck.so")), ctypes.c_double * 6
+    code = loaded_library(written(model, tmp_path, "c") / "neck.c")
+    six = ctypes.c_double * 6
     controller = model.controller()
     poses = thousand_poses()[:5]
     state, h, k = (ctypes.c_double * 49)(), six(), (ctypes.c_double * 36)()

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm._native import rotation_matrices
+from ecm.io.arrays import F
 from ecm.models.export.simulators import largest_step
 from support.exports import HEAD, done, fitted, thousand_poses, written
 from support.models import with_time
@@ -20,7 +20,6 @@ from support.neck import ROOT
 from support.programs import need_program
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed (extra robot)")
-F = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")

@@ -11,10 +11,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm._native import rotation_matrices
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.columns import WRENCH
 from ecm.models import fit_model
 from ecm.models.export import export, export_files
@@ -22,8 +22,6 @@ from ecm.models.export.simulators import DEFLECTIONS, deflections
 from ecm.models.measured_poses import noise_sd, poses_like_measured
 from support.campaigns import campaign
 from support.exports import fitted
-
-F = NDArray[np.float64]
 
 
 def evaluated(text: str, at: F) -> F:

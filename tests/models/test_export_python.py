@@ -11,14 +11,12 @@ from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from ecm.io.arrays import F
 from support.exports import fitted, thousand_poses, written
 from support.models import with_time
 from support.programs import need_program
 from support.ros import WRENCH_STAMPED, follow, quaternion, stamped, typestore
-
-F = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")

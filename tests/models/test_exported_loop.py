@@ -14,10 +14,9 @@ from ecm.io.table import as_table
 from ecm.models import Model, fit_model, load_model
 from support.campaigns import campaign
 from support.control_loops import errors_in_c, errors_in_rust, exported_to
-from support.exports import done
+from support.exports import loaded_library
 from support.models import with_time
 from support.neck import Done
-from support.programs import need_program
 
 
 @pytest.fixture(scope="module")
@@ -33,12 +32,11 @@ def test_the_result_of_the_loop_is_exported_and_errs_as_the_noise(
     quick_job: Path, tmp_path: Path, ecm_command: Callable[..., Done]
 ) -> None:
     """The model with the effect that was found, in C, at the rows that it was measured at."""
-    gcc, path = need_program("gcc", "cc"), quick_job / "model-loop.json"
+    path = quick_job / "model-loop.json"
     ran = ecm_command("export", path, "--to", "c", "--out", tmp_path, "--name", "neck")
     assert ran.code == 0, ran.err
     assert "holds 200 of 200 poses" in ran.out
-    done(gcc, "-O2", "-shared", "-fPIC", tmp_path / "neck.c", "-o", tmp_path / "neck.so")
-    code, six = ctypes.CDLL(str(tmp_path / "neck.so")), ctypes.c_double * 6
+    code, six = loaded_library(tmp_path / "neck.c"), ctypes.c_double * 6
     model = load_model(path)
     table = as_table(str(quick_job / "measured-loop.csv")).measured()
     poses, said = table.matrix(model.inputs), np.zeros((len(table), 6))

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import ecm
 from ecm.effects import all_effects, get_effect
+from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.table import Table, as_table
 from ecm.models import Model, fit_model, load_model, surrogate_of
@@ -34,7 +34,6 @@ from support.campaigns import campaign, physics
 from support.models import with_effects
 from support.neck import ROOT, Done, columns_of
 
-F = NDArray[np.float64]
 OF_POSE = [e.id for e in all_effects() if e.kind == "pose" and e.side == "physics"]
 
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm import _native
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models import (
@@ -32,7 +32,6 @@ from support.campaigns import campaign, workspace_poses
 from support.neck import Done, columns_of
 from support.stand_in import L, wrench
 
-F = NDArray[np.float64]
 HOME = np.array([[L, 0.0, 0.0, 0.0, 0.0, 0.0]])
 
 

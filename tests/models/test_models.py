@@ -27,6 +27,7 @@ from ecm.models import (
     fit_model,
     load_model,
     parse_model,
+    registry,
     surrogate_of,
 )
 from ecm.models.joint_fit import FittedEffect
@@ -172,10 +173,8 @@ def test_a_file_gives_the_same_model_back(name: str, tmp_path: Path) -> None:
 
 def saved_again(fitted: Model, path: Path, *without: str) -> Model:
     """Through a file; `without` some keys, as older files are."""
-    fitted.save(path)
-    document = json.loads(path.read_text(encoding="utf-8"))
-    kept = {key: value for key, value in document.items() if key not in ("sha256", *without)}
-    path.write_text(_native.seal_model(json.dumps(kept)), encoding="utf-8")
+    kept = {key: value for key, value in fitted.document().items() if key not in without}
+    registry.write_document(kept, path)
     return load_model(path)
 
 
@@ -243,10 +242,8 @@ def test_a_cubic_refitted_with_effects_keeps_its_intervals_in_a_small_file(tmp_p
     assert sd is not None
     assert again is not None
     np.testing.assert_allclose(again, sd, rtol=1e-5)
-    document = json.loads(path.read_text(encoding="utf-8"))
-    del document["sha256"]
     for key, wrong in (("covariance_sd", [1.0] * 503), ("covariance_correlation", [[2.0]])):
-        path.write_text(_native.seal_model(json.dumps(document | {key: wrong})), encoding="utf-8")
+        registry.write_document(fitted.document() | {key: wrong}, path)
         with pytest.raises(InputError, match=f"{key}: found .*, expected"):
             load_model(path)
 
@@ -255,10 +252,8 @@ def test_a_cubic_refitted_with_effects_keeps_its_intervals_in_a_small_file(tmp_p
 @pytest.mark.parametrize("wrong", [None, [], 3, "x", {"x_m": [1.0]}, {"x_m": None}])
 def test_ranges_that_are_no_ranges_are_refused(tmp_path: Path, key: str, wrong: object) -> None:
     path, x = tmp_path / "model.json", np.linspace(-0.01, 0.01, 9)
-    fit_model(Table({"x_m": x, "fx_N": 2000.0 * x}, Meta()), "linear").save(path)
-    document = json.loads(path.read_text(encoding="utf-8"))
-    del document["sha256"]
-    path.write_text(_native.seal_model(json.dumps(document | {key: wrong})), encoding="utf-8")
+    fitted = fit_model(Table({"x_m": x, "fx_N": 2000.0 * x}, Meta()), "linear")
+    registry.write_document(fitted.document() | {key: wrong}, path)
     with pytest.raises(InputError, match="the model file lacks or misstates"):
         load_model(path)
 

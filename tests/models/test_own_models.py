@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -15,13 +14,12 @@ from hypothesis import strategies as st
 from scipy.optimize import curve_fit
 
 import ecm
-from ecm._native import seal_model
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
-from ecm.models import parse_model
+from ecm.models import parse_model, registry
 from ecm.models.expression import FUNCTIONS, Expression
-from support.exports import done
+from support.exports import loaded_library
 from support.neck import columns_of
 
 NOISE_N = 0.05
@@ -170,10 +168,7 @@ def test_an_expression_of_few_columns_is_exported_as_a_polynomial(
     model = ecm.fit(table, Expression("\n".join(equations), **start))
     exported = ecm.export(model, "c", tmp_path)
     assert any(f"Folded into {form}: expression" in note for note in exported.notes)
-    source = tmp_path / "ecm_model.c"
-    library = tmp_path / "model.so"
-    done("cc", "-O2", "-shared", "-fPIC", source, "-o", library)
-    code, pointer = ctypes.CDLL(str(library)), ctypes.POINTER(ctypes.c_double)
+    code, pointer = loaded_library(tmp_path / "ecm_model.c"), ctypes.POINTER(ctypes.c_double)
     poses = np.ascontiguousarray(table.matrix(model.inputs))
     got = np.zeros((len(poses), len(model.outputs)))
     for pose, wrench in zip(poses, got, strict=True):
@@ -298,7 +293,7 @@ def test_a_model_file_with_other_equations_is_refused(change: str, tmp_path: Pat
     else:
         document["parameters"]["k"][change] = "a"
     path = tmp_path / "bad.json"
-    path.write_text(seal_model(json.dumps(document)))
+    registry.write_document(document, path)
     with pytest.raises(InputError, match=r"bad.json: the model file lacks or misstates"):
         ecm.load_model(path)
 

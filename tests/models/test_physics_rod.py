@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm import _native
 from ecm.effects import get_effect
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.description import Meta
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
@@ -21,7 +21,6 @@ from ecm.models.physics.family import PARAMETERS, PhysicsFamily
 from ecm.regression.noise import Noise
 from support.neck import columns_of
 
-F = NDArray[np.float64]
 SECTIONS = {
     "axial_stiffness_N": 2200.0,
     "shear_stiffness_N": 650.0,

@@ -17,11 +17,7 @@ REST = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
 
 def _maps() -> list[Any]:
     energy = _native.EnergyEvaluator.from_coefficients(
-        length_m=0.1,
-        degree=2,
-        symmetry="alike",
-        scale=np.ones(2),
-        coefficients=np.arange(1.0, 6.0),
+        length_m=0.1, degree=2, symmetry="alike", scale=np.ones(2), coefficients=np.arange(1.0, 6.0)
     )
     linear = _native.PolynomialEvaluator.from_coefficients(
         1, np.full(6, -4.0), np.full(6, 4.0), np.ones((7, 6))

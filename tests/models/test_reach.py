@@ -50,10 +50,7 @@ def far_table() -> Table:
     ],
 )
 def test_the_physics_of_a_toml_is_as_wide_as_the_data(
-    command: tuple[str, ...],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    ecm_command: Command,
+    command: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
 ) -> None:
     """Catches a surrogate of 0.8 rad that is asked beyond without a word."""
     asked: list[float] = []

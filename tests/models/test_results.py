@@ -96,12 +96,7 @@ def test_a_dynamic_stiffness_prints_in_the_units_of_a_report() -> None:
     time = np.linspace(0.0, 3.0, 301)
     for (pose, wrench), way, head, row in (
         (("x_m", "fx_N"), 1e-3, "|K*| N/mm", [1, 5, 3, 4, 53.1]),
-        (
-            ("theta_z_rad", "tau_z_Nm"),
-            np.pi / 180.0,
-            "|K*| N m/rad",
-            [1, 286, 172, 229, 53.1],
-        ),
+        (("theta_z_rad", "tau_z_Nm"), np.pi / 180.0, "|K*| N m/rad", [1, 286, 172, 229, 53.1]),
     ):
         turn = 2.0 * np.pi * 1.5 * time
         log = {

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import ctypes
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm._native import ModelError
 from ecm.effects import Effect, Rows
@@ -18,6 +16,7 @@ from ecm.effects.motion import ViscousDamping
 from ecm.effects.relaxation import StressRelaxation
 from ecm.effects.sensor import FtsOffset
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import FileMeta, Meta
 from ecm.io.table import Table, as_table
@@ -27,10 +26,9 @@ from ecm.models.controller import Controller
 from ecm.models.export import export_files
 from ecm.models.measured_poses import poses_like_measured
 from support.campaigns import campaign
+from support.exports import loaded_library, written
 from support.models import BRANCHES, FRICTION, TEMPERATURE, with_effects
-from support.programs import need_program
 
-F = NDArray[np.float64]
 LOOP = LoopSettings(mass_kg=2.0, inertia_kg_m2=0.01)
 
 
@@ -150,17 +148,11 @@ def test_damping_is_that_of_an_even_motion(plain: Model) -> None:
 
 
 def test_the_exported_c_takes_the_steps_of_the_controller(plain: Model, tmp_path: Path) -> None:
-    gcc = need_program("gcc")
     model = with_effects(plain, *ONE_BY_ONE[2:4], FRICTION, (FtsOffset(), [1.0] * 6))
     exported = export_files(model, "c", "neck", loop=LOOP)
     assert exported.left_out == ("fts_offset",)
     assert any("fts_offset (an error of the instruments" in note for note in exported.notes)
-    for path, text in exported.files.items():
-        (tmp_path / path).write_text(text, encoding="utf-8")
-    library = tmp_path / "neck.so"
-    command = [gcc, "-O2", "-shared", "-fPIC", tmp_path / "neck.c", "-o", library]
-    subprocess.run(command, check=True)
-    code = ctypes.CDLL(str(library))
+    code = loaded_library(written(model, tmp_path, "c", loop=LOOP) / "neck.c")
     state = (ctypes.c_double * 49)()
     assert ctypes.sizeof(state) <= 400
     controller = model.controller()
@@ -299,7 +291,6 @@ def test_planned_poses_are_predicted_as_they_will_be_stepped(plain: Model) -> No
 def test_inputs_have_names_defaults_and_ranges_in_the_file_the_controller_and_the_c(
     tmp_path: Path,
 ) -> None:
-    gcc = need_program("gcc")
     table = campaign(seed=3)
     ranges = {
         name: (float(values.min()), float(values.max()))
@@ -320,14 +311,10 @@ def test_inputs_have_names_defaults_and_ranges_in_the_file_the_controller_and_th
     assert controller.inputs["age_s"].largest == last
     exported = export_files(model, "c", "neck", loop=LOOP)
     assert any(note.startswith("Inputs of the steps: temperature_degC") for note in exported.notes)
-    for path, text in exported.files.items():
-        (tmp_path / path).write_text(text, encoding="utf-8")
     assert f"default {reference}, from {low} to {high}" in exported.files["neck.h"]
     rust = export_files(model, "rust", "neck", loop=LOOP).files["src/lib.rs"]
     assert f"default {reference}, from {low} to {high}" in rust
-    library = tmp_path / "neck.so"
-    subprocess.run([gcc, "-shared", "-fPIC", tmp_path / "neck.c", "-o", library], check=True)
-    code = ctypes.CDLL(str(library))
+    code = loaded_library(written(model, tmp_path, "c", loop=LOOP) / "neck.c")
     for temperature, age, inside in (
         (low, 0.0, 1), (high, last, 1), (low - 0.01, 0.0, 0), (high + 0.01, 0.0, 0),
         (reference, last + 1.0, 0), (reference, -1.0, 0), (np.nan, 0.0, 0), (reference, np.inf, 0),

@@ -14,6 +14,7 @@ from ecm.io.arrays import F
 from ecm.io.table import as_table, read_table
 from ecm.models import Model, fit_model
 from ecm.models.export import export, export_files
+from support.exports import loaded_library
 from support.neck import ROOT
 from support.one_angle import NOISE_NM, one_angle
 from support.programs import need_program
@@ -29,11 +30,7 @@ def built(model: Model, folder: Path, *, force: bool = False) -> ctypes.CDLL:
     check = [gcc, *strict, "line.c", "line_check.c", "-o", "check"]
     subprocess.run(check, cwd=folder, check=True)
     subprocess.run([folder / "check"], check=True)
-    library = folder / "line.so"
-    subprocess.run(
-        [gcc, *strict, "-shared", "-fPIC", "line.c", "-o", library], cwd=folder, check=True
-    )
-    return ctypes.CDLL(str(library))
+    return loaded_library(folder / "line.c", *strict)
 
 
 def stepped_in_c(model: Model, points: F, times: F, folder: Path) -> F:
@@ -123,9 +120,7 @@ def test_what_acts_on_one_angle_is_folded_into_its_polynomial(kind: str, tmp_pat
     assert off < 0.5 * plain
 
 
-def test_a_large_effect_that_a_file_cannot_hold_is_not_left_out_in_silence(
-    tmp_path: Path,
-) -> None:
+def test_a_large_effect_that_a_file_cannot_hold_is_not_left_out_in_silence(tmp_path: Path) -> None:
     table = one_angle("mullins_softening")
     model = fit_model(table, "cubic").add("mullins_softening").fit(table)
     with pytest.raises(InputError, match=r"mullins_softening is .* times the measurement noise"):

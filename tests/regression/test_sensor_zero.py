@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm.effects import Rows, get_effect
+from ecm.io.arrays import F
 from ecm.io.columns import WRENCH
 from ecm.io.table import Table
 from ecm.io.validate import join_runs
@@ -14,7 +14,6 @@ from ecm.models.joint_fit import joint_fit
 from ecm.regression.noise import Noise, shared_zero_error
 from support.campaigns import campaign, physics
 
-F = NDArray[np.float64]
 NOISE = Noise(source="declared")
 SHARE = 0.3
 """Noise of a reading of the zero, as a share of a row's; the mean of 100 rows has a tenth."""
@@ -44,10 +43,7 @@ def measured(seed: int, effect: str, values: F) -> Table:
 
 @pytest.mark.parametrize(
     ("id", "values"),
-    [
-        ("fts_offset", [0.5, -0.5, 0.3, 0.02, -0.01, 0.01]),
-        ("payload", [0.1, 0.004, -0.002, 0.001]),
-    ],
+    [("fts_offset", [0.5, -0.5, 0.3, 0.02, -0.01, 0.01]), ("payload", [0.1, 0.004, -0.002, 0.001])],
 )
 def test_intervals_hold_the_truth_as_often_as_they_say(id: str, values: list[float]) -> None:
     truth = np.asarray(values)

@@ -18,8 +18,7 @@ def log(time: F, run: F) -> Table:
     columns = dict(zip(POSE, poses.T, strict=True))
     force = np.arange(len(time)) / 1e3
     return as_table(
-        columns | {"time_s": time, "run": run, "fx_N": force},
-        meta={"file": {"kind": "continuous"}},
+        columns | {"time_s": time, "run": run, "fx_N": force}, meta={"file": {"kind": "continuous"}}
     )
 
 

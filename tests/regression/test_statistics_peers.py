@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from statsmodels.stats.diagnostic import het_breuschpagan
 from statsmodels.stats.multitest import multipletests
 
@@ -17,6 +16,7 @@ from ecm.diagnosis.problem import Problem, assemble
 from ecm.diagnosis.search import delta_bic, delta_chi2, rank
 from ecm.diagnosis.statements import _score
 from ecm.effects import Rows, all_effects, get_effect
+from ecm.io.arrays import F
 from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models import fit_model
@@ -29,7 +29,6 @@ from support.acceptance import acceptance_check
 from support.campaigns import campaign, model, physics, workspace_poses
 
 sm = pytest.importorskip("statsmodels.api", reason="statsmodels is missing: dependency group dev")
-F = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")

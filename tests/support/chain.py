@@ -10,7 +10,6 @@ import ctypes
 import json
 import shlex
 import shutil
-import subprocess
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -25,6 +24,7 @@ from ecm.io.table import Table, read_table
 from ecm.models import Model, load_model
 from ecm.models.partial import measured_part
 from ecm.workflow.app.steps import Files, command_of
+from support.exports import loaded_library
 from support.neck import ROOT, SHARED_DATA, Done, csv_text
 
 F = NDArray[np.float64]
@@ -377,12 +377,7 @@ class Walk:
 
     def _compiled(self, model: str, folder: Path) -> None:
         """The compiled model must give at the measured rows what `predict` gives there."""
-        found, library = load_model(model), folder / "model.so"
-        source = folder / "ecm_model.c"
-        subprocess.run(
-            ["cc", "-O2", "-shared", "-fPIC", source, "-o", library], check=True, timeout=300
-        )
-        code = ctypes.CDLL(str(library.resolve()))
+        found, code = load_model(model), loaded_library(folder.resolve() / "ecm_model.c")
         rows = self.rows.measured()
         poses = np.ascontiguousarray(rows.matrix(found.inputs))
         expected, got = found.predict(poses), np.zeros((len(poses), len(found.outputs)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import subprocess
 from functools import lru_cache
@@ -45,6 +46,16 @@ def done(*command: object, **settings: object) -> subprocess.CompletedProcess[st
         [str(part) for part in command],
         capture_output=True, text=True, check=False, timeout=600, **settings,
     )  # type: ignore[call-overload,no-any-return]  # fmt: skip
+
+
+def loaded_library(*sources: object) -> ctypes.CDLL:
+    """The shared library of C sources and what is linked to them, beside the first of them."""
+    library = Path(str(sources[0])).with_suffix(".so")
+    built = done(
+        need_program("gcc", "cc"), "-std=c99", "-O2", "-shared", "-fPIC", *sources, "-o", library
+    )
+    assert built.returncode == 0, built.stderr
+    return ctypes.CDLL(str(library))
 
 
 def adapter_library(folder: Path, *options: object) -> Path:

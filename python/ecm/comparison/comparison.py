@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ecm.comparison.result import STEPS, Compared, Comparison, Component, fitted_here
 from ecm.comparison.structure import run_outliers
 from ecm.errors import InputError
-from ecm.io.arrays import B, F, I, rms
+from ecm.io.arrays import F, I, rms
 from ecm.io.events import Progress, Steps
-from ecm.io.table import takes_table
+from ecm.io.table import MetaLike, TableLike, takes_table
 from ecm.models.errors import residuals_by_block
 from ecm.models.fit import as_model
 from ecm.models.joint_fit import estimate_noise
+from ecm.models.model import Model
 from ecm.models.prediction import beyond_reach
 from ecm.regression.f_test import FTest, lack_of_fit
 from ecm.regression.folds import HOW, RowsUsed, repeat_cells, row_groups, spread_rows
 from ecm.regression.noise import Noise
 from ecm.regression.rows import Rows, inputs_of, taken_by
-
-if TYPE_CHECKING:
-    from ecm.io.table import MetaLike, TableLike
-    from ecm.models.model import Model
-
 
 _BOOTSTRAPS = 400
 _LEVEL = 0.9
@@ -145,7 +141,7 @@ def compare(
         excess_high=_root(float(draws[1][1])),
         noise=noise,
         lack_of_fit=_lack(whitened, cells, fitted),
-        outside_domain=_outside(model, rows, scored),
+        outside_domain=int(model.extrapolates(inputs_of(model.base, table)[scored]).sum()),
         whitened=whitened,
         physical=physical,
         row=np.flatnonzero(scored),
@@ -198,7 +194,3 @@ def _bootstrap(physical: F, whitened: F, groups: I, seed: int) -> tuple[F, F]:
 
 def _root(value: float) -> float:
     return float(np.sqrt(max(value, 0.0)))
-
-
-def _outside(model: Model, rows: Rows, scored: B) -> int:
-    return int(model.extrapolates(inputs_of(rows.base, rows.table)[scored]).sum())

@@ -10,33 +10,27 @@ of the pose: history, time or noise.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ecm.errors import ModelError, Remedy
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import fields_json
+from ecm.io.table import Table
 from ecm.models.errors import ceiling_rms, held_out
 from ecm.models.fit import symmetric_energy
 from ecm.models.joint_fit import joint_fit
+from ecm.models.maps import StiffnessMap
+from ecm.models.model import Model
 from ecm.models.physics.map import FREE, PhysicsMap, kept_physics, reach_of
 from ecm.regression.folds import held_out_by, without_zero_readings
 from ecm.regression.noise import Noise
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-    from ecm.models.maps import StiffnessMap
-    from ecm.models.model import Model
 
 _FAMILIES = {
     "symmetric": "elasticity or geometry that keeps the symmetry",
     "asymmetric": "something asymmetric or not conservative",
     "other": "history, time or noise",
 }
-HELD_OUT = {
-    "pose": "clusters of poses",
-    "time": "blocks of time",
-    "run": "each run in turn",
-}
+HELD_OUT = {"pose": "clusters of poses", "time": "blocks of time", "run": "each run in turn"}
 FEM_REMEDY = Remedy(
     "the physics base is left out: the FEM of this body did not run yet (up to ten minutes, once)",
     "ecm fit DATA --model physics --out physics.json && AGAIN",

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import Table
 from ecm.regression.f_test import orthonormal
 from ecm.regression.history import approach_sides
 from ecm.regression.rows import Rows, derived_columns
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 KNOWN = ("time_s", "temperature_degC", "sensor_temperature_degC", "dwell_s")
 _ORDERED = 0.9

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -29,12 +29,14 @@ from ecm.io.arrays import F, I
 from ecm.io.columns import unit_of
 from ecm.io.events import Progress, Steps
 from ecm.io.extras import require
+from ecm.io.table import Table
 from ecm.models.errors import residuals
 from ecm.models.evaluation import PoseError, pose_error
 from ecm.models.fit import remedy_of_inputs
 from ecm.models.joint_fit import base_columns
 from ecm.models.literature import LEARNED
 from ecm.models.measured_poses import beyond_inputs
+from ecm.models.model import Model
 from ecm.models.refit import FAR_BEYOND_NOISE, base_and_error, is_far_behind
 from ecm.models.registry import was_trained_on
 from ecm.regression.f_test import FTest
@@ -55,11 +57,6 @@ from ecm.report.blocks import (
     number,
 )
 from ecm.report.figures import mechanism_blocks
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-    from ecm.models.model import Model
-
 
 STEPS = {
     "errors": 2,
@@ -497,21 +494,19 @@ def _pose_error(result: Comparison) -> list[Block]:
     return blocks
 
 
-def workspace_blocks(result: Comparison) -> list[Block]:
+def workspace_blocks(result: Comparison) -> Sequence[Block]:
     """Return the mechanism in its measured poses, coloured by residual."""
     maps = result.where()
-    return [
-        *mechanism_blocks(
-            result.compared.table,
-            "The mechanism bent into measured poses, coloured by the residual of the row over "
-            f"{maps.noise_word}.{maps.drawn_sentence}",
-            rows=maps.row[maps.drawn] - 1,
-            values=maps.size[maps.drawn],
-            title="residual",
-            unit=f"times {maps.noise_word}",
-            link=LINK,
-        )
-    ]
+    return mechanism_blocks(
+        result.compared.table,
+        "The mechanism bent into measured poses, coloured by the residual of the row over "
+        f"{maps.noise_word}.{maps.drawn_sentence}",
+        rows=maps.row[maps.drawn] - 1,
+        values=maps.size[maps.drawn],
+        title="residual",
+        unit=f"times {maps.noise_word}",
+        link=LINK,
+    )
 
 
 def reference_blocks(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -10,14 +10,11 @@ from scipy.optimize import minimize_scalar
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.extras import require
-from ecm.io.table import takes_table
+from ecm.io.table import MetaLike, TableLike, takes_table
 from ecm.models.fit import as_model
+from ecm.models.model import Model
 from ecm.regression.history import order_of_visits
 from ecm.report.blocks import Block, Shown, TableBlock
-
-if TYPE_CHECKING:
-    from ecm.io.table import MetaLike, TableLike
-    from ecm.models.model import Model
 
 _LEAST_ROWS = 8
 """Fewer rows of a cycle's length tell no sine from another curve."""

@@ -17,8 +17,8 @@ from ecm.effects.protocol import (
     LinearEffect,
     LookAlike,
     Missing,
+    Need,
     Parameter,
-    beside,
     needs_columns,
     needs_full,
 )
@@ -50,6 +50,7 @@ def _needs(kind: str) -> Callable[[Table], Missing | None]:
 
 
 _needs_pressures, _needs_tensions = _needs("pressure"), _needs("tension")
+_PRESSURES: tuple[Need, ...] = (needs_full, _needs_pressures)
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,8 @@ class _OfActuator(LinearEffect):
 
     actuator: str = ALL
 
+    needs = "pressure_1_Pa"
+    requires = _PRESSURES
     kind = "time"
     most_absorbed = _MOST_ABSORBED
     acts_on = "pressure"
@@ -98,11 +101,9 @@ class PressureOffset(_OfActuator):
     """
 
     id = "pressure_offset"
-    needs = "pressure_1_Pa"
     physics = "The pressure in a chamber is off by a constant: a regulator or a gauge with a zero."
     parameters = (Parameter("offset", "Pa", 100.0),)
     signature = "the wrench of a constant pressure in that chamber, also at no pressure"
-    requires = (needs_full, _needs_pressures)
     outside = LookAlike("anything that bends the body at rest", "open the chambers to the air")
 
     def change(self, rows: Rows, inputs: F) -> F:
@@ -117,11 +118,9 @@ class PressureGain(_OfActuator):
     """
 
     id = "pressure_gain"
-    needs = "pressure_1_Pa"
     physics = "The pressure in a chamber is off by a share of itself: a gauge with a wrong gain."
     parameters = (Parameter("share", "1", 0.01),)
     signature = "grows with the pressure of that chamber"
-    requires = (needs_full, _needs_pressures)
     outside = LookAlike("a chamber of another cross-section", "measure its volume at two pressures")
 
     def change(self, rows: Rows, inputs: F) -> F:
@@ -142,7 +141,7 @@ class PressureCrossTalk(_OfActuator):
     )
     parameters = (Parameter("share", "1", 0.01),)
     signature = "grows with the pressure of the other chambers"
-    requires = (needs_full, _needs_pressures, needs_columns("pressure_2_Pa"))
+    requires = (*_PRESSURES, needs_columns("pressure_2_Pa"))
 
     def change(self, rows: Rows, inputs: F) -> F:
         """The mean of the other pressures."""
@@ -168,7 +167,7 @@ class PressureHysteresis(_OfActuator):
     physics = "A chamber that was filled from below acts as at less pressure than one let down."
     parameters = (Parameter("pressure", "Pa", 100.0),)
     signature = "changes its sign with the direction of the last change of pressure"
-    requires = (needs_full, _needs_pressures, needs_columns("time_s"))
+    requires = (*_PRESSURES, needs_columns("time_s"))
     needs = "pressure_1_Pa and time_s, and rows whose pressure comes from below and from above"
     outside = LookAlike("a regulator with a dead band", "read the pressure in the chamber itself")
 
@@ -191,11 +190,8 @@ class PressureHysteresis(_OfActuator):
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Reaches on both sides."""
-        if self.reach_Pa == 0.0:
-            return ()
-        reaches = beside(self.reach_Pa, 1.8 ** (0.5 ** (round_ + 1)))
         longest = _LONGEST * self._largest(table)
-        return tuple(PressureHysteresis(self.actuator, r) for r in reaches if r < longest)
+        return self.nearby("reach_Pa", 1.8 ** (0.5 ** (round_ + 1)), longest)
 
     def _largest(self, table: Table) -> float:
         own = self._concerned(table.actuation_columns)
@@ -212,7 +208,7 @@ class ChamberLeak(_OfActuator):
     physics = "A chamber leaks during the dwell: its pressure falls by a share of itself a second."
     parameters = (Parameter("rate", "1/s", 1e-3),)
     signature = "grows with pressure and dwell"
-    requires = (needs_full, _needs_pressures, needs_columns("dwell_s"))
+    requires = (*_PRESSURES, needs_columns("dwell_s"))
     needs = "pressure_1_Pa, and dwell_s that varies"
 
     def change(self, rows: Rows, inputs: F) -> F:
@@ -234,7 +230,7 @@ class RegulatorLag(_OfActuator):
     physics = "The pressure follows what was asked for with a time constant: tubes and a valve."
     parameters = (Parameter("share", "1", 0.05),)
     signature = "follows the last change of pressure and dies out with the time since then"
-    requires = (needs_full, _needs_pressures, needs_columns("time_s"))
+    requires = (*_PRESSURES, needs_columns("time_s"))
     needs = "pressure_1_Pa and time_s, and rows at different times after a change of pressure"
 
     def change(self, rows: Rows, inputs: F) -> F:
@@ -251,10 +247,7 @@ class RegulatorLag(_OfActuator):
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Time constants on both sides."""
-        if self.tau_s == 0.0:
-            return ()
-        times = beside(self.tau_s, 2.4 ** (0.5 ** (round_ + 1)))
-        return tuple(RegulatorLag(self.actuator, tau) for tau in times)
+        return self.nearby("tau_s", 2.4 ** (0.5 ** (round_ + 1)))
 
 
 def _since_change_s(table: Table) -> F:

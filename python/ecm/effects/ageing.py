@@ -12,9 +12,8 @@ from ecm.effects.protocol import (
     LookAlike,
     Missing,
     Parameter,
-    beside,
+    TimedEffect,
     listed,
-    needs_full,
     needs_time,
     needs_varying,
     optional,
@@ -26,7 +25,7 @@ from ecm.regression.history import largest_so_far, memory_options, order_of_visi
 from ecm.regression.rows import Rows
 
 _LEAST_AGAIN = 5
-_SOON = 0.35
+SOON = 0.35
 """Shortest time that is tried for what settles, over that of the table."""
 _WIDTHS = (0.0, 0.25, 0.7, 2.0)
 """Widths that are tried, over the median; 0: a straight line."""
@@ -34,8 +33,7 @@ _WIDTHS = (0.0, 0.25, 0.7, 2.0)
 
 def _needs_unloading(table: Table) -> Missing | None:
     """Missing without time, or where no row lies below an earlier, larger load."""
-    lacking = needs_time(table)
-    if lacking is not None:
+    if (lacking := needs_time(table)) is not None:
         return lacking
     if not table.wrench_columns:
         return Missing("no wrench column", "a force or a torque", absent=True)
@@ -54,12 +52,7 @@ def _load(wrenches: F, outputs: tuple[str, ...]) -> F:
 def settling_times(table: Table) -> tuple[float, ...]:
     """Times that are tried for what settles; the first is infinite: a steady change."""
     span = float(np.ptp(table.column("time_s")))
-    return np.inf, *(round(span * share, 1) for share in (_SOON, 1.0))
-
-
-def times_between(tau_s: float, round_: int) -> tuple[float, ...]:
-    """Times between this one and its neighbours; none of a steady change."""
-    return () if np.isinf(tau_s) else beside(tau_s, _SOON ** -(0.5 ** (round_ + 1)))
+    return np.inf, *(round(span * share, 1) for share in (SOON, 1.0))
 
 
 def settled(time_s: F, tau_s: float) -> F:
@@ -108,7 +101,7 @@ class TemperatureModulus(LinearEffect):
 
 
 @dataclass(eq=False)
-class Ageing(LinearEffect):
+class Ageing(TimedEffect):
     """h (1 + alpha g(t)), g(t) = t, or tau (1 - exp(-t / tau)) for a material that settles.
 
     Parameters: alpha: share of the stiffness gained per second at the start.
@@ -123,12 +116,7 @@ class Ageing(LinearEffect):
     )
     signature = "proportional to h, monotone in t"
     needs = "time (time_s)"
-    requires = (needs_full, needs_varying("time_s", 1.0))
-    kind = "time"
-    rivals = {
-        "temperature_modulus": "repeat_next_day",
-        "mullins_softening": "repeat_first_poses",
-    }
+    rivals = {"temperature_modulus": "repeat_next_day", "mullins_softening": "repeat_first_poses"}
 
     tau_s: float = optional(np.inf)
     """Time in which it settles; infinite for a steady change."""
@@ -138,8 +126,8 @@ class Ageing(LinearEffect):
         return tuple(Ageing(tau) for tau in settling_times(table))
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Times between this one and its neighbours."""
-        return tuple(Ageing(tau) for tau in times_between(self.tau_s, round_))
+        """Times between this one and its neighbours; none of a steady change."""
+        return self.nearby("tau_s", SOON ** -(0.5 ** (round_ + 1)))
 
     def columns(self, rows: Rows) -> F:
         """g(t) h."""
@@ -148,7 +136,7 @@ class Ageing(LinearEffect):
 
 
 @dataclass(eq=False)
-class MullinsSoftening(LinearEffect):
+class MullinsSoftening(TimedEffect):
     """h (1 - eta (1 - W / W_max)), W_max the largest strain energy so far in the run.
 
     In joined tables the memory may also be `kept` over all runs.
@@ -173,9 +161,6 @@ class MullinsSoftening(LinearEffect):
         "five cycles to the largest pose, then the first poses again; clamp anew",
     )
     signature = "first visit above later ones, only below the past maximum"
-    needs = "order (time_s)"
-    requires = (needs_full, needs_varying("time_s", 1.0))
-    kind = "time"
     rivals = {
         "ageing": "conditioning_cycles",
         "stress_relaxation": "hold_60_s",
@@ -219,9 +204,7 @@ class MullinsSoftening(LinearEffect):
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Widths between this one and its neighbours; none of a straight line."""
         name = "width" if self.load_width is None else "load_width"
-        width = float(getattr(self, name))
-        widths = beside(width, (_WIDTHS[3] / _WIDTHS[2]) ** (0.5 ** (round_ + 1))) if width else ()
-        return tuple(replace(self, **{name: one}) for one in widths)
+        return self.nearby(name, (_WIDTHS[3] / _WIDTHS[2]) ** (0.5 ** (round_ + 1)))
 
     def columns(self, rows: Rows) -> F:
         """The share that is lost, times -h."""
@@ -247,11 +230,11 @@ class MullinsSoftening(LinearEffect):
             return np.asarray(0.5 * np.abs((away * rows.wrench).sum(axis=1)))
         bend = self.measure == "bend"
         size = np.linalg.norm(away[:, 3:], axis=1) if bend else _far(away, rows.length_m)
-        return np.where(rows.unloaded, 0.0, size)
+        return rows.loaded(size)
 
 
 @dataclass(eq=False)
-class PermanentSet(LinearEffect):
+class PermanentSet(TimedEffect):
     """-K_s p_set; p_set follows the largest pose so far, or sums what exceeds a yield length.
 
     `summed`: each visit adds a share of (1 - y / |x|) (p - p0) where |x| > y, |x| the deflection
@@ -270,8 +253,6 @@ class PermanentSet(LinearEffect):
     )
     signature = "the wrench at home grows after large poses"
     needs = "order (time_s), and home checks (kind home)"
-    requires = (needs_full, needs_varying("time_s", 1.0))
-    kind = "time"
     rivals = {
         "marker_motion": "home_after_every_sample",
         "fts_drift": "home_after_every_sample",
@@ -313,15 +294,11 @@ class PermanentSet(LinearEffect):
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Yield lengths between this one and its neighbours."""
-        if self.yield_m <= 0.0:
-            return ()
-        yields = beside(self.yield_m, 1.0 + 0.2 * 0.5**round_)
-        return tuple(PermanentSet(self.memory, y, self.history) for y in yields)
+        return self.nearby("yield_m", 1.0 + 0.2 * 0.5**round_)
 
     def columns(self, rows: Rows) -> F:
         """-K (p_largest - p0), or -K times the sum of all earlier deflections."""
-        deflection = rows.poses - rows.rest_pose
-        deflection = np.where(rows.unloaded[:, None], 0.0, deflection)
+        deflection = rows.loaded(rows.poses - rows.rest_pose)
         if self.memory != "largest":
             far = _far(deflection, rows.length_m)
             excess = np.maximum(0.0, far - self.yield_m) / np.maximum(far, 1e-12)

@@ -233,7 +233,7 @@ class HigherDegree(LinearEffect):
         """(N, m, k) the powers of each pair."""
         made = []
         for name, other, middle, half in self._terms:
-            at = np.where(rows.unloaded, 0.0, (rows.table.column(name) - middle) / half)
+            at = rows.loaded((rows.table.column(name) - middle) / half)
             made += [on_output(rows, other, at**power) for power in self._powers]
         return np.stack(made, axis=2)
 

@@ -14,11 +14,10 @@ from ecm.effects.protocol import (
     Missing,
     Parameter,
     Shape,
-    beside,
+    TimedEffect,
     listed,
     needs_full,
     needs_time,
-    needs_varying,
     optional,
 )
 from ecm.effects.rod import rest_stiffness, rod_strain, wrench_of
@@ -33,11 +32,13 @@ STEPS = 7
 """Times of a jump that are tried first; the best is refined afterwards."""
 
 
-def twist(name: str) -> tuple[Parameter, ...]:
+def twist(
+    name: str, scale_m: float = 1e-4, most_m: float = 0.02, scale_rad: float = 2e-3
+) -> tuple[Parameter, ...]:
     """A small rigid motion."""
     return (
-        *(Parameter(f"{name}_d{axis}", "m", 1e-4, -0.02, 0.02) for axis in "xyz"),
-        *(Parameter(f"{name}_w{axis}", "rad", 2e-3, -0.3, 0.3) for axis in "xyz"),
+        *(Parameter(f"{name}_d{axis}", "m", scale_m, -most_m, most_m) for axis in "xyz"),
+        *(Parameter(f"{name}_w{axis}", "rad", scale_rad, -0.3, 0.3) for axis in "xyz"),
     )
 
 
@@ -52,7 +53,7 @@ def base_twist_columns(rows: Rows) -> F:
 
 
 @dataclass(eq=False)
-class PlatformSlip(LinearEffect):
+class PlatformSlip(TimedEffect):
     """After t* the mechanism's end is displaced on the platform: -K_s B (d, w).
 
     Its force then acts beside the platform's centre: the torque changes by -(B d) x f.
@@ -68,9 +69,6 @@ class PlatformSlip(LinearEffect):
         "the home pose, then the first pose again, with marks on clamp and target",
     )
     signature = "a jump at one moment, then constant in body axes"
-    needs = "order (time_s)"
-    requires = (needs_full, needs_varying("time_s", 1.0))
-    kind = "time"
     rivals = {
         "marker_motion": "return_home",
         "permanent_set": "return_home",
@@ -98,7 +96,7 @@ class PlatformSlip(LinearEffect):
 
 
 @dataclass(eq=False)
-class MarkerMotion(LinearEffect):
+class MarkerMotion(TimedEffect):
     """The base marker creeps (`ramp`, `settling`) or jumps at t*: -K_s (d + w x r, w) g(t).
 
     Where the base is measured at the start of `each` campaign, its creep counts from there.
@@ -116,9 +114,7 @@ class MarkerMotion(LinearEffect):
     )
     signature = "follows -K_s times a motion in base axes, stiff axes first; grows or jumps with t"
     needs = "time (time_s)"
-    requires = (needs_full, needs_varying("time_s", 1.0))
     side = "measurement"
-    kind = "time"
     rivals = {
         "fts_drift": "base_marker",
         "permanent_set": "base_marker",
@@ -211,9 +207,8 @@ class BaseCompliance(Effect):
                 *BaseCompliance.parameters[1:],
             )
 
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """A round and an uneven plate."""
-        return (BaseCompliance(), BaseCompliance("uneven"))
+    shapes = (("round",), ("uneven",))
+    """A round and an uneven plate."""
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of mechanism and clamp in series minus that of the mechanism."""
@@ -283,8 +278,7 @@ class ContactStop(LinearEffect):
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Tilts between this one and its neighbours."""
-        tilts = beside(self.tilt_rad, 1.0 + 0.2 * 0.5**round_)
-        return tuple(ContactStop(t, self.azimuth_rad) for t in tilts)
+        return self.nearby("tilt_rad", 1.0 + 0.2 * 0.5**round_)
 
     def columns(self, rows: Rows) -> F:
         """Moment and push per unit of each."""
@@ -297,8 +291,7 @@ class ContactStop(LinearEffect):
         # To lean towards (y, z) the platform turned about (-z, y).
         columns[:, 4, 0], columns[:, 5, 0] = -depth * lean[:, 1], depth * lean[:, 0]
         columns[:, 0, 1] = depth
-        columns[rows.unloaded] = 0.0
-        return columns
+        return rows.loaded(columns)
 
 
 def _tilt(rotation_vectors: F) -> tuple[F, F]:
@@ -405,9 +398,7 @@ class Debonding(LinearEffect):
         stretch = mid_frame(rows.poses, known.length_m)[:, 0]
         force = np.zeros((len(rows), 6))
         force[:, 0] = -known.axial * np.maximum(0.0, stretch)
-        wrench = wrench_of(rows.poses, force)
-        wrench[rows.unloaded] = 0.0
-        return wrench[:, :, None]
+        return rows.loaded(wrench_of(rows.poses, force))[:, :, None]
 
     def _gap(self, rows: Rows) -> F:
         """-K_s times the lift along the normal of the face, driven by the base map's own pull."""

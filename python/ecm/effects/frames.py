@@ -31,9 +31,8 @@ class _FrameMisalignment(Effect):
     wrench_axes: str = "measured"
     """`measured`: the wrench was turned to base axes with the measured rotation; else `base`."""
 
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Wrench turned with the measured rotation, or right in itself."""
-        return (type(self)("measured"), type(self)("base"))
+    shapes = (("measured",), ("base",))
+    """Wrench turned with the measured rotation, or right in itself."""
 
 
 class TipFrameMisalignment(_FrameMisalignment):

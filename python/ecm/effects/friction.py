@@ -170,11 +170,7 @@ class Hysteresis(LinearEffect):
             factors = (one for one in beside(1.0, 2.0 ** (0.5**round_)) if one < longest)
             slips = (listed_numbers(numbers(self.slip), factor) for factor in factors)
             return tuple(replace(self, slip=slip) for slip in slips)
-        if self.yield_m == 0.0:
-            return ()
-        paths = beside(self.yield_m, 2.4 ** (0.5 ** (round_ + 1)))
-        limit = 1.01 * max(_paths(table))
-        return tuple(replace(self, yield_m=path) for path in paths if path < limit)
+        return self.nearby("yield_m", 2.4 ** (0.5 ** (round_ + 1)), 1.01 * max(_paths(table)))
 
     def columns(self, rows: Rows) -> F:
         """K p^; zero where the approach is unknown or nothing moved."""

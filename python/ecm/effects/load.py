@@ -51,9 +51,7 @@ class Payload(LinearEffect):
     physics = "A mass on the sensor's side of the platform weighs on every reading."
     parameters = (
         Parameter("mass", "kg", 0.1, -5.0, 5.0),
-        Parameter("mass_x", "kg m", 0.005, -0.5, 0.5),
-        Parameter("mass_y", "kg m", 0.005, -0.5, 0.5),
-        Parameter("mass_z", "kg m", 0.005, -0.5, 0.5),
+        *(Parameter(f"mass_{axis}", "kg m", 0.005, -0.5, 0.5) for axis in "xyz"),
     )
     outside = LookAlike(
         "anything of constant force at the platform: a cable's weight, a magnet, a long spring",
@@ -88,8 +86,7 @@ class Payload(LinearEffect):
             columns[:, 3:] -= turn @ zero[:, 3:]
         columns *= _relative_payload(rows)[:, None, None]
         # A sensor free of the mechanism is free of the payload too.
-        columns[rows.unloaded] = 0.0
-        return columns
+        return rows.loaded(columns)
 
 
 @dataclass(eq=False)
@@ -122,9 +119,8 @@ class OwnWeight(LinearEffect):
     zeroed: str = "free"
     """Whether the sensor was zeroed `free` of the mechanism, or with it `attached` at rest."""
 
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Both ways of zeroing."""
-        return (OwnWeight("free"), OwnWeight("attached"))
+    shapes = (("free",), ("attached",))
+    """Both ways of zeroing."""
 
     def columns(self, rows: Rows) -> F:
         """Wrench per kg."""
@@ -132,8 +128,7 @@ class OwnWeight(LinearEffect):
         for gravity in np.unique(rows.gravity_m_s2, axis=0):
             under = (rows.gravity_m_s2 == gravity).all(axis=1)
             columns[under] = self._under_gravity(gravity, rows)[under]
-        columns[rows.unloaded] = 0.0
-        return columns[:, :, None]
+        return rows.loaded(columns)[:, :, None]
 
     def _under_gravity(self, gravity: F, rows: Rows) -> F:
         """(N, 6) wrench per kg under one gravity (3,)."""
@@ -192,11 +187,7 @@ class CableDrag(LinearEffect):
         "detach the cable; if it stays, move metal and magnets away",
     )
     signature = "m = 1, base axes: a constant, and a small stiffness"
-    rivals = {
-        "fts_offset": "detach_cable",
-        "payload": "detach_cable",
-        "own_weight": "detach_cable",
-    }
+    rivals = {"fts_offset": "detach_cable", "payload": "detach_cable", "own_weight": "detach_cable"}
 
     azimuth_rad: float | None = optional(None)
     """Side to which a cable leaves from the rim; None: towards a point far away."""
@@ -251,9 +242,8 @@ class CableDrag(LinearEffect):
             columns = columns[:, :, 6:] if self.slack else columns
         else:
             columns = self._from_rim(rows)
-        columns[rows.unloaded] = 0.0
         columns[rows.of_run("cable_attached", 1.0) == 0.0] = 0.0
-        return columns
+        return rows.loaded(columns)
 
     def _from_rim(self, rows: Rows) -> F:
         """Force at the rim, and its moment about the platform's centre."""
@@ -302,9 +292,8 @@ class TendonFriction(LinearEffect):
     run: str = "guided"
     """How the tendons run: `guided` along the mechanism, or `free` from base to top."""
 
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Both ways."""
-        return (TendonFriction("guided"), TendonFriction("free"))
+    shapes = (("guided",), ("free",))
+    """Both ways."""
 
     def missing(self, table: Table) -> Missing | None:
         """Needs tendon tensions and the side of approach."""

@@ -13,12 +13,12 @@ from ecm.effects.protocol import (
     LookAlike,
     Missing,
     Parameter,
-    beside,
     listed,
     optional,
 )
 from ecm.effects.rod import (
     RodStrain,
+    change_by_other_body,
     generalised,
     mean_strain,
     rest_stiffness,
@@ -27,7 +27,6 @@ from ecm.effects.rod import (
     stretched,
     thicker_beam,
     wrench_of,
-    wrench_of_other_body,
 )
 from ecm.io.arrays import F, rms_of_columns
 from ecm.io.se3 import seen_from, turn_wrench, wrapped_rotation
@@ -59,10 +58,7 @@ class Anisotropy(Effect):
 
     id = "anisotropy"
     physics = "The section is stiffer in one bending plane than in the other."
-    parameters = (
-        Parameter("c_cos2phi", "1", 0.01, -0.5, 0.5),
-        Parameter("c_sin2phi", "1", 0.01, -0.5, 0.5),
-    )
+    parameters = tuple(Parameter(f"c_{wave}2phi", "1", 0.01, -0.5, 0.5) for wave in ("cos", "sin"))
     outside = LookAlike(
         "anything that is stiffer in one direction: a seam, a clamp that grips on two sides",
         "remount turned by 90 degrees",
@@ -73,13 +69,12 @@ class Anisotropy(Effect):
     lateral: float = 1.0
     """Lateral anisotropy over that of a beam whose bending stiffness alone is anisotropic."""
 
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """A beam; bonded ends, where shear has more of the lateral compliance; shear as well."""
-        return (Anisotropy(1.0), Anisotropy(0.5), Anisotropy(2.0))
+    shapes = ((1.0,), (0.5,), (2.0,))
+    """A beam; bonded ends, where shear has more of the lateral compliance; shear as well."""
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Shares between this one and its neighbours."""
-        return tuple(Anisotropy(x) for x in beside(self.lateral, 2.0 ** (0.5 ** (round_ + 1))))
+        return self.nearby("lateral", 2.0 ** (0.5 ** (round_ + 1)))
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of the stretched energy minus that of the base; turns with the mounting."""
@@ -141,9 +136,8 @@ class StrainStiffening(LinearEffect):
     def __post_init__(self) -> None:
         self.parameters = tuple(Parameter(n, "1", 0.05, -2.0, 5.0) for n in _LAWS[self.law])
 
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """All laws."""
-        return tuple(StrainStiffening(law) for law in _LAWS)
+    shapes = tuple((law,) for law in _LAWS)
+    """All laws."""
 
     def columns(self, rows: Rows) -> F:
         """Wrench per unit of c."""
@@ -247,13 +241,11 @@ class Compressibility(Effect):
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of the other nu, or of the stretched energy, minus that of the base."""
-
-        def other(body: dict[str, float]) -> dict[str, float]:
-            return body | {"poisson_ratio": (1.0 + body["poisson_ratio"]) / (1.0 + values[0]) - 1.0}
-
-        exact = wrench_of_other_body(rows, other)
+        exact = change_by_other_body(
+            rows, "poisson_ratio", lambda nu: (1.0 + nu) / (1.0 + values[0]) - 1.0
+        )
         if exact is not None:
-            return exact - rows.wrench
+            return exact
         share = rest_stiffness(rows).bending_share
         torsion, lateral = np.sqrt(1.0 + values[0]), np.sqrt(1.0 + (1.0 - share) * values[0])
         matrix = np.diag([1.0, lateral, lateral, torsion, 1.0, 1.0])
@@ -288,13 +280,9 @@ class LengthError(Effect):
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of the longer body, or of the shifted energy, minus that of the base."""
-
-        def longer(body: dict[str, float]) -> dict[str, float]:
-            return body | {"length_m": body["length_m"] + values[0]}
-
-        exact = wrench_of_other_body(rows, longer)
+        exact = change_by_other_body(rows, "length_m", lambda length: length + values[0])
         if exact is not None:
-            return exact - rows.wrench
+            return exact
         return stretched(rows, np.eye(6), -values[0] * np.eye(6)[0]) - rows.wrench
 
 
@@ -321,19 +309,14 @@ class DiameterError(Effect):
     body: str = optional("stubby")
     """A `stubby` bonded cylinder, or a `beam`."""
 
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Both bodies; on the physics base they are the same."""
-        return (DiameterError(), DiameterError("beam"))
+    shapes = (("stubby",), ("beam",))
+    """Both bodies; on the physics base they are the same."""
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of the thicker body, or of the stretched energy, minus that of the base."""
-
-        def thicker(body: dict[str, float]) -> dict[str, float]:
-            return body | {"diameter_m": body["diameter_m"] * (1.0 + values[0])}
-
-        exact = wrench_of_other_body(rows, thicker)
+        exact = change_by_other_body(rows, "diameter_m", lambda wide: wide * (1.0 + values[0]))
         if exact is not None:
-            return exact - rows.wrench
+            return exact
         if self.body == "beam":
             return np.asarray(values[0] * thicker_beam(rows))
         d = 1.0 + values[0]
@@ -352,14 +335,10 @@ class Taper(LinearEffect):
     physics = "The mechanism is stiffer at one end than at the other."
     parameters = (Parameter("softer_towards_top", "1", 0.02, -0.9, 0.9),)
     outside = LookAlike(
-        "anything that is softer at one end: uneven cure, a reinforced foot",
-        "turn it end for end",
+        "anything that is softer at one end: uneven cure, a reinforced foot", "turn it end for end"
     )
     signature = "m = 0, conservative; K(y, theta_z) is not -L/2 K(y, y)"
-    rivals = {
-        "tip_frame_misalignment": "end_for_end",
-        "base_compliance": "end_for_end",
-    }
+    rivals = {"tip_frame_misalignment": "end_for_end", "base_compliance": "end_for_end"}
 
     def columns(self, rows: Rows) -> F:
         """psi = -s (e^2 + gamma^2 / 3) / 2."""
@@ -403,9 +382,7 @@ class Pretension(LinearEffect):
         """Wrench per newton."""
         length = rows.length_m
         _, slope = mean_strain(mid_frame(rows.poses, length), length)
-        wrench = wrench_of(rows.poses, length * slope)
-        wrench[rows.unloaded] = 0.0
-        return wrench[:, :, None]
+        return rows.loaded(wrench_of(rows.poses, length * slope))[:, :, None]
 
 
 @dataclass(eq=False)
@@ -419,10 +396,7 @@ class FaceTilt(Effect):
 
     id = "face_tilt"
     physics = "The clamped face is not square to the axis, so that the mechanism stands askew."
-    parameters = (
-        Parameter("tilt_y", "rad", 2e-3, -0.3, 0.3),
-        Parameter("tilt_z", "rad", 2e-3, -0.3, 0.3),
-    )
+    parameters = tuple(Parameter(f"tilt_{axis}", "rad", 2e-3, -0.3, 0.3) for axis in "yz")
     outside = LookAlike(
         "anything that gives a constant moment at rest on the base side: an off-centre clamp",
         "remount turned by 180 degrees",
@@ -437,9 +411,8 @@ class FaceTilt(Effect):
     rest: str = "loaded"
     """Whether the tilt loads the rest pose (`loaded`) or was cast in (`free`)."""
 
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Mounted askew, or cast as a wedge."""
-        return (FaceTilt("loaded"), FaceTilt("free"))
+    shapes = (("loaded",), ("free",))
+    """Mounted askew, or cast as a wedge."""
 
     def correction(self, rows: Rows, values: F) -> F:
         """h(exp(-w) p) rotated by w; where the rest pose is free, less the pose error at rest."""
@@ -459,7 +432,6 @@ def _mounting(rows: Rows, times: int = 1) -> F:
 
 
 _ALONG, _WEIGHT = np.polynomial.legendre.leggauss(5)
-_POWERS = (0.0, 2.0, 6.0)
 
 
 @dataclass(eq=False)
@@ -478,35 +450,25 @@ class PreCurvature(LinearEffect):
 
     id = "pre_curvature"
     physics = "The mechanism is curved when nothing loads it."
-    parameters = (
-        Parameter("bend_y", "rad", 5e-3, -0.5, 0.5),
-        Parameter("bend_z", "rad", 5e-3, -0.5, 0.5),
-    )
+    parameters = tuple(Parameter(f"bend_{axis}", "rad", 5e-3, -0.5, 0.5) for axis in "yz")
     outside = LookAlike(
         "anything that gives a constant moment fixed to the body: uneven cure, a bent insert",
         "remount turned by 180 degrees",
     )
     signature = "m = 1, axes of the mechanism, a moment at home; conservative"
-    rivals = {
-        "payload": "remount_180",
-        "fts_offset": "remount_180",
-        "face_tilt": "end_for_end",
-    }
+    rivals = {"payload": "remount_180", "fts_offset": "remount_180", "face_tilt": "end_for_end"}
 
     power: float = 0.0
     """Power p with which the curvature grows towards both ends."""
 
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """An arc, and a bend more and more at the ends."""
-        return tuple(PreCurvature(power) for power in _POWERS)
+    shapes = ((0.0,), (2.0,), (6.0,))
+    """An arc, and a bend more and more at the ends."""
 
     def columns(self, rows: Rows) -> F:
         """Wrench per radian of the whole bend; the bend turns with the mounting."""
         weight = 0.5 * _WEIGHT * (self.power + 1.0) * np.abs(_ALONG) ** self.power
         slopes = -np.einsum("p,npki->nik", weight, section_moment_slopes(rows, _ALONG))
-        columns = slopes[:, :, 1:] @ _mounting(rows)
-        columns[rows.unloaded] = 0.0
-        return np.asarray(columns)
+        return rows.loaded(slopes[:, :, 1:] @ _mounting(rows))
 
 
 EFFECTS = (

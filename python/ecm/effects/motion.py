@@ -51,9 +51,8 @@ def velocity(table: Table) -> F:
 def needs_velocity(table: Table) -> Missing | None:
     """Missing where rows neither have a velocity nor are samples of a continuous test."""
     if table.has(*VELOCITY):
-        if float(np.abs(table.matrix(VELOCITY)).max(initial=0.0)) < 1e-9:
-            return Missing("nothing moved", "v_ columns of two approach speeds")
-        return None
+        still = float(np.abs(table.matrix(VELOCITY)).max(initial=0.0)) < 1e-9
+        return Missing("nothing moved", "v_ columns of two approach speeds") if still else None
     if table.continuous:
         return None
     return Missing("no velocity", "v_ columns, or the raw stream", absent=True)
@@ -93,11 +92,7 @@ class ViscousDamping(LinearEffect):
     needs = "velocity (v_ columns, or a continuous test)"
     requires = (needs_full, needs_velocity)
     kind = "time"
-    rivals = {
-        "hysteresis": "two_speeds",
-        "time_skew": "two_speeds",
-        "inertia": "settle_longer",
-    }
+    rivals = {"hysteresis": "two_speeds", "time_skew": "two_speeds", "inertia": "settle_longer"}
 
     of: str | None = optional(None)
     """Pairs of columns (`ecm.effects.pairs`) along which it acts; None: all twelve."""
@@ -115,8 +110,7 @@ class ViscousDamping(LinearEffect):
         """Needs velocities that differ."""
         if self.of is None:
             return super().missing(table)
-        lacking = needs_motion(table)
-        if lacking is not None:
+        if (lacking := needs_motion(table)) is not None:
             return lacking
         names = names_of(",".join(pairs(table)))
         if not table.has("time_s") and not all(table.has(f"v_{name}") for name in names):
@@ -202,8 +196,7 @@ def _translation_and_rotation(values: F, rows: Rows) -> F:
     columns = np.zeros((len(rows), 6, 2))
     columns[:, :3, 0] = values[:, :3]
     columns[:, 3:, 1] = values[:, 3:]
-    columns[rows.unloaded] = 0.0
-    return columns
+    return rows.loaded(columns)
 
 
 EFFECTS = (ViscousDamping(), Inertia(), TimeSkew())

@@ -56,10 +56,7 @@ class Outliers(NoiseEffect):
 
     id = "outliers"
     physics = "Single readings went wrong: a marker mistaken, a knock against the table."
-    outside = LookAlike(
-        "any rare wrong reading",
-        "measure those poses again",
-    )
+    outside = LookAlike("any rare wrong reading", "measure those poses again")
     signature = "few rows, no covariate"
     rivals = {"led_occlusion": "repeat_those_poses"}
 
@@ -139,10 +136,7 @@ class FtsQuantisation(NoiseEffect):
     id = "fts_quantisation"
     physics = "The sensor's converter has steps, and readings are rounded to them."
     parameters = (Parameter("steps", "1", 1.0, 0.0, 100.0),)
-    outside = LookAlike(
-        "any reading in steps: a rounded file, a slow logger",
-        "the raw counts",
-    )
+    outside = LookAlike("any reading in steps: a rounded file, a slow logger", "the raw counts")
     signature = "stepped histogram of the residual"
     needs = "the sensor's resolution ([instrument] fts_resolution)"
     requires = (needs_resolution, needs_twelve)

@@ -190,9 +190,10 @@ def on_output(rows: Rows, name: str, values: F) -> F:
 
 def columns_of_pairs(rows: Rows, of: str, signal: Callable[[str], F]) -> F:
     """(N, m, k) one column per pair: the signal of its pose column, zero on unloaded rows."""
-    made = []
-    for name, other, sign in map(split, of.split(",")):
-        made.append(on_output(rows, other, np.where(rows.unloaded, 0.0, sign * signal(name))))
+    made = [
+        on_output(rows, other, rows.loaded(sign * signal(name)))
+        for name, other, sign in map(split, of.split(","))
+    ]
     return np.stack(made, axis=2)
 
 
@@ -205,8 +206,7 @@ def needs_motion(table: Table) -> Missing | None:
 
 def needs_both_ways(table: Table) -> Missing | None:
     """Missing where no pose column goes up and down in the order of time."""
-    lacking = needs_time(table) or needs_motion(table)
-    if lacking is not None:
+    if (lacking := needs_time(table) or needs_motion(table)) is not None:
         return lacking
     for name in spans(table):
         steps = np.concatenate(

@@ -139,9 +139,9 @@ def needs_columns(*names: str) -> Need:
 
     def need(table: Table) -> Missing | None:
         lacking = [name for name in names if not table.has(name)]
-        if lacking:
-            return Missing(f"no column {lacking[0]}", ", ".join(lacking), absent=True)
-        return None
+        if not lacking:
+            return None
+        return Missing(f"no column {lacking[0]}", ", ".join(lacking), absent=True)
 
     return need
 
@@ -230,6 +230,8 @@ class Effect:
     """Share of its columns that the base may take before it counts as absorbed; None: the usual."""
     outside: LookAlike = LookAlike()
     """Causes outside the catalogue that look the same, and what would tell them apart."""
+    shapes: tuple[tuple[float | str, ...], ...] = ()
+    """Shapes worth trying on any table, as arguments of the class; empty: this one alone."""
 
     @property
     def shape(self) -> Shape:
@@ -246,16 +248,23 @@ class Effect:
 
     def missing(self, table: Table) -> Missing | None:
         """None where the table holds what the effect needs, else the first of `requires`."""
-        lacking = (need(table) for need in self.requires)
-        return next((item for item in lacking if item is not None), None)
+        return next(filter(None, (need(table) for need in self.requires)), None)
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """The shapes worth trying on this table, the plain one first; here only that."""
-        return (self,)
+        """The shapes worth trying on this table, the plain one first; here the listed ones."""
+        form_of: Any = type(self)
+        return tuple(form_of(*shape) for shape in self.shapes) or (self,)
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Shapes on both sides of this one, nearer with each round from 0; here none."""
         return ()
+
+    def nearby(self, name: str, factor: float, most: float = np.inf) -> tuple[Effect, ...]:
+        """This shape with a number of it over and times a factor, below `most`; none where 0."""
+        shape: Any = self
+        own = getattr(self, name)
+        numbers = beside(own, factor) if own else ()
+        return tuple(replace(shape, **{name: number}) for number in numbers if number < most)
 
     def refinement(self, table: Table) -> tuple[Effect, ...]:
         """Richer forms to try on held-out rows once the effect is accepted; here none."""
@@ -310,6 +319,14 @@ class LinearEffect(Effect):
     def jacobian(self, rows: Rows, values: F) -> F:
         """The columns, whatever the values."""
         return self.columns(rows)
+
+
+class TimedEffect(LinearEffect):
+    """Base class of effects that follow the order of the rows, or their times."""
+
+    needs = "order (time_s)"
+    requires = (needs_full, needs_varying("time_s", 1.0))
+    kind = "time"
 
 
 def correction_of(effect: Effect, rows: Rows, values: F) -> F:

@@ -340,8 +340,7 @@ def over_visits(rows: Rows, tau_s: float, frame: str = "") -> F:
     known = np.nan_to_num(dwell)
     goals = rows.material_wrench[:, None]
     if is_whole(rows.base):
-        came = rows.predict(rows.known_before)
-        came[rows.unloaded] = 0.0
+        came = rows.loaded(rows.predict(rows.known_before))
         goals = np.stack([came, rows.wrench], axis=1)
     if frame == "middle":
         came = generalised(rows.known_before, came)
@@ -364,8 +363,7 @@ def over_visits(rows: Rows, tau_s: float, frame: str = "") -> F:
         integral[order] = fading(parts, grown.reshape(-1, m), np.zeros(m))[moves + 1 :: moves + 1]
     if frame == "middle":
         integral = wrench_of(rows.poses, integral)
-    integral[rows.unloaded] = 0.0
-    return integral
+    return rows.loaded(integral)
 
 
 def _remaining_shares(steps_s: F, tau_s: float) -> F:

@@ -297,10 +297,7 @@ class RobotCompliance(_JointEffect):
     )
     signature = "depends on the joints, not on the pose alone"
     needs = "joint positions (q1_rad, ...), and poses from the encoders"
-    rivals = {
-        "base_compliance": "other_elbow",
-        "joint_offset": "camera_calibration",
-    }
+    rivals = {"base_compliance": "other_elbow", "joint_offset": "camera_calibration"}
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of the balance minus that of a rigid arm."""

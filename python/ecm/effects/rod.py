@@ -13,6 +13,7 @@ rod follows from force and torque at the top, without an assumption on the load.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,7 @@ import numpy as np
 from ecm._native import inverse_left_jacobians, left_jacobians, mid_frame, rotation_matrices
 from ecm.io.arrays import F, central_differences
 from ecm.io.se3 import poses_of
-from ecm.regression.rows import BodyChange, Rows
+from ecm.regression.rows import Rows
 
 
 def stretched(rows: Rows, matrix: F, shift: F) -> F:
@@ -160,9 +161,7 @@ class RodStrain:
         by_axial, slope = by_axial * self.weight, self.shear_slope.reshape(-1, 6)
         force = by_axial.sum(axis=1)[:, None] * self.mean_slope + by_axial @ self.bent
         force += (by_shear * self.weight[:, None]).reshape(-1, len(slope)) @ slope
-        wrench = wrench_of(rows.poses, size * force)
-        wrench[rows.unloaded] = 0.0
-        return wrench
+        return rows.loaded(wrench_of(rows.poses, size * force))
 
 
 def rod_strain(rows: Rows) -> RodStrain:
@@ -222,9 +221,7 @@ def thicker_beam(rows: Rows) -> F:
     mean, slope = mean_strain(q, known.length_m, known.bending_share)
     force = (known.axial * known.length_m**2 * mean)[:, None] * slope
     force[:, 1:3] += (1.0 - known.bending_share) * known.lateral * q[:, 1:3]
-    wrench = wrench_of(rows.poses, force)
-    wrench[rows.unloaded] = 0.0
-    return 4.0 * rows.wrench - 2.0 * wrench
+    return 4.0 * rows.wrench - 2.0 * rows.loaded(wrench_of(rows.poses, force))
 
 
 _STEP = (1e-6,) * 3 + (1e-5,) * 3
@@ -284,9 +281,10 @@ def _section(q: F, length_m: float, bending_share: float, s: float) -> tuple[F, 
     return place, turn
 
 
-def wrench_of_other_body(rows: Rows, change: BodyChange) -> F | None:
-    """(N, 6) wrench of the base with changed E, nu, L, D; None where it is no family of bodies."""
-    other = rows.base.other_body(change)
-    if other is None:
-        return None
-    return rows.where_loaded(other.predict, rows.poses, 6)
+def change_by_other_body(rows: Rows, name: str, change: Callable[[float], float]) -> F | None:
+    """(N, 6) wrench of the base's map with another number of the body, minus the base's.
+
+    None where the map has one body only.
+    """
+    other = rows.base.other_body(lambda body: body | {name: change(body[name])})
+    return None if other is None else rows.where_loaded(other.predict, rows.poses, 6) - rows.wrench

@@ -9,11 +9,12 @@ wrongly, and moved back.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from ecm.effects.ageing import settled, settling_times, times_between
+from ecm.effects.ageing import SOON, settled, settling_times
+from ecm.effects.contact import twist
 from ecm.effects.friction import Hysteresis
 from ecm.effects.pairs import on_output, short
 from ecm.effects.protocol import (
@@ -124,10 +125,7 @@ class FtsOffset(CourseEffect):
     )
     signature = "constant in body axes, not conservative (a follower load)"
     side = "measurement"
-    rivals = {
-        "payload": "zero_at_two_orientations",
-        "tip_frame_misalignment": "unloaded_zero",
-    }
+    rivals = {"payload": "zero_at_two_orientations", "tip_frame_misalignment": "unloaded_zero"}
 
     acts: str = optional("always")
     """`always`, or `mounted`: not on the free sensor."""
@@ -184,10 +182,7 @@ class FtsDrift(CourseEffect):
     requires = (needs_full, needs_varying("time_s", 1.0))
     side = "measurement"
     kind = "time"
-    rivals = {
-        "fts_thermal_drift": "warm_up_log",
-        "marker_motion": "zero_every_ten_poses",
-    }
+    rivals = {"fts_thermal_drift": "warm_up_log", "marker_motion": "zero_every_ten_poses"}
 
     tau_s: float = optional(np.inf)
     """Time in which the drift settles; infinite for a steady one."""
@@ -202,8 +197,8 @@ class FtsDrift(CourseEffect):
         return tuple(FtsDrift(tau, zeroed) for zeroed in zeroings(table) for tau in taus)
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Times between this one and its neighbours."""
-        return tuple(replace(self, tau_s=tau) for tau in times_between(self.tau_s, round_))
+        """Times between this one and its neighbours; none of a steady drift."""
+        return self.nearby("tau_s", SOON ** -(0.5 ** (round_ + 1)))
 
     def course(self, rows: Rows) -> F:
         """g(t), or g(t) - g(t_begin)."""
@@ -233,10 +228,7 @@ class FtsThermalDrift(CourseEffect):
     requires = (needs_full, needs_varying("sensor_temperature_degC", 0.25))
     side = "measurement"
     kind = "time"
-    rivals = {
-        "fts_drift": "warm_up_log",
-        "temperature_modulus": "zero_warm_and_cold",
-    }
+    rivals = {"fts_drift": "warm_up_log", "temperature_modulus": "zero_warm_and_cold"}
 
     reference_degC: float | None = optional(None)
     """Temperature at which the sensor was zeroed; None: that of the first row, or 0 degC of
@@ -301,7 +293,7 @@ class GrowingLoad(CourseEffect):
 
     def course(self, rows: Rows) -> F:
         """t, zero where the sensor is unloaded."""
-        return np.where(rows.unloaded, 0.0, rows.time_s())
+        return rows.loaded(rows.time_s())
 
 
 _KNEES = (0.3, 0.6, 0.85)
@@ -412,10 +404,7 @@ class FtsFrame(LinearEffect):
 
     id = "fts_frame"
     physics = "The sensor is shifted or turned against its stated pose on the platform."
-    parameters = (
-        *(Parameter(f"sensor_d{axis}", "m", 1e-3, -0.05, 0.05) for axis in "xyz"),
-        *(Parameter(f"sensor_w{axis}", "rad", 5e-3, -0.3, 0.3) for axis in "xyz"),
-    )
+    parameters = twist("sensor", 1e-3, 0.05, 5e-3)
     outside = LookAlike(
         "anything that moves the point of the torque: a spacer, a frame of another tool",
         "a pure force at three points",
@@ -455,8 +444,7 @@ class FtsSaturation(LinearEffect):
     physics = "The sensor reads ever less near the end of an axis' range."
     parameters = (Parameter("lost", "1", 0.1, 0.0, 1.5),)
     outside = LookAlike(
-        "any ceiling of a reading: a limit of the logger, a stop in the sensor",
-        "the raw counts",
+        "any ceiling of a reading: a limit of the logger, a stop in the sensor", "the raw counts"
     )
     signature = "a ceiling on one raw axis"
     needs = "the sensor's range ([instrument] fts_range)"
@@ -481,8 +469,7 @@ class FtsSaturation(LinearEffect):
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Knees between this one and its neighbours."""
-        knees = beside(self.knee, 1.0 + 0.4 * 0.5**round_)
-        return tuple(FtsSaturation(self.axis, knee) for knee in knees)
+        return self.nearby("knee", 1.0 + 0.4 * 0.5**round_)
 
     def columns(self, rows: Rows) -> F:
         """Minus the part of the load beyond the knee."""
@@ -541,9 +528,8 @@ class FtsHysteresis(LinearEffect):
         if self.axes == "each":
             self.parameters = tuple(Parameter(f"{a}_lag", "1", 0.02, -1.0, 1.0) for a in AXES)
 
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Three widths, axes alike or not."""
-        return tuple(FtsHysteresis(w, axes) for axes in ("alike", "each") for w in _WIDTHS)
+    shapes = tuple((w, axes) for axes in ("alike", "each") for w in _WIDTHS)
+    """Three widths, axes alike or not."""
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Widths between this one and its neighbours."""

@@ -204,11 +204,11 @@ class ActuatedModel(ModelSpecification):
             # By the weights alone first: from the fit by spreads poses may run away.
             whitener = noise.covariance(Rows(table, fitted))
             fitted, covariance, variance = solve(rows[:, :6], wrenches, whitener)
-            result = fit_with_pose_noise(table, fitted, noise, AllRows(solve), progress=progress)
-            if result.converged:
-                fitted, covariance = cast(ActuatedMap, result.base), result.covariance
-                variance = result.residual_variance
-        return FittedMap(fitted, noise, covariance, variance)
+            found = fit_with_pose_noise(table, fitted, noise, AllRows(solve), progress=progress)
+            if not found.converged:
+                found = FittedMap(fitted, noise, covariance, variance)
+            fitted = cast(ActuatedMap, found.base)
+        return found
 
     def empty_map(self, rows: F, length_m: float, actuators: tuple[str, ...]) -> ActuatedMap:
         """The map whose coefficients are all 0, in the scales of rows (N, 6 + m)."""
@@ -272,13 +272,7 @@ def _spread(values: F) -> F:
 
 
 def _fitted(
-    base: ActuatedMap,
-    rows: F,
-    wrenches: F,
-    whitener: F,
-    amounts: F,
-    amount_sd: F,
-    of: list[int],
+    base: ActuatedMap, rows: F, wrenches: F, whitener: F, amounts: F, amount_sd: F, of: list[int]
 ) -> tuple[ActuatedMap, F, float]:
     """Map, covariance (k, k) for unit noise and whitened residual square per degree of freedom.
 
@@ -384,8 +378,7 @@ class WallStiffness(ModelSpecification):
         rows = inputs_of(base, table)
         noise = declared_or_fitted(base, table)
         if weights == "spread" or noise.source != "declared":
-            spread = table.wrenches.std(axis=0)
-            spread[spread == 0.0] = max(float(spread.max()), 1e-300)
+            spread = _spread(table.wrenches)
             whitener = np.broadcast_to(np.diag(1.0 / spread), (len(table), 6, 6))
         else:
             whitener = whiteners(noise.covariance(Rows(table, base)))

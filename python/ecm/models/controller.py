@@ -414,12 +414,7 @@ class Controller:
         return _nothing() if found is None else found
 
     def predict_ahead(
-        self,
-        poses: F,
-        dt_s: float,
-        *,
-        temperature_degC: float | None = None,
-        age_s: float = 0.0,
+        self, poses: F, dt_s: float, *, temperature_degC: float | None = None, age_s: float = 0.0
     ) -> tuple[F, F]:
         """Wrenches (N, 6) and tangents (N, 6, 6) along planned poses; the state stays.
 

@@ -135,15 +135,10 @@ class EnergyModel(ModelSpecification):
             told = steps.within(_FEW)
             start = fit_with_pose_noise(few, start, noise, terms, progress=told).base
         told = steps.within(_ALL)
-        result = fit_with_pose_noise(table, start, noise, terms, near=many, progress=told)
-        return FittedMap(result.base, noise, result.covariance, result.residual_variance)
+        return fit_with_pose_noise(table, start, noise, terms, near=many, progress=told)
 
     def maps_without(
-        self,
-        table: Table,
-        fold: I,
-        fitted: StiffnessMap | None,
-        progress: Progress | None = None,
+        self, table: Table, fold: I, fitted: StiffnessMap | None, progress: Progress | None = None
     ) -> list[StiffnessMap] | None:
         """One step from the fit to all rows; None where wrench columns are missing."""
         if is_partial(table):

@@ -31,7 +31,7 @@ from ecm.io.arrays import F, I
 from ecm.io.columns import POSE
 from ecm.io.events import Progress
 from ecm.io.table import Table
-from ecm.models.maps import Solved, StiffnessMap
+from ecm.models.maps import FittedMap, Solved, StiffnessMap
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.normal_equations import in_blocks, triangles_of_folds, without_each
 from ecm.regression.rows import columns_of, inputs_of
@@ -80,20 +80,6 @@ _LARGEST_SHIFT = 6.0
 """Largest shift of a pose, in standard deviations of the pose noise."""
 
 
-@dataclass(frozen=True)
-class NoisyPoseFit:
-    """Result of a fit with pose noise."""
-
-    base: StiffnessMap
-    covariance: F
-    """(k, k) covariance of the coefficients, from the stated noise."""
-    residual_variance: float
-    """Whitened residual square per degree of freedom: 1 where noise and model are right."""
-    poses: F
-    """(N, n) most likely true poses."""
-    converged: bool
-
-
 def fit_with_pose_noise(
     table: Table,
     start: StiffnessMap,
@@ -102,7 +88,7 @@ def fit_with_pose_noise(
     *,
     near: bool = False,
     progress: Progress | None = None,
-) -> NoisyPoseFit:
+) -> FittedMap:
     """Maximum likelihood fit of the coefficients and the true poses.
 
     Parameters
@@ -144,7 +130,7 @@ def fit_with_pose_noise(
             break
         passes.ended(change, change / last)
         rows = rows.moved(base, noise)
-    return NoisyPoseFit(base, covariance, variance, rows.poses, change < 0.1)
+    return FittedMap(base, noise, covariance, variance, change < 0.1)
 
 
 class _Passes:

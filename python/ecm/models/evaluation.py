@@ -109,11 +109,7 @@ class EvaluatedModel:
 
     @takes_table(name="data", or_array=True)
     def predict(
-        self,
-        data: TableLike | F,
-        actuation: F | None = None,
-        *,
-        skip_untestable: bool = False,
+        self, data: TableLike | F, actuation: F | None = None, *, skip_untestable: bool = False
     ) -> F:
         """(N, m) wrench, N and N m, at poses (N, n), or expected readings of a table.
 
@@ -600,7 +596,8 @@ def pose_error(
     if not axes:
         return PoseError((), numbers[:0], np.zeros((0, 6)), None, None, numbers)
     some = table.select(measured[evenly(len(measured), _TYPICAL_ROWS)])
-    typical = _typical_stiffness(model, some, axes)
+    largest = np.abs(np.einsum("nii->ni", _stiffness(model, some, axes)[1]))
+    typical = np.asarray(np.median(largest, axis=0))
     parts = [
         _of_block(model, table.select(rows), errors[rows], noise, axes, typical)
         for rows in np.split(measured, range(_BLOCK, len(measured), _BLOCK))
@@ -666,12 +663,6 @@ def _stiffness(model: EvaluatedModel, table: Table, axes: list[int]) -> tuple[F,
     screw = partial.copy()
     screw[:, :, -3:] = partial[:, :, -3:] @ inverse_left_jacobians(_rotations(table))
     return partial, screw
-
-
-def _typical_stiffness(model: EvaluatedModel, table: Table, axes: list[int]) -> F:
-    """(a,) typical stiffness of each axis, N/m and N m/rad."""
-    _, screw = _stiffness(model, table, axes)
-    return np.asarray(np.median(np.abs(np.einsum("nii->ni", screw)), axis=0))
 
 
 def _rotations(table: Table) -> F:

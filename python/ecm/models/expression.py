@@ -263,19 +263,15 @@ class Equations:
                 (statement,) = ast.parse(line).body
             except (SyntaxError, ValueError, RecursionError, MemoryError):
                 statement = None
-            known = isinstance(statement, ast.Assign) and len(statement.targets) == 1
-            target = statement.targets[0] if isinstance(statement, ast.Assign) else None
-            if (
-                not known
-                or not isinstance(statement, ast.Assign)
-                or not isinstance(target, ast.Name)
-            ):
-                raise InputError(
-                    f"equation {shown(line)}: expected WRENCH_COLUMN = EXPRESSION, as in "
-                    "fx_N = k * x_m + c * x_m**3"
-                )
-            _check(statement.value, line)
-            made.append((target.id, statement.value))
+            match statement:
+                case ast.Assign(targets=[ast.Name(id=name)], value=value):
+                    _check(value, line)
+                    made.append((name, value))
+                case _:
+                    raise InputError(
+                        f"equation {shown(line)}: expected WRENCH_COLUMN = EXPRESSION, as in "
+                        "fx_N = k * x_m + c * x_m**3"
+                    )
         names = [name for name, _ in made]
         wrong = [name for name in names if names.count(name) > 1]
         wrong += [name for name in names if name in POSE or name in _RESERVED]

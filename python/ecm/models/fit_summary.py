@@ -32,12 +32,7 @@ _USELESS = 3.0
 
 
 def fit_summary(
-    fitted: Model,
-    table: Table,
-    model: ModelSpecification,
-    *,
-    seed: int = 0,
-    progress: Told = None,
+    fitted: Model, table: Table, model: ModelSpecification, *, seed: int = 0, progress: Told = None
 ) -> dict[str, Any]:
     """Return error on the fitted and on held-out rows, absolute and as a share of the spread.
 
@@ -127,10 +122,7 @@ def _parameters(fitted: Model) -> dict[str, Any] | None:
     return {
         name: {"value": float(value), "sd": float(error)}
         for name, value, error in zip(base.parameter_names, values, sd, strict=True)
-    } | {
-        "covariance": fitted.covariance.tolist(),
-        "sentences": sentences,
-    }
+    } | {"covariance": fitted.covariance.tolist(), "sentences": sentences}
 
 
 def _held_out(

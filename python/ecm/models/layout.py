@@ -134,8 +134,7 @@ def row(*layouts: Layout) -> Layout:
     n = len(layouts)
     whole = must(lambda value: isinstance(value, list) and len(value) == n, f"a list of {n} values")
     return _each(
-        whole,
-        lambda value: ((f"[{i}]", value[i], layout) for i, layout in enumerate(layouts)),
+        whole, lambda value: ((f"[{i}]", value[i], layout) for i, layout in enumerate(layouts))
     )
 
 

@@ -357,17 +357,12 @@ class _Backbone(SixAxisMap):
     names: ClassVar[tuple[str, ...]]
     """Names of the parameters, with their units."""
     length: float
-    parameters: F
+    coefficients: F
 
     @property
     def length_m(self) -> float | None:
         """Length of the mechanism, m."""
         return self.length
-
-    @property
-    def coefficients(self) -> F:
-        """The parameters."""
-        return self.parameters
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -376,7 +371,7 @@ class _Backbone(SixAxisMap):
 
     def with_coefficients(self, coefficients: F) -> Any:
         """The same map with other parameters."""
-        return replace(self, parameters=np.asarray(coefficients, dtype=np.float64))
+        return replace(self, coefficients=np.asarray(coefficients, dtype=np.float64))
 
     def predict(self, poses: F) -> F:
         """(N, 6) poses to (N, 6) wrenches."""
@@ -393,7 +388,7 @@ class _Backbone(SixAxisMap):
 
     def document(self) -> dict[str, Any]:
         """Length and parameters by name."""
-        parameters = dict(zip(self.names, self.parameters.tolist(), strict=True))
+        parameters = dict(zip(self.names, self.coefficients.tolist(), strict=True))
         return self.head(length_m=self.length, parameters=parameters)
 
     @classmethod
@@ -440,7 +435,7 @@ class ConstantCurvatureMap(_Backbone):
 
     def predict(self, poses: F) -> F:
         """(N, 6) poses to (N, 6) wrenches."""
-        return finite("the prediction", lambda: self.columns(poses) @ self.parameters)
+        return finite("the prediction", lambda: self.columns(poses) @ self.coefficients)
 
 
 def rod_sections(compliance: F, length_m: float) -> dict[str, float]:
@@ -492,11 +487,11 @@ class RodMap(_Backbone):
         return poses
 
     def _sections(self) -> dict[str, float]:
-        return dict(zip(ROD_SECTIONS, map(float, self.parameters), strict=True))
+        return dict(zip(ROD_SECTIONS, map(float, self.coefficients), strict=True))
 
     def _start(self, poses: F) -> F:
         """The linear rod in mid-frame coordinates."""
-        ea, ga, ei, gj = self.parameters
+        ea, ga, ei, gj = self.coefficients
         q = mid_frame(poses, self.length)
         lateral = 1.0 / (self.length / ga + self.length**3 / (12.0 * ei))
         k = np.array(
@@ -506,9 +501,9 @@ class RodMap(_Backbone):
 
     def columns(self, poses: F) -> F:
         """(N, 6, 4) derivative to the parameters, by central differences."""
-        steps = (1e-5 * self.parameters).tolist()
+        steps = (1e-5 * self.coefficients).tolist()
         slopes = central_differences(
-            lambda at: self.with_coefficients(at).predict(poses), self.parameters, steps
+            lambda at: self.with_coefficients(at).predict(poses), self.coefficients, steps
         )
         return np.stack(slopes, axis=2)
 

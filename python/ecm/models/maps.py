@@ -237,13 +237,11 @@ class PolynomialMap(MapDefaults):
 
     def columns(self, poses: F) -> F:
         """(N, m, k) block diagonal: the same regressor for each output."""
-        regressor = self.regressor(poses)
-        n, k = regressor.shape
-        m = len(self.outputs)
-        columns = np.zeros((n, m, m * k))
-        for j in range(m):
-            columns[:, j, j * k : (j + 1) * k] = regressor
-        return columns
+        regressor, each = self.regressor(poses), np.arange(len(self.outputs))
+        (n, k), m = regressor.shape, len(each)
+        columns = np.zeros((n, m, m, k))
+        columns[:, each, each] = regressor[:, None]
+        return columns.reshape(n, m, m * k)
 
     def with_coefficients(self, coefficients: F) -> PolynomialMap:
         """The same terms with other coefficients (k,)."""
@@ -517,11 +515,11 @@ def wrench_variances(base: StiffnessMap, covariance: F, poses: F) -> F:
     >>> wrench_variances(model.base, model.covariance, np.zeros((2, 1))).shape
     (2, 1)
     """
-    shares = _OwnVariances.of(base, covariance) if isinstance(base, PolynomialMap) else None
+    by_block = _own_variances(base, covariance)
 
     def of_block(block: slice) -> F:
         part = np.ascontiguousarray(poses[block])
-        return shares.at(part) if shares else variances_of(base.columns(part), covariance)
+        return by_block(part) if by_block else variances_of(base.columns(part), covariance)
 
     blocks = in_blocks(len(poses), of_block)
     return np.concatenate([np.zeros((0, len(base.outputs))), *blocks])
@@ -542,17 +540,17 @@ def variances_of(columns: F, covariance: F) -> F:
 def leverages(base: StiffnessMap, covariance: F, noise: Noise, poses: F) -> F:
     """(N,) leverage of poses (N, 6)."""
     known = {} if base.length_m is None else {"length_m": base.length_m}
-    shares = _OwnVariances.of(base, covariance) if isinstance(base, PolynomialMap) else None
+    by_block = _own_variances(base, covariance)
     # P = R R', so that only the columns' images are needed, block by block.
-    values, vectors = (np.zeros(0), np.zeros(0)) if shares else np.linalg.eigh(covariance)
+    values, vectors = (np.zeros(0), np.zeros(0)) if by_block else np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
 
     def of_block(block: slice) -> F:
         part = np.ascontiguousarray(poses[block])
         table = Table(columns_of(base, part), Meta(mechanism=known), "poses")
         row_covariance = noise.covariance(Rows(table, base))
-        if shares is not None:
-            own = shares.at(part) / np.einsum("njj->nj", row_covariance)
+        if by_block is not None:
+            own = by_block(part) / np.einsum("njj->nj", row_covariance)
             return np.asarray(own.max(axis=1))
         columns = base.columns(part)
         # One product of two matrices: many small ones are slow.
@@ -564,39 +562,33 @@ def leverages(base: StiffnessMap, covariance: F, noise: Noise, poses: F) -> F:
     return np.concatenate([np.zeros(0), *in_blocks(len(poses), of_block)])
 
 
-@dataclass(frozen=True)
-class _OwnVariances:
-    """Variance of each output of a polynomial: each has coefficients of its own, in blocks."""
+def _own_variances(base: StiffnessMap, covariance: F) -> Callable[[F], F] | None:
+    """(N, m) variances of a free polynomial at poses (N, n), an output by itself; None of others.
 
-    base: PolynomialMap
-    blocks: tuple[F, ...]
-    """(k, k) covariances that are no multiple of one before."""
-    outputs: tuple[tuple[int, float], ...]
-    """Number of each output's block, and the factor on it."""
+    The block of each output is often a multiple of one before it, and its form that of the other.
+    """
+    if not isinstance(base, PolynomialMap):
+        return None
+    k = len(covariance) // len(base.outputs)
+    blocks: list[F] = []
+    outputs: list[tuple[int, float]] = []
+    for j in range(len(base.outputs)):
+        own = covariance[j * k : (j + 1) * k, j * k : (j + 1) * k]
+        for i, block in enumerate(blocks):
+            factor = float(np.trace(own) / max(np.trace(block), 1e-300))
+            if np.allclose(own, factor * block, rtol=1e-12, atol=0.0):
+                outputs.append((i, factor))
+                break
+        else:
+            outputs.append((len(blocks), 1.0))
+            blocks.append(own)
 
-    @staticmethod
-    def of(base: PolynomialMap, covariance: F) -> _OwnVariances:
-        """Outputs fitted by ordinary least squares share their block up to a factor."""
-        k = len(covariance) // len(base.outputs)
-        blocks: list[F] = []
-        outputs: list[tuple[int, float]] = []
-        for j in range(len(base.outputs)):
-            own = covariance[j * k : (j + 1) * k, j * k : (j + 1) * k]
-            for i, block in enumerate(blocks):
-                factor = float(np.trace(own) / max(np.trace(block), 1e-300))
-                if np.allclose(own, factor * block, rtol=1e-12, atol=0.0):
-                    outputs.append((i, factor))
-                    break
-            else:
-                outputs.append((len(blocks), 1.0))
-                blocks.append(own)
-        return _OwnVariances(base, tuple(blocks), tuple(outputs))
+    def variances(poses: F) -> F:
+        x = base.regressor(poses)
+        forms = [np.einsum("nk,nk->n", x @ block, x) for block in blocks]
+        return np.stack([factor * forms[i] for i, factor in outputs], axis=1)
 
-    def at(self, poses: F) -> F:
-        """(N, m) x' P_jj x."""
-        x = self.base.regressor(poses)
-        forms = [np.einsum("nk,nk->n", x @ block, x) for block in self.blocks]
-        return np.stack([factor * forms[i] for i, factor in self.outputs], axis=1)
+    return variances
 
 
 Weights = Literal["auto", "noise", "spread"]
@@ -613,6 +605,7 @@ class FittedMap:
     """(k, k) covariance of the coefficients; None where it is not known."""
     residual_variance: float | None = None
     """Whitened residual square per degree of freedom; None where the noise was not used."""
+    converged: bool = True
 
 
 @dataclass(frozen=True)
@@ -672,11 +665,7 @@ class ModelSpecification(Checked, ABC):
         """Fit the map to a table that holds measured rows only; `progress` is told the share."""
 
     def maps_without(
-        self,
-        table: Table,
-        fold: I,
-        fitted: StiffnessMap | None,
-        progress: Progress | None = None,
+        self, table: Table, fold: I, fitted: StiffnessMap | None, progress: Progress | None = None
     ) -> list[StiffnessMap] | None:
         """Maps fitted without each fold of many rows, at the cost of one fit; None by default.
 

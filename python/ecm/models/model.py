@@ -126,10 +126,7 @@ class Model(Shown, EvaluatedModel):
             + figures.drawn_sentence(table.matrix(self.outputs)),
             self._over_displacement(table),
         )
-        sections = [
-            Section("Model", self.blocks()),
-            Section("Measured and modelled", [figure]),
-        ]
+        sections = [Section("Model", self.blocks()), Section("Measured and modelled", [figure])]
         return Report(f"Model {self.name}", f"{table.source}: {len(table)} rows", sections)
 
     @property

@@ -8,6 +8,7 @@ energy, whose pure turns do no work at the forces), it keeps to the measured one
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Any, cast
 
 import numpy as np
@@ -28,6 +29,11 @@ _UNSEEN = 1e-6
 """Share of the largest square of a unit combination of coefficients that counts as unseen."""
 
 
+def _of_whole(name: str) -> Any:
+    """What the whole map says of itself by this name."""
+    return property(attrgetter(f"whole.{name}"))
+
+
 @dataclass(frozen=True, eq=False)
 class MeasuredMap(MapDefaults):
     """Some wrench columns of a map.
@@ -45,45 +51,20 @@ class MeasuredMap(MapDefaults):
     whole: StiffnessMap
     outputs: tuple[str, ...]
 
+    name = _of_whole("name")
+    kind = _of_whole("kind")
+    inputs = _of_whole("inputs")
+    length_m = _of_whole("length_m")
+    coefficients = _of_whole("coefficients")
+    parameter_names = _of_whole("parameter_names")
+    parameter_unit = _of_whole("parameter_unit")
+    bounds = _of_whole("bounds")
+    prior = _of_whole("prior")
+
     @property
     def places(self) -> list[int]:
         """Places of the columns in the whole map's."""
         return [self.whole.outputs.index(name) for name in self.outputs]
-
-    @property
-    def name(self) -> str:
-        """Name of the whole map."""
-        return self.whole.name
-
-    @property
-    def kind(self) -> str:
-        """Kind of the whole map."""
-        return self.whole.kind
-
-    @property
-    def inputs(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Pose columns."""
-        return self.whole.inputs
-
-    @property
-    def length_m(self) -> float | None:
-        """Length of the mechanism, where the map needs it."""
-        return self.whole.length_m
-
-    @property
-    def coefficients(self) -> F:
-        """(k,) of the whole map."""
-        return self.whole.coefficients
-
-    @property
-    def parameter_names(self) -> tuple[str, ...]:
-        """(k,) of the whole map."""
-        return self.whole.parameter_names
-
-    @property
-    def parameter_unit(self) -> str:  # type: ignore[override]
-        """That of the whole map."""
-        return self.whole.parameter_unit
 
     @property
     def error(self) -> F:
@@ -97,16 +78,6 @@ class MeasuredMap(MapDefaults):
     def further_columns(self, poses: F) -> F:
         """(N, m, e) of these columns."""
         return np.ascontiguousarray(self.whole.further_columns(poses)[:, self.places])
-
-    @property
-    def bounds(self) -> tuple[F, F] | None:
-        """Those of the whole map."""
-        return self.whole.bounds
-
-    @property
-    def prior(self) -> tuple[F, F] | None:
-        """Those of the whole map."""
-        return self.whole.prior
 
     def predict(self, poses: F) -> F:
         """(N, n) poses to (N, m) wrenches."""

@@ -253,8 +253,7 @@ class PolynomialModel(ModelSpecification):
             def solve(poses: F, wrenches: F, covariance: F) -> tuple[StiffnessMap, F, float]:
                 return fit_polynomial_gls(base, poses, wrenches, covariance)
 
-            result = fit_with_pose_noise(table, base, noise, AllRows(solve), progress=progress)
-            return FittedMap(result.base, noise, result.covariance, result.residual_variance)
+            return fit_with_pose_noise(table, base, noise, AllRows(solve), progress=progress)
         noise = declared_or_fitted(base, table)
         n, k = len(poses), len(model.coefficients)
         if self.pcr is not None or n <= k:
@@ -263,11 +262,7 @@ class PolynomialModel(ModelSpecification):
         return FittedMap(base, noise, np.asarray(covariance, dtype=np.float64))
 
     def maps_without(
-        self,
-        table: Table,
-        fold: I,
-        fitted: StiffnessMap | None,
-        progress: Progress | None = None,
+        self, table: Table, fold: I, fitted: StiffnessMap | None, progress: Progress | None = None
     ) -> list[StiffnessMap] | None:
         """Least squares of the other folds' rows; None with a threshold, which needs all rows."""
         if self.pcr is not None:

@@ -130,8 +130,7 @@ def refuse_worse(
     reasons = _worse_than_mean(fitted, table, errors, noise, held_out or {})
     if reasons:
         raise ComputationError(
-            f"the fit is no model of these data: {'; '.join(reasons)}{_why(fitted)}",
-            remedy=CHOOSE,
+            f"the fit is no model of these data: {'; '.join(reasons)}{_why(fitted)}", remedy=CHOOSE
         )
 
 

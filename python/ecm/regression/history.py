@@ -423,20 +423,6 @@ class SlowNoise:
         )
 
 
-@dataclass(frozen=True)
-class _Series:
-    """N rows of m components in the order of time, run after run."""
-
-    steps: F
-    """(N,) time since the row before; infinite where a run begins."""
-    response: F
-    """(N, m)."""
-    base: F
-    """(N, m, b)."""
-    columns: F
-    """(N, m, k)."""
-
-
 def slow_noise(
     time_s: F,
     orders: Sequence[I],
@@ -478,36 +464,36 @@ def slow_noise(
     if sum(map(len, orders)) < _LEAST_ROWS:
         return None
     order = np.concatenate(orders)
+    response, columns = response[order][:, :, None], columns[order]
     # Of unit length and at right angles, so that the filter leaves products that can be inverted.
     own = base[order]
     basis = orthonormal(own.reshape(-1, own.shape[2])).reshape(*own.shape[:2], -1)
-    steps = np.concatenate([np.r_[np.inf, np.diff(time_s[rows])] for rows in orders])
-    series = _Series(np.maximum(steps, 1e-9), response[order], basis, columns[order])
+    gaps = np.concatenate([np.r_[np.inf, np.diff(time_s[rows])] for rows in orders])
     # Clocks that are rounded repeat a time.
-    later = steps[np.isfinite(steps) & (steps > 0.0)]
+    steps, later = np.maximum(gaps, 1e-9), gaps[np.isfinite(gaps) & (gaps > 0.0)]
     longest = float(max(np.ptp(time_s[rows]) for rows in orders))
     times = np.geomspace(float(np.median(later)), longest / 4.0, _TIMES)
     grid = np.array([(0.0, 0.0), *((t, share) for t in times for share in _SHARES)])
-    first = _deviances(series, grid, series.response[:, :, None], ())
+    first = _deviances(steps, grid, basis, columns, response, ())
     best = int(np.argmin(first[0][:, 0]))
     if best == 0:
         return None
-    drawn = _drawn(series, *grid[best])
-    null, with_block = _deviances(
-        series, grid, np.concatenate([series.response[:, :, None], drawn], axis=2), blocks
-    )
+    responses = np.concatenate([response, _drawn(steps, response.shape[1], *grid[best])], axis=2)
+    null, with_block = _deviances(steps, grid, basis, columns, responses, blocks)
     # Each with the noise that suits it best; the block that gains most, as it was chosen.
     gains = (null.min(axis=0) - with_block.min(axis=0)).max(axis=0, initial=-np.inf)
     p = (1.0 + float((gains[1:] >= gains[0]).sum())) / len(gains)
     return SlowNoise(float(grid[best, 0]), float(grid[best, 1]), p)
 
 
-def _drawn(series: _Series, time_s: float, share: float) -> F:
-    """Return (N, m, draws) noise of the given correlation time and share of the slow part."""
-    n, m = series.response.shape
-    random = np.random.default_rng(_SEED)
+def _drawn(steps: F, m: int, time_s: float, share: float) -> F:
+    """Return (N, m, draws) noise of the given correlation time and share of the slow part.
+
+    `steps` (N,) are the times since the row before, infinite where a run begins.
+    """
+    n, random = len(steps), np.random.default_rng(_SEED)
     slow = random.standard_normal((n, m, _DRAWS))
-    keep = np.exp(-series.steps / time_s)
+    keep = np.exp(-steps / time_s)
     for i in range(1, n):
         slow[i] = keep[i] * slow[i - 1] + np.sqrt(1.0 - keep[i] ** 2) * slow[i]
     white = random.standard_normal((n, m, _DRAWS))
@@ -515,20 +501,20 @@ def _drawn(series: _Series, time_s: float, share: float) -> F:
 
 
 def _deviances(
-    series: _Series, grid: F, responses: F, blocks: Sequence[tuple[int, ...]]
+    steps: F, grid: F, base: F, columns: F, responses: F, blocks: Sequence[tuple[int, ...]]
 ) -> tuple[F, F]:
     """Return -2 log likelihoods: (g, r) with the base, (g, blocks, r) with each block beside it."""
     n, m, r = responses.shape
-    wide = [series.base, series.columns, responses] if blocks else [series.base, responses]
+    wide = [base, columns, responses] if blocks else [base, responses]
     everything = np.concatenate(wide, axis=2)
     at_once = max(1, _MOST_NUMBERS // everything.size)
-    size, b = n * m, series.base.shape[2]
+    size, b = n * m, base.shape[2]
     null, beside = np.empty((len(grid), r)), np.empty((len(grid), len(blocks), r))
     penalty = np.array([len(block) for block in blocks]).reshape(-1, 1) * np.log(size)
 
     def fill(start: int) -> None:
         part = grid[start : start + at_once]
-        innovations, log_determinant = _filtered(series.steps, part, everything)
+        innovations, log_determinant = _filtered(steps, part, everything)
         for g, flat in enumerate(innovations):
             products = _beside_first(flat.T @ flat, b)
             squares = np.diag(products)[-r:]

@@ -31,6 +31,7 @@ from ecm.regression.folds import repeat_contrasts
 from ecm.regression.rows import Rows, is_whole
 
 Source = Literal["repeats", "declared", "assumed"]
+_FIGURES = ("position_sd_m", "rotation_sd_rad", "force_sd_N", "torque_sd_Nm")
 
 
 @dataclass(frozen=True)
@@ -83,21 +84,12 @@ class Noise:
 
     def parameters(self) -> F:
         """(4,) position, rotation, force, torque."""
-        return np.array(
-            [self.position_sd_m, self.rotation_sd_rad, self.force_sd_N, self.torque_sd_Nm]
-        )
+        return np.array([getattr(self, name) for name in _FIGURES])
 
     def with_parameters(self, values: F, source: Source) -> Noise:
         """Other figures from another source."""
-        position, rotation, force, torque = (float(v) for v in values)
-        return replace(
-            self,
-            position_sd_m=position,
-            rotation_sd_rad=rotation,
-            force_sd_N=force,
-            torque_sd_Nm=torque,
-            source=source,
-        )
+        named: dict[str, Any] = dict(zip(_FIGURES, map(float, values), strict=True))
+        return replace(self, source=source, **named)
 
     def covariance(self, rows: Rows, base_error: F | None = None) -> F:
         """(N, m, m) covariance of the residual of each row."""
@@ -140,22 +132,15 @@ class Noise:
         if self.components is not None:
             return {"source": self.source, "components": list(self.components)}
         grown = {"growth_per_N": self.growth_per_N, "growth_per_Nm": self.growth_per_Nm}
-        return {name: value for name, value in grown.items() if value > 0.0} | {
-            "source": self.source,
-            "position_sd_m": self.position_sd_m,
-            "rotation_sd_rad": self.rotation_sd_rad,
-            "force_sd_N": self.force_sd_N,
-            "torque_sd_Nm": self.torque_sd_Nm,
-        }
+        figures = {name: getattr(self, name) for name in _FIGURES}
+        known = {name: value for name, value in grown.items() if value > 0.0}
+        return known | {"source": self.source} | figures
 
     @staticmethod
     def from_dict(document: dict[str, Any]) -> Noise:
         """The noise of a model file."""
         if "components" in document:
-            return Noise(
-                source=document["source"],
-                components=tuple(float(v) for v in document["components"]),
-            )
+            return Noise(**document | {"components": tuple(map(float, document["components"]))})
         return Noise(**document)
 
 

@@ -52,11 +52,7 @@ class NormalEquations:
 
     @staticmethod
     def of(
-        design: F,
-        response: F,
-        groups: I,
-        row_weights: F | None = None,
-        precision: F | None = None,
+        design: F, response: F, groups: I, row_weights: F | None = None, precision: F | None = None
     ) -> NormalEquations:
         """Whitened design (N, m, k) and response (N, m), groups (N,) from 0 on.
 
@@ -102,11 +98,7 @@ class NormalEquations:
         return matrix, self.response @ self.rows, float(self.squares.sum())
 
     def held_out(
-        self,
-        columns: Sequence[int],
-        fold_of_group: I,
-        scored: F,
-        known: tuple[F, F] | None = None,
+        self, columns: Sequence[int], fold_of_group: I, scored: F, known: tuple[F, F] | None = None
     ) -> F:
         """(g,) held-out sum of squares of each group, fitted without its fold.
 

@@ -434,6 +434,11 @@ class Rows:
             values[loaded] = function(np.ascontiguousarray(poses[loaded]))
         return values
 
+    def loaded(self, values: F) -> F:
+        """(N, ...) the values, zero where unloaded."""
+        free = self.unloaded.reshape(-1, *[1] * (values.ndim - 1))
+        return np.where(free, 0.0, values)
+
     @cached_property
     def wrench(self) -> F:
         """(N, m) base wrench at the measured poses."""

@@ -270,7 +270,8 @@ def export_files(
     if not has_measured_poses(model):
         notes.append(_NO_POSES)
     actuated = bool(actuators_of(model.base))
-    if actuated and not _has_rows_of_inputs(model):
+    stored = model.training.get("poses") or [()]
+    if actuated and len(stored[0]) != len(taken_by(model.base)):
         raise InputError(
             f"{model.name}: the model file holds no rows with the inputs of its actuators, so that "
             "nothing tells where it was measured",
@@ -296,12 +297,6 @@ def export_files(
         folded=tuple(sorted(item.id for item in model.acting_at_poses)),
         lost=lost,
     )
-
-
-def _has_rows_of_inputs(model: Model) -> bool:
-    """Whether the rows in the model file have the inputs of actuators; older ones have not."""
-    stored = model.training.get("poses") or [()]
-    return len(stored[0]) == len(taken_by(model.base))
 
 
 def _refuse_what_changed(model: Model, exported: Exported, to: str, name: str) -> None:

@@ -23,7 +23,6 @@ import io
 import platform
 import sys
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 from xml.sax.saxutils import escape
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
@@ -102,23 +101,25 @@ def mujoco(source: Source) -> Exported:
     """The plugin with its build script, two scenes, and the linear part without a plugin."""
     source.need_whole("mujoco", with_actuators=source.whole)
     name = source.name
-    rest = _at_rest(source.inside)
-    lost = _lost(source.inside, rest, source.poses(_COMPARED))
+    pose, wrench, stiffness, skew = _at_rest(source.inside)
+    compared = source.poses(_COMPARED)
+    linear = wrench + (compared[:, :6] - pose) @ stiffness
+    lost = _lost(source.inside.base.predict(compared), linear, skew)
     mass, inertia = source.platform
     poses = source.poses()
     alone = largest_step(source.inside, poses, mass, inertia)
-    shared = largest_step(source.inside, poses, mass, inertia, rest.stiffness)
+    shared = largest_step(source.inside, poses, mass, inertia, stiffness)
     step = _below(min(_LARGEST_STEP_S, 0.25 * alone))
     values = {
-        "LENGTH": f"{rest.pose[0]:.17g}",
+        "LENGTH": f"{pose[0]:.17g}",
         "MASS": f"{mass:.9g}",
         "INERTIA": f"{inertia:.9g}",
         "TIMESTEP": f"{step:g}",
         "ALONE": f"{alone:.2g}",
         "SHARED": _said(shared),
         "JOINTS": platform_joints(name),
-        "TENDONS": linear_tendons(name, rest.pose[0], rest.wrench, rest.stiffness, step),
-        "LINEAR": linear_tendons(name, rest.pose[0], rest.wrench, rest.stiffness),
+        "TENDONS": linear_tendons(name, pose[0], wrench, stiffness, step),
+        "LINEAR": linear_tendons(name, pose[0], wrench, stiffness),
         "LOST": "\n".join(f"  {line}" for line in lost),
         "INPUTCOUNT": str(len(source.actuators)),
         "INPUTNAMES": "".join(f'"{name}_{column}", ' for column in source.actuators),
@@ -166,22 +167,13 @@ def _inputs(source: Source, poses: F) -> str:
     return f"\n  <actuator>{lines}\n  </actuator>"
 
 
-@dataclass(frozen=True)
-class _Rest:
-    pose: F
-    wrench: F
-    stiffness: F
-    """(6, 6) symmetric part of the generalised stiffness."""
-    skew: float
-    """Largest difference to its transpose, over its largest entry."""
-
-
-def _at_rest(model: Model) -> _Rest:
+def _at_rest(model: Model) -> tuple[F, F, F, float]:
+    """Rest pose, wrench and symmetric stiffness there, and the share that is skew."""
     pose = model.rest_pose("a MuJoCo export")
     generalised = model.base.stiffness(pose, "generalised")[0]
     skew = np.abs(generalised - generalised.T).max() / np.abs(generalised).max()
     symmetric = 0.5 * (generalised + generalised.T)
-    return _Rest(pose[0], model.base.predict(pose)[0], symmetric, float(skew))
+    return pose[0], model.base.predict(pose)[0], symmetric, float(skew)
 
 
 def largest_step(
@@ -220,10 +212,8 @@ def _below(step: float) -> float:
     return float(f"{digit * power:.1g}")
 
 
-def _lost(model: Model, rest: _Rest, poses: F) -> list[str]:
+def _lost(exact: F, linear: F, skew: float) -> list[str]:
     """What the linear part leaves out, in words."""
-    exact = model.base.predict(poses)
-    linear = rest.wrench + (poses[:, :6] - rest.pose) @ rest.stiffness
     share = rms_of_columns(linear - exact) / rms_of_columns(exact)
     listed = ", ".join(
         f"{column.rsplit('_', 1)[0]} {100 * s:.0f} %"
@@ -233,10 +223,8 @@ def _lost(model: Model, rest: _Rest, poses: F) -> list[str]:
         "Lost: everything beyond the linear part (stiffening, couplings that grow with the pose).",
         f"At the measured poses the wrench is off by (rms share): {listed}.",
     ]
-    if rest.skew > 1e-9:
-        lost.append(
-            f"Lost: the skew part of the stiffness, {100 * rest.skew:.2g} % of its largest."
-        )
+    if skew > 1e-9:
+        lost.append(f"Lost: the skew part of the stiffness, {100 * skew:.2g} % of its largest.")
     return lost
 
 

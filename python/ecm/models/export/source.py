@@ -33,9 +33,7 @@ WINDOWS = (("x86_64-w64-mingw32-gcc",),)
 
 
 def shared_library(
-    sources: dict[str, str],
-    names: Sequence[str],
-    commands: Sequence[Sequence[str]] = LINUX,
+    sources: dict[str, str], names: Sequence[str], commands: Sequence[Sequence[str]] = LINUX
 ) -> bytes:
     """Compile sources, in memory, to a shared library.
 

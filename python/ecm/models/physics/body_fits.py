@@ -244,10 +244,7 @@ class BodyFits:
         self.poses, self.bodies = poses, bodies
         c = mid_frame(poses, LENGTH_M)[:, :3]
         self.scale = np.array(
-            [
-                np.linalg.norm(c, axis=1).max() / LENGTH_M,
-                np.linalg.norm(poses[:, 3:], axis=1).max(),
-            ]
+            [np.linalg.norm(c, axis=1).max() / LENGTH_M, np.linalg.norm(poses[:, 3:], axis=1).max()]
         )
         self._whiteners = noise_whiteners(poses, bodies[nominal].stiffness)
 

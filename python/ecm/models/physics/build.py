@@ -187,11 +187,7 @@ def held_by_loads(poses: F, solved: Solved) -> B:
 
 
 def mesh_difference(
-    shape: Mechanism,
-    symmetry: Symmetry,
-    *,
-    threads: int = 0,
-    progress: Progress | None = None,
+    shape: Mechanism, symmetry: Symmetry, *, threads: int = 0, progress: Progress | None = None
 ) -> MeshDifference | None:
     """Solve the standard and the fine mesh of a shape at the same few poses.
 
