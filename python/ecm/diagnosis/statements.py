@@ -37,6 +37,7 @@ from ecm.io.columns import POSE, WRENCH, unit_of_factor
 from ecm.io.conventions import Convention, conventions, falling_loads, in_words
 from ecm.io.mechanism import Mechanism
 from ecm.io.se3 import rotation
+from ecm.io.table import Table
 from ecm.models.joint_fit import FittedEffect, JointFit, joint_fit
 from ecm.models.maps import EnergyMap, StiffnessMap
 from ecm.models.physics.build import stated_rod
@@ -173,7 +174,11 @@ def best_readings(
     else:
         listed += moved_points(length_m, poses, wrench, lambda p, h: _rest(_columns(base, p), h))
     most = MENDED_SHARE**2 * float((_rest(as_stated, wrench) ** 2).mean())
-    return best_of(squares_left(listed, poses, wrench, squares), most)
+    best = best_of(squares_left(listed, poses, wrench, squares), most)
+    if length_m is not None:
+        return best
+    there = np.full(12, True)
+    return [one for one in best if not falling_loads(*one.change(poses, wrench), there)] or best
 
 
 def squares_left(
@@ -260,19 +265,15 @@ def find_wrong_statement(
         # It takes in most readings: one that gives the wrench an energy is right.
         length, bodies = None, _any_elastic_body(poses, wrench)
         most = max(FAR_BEYOND_NOISE, _BETTER * before)
-        before = (_error(problem, bodies[0], None) if bodies else None) or 0.0
+        before = min((_error(problem, body, None) for body in bodies), default=0.0)
     elif length is None:
         return None
-    if before < LEAST_WRONG_ERROR:
+    if not LEAST_WRONG_ERROR <= before < np.inf:
         return None
     for body in bodies:
         best = best_readings(body, poses, wrench, length)
-        if length is None:
-            there = np.full(12, True)
-            rising = [one for one in best if not falling_loads(*one.change(poses, wrench), there)]
-            best = rising or best
-        mended = _error(problem, body, best[0]) if best else None
-        if mended is not None and mended <= min(MENDED_SHARE * before, most):
+        mended = _error(problem, body, best[0]) if best else np.inf
+        if mended <= min(MENDED_SHARE * before, most):
             return WrongStatement(in_words(best), before, mended)
     return None
 
@@ -301,20 +302,29 @@ def _any_elastic_body(poses: F, wrench: F) -> list[StiffnessMap]:
     return [EnergyMap(EnergyEvaluator.fit(poses, wrench, **terms))]
 
 
-def _error(problem: Problem, base: StiffnessMap, reading: Convention | None) -> float | None:
-    """Return the whitened rms that a base leaves of a reading; None where it cannot be fitted."""
+def _error(problem: Problem, base: StiffnessMap, reading: Convention | None) -> float:
+    """Return the whitened rms that a base leaves of a reading; infinite where it has no fit."""
     table = problem.table
     if reading is not None:
         read = np.hstack(reading.change(table.matrix(POSE), table.wrenches))
         table = table.with_columns(dict(zip((*POSE, *WRENCH), read.T, strict=True)))
-    try:
-        fit = joint_fit(base, (), table, problem.noise)
-    except (EcmError, np.linalg.LinAlgError):
-        return None
+    fit = fit_or_none(base, (), table, problem.noise)
+    if fit is None:
+        return np.inf
     squares = (fit.whitened**2).sum(axis=1)[problem.scored]
     # Some bad rows shall not decide.
     kept = np.sort(squares)[: max(1, int(0.98 * len(squares)))]
     return float(np.sqrt(kept.mean() / fit.whitened.shape[1]))
+
+
+def fit_or_none(
+    base: StiffnessMap, effects: Sequence[Effect], table: Table, noise: Noise
+) -> JointFit | None:
+    """Fit together; None where the steps leave the range of the base or of an effect."""
+    try:
+        return joint_fit(base, effects, table, noise)
+    except (EcmError, np.linalg.LinAlgError):
+        return None
 
 
 _NOISE_DEVIATIONS = 4.0
