@@ -106,19 +106,13 @@ def _in_its_order(
     problem: Problem, best: Driver, found: Sequence[tuple[Driver, float]]
 ) -> list[str]:
     """Return the drivers whose columns are in the order of that of the best one."""
-
     table = problem.table
-    columns = [
-        (driver, _values(table, driver.column))
-        for driver, _ in found
-        if table.has(driver.column) and driver.column not in TEXT
-    ]
-    own = [values for driver, values in columns if driver is best]
-    return [
-        driver.name
-        for driver, values in columns
-        if own and driver is not best and in_one_order(own[0], values)
-    ]
+    has = {one.column: one.name for one, _ in found if table.has(one.column)}
+    names = {column: name for column, name in has.items() if column not in TEXT}
+    if names.pop(best.column, None) is None:
+        return []
+    own = _values(table, best.column)
+    return [name for column, name in names.items() if in_one_order(own, _values(table, column))]
 
 
 def posterior(problem: Problem) -> list[tuple[Driver, float]]:

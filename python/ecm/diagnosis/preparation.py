@@ -81,11 +81,8 @@ def prepare(
     unexplained = without_effects(model.effects, Rows(table, model.base))
     if len(table) > settings.most_rows:
         chosen = spread_rows(table, settings.most_rows)
-        rows, table, unexplained = (
-            rows[chosen],
-            table.subsample(chosen),
-            unexplained.subsample(chosen),
-        )
+        rows = rows[chosen]
+        table, unexplained = table.subsample(chosen), unexplained.subsample(chosen)
     zeros = () if model.base.kind == "physics" else zero_columns(table)
     unexplained = unexplained.drop(*zeros)
     chosen_effects = [get_effect(e) if isinstance(e, str) else e for e in effects or ()]

@@ -517,8 +517,7 @@ class NoiseFinding:
 
 def tested_noise(problem: Problem, effects: Sequence[Effect]) -> list[NoiseEffect]:
     """Return the noise effects that these data can test."""
-    noise = [effect for effect in effects if isinstance(effect, NoiseEffect)]
-    return [effect for effect in noise if effect.id not in problem.untestable]
+    return [e for e in effects if isinstance(e, NoiseEffect) and e.id not in problem.untestable]
 
 
 def noise_findings(problem: Problem, effects: Sequence[Effect]) -> list[NoiseFinding]:
@@ -552,10 +551,9 @@ def with_load_growth(noise: Noise, findings: Sequence[NoiseFinding]) -> Noise:
     """Return the noise with scatter that grows with the load, where that is seen most clearly."""
     if noise.components is not None or not findings or findings[0].id != "heteroscedastic_noise":
         return noise
-    first = findings[0]
-    if first.parameter == "force_growth":
-        return replace(noise, growth_per_N=first.value)
-    return replace(noise, growth_per_Nm=first.value)
+    if findings[0].parameter == "force_growth":
+        return replace(noise, growth_per_N=findings[0].value)
+    return replace(noise, growth_per_Nm=findings[0].value)
 
 
 def _residual(problem: Problem, use: B) -> tuple[F, F]:
