@@ -19,12 +19,7 @@ from scipy import special
 from ecm.comparison.residuals import feature_columns
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
-from ecm.effects.protocol import (
-    UNKNOWN_LENGTH,
-    UNKNOWN_TORQUES,
-    guesses_torques,
-    jacobian_of,
-)
+from ecm.effects.protocol import UNKNOWN_LENGTH, UNKNOWN_TORQUES, guesses_torques, jacobian_of
 from ecm.errors import ModelError
 from ecm.io.arrays import B, F, I
 from ecm.models.joint_fit import (

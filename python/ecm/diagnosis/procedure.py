@@ -64,23 +64,13 @@ from ecm.io.arguments import listed
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import takes_table
-from ecm.models.fit import (
-    as_model,
-    choose_base,
-    energy_of_revolution,
-    symmetric_energy,
-)
+from ecm.models.fit import as_model, choose_base, energy_of_revolution, symmetric_energy
 from ecm.models.maps import EnergyMap, StiffnessMap
 from ecm.models.partial import whole_map
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import addition_to
 from ecm.regression.blas import one_blas_thread
-from ecm.regression.history import (
-    SlowNoise,
-    correlation_of_rest,
-    order_of_visits,
-    slow_noise,
-)
+from ecm.regression.history import SlowNoise, correlation_of_rest, order_of_visits, slow_noise
 from ecm.regression.noise import Noise
 from ecm.regression.rows import actuators_of, naming_outliers
 

@@ -23,12 +23,7 @@ from scipy import special
 from scipy.optimize import least_squares
 
 from ecm._native import EnergyEvaluator
-from ecm.diagnosis.problem import (
-    Candidate,
-    Problem,
-    best_of_each,
-    omnibus_columns,
-)
+from ecm.diagnosis.problem import Candidate, Problem, best_of_each, omnibus_columns
 from ecm.effects import Effect
 from ecm.effects.noise import NoiseEffect
 from ecm.errors import EcmError, ModelError
@@ -182,10 +177,7 @@ def best_readings(
 
 
 def squares_left(
-    listed: Iterable[Convention],
-    poses: F,
-    wrench: F,
-    squares: Callable[[Convention, F, F], float],
+    listed: Iterable[Convention], poses: F, wrench: F, squares: Callable[[Convention, F, F], float]
 ) -> list[tuple[float, Convention]]:
     """Return what is left of each reading that can be fitted.
 

@@ -299,9 +299,7 @@ _STEPS = ("before", "base", "after", "floor", "ceiling")
 
 
 def diagnosis_report(
-    document: Mapping[str, Any],
-    compared: Comparison | None = None,
-    predicted: F | None = None,
+    document: Mapping[str, Any], compared: Comparison | None = None, predicted: F | None = None
 ) -> Report:
     """Return three lines, verdict, unknown structure, residual maps, ranking, limits, what is next.
 

@@ -168,10 +168,7 @@ def _strange(found: Decision) -> str:
 
 
 def _pattern_instead(
-    problem: Problem,
-    accepted: Accepted,
-    still: bool,
-    white: Callable[[Problem], Pattern | None],
+    problem: Problem, accepted: Accepted, still: bool, white: Callable[[Problem], Pattern | None]
 ) -> Pattern | None:
     """Return a pattern where nothing is accepted and no function of the pose is left, or where it
     explains more than what is accepted and what the model holds: names would imitate a part of it.
@@ -193,11 +190,7 @@ def _pattern_instead(
     return None if beside is None else pattern
 
 
-WEIGHTS = {
-    "named": (-2.22, 0.86, -0.68),
-    "none": (2.75, -1.06),
-    "unknown": (1.16,),
-}
+WEIGHTS = {"named": (-2.22, 0.86, -0.68), "none": (2.75, -1.06), "unknown": (1.16,)}
 """w by verdict, of 483 sets of the seeds 21 and 22; an `ambiguous` one is as a named one."""
 
 
