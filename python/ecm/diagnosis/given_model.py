@@ -22,13 +22,7 @@ from ecm.comparison.comparison import compare
 from ecm.comparison.result import Comparison
 from ecm.comparison.structure import NEAR_NOISE, StructureTest, nothing_follows, structure_test
 from ecm.diagnosis.search import held_out_rms
-from ecm.diagnosis.statements import (
-    MENDED_SHARE,
-    WrongStatement,
-    best_of,
-    fit_or_none,
-    squares_left,
-)
+from ecm.diagnosis.statements import MENDED_SHARE, WrongStatement, best_of, fit_or_none
 from ecm.diagnosis.verdict import Decision
 from ecm.errors import EcmError, Remedy
 from ecm.io.arrays import B, F, evenly
@@ -100,15 +94,15 @@ def reading_of_given_model(
     length = table.meta.length_m if moving[0] else None
     listed = [*conventions(length), *rarer_conventions()]
     told = [r for r in listed if not _is_a_specimen(r, poses, wrench)]
-    left = squares_left(told, poses, wrench, squares)
-    best = best_of(_distinct(left, poses, wrench), min(MENDED_SHARE**2 * now, most_error**2))
+    best = best_of(told, poses, wrench, squares, min(MENDED_SHARE**2 * now, most_error**2))
     if not best:
         return None
-    after = min(value for value, item in left if item in best)
+    after = min(value for value, _ in best)
     if len(model.inputs) < len(POSE):
         # Of few columns turned axes are signs in other words: the simplest of the best.
-        best = [item for value, item in left if item in best and value <= _SAME * after][:1]
-    return WrongStatement(in_words(best), float(np.sqrt(now)), float(np.sqrt(after)))
+        best = [one for one in best if one[0] <= _SAME * after][:1]
+    said = in_words([item for _, item in best])
+    return WrongStatement(said, float(np.sqrt(now)), float(np.sqrt(after)))
 
 
 def _in_six(table: Table, names: Sequence[str], known: Sequence[str]) -> F:
@@ -128,17 +122,6 @@ def _is_a_specimen(item: Convention, poses: F, wrench: F) -> bool:
     factor = float((own_wrench * wrench).sum() / (wrench**2).sum())
     same = np.allclose(own_poses, poses) and np.allclose(own_wrench, factor * wrench)
     return same and 1.0 / _STIFFER < factor < _STIFFER
-
-
-def _distinct(
-    left: Sequence[tuple[float, Convention]], poses: F, wrench: F
-) -> list[tuple[float, Convention]]:
-    """Return the readings without those that say the same of these columns as an earlier one."""
-    kept: dict[bytes, tuple[float, Convention]] = {}
-    for value, item in left:
-        read = np.round(np.hstack(item.change(poses, wrench)), 9) + 0.0  # no negative zeros
-        kept.setdefault(read.tobytes(), (value, item))
-    return list(kept.values())
 
 
 Answer = Literal["fits", "inputs", "numbers", "form", "effect", "table", "noise"]

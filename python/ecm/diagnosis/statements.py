@@ -169,17 +169,22 @@ def best_readings(
     else:
         listed += moved_points(length_m, poses, wrench, lambda p, h: _rest(_columns(base, p), h))
     most = MENDED_SHARE**2 * float((_rest(as_stated, wrench) ** 2).mean())
-    best = best_of(squares_left(listed, poses, wrench, squares), most)
+    best = [item for _, item in best_of(listed, poses, wrench, squares, most)]
     if length_m is not None:
         return best
     there = np.full(12, True)
     return [one for one in best if not falling_loads(*one.change(poses, wrench), there)] or best
 
 
-def squares_left(
-    listed: Iterable[Convention], poses: F, wrench: F, squares: Callable[[Convention, F, F], float]
+def best_of(
+    listed: Iterable[Convention],
+    poses: F,
+    wrench: F,
+    squares: Callable[[Convention, F, F], float],
+    most: float,
 ) -> list[tuple[float, Convention]]:
-    """Return what is left of each reading that can be fitted.
+    """Return the readings that leave about the least squares, with these; none where it is above
+    `most`, and of several that say the same of these columns the first.
 
     Parameters
     ----------
@@ -187,23 +192,20 @@ def squares_left(
         (reading, poses, wrench) -> squares that are left of these as they are read; not finite, or
         an error, where the columns or the model end.
     """
-    left = []
+    left: dict[bytes, tuple[float, Convention]] = {}
     for item in listed:
         try:
-            value = squares(item, *item.change(poses, wrench))
+            read = item.change(poses, wrench)
+            value = squares(item, *read)
         except (EcmError, np.linalg.LinAlgError):
             continue
         if np.isfinite(value):
-            left.append((value, item))
-    return left
-
-
-def best_of(left: Sequence[tuple[float, Convention]], most: float) -> list[Convention]:
-    """Return the readings that leave about the least squares; none where that is above `most`."""
-    least = min((value for value, _ in left), default=np.inf)
+            same = np.round(np.hstack(read), 9) + 0.0  # no negative zeros
+            left.setdefault(same.tobytes(), (value, item))
+    least = min((value for value, _ in left.values()), default=np.inf)
     if not least <= most:
         return []
-    return [item for value, item in left if value <= EQUAL * least][:_MOST_SAID]
+    return [one for one in left.values() if one[0] <= EQUAL * least][:_MOST_SAID]
 
 
 def _columns(base: StiffnessMap, poses: F) -> tuple[F, F]:
