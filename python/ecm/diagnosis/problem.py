@@ -538,10 +538,6 @@ class Problem:
         root = np.sqrt(self.weights).reshape(-1, *[1] * (columns.ndim - 1))
         return np.asarray((columns * root).reshape(self.response.size, *columns.shape[2:]))
 
-    def in_units(self, whitened: F) -> F:
-        """Return whitened (N, m) numbers in the units of their columns."""
-        return np.asarray(np.linalg.solve(self.whitener, whitened[:, :, None])[:, :, 0])
-
     @property
     def outlying_rows(self) -> list[int]:
         """Rows that are unlike all others and count less; none where chance gives as many."""
