@@ -15,23 +15,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ecm.comparison.residuals import KNOWN, candidate_covariates, in_one_order
 from ecm.diagnosis.left_over import draft_of
+from ecm.diagnosis.problem import Problem
 from ecm.diagnosis.settings import FORM_SHARE
 from ecm.effects.experiments import get_experiment
 from ecm.io.arrays import F, evenly
 from ecm.io.columns import POSE, TEXT
+from ecm.io.table import Table
 from ecm.regression.f_test import orthonormal
 from ecm.regression.history import before_each, largest_so_far, row_before
-
-if TYPE_CHECKING:
-    from ecm.diagnosis.problem import Problem
-    from ecm.io.table import Table
-    from ecm.regression.rows import Rows
+from ecm.regression.rows import Rows
 
 _SIZES = np.geomspace(0.1, 30.0, 13)
 """Rms of a process over the noise, each as likely."""

@@ -14,13 +14,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from ecm.comparison.comparison import compare
 from ecm.comparison.result import Comparison
 from ecm.comparison.structure import NEAR_NOISE, StructureTest, nothing_follows, structure_test
+from ecm.diagnosis.problem import Problem
 from ecm.diagnosis.search import held_out_rms
 from ecm.diagnosis.statements import MENDED_SHARE, WrongStatement, best_of, fit_or_none
 from ecm.diagnosis.verdict import Decision
@@ -29,19 +30,15 @@ from ecm.io.arrays import B, F, evenly
 from ecm.io.columns import POSE, WRENCH, unit_of, unit_of_factor
 from ecm.io.conventions import Convention, conventions, in_words, rarer_conventions
 from ecm.io.events import fields_json
+from ecm.io.table import Table
 from ecm.models.joint_fit import JointFit
 from ecm.models.literature import LEARNED
+from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import FAR_BEYOND_NOISE, is_far_behind
 from ecm.regression.folds import spread_rows
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.diagnosis.problem import Problem
-    from ecm.io.table import Table
-    from ecm.models.model import Model
-
 
 _ROWS = 150
 """Rows on which the readings are compared."""
