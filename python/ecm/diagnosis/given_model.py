@@ -301,7 +301,7 @@ class _Judged:
     decision: Decision
     problem: Problem
     result: Comparison
-    """Of the model as it stands."""
+    """The comparison of the model as it stands."""
     given: Errors
     base: Errors
 
