@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from ecm.comparison import compare
-from ecm.diagnosis import Diagnosis, diagnose, given_model
+from ecm.diagnosis import Diagnosis, diagnose, statements
 from ecm.effects import Effect
 from ecm.errors import InputError, ModelError
 from ecm.io.arrays import F
@@ -238,7 +238,7 @@ def test_effects_that_leave_their_range_beside_the_models_kind_are_left_out(
             raise ModelError("the rotation vector (0, 0, -2e10) rad is longer than pi")
         return joint_fit(base, effects, *rest)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(given_model, "joint_fit", runs_away)
+    monkeypatch.setattr(statements, "joint_fit", runs_away)
     found = diagnose(model("linear"), fast(measured(4, rows=200)))
     assert tried
     assert found.model.refitted is not None

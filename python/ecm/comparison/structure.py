@@ -102,14 +102,15 @@ def structure_test(
 def _higher_degrees(rows: Rows) -> F:
     """Return (N, q) polynomials above the quadratic in each coordinate: up to 6 of one or two."""
     poses = rows.poses
-    wide = np.ptp(poses, axis=0)
-    low = poses.min(axis=0)
     most = 6 if poses.shape[1] <= 2 else 3
-    columns = []
-    for j in np.flatnonzero(wide > 0.0):
-        scaled = 2.0 * (poses[:, j] - low[j]) / wide[j] - 1.0
-        columns.append(np.polynomial.chebyshev.chebvander(scaled, most)[:, 3:])
-    return np.hstack(columns) if columns else np.zeros((len(poses), 0))
+    moved = [pose for pose in poses.T if np.ptp(pose) > 0.0]
+    return np.hstack([np.zeros((len(poses), 0)), *(_chebyshev(p, most)[:, 3:] for p in moved)])
+
+
+def _chebyshev(values: F, most: int) -> F:
+    """(N, most + 1) Chebyshev polynomials of values over their range."""
+    scaled = 2.0 * (values - values.min()) / max(float(np.ptp(values)), 1e-300) - 1.0
+    return np.asarray(np.polynomial.chebyshev.chebvander(scaled, most))
 
 
 def _motion(rows: Rows) -> F:
@@ -127,9 +128,7 @@ def _motion(rows: Rows) -> F:
         way = np.sign(velocity)
         columns += [velocity / velocity.std(), way]
         if few:
-            pose = rows.poses[:, j]
-            scaled = 2.0 * (pose - pose.min()) / max(float(np.ptp(pose)), 1e-300) - 1.0
-            columns += list(way * np.polynomial.chebyshev.chebvander(scaled, 4)[:, 1:].T)
+            columns += list(way * _chebyshev(rows.poses[:, j], 4)[:, 1:].T)
     return np.stack(columns, axis=1) if columns else np.zeros((len(rows), 0))
 
 
@@ -304,22 +303,21 @@ def run_outliers(table: Table, inputs: Sequence[str], outputs: Sequence[str]) ->
     numbers = np.unique(run)
     if len(numbers) < 3:
         return []
-    size = np.array([rms(y[run == n]) for n in numbers])
-    own = {int(n): (x[run == n], y[run == n]) for n in numbers}
-    # Each run against each other one: the median does not see a single strange run.
-    pairs = np.array([[_miss(own[int(a)], own[int(b)]) for b in numbers] for a in numbers])
-    pairs /= size[:, None]
-    errors = np.array([np.median(np.delete(pairs[i], i)) for i in range(len(numbers))])
+    curves = [(x[run == n], y[run == n]) for n in numbers]
+
+    def error(of: tuple[F, F], left_out: int) -> float:
+        """Each run against each other one: the median does not see a single strange run."""
+        misses = [_miss(of, by) for i, by in enumerate(curves) if i != left_out]
+        return float(np.median(misses)) / rms(of[1])
+
+    errors = [error(own, i) for i, own in enumerate(curves)]
     outliers = []
     for i, number in enumerate(numbers):
-        rest = float(np.median(np.delete(errors, i)))
-        if errors[i] <= _OUTLYING * rest:
-            continue
-        turned = _exchanged(own[int(number)], x[run != number], y[run != number])
-        again = np.median([_miss(turned, own[int(b)]) for b in numbers if b != number])
-        again /= rms(turned[1])
-        swapped = bool(again < _SWAPPED * errors[i])
-        outliers.append(RunOutlier(int(number), float(errors[i]), rest, swapped))
+        others = float(np.median(np.delete(errors, i)))
+        if errors[i] > _OUTLYING * others:
+            again = error(_exchanged(curves[i], x[run != number], y[run != number]), i)
+            swapped = again < _SWAPPED * errors[i]
+            outliers.append(RunOutlier(int(number), errors[i], others, swapped))
     return outliers
 
 

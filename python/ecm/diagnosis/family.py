@@ -18,23 +18,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ecm.comparison.residuals import KNOWN, candidate_covariates, in_one_order
 from ecm.diagnosis.left_over import draft_of, residual_after
+from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.settings import FORM_SHARE
 from ecm.effects.experiments import get_experiment
 from ecm.io.arrays import F, evenly
 from ecm.io.columns import POSE, TEXT
+from ecm.io.table import Table
 from ecm.regression.f_test import orthonormal
 from ecm.regression.history import before_each, largest_so_far, row_before
-
-if TYPE_CHECKING:
-    from ecm.diagnosis.problem import Candidate, Problem
-    from ecm.io.table import Table
-    from ecm.regression.rows import Rows
+from ecm.regression.rows import Rows
 
 _SIZES = np.geomspace(0.1, 30.0, 13)
 """Rms of a process over the noise, each as likely."""
@@ -109,19 +106,13 @@ def _in_its_order(
     problem: Problem, best: Driver, found: Sequence[tuple[Driver, float]]
 ) -> list[str]:
     """Return the drivers whose columns are in the order of that of the best one."""
-
     table = problem.table
-    columns = [
-        (driver, _values(table, driver.column))
-        for driver, _ in found
-        if table.has(driver.column) and driver.column not in TEXT
-    ]
-    own = [values for driver, values in columns if driver is best]
-    return [
-        driver.name
-        for driver, values in columns
-        if own and driver is not best and in_one_order(own[0], values)
-    ]
+    has = {one.column: one.name for one, _ in found if table.has(one.column)}
+    names = {column: name for column, name in has.items() if column not in TEXT}
+    if names.pop(best.column, None) is None:
+        return []
+    own = _values(table, best.column)
+    return [name for column, name in names.items() if in_one_order(own, _values(table, column))]
 
 
 def posterior(problem: Problem) -> list[tuple[Driver, float]]:

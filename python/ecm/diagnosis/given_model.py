@@ -13,37 +13,32 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import partial
-from typing import TYPE_CHECKING, Any, Literal
+from functools import cached_property
+from typing import Any, Literal
 
 import numpy as np
 
 from ecm.comparison.comparison import compare
 from ecm.comparison.result import Comparison
 from ecm.comparison.structure import NEAR_NOISE, StructureTest, nothing_follows, structure_test
+from ecm.diagnosis.problem import Problem
 from ecm.diagnosis.search import held_out_rms
-from ecm.diagnosis.statements import MENDED_SHARE, WrongStatement, best_of, squares_left
+from ecm.diagnosis.statements import MENDED_SHARE, WrongStatement, best_of, fit_or_none
 from ecm.diagnosis.verdict import Decision
-from ecm.effects import Effect
 from ecm.errors import EcmError, Remedy
 from ecm.io.arrays import B, F, evenly
 from ecm.io.columns import POSE, WRENCH, unit_of, unit_of_factor
 from ecm.io.conventions import Convention, conventions, in_words, rarer_conventions
 from ecm.io.events import fields_json
-from ecm.models.joint_fit import JointFit, joint_fit
+from ecm.io.table import Table
+from ecm.models.joint_fit import JointFit
 from ecm.models.literature import LEARNED
-from ecm.models.maps import StiffnessMap
+from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import FAR_BEYOND_NOISE, is_far_behind
 from ecm.regression.folds import spread_rows
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.diagnosis.problem import Problem
-    from ecm.io.table import Table
-    from ecm.models.model import Model
-
 
 _ROWS = 150
 """Rows on which the readings are compared."""
@@ -65,8 +60,7 @@ def reading_of_given_model(
     most_error
         Largest error that the reading may leave, over the noise.
     """
-    known = set(model.inputs) <= set(POSE) and set(model.outputs) <= set(WRENCH)
-    if noise.is_residual or not known:
+    if noise.is_residual or not {*model.inputs, *model.outputs} <= {*POSE, *WRENCH}:
         return None
     rows = np.flatnonzero(table.of_poses)
     rows = rows[evenly(len(rows), _ROWS)]
@@ -97,15 +91,15 @@ def reading_of_given_model(
     length = table.meta.length_m if moving[0] else None
     listed = [*conventions(length), *rarer_conventions()]
     told = [r for r in listed if not _is_a_specimen(r, poses, wrench)]
-    left = squares_left(told, poses, wrench, squares)
-    best = best_of(_distinct(left, poses, wrench), min(MENDED_SHARE**2 * now, most_error**2))
+    best = best_of(told, poses, wrench, squares, min(MENDED_SHARE**2 * now, most_error**2))
     if not best:
         return None
-    after = min(value for value, item in left if item in best)
+    after = min(value for value, _ in best)
     if len(model.inputs) < len(POSE):
         # Of few columns turned axes are signs in other words: the simplest of the best.
-        best = [item for value, item in left if item in best and value <= _SAME * after][:1]
-    return WrongStatement(in_words(best), float(np.sqrt(now)), float(np.sqrt(after)))
+        best = [one for one in best if one[0] <= _SAME * after][:1]
+    said = in_words([item for _, item in best])
+    return WrongStatement(said, float(np.sqrt(now)), float(np.sqrt(after)))
 
 
 def _in_six(table: Table, names: Sequence[str], known: Sequence[str]) -> F:
@@ -125,17 +119,6 @@ def _is_a_specimen(item: Convention, poses: F, wrench: F) -> bool:
     factor = float((own_wrench * wrench).sum() / (wrench**2).sum())
     same = np.allclose(own_poses, poses) and np.allclose(own_wrench, factor * wrench)
     return same and 1.0 / _STIFFER < factor < _STIFFER
-
-
-def _distinct(
-    left: Sequence[tuple[float, Convention]], poses: F, wrench: F
-) -> list[tuple[float, Convention]]:
-    """Return the readings without those that say the same of these columns as an earlier one."""
-    kept: dict[bytes, tuple[float, Convention]] = {}
-    for value, item in left:
-        read = np.round(np.hstack(item.change(poses, wrench)), 9) + 0.0  # no negative zeros
-        kept.setdefault(read.tobytes(), (value, item))
-    return list(kept.values())
 
 
 Answer = Literal["fits", "inputs", "numbers", "form", "effect", "table", "noise"]
@@ -300,78 +283,202 @@ def judge_given_model(
     """
     problem, table = decision.problem, decision.prepared.table
     result = compare(model, table, noise=noise)
-    sized = partial(_sized, table, noise=result.noise)
-    given = sized(result.whitened_rms, [c.rmse for c in result.components], model.outputs)
-    error, rmse = held_out_rms(problem, ()), problem.rms(problem.fit.residual)
-    base = _sized(table, error, rmse.tolist(), problem.base.outputs, noise=problem.noise)
-    # Whether the base is the model itself, with E and nu fitted to these rows.
-    same = isinstance(model.base, PhysicsMap) and isinstance(problem.base, PhysicsMap)
-    alike = (model.inputs, model.outputs) == (problem.base.inputs, problem.base.outputs)
-    far = _far_behind(given, base)
-    # `result.missing` fits a base of its own.
-    missing = far or result.missing
-    fits = (None, None) if same else _fitted_again(model, decision, result.noise, alike, missing)
-    again, after = (None if fit is None else sized(*_left_by(fit)) for fit in fits)
-    needed = _are_needed(*fits, least=problem.settings.least_bic)
-    missing = missing or needed
-    refitted = base if same else again
-    behind = refitted is not None and _far_behind(refitted, base)
-    fits_again = not decision.gate.rejected
-    if not same:
-        fits_again = not (fits[0] is None or needed or behind) and not (
-            missing and _holds_structure(fits[0], result.noise)
+    rmse = [component.rmse for component in result.components]
+    given = _sized(table, result.whitened_rms, rmse, model.outputs, noise=result.noise)
+    error, rmse = held_out_rms(problem, ()), problem.rms(problem.fit.residual).tolist()
+    base = _sized(table, error, rmse, problem.base.outputs, noise=problem.noise)
+    return _Judged(model, decision, problem, result, given, base).answered()
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """A model as it stands beside the base and its own kind, both fitted to the same rows.
+
+    Each property answers one question.
+    """
+
+    model: Model
+    decision: Decision
+    problem: Problem
+    result: Comparison
+    """The comparison of the model as it stands."""
+    given: Errors
+    base: Errors
+
+    def answered(self) -> GivenModel:
+        """Return the whole answer."""
+        result, table = self.result, self.decision.prepared.table
+        answer, statement = self.with_table(self.answer)
+        again, effects = (
+            (self.refitted, self.of_fit(self.fits[1])) if self.missing else (None, None)
         )
-    # What the base does not lack either is no effect; what both lack is the smaller part.
-    none = decision.verdict == "none"
-    too_plain = missing and not fits_again and (behind or none)
-    same_form = alike and model.base.name == problem.base.name
-    richer = len(problem.base.coefficients) > len(model.base.coefficients)
-    reason: Reason = "weak" if too_plain and same_form else ""
-    if too_plain and far and problem.outlying_rows and not richer:
-        reason = "rows"
-    over_noise = given.over_noise or 0.0
-    beyond = over_noise > NEAR_NOISE and result.excess_low > 0.0
-    far_off = over_noise > FAR_BEYOND_NOISE
-    slow = decision.unknown is not None and decision.unknown.slow_noise is not None
-    lacks_inputs = bool(result.unused_inputs) and (missing or _errs_far_more(given, base, problem))
-    # Where the table is right, the first rule that holds.
-    rules: tuple[tuple[bool, Answer], ...] = (
-        (slow, "fits"),
-        (lacks_inputs, "inputs"),
-        (same_form and not none, "effect"),
-        (not missing and far_off, "noise" if none else "effect"),
-        (not missing, "noise" if beyond else "fits"),
-        (fits_again or reason == "rows", "numbers"),
-        (too_plain and not reason, "form"),
-        (True, "effect"),
-    )
-    answer = next(word for holds, word in rules if holds)
-    doubted = missing or answer == "effect" or (answer == "noise" and far_off)
-    statement = None
-    if doubted and not (decision.misread and same):  # else the base has the numbers of the body
+        return GivenModel(
+            name=self.model.name,
+            answer=answer,
+            gate=result.structure,
+            as_given=self.given,
+            refitted=None if answer == "inputs" else again,
+            with_effects=effects,
+            base=self.problem.base.name,
+            base_errors=self.base,
+            is_base=self.is_base,
+            scale=_scale(result, table) if answer == "numbers" else None,
+            statement=statement,
+            neighbours_alike=result.neighbours_alike,
+            unused_inputs=result.unused_inputs if answer == "inputs" else (),
+            reason=self.reason if answer in ("numbers", "effect") else "",
+            remedy=_remedy(self.model, self.decision, answer, self.reason),
+        )
+
+    @property
+    def answer(self) -> Answer:
+        """The answer where the table is right: the first rule that holds."""
+        unknown, nothing = self.decision.unknown, self.decision.verdict == "none"
+        if unknown is not None and unknown.slow_noise is not None:
+            return "fits"
+        if self.lacks_inputs:
+            return "inputs"
+        if self.is_form_of_base and not nothing:
+            return "effect"
+        if not self.missing:
+            return self.without_structure
+        if self.fits_again or self.reason == "rows":
+            return "numbers"
+        return "form" if self.too_plain and not self.reason else "effect"
+
+    @property
+    def without_structure(self) -> Answer:
+        """The answer where nothing in the residual of the model says more."""
+        if self.far_off:
+            return "noise" if self.decision.verdict == "none" else "effect"
+        beyond = (self.given.over_noise or 0.0) > NEAR_NOISE and self.result.excess_low > 0.0
+        return "noise" if beyond else "fits"
+
+    @cached_property
+    def reason(self) -> Reason:
+        """Why a base that is no richer shows nothing."""
+        problem = self.problem
+        richer = len(problem.base.coefficients) > len(self.model.base.coefficients)
+        if not self.too_plain:
+            return ""
+        if _far_behind(self.given, self.base) and problem.outlying_rows and not richer:
+            return "rows"
+        return "weak" if self.is_form_of_base else ""
+
+    @property
+    def is_base(self) -> bool:
+        """Whether the base is the model itself, with E and nu fitted to these rows."""
+        return all(isinstance(one.base, PhysicsMap) for one in (self.model, self.problem))
+
+    @property
+    def is_alike(self) -> bool:
+        """Whether it has the columns of the base: effects have a meaning for it."""
+        base = self.problem.base
+        return (self.model.inputs, self.model.outputs) == (base.inputs, base.outputs)
+
+    @property
+    def is_form_of_base(self) -> bool:
+        return self.is_alike and self.model.base.name == self.problem.base.name
+
+    @property
+    def far_off(self) -> bool:
+        """Whether it errs more than a noise that was stated half as large."""
+        return (self.given.over_noise or 0.0) > FAR_BEYOND_NOISE
+
+    @cached_property
+    def shown(self) -> bool:
+        """Whether its residual shows more than noise; the comparison fits a base of its own."""
+        return _far_behind(self.given, self.base) or self.result.missing
+
+    @cached_property
+    def fits(self) -> tuple[JointFit | None, JointFit | None]:
+        """Its kind fitted to the rows, alone and with the accepted effects; None if not tried."""
+        accepted = [item.effect for item in self.decision.accepted.effects]
+        tried = bool(accepted) and self.is_alike
+        if self.is_base or not (self.shown or tried):
+            return None, None
+        noise = self.result.noise
+        again = refit_of_kind(self.model, self.decision.prepared.unexplained, noise)
+        if again is None or not tried:
+            return again, None
+        return again, fit_or_none(again.base, accepted, again.rows.table, noise)
+
+    def of_fit(self, fit: JointFit | None) -> Errors | None:
+        """Errors of a fit, each coefficient a degree of freedom."""
+        if fit is None:
+            return None
+        scored = fit.rows.table.of_poses
+        whitened, residual = fit.whitened[scored], fit.residual[scored]
+        error = np.sqrt((whitened**2).sum() / max(1, whitened.size - fit.design.shape[2]))
+        rmse = np.sqrt((residual**2).mean(axis=0)).tolist()
+        table = self.decision.prepared.table
+        return _sized(table, float(error), rmse, fit.base.outputs, noise=self.result.noise)
+
+    @cached_property
+    def needed(self) -> bool:
+        """Whether the effects are, by the fall of BIC, whatever the size of the noise.
+
+        Smooth functions do not show the way back of a hysteresis.
+        """
+        without, with_effects = self.fits
+        if without is None or with_effects is None:
+            return False
+        scored = without.rows.table.of_poses
+        before, after = (float((f.whitened[scored] ** 2).sum()) for f in (without, with_effects))
+        size = without.whitened[scored].size
+        more = with_effects.design.shape[2] - without.design.shape[2]
+        fall = math.log(max(before, 1e-300) / max(after, 1e-300))
+        return bool(size * fall - more * math.log(size) > self.problem.settings.least_bic)
+
+    @property
+    def missing(self) -> bool:
+        return self.shown or self.needed
+
+    @cached_property
+    def refitted(self) -> Errors | None:
+        """Errors of its kind fitted to the rows."""
+        return self.base if self.is_base else self.of_fit(self.fits[0])
+
+    @cached_property
+    def fits_again(self) -> bool:
+        """Whether its kind lacks nothing where it is fitted to the rows."""
+        if self.is_base:
+            return not self.decision.gate.rejected
+        fit = self.fits[0]
+        if fit is None or self.needed or _far_behind(self.refitted, self.base):
+            return False
+        whitener = whiteners(self.result.noise.covariance(fit.rows, fit.base.error))
+        scored = fit.rows.table.of_poses
+        return not structure_test(fit.rows, fit.whitened, whitener, scored, fitted=fit.design).found
+
+    @property
+    def too_plain(self) -> bool:
+        """Whether it lacks what the base has, or what both lack: no effect, or the smaller part."""
+        if not self.missing or self.fits_again:
+            return False
+        return _far_behind(self.refitted, self.base) or self.decision.verdict == "none"
+
+    @property
+    def lacks_inputs(self) -> bool:
+        """Whether it errs, or errs far more than a base that takes more inputs; its fit counts."""
+        if not self.result.unused_inputs or self.missing:
+            return bool(self.result.unused_inputs)
+        problem, given, base = self.problem, self.given.rmse, self.base.rmse
+        own = problem.size / max(problem.size - len(problem.base.coefficients), 1)
+        return any(given[name] > _FAR * np.sqrt(own) * base[name] for name in given)
+
+    def with_table(self, answer: Answer) -> tuple[Answer, WrongStatement | None]:
+        """Return the answer, and another reading of the table where that is one."""
+        if not (self.missing or answer == "effect" or (answer == "noise" and self.far_off)):
+            return answer, None
+        if self.decision.misread and self.is_base:  # the base has the numbers of the body
+            return "table", None
         # A reading must fit as well as the model on its own rows, or as the base does here.
-        own = _OF_ITS_OWN * float(model.training.get("over_noise", 0.0))
-        most = max(FAR_BEYOND_NOISE, _FAR * (base.over_noise or 0.0), own)
-        statement = reading_of_given_model(model, table, result.noise, most)
-    if doubted and (decision.misread or statement is not None):
-        answer = "table"
-    return GivenModel(
-        name=model.name,
-        answer=answer,
-        gate=result.structure,
-        as_given=given,
-        refitted=refitted if missing and answer != "inputs" else None,
-        with_effects=after if missing else None,
-        base=problem.base.name,
-        base_errors=base,
-        is_base=same,
-        scale=_scale(result, table) if answer == "numbers" else None,
-        statement=statement,
-        neighbours_alike=result.neighbours_alike,
-        unused_inputs=result.unused_inputs if answer == "inputs" else (),
-        reason=reason if answer in ("numbers", "effect") else "",
-        remedy=_remedy(model, decision, answer, reason),
-    )
+        own = _OF_ITS_OWN * float(self.model.training.get("over_noise", 0.0))
+        most = max(FAR_BEYOND_NOISE, _FAR * (self.base.over_noise or 0.0), own)
+        table, noise = self.decision.prepared.table, self.result.noise
+        found = reading_of_given_model(self.model, table, noise, most)
+        return ("table" if self.decision.misread or found is not None else answer), found
 
 
 def _sized(
@@ -386,64 +493,6 @@ def _sized(
     spread = {name: float(measured.column(name).std()) for name in errors}
     shares = [error / spread[name] for name, error in errors.items() if spread[name] > 0.0]
     return Errors(known, errors, max(shares, default=None))
-
-
-def _left_by(fit: JointFit) -> tuple[float, list[float], tuple[str, ...]]:
-    """Error over the noise, each coefficient a degree of freedom; rms and name of each column."""
-    scored = fit.rows.table.of_poses
-    whitened, residual = fit.whitened[scored], fit.residual[scored]
-    error = np.sqrt((whitened**2).sum() / max(1, whitened.size - fit.design.shape[2]))
-    return float(error), np.sqrt((residual**2).mean(axis=0)).tolist(), tuple(fit.base.outputs)
-
-
-def _fitted_again(
-    model: Model, decision: Decision, noise: Noise, alike: bool, missing: bool
-) -> tuple[JointFit | None, JointFit | None]:
-    """Fit the model's kind to the rows, alone and with the accepted effects.
-
-    Parameters
-    ----------
-    alike
-        Whether effects of the base have a meaning for the model: it may have fewer columns.
-    missing
-        Whether its residual shows more than noise.
-    """
-    accepted = [item.effect for item in decision.accepted.effects]
-    tried = bool(accepted) and alike
-    if not (missing or tried):
-        return None, None
-    again = refit_of_kind(model, decision.prepared.unexplained, noise)
-    if again is None or not tried:
-        return again, None
-    return again, _fit_or_none(again.base, accepted, again.rows.table, noise)
-
-
-def _are_needed(without: JointFit | None, with_effects: JointFit | None, least: float) -> bool:
-    """Whether the effects are, by the fall of BIC, whatever the size of the noise.
-
-    Smooth functions do not show the way back of a hysteresis.
-    """
-    if without is None or with_effects is None:
-        return False
-    scored = without.rows.table.of_poses
-    before, after = (float((f.whitened[scored] ** 2).sum()) for f in (without, with_effects))
-    size = without.whitened[scored].size
-    more = with_effects.design.shape[2] - without.design.shape[2]
-    fall = math.log(max(before, 1e-300) / max(after, 1e-300))
-    return bool(size * fall - more * math.log(size) > least)
-
-
-def _holds_structure(fit: JointFit, noise: Noise) -> bool:
-    """Whether the residual of a fit holds more than chance."""
-    whitener = whiteners(noise.covariance(fit.rows, fit.base.error))
-    scored = fit.rows.table.of_poses
-    return structure_test(fit.rows, fit.whitened, whitener, scored, fitted=fit.design).found
-
-
-def _errs_far_more(given: Errors, base: Errors, problem: Problem) -> bool:
-    """Whether a model errs far more than a base that takes more inputs, whose fit counts."""
-    own = problem.size / max(problem.size - len(problem.base.coefficients), 1)
-    return any(given.rmse[name] > _FAR * np.sqrt(own) * base.rmse[name] for name in given.rmse)
 
 
 def _scale(result: Comparison, table: Table) -> float | None:
@@ -489,21 +538,11 @@ def refit_of_kind(model: Model, table: Table, noise: Noise) -> JointFit | None:
         return None
     if 2 * len(base.coefficients) > len(table) * len(base.outputs):
         return None
-    return _fit_or_none(base, (), table, noise)
+    return fit_or_none(base, (), table, noise)
 
 
-def _fit_or_none(
-    base: StiffnessMap, effects: Sequence[Effect], table: Table, noise: Noise
-) -> JointFit | None:
-    """Fit together; None where the steps leave the range of the base or of an effect."""
-    try:
-        return joint_fit(base, effects, table, noise)
-    except (EcmError, np.linalg.LinAlgError):
-        return None
-
-
-def _far_behind(given: Errors, base: Errors) -> bool:
+def _far_behind(given: Errors | None, base: Errors) -> bool:
     """Whether a model errs far beyond the noise and a base fitted to the rows does not."""
-    if given.over_noise is None or base.over_noise is None:
+    if given is None or given.over_noise is None or base.over_noise is None:
         return False
     return is_far_behind(given.over_noise, base.over_noise)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,12 +15,9 @@ from ecm.io.conventions import WrongConvention
 from ecm.io.sanity import zero_columns
 from ecm.io.table import Table
 from ecm.models.actuated import ActuatedMap, misread
+from ecm.models.joint_fit import FittedEffect
 from ecm.models.model import Model
 from ecm.regression.folds import distinct_rows, rows_without_zero_readings, spread_rows, zero_times
-
-if TYPE_CHECKING:
-    from ecm.models.joint_fit import FittedEffect
-
 
 _LEAST_ROWS = 8
 
@@ -81,11 +77,8 @@ def prepare(
     unexplained = without_effects(model.effects, Rows(table, model.base))
     if len(table) > settings.most_rows:
         chosen = spread_rows(table, settings.most_rows)
-        rows, table, unexplained = (
-            rows[chosen],
-            table.subsample(chosen),
-            unexplained.subsample(chosen),
-        )
+        rows = rows[chosen]
+        table, unexplained = table.subsample(chosen), unexplained.subsample(chosen)
     zeros = () if model.base.kind == "physics" else zero_columns(table)
     unexplained = unexplained.drop(*zeros)
     chosen_effects = [get_effect(e) if isinstance(e, str) else e for e in effects or ()]

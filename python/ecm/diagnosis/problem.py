@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import compress
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from scipy import special
@@ -19,14 +19,10 @@ from scipy import special
 from ecm.comparison.residuals import feature_columns
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
-from ecm.effects.protocol import (
-    UNKNOWN_LENGTH,
-    UNKNOWN_TORQUES,
-    guesses_torques,
-    jacobian_of,
-)
+from ecm.effects.protocol import UNKNOWN_LENGTH, UNKNOWN_TORQUES, guesses_torques, jacobian_of
 from ecm.errors import ModelError
 from ecm.io.arrays import B, F, I
+from ecm.io.table import Table
 from ecm.models.joint_fit import (
     JointFit,
     base_columns,
@@ -36,6 +32,7 @@ from ecm.models.joint_fit import (
     further_columns,
     joint_fit,
 )
+from ecm.models.maps import StiffnessMap
 from ecm.regression.f_test import explained_by_span, omnibus_test, orthonormal
 from ecm.regression.folds import row_groups
 from ecm.regression.noise import Noise, is_exact, some_rows, weighed_by_rest, whiteners
@@ -47,11 +44,6 @@ from ecm.regression.normal_equations import (
     projected_out,
 )
 from ecm.regression.rows import UnknownLength, actuators_of, is_whole
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-    from ecm.models.maps import StiffnessMap
-
 
 OUTLIER_CHANCE = 1e-4
 """Rows less likely than this under the noise count less."""
@@ -207,7 +199,7 @@ def all_score_columns(
     rows: Rows, whitener: F, effects: Sequence[Effect]
 ) -> tuple[list[ScoreColumns], dict[str, Missing]]:
     """Return every variant of every effect that has columns, and what cannot be tested."""
-    table, base = rows.whole.table, cast("StiffnessMap", rows.base)
+    table, base = rows.whole.table, cast(StiffnessMap, rows.base)
 
     def of_effect(effect: Effect) -> tuple[list[ScoreColumns], Missing | None]:
         lacking = effect.missing(table)
@@ -542,10 +534,6 @@ class Problem:
         """(N m, k) of whitened columns (N, m, k), or (N m,) of (N, m): each row by its weight."""
         root = np.sqrt(self.weights).reshape(-1, *[1] * (columns.ndim - 1))
         return np.asarray((columns * root).reshape(self.response.size, *columns.shape[2:]))
-
-    def in_units(self, whitened: F) -> F:
-        """Return whitened (N, m) numbers in the units of their columns."""
-        return np.asarray(np.linalg.solve(self.whitener, whitened[:, :, None])[:, :, 0])
 
     @property
     def outlying_rows(self) -> list[int]:

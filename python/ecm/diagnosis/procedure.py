@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial, wraps
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -63,31 +63,17 @@ from ecm.errors import ModelError
 from ecm.io.arguments import listed
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.table import takes_table
-from ecm.models.fit import (
-    as_model,
-    choose_base,
-    energy_of_revolution,
-    symmetric_energy,
-)
+from ecm.io.table import MetaLike, Table, TableLike, takes_table
+from ecm.models.fit import as_model, choose_base, energy_of_revolution, symmetric_energy
 from ecm.models.maps import EnergyMap, StiffnessMap
+from ecm.models.model import Model
 from ecm.models.partial import whole_map
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import addition_to
 from ecm.regression.blas import one_blas_thread
-from ecm.regression.history import (
-    SlowNoise,
-    correlation_of_rest,
-    order_of_visits,
-    slow_noise,
-)
+from ecm.regression.history import SlowNoise, correlation_of_rest, order_of_visits, slow_noise
 from ecm.regression.noise import Noise
 from ecm.regression.rows import actuators_of, naming_outliers
-
-if TYPE_CHECKING:
-    from ecm.io.table import MetaLike, Table, TableLike
-    from ecm.models.model import Model
-
 
 _RELINEARISED = 2
 """Most fits of the base beside what was found, around which the effects are looked for again: of

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy import special
@@ -51,7 +51,7 @@ from ecm.diagnosis.summary import (
     verdict_sentence,
 )
 from ecm.diagnosis.verdict import Decision, Headline, probability
-from ecm.io.arrays import rest_of
+from ecm.io.arrays import F, rest_of
 from ecm.io.description import shown_ranges
 from ecm.io.events import fields_json, to_json
 from ecm.io.extras import require
@@ -70,9 +70,6 @@ from ecm.regression.normal_equations import beside
 from ecm.regression.rows import derived_columns
 from ecm.report import figures as draw
 from ecm.report.blocks import Block, Report, Shown
-
-if TYPE_CHECKING:
-    from ecm.models.model import Model
 
 
 @dataclass(frozen=True)
@@ -412,13 +409,10 @@ def _rows_used(problem: Problem, alike: bool) -> RowsUsed | None:
 
 def _outside_causes(decision: Decision) -> tuple[OutsideCause, ...]:
     """Return what else would look like each effect of the answer with any data."""
-    effects = {effect.id: effect for effect in decision.prepared.effects}
+    outside = {effect.id: effect.outside for effect in decision.prepared.effects}
     named = dict.fromkeys(id for members in decision.answer for id in members)
-    return tuple(
-        OutsideCause(id, effects[id].outside.what, effects[id].outside.apart)
-        for id in named
-        if id in effects and effects[id].outside
-    )
+    causes = ((id, outside.get(id)) for id in named)
+    return tuple(OutsideCause(id, one.what, one.apart) for id, one in causes if one)
 
 
 def _ranked(problem: Problem, item: Ranked) -> RankedEffect:
@@ -478,19 +472,16 @@ def _component_errors(
     before: dict[str, float], problem: Problem, final: JointFit, ceiling: Ceiling | None
 ) -> ComponentErrors:
     """Return the errors of the model as given, the base with effects, the floor."""
-    names, after = problem.base.outputs, problem.rms(final.residual)
+
+    def by_name(values: F) -> dict[str, float]:
+        return dict(zip(problem.base.outputs, values.tolist(), strict=True))
+
     floor: dict[str, float] = {}
     if not problem.noise.is_assumed:
         covariance = problem.noise.covariance(problem.rows, problem.base.error)
-        sd = np.sqrt(np.einsum("nii->ni", covariance)[problem.scored].mean(axis=0))
-        floor = dict(zip(names, sd.tolist(), strict=True))
-    reached = {} if ceiling is None else dict(zip(names, ceiling.components.tolist(), strict=True))
-    return ComponentErrors(
-        before=before,
-        after=dict(zip(names, after.tolist(), strict=True)),
-        floor=floor,
-        ceiling=reached,
-    )
+        floor = by_name(np.sqrt(np.einsum("nii->ni", covariance)[problem.scored].mean(axis=0)))
+    reached = {} if ceiling is None else by_name(ceiling.components)
+    return ComponentErrors(before, by_name(problem.rms(final.residual)), floor, reached)
 
 
 def _warnings(decision: Decision, final: JointFit) -> Iterator[str]:

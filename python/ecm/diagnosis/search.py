@@ -110,9 +110,7 @@ def without(chosen: Sequence[Candidate], item: Candidate) -> tuple[Candidate, ..
 
 
 def delta_chi2_of_each(
-    problem: Problem,
-    chosen: Sequence[Candidate],
-    candidates: Sequence[Candidate],
+    problem: Problem, chosen: Sequence[Candidate], candidates: Sequence[Candidate]
 ) -> F:
     """Return (c,) delta chi² of each candidate beside base and chosen, with its allowed signs."""
     left = projected_out(*problem.equations, problem.columns_of(chosen))
@@ -179,9 +177,7 @@ def delta_bic(problem: Problem, chosen: Sequence[Candidate]) -> float:
 
 
 def delta_bic_of_each(
-    problem: Problem,
-    chosen: Sequence[Candidate],
-    candidates: Sequence[Candidate],
+    problem: Problem, chosen: Sequence[Candidate], candidates: Sequence[Candidate]
 ) -> F:
     """Return (c,) `delta_bic` of the chosen with each of the candidates beside them."""
     k = np.array([candidate.parameters for candidate in candidates])

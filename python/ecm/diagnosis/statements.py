@@ -23,12 +23,7 @@ from scipy import special
 from scipy.optimize import least_squares
 
 from ecm._native import EnergyEvaluator
-from ecm.diagnosis.problem import (
-    Candidate,
-    Problem,
-    best_of_each,
-    omnibus_columns,
-)
+from ecm.diagnosis.problem import Candidate, Problem, best_of_each, omnibus_columns
 from ecm.effects import Effect
 from ecm.effects.noise import NoiseEffect
 from ecm.errors import EcmError, ModelError
@@ -37,6 +32,7 @@ from ecm.io.columns import POSE, WRENCH, unit_of_factor
 from ecm.io.conventions import Convention, conventions, falling_loads, in_words
 from ecm.io.mechanism import Mechanism
 from ecm.io.se3 import rotation
+from ecm.io.table import Table
 from ecm.models.joint_fit import FittedEffect, JointFit, joint_fit
 from ecm.models.maps import EnergyMap, StiffnessMap
 from ecm.models.physics.build import stated_rod
@@ -173,16 +169,22 @@ def best_readings(
     else:
         listed += moved_points(length_m, poses, wrench, lambda p, h: _rest(_columns(base, p), h))
     most = MENDED_SHARE**2 * float((_rest(as_stated, wrench) ** 2).mean())
-    return best_of(squares_left(listed, poses, wrench, squares), most)
+    best = [item for _, item in best_of(listed, poses, wrench, squares, most)]
+    if length_m is not None:
+        return best
+    there = np.full(12, True)
+    return [one for one in best if not falling_loads(*one.change(poses, wrench), there)] or best
 
 
-def squares_left(
+def best_of(
     listed: Iterable[Convention],
     poses: F,
     wrench: F,
     squares: Callable[[Convention, F, F], float],
+    most: float,
 ) -> list[tuple[float, Convention]]:
-    """Return what is left of each reading that can be fitted.
+    """Return the readings that leave about the least squares, with these; none where it is above
+    `most`, and of several that say the same of these columns the first.
 
     Parameters
     ----------
@@ -190,23 +192,20 @@ def squares_left(
         (reading, poses, wrench) -> squares that are left of these as they are read; not finite, or
         an error, where the columns or the model end.
     """
-    left = []
+    left: dict[bytes, tuple[float, Convention]] = {}
     for item in listed:
         try:
-            value = squares(item, *item.change(poses, wrench))
+            read = item.change(poses, wrench)
+            value = squares(item, *read)
         except (EcmError, np.linalg.LinAlgError):
             continue
         if np.isfinite(value):
-            left.append((value, item))
-    return left
-
-
-def best_of(left: Sequence[tuple[float, Convention]], most: float) -> list[Convention]:
-    """Return the readings that leave about the least squares; none where that is above `most`."""
-    least = min((value for value, _ in left), default=np.inf)
+            same = np.round(np.hstack(read), 9) + 0.0  # no negative zeros
+            left.setdefault(same.tobytes(), (value, item))
+    least = min((value for value, _ in left.values()), default=np.inf)
     if not least <= most:
         return []
-    return [item for value, item in left if value <= EQUAL * least][:_MOST_SAID]
+    return [one for one in left.values() if one[0] <= EQUAL * least][:_MOST_SAID]
 
 
 def _columns(base: StiffnessMap, poses: F) -> tuple[F, F]:
@@ -260,19 +259,15 @@ def find_wrong_statement(
         # It takes in most readings: one that gives the wrench an energy is right.
         length, bodies = None, _any_elastic_body(poses, wrench)
         most = max(FAR_BEYOND_NOISE, _BETTER * before)
-        before = (_error(problem, bodies[0], None) if bodies else None) or 0.0
+        before = min((_error(problem, body, None) for body in bodies), default=0.0)
     elif length is None:
         return None
-    if before < LEAST_WRONG_ERROR:
+    if not LEAST_WRONG_ERROR <= before < np.inf:
         return None
     for body in bodies:
         best = best_readings(body, poses, wrench, length)
-        if length is None:
-            there = np.full(12, True)
-            rising = [one for one in best if not falling_loads(*one.change(poses, wrench), there)]
-            best = rising or best
-        mended = _error(problem, body, best[0]) if best else None
-        if mended is not None and mended <= min(MENDED_SHARE * before, most):
+        mended = _error(problem, body, best[0]) if best else np.inf
+        if mended <= min(MENDED_SHARE * before, most):
             return WrongStatement(in_words(best), before, mended)
     return None
 
@@ -301,20 +296,29 @@ def _any_elastic_body(poses: F, wrench: F) -> list[StiffnessMap]:
     return [EnergyMap(EnergyEvaluator.fit(poses, wrench, **terms))]
 
 
-def _error(problem: Problem, base: StiffnessMap, reading: Convention | None) -> float | None:
-    """Return the whitened rms that a base leaves of a reading; None where it cannot be fitted."""
+def _error(problem: Problem, base: StiffnessMap, reading: Convention | None) -> float:
+    """Return the whitened rms that a base leaves of a reading; infinite where it has no fit."""
     table = problem.table
     if reading is not None:
         read = np.hstack(reading.change(table.matrix(POSE), table.wrenches))
         table = table.with_columns(dict(zip((*POSE, *WRENCH), read.T, strict=True)))
-    try:
-        fit = joint_fit(base, (), table, problem.noise)
-    except (EcmError, np.linalg.LinAlgError):
-        return None
+    fit = fit_or_none(base, (), table, problem.noise)
+    if fit is None:
+        return np.inf
     squares = (fit.whitened**2).sum(axis=1)[problem.scored]
     # Some bad rows shall not decide.
     kept = np.sort(squares)[: max(1, int(0.98 * len(squares)))]
     return float(np.sqrt(kept.mean() / fit.whitened.shape[1]))
+
+
+def fit_or_none(
+    base: StiffnessMap, effects: Sequence[Effect], table: Table, noise: Noise
+) -> JointFit | None:
+    """Fit together; None where the steps leave the range of the base or of an effect."""
+    try:
+        return joint_fit(base, effects, table, noise)
+    except (EcmError, np.linalg.LinAlgError):
+        return None
 
 
 _NOISE_DEVIATIONS = 4.0
@@ -507,8 +511,7 @@ class NoiseFinding:
 
 def tested_noise(problem: Problem, effects: Sequence[Effect]) -> list[NoiseEffect]:
     """Return the noise effects that these data can test."""
-    noise = [effect for effect in effects if isinstance(effect, NoiseEffect)]
-    return [effect for effect in noise if effect.id not in problem.untestable]
+    return [e for e in effects if isinstance(e, NoiseEffect) and e.id not in problem.untestable]
 
 
 def noise_findings(problem: Problem, effects: Sequence[Effect]) -> list[NoiseFinding]:
@@ -542,10 +545,9 @@ def with_load_growth(noise: Noise, findings: Sequence[NoiseFinding]) -> Noise:
     """Return the noise with scatter that grows with the load, where that is seen most clearly."""
     if noise.components is not None or not findings or findings[0].id != "heteroscedastic_noise":
         return noise
-    first = findings[0]
-    if first.parameter == "force_growth":
-        return replace(noise, growth_per_N=first.value)
-    return replace(noise, growth_per_Nm=first.value)
+    if findings[0].parameter == "force_growth":
+        return replace(noise, growth_per_N=findings[0].value)
+    return replace(noise, growth_per_Nm=findings[0].value)
 
 
 def _residual(problem: Problem, use: B) -> tuple[F, F]:

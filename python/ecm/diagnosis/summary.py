@@ -161,16 +161,21 @@ def _missing_beside(document: Mapping[str, Any]) -> str:
         like = f" ({', '.join(family['like'])}: none fits)" if family["like"] else ""
         words = f": {unknown['words']}" if unknown["words"] else ""
         return f"a cause that follows {family['driver']}{like}{words}{likely}"
-    if unknown is not None:
-        said = "something that no known effect explains: "
-        if unknown["misread"]:
-            said = "no effect, the table looks misread: "
-        if "slow_noise" in unknown:
-            said = "nothing that can be told from "
-        part = " and ".join(_sized(item) for item in document["effects"])
-        # What passes every check, and leaves too much to be all of it.
-        beside = f"; beside it what looks like {part}, {_fall(document)}" if part else ""
-        return f"{said}{unknown['words']}{beside}"
+    if unknown is None:
+        return _without_name(document)
+    said = "something that no known effect explains: "
+    if unknown["misread"]:
+        said = "no effect, the table looks misread: "
+    if "slow_noise" in unknown:
+        said = "nothing that can be told from "
+    part = " and ".join(_sized(item) for item in document["effects"])
+    # What passes every check, and leaves too much to be all of it.
+    beside = f"; beside it what looks like {part}, {_fall(document)}" if part else ""
+    return f"{said}{unknown['words']}{beside}"
+
+
+def _without_name(document: Mapping[str, Any]) -> str:
+    """What is wrong with the model where no effect is missing."""
     model, bound = document["model"], document["upper_bound"]
     given, base = (_error(model[key]) for key in ("as_given", "base_errors"))
     again = _error(model["refitted"]) if model["refitted"] else base
@@ -224,10 +229,8 @@ def _error(errors: Mapping[str, Any]) -> str:
 def _add(document: Mapping[str, Any]) -> str:
     """The command that puts it into the model that was given, or the one that mends the model."""
     without_inputs = document["model"]["answer"] == "inputs"
-    addition = None if without_inputs else document.get("addition")
-    if addition is not None:
-        remedy = addition["remedy"] or {"command": "", "words": _NOTHING}
-        command = Remedy(**remedy).shown or remedy["words"]
+    if not without_inputs and (addition := document.get("addition")) is not None:
+        command = _command(addition["remedy"]) or _NOTHING
         if addition["refused"]:
             return f"{command}   (not to this model: the details say why)"
         before, after = addition["held_out"]["before"], addition["held_out"]["after"]
@@ -237,12 +240,16 @@ def _add(document: Mapping[str, Any]) -> str:
         return f"{command}{brings}"
     if document["verdict"] in ("named", "ambiguous") and not without_inputs:
         return "nothing: the model has it already; refit it to these rows"
-    remedy = document["model"].get("remedy")
-    if remedy is not None:
-        return Remedy(**remedy).shown or str(remedy["words"])
+    if (remedy := document["model"].get("remedy")) is not None:
+        return _command(remedy)
     if (document["unknown"] or {}).get("skeleton"):
         return "an effect of your own: the details have a draft of it"
     return _NOTHING
+
+
+def _command(remedy: Mapping[str, Any] | None) -> str:
+    """The command of a remedy, or its words; empty where there is none."""
+    return "" if remedy is None else Remedy(**remedy).shown or remedy["words"]
 
 
 def _next(document: Mapping[str, Any]) -> Iterator[str]:
@@ -253,13 +260,8 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
     if "family" in document:
         family = document["family"]
         yield f"{family['experiment']} ({family['minutes']} min): shows the form"
-    for best in document["next_experiment"][:1]:
-        known = best.get("p_correct") is not None
-        chance = ", chance of the right name {p_correct_before:.2f} -> {p_correct:.2f}"
-        yield f"{best['action']} ({best['minutes']} min{chance.format(**best) if known else ''})"
+    yield from _told_apart(document)
     yield from _of_unknown(unknown)
-    for one in document["look_alikes"][:1]:
-        yield f"{one['apart']}: tells {one['id']} from {one['what'].split(':')[0]}"
     if unknown or document["verdict"] == "ambiguous":
         yield "record one more column: the details list what these data cannot test"
     before = document["held_out"]["before"]
@@ -269,6 +271,15 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
     if document["noise"]["source"] == "assumed":
         yield "measure some poses twice: the noise is only assumed"
     yield "no experiment is needed"
+
+
+def _told_apart(document: Mapping[str, Any]) -> Iterator[str]:
+    for best in document["next_experiment"][:1]:
+        known = best.get("p_correct") is not None
+        chance = ", chance of the right name {p_correct_before:.2f} -> {p_correct:.2f}"
+        yield f"{best['action']} ({best['minutes']} min{chance.format(**best) if known else ''})"
+    for one in document["look_alikes"][:1]:
+        yield f"{one['apart']}: tells {one['id']} from {one['what'].split(':')[0]}"
 
 
 def _of_unknown(unknown: Mapping[str, Any]) -> Iterator[str]:
@@ -288,9 +299,7 @@ _STEPS = ("before", "base", "after", "floor", "ceiling")
 
 
 def diagnosis_report(
-    document: Mapping[str, Any],
-    compared: Comparison | None = None,
-    predicted: F | None = None,
+    document: Mapping[str, Any], compared: Comparison | None = None, predicted: F | None = None
 ) -> Report:
     """Return three lines, verdict, unknown structure, residual maps, ranking, limits, what is next.
 

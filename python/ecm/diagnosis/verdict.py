@@ -120,17 +120,8 @@ def verdict(
         Function that looks for a pattern before `none` or a name is said.
     """
     problem, gate, accepted, left = found.problem, found.gate, found.accepted, found.left
-    # A polynomial takes in most wrong readings: its gate does not see them.
-    if gate.rejected or problem.base.kind == "polynomial":
-        counted = problem.weights.sum() * problem.response.shape[1]
-        before, after = (
-            float(np.sqrt(problem.squares_of(residual_after(problem, effects)) / counted))
-            for effects in ((), accepted.effects)
-        )
-        wrong = find_wrong_statement(problem, accepted.effects, before, after)
-        if wrong is not None:
-            said = wrong.sentence()
-            return found.without_names(describe, said, statement=wrong, misread=True)
+    if (wrong := _wrong_statement(found)) is not None:
+        return found.without_names(describe, wrong.sentence(), statement=wrong, misread=True)
     if strange := _strange(found):
         return found.without_names(describe, strange, misread=True)
     still = left.remains and gate.rejected
@@ -148,6 +139,20 @@ def verdict(
     return replace(found, verdict="unknown", unknown=unknown)
 
 
+def _wrong_statement(found: Decision) -> WrongStatement | None:
+    """Return the reading of the table that explains what the base leaves; None where none does."""
+    problem, effects = found.problem, found.accepted.effects
+    # A polynomial takes in most wrong readings: its gate does not see them.
+    if not found.gate.rejected and problem.base.kind != "polynomial":
+        return None
+    counted = problem.weights.sum() * problem.response.shape[1]
+    before, after = (
+        float(np.sqrt(problem.squares_of(residual_after(problem, some)) / counted))
+        for some in ((), effects)
+    )
+    return find_wrong_statement(problem, effects, before, after)
+
+
 def _strange(found: Decision) -> str:
     """Return what is wrong with the table or the stated body, in words; empty where nothing is.
 
@@ -163,10 +168,7 @@ def _strange(found: Decision) -> str:
 
 
 def _pattern_instead(
-    problem: Problem,
-    accepted: Accepted,
-    still: bool,
-    white: Callable[[Problem], Pattern | None],
+    problem: Problem, accepted: Accepted, still: bool, white: Callable[[Problem], Pattern | None]
 ) -> Pattern | None:
     """Return a pattern where nothing is accepted and no function of the pose is left, or where it
     explains more than what is accepted and what the model holds: names would imitate a part of it.
@@ -188,11 +190,7 @@ def _pattern_instead(
     return None if beside is None else pattern
 
 
-WEIGHTS = {
-    "named": (-2.22, 0.86, -0.68),
-    "none": (2.75, -1.06),
-    "unknown": (1.16,),
-}
+WEIGHTS = {"named": (-2.22, 0.86, -0.68), "none": (2.75, -1.06), "unknown": (1.16,)}
 """w by verdict, of 483 sets of the seeds 21 and 22; an `ambiguous` one is as a named one."""
 
 
