@@ -165,10 +165,11 @@ def _potential(poses: F, length_m: float, gravity: F) -> F:
 
 @dataclass(eq=False)
 class CableDrag(LinearEffect):
-    """A constant wrench in base axes and a spring towards one point: F, M - k (r - r_rest).
+    """A constant force and springs along and across a cable, on the lever to where it leaves.
 
-    Or a cable from the rim at an azimuth (`azimuth_rad`) away from the mechanism: a constant force
-    and springs along and across the cable, on the lever from the platform's centre to the rim.
+    It leaves from the rim at an azimuth (`azimuth_rad`), away from the mechanism. Without an
+    azimuth, as older files have it, a constant wrench in base axes and a spring towards one point:
+    F, M - k (r - r_rest).
 
     Parameters: force_*: pull of the cable along this axis at the rest pose; moment_*: its moment
     about this axis; spring: stiffness of the cable; along, across: stiffness in this direction of

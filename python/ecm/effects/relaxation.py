@@ -235,7 +235,8 @@ class StressRelaxation(LinearEffect):
         low, high = max(float(dwell.min()), 0.1), float(dwell.max())
         # Over the path between readings, branches slower than the dwell times count too.
         last = 4.0 * high if self.path else high
-        return np.geomspace(low, last, 5 if self.path or self.branches == 2 else 4).tolist()
+        count = 5 if self.path or self.branches == 2 else 4
+        return [float(tau) for tau in np.geomspace(low, last, count)]
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Time constants between these and their neighbours, one at a time."""
