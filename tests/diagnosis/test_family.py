@@ -9,9 +9,11 @@ import ecm
 from ecm.diagnosis import diagnose
 from ecm.diagnosis.family import posterior
 from ecm.diagnosis.problem import assemble
+from ecm.diagnosis.procedure import find_missing
 from ecm.diagnosis.verdict import WEIGHTS
 from ecm.effects import effects_of, unregister
 from ecm.io.table import Table
+from support.campaigns import campaign, model
 
 
 def spring(**columns: np.ndarray) -> Table:
@@ -89,3 +91,18 @@ def test_more_evidence_is_more_sure_and_more_members_less() -> None:
     ]
     assert all(0.0 < p <= 1.0 for p in sure)
     assert constant < 0.0
+
+
+@pytest.mark.parametrize("phase", [0.3, 0.6])
+def test_a_stiffness_that_follows_the_hour_is_not_taken_for_a_bond_that_opens(phase: float) -> None:
+    """One wave in time passes every check of a name; a smooth process of time explains far more."""
+    table = campaign()
+    time_s = table.column("time_s")
+    factor = 1.0 + 0.005 * np.sin(2.0 * np.pi * time_s / (0.9 * time_s.max()) + phase)
+    names = table.wrench_columns
+    found = find_missing(
+        model(), table.with_columns({name: table.column(name) * factor for name in names})
+    )
+    assert found.answer == ()
+    assert found.family is not None
+    assert found.family.driver == "time"
