@@ -12,11 +12,11 @@ LIMITS = {
     "python/ecm": (41_600, 200),
     "benches": (5_897, 51),
     "examples": (1_516, 13),
-    "tests": (31_548, 229),
+    "tests": (31_551, 229),
     "crates": (34_317, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: names
-are weighed beside smooth processes, a cable leaves from a place (python/ecm 24, tests 14), both
+are weighed beside smooth processes, a cable leaves from a place (python/ecm 24, tests 17), both
 less than what left with them."""
 
 
