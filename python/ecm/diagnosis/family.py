@@ -118,7 +118,7 @@ def _in_its_order(
 def posterior(problem: Problem) -> list[tuple[Driver, float]]:
     """Return the probability of each driver beside the others, the pose, and nothing."""
     drivers, chances = _chances(problem, ())
-    return list(zip(drivers, chances.tolist(), strict=False))
+    return list(zip(drivers, chances[: len(drivers)].tolist(), strict=True))
 
 
 def explained_by_a_process(problem: Problem, named: Sequence[Candidate]) -> bool:

@@ -242,12 +242,7 @@ class StressRelaxation(LinearEffect):
         """Time constants between these and their neighbours, one at a time."""
         taus = self._taus(table)
         step = (taus[-1] / taus[0]) ** (0.5 ** (round_ + 1) / (len(taus) - 1))
-        factors = (1 / step, step)
-        first = tuple(replace(self, tau_s=self.tau_s * factor) for factor in factors)
-        if self.branches == 1:
-            return first
-        slow = self.second_tau_s
-        return (*first, *(replace(self, second_tau_s=slow * factor) for factor in factors))
+        return (*self.nearby("tau_s", step), *self.nearby("second_tau_s", step))
 
     def refinement(self, table: Table) -> tuple[Effect, ...]:
         """The same with a second branch, slower or faster; none where there is one already."""
