@@ -71,6 +71,12 @@ def test_a_plan_of_few_poses_is_driven_too(cache: Path, count: int) -> None:
     assert len(table.measured()) == count, table.warnings
 
 
+def test_a_plan_of_which_every_pose_is_given_up_is_refused_with_the_reasons(cache: Path) -> None:
+    far = [REST + np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.35])]
+    with pytest.raises(InputError, match="no pose of the plan can be visited: .*Nm"):
+        run(cache, np.array(far), rig={"torque_limit_Nm": 4.0})
+
+
 def test_with_nothing_hidden_only_the_declared_noise_is_left(cache: Path) -> None:
     campaign = RobotCampaign(plan(some_poses(24)), settings(), StandIn(), folder=cache)
     table = campaign.run(threads=1).measured()

@@ -109,8 +109,7 @@ class Campaign(CampaignState):
             )
         remaining, self.skipped = reachable(remaining, self.skipped, solved, settings)
         if not any(r.action.name == "measure" for r in remaining):
-            reasons = "; ".join(s.reason for s in self.skipped[:3])
-            raise InputError(f"{plan.source}: no pose of the plan can be visited: {reasons}")
+            raise self.without_poses()
         self._requests = {request.row: request for request in remaining}
         self.timeline = timeline_of(remaining, settings.rig, length)
         self._solve = partial(solve_cached, source, grade=UNIFORM, folder=folder, progress=progress)
@@ -215,6 +214,11 @@ class Campaign(CampaignState):
 
     def drive(self, threads: int = 0, progress: Progress = None, parts: Path | None = None) -> None:
         """What must move before readings are taken: nothing on the quasi-static rig."""
+
+    def without_poses(self) -> InputError:
+        """The error of a plan of which every pose is skipped."""
+        reasons = "; ".join(s.reason for s in self.skipped[:3])
+        return InputError(f"{self.plan.source}: no pose of the plan can be visited: {reasons}")
 
     def record(self) -> dict[str, Any] | None:
         """What the arm did, for NAME.robot.json; None without an arm."""

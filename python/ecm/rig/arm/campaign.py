@@ -254,6 +254,8 @@ class RobotCampaign(Campaign):
             reached.append(stop.reached)
             joints.append(np.concatenate([stop.joints_rad, stop.directions]))
             way = np.concatenate([with_inputs(stop.reached[None], own_inputs), after])
+        if all(stop.reason for stop in self.stops):
+            raise self.without_poses()
         self.timeline.end_s = self.planned.end_s + shift_s
         self._air = Climate.build(
             self.settings, self.seed, self.timeline.end_s, self.timeline.heating
