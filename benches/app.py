@@ -38,7 +38,7 @@ LONG_S = 120.0
 @contextmanager
 def served(*arguments: str | Path) -> Iterator[str]:
     """Serve a session; yields its address."""
-    command = [sys.executable, "-m", "ecm.cli", "app", "--no-open", *map(str, arguments)]
+    command = [sys.executable, "-m", "ecm", "app", "--no-open", *map(str, arguments)]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert server.stdout is not None
     try:

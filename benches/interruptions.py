@@ -126,7 +126,7 @@ def run(
         signal.signal(signal.SIGINT, signal.default_int_handler)
     with tempfile.NamedTemporaryFile() as sink:
         process = subprocess.Popen(
-            [sys.executable, "-m", "ecm.cli", *arguments],
+            [sys.executable, "-m", "ecm", *arguments],
             cwd=folder, stdin=subprocess.DEVNULL, stdout=sink, stderr=sink,
             env={**os.environ, **(environment or {})}, start_new_session=True,
         )  # fmt: skip

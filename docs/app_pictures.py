@@ -36,7 +36,7 @@ Take = Callable[[str], None]
 @contextmanager
 def served(*arguments: str | Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     """Serve a session whose rig takes its time; yields its address and the server."""
-    command = [sys.executable, "-m", "ecm.cli", "app", "--no-open", *map(str, arguments)]
+    command = [sys.executable, "-m", "ecm", "app", "--no-open", *map(str, arguments)]
     slow = os.environ | {"ECM_READING_S": "0.15"}
     server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=slow)
     assert server.stdout is not None
@@ -140,7 +140,7 @@ def two_names(page: Page, folder: Path, take: Take) -> None:
     session, data = folder / "ambiguous", folder / "ambiguous.csv"
     session.mkdir()
     write_demo(session)  # plan and rig: the next experiment is driven, too
-    command = [sys.executable, "-m", "ecm.cli", "campaign", PLAN, "--rig", RIG]
+    command = [sys.executable, "-m", "ecm", "campaign", PLAN, "--rig", RIG]
     command += ["--hide", HIDDEN, "--seed", "1", "--out", str(data)]
     subprocess.run(command, check=True, cwd=session, capture_output=True)
     with served(data, "--session", session) as (address, _):

@@ -202,7 +202,7 @@ def test_what_is_typed_at_the_terminal_is_a_table(tmp_path: Path) -> None:
         '[rig]\noffset_compensation = "none"\ndwell_s = 0.0\n'
         + "".join(f'[{part}]\ndevice = "manual"\n' for part in HAND)
     )
-    command = [sys.executable, "-m", "ecm.cli", "measure", "plan.csv", "--rig", "bench.toml"]
+    command = [sys.executable, "-m", "ecm", "measure", "plan.csv", "--rig", "bench.toml"]
     command += ["--out", "data.csv", "--yes"]
     options: dict[str, Any] = {"cwd": tmp_path, "capture_output": True, "text": True}
     typed = ["", "0 deg", "0", "", "10.5 deg", "80 N mm"]

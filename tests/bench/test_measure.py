@@ -549,7 +549,7 @@ def test_a_dry_run_and_a_command_without_yes_move_nothing(tmp_path: Path) -> Non
     plan_of().write(tmp_path / "plan.csv")
     tables = "".join(f'[{part}]\ndevice = "line"\naddress = "127.0.0.1:1"\n' for part in PARTS)
     (tmp_path / "bench.toml").write_text(tables)
-    command = [sys.executable, "-m", "ecm.cli", "measure", "plan.csv", "--rig", "bench.toml"]
+    command = [sys.executable, "-m", "ecm", "measure", "plan.csv", "--rig", "bench.toml"]
     command += ["--out", "data.csv"]
     dry = subprocess.run(
         [*command, "--dry-run"], cwd=tmp_path, capture_output=True, text=True, check=True

@@ -264,7 +264,7 @@ def test_the_program_itself_ends_with_two_and_without_a_traceback(tmp_path: Path
     """Once through a process of its own, as users see it."""
     (tmp_path / "d.csv").write_text(cell(7, 6, "nan"), encoding="utf-8")
     done = subprocess.run(
-        [sys.executable, "-m", "ecm.cli", "check", "d.csv"],
+        [sys.executable, "-m", "ecm", "check", "d.csv"],
         cwd=tmp_path, capture_output=True, text=True, check=False,
         env={**os.environ, "COLUMNS": "80"},
     )  # fmt: skip

@@ -644,7 +644,7 @@ def test_a_reader_that_goes_away_is_no_traceback(tmp_path: Path) -> None:
     table = {f"own_{i}": np.arange(3.0) for i in range(3000)} | {"y_m": np.arange(3.0) / 10}
     (tmp_path / "d.csv").write_text(csv_text(table), encoding="utf-8")
     process = subprocess.Popen(
-        [sys.executable, "-m", "ecm.cli", "check", "d.csv"],
+        [sys.executable, "-m", "ecm", "check", "d.csv"],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     assert process.stdout is not None
@@ -662,7 +662,7 @@ def test_a_reader_that_goes_away_is_no_traceback(tmp_path: Path) -> None:
 def test_a_full_disk_is_said(neck_csv: Path) -> None:
     with open("/dev/full", "w", encoding="utf-8") as full:
         done = subprocess.run(
-            [sys.executable, "-m", "ecm.cli", "check", str(neck_csv)],
+            [sys.executable, "-m", "ecm", "check", str(neck_csv)],
             stdout=full, stderr=subprocess.PIPE, text=True, check=False,
         )  # fmt: skip
     assert done.returncode == 1

@@ -30,7 +30,7 @@ SPRING = "x_m,fx_N\n0,0\n0.001,1.1\n0.002,1.9\n0.003,3.2\n"
 def test_the_json_goes_to_the_standard_output(name: str, tmp_path: Path) -> None:
     (tmp_path / "d.csv").write_text(SPRING, encoding="utf-8")
     done = subprocess.run(
-        [sys.executable, "-m", "ecm.cli", "check", "d.csv", "--json", name],
+        [sys.executable, "-m", "ecm", "check", "d.csv", "--json", name],
         capture_output=True, text=True, cwd=tmp_path, check=True, timeout=60,
     )  # fmt: skip
     assert json.loads(done.stdout)["rows"] == 4

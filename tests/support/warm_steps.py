@@ -69,4 +69,4 @@ def _run(argv: list[str], folder: Path, number: int, environment: Mapping[str, s
     os.environ.clear()
     os.environ.update({**_WATCHED, **environment, **watched})
     sys.argv[:] = ["ecm", *argv]
-    runpy.run_module("ecm.cli", run_name="__main__")
+    runpy.run_module("ecm", run_name="__main__")

@@ -170,7 +170,7 @@ def _same_bytes_by(script: str, session: Session, tmp_path: Path) -> None:
     """Run a script beside the session, and compare every file that it writes."""
     program = tmp_path / "bin" / "ecm"
     program.parent.mkdir()
-    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m ecm.cli "$@"\n', encoding="utf-8")
+    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m ecm "$@"\n', encoding="utf-8")
     program.chmod(0o755)
     (session.folder / "script.sh").write_text(script, encoding="utf-8")
     again = tmp_path / "again"

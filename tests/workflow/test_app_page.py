@@ -86,7 +86,7 @@ def served(*tables: Path, folder: Path, follow: Path | None = None) -> Iterator[
 def served_by_the_command(*arguments: str | Path) -> Iterator[str]:
     """`ecm app` of these arguments; yields its address."""
     server = subprocess.Popen(
-        [sys.executable, "-m", "ecm.cli", "app", "--no-open", *map(str, arguments)],
+        [sys.executable, "-m", "ecm", "app", "--no-open", *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -1010,7 +1010,7 @@ def test_a_measurement_is_followed_through_an_interruption_to_its_end(
     others = "".join(f'[{part}]\ndevice = "mover"\n' for part in ("wrench", "pose", "person"))
     (tmp_path / "bench.toml").write_text(_FOLLOWED + others, encoding="utf-8")
     ecm.fit_model(ROOT / "examples" / "neck_measured.csv", "energy4").save(tmp_path / "model.json")
-    command = [sys.executable, "-m", "ecm.cli", "measure", "plan.csv", "--rig", "bench.toml"]
+    command = [sys.executable, "-m", "ecm", "measure", "plan.csv", "--rig", "bench.toml"]
     command += ["--out", "data.csv", "--model", "model.json", "--yes"]
 
     def run(pause_s: float) -> subprocess.Popen[str]:

@@ -125,7 +125,7 @@ def smaller_arm(text: str) -> str:
 def arm_job(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """`ecm new arm` and `ecm identify`, as typed; the arm is shorter, with fewer of everything."""
     folder = tmp_path_factory.mktemp("arm")
-    ecm = [sys.executable, "-m", "ecm.cli", "new", "arm"]
+    ecm = [sys.executable, "-m", "ecm", "new", "arm"]
     subprocess.run(ecm, cwd=folder, capture_output=True, check=True)
     config = folder / "arm.toml"
     config.write_text(smaller_arm(config.read_text()))

@@ -18,7 +18,7 @@ def main() -> None:
     """Run the command line of this process as `ecm` does."""
     threading.Thread(target=_end_with_the_server, daemon=True).start()
     sys.argv[0] = "ecm"
-    runpy.run_module("ecm.cli", run_name="__main__", alter_sys=False)
+    runpy.run_module("ecm", run_name="__main__", alter_sys=False)
 
 
 def _end_with_the_server() -> None:

@@ -1,4 +1,4 @@
-"""`python -m ecm.cli`: the same as the command `ecm`."""
+"""`python -m ecm`: the same as the command `ecm`."""
 
 from ecm.cli import main
 
