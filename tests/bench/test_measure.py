@@ -541,6 +541,9 @@ def test_what_a_bench_lacks_is_named() -> None:
         envelope(plan_of(), Bench.from_dict(alone, "bench.toml"))
     zeroed = Bench.from_dict(alone | {"rig": {"offset_compensation": "none"}}, "bench.toml")
     assert envelope(plan_of(), zeroed)[1][0] == "12 visits, about 1 minutes"
+    warm = Bench.from_dict(tables | {"rig": {"offset_compensation": "temperature"}}, "bench.toml")
+    with pytest.raises(InputError, match=r"there is no \[thermometer\]"):
+        envelope(plan_of(), warm)
     far = plan_of().with_columns({"x_m": np.where(np.arange(12) < 3, 0.3, 0.1)})
     assert "3 of 12 rows are left out, the first is row 1: " in "\n".join(envelope(far, zeroed)[1])
 

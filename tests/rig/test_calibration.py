@@ -99,3 +99,6 @@ def test_a_zero_that_follows_the_temperature_is_predicted_between_two_readings()
     assert found == pytest.approx(true, abs=1e-9)
     straight = zero_at(time, time[ends], true[ends], "linear")
     assert np.abs(straight - true).max() > 0.5
+    unknown = (warm, np.array([25.0, np.nan]))
+    lost = zero_at(time, time[ends], true[ends], "temperature", temperatures_degC=unknown)
+    assert lost == pytest.approx(straight)

@@ -86,6 +86,11 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
             '[person] to free it; set [rig] offset_compensation = "none" where it is zeroed before',
             remedy=remedy,
         )
+    if procedure.offset_compensation == "temperature" and "thermometer" not in bench.devices:
+        raise InputError(
+            f'{bench.where} [rig]: offset_compensation = "temperature" needs the sensor\'s '
+            'temperature, and there is no [thermometer]; add that table, or set "linear"'
+        )
     driven = poses[:, 6:]
     unread = 0 if zeros else sum(visit.kind == OFFSET for visit in timeline.visits)
     seconds = timeline.end_s - unread * (2.0 * procedure.unload_s + procedure.offset_window_s)

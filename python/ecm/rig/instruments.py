@@ -230,7 +230,8 @@ def zero_at(
         "none": zero; "temperature": b0 + b1 T fitted to all readings (and + b2 t where there are
         four), and the line between what that leaves of the readings before and after.
     temperatures_degC
-        Of the sensor, at the rows (N,) and the readings (k,); for "temperature".
+        Of the sensor, at the rows (N,) and the readings (k,); for "temperature", which is "linear"
+        where one of them is unknown (NaN).
     later_readings_lost
         Only the first reading is used, whatever the law.
     """
@@ -242,11 +243,12 @@ def zero_at(
         last = np.clip(np.searchsorted(reading_time_s, time_s, side="right") - 1, 0, None)
         return readings[last]
     model, left = np.zeros((len(time_s), readings.shape[1])), readings
-    if law == "temperature" and temperatures_degC is not None and len(readings) >= 2:
+    degC = [warm for warm in temperatures_degC or () if np.isfinite(warm).all()]
+    if law == "temperature" and len(degC) == 2 and len(readings) >= 2:
         columns, own = (
             # Times in hours: columns of one size.
             np.stack([np.ones_like(t), warm - 25.0, t / 3600.0], axis=1)
-            for t, warm in zip((time_s, reading_time_s), temperatures_degC, strict=True)
+            for t, warm in zip((time_s, reading_time_s), degC, strict=True)
         )
         if len(readings) < _ENOUGH_FOR_TIME:
             columns, own = columns[:, :2], own[:, :2]
