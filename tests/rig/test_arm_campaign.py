@@ -73,7 +73,7 @@ def test_a_plan_of_few_poses_is_driven_too(cache: Path, count: int) -> None:
 
 def test_a_plan_of_which_every_pose_is_given_up_is_refused_with_the_reasons(cache: Path) -> None:
     far = [REST + np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.35])]
-    with pytest.raises(InputError, match="no pose of the plan can be visited: .*Nm"):
+    with pytest.raises(InputError, match=r"no pose of the plan can be visited: .*Nm"):
         run(cache, np.array(far), rig={"torque_limit_Nm": 4.0})
 
 
