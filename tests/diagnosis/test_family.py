@@ -106,3 +106,10 @@ def test_a_stiffness_that_follows_the_hour_is_not_taken_for_a_bond_that_opens(ph
     assert found.answer == ()
     assert found.family is not None
     assert found.family.driver == "time"
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_six_weak_parameters_are_weighed_as_a_process_of_so_many_columns(seed: int) -> None:
+    """By a count of parameters a smooth process of the pose, of any size, explains far more."""
+    found = find_missing(model(), campaign("tip_frame_misalignment", 0.3, seed))
+    assert any("tip_frame_misalignment" in members for members in found.answer)

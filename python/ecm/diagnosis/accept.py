@@ -225,13 +225,17 @@ class _Chosen:
         return selection_shares(self.problem, self.others, contenders, seed)
 
     def in_class(
-        self, alone: AcceptanceCheck, winners: dict[str, float], members: Sequence[str]
+        self,
+        alone: AcceptanceCheck,
+        winners: dict[str, float],
+        members: Sequence[str],
+        most: int = MOST_IN_CLASS,
     ) -> AcceptanceCheck:
         """Return the evidence with that of the class."""
         plain = self.item.effect.plain_form()
         known = plain is not None and plain.id != self.item.id and plain.id in members
         seen = known or own_sign(self.problem, self.chosen, self.item)[0]
-        share = _share(winners, members)
+        share = _share(winners, members, most)
         return replace(alone, chosen_share=share, own_seen=seen, winners=winners)
 
     def classified(
@@ -253,14 +257,21 @@ class _Chosen:
             # So does a close one that wins now and then.
             close = confusion_class(self.problem, self.chosen, self.item, CLOSE_BIC)
             joining += [id for id in close if winners.get(id, 0.0) > _SOME_BOOTSTRAPS]
-        new = list(dict.fromkeys(id for id in joining if id not in members))[:room]
-        members = [*members, *new]
-        return self.in_class(alone, winners, members), tuple(members)
+        new = list(dict.fromkeys(id for id in joining if id not in members))
+        few = (*members, *new[:room])
+        if len(self.chosen) > 1 or _share(winners, few) >= CHOSEN_SHARE:
+            return self.in_class(alone, winners, few), few
+        # Nothing else explains it: the class is as long as it must be to win so many.
+        by_wins = sorted([*members, *new], key=lambda id: -winners.get(id, 0.0))
+        total = np.cumsum([winners.get(id, 0.0) for id in by_wins])
+        best = by_wins[: int(np.searchsorted(total, CHOSEN_SHARE)) + 1]
+        few = tuple(dict.fromkeys([self.item.id, *best]))
+        return self.in_class(alone, winners, few, most=len(few)), few
 
 
-def _share(winners: dict[str, float], members: Sequence[str]) -> float:
+def _share(winners: dict[str, float], members: Sequence[str], most: int = MOST_IN_CLASS) -> float:
     """Return the share of bootstraps that a class wins; of a longer list its best members."""
-    return sum(sorted((winners.get(id, 0.0) for id in members), reverse=True)[:MOST_IN_CLASS])
+    return sum(sorted((winners.get(id, 0.0) for id in members), reverse=True)[:most])
 
 
 def confusion_class(

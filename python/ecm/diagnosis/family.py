@@ -8,10 +8,8 @@ inverse gamma prior, the evidence of a size s is
     log p(y | s) = -sum_j log(1 + s^2 d_j^2) / 2 - (v + n) / 2 log(v + y'y - sum_j g_j (u_j'y)^2),
 
 g_j = s^2 d_j^2 / (1 + s^2 d_j^2), U D V' = C. Sizes are summed over a grid. The posterior compares
-the drivers with each other, with a process of the pose, which is no family, with effects that may
-be named, and with nothing. k parameters that leave the residual z have the evidence (Schwarz 1978)
-
-    -(v + n) / 2 log(v + z'z) - k / 2 log n.
+the drivers with each other, with a process of the pose, which is no family, with nothing, and with
+effects that may be named: a process of their columns, each of one length.
 """
 
 from __future__ import annotations
@@ -22,7 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ecm.comparison.residuals import KNOWN, candidate_covariates, in_one_order
-from ecm.diagnosis.left_over import draft_of, residual_after
+from ecm.diagnosis.left_over import draft_of
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.settings import FORM_SHARE
 from ecm.effects.experiments import get_experiment
@@ -148,12 +146,9 @@ def _chances(problem: Problem, named: Sequence[Candidate]) -> tuple[list[Driver]
     drivers = list(_drivers(problem))
     nothing = -0.5 * (known + freedom) * np.log(known + y @ y)
     processes = [*(driver.columns for driver in drivers), _of_pose(problem)]
-    logs = [_evidence(beside_base(columns), y, freedom, known) for columns in processes]
     if named:
-        left = beside_base(residual_after(problem, named)[:, :, None])[:, 0]
-        squares = left @ left / problem.scale
-        count = sum(item.parameters for item in named)
-        logs.append(-0.5 * ((known + freedom) * np.log(known + squares) + count * np.log(y.size)))
+        processes.append(problem.design[:, :, problem.columns_of(named)])
+    logs = [_evidence(beside_base(columns), y, freedom, known) for columns in processes]
     gains = np.append(np.array(logs) - nothing, 0.0)
     # A process is no more exact than the form of an effect: what that may lose tells nothing.
     unit = max(1.0, FORM_SHARE * float(gains.max()))
