@@ -12,11 +12,11 @@ LIMITS = {
     "python/ecm": (41_600, 200),
     "benches": (5_897, 51),
     "examples": (1_516, 13),
-    "tests": (31_551, 229),
+    "tests": (31_579, 229),
     "crates": (34_317, 198),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: names
-are weighed beside smooth processes (python/ecm 16, tests 17), less than what left with it."""
+"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: tests
+of a long class, of weak names beside processes, and of two refusals of a rig (28)."""
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ecm.diagnosis.accept import AcceptanceCheck, _Chosen
+from ecm.diagnosis.accept import AcceptanceCheck, _Chosen, share_of
 from ecm.diagnosis.problem import Candidate, Problem
 
 
@@ -17,4 +17,5 @@ def acceptance_check(
 ) -> AcceptanceCheck:
     """Return the evidence for `item`, whose class has these members, given the other chosen."""
     one = _Chosen(problem, chosen, item)
-    return one.in_class(one.alone(), one.winners(seed), members)
+    winners = one.winners(seed)
+    return one.in_class(one.alone(), winners, members, share_of(winners, members))

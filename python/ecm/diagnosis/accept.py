@@ -229,13 +229,12 @@ class _Chosen:
         alone: AcceptanceCheck,
         winners: dict[str, float],
         members: Sequence[str],
-        most: int = MOST_IN_CLASS,
+        share: float,
     ) -> AcceptanceCheck:
-        """Return the evidence with that of the class."""
+        """Return the evidence with that of the class, which wins this share."""
         plain = self.item.effect.plain_form()
         known = plain is not None and plain.id != self.item.id and plain.id in members
         seen = known or own_sign(self.problem, self.chosen, self.item)[0]
-        share = _share(winners, members, most)
         return replace(alone, chosen_share=share, own_seen=seen, winners=winners)
 
     def classified(
@@ -244,7 +243,7 @@ class _Chosen:
         """Return the evidence for it and its class, with the rivals that win bootstraps."""
         winners = self.winners(seed)
         members = confusion_class(self.problem, self.chosen, self.item)
-        seldom = _share(winners, members) < CHOSEN_SHARE
+        seldom = share_of(winners, members) < CHOSEN_SHARE
         joining = []
         if len(self.chosen) == 1 or not seldom:
             # A rival that wins often belongs to the class, however far it is in BIC: with few rows
@@ -259,19 +258,20 @@ class _Chosen:
             joining += [id for id in close if winners.get(id, 0.0) > _SOME_BOOTSTRAPS]
         new = list(dict.fromkeys(id for id in joining if id not in members))
         few = (*members, *new[:room])
-        if len(self.chosen) > 1 or _share(winners, few) >= CHOSEN_SHARE:
-            return self.in_class(alone, winners, few), few
-        # Nothing else explains it: the class is as long as it must be to win so many.
-        by_wins = sorted([*members, *new], key=lambda id: -winners.get(id, 0.0))
-        total = np.cumsum([winners.get(id, 0.0) for id in by_wins])
-        best = by_wins[: int(np.searchsorted(total, CHOSEN_SHARE)) + 1]
-        few = tuple(dict.fromkeys([self.item.id, *best]))
-        return self.in_class(alone, winners, few, most=len(few)), few
+        share = share_of(winners, few)
+        if len(self.chosen) == 1 and share < CHOSEN_SHARE:
+            # Nothing else explains it: the class is as long as it must be to win so many.
+            by_wins = sorted([*members, *new], key=lambda id: -winners.get(id, 0.0))
+            total = np.cumsum([winners.get(id, 0.0) for id in by_wins])
+            best = by_wins[: int(np.searchsorted(total, CHOSEN_SHARE)) + 1]
+            few = tuple(dict.fromkeys([self.item.id, *best]))
+            share = sum(winners.get(id, 0.0) for id in few)
+        return self.in_class(alone, winners, few, share), few
 
 
-def _share(winners: dict[str, float], members: Sequence[str], most: int = MOST_IN_CLASS) -> float:
+def share_of(winners: dict[str, float], members: Sequence[str]) -> float:
     """Return the share of bootstraps that a class wins; of a longer list its best members."""
-    return sum(sorted((winners.get(id, 0.0) for id in members), reverse=True)[:most])
+    return sum(sorted((winners.get(id, 0.0) for id in members), reverse=True)[:MOST_IN_CLASS])
 
 
 def confusion_class(

@@ -428,11 +428,11 @@ def decide(
         nearer = assemble(problem.base, problem.table, effects, problem.noise, settings, around)
         order = stages.rank(nearer)
         again = stages.search(nearer, order)
-        left, before = (
+        there, here = (
             one.squares_of(residual_after(one, effects)) / one.scale
             for one, effects in ((nearer, again), (problem, _alike(problem, again)))
         )
-        if left > before + settings.least_bic:
+        if there > here + settings.least_bic:
             # The same effects leave more there: a large one is no longer linear.
             break
         same = {item.id for item in again} == {item.id for item in chosen}
