@@ -9,7 +9,7 @@ import pytest
 
 from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.search import all_needed, delta_chi2, rank, search
-from ecm.effects import Rows, all_effects
+from ecm.effects import Missing, Rows, all_effects, get_effect
 from ecm.effects.ageing import MullinsSoftening
 from ecm.effects.contact import BaseCompliance, Debonding, PlatformSlip
 from ecm.effects.frames import LedOcclusion, line_of_sight
@@ -19,10 +19,10 @@ from ecm.effects.material import DiameterError, PreCurvature, StrainStiffening
 from ecm.effects.relaxation import StressRelaxation
 from ecm.effects.rod import rest_stiffness
 from ecm.effects.sensor import FtsHysteresis
-from ecm.io.columns import POSE
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.se3 import skew
-from ecm.io.table import Table
+from ecm.io.table import Table, as_table
 from ecm.models.fit import choose_base
 from ecm.regression.f_test import explained_by_span
 from ecm.regression.folds import without_zero_readings
@@ -34,8 +34,8 @@ from ecm.regression.normal_equations import (
     projected_out,
 )
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
-from support.campaigns import campaign, model, physics, plan
-from support.stand_in import L, StandIn
+from support.campaigns import META, campaign, model, physics, plan, workspace_poses
+from support.stand_in import L, StandIn, wrench
 
 
 @pytest.fixture(scope="module")
@@ -206,6 +206,27 @@ def test_mullins_loss_is_zero_at_the_largest_load(rows: Rows, measure: str) -> N
         # The first loaded row is the largest so far; some later ones are not.
         assert np.abs(column[loaded[0]]).max() < 1e-6 * np.abs(rows.wrench[loaded[0]]).max()
         assert np.abs(column).max() > 0.05 * np.abs(rows.wrench).max()
+
+
+def test_softening_needs_poses_again_where_the_largest_load_tells_no_more_than_the_load() -> None:
+    """All poses lie below that of the largest load, where it comes first."""
+    poses = workspace_poses(200, 5)
+    wrenches = wrench(poses)
+    load = np.linalg.norm(wrenches[:, :3], axis=1)
+    falling, growing = np.argsort(-load), np.argsort(load + np.arange(200) % 3 * 30.0)
+
+    def lacking(rows: np.ndarray, **more: np.ndarray) -> Missing | None:
+        values = np.hstack([poses, wrenches])[rows].T
+        columns = dict(zip((*POSE, *WRENCH), values, strict=True)) | more
+        time_s = 20.0 * np.arange(float(len(rows)))
+        table = as_table(columns | {"time_s": time_s}, meta=META)
+        return get_effect("mullins_softening").missing(table)
+
+    once = lacking(falling)
+    assert once is not None
+    assert (once.imitates, once.record) == (True, "the first 10 poses again")
+    assert lacking(falling, pose_id=np.arange(200.0) % 190) is None
+    assert lacking(growing) is None
 
 
 def test_a_cable_at_the_rim_pulls_along_its_side(rows: Rows) -> None:

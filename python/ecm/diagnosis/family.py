@@ -28,6 +28,7 @@ from ecm.io.arrays import F, evenly
 from ecm.io.columns import POSE, TEXT
 from ecm.io.table import Table
 from ecm.regression.f_test import orthonormal
+from ecm.regression.folds import largest_follows
 from ecm.regression.history import before_each, largest_so_far, row_before
 from ecm.regression.rows import Rows
 
@@ -234,9 +235,9 @@ def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
     text = "np.r_[rows.poses[:1, {0}], rows.poses[:-1, {0}]]"
     visits = {f"{name} before": (text.format(j), visit[:, j]) for j, name in names}
     yield Driver("the pose before", (), "both_sides", _free(problem, visit), "", visits)
-    if problem.table.has("time_s"):
-        whole = rows.whole
-        size = np.sqrt((((whole.poses - rows.middle_pose) / spread) ** 2).sum(axis=1))
+    whole = rows.whole
+    size = np.sqrt((((whole.poses - rows.middle_pose) / spread) ** 2).sum(axis=1))
+    if problem.table.has("time_s") and not largest_follows(whole.table, size):
         most = rows.of_whole(largest_so_far(whole.table, size))
         own = rows.of_whole(size)
         columns = _scaled(problem, _cosines(np.log((most + 0.1) / (own + 0.1)), 3))

@@ -21,6 +21,7 @@ from ecm.effects.protocol import (
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
+from ecm.regression.folds import largest_follows
 from ecm.regression.history import largest_so_far, memory_options, order_of_visits
 from ecm.regression.rows import Rows
 
@@ -184,8 +185,17 @@ class MullinsSoftening(TimedEffect):
             self.needs = "time (time_s), and loads after larger ones"
 
     def missing(self, table: Table) -> Missing | None:
-        """Needs what `requires` says; with fewer columns a load below an earlier one."""
-        return super().missing(table) if self.load_width is None else _needs_unloading(table)
+        """Needs what `requires` says, and poses measured again where the order tells too little.
+
+        With fewer columns a load below an earlier one.
+        """
+        if self.load_width is not None:
+            return _needs_unloading(table)
+        lacking = super().missing(table)
+        if lacking is None and largest_follows(table, _load(table.wrenches, WRENCH)):
+            reason, record = "the largest load so far follows the load", "the first 10 poses again"
+            return Missing(reason, record, imitates=True, forms=self.variants(table))
+        return lacking
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """A straight line and some widths for each measure of the largest load."""
