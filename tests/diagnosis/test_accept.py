@@ -278,6 +278,14 @@ def test_a_rival_that_wins_one_resampling_in_ten_joins_the_class(
     assert accept_module.accept(problem, [first], 0).classes == (("payload",),)
 
 
+@pytest.mark.parametrize("seed", [4, 5])
+def test_a_turned_sensor_is_told_from_thirty_six_gains_that_the_rows_show(seed: int) -> None:
+    """They hold the turn and fit as well: that the others are zero is evidence for the turn."""
+    problem = assembled(campaign("fts_frame", 1.0, seed), "fts_frame", "fts_crosstalk")
+    first = rank(problem)[0].candidate
+    assert accept_module.confusion_class(problem, [first], first) == ["fts_frame"]
+
+
 def test_gains_of_two_axes_are_not_told_from_a_stiffer_plane() -> None:
     """The gains have six parameters, of which these rows show two: they are no less likely."""
     body, found = physics(), []

@@ -153,10 +153,24 @@ class _Chosen:
         form = other.effect.plain_form()
         if form is not None and form.id == self.item.id:
             return False  # its own sign explains nothing: it is this effect
-        # What explains as much is no less likely for its parameters: a sensor has six gains.
-        more = (other.parameters - self.item.parameters) * float(np.log(self.problem.size))
+        # Parameters that no row shows make a cause no less likely: a sensor has six gains.
+        more = (self._unseen(other) - self._unseen(self.item)) * float(np.log(self.problem.size))
         near = loss < max(FORM_SHARE * self.bic, least + more)
         return near and self.share_beside(other) < SEPARABLE
+
+    def _unseen(self, candidate: Candidate) -> float:
+        """Return how many parameters of ordinary size the rows do not show beside the others."""
+        at = list(candidate.columns)
+        scales = [one.scale for one in candidate.effect.parameters]
+        ordinary = self.problem.norms[at] * scales / np.sqrt(self.problem.scale)
+        seen = self._beside_others[np.ix_(at, at)] * ordinary * ordinary[:, None]
+        return float((1.0 / (1.0 + np.maximum(np.linalg.eigvalsh(seen), 0.0))).sum())
+
+    @cached_property
+    def _beside_others(self) -> F:
+        """(K, K) products of all columns without what base and others explain."""
+        fixed = self.problem.columns_of(self.others)
+        return projected_out(*self.problem.equations, fixed)[0]
 
     def is_refuted(self, rival: Candidate) -> bool:
         """Whether one run after the first is against a rival and none as clearly for it.
