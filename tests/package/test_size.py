@@ -16,8 +16,8 @@ LIMITS = {
     "crates": (34_317, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: tests
-of a long class, of weak names beside processes, of two refusals of a rig, softening that is no other
-than the load, parameters that no row shows (python/ecm 26, tests 49)."""
+of a long class, of weak names beside processes, of two refusals of a rig, softening that is no
+other than the load, parameters that no row shows (python/ecm 26, tests 49)."""
 
 
 @pytest.mark.parametrize("part", PARTS)
