@@ -192,7 +192,8 @@ class MullinsSoftening(TimedEffect):
         if self.load_width is not None:
             return _needs_unloading(table)
         lacking = super().missing(table)
-        if lacking is None and largest_follows(table, _load(table.wrenches, WRENCH)):
+        load = _load(table.matrix(table.wrench_columns), table.wrench_columns)
+        if lacking is None and largest_follows(table, load):
             reason, record = "the largest load so far follows the load", "the first 10 poses again"
             return Missing(reason, record, imitates=True, forms=self.variants(table))
         return lacking
