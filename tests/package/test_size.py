@@ -9,7 +9,7 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (41_627, 200),
+    "python/ecm": (41_630, 200),
     "benches": (5_897, 51),
     "examples": (1_516, 13),
     "tests": (31_600, 229),
@@ -17,7 +17,7 @@ LIMITS = {
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: tests
 of a long class, of weak names beside processes, of two refusals of a rig, softening that is no
-other than the load, parameters that no row shows (python/ecm 27, tests 49)."""
+other than the load, parameters that no row shows (python/ecm 30, tests 49)."""
 
 
 @pytest.mark.parametrize("part", PARTS)

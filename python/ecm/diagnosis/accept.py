@@ -154,7 +154,7 @@ class _Chosen:
         if form is not None and form.id == self.item.id:
             return False  # its own sign explains nothing: it is this effect
         # Parameters that no row shows make a cause no less likely: a sensor has six gains.
-        more = (self._unseen(other) - self._unseen(self.item)) * float(np.log(self.problem.size))
+        more = (self._unseen(other) - self._own_unseen) * float(np.log(self.problem.size))
         near = loss < max(FORM_SHARE * self.bic, least + more)
         return near and self.share_beside(other) < SEPARABLE
 
@@ -165,6 +165,10 @@ class _Chosen:
         ordinary = self.problem.norms[at] * scales / np.sqrt(self.problem.scale)
         seen = self._beside_others[np.ix_(at, at)] * ordinary * ordinary[:, None]
         return float((1.0 / (1.0 + np.maximum(np.linalg.eigvalsh(seen), 0.0))).sum())
+
+    @cached_property
+    def _own_unseen(self) -> float:
+        return self._unseen(self.item)
 
     @cached_property
     def _beside_others(self) -> F:
@@ -273,8 +277,9 @@ class _Chosen:
         new = list(dict.fromkeys(id for id in joining if id not in members))
         few = (*members, *new[:room])
         share = share_of(winners, few)
-        if len(self.chosen) == 1 and share < CHOSEN_SHARE:
-            # Nothing else explains it: the class is as long as it must be to win so many.
+        if len(self.chosen) == 1 and share < CHOSEN_SHARE and alone.delta_bic > CLOSE_BIC:
+            # No effect at all is not as close as they are, and no other is beside it: the class is
+            # as long as it must be to win so many.
             by_wins = sorted([*members, *new], key=lambda id: -winners.get(id, 0.0))
             total = np.cumsum([winners.get(id, 0.0) for id in by_wins])
             best = by_wins[: int(np.searchsorted(total, CHOSEN_SHARE)) + 1]

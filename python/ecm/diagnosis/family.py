@@ -148,7 +148,7 @@ def _chances(problem: Problem, named: Sequence[Candidate]) -> tuple[list[Driver]
     nothing = -0.5 * (known + freedom) * np.log(known + y @ y)
     processes = [*(driver.columns for driver in drivers), _of_pose(problem)]
     if named:
-        processes.append(problem.design[:, :, problem.columns_of(named)])
+        processes.append(problem.design[:, :, [c for item in named for c in item.columns]])
     logs = [_evidence(beside_base(columns), y, freedom, known) for columns in processes]
     gains = np.append(np.array(logs) - nothing, 0.0)
     # A process is no more exact than the form of an effect: what that may lose tells nothing.
