@@ -53,13 +53,13 @@ def python_imports(source: str, modules: Iterable[str]) -> set[str]:
 
 @cache
 def python_graph() -> Graph:
-    """Every module with what it imports; the package itself, `ecm`, is not a room."""
+    """Every module with what it imports; the doors `ecm` and `python -m ecm` are no rooms."""
     modules = python_modules()
     graph = {
         name: python_imports(path.read_text(encoding="utf-8"), modules) - {name}
         for name, path in modules.items()
     }
-    del graph[""]
+    del graph[""], graph["__main__"]
     return graph
 
 

@@ -110,7 +110,7 @@ def follow(
         elif block.language == "text":
             assert printed is not None, f"{where}: no block before it prints"
             pattern = re.escape(block.text.strip()).replace(re.escape("..."), "(?s:.*)")
-            assert re.fullmatch(pattern, printed.strip()), f"{where} prints something else"
+            assert re.fullmatch(pattern, printed.strip()), f"{where} prints else:\n{printed}"
             printed = None
         else:
             pytest.fail(f"{where}: unknown language {block.language!r}")
