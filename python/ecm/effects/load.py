@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from ecm.effects.protocol import (
     LookAlike,
     Missing,
     Parameter,
+    beside,
     listed,
     needs_full,
     optional,
@@ -164,10 +165,11 @@ def _potential(poses: F, length_m: float, gravity: F) -> F:
 
 @dataclass(eq=False)
 class CableDrag(LinearEffect):
-    """A constant wrench in base axes and a spring towards one point: F, M - k (r - r_rest).
+    """A constant force and springs along and across a cable, on the lever to where it leaves.
 
-    Or a cable from the rim at an azimuth (`azimuth_rad`) away from the mechanism: a constant force
-    and springs along and across the cable, on the lever from the platform's centre to the rim.
+    It leaves from the rim at an azimuth (`azimuth_rad`), away from the mechanism. Without an
+    azimuth, as older files have it, a constant wrench in base axes and a spring towards one point:
+    F, M - k (r - r_rest).
 
     Parameters: force_*: pull of the cable along this axis at the rest pose; moment_*: its moment
     about this axis; spring: stiffness of the cable; along, across: stiffness in this direction of
@@ -192,6 +194,10 @@ class CableDrag(LinearEffect):
     """Side to which a cable leaves from the rim; None: towards a point far away."""
     slack: bool = optional(False)
     """Only the spring to the rest position (the plain form)."""
+    rim: float = optional(1.0)
+    """Distance from the axis at which a cable leaves, over the radius of the body."""
+    height: float = optional(0.0)
+    """Height above the platform's centre at which it leaves, over the same."""
 
     def __post_init__(self) -> None:
         if self.slack:
@@ -199,22 +205,30 @@ class CableDrag(LinearEffect):
         elif self.azimuth_rad is not None:
             self.parameters = (
                 *CableDrag.parameters[:3],
-                Parameter("along", "N/m", 10.0, -1e4, 1e4),
-                Parameter("across", "N/m", 10.0, -1e4, 1e4),
+                Parameter("along", "N/m", 10.0, 0.0, 1e4),
+                Parameter("across", "N/m", 10.0, 0.0, 1e4),
                 Parameter("along_growing", "N/m^2", 200.0, -1e6, 1e6),
             )
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Towards a point far away, or from the rim to one of eight sides."""
+        """From the rim to one of eight sides."""
         sides = np.arange(_SIDES) * 2.0 * np.pi / _SIDES
-        return (CableDrag(), *(CableDrag(round(float(a), 6)) for a in sides))
+        return tuple(CableDrag(round(float(a), 6)) for a in sides)
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Sides between this one and its neighbours."""
+        """Sides and places between this one and its neighbours, one at a time."""
         if self.azimuth_rad is None:
             return ()
-        step = np.pi / _SIDES * 0.5**round_
-        return tuple(CableDrag(self.azimuth_rad + turn) for turn in (-step, step))
+        part = 0.5**round_
+        step = np.pi / _SIDES * part
+        sides = [replace(self, azimuth_rad=self.azimuth_rad + turn) for turn in (-step, step)]
+        rims = [one for one in beside(self.rim, 2.0**part) if 0.4 < one < 2.5]
+        heights = [self.height + move for move in (-0.5 * part, 0.5 * part)]
+        return (
+            *sides,
+            *(replace(self, rim=one) for one in rims),
+            *(replace(self, height=one) for one in heights),
+        )
 
     def plain_form(self) -> Effect | None:
         """A spring to the rest position: it pulls to no side, as any stiffer body does."""
@@ -236,7 +250,8 @@ class CableDrag(LinearEffect):
         """Force at the rim, and its moment about the platform's centre."""
         angle = float(self.azimuth_rad or 0.0)
         side = np.array([0.0, np.cos(angle), np.sin(angle)])
-        rim = rest_stiffness(rows).radius_m * side
+        place = self.rim * side + self.height * np.array([1.0, 0.0, 0.0])
+        rim = rest_stiffness(rows).radius_m * place
         lever = rows.rotation @ rim
         moved = rows.poses[:, :3] - rows.rest_pose[:3] + lever - rim
         along = moved @ side
