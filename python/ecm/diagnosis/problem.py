@@ -726,7 +726,7 @@ def _lengths(columns: F) -> F:
 
 def _scaled(problem: Problem) -> Problem:
     """Return the problem with the variance that neither effects nor smooth functions explain."""
-    known = _significant(problem)
+    known = np.concatenate([problem.base_block, _significant(problem)], axis=2)
     smooth = omnibus_columns(problem, problem.size // (3 * problem.response.shape[1]))
     variance, freedom = noise_variance(
         problem.response, problem.weights, known, smooth, problem.settings.level
@@ -747,7 +747,7 @@ def _least_scale(problem: Problem) -> float:
 
 
 def _significant(problem: Problem) -> F:
-    """Return the (N, m, k) whitened columns of the base and of the significant effects."""
+    """Return the (N, m, k) whitened columns of the significant effects."""
     matrix, vector, _ = problem.normal.total()
     taken = significant_columns(
         (matrix, vector),
@@ -757,7 +757,7 @@ def _significant(problem: Problem) -> F:
         [(item.id, item.columns) for item in problem.offered],
         problem.settings.level,
     )
-    return np.concatenate([problem.base_block, problem.design[:, :, taken]], axis=2)
+    return problem.design[:, :, taken]
 
 
 def noise_by_rest(problem: Problem) -> Noise:
@@ -767,7 +767,9 @@ def noise_by_rest(problem: Problem) -> Noise:
         return noise
     smooth = omnibus_columns(problem, problem.size // (6 * problem.response.shape[1]))
     take = some_rows(len(problem.table))
-    parts = (problem.projected_base, _significant(problem), smooth)
+    # Not the base's own errors: each is about the noise, and of a large base so many that no
+    # reading would be left to tell the ratios.
+    parts = (problem.coefficient_block, _significant(problem), smooth)
     columns = np.concatenate([part[take] for part in parts], axis=2)
     in_units = np.linalg.solve(problem.whitener[take], columns)
     return weighed_by_rest(problem.rows, problem.fit.residual, in_units, noise)
