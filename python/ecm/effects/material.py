@@ -50,7 +50,9 @@ class Anisotropy(Effect):
 
     The bending stiffness in the plane at azimuth phi grows by c, across it falls by c. In mid-frame
     coordinates the bending part of the energy belongs to theta, and, by its share in the lateral
-    compliance, to c; both are stretched by half of c, so that the change stays conservative.
+    compliance, to c: (EI / L) theta' P theta / 2 and its share of k_c c' P c / 2 are added, P = c
+    (n n' - m m') with n across the plane. What the bend shortens stays as it is. In the older form
+    the whole energy is stretched by half of c, the shortening with it.
 
     Parameters: c_cos2phi: what the bending stiffness at the azimuth 0 has beyond the mean, over the
     mean; c_sin2phi: the same at an azimuth of 45 degrees.
@@ -68,8 +70,10 @@ class Anisotropy(Effect):
 
     lateral: float = 1.0
     """Lateral anisotropy over that of a beam whose bending stiffness alone is anisotropic."""
+    form: str = optional("stretched")
+    """`bending`: the bending part of the energy alone; `stretched`: as older files have it."""
 
-    shapes = ((1.0,), (0.5,), (2.0,))
+    shapes = ((1.0, "bending"), (0.5, "bending"), (2.0, "bending"))
     """A beam; bonded ends, where shear has more of the lateral compliance; shear as well."""
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
@@ -77,14 +81,21 @@ class Anisotropy(Effect):
         return self.nearby("lateral", 2.0 ** (0.5 ** (round_ + 1)))
 
     def correction(self, rows: Rows, values: F) -> F:
-        """Wrench of the stretched energy minus that of the base; turns with the mounting."""
-        share = self.lateral * rest_stiffness(rows).bending_share
-        c, s = 0.5 * (_mounting(rows, 2) @ values).T
+        """Wrench of what is added to the energy; turns with the mounting."""
+        rest = rest_stiffness(rows)
+        share = self.lateral * rest.bending_share
+        c, s = (_mounting(rows, 2) @ values).T
         plane = np.moveaxis(np.array([[c, s], [s, -c]]), 2, 0)
-        matrix = np.tile(np.eye(6), (len(rows), 1, 1))
-        matrix[:, 1:3, 1:3] += share * plane
         # A deflection towards n = (n_y, n_z) turns the section by (theta_y, theta_z) = (-n_z, n_y).
-        matrix[:, 4:6, 4:6] -= plane
+        if self.form == "bending":
+            q = mid_frame(rows.poses, rows.length_m)
+            force = np.zeros_like(q)
+            force[:, 1:3] = share * rest.lateral * np.einsum("nij,nj->ni", plane, q[:, 1:3])
+            force[:, 4:6] = -rest.bending * np.einsum("nij,nj->ni", plane, q[:, 4:6])
+            return wrench_of(rows.poses, force)
+        matrix = np.tile(np.eye(6), (len(rows), 1, 1))
+        matrix[:, 1:3, 1:3] += 0.5 * share * plane
+        matrix[:, 4:6, 4:6] -= 0.5 * plane
         return stretched(rows, matrix, np.zeros(6)) - rows.wrench
 
 
