@@ -44,7 +44,7 @@ from ecm.io.table import Table
 from ecm.regression.history import order_of_visits
 from ecm.regression.rows import Rows, derived_columns
 
-_PLACES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+_PLACES = np.linspace(0.1, 0.9, 17)
 """Places of a kink that are tried, in the range of its pose column."""
 _WIDTHS = (0.05, 0.12, 0.25)
 """Half widths of a dead zone that are tried, over the range of its pose column."""
@@ -96,7 +96,7 @@ class Kink(LinearEffect):
             )
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Nine places for each pair: beside a cubic a kink has zeros and peaks close together."""
+        """Places for each pair, close together as zeros and peaks of a kink beside a cubic are."""
         made = []
         for pair in pairs(table):
             low, high = _range(table, split(pair)[0])
