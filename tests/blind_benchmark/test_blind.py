@@ -29,6 +29,7 @@ from blind_parts.analysis import (
 )
 from blind_parts.data import Data, Sources, data_of, shared_model, shared_plan
 from blind_parts.once import Work
+from blind_parts.other_bodies import BODIES, stated_model
 from blind_parts.plans import rod_samples
 from blind_parts.print_table import table_text
 from blind_parts.rod import Rod, Section
@@ -42,8 +43,10 @@ from blind_parts.workers import run_all
 from ecm.designs import follow_up_plan
 from ecm.diagnosis import diagnose, find_missing
 from ecm.effects import Rows, all_effects, get_effect
+from ecm.effects.material import Anisotropy
 from ecm.effects.registry import effects_of_actuators
-from ecm.io.columns import WRENCH
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import as_table
 from ecm.regression.noise import declared_noise
 from ecm.rig.physics import TRUE_EFFECTS
 from support.campaigns import model, plan
@@ -476,3 +479,24 @@ def test_the_table_counts_what_was_run() -> None:
     assert "| 2 | >= 0.98 | 0.50 | no |" in text
     assert document["tiers"][0]["sets"] == 2
     assert lines[0]["met"] is False
+
+
+def test_the_catalogue_knows_the_anisotropy_of_a_rod(folder: Path) -> None:
+    """Also along the axis: what bends shortens as much, whichever plane is stiffer."""
+    body = BODIES["soft"]
+    seen = body.visited(60, np.random.default_rng(3), folder)
+    change = body.changed(seen, uneven=0.03, uneven_angle_rad=0.7) - seen.wrenches
+    mechanism = body.mechanism()
+    stated = stated_model(mechanism)
+    assert stated is not None
+    read = dict(zip((*POSE, *WRENCH), np.hstack([seen.poses, seen.wrenches]).T, strict=True))
+    rows = Rows(as_table(read, meta={"mechanism": mechanism}), stated.base)
+    size = np.repeat([np.sqrt((change[:, j : j + 3] ** 2).mean()) for j in (0, 3)], 3)
+    y = (change / size).ravel()
+    left = {}
+    for form in ("bending", "stretched"):  # as it was
+        parts = [Anisotropy(form=form).correction(rows, unit) for unit in 1e-3 * np.eye(2)]
+        x = (np.stack(parts, axis=2) / size[:, None]).reshape(-1, 2)
+        error = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
+        left[form] = float(error @ error) / float(y @ y)
+    assert left["bending"] < 0.03 < 0.3 < left["stretched"]

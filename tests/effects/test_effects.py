@@ -271,16 +271,17 @@ def test_base_compliance_is_the_equilibrium_of_two_springs_in_series(rows: Rows)
     assert np.mean(np.sum((wrench - rows.wrench) * deflection, axis=1)) < 0.0
 
 
+@pytest.mark.parametrize("form", ["bending", "stretched"])
 @pytest.mark.parametrize("values", [[0.05, 0.0], [0.0, 0.05], [0.03, -0.04]])
-def test_anisotropy_is_conservative_and_of_order_two(values: list[float]) -> None:
+def test_anisotropy_is_conservative_and_of_order_two(values: list[float], form: str) -> None:
     """H = d(f, J' tau)/dp stays symmetric; a quarter turn of the pose changes the sign."""
-    poses, size = workspace_poses(12, 4), np.asarray(values)
+    poses, size, effect = workspace_poses(12, 4), np.asarray(values), Anisotropy(form=form)
 
     def correction(at: F, v: F) -> F:
         columns = {name: at[:, j] for j, name in enumerate(POSE)}
-        return Anisotropy().correction(Rows(Table(columns, Meta(), "poses"), physics()), v)
+        return effect.correction(Rows(Table(columns, Meta(), "poses"), physics()), v)
 
-    assert generalised_skew(Anisotropy(), size) < 1e-5
+    assert generalised_skew(effect, size) < 1e-5
 
     quarter = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     turned = np.concatenate([poses[:, :3] @ quarter.T, poses[:, 3:] @ quarter.T], axis=1)
@@ -290,7 +291,8 @@ def test_anisotropy_is_conservative_and_of_order_two(values: list[float]) -> Non
     np.testing.assert_allclose(back, -before, atol=2e-3 * np.abs(before).max())
 
 
-def test_anisotropy_stiffens_one_plane_and_softens_the_other() -> None:
+@pytest.mark.parametrize("form", ["bending", "stretched"])
+def test_anisotropy_stiffens_one_plane_and_softens_the_other(form: str) -> None:
     base = physics()
     rest = np.array([[L, 0.0, 0.0, 0.0, 0.0, 0.0]])
     stiffness = base.stiffness(rest)[0]
@@ -302,7 +304,7 @@ def test_anisotropy_stiffens_one_plane_and_softens_the_other() -> None:
         bent[row, :3] = half @ np.array([L, 0.0, 0.0])
     columns = {name: bent[:, j] for j, name in enumerate(POSE)}
     rows = Rows(Table(columns, Meta(), "poses"), base)
-    change = Anisotropy().correction(rows, np.array([0.01, 0.0]))
+    change = Anisotropy(form=form).correction(rows, np.array([0.01, 0.0]))
     bending = stiffness[5, 5] - stiffness[1, 1] * L**2 / 4.0
     assert change[0, 5] == pytest.approx(0.01 * bending * 0.02, rel=0.02)
     assert change[1, 4] == pytest.approx(-0.01 * bending * 0.02, rel=0.02)
