@@ -51,13 +51,13 @@ def clean_wrong(result: Result) -> bool:
 
 
 def honest(result: Result) -> bool:
-    """The hidden effect is listed as not testable, or is in a class, and no wrong name is given."""
+    """The hidden effect is listed as not testable or is named, alone or in a class; no wrong name."""
     hidden = result["set"]["hidden"][0][0]
     answer = result[OURS]
     if clean_wrong(result):
         return False
     listed = any(item["id"] == hidden for item in answer.get("not_testable", ()))
-    return listed or any(len(c) > 1 and hidden in c for c in answer["answer"])
+    return listed or any(hidden in c for c in answer["answer"])
 
 
 def share(values: Iterable[bool]) -> float:

@@ -455,6 +455,10 @@ def test_not_testable_beside_a_clean_wrong_name_is_not_honest() -> None:
     for answer, good in (([], True), ([["b"]], False), ([["b", "a"]], True), ([["b", "c"]], True)):
         result["ours"] = {"verdict": "", "answer": answer, "not_testable": listed}
         assert honest(result) is good
+    # Without a word that it cannot be tested its own name is right all the same.
+    for answer, good in (([], False), ([["a"]], True), ([["b", "a"]], True), ([["b", "c"]], False)):
+        result["ours"] = {"verdict": "", "answer": answer}
+        assert honest(result) is good
 
 
 def _timed(result: dict[str, Any]) -> dict[str, Any]:
