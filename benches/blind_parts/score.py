@@ -51,7 +51,7 @@ def clean_wrong(result: Result) -> bool:
 
 
 def honest(result: Result) -> bool:
-    """The hidden effect is not testable, or named, alone or in a class, and no wrong name is given."""
+    """The hidden effect is not testable or named, alone or in a class, and no name is wrong."""
     hidden = result["set"]["hidden"][0][0]
     answer = result[OURS]
     if clean_wrong(result):
