@@ -117,8 +117,11 @@ def _readings(
     for id, sd in read.items():
         # In deviations of the tool: the reading, and what the first analysis needs of the effect.
         read_unit, error = next(iter(sd.items()))
-        r = abs(_size(data.truth.get(id)) / error + random.standard_normal())
         size, unit = first.get("needed", {}).get(id, (np.inf, read_unit))
+        if data.truth.get(id) is None and unit in sd:
+            # What is not there reads zero in any unit.
+            read_unit, error = unit, sd[unit]
+        r = abs(_size(data.truth.get(id)) / error + random.standard_normal())
         d = abs(size) / error if unit == read_unit else 0.0
         odds = 2.0 * r * d - d * d if np.isfinite(d) else -np.inf
         if r > _SEEN or odds > _LEAST_ODDS:
