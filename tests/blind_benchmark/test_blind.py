@@ -171,7 +171,9 @@ def test_the_noise_of_a_row_is_the_generator_s(folder: Path, method: Method) -> 
 
 def test_the_paper_s_protocol_cannot_test_hysteresis(folder: Path, method: Method) -> None:
     case = Set(4, 900, "rod", hidden=(("hysteresis", 1.0),), protocol="paper")
-    assert honest(result_of(case, folder, method))
+    result = result_of(case, folder, method)
+    assert honest(result)
+    assert "hysteresis" in {item["id"] for item in result["ours"]["not_testable"]}
 
 
 def test_the_rig_s_generator_on_a_closed_form(folder: Path) -> None:
@@ -267,17 +269,16 @@ def test_a_measurement_by_hand_confirms_or_rules_out(folder: Path, gap_m: float)
 
 
 @pytest.mark.parametrize("turn_rad", [0.0, 0.05])
-def test_read_by_hand_and_needed_in_another_unit_rules_nothing_out(
+def test_what_a_reading_by_hand_says_of_a_need_in_another_unit(
     folder: Path, turn_rad: float
 ) -> None:
+    """Nothing of what is there; what is not there reads zero in each unit of the tool."""
     id = "base_frame_misalignment"
     case = Set(5, 901, "rod", hidden=(("payload", 1.0),))
     data = replace(_data(case, folder), truth={id: turn_rad} if turn_rad else {})
-    first = {"needed": {id: (1e-2, "m")}}
-    read = BY_HAND["base_survey"]
-    assert _readings(case, data, first, read) == ([id] if turn_rad else [], [])
-    first = {"needed": {id: (1e-2, "rad")}}
-    assert _readings(case, data, first, read) == (([id], []) if turn_rad else ([], [id]))
+    read, decided = BY_HAND["base_survey"], ([id], []) if turn_rad else ([], [id])
+    for unit, expected in (("m", decided), ("rad", decided), ("N", (decided[0], []))):
+        assert _readings(case, data, {"needed": {id: (1e-2, unit)}}, read) == expected
 
 
 def test_unknown_of_the_joint_data_stays_whatever_is_read_by_hand(folder: Path) -> None:
