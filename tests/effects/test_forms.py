@@ -16,6 +16,7 @@ from ecm.effects.frames import LedOcclusion, line_of_sight
 from ecm.effects.friction import Hysteresis
 from ecm.effects.load import CableDrag
 from ecm.effects.material import DiameterError, PreCurvature, StrainStiffening
+from ecm.effects.protocol import missing_beside_columns
 from ecm.effects.relaxation import StressRelaxation
 from ecm.effects.rod import rest_stiffness
 from ecm.effects.sensor import FtsHysteresis
@@ -235,6 +236,16 @@ def test_a_cable_at_the_rim_pulls_along_its_side(rows: Rows) -> None:
     # Opposite sides: a spring is the same, its growth changes sign.
     other = CableDrag(np.pi).columns(rows)
     assert np.abs(columns[:, 1, 3] - other[:, 1, 3]).max() < 0.5 * np.abs(columns[:, 1, 3]).max()
+
+
+def test_a_cable_is_tested_with_forces_alone(rows: Rows) -> None:
+    """From a rim whose radius is that of the torques it could not be."""
+    few = rows.table.drop(*WRENCH[3:])
+    assert few.wrench_columns == WRENCH[:3]
+    for table, azimuths in ((few, 1), (rows.table, 8)):
+        forms = get_effect("cable_drag").variants(table)
+        assert len({form.shape.get("azimuth_rad") for form in forms}) == azimuths
+        assert missing_beside_columns(forms[0], table) is None
 
 
 def test_the_series_holds_the_odd_law(rows: Rows) -> None:

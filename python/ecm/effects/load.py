@@ -20,6 +20,7 @@ from ecm.effects.protocol import (
 )
 from ecm.effects.rod import rest_stiffness
 from ecm.io.arrays import F, central_differences
+from ecm.io.columns import WRENCH
 from ecm.io.table import Table
 from ecm.regression.history import approach_sides
 from ecm.regression.rows import Rows
@@ -211,7 +212,10 @@ class CableDrag(LinearEffect):
             )
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """From the rim to one of eight sides."""
+        """From the rim to one of eight sides; towards a point far away where no torque is read."""
+        if not set(WRENCH[3:]) & set(table.wrench_columns):
+            # The lever to the rim is that of the torques.
+            return (CableDrag(),)
         sides = np.arange(_SIDES) * 2.0 * np.pi / _SIDES
         return tuple(CableDrag(round(float(a), 6)) for a in sides)
 
