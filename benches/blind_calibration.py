@@ -1,10 +1,10 @@
 """How sure the diagnosis is: its weights and probabilities on fresh sets of three blind benchmarks.
 
-    python benches/blind_calibration.py --out build/calibration --seed 22 23 [--sets 300]
+    python benches/blind_calibration.py --out build/calibration --seed 99 100 [--sets 300]
 
-The weights of `ecm.diagnosis.verdict` are fitted to the sets of all seeds but the last, on which
-the probabilities of the code are then held against what was right. Every set is a file; one that
-is there is not run again.
+The weights of `ecm.diagnosis.verdict` are fitted to the sets of all seeds but the last (of one seed
+none), on which the probabilities of the code are then held against what was right. Every set is a
+file; one that is there is not run again.
 """
 
 from __future__ import annotations
@@ -190,7 +190,7 @@ def main() -> int:
     kept = [one for one in found if "skipped" not in one]
     last = [one for one in kept if one["seed"] == given.seed[-1]]
     others = [one for one in kept if one["seed"] != given.seed[-1]]
-    text = calibration_text(last, fitted_weights(others))
+    text = calibration_text(last, fitted_weights(others) if others else {})
     write_table(given, text, len(kept), len(cases))
     return 0
 

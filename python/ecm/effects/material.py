@@ -49,10 +49,10 @@ class Anisotropy(Effect):
     """EI (1 +- c) at the azimuth phi, as c cos 2 phi and c sin 2 phi.
 
     The bending stiffness in the plane at azimuth phi grows by c, across it falls by c. In mid-frame
-    coordinates the bending part of the energy belongs to theta, and, by its share in the lateral
-    compliance, to c: (EI / L) theta' P theta / 2 and its share of k_c c' P c / 2 are added, P = c
-    (n n' - m m') with n across the plane. What the bend shortens stays as it is. In the older form
-    the whole energy is stretched by half of c, the shortening with it.
+    coordinates the bending part of the energy belongs to the turn theta and, by its share in the
+    lateral compliance, to the lateral motion: both parts grow and fall by c in their planes. What a
+    bend shortens stays as it is. In the older form the whole energy is stretched by half of c, and
+    the shortening with it.
 
     Parameters: c_cos2phi: what the bending stiffness at the azimuth 0 has beyond the mean, over the
     mean; c_sin2phi: the same at an azimuth of 45 degrees.
