@@ -342,6 +342,11 @@ def fill_the_disk(done: int, total: int, what: str) -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (100 * (grown // 100), -1))
 
 
+def take_time(done: int, total: int, what: str) -> None:
+    """Leave room to kill the run between two readings, on a loaded machine as well."""
+    time.sleep(0.2)
+
+
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
 def test_a_run_that_is_killed_goes_on_from_its_last_reading(
     tmp_path: Path, number: signal.Signals
@@ -354,7 +359,7 @@ def test_a_run_that_is_killed_goes_on_from_its_last_reading(
     )
     assert re.search(r"stopped at visit 4: .*File too large.* The mover was stopped", said.stderr)
     assert journal.stat().st_size % 100 == 0  # the fourth line is cut
-    first, script = 3, SCRIPT.format(**known, progress="None")
+    first, script = 3, SCRIPT.format(**known, progress="rigs.take_time")
     process = subprocess.Popen(
         [sys.executable, "-c", script], stderr=subprocess.PIPE, start_new_session=True
     )
