@@ -7,13 +7,12 @@ import pytest
 
 from ecm.diagnosis import find_missing
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import as_table
 from ecm.models import fit_model
 from ecm.models.maps import StiffnessMap
 from ecm.regression.noise import Noise, weighed_by_rest, whiteners
 from ecm.regression.rows import Rows
-from support.driven import ARM, PRESSURES, arm_model, arm_table
+from support.driven import PRESSURES, VOLUMES, arm_model, arm_table, measured
 from support.neck import columns_of
 from support.stand_in import L, some_poses, wrench
 
@@ -68,13 +67,8 @@ def test_few_rows_for_many_columns_leave_it_as_assumed() -> None:
 @pytest.mark.parametrize("seed", [1, 49, 52])
 def test_a_large_base_of_few_rows_leaves_them_to_be_told(seed: int) -> None:
     """80 coefficients of 60 exact poses: these three draws of noise had names or more."""
-    table = arm_table().select(np.arange(60))
-    noise = np.repeat([0.004, 1.2e-4], 3) * np.random.default_rng(seed).standard_normal((100, 6))
-    wrenches = arm_model().predict(table.matrix(POSE), table.matrix(PRESSURES)) + noise[:60]
-    read = {name: table[name] for name in (*POSE, *PRESSURES)}
-    known = {"force_sd_N": 0.004, "torque_sd_Nm": 1.2e-4}
-    meta = ARM | {"instrument": known}
-    noisy = as_table(read | dict(zip(WRENCH, wrenches.T, strict=True)), meta=meta)
-    found = find_missing(arm_model(), noisy)
+    table = arm_table().drop(*VOLUMES).select(np.arange(60))
+    acting, model = table.matrix(PRESSURES), arm_model()
+    found = find_missing(model, measured(table, model, acting, seed))
     assert found.verdict == "none"
     assert _share_of_pose_in_fx(found.problem.rows, found.problem.noise) < 0.5

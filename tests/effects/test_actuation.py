@@ -16,16 +16,21 @@ from ecm.effects.actuation import PressureGain, PressureHysteresis, RegulatorLag
 from ecm.effects.registry import effects_of_actuators
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import POSE
 from ecm.io.table import Table
 from ecm.models import Model
 from ecm.models.actuated import ActuatedModel, exchanged
 from ecm.regression.rows import Rows
-from support.driven import ARM, PRESSURES, TENSIONS, arm_model, arm_table, tendon_table
+from support.driven import (
+    PRESSURES,
+    TENSIONS,
+    VOLUMES,
+    arm_model,
+    arm_table,
+    measured,
+    tendon_table,
+)
 from support.neck import Done
-
-VOLUMES = ("volume_1_m3", "volume_2_m3", "volume_3_m3")
-NOISE = {"force_sd_N": 0.004, "torque_sd_Nm": 1.2e-4}
 
 
 @pytest.fixture(scope="module")
@@ -36,14 +41,6 @@ def pulled() -> Table:
 @pytest.fixture(scope="module")
 def pulled_model(pulled: Table) -> Model:
     return ecm.fit_model(pulled, "actuated4")
-
-
-def measured(table: Table, model: Model, acting: F) -> Table:
-    """The table as if these inputs had acted in place of the recorded ones, with noise."""
-    noise = np.random.default_rng(1).standard_normal((len(table), 6))
-    wrenches = model.predict(table.matrix(POSE), acting) + noise * np.repeat([0.004, 1.2e-4], 3)
-    columns = dict(table.columns) | dict(zip(WRENCH, wrenches.T, strict=True))
-    return ecm.as_table(columns, meta={**ARM, "instrument": NOISE})
 
 
 def bend(table: Table) -> F:

@@ -12,12 +12,12 @@ LIMITS = {
     "python/ecm": (41_653, 200),
     "benches": (5_899, 51),
     "examples": (1_516, 13),
-    "tests": (31_652, 229),
+    "tests": (31_655, 229),
     "crates": (34_317, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a
 cable that leaves from a place, the older form of anisotropy for older files (python/ecm 23); their
-tests, and one of the ratios of an assumed noise (tests 52)."""
+tests, and one of the ratios of an assumed noise (tests 55)."""
 
 
 @pytest.mark.parametrize("part", PARTS)

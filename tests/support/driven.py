@@ -21,8 +21,10 @@ from support.neck import ROOT
 
 ARM = {"mechanism": {"length_m": 0.1}}
 AREA_M2 = 1e-4
+NOISE = {"force_sd_N": 0.004, "torque_sd_Nm": 1.2e-4}
 TENSIONS = ("tension_1_N", "tension_2_N", "tension_3_N")
 PRESSURES = ("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa")
+VOLUMES = ("volume_1_m3", "volume_2_m3", "volume_3_m3")
 SMALL_RIG: dict[str, dict[str, Any]] = {
     "instrument": {
         "force_noise_N": 0.03,
@@ -99,3 +101,12 @@ def arm_plan(
     design = Design(rows, "maximin", 0.0, 0.0, 0.0, "chosen")
     plan = diagnosable_plan(candidates, design, seed=1)
     return offsets_from_free(plan, model.actuated) if offsets else plan
+
+
+def measured(table: Table, model: Model, acting: F, seed: int = 1) -> Table:
+    """The table as if these inputs had acted in place of the recorded ones, with noise."""
+    noise = np.random.default_rng(seed).standard_normal((len(table), 6))
+    noise = noise * np.repeat(list(NOISE.values()), 3)
+    wrenches = model.predict(table.matrix(POSE), acting) + noise
+    columns = dict(table.columns) | dict(zip(WRENCH, wrenches.T, strict=True))
+    return ecm.as_table(columns, meta={**ARM, "instrument": NOISE})

@@ -212,8 +212,8 @@ class CableDrag(LinearEffect):
             )
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """From the rim to one of eight sides; towards a point far away where no torque is read."""
-        if not set(WRENCH[3:]) & set(table.wrench_columns):
+        """From the rim to one of eight sides; towards a far point where torques are not read."""
+        if not table.has(*WRENCH[3:]):
             # The lever to the rim is that of the torques.
             return (CableDrag(),)
         sides = np.arange(_SIDES) * 2.0 * np.pi / _SIDES
