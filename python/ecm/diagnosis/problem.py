@@ -300,14 +300,25 @@ def _not_absorbed(
     return kept, {id: why for id, why in absorbed.items() if id not in seen}
 
 
-def robust_weights(response: F, blocks: Sequence[F]) -> F:
-    """Return (N,) weights: rows that no column explains and no Gaussian gives count less."""
+def robust_weights(response: F, base: F, effects: Sequence[F]) -> F:
+    """Return (N,) weights: rows that no column explains and no Gaussian gives count less.
+
+    Parameters
+    ----------
+    response
+        (N, m) whitened residual.
+    base
+        (N, m, b) columns of the base.
+    effects
+        (N, m, k) of each effect, those that explain most first: as many count as half of the
+        readings can hold. Without them all rows that one effect touches were outliers.
+    """
     n, m = response.shape
-    design = np.concatenate(blocks, axis=2)
+    sizes = np.cumsum([base.shape[2], *(block.shape[2] for block in effects)])
+    held = max(1, int(np.searchsorted(sizes, n * m // 2)))
+    design = np.concatenate([base, *effects[: held - 1]], axis=2)
     design /= _lengths(design)
     flat, y = design.reshape(n * m, -1), response.ravel()
-    if flat.shape[1] >= n * m // 2:
-        flat = flat[:, : blocks[0].shape[2]]
     limit, middle = (float(special.chdtri(m, chance)) for chance in (OUTLIER_CHANCE, 0.5))
     weights = np.ones(n)
     for _ in range(3):
@@ -614,7 +625,8 @@ def assemble(
     plain = Projection.of(base_block, np.ones(len(response)))
     y = plain.rest(response[:, :, None]).ravel()
     first = best_of_each(every, plain.explained_by_each([one.columns for one in every], y))
-    weights = robust_weights(response, [base_block, *(one.columns for _, one in first.values())])
+    by_gain = sorted(first.values(), key=lambda found: found[0], reverse=True)
+    weights = robust_weights(response, base_block, [one.columns for _, one in by_gain])
     projection = Projection.of(base_block, np.sqrt(weights))
     every += _refined_shapes(rows, whitener, response, every, projection)
     if around is not None:
