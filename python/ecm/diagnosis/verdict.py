@@ -132,7 +132,7 @@ def verdict(
     if accepted.effects and not left.remains:
         single = all(len(members) == 1 for members in accepted.classes)
         return replace(found, verdict="named" if single else "ambiguous")
-    if not accepted.effects and not still:
+    if not accepted.effects and not still and probability(found) >= _AS_LIKELY:
         return found
     residual = residual_after(problem, accepted.effects)
     unknown = describe(problem, residual, accepted.effects, gate.structure)
@@ -192,6 +192,10 @@ def _pattern_instead(
 
 WEIGHTS = {"named": (-1.11, 0.51, -0.26), "none": (2.74, -1.06), "unknown": (1.89,)}
 """w by verdict, of 915 answers of the seeds 95 to 99; an `ambiguous` one is as a named one."""
+
+
+_AS_LIKELY = 0.5
+"""Least probability of `none`: below it, that something is there is more likely."""
 
 
 def evidence(decision: Decision) -> tuple[str, tuple[float, ...]]:
