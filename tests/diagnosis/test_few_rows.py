@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ecm.diagnosis import diagnose
+from ecm.diagnosis import diagnose, find_missing
 from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.search import delta_chi2, held_out_squares, held_out_t, rank
 from ecm.effects import Effect, LinearEffect, Parameter, Rows, effect, get_effect, unregister
@@ -183,3 +183,30 @@ def test_an_effect_of_ones_own_gives_three_forces_or_all_six(columns: int) -> No
         assert "gale" in answer(table)
     finally:
         unregister("gale")
+
+
+@pytest.mark.parametrize("seed", [1, 5])
+def test_rows_that_one_effect_touches_are_no_outliers(seed: int) -> None:
+    """A soft block is met by a third of the poses; the catalogue has more columns than readings."""
+    poses = workspace_poses(40, seed)
+    depth = np.maximum(0.0, poses[:, 4] - np.quantile(poses[:, 4], 0.65)) ** 1.5
+    measured = wrench(poses)
+    measured[:, 4] += 7.0 * NOISE[4] * depth / np.sqrt((depth**2).mean())
+    table = rows(poses, measured, seed)
+    found = find_missing(linear(table), table)
+    assert found.answer == (("contact_stop",),)
+    assert found.problem.weights[depth > 0.0].min() > 0.5
+
+
+@pytest.mark.parametrize("seed", [2, 4])
+def test_it_is_not_none_where_something_explains_most(seed: int) -> None:
+    """A modulus that no silicone has, 12 % per K, has no name, but its driver is seen."""
+    poses = nearest_first(workspace_poses(24, seed))
+    time_s = 60.0 * np.arange(1.0, 25.0)
+    warm = 0.8 * (time_s / time_s[-1]) ** 0.7 + 0.3 * np.sin(time_s / 300.0)
+    measured = wrench(poses) * (1.0 + 0.12 * (warm - warm.mean()))[:, None]
+    table = rows(poses, measured, seed, temperature_degC=21.0 + warm)
+    found = find_missing(linear(table), table)
+    assert found.verdict == "family"
+    assert found.family is not None
+    assert found.family.driver == "the temperature of the body"
