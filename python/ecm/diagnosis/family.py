@@ -154,6 +154,9 @@ def _chances(problem: Problem, named: Sequence[Candidate]) -> tuple[list[Driver]
     # A process is no more exact than the form of an effect: what that may lose tells nothing.
     unit = max(1.0, FORM_SHARE * float(gains.max()))
     shares = np.exp((gains - gains.max()) / unit)
+    if named:
+        # One cause is likelier than two that act together as one.
+        shares[-2] *= ((1.0 - _SURE) / _SURE) ** (len(named) - 1)
     return drivers, np.asarray(shares / shares.sum())
 
 
