@@ -93,12 +93,16 @@ def test_more_evidence_is_more_sure_and_more_members_less() -> None:
     assert constant < 0.0
 
 
-@pytest.mark.parametrize("phase", [0.3, 0.6])
-def test_a_stiffness_that_follows_the_hour_is_not_taken_for_a_bond_that_opens(phase: float) -> None:
-    """One wave in time passes every check of a name; a smooth process of time explains far more."""
+@pytest.mark.parametrize(
+    ("period", "phase"), [(0.9, 0.3), (0.9, 0.6), (0.7, 3.8), (0.9, 3.8), (1.1, 5.0)]
+)
+def test_a_stiffness_that_follows_the_hour_is_not_a_bond_that_opens_nor_ageing_beside_it(
+    period: float, phase: float
+) -> None:
+    """One wave in time passes every check of a name, or of two; one process of time is likelier."""
     table = campaign()
     time_s = table.column("time_s")
-    factor = 1.0 + 0.005 * np.sin(2.0 * np.pi * time_s / (0.9 * time_s.max()) + phase)
+    factor = 1.0 + 0.005 * np.sin(2.0 * np.pi * time_s / (period * time_s.max()) + phase)
     names = table.wrench_columns
     found = find_missing(
         model(), table.with_columns({name: table.column(name) * factor for name in names})
