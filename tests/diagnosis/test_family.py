@@ -63,8 +63,9 @@ def test_of_noise_no_driver_is_sure(seed: int) -> None:
     table = table.with_columns({"fx_N": force})
     base = ecm.fit_model(table, "linear").base
     found = posterior(assemble(base, table, effects_of(table, None)))
-    assert {driver.name for driver, _ in found} >= {"time", "humidity_percent", "the pose before"}
-    assert max(probability for _, probability in found) < 0.9
+    assert {one.name for one in found.drivers} >= {"time", "humidity_percent", "the pose before"}
+    assert found.of_processes < 0.9
+    assert sum(found.of_drivers) + found.of_pose + found.of_nothing == pytest.approx(1.0)
 
 
 def test_along_one_loading_curve_the_order_of_the_rows_is_no_driver() -> None:
@@ -74,12 +75,13 @@ def test_along_one_loading_curve_the_order_of_the_rows_is_no_driver() -> None:
     for columns in ({"x_m": x, "fx_N": force}, {"time_s": 9.0 * np.arange(60.0)}):
         table = ecm.as_table({"x_m": x, "fx_N": force, **columns})
         base = ecm.fit_model(table, "linear").base
-        names = {driver.name for driver, _ in posterior(assemble(base, table, effects_of(table)))}
+        found = posterior(assemble(base, table, effects_of(table)))
+        names = {driver.name for driver in found.drivers}
         assert not names & {"the order of the rows", "time"}
     mixed = random.permutation(60)
     table = ecm.as_table({"x_m": x[mixed], "fx_N": force[mixed]})
     found = posterior(assemble(base, table, effects_of(table)))
-    assert "the order of the rows" in {driver.name for driver, _ in found}
+    assert "the order of the rows" in {driver.name for driver in found.drivers}
 
 
 def test_more_evidence_is_more_sure_and_more_members_less() -> None:

@@ -83,9 +83,33 @@ class Family:
         return f"{self.driver}{like}, in a form of its own"
 
 
+@dataclass(frozen=True)
+class Posterior:
+    """The probability of everything that may explain what the base leaves; the sum is 1."""
+
+    drivers: tuple[Driver, ...]
+    of_drivers: tuple[float, ...]
+    of_pose: float
+    """That of a smooth process of the pose."""
+    of_effects: float
+    """That of the effects that may be named; 0 where none may."""
+    of_nothing: float
+
+    @property
+    def of_processes(self) -> float:
+        """Probability of the likeliest process, of a driver or of the pose."""
+        return max(*self.of_drivers, self.of_pose)
+
+    @property
+    def nothing_is_likeliest(self) -> bool:
+        """Whether no process is as likely as nothing."""
+        return self.of_nothing > self.of_processes
+
+
 def find_family(problem: Problem) -> Family | None:
     """Return the family of what the base leaves; None where none is sure."""
-    found = posterior(problem)
+    chances = posterior(problem)
+    found = list(zip(chances.drivers, chances.of_drivers, strict=True))
     best, probability = max(found, key=lambda item: item[1], default=(None, 0.0))
     if best is None or probability < _SURE:
         return None
@@ -114,23 +138,16 @@ def _in_its_order(
     return [name for column, name in names.items() if in_one_order(own, _values(table, column))]
 
 
-def posterior(problem: Problem) -> list[tuple[Driver, float]]:
-    """Return the probability of each driver beside the others, the pose, and nothing."""
-    drivers, chances = _chances(problem, ())
-    return list(zip(drivers, chances[: len(drivers)].tolist(), strict=True))
-
-
 def explained_by_a_process(problem: Problem, named: Sequence[Candidate]) -> bool:
     """Whether a smooth process, of a driver or of the pose, explains far more than these effects.
 
     Their form is then not that of the cause, of which they imitate a part.
     """
-    drivers, chances = _chances(problem, named)
-    return bool(chances[: len(drivers) + 1].max() >= _SURE)
+    return posterior(problem, named).of_processes >= _SURE
 
 
-def _chances(problem: Problem, named: Sequence[Candidate]) -> tuple[list[Driver], F]:
-    """Return the drivers, and the probability of each, of the pose, of effects, and of nothing."""
+def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
+    """Return how likely each driver is, the pose, the named effects together, and nothing."""
     rows = evenly(len(problem.table), _MOST_ROWS)
     m = problem.response.shape[1]
     numbers = (m * rows[:, None] + np.arange(m)).ravel()
@@ -144,7 +161,7 @@ def _chances(problem: Problem, named: Sequence[Candidate]) -> tuple[list[Driver]
     known = _UNKNOWN if problem.noise.is_assumed else _KNOWN
     freedom = y.size - problem.base_block.shape[2]
 
-    drivers = list(_drivers(problem))
+    drivers = tuple(_drivers(problem))
     nothing = -0.5 * (known + freedom) * np.log(known + y @ y)
     processes = [*(driver.columns for driver in drivers), _of_pose(problem)]
     if named:
@@ -157,7 +174,10 @@ def _chances(problem: Problem, named: Sequence[Candidate]) -> tuple[list[Driver]
     if named:
         # One cause is likelier than two that act together as one.
         shares[-2] *= ((1.0 - _SURE) / _SURE) ** (len(named) - 1)
-    return drivers, np.asarray(shares / shares.sum())
+    *of_each, of_nothing = (shares / shares.sum()).tolist()
+    of_effects = of_each.pop() if named else 0.0
+    *of_drivers, of_pose = of_each
+    return Posterior(drivers, tuple(of_drivers), of_pose, of_effects, of_nothing)
 
 
 def _evidence(columns: F, y: F, freedom: int, known: float) -> float:

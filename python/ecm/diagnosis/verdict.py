@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ecm.diagnosis.accept import Accepted
-from ecm.diagnosis.family import Family
+from ecm.diagnosis.family import Family, posterior
 from ecm.diagnosis.left_over import (
     Gate,
     Leftover,
@@ -132,11 +132,22 @@ def verdict(
     if accepted.effects and not left.remains:
         single = all(len(members) == 1 for members in accepted.classes)
         return replace(found, verdict="named" if single else "ambiguous")
-    if not accepted.effects and not still and probability(found) >= _AS_LIKELY:
+    if not accepted.effects and _nothing_is_likelier(found, still):
         return found
     residual = residual_after(problem, accepted.effects)
     unknown = describe(problem, residual, accepted.effects, gate.structure)
     return replace(found, verdict="unknown", unknown=unknown)
+
+
+def _nothing_is_likelier(found: Decision, still: bool) -> bool:
+    """Whether nothing is likelier than something, where no effect is accepted.
+
+    One of a hundred tables without an effect does not pass the gate, and what smooth functions do
+    not see passes it.
+    """
+    if still:
+        return posterior(found.problem).nothing_is_likeliest
+    return probability(found) >= _AS_LIKELY
 
 
 def _wrong_statement(found: Decision) -> WrongStatement | None:
