@@ -7,7 +7,7 @@ import pytest
 
 import ecm
 from ecm.diagnosis import diagnose
-from ecm.diagnosis.family import posterior
+from ecm.diagnosis.family import find_family, posterior
 from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.procedure import find_missing
 from ecm.diagnosis.verdict import WEIGHTS
@@ -119,3 +119,17 @@ def test_six_weak_parameters_are_weighed_as_a_process_of_so_many_columns(seed: i
     """By a count of parameters a smooth process of the pose, of any size, explains far more."""
     found = find_missing(model(), campaign("tip_frame_misalignment", 0.3, seed))
     assert any("tip_frame_misalignment" in members for members in found.answer)
+
+
+def test_an_effect_that_leaves_too_much_says_its_family() -> None:
+    """Friction in a form of its own: no process of the way is as likely as the nearest effect."""
+    found = find_missing(model(), campaign("hysteresis", 1.0))
+    problem, named = found.problem, found.accepted.effects
+    chances = posterior(problem, named)
+    assert chances.of_effects > 0.9
+    assert max(chances.of_drivers) < 0.1
+    family = find_family(problem, chances, named)
+    assert family is not None
+    assert family.driver == "the way to the pose"
+    tilted = next(item for item in problem.candidates if item.id == "face_tilt")
+    assert find_family(problem, chances, (*named, tilted)) is None

@@ -39,7 +39,7 @@ _KNOWN, _UNKNOWN = 30.0, 1.0
 _MOST_ROWS, _MOST_COLUMNS = 600, 36
 _NO_OTHER = 0.95
 """Rank correlation from which a driver is no other than the pose."""
-_SURE = 0.9
+SURE = 0.9
 """Probability from which a family is said, as that of a name."""
 
 
@@ -106,12 +106,24 @@ class Posterior:
         return self.of_nothing > self.of_processes
 
 
-def find_family(problem: Problem) -> Family | None:
-    """Return the family of what the base leaves; None where none is sure."""
-    chances = posterior(problem)
-    found = list(zip(chances.drivers, chances.of_drivers, strict=True))
+def find_family(
+    problem: Problem, chances: Posterior, named: Sequence[Candidate] = ()
+) -> Family | None:
+    """Return the family of what the base leaves; None where none is sure.
+
+    Parameters
+    ----------
+    chances
+        The posterior with the effects that pass every check but leave too much.
+    named
+        These effects: where one driver is that of all, theirs is the probability of its family too.
+    """
+    found = [
+        (driver, p + chances.of_effects * all(item.id in driver.like for item in named))
+        for driver, p in zip(chances.drivers, chances.of_drivers, strict=True)
+    ]
     best, probability = max(found, key=lambda item: item[1], default=(None, 0.0))
-    if best is None or probability < _SURE:
+    if best is None or probability < SURE:
         return None
     experiment = get_experiment(best.experiment)
     return Family(
@@ -136,14 +148,6 @@ def _in_its_order(
         return []
     own = _values(table, best.column)
     return [name for column, name in names.items() if in_one_order(own, _values(table, column))]
-
-
-def explained_by_a_process(problem: Problem, named: Sequence[Candidate]) -> bool:
-    """Whether a smooth process, of a driver or of the pose, explains far more than these effects.
-
-    Their form is then not that of the cause, of which they imitate a part.
-    """
-    return posterior(problem, named).of_processes >= _SURE
 
 
 def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
@@ -173,7 +177,7 @@ def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
     shares = np.exp((gains - gains.max()) / unit)
     if named:
         # One cause is likelier than two that act together as one.
-        shares[-2] *= ((1.0 - _SURE) / _SURE) ** (len(named) - 1)
+        shares[-2] *= ((1.0 - SURE) / SURE) ** (len(named) - 1)
     *of_each, of_nothing = (shares / shares.sum()).tolist()
     of_effects = of_each.pop() if named else 0.0
     *of_drivers, of_pose = of_each

@@ -443,7 +443,7 @@ class _Judged:
     def fits_again(self) -> bool:
         """Whether its kind lacks nothing where it is fitted to the rows."""
         if self.is_base:
-            return not self.decision.gate.rejected
+            return self.decision.verdict == "none" or not self.decision.gate.rejected
         fit = self.fits[0]
         if fit is None or self.needed or _far_behind(self.refitted, self.base):
             return False

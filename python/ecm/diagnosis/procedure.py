@@ -12,7 +12,7 @@ Each stage is a function that can be called by itself; what it returns is the in
     left = leftover(problem, first, accepted.effects)   is anything still missing?
     found = Decision(prepared, problem, (), first, ranking, accepted, left)
     verdict(found)                                      none, named, ambiguous, unknown
-    find_family(problem)                                what drives an unknown effect
+    find_family(problem, posterior(problem))            what drives an unknown effect
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from ecm.diagnosis.accept import Accepted, accept
-from ecm.diagnosis.family import explained_by_a_process, find_family
+from ecm.diagnosis.family import SURE, find_family, posterior
 from ecm.diagnosis.left_over import (
     Gate,
     Leftover,
@@ -353,17 +353,21 @@ def find_missing(
 def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decision:
     """Return the decision with the family in place of `unknown`, where one is sure.
 
-    Names that a smooth process outdoes by far are no more than a part of what is missing.
+    Names that a smooth process outdoes by far are no more than a part of what is missing: their
+    form is not that of the cause.
     """
-    problem, named = decision.problem, decision.accepted.effects
-    if decision.answer and explained_by_a_process(problem, named):
-        left = describe(problem, residual_after(problem, named), named, decision.gate.structure)
-        decision = replace(decision, verdict="unknown", unknown=left)
-    unknown = decision.unknown
+    problem, named, unknown = decision.problem, decision.accepted.effects, decision.unknown
     of_runs = unknown is not None and unknown.variables == ("run",)
-    if unknown is None or decision.misread or of_runs:
+    if decision.misread or of_runs or not (decision.answer or unknown):
         return decision
-    family = find_family(problem)
+    chances = posterior(problem, named)
+    if unknown is None:
+        if chances.of_processes < SURE:
+            return decision
+        left = residual_after(problem, named)
+        unknown = describe(problem, left, named, decision.gate.structure)
+        decision = replace(decision, verdict="unknown", unknown=unknown)
+    family = find_family(problem, chances, named)
     if family is None:
         return decision
     first = [family.column] if family.column else []

@@ -10,6 +10,7 @@ import numpy as np
 
 from ecm.comparison.residual_figures import residual_figure, residual_section
 from ecm.comparison.result import Comparison, workspace_blocks
+from ecm.diagnosis.settings import DEFAULTS
 from ecm.effects import with_shape
 from ecm.errors import Remedy
 from ecm.io.arrays import F
@@ -406,9 +407,14 @@ def _rests_on(document: Mapping[str, Any]) -> TableBlock:
         left = f"up to {share:.1%} of the wrench, {left}, a direction in which the base may err"
         rows.append(["standard mesh against the fine one", left])
     source = "not known (the base's own residual weighs the components)"
+    lack = f"F = {number(gate['F'])}, p = {number(gate['p'], 2)}"
+    if document["verdict"] == "none" and gate["p"] < DEFAULTS.level:
+        lack += (
+            ": chance, for no process of a column, of the poses before or of the pose is likelier"
+        )
     rows += [
         ["source of the noise", source if noise.get("is_residual") else noise["source"]],
-        ["lack of fit", f"F = {number(gate['F'])}, p = {number(gate['p'], 2)}"],
+        ["lack of fit", lack],
     ]
     if (pattern := (document["unknown"] or {}).get("pattern")) is not None:
         rows.append([pattern["words"], f"p = {number(pattern['p'], 2)}"])
