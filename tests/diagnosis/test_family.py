@@ -64,7 +64,7 @@ def test_of_noise_no_driver_is_sure(seed: int) -> None:
     base = ecm.fit_model(table, "linear").base
     found = posterior(assemble(base, table, effects_of(table, None)))
     assert {one.name for one in found.drivers} >= {"time", "humidity_percent", "the pose before"}
-    assert found.of_processes < 0.9
+    assert max(*found.of_drivers, found.of_pose) < 0.9
     assert sum(found.of_drivers) + found.of_pose + found.of_nothing == pytest.approx(1.0)
 
 
@@ -124,12 +124,22 @@ def test_six_weak_parameters_are_weighed_as_a_process_of_so_many_columns(seed: i
 def test_an_effect_that_leaves_too_much_says_its_family() -> None:
     """Friction in a form of its own: no process of the way is as likely as the nearest effect."""
     found = find_missing(model(), campaign("hysteresis", 1.0))
-    problem, named = found.problem, found.accepted.effects
-    chances = posterior(problem, named)
-    assert chances.of_effects > 0.9
+    problem, accepted = found.problem, found.accepted
+    chances = posterior(problem, accepted.effects)
     assert max(chances.of_drivers) < 0.1
-    family = find_family(problem, chances, named)
+    family = find_family(problem, chances, accepted.classes)
     assert family is not None
     assert family.driver == "the way to the pose"
-    tilted = next(item for item in problem.candidates if item.id == "face_tilt")
-    assert find_family(problem, chances, (*named, tilted)) is None
+    assert find_family(problem, chances, (*accepted.classes, ("face_tilt",))) is None
+
+
+def test_a_name_is_not_less_likely_for_the_process_of_its_own_driver() -> None:
+    """A relaxation and a process of the time at rest are no rivals."""
+    found = find_missing(model(), campaign("stress_relaxation", 1.0))
+    chances = posterior(found.problem, found.accepted.effects)
+    own = dict(zip((one.name for one in chances.drivers), chances.of_drivers, strict=True))
+    together = chances.of_named([("fts_drift", "stress_relaxation")])
+    assert together == pytest.approx(
+        chances.of_effects + own["the time at rest"] + own["time"], abs=1e-12
+    )
+    assert chances.of_named([("face_tilt",)]) == chances.of_effects

@@ -60,6 +60,10 @@ class Driver:
     history: Mapping[str, tuple[str, F]] = field(default_factory=dict)
     """What else drives it, by name: Python text for a draft, and values (N,)."""
 
+    def drives(self, classes: Sequence[Sequence[str]]) -> bool:
+        """Whether an effect of every class follows it."""
+        return all(set(self.like).intersection(members) for members in classes)
+
 
 @dataclass(frozen=True)
 class Family:
@@ -96,18 +100,28 @@ class Posterior:
     of_nothing: float
 
     @property
-    def of_processes(self) -> float:
-        """Probability of the likeliest process, of a driver or of the pose."""
-        return max(*self.of_drivers, self.of_pose)
-
-    @property
     def nothing_is_likeliest(self) -> bool:
-        """Whether no process is as likely as nothing."""
-        return self.of_nothing > self.of_processes
+        """Whether no process and no effect is as likely as nothing."""
+        return self.of_nothing > max(*self.of_drivers, self.of_pose, self.of_effects)
+
+    def of_named(self, classes: Sequence[Sequence[str]]) -> float:
+        """Return the probability of the effects, or that they are so in a form of their own."""
+        own = (p for driver, p in self._driven() if driver.drives(classes))
+        return self.of_effects + sum(own)
+
+    def of_family(self, classes: Sequence[Sequence[str]]) -> tuple[Driver | None, float]:
+        """Return the likeliest driver and its probability, with that of effects that follow it."""
+        found = [
+            (driver, p + self.of_effects * driver.drives(classes)) for driver, p in self._driven()
+        ]
+        return max(found, key=lambda item: item[1], default=(None, 0.0))
+
+    def _driven(self) -> Iterator[tuple[Driver, float]]:
+        return zip(self.drivers, self.of_drivers, strict=True)
 
 
 def find_family(
-    problem: Problem, chances: Posterior, named: Sequence[Candidate] = ()
+    problem: Problem, chances: Posterior, classes: Sequence[Sequence[str]] = ()
 ) -> Family | None:
     """Return the family of what the base leaves; None where none is sure.
 
@@ -115,19 +129,15 @@ def find_family(
     ----------
     chances
         The posterior with the effects that pass every check but leave too much.
-    named
-        These effects: where one driver is that of all, theirs is the probability of its family too.
+    classes
+        The class of each of these effects.
     """
-    found = [
-        (driver, p + chances.of_effects * all(item.id in driver.like for item in named))
-        for driver, p in zip(chances.drivers, chances.of_drivers, strict=True)
-    ]
-    best, probability = max(found, key=lambda item: item[1], default=(None, 0.0))
+    best, probability = chances.of_family(classes)
     if best is None or probability < SURE:
         return None
     experiment = get_experiment(best.experiment)
     return Family(
-        driver=" or ".join([best.name, *_in_its_order(problem, best, found)]),
+        driver=" or ".join([best.name, *_in_its_order(problem, best, chances.drivers)]),
         column=best.column if problem.table.has(best.column) else "",
         probability=probability,
         draft=draft_of(problem, best.column, best.history),
@@ -137,12 +147,10 @@ def find_family(
     )
 
 
-def _in_its_order(
-    problem: Problem, best: Driver, found: Sequence[tuple[Driver, float]]
-) -> list[str]:
+def _in_its_order(problem: Problem, best: Driver, drivers: Sequence[Driver]) -> list[str]:
     """Return the drivers whose columns are in the order of that of the best one."""
     table = problem.table
-    has = {one.column: one.name for one, _ in found if table.has(one.column)}
+    has = {one.column: one.name for one in drivers if table.has(one.column)}
     names = {column: name for column, name in has.items() if column not in TEXT}
     if names.pop(best.column, None) is None:
         return []

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from ecm.diagnosis.accept import Accepted, accept
-from ecm.diagnosis.family import SURE, find_family, posterior
+from ecm.diagnosis.family import find_family, posterior
 from ecm.diagnosis.left_over import (
     Gate,
     Leftover,
@@ -57,7 +57,7 @@ from ecm.diagnosis.statements import (
     ratio_warning,
     with_load_growth,
 )
-from ecm.diagnosis.verdict import Decision, verdict
+from ecm.diagnosis.verdict import AS_LIKELY, Decision, verdict
 from ecm.effects import Effect
 from ecm.errors import ModelError
 from ecm.io.arguments import listed
@@ -353,21 +353,23 @@ def find_missing(
 def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decision:
     """Return the decision with the family in place of `unknown`, where one is sure.
 
-    Names that a smooth process outdoes by far are no more than a part of what is missing: their
-    form is not that of the cause.
+    Names that are less likely than not, by themselves or as a family, are no more than a part of
+    what is missing, or chance.
     """
-    problem, named, unknown = decision.problem, decision.accepted.effects, decision.unknown
+    problem, accepted, unknown = decision.problem, decision.accepted, decision.unknown
     of_runs = unknown is not None and unknown.variables == ("run",)
     if decision.misread or of_runs or not (decision.answer or unknown):
         return decision
-    chances = posterior(problem, named)
+    chances = posterior(problem, accepted.effects)
     if unknown is None:
-        if chances.of_processes < SURE:
+        if chances.of_named(accepted.classes) >= AS_LIKELY:
             return decision
-        left = residual_after(problem, named)
-        unknown = describe(problem, left, named, decision.gate.structure)
+        if chances.nothing_is_likeliest:
+            return replace(decision, accepted=Accepted(checks=accepted.checks), verdict="none")
+        left = residual_after(problem, accepted.effects)
+        unknown = describe(problem, left, accepted.effects, decision.gate.structure)
         decision = replace(decision, verdict="unknown", unknown=unknown)
-    family = find_family(problem, chances, named)
+    family = find_family(problem, chances, accepted.classes)
     if family is None:
         return decision
     first = [family.column] if family.column else []

@@ -33,7 +33,7 @@ from ecm.diagnosis.left_over import (
 )
 from ecm.diagnosis.preparation import Prepared
 from ecm.diagnosis.problem import Problem
-from ecm.diagnosis.search import Ranked, delta_chi2, without
+from ecm.diagnosis.search import ONE_CAUSE_SHARE, Ranked, delta_chi2, without
 from ecm.diagnosis.statements import (
     NoiseFinding,
     WrongStatement,
@@ -147,7 +147,7 @@ def _nothing_is_likelier(found: Decision, still: bool) -> bool:
     """
     if still:
         return posterior(found.problem).nothing_is_likeliest
-    return probability(found) >= _AS_LIKELY
+    return probability(found) >= AS_LIKELY
 
 
 def _wrong_statement(found: Decision) -> WrongStatement | None:
@@ -205,8 +205,8 @@ WEIGHTS = {"named": (-1.11, 0.51, -0.26), "none": (2.74, -1.06), "unknown": (1.8
 """w by verdict, of 915 answers of the seeds 95 to 99; an `ambiguous` one is as a named one."""
 
 
-_AS_LIKELY = 0.5
-"""Least probability of `none`: below it, that something is there is more likely."""
+AS_LIKELY = 0.5
+"""Least probability of `none`, and of names beside all else: else they are less likely than not."""
 
 
 def evidence(decision: Decision) -> tuple[str, tuple[float, ...]]:
@@ -220,7 +220,9 @@ def evidence(decision: Decision) -> tuple[str, tuple[float, ...]]:
         members = max(len(one) for one in classes)
         return "named", (1.0, float(np.log(max(weakest, 1.0))), float(members))
     if decision.verdict == "none":
-        best = max((item.delta_bic for item in decision.ranking), default=0.0)
+        # The form of an effect that the model has may leave so much.
+        held = ONE_CAUSE_SHARE * decision.problem.held
+        best = max((item.delta_bic for item in decision.ranking), default=0.0) - held
         return "none", (1.0, float(np.clip(best / 10.0, -1.0, 5.0)))
     return "unknown", (1.0,)
 
