@@ -32,7 +32,7 @@ from ecm.diagnosis.left_over import (
     runs_apart,
 )
 from ecm.diagnosis.preparation import Prepared
-from ecm.diagnosis.problem import Problem
+from ecm.diagnosis.problem import OUTLIER_CHANCE, Problem
 from ecm.diagnosis.search import ONE_CAUSE_SHARE, Ranked, delta_chi2, without
 from ecm.diagnosis.statements import (
     NoiseFinding,
@@ -142,11 +142,12 @@ def verdict(
 def _nothing_is_likelier(found: Decision, still: bool) -> bool:
     """Whether nothing is likelier than something, where no effect is accepted.
 
-    One of a hundred tables without an effect does not pass the gate, and what smooth functions do
-    not see passes it.
+    One of a hundred tables without an effect does not pass the gate, one of 10,000 by far, and what
+    smooth functions do not see passes it.
     """
     if still:
-        return posterior(found.problem).nothing_is_likeliest
+        by_chance = found.gate.p > OUTLIER_CHANCE
+        return by_chance and posterior(found.problem).nothing_is_likeliest
     return probability(found) >= AS_LIKELY
 
 
