@@ -158,7 +158,7 @@ def test_a_broken_stage_does_not_meet_the_bound(
 ) -> None:
     # Names are weighed beside smooth processes, too: that alone holds the bound of what is left.
     with (
-        patch("ecm.diagnosis.procedure.AS_LIKELY", 0.0),
+        patch("ecm.diagnosis.procedure.SURE", 1.0),
         pytest.raises(AssertionError),
     ):
         bound(blind_folder, method)
