@@ -163,15 +163,23 @@ def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
     rows = evenly(len(problem.table), _MOST_ROWS)
     m = problem.response.shape[1]
     numbers = (m * rows[:, None] + np.arange(m)).ravel()
-    base = orthonormal(problem.flat(problem.base_block)[numbers])
+    base = orthonormal(problem.flat(problem.coefficient_block)[numbers])
+
+    def beside(columns: F) -> F:
+        some = problem.flat(columns)[numbers]
+        return np.asarray(some - base @ (base.T @ some))
+
+    # The base's own errors D have coefficients N(0, 1): beside them all is in units of I + D D'.
+    errors, sizes, _ = np.linalg.svd(beside(problem.own_errors), full_matrices=False)
+    less = 1.0 - 1.0 / np.sqrt(1.0 + sizes**2 / problem.scale)
 
     def beside_base(columns: F) -> F:
-        own = problem.flat(columns)[numbers]
-        return np.asarray(own - base @ (base.T @ own))
+        some = beside(columns)
+        return np.asarray(some - errors @ (less[:, None] * (errors.T @ some)))
 
     y = beside_base(problem.response[:, :, None])[:, 0] / np.sqrt(problem.scale)
     known = _UNKNOWN if problem.noise.is_assumed else _KNOWN
-    freedom = y.size - problem.base_block.shape[2]
+    freedom = y.size - base.shape[1]
 
     drivers = tuple(_drivers(problem))
     nothing = -0.5 * (known + freedom) * np.log(known + y @ y)

@@ -523,6 +523,12 @@ class Problem:
             return self.projected_base
         return self.design[:, :, : len(self.base.coefficients)]
 
+    @property
+    def own_errors(self) -> F:
+        """(N, m, e) what one standard deviation of each of the base's own errors does."""
+        own = slice(len(self.base.coefficients), self.n_base)
+        return np.asarray(self.design[:, :, own] * self.norms[own])
+
     @cached_property
     def squares_beside_base(self) -> float:
         """Weighted squares of the response that the base leaves."""
