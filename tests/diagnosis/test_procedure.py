@@ -54,16 +54,19 @@ def test_a_decision_is_all_that_a_report_needs(found: Diagnosis) -> None:
 
 
 def test_a_stage_is_replaced_by_argument(found: Diagnosis) -> None:
-    """A gate that sees nothing, and a search that finds nothing: nothing is missing."""
+    """With a gate that sees nothing and a search that finds nothing it is not sure of nothing."""
     table = campaign("payload", 1.0, 4)
     blind = Stages(
         gate=lambda problem: replace(gate(problem), rejected=False),
         search=lambda problem, ranking: (),
         white=lambda problem: None,
     )
-    nothing = find_missing(model(), table, stages=blind)
+    unsure = find_missing(model(), table, stages=blind)
+    assert unsure.accepted.effects == ()
+    assert unsure.verdict == "unknown"
+    assert unsure.ranking[0].id == found.ranking[0].id
+    nothing = find_missing(model(), table, stages=replace(blind, rank=lambda problem: []))
     assert nothing.verdict == "none"
-    assert nothing.ranking[0].id == found.ranking[0].id
 
 
 def test_a_setting_decides() -> None:
