@@ -9,15 +9,15 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (41_653, 200),
-    "benches": (5_899, 51),
+    "python/ecm": (41_701, 200),
+    "benches": (5_902, 51),
     "examples": (1_516, 13),
-    "tests": (31_655, 229),
+    "tests": (31_711, 229),
     "crates": (34_317, 198),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a
-cable that leaves from a place, the older form of anisotropy for older files (python/ecm 23); their
-tests, and one of the ratios of an assumed noise (tests 55)."""
+"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: the
+posterior as one record, with the base's own errors and names beside their drivers (python/ecm 48);
+tests of few rows, of `none` and of families (tests 56)."""
 
 
 @pytest.mark.parametrize("part", PARTS)
