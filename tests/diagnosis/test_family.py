@@ -131,15 +131,3 @@ def test_an_effect_that_leaves_too_much_says_its_family() -> None:
     assert family is not None
     assert family.driver == "the way to the pose"
     assert find_family(problem, chances, (*accepted.classes, ("face_tilt",))) is None
-
-
-def test_a_name_is_not_less_likely_for_the_process_of_its_own_driver() -> None:
-    """A relaxation and a process of the time at rest are no rivals."""
-    found = find_missing(model(), campaign("stress_relaxation", 1.0))
-    chances = posterior(found.problem, found.accepted.effects)
-    own = dict(zip((one.name for one in chances.drivers), chances.of_drivers, strict=True))
-    together = chances.of_named([("fts_drift", "stress_relaxation")])
-    assert together == pytest.approx(
-        chances.of_effects + own["the time at rest"] + own["time"], abs=1e-12
-    )
-    assert chances.of_named([("face_tilt",)]) == chances.of_effects

@@ -9,15 +9,15 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (41_701, 200),
+    "python/ecm": (41_697, 200),
     "benches": (5_902, 51),
     "examples": (1_516, 13),
-    "tests": (31_711, 229),
+    "tests": (31_702, 229),
     "crates": (34_317, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: the
-posterior as one record, with the base's own errors and names beside their drivers (python/ecm 48);
-tests of few rows, of `none` and of families (tests 56)."""
+posterior as one record, with the base's own errors and names beside their drivers (python/ecm 44);
+tests of few rows, of `none` and of families (tests 47)."""
 
 
 @pytest.mark.parametrize("part", PARTS)

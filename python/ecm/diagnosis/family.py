@@ -104,20 +104,13 @@ class Posterior:
         """Whether no process and no effect is as likely as nothing."""
         return self.of_nothing > max(*self.of_drivers, self.of_pose, self.of_effects)
 
-    def of_named(self, classes: Sequence[Sequence[str]]) -> float:
-        """Return the probability of the effects, or that they are so in a form of their own."""
-        own = (p for driver, p in self._driven() if driver.drives(classes))
-        return self.of_effects + sum(own)
-
     def of_family(self, classes: Sequence[Sequence[str]]) -> tuple[Driver | None, float]:
         """Return the likeliest driver and its probability, with that of effects that follow it."""
         found = [
-            (driver, p + self.of_effects * driver.drives(classes)) for driver, p in self._driven()
+            (driver, p + self.of_effects * driver.drives(classes))
+            for driver, p in zip(self.drivers, self.of_drivers, strict=True)
         ]
         return max(found, key=lambda item: item[1], default=(None, 0.0))
-
-    def _driven(self) -> Iterator[tuple[Driver, float]]:
-        return zip(self.drivers, self.of_drivers, strict=True)
 
 
 def find_family(

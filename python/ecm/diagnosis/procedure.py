@@ -353,8 +353,8 @@ def find_missing(
 def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decision:
     """Return the decision with the family in place of `unknown`, where one is sure.
 
-    Names that all else outweighs nine to one, be it as names or as a family, are no more than a
-    part of what is missing; where nothing is likeliest they are chance.
+    Names that all else outweighs nine to one are no more than a part of what is missing; where
+    nothing is likeliest they are chance.
     """
     problem, accepted, unknown = decision.problem, decision.accepted, decision.unknown
     of_runs = unknown is not None and unknown.variables == ("run",)
@@ -364,7 +364,7 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
     if unknown is None:
         if chances.nothing_is_likeliest:
             return replace(decision, accepted=Accepted(checks=accepted.checks), verdict="none")
-        if chances.of_named(accepted.classes) >= 1.0 - SURE:
+        if chances.of_effects >= 1.0 - SURE:
             return decision
         left = residual_after(problem, accepted.effects)
         unknown = describe(problem, left, accepted.effects, decision.gate.structure)
