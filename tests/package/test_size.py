@@ -9,14 +9,14 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (41_697, 200),
+    "python/ecm": (41_693, 200),
     "benches": (5_902, 51),
     "examples": (1_516, 13),
     "tests": (31_702, 229),
     "crates": (34_317, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: the
-posterior as one record, with the base's own errors and names beside their drivers (python/ecm 44);
+posterior as one record, with the base's own errors and the weight of names (python/ecm 40);
 tests of few rows, of `none` and of families (tests 47)."""
 
 

@@ -60,10 +60,6 @@ class Driver:
     history: Mapping[str, tuple[str, F]] = field(default_factory=dict)
     """What else drives it, by name: Python text for a draft, and values (N,)."""
 
-    def drives(self, classes: Sequence[Sequence[str]]) -> bool:
-        """Whether an effect of every class follows it."""
-        return all(set(self.like).intersection(members) for members in classes)
-
 
 @dataclass(frozen=True)
 class Family:
@@ -104,17 +100,9 @@ class Posterior:
         """Whether no process and no effect is as likely as nothing."""
         return self.of_nothing > max(*self.of_drivers, self.of_pose, self.of_effects)
 
-    def of_family(self, classes: Sequence[Sequence[str]]) -> tuple[Driver | None, float]:
-        """Return the likeliest driver and its probability, with that of effects that follow it."""
-        found = [
-            (driver, p + self.of_effects * driver.drives(classes))
-            for driver, p in zip(self.drivers, self.of_drivers, strict=True)
-        ]
-        return max(found, key=lambda item: item[1], default=(None, 0.0))
-
 
 def find_family(
-    problem: Problem, chances: Posterior, classes: Sequence[Sequence[str]] = ()
+    problem: Problem, chances: Posterior, classes: Sequence[Sequence[str]]
 ) -> Family | None:
     """Return the family of what the base leaves; None where none is sure.
 
@@ -123,9 +111,13 @@ def find_family(
     chances
         The posterior with the effects that pass every check but leave too much.
     classes
-        The class of each of these effects.
+        The class of each of these effects: their weight is that of a driver which all follow.
     """
-    best, probability = chances.of_family(classes)
+    found = [
+        (one, p + chances.of_effects * all(set(one.like) & set(members) for members in classes))
+        for one, p in zip(chances.drivers, chances.of_drivers, strict=True)
+    ]
+    best, probability = max(found, key=lambda item: item[1], default=(None, 0.0))
     if best is None or probability < SURE:
         return None
     experiment = get_experiment(best.experiment)

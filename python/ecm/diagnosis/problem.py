@@ -314,9 +314,9 @@ def robust_weights(response: F, base: F, effects: Sequence[F]) -> F:
         readings can hold. Without them all rows that one effect touches were outliers.
     """
     n, m = response.shape
-    sizes = np.cumsum([base.shape[2], *(block.shape[2] for block in effects)])
-    held = max(1, int(np.searchsorted(sizes, n * m // 2)))
-    design = np.concatenate([base, *effects[: held - 1]], axis=2)
+    ends = base.shape[2] + np.cumsum([block.shape[2] for block in effects])
+    few = effects[: int(np.searchsorted(ends, n * m // 2))]
+    design = np.concatenate([base, *few], axis=2)
     design /= _lengths(design)
     flat, y = design.reshape(n * m, -1), response.ravel()
     limit, middle = (float(special.chdtri(m, chance)) for chance in (OUTLIER_CHANCE, 0.5))

@@ -12,7 +12,7 @@ Each stage is a function that can be called by itself; what it returns is the in
     left = leftover(problem, first, accepted.effects)   is anything still missing?
     found = Decision(prepared, problem, (), first, ranking, accepted, left)
     verdict(found)                                      none, named, ambiguous, unknown
-    find_family(problem, posterior(problem))            what drives an unknown effect
+    find_family(problem, posterior(problem), ())        what drives an unknown effect
 """
 
 from __future__ import annotations
