@@ -192,6 +192,8 @@ FOREIGN: dict[str, tuple[Law, str]] = {
     },
 }
 """Effects that no catalogue has; the last are those of the first benchmark."""
+WORDS = {"magnet": "magnet", "swelling": "swell", "day": "temperature|the room"}
+"""Words for some of them, one of which a name should have beside it that is said in their place."""
 
 
 # --- wrong statements ---------------------------------------------------------------------------

@@ -18,8 +18,9 @@ from scipy.spatial.transform import Rotation
 from blind_parts.command import diagnosed
 from blind_parts.miss_kinds import MISSES, UNSAID
 from blind_parts.other_bodies import BODIES, Body, stated_model
-from blind_parts.other_hidden import FOREIGN, KNOWN, STATEMENTS, Law, Made
+from blind_parts.other_hidden import FOREIGN, KNOWN, STATEMENTS, WORDS, Law, Made
 from blind_parts.strength import Strength
+from ecm.effects import get_effect
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table, as_table
 from ecm.models import Model, fit_model
@@ -237,6 +238,14 @@ def clean_wrong(result: dict[str, Any]) -> bool:
     """One or more single names, at least one of which is wrong."""
     names = {members[0] for members in result["answer"]}
     return result["verdict"] == "named" and not names <= truth(result)
+
+
+def unsaid_wrong(result: dict[str, Any]) -> bool:
+    """A wrong name, and the words "or anything that ..." behind it do not say the cause either."""
+    words = WORDS.get(result["set"]["name"])
+    names = [members[0] for members in result["answer"] if len(members) == 1]
+    behind = " ".join(get_effect(id).outside.what for id in names)
+    return clean_wrong(result) and not (words and re.search(words, behind))
 
 
 def right(result: dict[str, Any]) -> bool:

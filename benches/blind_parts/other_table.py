@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from blind_parts.other_hidden import STATEMENTS
-from blind_parts.other_sets import clean_wrong, right
+from blind_parts.other_sets import clean_wrong, right, unsaid_wrong
 
 Result = dict[str, Any]
 Test = Callable[[Result], bool]
@@ -21,6 +21,7 @@ _BESIDE: tuple[tuple[str, str, Test], ...] = (
     ("one effect, s = 3: named or in a class", "known", right),
     ("one effect: one clean wrong name", "known", clean_wrong),
     ("no catalogue has it: one clean wrong name", "foreign", clean_wrong),
+    ("no catalogue has it: wrong, and not in the words behind the name", "foreign", unsaid_wrong),
     ("no catalogue has it: `none`", "foreign", lambda r: r["verdict"] == "none"),
     ("wrong statement: one clean wrong name", "statement", clean_wrong),
 )

@@ -22,7 +22,7 @@ from ecm.errors import InputError, Refusal, Remedy
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.conventions import wrong_convention
 from ecm.io.mechanism import Mechanism
-from ecm.io.sanity import excitation_sentences, likely_continuous, never_excited
+from ecm.io.sanity import excitation_sentences, never_excited, unstated, unstated_length
 from ecm.io.settings import read_toml
 from ecm.io.table import Table
 from ecm.logs.sources import check_rotation_word, rotation_columns
@@ -312,7 +312,7 @@ def fit(
             again = Remedy("name the model", f"AGAIN --out {shlex.quote(f'{out.stem}-2.json')}")
             raise InputError(f"{out} is already there and is not overwritten", remedy=again)
         session.check_output(out)
-    session.warn(*likely_continuous(table))
+    session.warn(*unstated(table))
     wrong = wrong_convention(table, refuse=not force)
     if wrong is not None:
         session.warn(wrong.sentence(), wrong=True)
@@ -359,7 +359,7 @@ def _chosen(pcr: str | None, table: Table, session: Session) -> ModelChoice:
     if pcr is not None:
         raise InputError("--model choose tries PCR thresholds itself; leave out --pcr")
     if table.meta.length_m is None and table.pose_columns == POSE:
-        session.print("energies are left out: no [mechanism] length_m in the data's TOML")
+        session.print(f"energies, which need fewer poses, are left out: {unstated_length(table)}")
     with session.working(f"choosing among models of {len(table)} rows") as tell:
         choice = choose_model(table, seed=session.seed, progress=tell)
     session.print(*choice.sentences())
@@ -406,7 +406,7 @@ def refit(
     """
     session.check_output(out)
     table = session.read(data, need="fit")
-    session.warn(*likely_continuous(table))
+    session.warn(*unstated(table))
     before = open_model(model, session, table)
     with session.working(f"fitting {len(table)} rows") as tell:
         fitted = refit_model(before, table, remove=remove, progress=tell, **options)

@@ -55,7 +55,7 @@ from ecm.io.arrays import F, rest_of
 from ecm.io.description import shown_ranges
 from ecm.io.events import fields_json, to_json
 from ecm.io.extras import require
-from ecm.io.sanity import likely_continuous, never_excited, time_unit, zero_column_sentences
+from ecm.io.sanity import never_excited, time_unit, unstated, zero_column_sentences
 from ecm.models.check import NotTestable
 from ecm.models.errors import Ceiling, ceiling_rms
 from ecm.models.joint_fit import FittedEffect, JointFit
@@ -517,7 +517,7 @@ def _of_rows(problem: Problem, prepared: Prepared) -> Iterator[str]:
             f"{len(unlike)} rows are unlike all others and count less: {numbers}; ecm check says "
             "which are no measurement, and its --leave-out leaves them out"
         )
-    yield from likely_continuous(prepared.table.full)
+    yield from unstated(prepared.table.full)
     if late := time_unit(problem.table):
         yield late
 

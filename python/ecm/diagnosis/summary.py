@@ -12,6 +12,7 @@ from ecm.comparison.residual_figures import residual_figure, residual_section
 from ecm.comparison.result import Comparison, workspace_blocks
 from ecm.diagnosis.settings import DEFAULTS
 from ecm.effects import with_shape
+from ecm.effects.protocol import UNKNOWN_LENGTH
 from ecm.errors import Remedy
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH, behind, unit_of
@@ -139,10 +140,14 @@ def source_of_noise(document: Mapping[str, Any]) -> str:
 def _named(document: Mapping[str, Any], id: str, single: bool) -> str:
     """A cause, with its way and what else would get the same single name."""
     way = (document.get("directions") or {}).get(id)
-    outside = [f"or {one['what'].split(':')[0]}" for one in document["look_alikes"]
-               if single and one["id"] == id]  # fmt: skip
-    said = "; ".join(filter(None, [way, *outside]))
+    said = "; ".join(filter(None, [way, *(_or_else(document, id) if single else [])]))
     return f"{id} ({said})" if said else id
+
+
+def _or_else(document: Mapping[str, Any], id: str) -> list[str]:
+    """What no catalogue has and would get the same name."""
+    outside = [one["what"] for one in document["look_alikes"] if one["id"] == id]
+    return [f"or {what.split(':')[0]}" for what in outside]
 
 
 def _missing_beside(document: Mapping[str, Any]) -> str:
@@ -153,7 +158,7 @@ def _missing_beside(document: Mapping[str, Any]) -> str:
         causes = [
             f"{' or '.join(members)} (these data cannot tell them apart)"
             if len(members) > 1
-            else sizes.get(members[0], members[0])
+            else ", ".join([sizes.get(members[0], members[0]), *_or_else(document, members[0])])
             for members in document["answer"]
         ]
         return f"{' and '.join(causes)}{likely}; {_fall(document)}"
@@ -258,6 +263,9 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
     unknown = document["unknown"] or {}
     if unknown.get("misread") or document["model"]["answer"] == "table":
         yield "mend the table, and diagnose again"
+    lacking = {item["record"] for item in document["not_testable"]}
+    if document["base"]["kind"] == "polynomial" and UNKNOWN_LENGTH.record in lacking:
+        yield "state the length of the mechanism ([mechanism] length_m): an energy is the base then"
     if "family" in document:
         family = document["family"]
         yield f"{family['experiment']} ({family['minutes']} min): shows the form"

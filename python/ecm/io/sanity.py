@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ecm._native import mid_frame
 from ecm.io.arrays import F, I, evenly
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
@@ -44,15 +45,57 @@ def samples_s(table: Mapping[str, Any]) -> float:
     return step if step < _SAMPLED_S else 0.0
 
 
-def likely_continuous(table: Table) -> list[str]:
-    """Say that rows which follow each other closely may be samples of a continuous test."""
-    step = 0.0 if table.continuous or table.has("pose_id") else samples_s(table.columns)
-    if not step:
+def unstated(table: Table) -> list[str]:
+    """Say what the rows look like and nothing states: samples of a continuous test, or repeats.
+
+    Examples
+    --------
+    >>> from ecm import as_table
+    >>> columns = {"x_m": [0.1, 0.2, 0.1], "y_m": [0.0, 0.1, 0.0], "fx_N": [1.0, 2.0, 1.1]}
+    >>> print(*unstated(as_table(columns)))
+    1 row is at the very pose of an earlier one: with the same number in a column pose_id they \
+count as repeats and tell the noise.
+    """
+    if table.continuous or table.has("pose_id"):
         return []
+    if step := samples_s(table.columns):
+        return [
+            f"Rows follow each other every {step:.3g} s: samples of a continuous test? "
+            'Then say kind = "continuous" in [file], or repeats and held-out rows are judged '
+            "wrongly."
+        ]
+    poses = table.measured().matrix(table.pose_columns)
+    again = len(poses) - len(np.unique(poses, axis=0))
+    # Along a single coordinate values come again by themselves.
+    if not again or np.count_nonzero(np.ptp(poses, axis=0)) < _LEAST_COORDINATES:
+        return []
+    rows = f"{again} rows are" if again > 1 else "1 row is"
     return [
-        f"Rows follow each other every {step:.3g} s: samples of a continuous test? "
-        'Then say kind = "continuous" in [file], or repeats and held-out rows are judged wrongly.'
+        f"{rows} at the very pose of an earlier one: with the same number in a column pose_id they "
+        "count as repeats and tell the noise."
     ]
+
+
+_LEAST_COORDINATES = 2
+"""Coordinates of the pose that must agree, and vary, where rows are taken for repeats."""
+
+
+def unstated_length(table: Table) -> str:
+    """Say that nothing states the length of the mechanism, and what it may be.
+
+    Examples
+    --------
+    >>> from ecm import as_table
+    >>> poses = {"x_m": [0.1, 0.102], **dict.fromkeys(POSE[1:], [0.0, 0.1])}
+    >>> unstated_length(as_table(poses))[-44:]
+    '; these poses are 0.1 m from the base along x'
+    """
+    said = "no [mechanism] length_m in the data's TOML"
+    along = mid_frame(np.ascontiguousarray(table.measured().poses), 0.0)[:, 0]
+    least, middle, most = np.quantile(along, (0.1, 0.5, 0.9))
+    if not 0.0 < most < 2.0 * least:
+        return said  # x is not the axis of the mechanism
+    return f"{said}; these poses are {middle:.3g} m from the base along x"
 
 
 _TIME_UNITS = {"minutes": 60.0, "hours": 3600.0}

@@ -19,9 +19,9 @@ from ecm.io.sanity import (
     SuspectRows,
     doubts,
     excitation_sentences,
-    likely_continuous,
     never_excited,
     suspect_rows,
+    unstated,
     whole_turns,
     zero_column_sentences,
     zero_columns,
@@ -264,7 +264,7 @@ def check(table: TableLike, *, meta: MetaLike = None, progress: Progress | None 
 def _sampling(table: Table) -> list[str]:
     """Say how long the errors of samples stay correlated, or that it may be one."""
     correlated = correlation_time(table)
-    return likely_continuous(table) if correlated is None else [correlated.sentence()]
+    return unstated(table) if correlated is None else [correlated.sentence()]
 
 
 def _column(name: str, values: NDArray[Any]) -> ColumnCheck:

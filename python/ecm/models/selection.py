@@ -249,7 +249,7 @@ class ModelChoice(Printed):
 
 def default_candidates(table: Table) -> list[ModelSpecification]:
     """Models of `ecm fit --model choose`: polynomials, and energies where the length is known."""
-    if not table.has(*POSE, *WRENCH):
+    if not table.has(*POSE):
         most = MOST_OF_ONE_INPUT if len(table.pose_columns) == 1 else POLYNOMIAL_DEGREES[1]
         return [PolynomialModel(degree) for degree in range(1, most + 1)]
     candidates: list[ModelSpecification] = [PolynomialModel(degree) for degree in (1, 2, 3)]
