@@ -22,7 +22,7 @@ import numpy as np
 from ecm.comparison.residuals import KNOWN, candidate_covariates, in_one_order
 from ecm.diagnosis.left_over import draft_of
 from ecm.diagnosis.problem import Candidate, Problem
-from ecm.diagnosis.settings import FORM_SHARE
+from ecm.diagnosis.settings import FORM_SHARE, MOST_IN_CLASS
 from ecm.effects.experiments import get_experiment
 from ecm.io.arrays import F, evenly
 from ecm.io.columns import POSE, TEXT
@@ -132,6 +132,14 @@ def find_family(
     )
 
 
+def drivers_that_share(chances: Posterior) -> tuple[Driver, ...]:
+    """Return the fewest drivers that are sure together, at most three; none where none are."""
+    order = np.argsort(chances.of_drivers)[::-1][:MOST_IN_CLASS]
+    total = np.cumsum(np.take(chances.of_drivers, order))
+    fewest = int(np.searchsorted(total, SURE)) + 1
+    return tuple(chances.drivers[i] for i in order[:fewest]) if fewest <= len(order) else ()
+
+
 def _in_its_order(problem: Problem, best: Driver, drivers: Sequence[Driver]) -> list[str]:
     """Return the drivers whose columns are in the order of that of the best one."""
     table = problem.table
@@ -225,9 +233,12 @@ def _drivers(problem: Problem) -> Iterator[Driver]:
         of_pose = any(in_one_order(values, own, least=_NO_OTHER) for own in problem.rows.poses.T)
         if np.ptp(values) > 0.0 and not of_pose:
             functions = _cosines(values, count)
-            columns = np.concatenate(
-                [_free(problem, functions), _scaled(problem, functions)], axis=2
+            ways = (
+                _free(problem, functions),
+                _scaled(problem, functions),
+                _moved(problem, functions),
             )
+            columns = np.concatenate(ways, axis=2)
             yield Driver(words, like, experiment, columns, column)
     rest = np.log(np.maximum(_values(table, "dwell_s"), 0.1))
     if np.ptp(rest) > 0.0:
@@ -246,14 +257,13 @@ def _values(table: Table, column: str) -> F:
 def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
     """Yield the drivers that follow from the poses before, (N, n) and NaN where not known."""
     rows = problem.rows
-    spread = np.sqrt(((rows.poses - rows.middle_pose) ** 2).mean(axis=0)) + 1e-12
+    spread = _spread(rows)
     step = np.where(np.isfinite(before), rows.poses - before, 0.0) / spread
     if not step.any():
         return
     side = step / np.maximum(np.linalg.norm(step, axis=1), 0.3)[:, None]
-    stiffness = np.einsum("nij,njk->nik", problem.whitener, rows.stiffness) * spread
-    shifted = stiffness / max(float(np.sqrt((stiffness**2).mean())), 1e-300) * side[:, None, :]
-    way = np.concatenate([_free(problem, np.hstack([side, np.tanh(step)])), shifted], axis=2)
+    free = _free(problem, np.hstack([side, np.tanh(step)]))
+    way = np.concatenate([free, _stiffness(problem) * side[:, None, :]], axis=2)
     names = list(enumerate(problem.base.inputs))
     like = ("hysteresis", "backlash", "fts_hysteresis")
     text = "np.sign(np.diff(rows.poses[:, {0}], prepend=rows.poses[0, {0}]))"
@@ -317,3 +327,20 @@ def _scaled(problem: Problem, functions: F) -> F:
     load = np.einsum("nij,nj->ni", problem.whitener, problem.rows.wrench)
     load = load / max(float(np.sqrt((load**2).mean())), 1e-300)
     return np.asarray(load[:, :, None] * functions[:, None, :])
+
+
+def _moved(problem: Problem, functions: F) -> F:
+    """(N, m, p q) each function as a shift of each of p coordinates of the pose."""
+    moved = _stiffness(problem)[:, :, :, None] * functions[:, None, None, :]
+    return np.asarray(moved.reshape(*moved.shape[:2], -1))
+
+
+def _stiffness(problem: Problem) -> F:
+    """(N, m, p) whitened change of the wrench with each coordinate, in spreads of the poses."""
+    stiffness = np.einsum("nij,njk->nik", problem.whitener, problem.rows.stiffness)
+    stiffness = stiffness * _spread(problem.rows)
+    return np.asarray(stiffness / max(float(np.sqrt((stiffness**2).mean())), 1e-300))
+
+
+def _spread(rows: Rows) -> F:
+    return np.asarray(np.sqrt(((rows.poses - rows.middle_pose) ** 2).mean(axis=0)) + 1e-12)

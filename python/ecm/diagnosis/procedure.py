@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from ecm.diagnosis.accept import Accepted, accept
-from ecm.diagnosis.family import SURE, find_family, posterior
+from ecm.diagnosis.family import SURE, Driver, Family, drivers_that_share, find_family, posterior
 from ecm.diagnosis.left_over import (
     Gate,
     Leftover,
@@ -371,11 +371,18 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
         decision = replace(decision, verdict="unknown", unknown=unknown)
     family = find_family(problem, chances, accepted.classes)
     if family is None:
-        return decision
-    first = [family.column] if family.column else []
-    variables = tuple(dict.fromkeys([*first, *unknown.variables]))
-    unknown = replace(unknown, template=family.draft, variables=variables)
+        share = drivers_that_share(chances)
+        words = f"it follows {' or '.join(one.name for one in share)}: {unknown.words}"
+        unknown = replace(unknown, words=words) if share else unknown
+        return replace(decision, unknown=_led_by(problem, unknown, share))
+    unknown = replace(_led_by(problem, unknown, [family]), template=family.draft)
     return replace(decision, verdict="family", unknown=unknown, family=family)
+
+
+def _led_by(problem: Problem, unknown: Unknown, drivers: Sequence[Driver | Family]) -> Unknown:
+    """Return the description whose first variables are the columns of what drives it."""
+    first = [one.column for one in drivers if problem.table.has(one.column)]
+    return replace(unknown, variables=tuple(dict.fromkeys([*first, *unknown.variables])))
 
 
 def _against_the_bases(
