@@ -17,7 +17,7 @@ from support.neck import SHARED_DATA, Done
 _SAMPLE = {
     "neck": "energy4",
     "neck_of_few_rows": "choose",
-    "neck_of_forces": "energy4",
+    "neck_of_forces": "choose",
     "six_axes": "choose",
     "three_axes": "linear",
     "one_axis": "cubic",

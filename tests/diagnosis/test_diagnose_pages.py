@@ -206,6 +206,7 @@ def test_the_lines_of_a_name_carry_its_size_its_error_and_the_command(
     mass = document["effects"][0]["parameters"]["mass"]["value"]
     assert summary["missing"].startswith("payload (a mass on the sensor's side")
     assert f"mass {mass:.3g} +- " in summary["missing"]
+    assert f", or {document['look_alikes'][0]['what'].split(':')[0]};" in summary["missing"]
     assert f"{held_out['before']:.2f} -> {held_out['after']:.2f}" in summary["missing"]
     assert summary["add"].startswith(document["addition"]["remedy"]["command"])
     assert document["look_alikes"][0]["apart"] in summary["next"]

@@ -12,8 +12,10 @@ from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.procedure import find_missing
 from ecm.diagnosis.verdict import WEIGHTS
 from ecm.effects import effects_of, unregister
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
-from support.campaigns import campaign, model
+from support.campaigns import META, NOISE, campaign, model, workspace_poses
+from support.stand_in import wrench
 
 
 def spring(**columns: np.ndarray) -> Table:
@@ -131,3 +133,36 @@ def test_an_effect_that_leaves_too_much_says_its_family() -> None:
     assert family is not None
     assert family.driver == "the way to the pose"
     assert find_family(problem, chances, (*accepted.classes, ("face_tilt",))) is None
+
+
+def grown(temperature: np.ndarray) -> Table:
+    """A body that grows along its axis with the temperature: each pose is less of a stretch."""
+    poses = workspace_poses(len(temperature), 5)
+    longer = poses.copy()
+    longer[:, 0] -= 2e-4 * (temperature - 22.0)
+    random = np.random.default_rng(8)
+    read = wrench(longer) + NOISE * random.standard_normal(poses.shape)
+    columns = dict(zip((*POSE, *WRENCH), np.hstack([poses, read]).T, strict=True))
+    more = {"time_s": 20.0 * np.arange(len(poses)), "temperature_degC": temperature}
+    return ecm.as_table(columns | more, meta=META)
+
+
+def test_growth_with_the_temperature_moves_the_pose_and_says_its_driver() -> None:
+    swing = np.random.default_rng(9).uniform(16.0, 28.0, 90)
+    table = grown(swing)
+    found = diagnose(ecm.fit_model(table, "energy4"), table)
+    assert found.verdict == "family"
+    assert found.family is not None
+    assert found.family.driver == "the temperature of the body"
+
+
+def test_drivers_that_share_the_weight_are_said_together() -> None:
+    # Warmer with the hours, but for a little: time explains it nearly as well.
+    time_s = np.arange(90.0)
+    table = grown(20.0 + 6.0 * np.sin(time_s / 18.0) + 0.15 * np.sin(7.0 * time_s))
+    found = diagnose(ecm.fit_model(table, "energy4"), table)
+    assert found.verdict == "unknown"
+    assert found.unknown is not None
+    assert found.unknown.words.startswith("it follows ")
+    assert set(found.unknown.variables[:2]) == {"time_s", "temperature_degC"}
+    assert "the temperature of the body" in found.summary().missing

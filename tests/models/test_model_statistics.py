@@ -13,6 +13,7 @@ import pytest
 from ecm import _native
 from ecm.errors import InputError
 from ecm.io.arrays import F
+from ecm.io.columns import WRENCH
 from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models import (
@@ -261,6 +262,15 @@ def test_the_one_standard_error_rule_takes_the_small_model() -> None:
     assert choose_model(table, cuts, folds=5).error.argmax() == 3
     with pytest.raises(InputError, match="no candidates"):
         choose_model(table, [])
+
+
+def test_an_energy_is_chosen_of_three_forces_as_well() -> None:
+    table = campaign(seed=3).drop(*WRENCH[3:])
+    choice = choose_model(table, folds=5)
+    assert choice.best.name.startswith("energy")
+    polynomials = [e for c, e in zip(choice.candidates, choice.error, strict=True)
+                   if c.name.startswith("poly")]  # fmt: skip
+    assert choice.error[choice.chosen] < 0.5 * min(polynomials)
 
 
 def test_a_learning_curve_stops_where_it_is_flat() -> None:

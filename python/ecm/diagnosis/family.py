@@ -233,12 +233,9 @@ def _drivers(problem: Problem) -> Iterator[Driver]:
         of_pose = any(in_one_order(values, own, least=_NO_OTHER) for own in problem.rows.poses.T)
         if np.ptp(values) > 0.0 and not of_pose:
             functions = _cosines(values, count)
-            ways = (
-                _free(problem, functions),
-                _scaled(problem, functions),
-                _moved(problem, functions),
+            columns = np.concatenate(
+                [_free(problem, functions), _scaled(problem, functions)], axis=2
             )
-            columns = np.concatenate(ways, axis=2)
             yield Driver(words, like, experiment, columns, column)
     rest = np.log(np.maximum(_values(table, "dwell_s"), 0.1))
     if np.ptp(rest) > 0.0:
@@ -257,13 +254,14 @@ def _values(table: Table, column: str) -> F:
 def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
     """Yield the drivers that follow from the poses before, (N, n) and NaN where not known."""
     rows = problem.rows
-    spread = _spread(rows)
+    spread = np.sqrt(((rows.poses - rows.middle_pose) ** 2).mean(axis=0)) + 1e-12
     step = np.where(np.isfinite(before), rows.poses - before, 0.0) / spread
     if not step.any():
         return
     side = step / np.maximum(np.linalg.norm(step, axis=1), 0.3)[:, None]
-    free = _free(problem, np.hstack([side, np.tanh(step)]))
-    way = np.concatenate([free, _stiffness(problem) * side[:, None, :]], axis=2)
+    stiffness = np.einsum("nij,njk->nik", problem.whitener, rows.stiffness) * spread
+    shifted = stiffness / max(float(np.sqrt((stiffness**2).mean())), 1e-300) * side[:, None, :]
+    way = np.concatenate([_free(problem, np.hstack([side, np.tanh(step)])), shifted], axis=2)
     names = list(enumerate(problem.base.inputs))
     like = ("hysteresis", "backlash", "fts_hysteresis")
     text = "np.sign(np.diff(rows.poses[:, {0}], prepend=rows.poses[0, {0}]))"
@@ -327,20 +325,3 @@ def _scaled(problem: Problem, functions: F) -> F:
     load = np.einsum("nij,nj->ni", problem.whitener, problem.rows.wrench)
     load = load / max(float(np.sqrt((load**2).mean())), 1e-300)
     return np.asarray(load[:, :, None] * functions[:, None, :])
-
-
-def _moved(problem: Problem, functions: F) -> F:
-    """(N, m, p q) each function as a shift of each of p coordinates of the pose."""
-    moved = _stiffness(problem)[:, :, :, None] * functions[:, None, None, :]
-    return np.asarray(moved.reshape(*moved.shape[:2], -1))
-
-
-def _stiffness(problem: Problem) -> F:
-    """(N, m, p) whitened change of the wrench with each coordinate, in spreads of the poses."""
-    stiffness = np.einsum("nij,njk->nik", problem.whitener, problem.rows.stiffness)
-    stiffness = stiffness * _spread(problem.rows)
-    return np.asarray(stiffness / max(float(np.sqrt((stiffness**2).mean())), 1e-300))
-
-
-def _spread(rows: Rows) -> F:
-    return np.asarray(np.sqrt(((rows.poses - rows.middle_pose) ** 2).mean(axis=0)) + 1e-12)
