@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ecm.io.arrays import lstsq, svd
 from ecm.regression.normal_equations import (
     NormalEquations,
     difference,
@@ -57,3 +58,26 @@ def test_a_path_of_ridges_is_the_solution_for_each(columns: int) -> None:
     for solution, ridge in zip(found.T, ridges, strict=True):
         expected = np.linalg.solve(matrix + ridge * np.eye(columns), vector)
         np.testing.assert_allclose(solution, expected, rtol=1e-8, atol=1e-12)
+
+
+def _gives_up(*_: object, **__: object) -> None:
+    raise np.linalg.LinAlgError("SVD did not converge")
+
+
+def test_a_good_matrix_on_which_the_fast_algorithm_gives_up_is_solved(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As OpenBLAS does on some processors, seen with 162 x 144 finite numbers."""
+    columns, response, _ = _rows_of_one_group()
+    values, known = np.linalg.svd(columns)[1], lstsq(columns, response, rcond=1e-10)
+    for name in ("svd", "lstsq"):
+        monkeypatch.setattr(np.linalg, name, _gives_up)
+    u, found, vt = svd(columns)
+    np.testing.assert_allclose(found, values)
+    np.testing.assert_allclose(u * found @ vt, columns, atol=1e-9)
+    np.testing.assert_allclose(lstsq(columns, response, rcond=1e-10), known, rtol=1e-9)
+    columns[0, 0] = np.nan
+    with pytest.raises(np.linalg.LinAlgError):
+        svd(columns)
+    with pytest.raises(np.linalg.LinAlgError):
+        lstsq(columns, response)

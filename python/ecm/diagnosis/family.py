@@ -22,9 +22,10 @@ import numpy as np
 from ecm.comparison.residuals import KNOWN, candidate_covariates, in_one_order
 from ecm.diagnosis.left_over import draft_of
 from ecm.diagnosis.problem import Candidate, Problem
+from ecm.diagnosis.search import bounded_estimate
 from ecm.diagnosis.settings import FORM_SHARE, MOST_IN_CLASS
 from ecm.effects.experiments import get_experiment
-from ecm.io.arrays import F, evenly
+from ecm.io.arrays import F, evenly, svd
 from ecm.io.columns import POSE, TEXT
 from ecm.io.table import Table
 from ecm.regression.f_test import orthonormal
@@ -163,7 +164,7 @@ def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
         return np.asarray(some - base @ (base.T @ some))
 
     # The base's own errors D have coefficients N(0, 1): beside them all is in units of I + D D'.
-    errors, sizes, _ = np.linalg.svd(beside(problem.own_errors), full_matrices=False)
+    errors, sizes, _ = svd(beside(problem.own_errors))
     less = 1.0 - 1.0 / np.sqrt(1.0 + sizes**2 / problem.scale)
 
     def beside_base(columns: F) -> F:
@@ -178,15 +179,15 @@ def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
     nothing = -0.5 * (known + freedom) * np.log(known + y @ y)
     processes = [*(driver.columns for driver in drivers), _of_pose(problem)]
     if named:
-        processes.append(problem.design[:, :, [c for item in named for c in item.columns]])
+        # What an effect would explain beyond its bounds is not this effect.
+        fit = bounded_estimate(problem, named, named)
+        within = (fit.columns >= problem.n_base) & ~fit.at_bound
+        processes.append(problem.design[:, :, fit.columns[within]])
     logs = [_evidence(beside_base(columns), y, freedom, known) for columns in processes]
     gains = np.append(np.array(logs) - nothing, 0.0)
     # A process is no more exact than the form of an effect: what that may lose tells nothing.
     unit = max(1.0, FORM_SHARE * float(gains.max()))
     shares = np.exp((gains - gains.max()) / unit)
-    if named:
-        # One cause is likelier than two that act together as one.
-        shares[-2] *= ((1.0 - SURE) / SURE) ** (len(named) - 1)
     *of_each, of_nothing = (shares / shares.sum()).tolist()
     of_effects = of_each.pop() if named else 0.0
     *of_drivers, of_pose = of_each
@@ -195,7 +196,7 @@ def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
 
 def _evidence(columns: F, y: F, freedom: int, known: float) -> float:
     """Return log p(y) of a process of columns (r, q), summed over its sizes."""
-    u, d, _ = np.linalg.svd(columns, full_matrices=False)
+    u, d, _ = svd(columns)
     u, d = u[:, :_MOST_COLUMNS], d[:_MOST_COLUMNS]
     if not d.size or d[0] <= 1e-9:
         return -np.inf

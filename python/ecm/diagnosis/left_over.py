@@ -34,7 +34,7 @@ from ecm.diagnosis.search import (
     delta_chi2,
 )
 from ecm.diagnosis.statements import WrongStatement
-from ecm.io.arrays import B, F, rest_of
+from ecm.io.arrays import B, F, lstsq, rest_of
 from ecm.io.columns import JOINTS, unit_of
 from ecm.regression.f_test import Beside, FTest, lack_of_fit, omnibus_test, orthonormal
 from ecm.regression.folds import repeat_cells
@@ -158,7 +158,7 @@ def _least_strength(problem: Problem) -> float:
 def residual_after(problem: Problem, effects: Sequence[Candidate]) -> F:
     """Return the (N, m) whitened residual after base and effects."""
     response, fitted = _at_bounds(problem, bounded_estimate(problem, effects, effects))
-    theta = np.linalg.lstsq(problem.flat(fitted), problem.flat(response), rcond=1e-10)[0]
+    theta = lstsq(problem.flat(fitted), problem.flat(response), rcond=1e-10)
     return np.asarray(response - fitted @ theta)
 
 
@@ -272,14 +272,11 @@ def _chance(cosine: F, sine: F, along: F, weight: F, freedom: float) -> float:
     columns = root[:, None] * np.stack([cosine, sine], axis=1)
     y = along / root
     gram = columns.T @ columns
-    theta = np.linalg.lstsq(gram, columns.T @ y, rcond=None)[0]
+    theta = lstsq(gram, columns.T @ y)
     rest = y - columns @ theta
     own = columns * rest[:, None]
     alike = gram * float(rest @ rest) / len(y)
-    ratios = [
-        float(np.linalg.lstsq(spread, gram @ theta, rcond=None)[0] @ gram @ theta)
-        for spread in (alike, own.T @ own)
-    ]
+    ratios = [float(lstsq(spread, gram @ theta) @ gram @ theta) for spread in (alike, own.T @ own)]
     return float((1.0 + min(ratios) / len(y)) ** (-0.5 * freedom))
 
 
@@ -546,7 +543,7 @@ def _terms(problem: Problem, left: F, values: F) -> list[tuple[int, int, float]]
             break
         chosen.append(best)
         usable[best] = False
-        theta = np.linalg.lstsq(columns[:, chosen], y, rcond=1e-10)[0]
+        theta = lstsq(columns[:, chosen], y, rcond=1e-10)
         rest = y - columns[:, chosen] @ theta
     return [(k % q, k // q, float(size)) for k, size in zip(chosen, theta, strict=True)]
 

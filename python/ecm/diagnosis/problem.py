@@ -21,7 +21,7 @@ from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
 from ecm.effects.protocol import UNKNOWN_LENGTH, UNKNOWN_TORQUES, guesses_torques, jacobian_of
 from ecm.errors import ModelError
-from ecm.io.arrays import B, F, I
+from ecm.io.arrays import B, F, I, lstsq, svd
 from ecm.io.table import Table
 from ecm.models.joint_fit import (
     JointFit,
@@ -184,8 +184,8 @@ class LeftOut:
     def of(projection: Projection, base_block: F, terms: F) -> LeftOut:
         """Return those of whitened columns of the base (N, m, b) and of the terms (N, m, k)."""
         own, every = projection.flat(base_block), projection.flat(terms)
-        shares = np.linalg.lstsq(own, every, rcond=1e-10)[0]
-        _, sizes, turns = np.linalg.svd(every - own @ shares, full_matrices=False)
+        shares = lstsq(own, every, rcond=1e-10)
+        _, sizes, turns = svd(every - own @ shares)
         seen = sizes > _SEEN * np.linalg.norm(every)
         turn = turns[seen].T / sizes[seen]
         return LeftOut(turn, shares @ turn)
@@ -238,9 +238,7 @@ def _half_way(
     """
     own = projection.flat(projection.rest(one.columns))
     parameters = one.effect.parameters
-    values = np.clip(
-        np.linalg.lstsq(own, y)[0], [p.lower for p in parameters], [p.upper for p in parameters]
-    )
+    values = np.clip(lstsq(own, y), [p.lower for p in parameters], [p.upper for p in parameters])
     columns = whitener @ jacobian_of(one.effect, rows, 0.5 * values)
     return replace(one, columns=np.asarray(columns))
 

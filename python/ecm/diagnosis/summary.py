@@ -10,6 +10,7 @@ import numpy as np
 
 from ecm.comparison.residual_figures import residual_figure, residual_section
 from ecm.comparison.result import Comparison, workspace_blocks
+from ecm.diagnosis.problem import OUTLIER_CHANCE
 from ecm.diagnosis.settings import DEFAULTS
 from ecm.effects import with_shape
 from ecm.effects.protocol import UNKNOWN_LENGTH
@@ -416,7 +417,7 @@ def _rests_on(document: Mapping[str, Any]) -> TableBlock:
         rows.append(["standard mesh against the fine one", left])
     source = "not known (the base's own residual weighs the components)"
     lack = f"F = {number(gate['F'])}, p = {number(gate['p'], 2)}"
-    if document["verdict"] == "none" and gate["p"] < DEFAULTS.level:
+    if document["verdict"] == "none" and OUTLIER_CHANCE < gate["p"] < DEFAULTS.level:
         lack += (
             ": chance, for no process of a column, of the poses before or of the pose is likelier"
         )

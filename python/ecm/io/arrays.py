@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 F = NDArray[np.float64]
@@ -68,10 +69,51 @@ def central_differences(
     return slopes
 
 
+def svd(a: F) -> tuple[F, F, F]:
+    """U (r, q), singular values (q,) and V' (q, k) of a (r, k), q = min(r, k).
+
+    The fast algorithm gives up on some good matrices (OpenBLAS issue 3044); the slow one does not.
+
+    Examples
+    --------
+    >>> svd(np.diag([2.0, 3.0]))[1].tolist()
+    [3.0, 2.0]
+    """
+    try:
+        u, values, vt = np.linalg.svd(a, full_matrices=False)
+    except np.linalg.LinAlgError:
+        if not np.isfinite(a).all():
+            raise
+        u, values, vt = scipy.linalg.svd(a, full_matrices=False, lapack_driver="gesvd")
+    return u, values, vt
+
+
+def lstsq(z: F, y: F, rcond: float | None = None) -> F:
+    """Shortest x (k,) or (k, q) with the least squares of y - z x, of columns z (r, k) of any rank.
+
+    Parameters
+    ----------
+    rcond
+        Singular values below this share of the largest count as zero; default: rounding.
+
+    Examples
+    --------
+    >>> lstsq(np.ones((2, 2)), np.array([2.0, 4.0])).round(9).tolist()
+    [1.5, 1.5]
+    """
+    try:
+        return np.asarray(np.linalg.lstsq(z, y, rcond=rcond)[0])
+    except np.linalg.LinAlgError:
+        if not (np.isfinite(z).all() and np.isfinite(y).all()):
+            raise
+        least = np.finfo(float).eps * max(z.shape) if rcond is None else rcond
+        return np.asarray(scipy.linalg.lstsq(z, y, cond=least, lapack_driver="gelss")[0])
+
+
 def rest_of(z: F, y: F) -> F:
     """What columns z (r, k) of any size and rank leave of y, (r,) or (r, q)."""
     largest = np.abs(z).max(axis=0, initial=0.0)
     z = z / np.where(largest > 0.0, largest, 1.0)  # before squares, which may overflow
     norms = np.sqrt((z**2).sum(axis=0))
     z = z / np.where(norms > 0.0, norms, 1.0)
-    return np.asarray(y - z @ np.linalg.lstsq(z, y, rcond=1e-10)[0])
+    return np.asarray(y - z @ lstsq(z, y, rcond=1e-10))

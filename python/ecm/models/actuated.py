@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ecm.errors import InputError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, svd
 from ecm.io.columns import POSE, WRENCH, amount_columns
 from ecm.io.conventions import WrongConvention, entries_of, wrong_convention
 from ecm.io.events import Progress
@@ -295,7 +295,7 @@ def _fitted(
         target = np.append(target, (amounts / amount_sd).ravel())
     size = np.linalg.norm(design, axis=0)
     size[size == 0.0] = 1.0
-    u, s, vt = np.linalg.svd(design / size, full_matrices=False)
+    u, s, vt = svd(design / size)
     known = s > _SINGULAR * s[0]
     inverse = vt[known].T / s[known]
     # Directions that the rows do not tell stay at zero.

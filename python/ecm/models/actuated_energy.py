@@ -31,7 +31,7 @@ from scipy.optimize import Bounds, NonlinearConstraint, least_squares, minimize
 
 from ecm._native import mid_frame
 from ecm.errors import ComputationError, InputError
-from ecm.io.arrays import F, I
+from ecm.io.arrays import F, I, lstsq
 from ecm.io.columns import POSE, WRENCH
 from ecm.models.maps import EnergyMap, EnergyTerms, SixAxisMap, Symmetry
 from ecm.regression.rows import equilibrium
@@ -200,7 +200,7 @@ def _action(matrix: F, powers: I) -> F:
         own = np.flatnonzero(degrees == degree)
         q = random.uniform(-1.0, 1.0, (2 * len(own) + 10, 6))
         there = _monomials(q @ matrix, powers[own])  # the transpose is the inverse
-        block = np.linalg.lstsq(_monomials(q, powers[own]), there, rcond=None)[0]
+        block = lstsq(_monomials(q, powers[own]), there)
         action[np.ix_(own, own)] = np.where(np.abs(block) > 1e-9, block, 0.0)
     return action
 

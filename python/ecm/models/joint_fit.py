@@ -13,7 +13,7 @@ from scipy.optimize import lsq_linear
 from ecm.effects import effects_of
 from ecm.effects.protocol import Effect, Parameter, correction_of, jacobian_of, linear_columns
 from ecm.errors import InputError, ModelError
-from ecm.io.arrays import B, F, I
+from ecm.io.arrays import B, F, I, lstsq
 from ecm.io.columns import same_unit
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
@@ -409,7 +409,7 @@ class _At:
             # The triangle of Z = Q R has the same minima with k rows instead of N m.
             both = np.asarray(np.linalg.qr(np.column_stack([z / size, y]), mode="r"))
             triangle, along = both[:, :-1], both[:, -1]
-            step = np.linalg.lstsq(triangle, along, rcond=1e-12)[0]
+            step = lstsq(triangle, along, rcond=1e-12)
         else:
             # A tenth of the work; the next iteration takes the rounding of the squares back.
             step = cho_solve((factor, False), z.T @ y / size, check_finite=False)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ecm._native import inverse_left_jacobians, rotation_matrices
 from ecm.errors import InputError, ModelError
-from ecm.io.arrays import B, F, I, rms
+from ecm.io.arrays import B, F, I, lstsq, rms
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.regression.history import order_of_visits, pose_before
@@ -78,7 +78,7 @@ def derived_columns(table: Table, inputs: Sequence[str], outputs: Sequence[str])
 def _left_of_rounding(values: F, known: F) -> F | None:
     """What a linear function of known columns leaves, where that is no more than rounding."""
     design = np.column_stack([np.ones(len(values)), known])
-    slope = np.linalg.lstsq(design, values, rcond=1e-12)[0]
+    slope = lstsq(design, values, rcond=1e-12)
     left: F = values - design @ slope
     roundings = np.array([_rounding(column) for column in known.T])
     rounded = float(np.hypot(_rounding(values), np.linalg.norm(slope[1:] * roundings)))

@@ -32,7 +32,7 @@ from scipy.spatial.transform import Rotation
 
 from ecm._native import left_jacobians, polynomial_exponents
 from ecm.errors import ComputationError, InputError
-from ecm.io.arrays import F, rms_of_columns
+from ecm.io.arrays import F, lstsq, rms_of_columns
 from ecm.io.columns import WRENCH
 from ecm.models.errors import worst_over
 from ecm.models.export.source import LINUX, WINDOWS, Exported, Source, shared_library
@@ -304,7 +304,7 @@ def fitted_expressions(poses: F, wrenches: F, noise: F) -> tuple[dict[str, str],
         if len(powers) > kept.sum():
             break
         columns = np.prod(u[:, None, :] ** powers, axis=2)
-        found = np.linalg.lstsq(columns[kept], values[kept], rcond=None)[0]
+        found = lstsq(columns[kept], values[kept])
         error = (columns @ found - values)[~kept]
         error[:, 3:] = np.linalg.solve(axes[~kept], error[:, 3:, None])[:, :, 0]
         change = worst_over(noise, error)

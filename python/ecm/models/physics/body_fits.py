@@ -16,7 +16,7 @@ import numpy as np
 from ecm._native import convert_stiffness, d_optimal, mid_frame, rod_poses
 from ecm.errors import ComputationError
 from ecm.fem.simulate import TABLE_I_MAX, TABLE_I_MIN
-from ecm.io.arrays import B, F, central_differences, rms, rms_of_columns
+from ecm.io.arrays import B, F, central_differences, lstsq, rms, rms_of_columns
 from ecm.models.literature import rod_sections
 from ecm.models.maps import EnergyTerms, Symmetry
 from ecm.models.physics.family import POWER, PhysicsFamily, poisson_ratio
@@ -269,7 +269,7 @@ class BodyFits:
         right = np.einsum("nij,njdb->nidb", self._whiteners, target).reshape(len(white), -1)
         size = np.linalg.norm(white, axis=0)
         size = np.where(size > 0.0, size, 1.0)
-        solution = np.linalg.lstsq(white / size, right, rcond=1e-12)[0] / size[:, None]
+        solution = lstsq(white / size, right, rcond=1e-12) / size[:, None]
         return np.asarray(solution.T / (SHEAR_MODULUS_PA * LENGTH_M**3))
 
     def _rows(self, poses: F, symmetry: Symmetry, degree: int) -> F:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ecm.effects.protocol import correction_of, jacobian_of
 from ecm.errors import InputError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, svd
 from ecm.io.events import Progress, Steps
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
@@ -236,7 +236,7 @@ def physics_prior(
     free = orthonormal(np.concatenate([along, *(whitened(columns) for columns in acting)], axis=1))
     y = whitened(y[:, :, None])[:, 0]
     y = y - free @ (free.T @ y)
-    left, sizes, _ = np.linalg.svd(q - free @ (free.T @ q), full_matrices=False)
+    left, sizes, _ = svd(q - free @ (free.T @ q))
     part = (left.T @ y) ** 2
     g = _SIZES[:, None] ** 2 * len(y) / len(mean)
     grown = g * sizes**2
