@@ -11,6 +11,7 @@ import pytest
 
 from ecm.diagnosis import diagnose
 from ecm.diagnosis.accept import KEPT_WITHIN_BOUNDS
+from ecm.diagnosis.family import posterior
 from ecm.diagnosis.problem import Problem, assemble
 from ecm.effects import get_effect
 from ecm.effects.relaxation import StressRelaxation
@@ -59,6 +60,17 @@ def test_within_bounds_is_true_only_within() -> None:
     assert not check.within_bounds
     assert check.explained_in_bounds < KEPT_WITHIN_BOUNDS
     assert not check.accepted
+
+
+def test_what_an_effect_would_explain_beyond_its_bounds_makes_its_name_no_likelier() -> None:
+    table, without = campaign("base_compliance", 3.0, 4), campaign("", 3.0, 4)
+    weights = []
+    for read in (table, with_change(without, without.wrenches - table.wrenches)):
+        problem = problem_of(read)
+        base = next(c for c in problem.candidates if c.id == "base_compliance")
+        weights.append(posterior(problem, [base]).of_effects)
+    assert weights[0] > 0.9
+    assert weights[1] < 0.1
 
 
 def test_what_holds_only_beyond_its_bounds_leaves_its_place_to_the_next() -> None:

@@ -42,6 +42,8 @@ _NO_OTHER = 0.95
 """Rank correlation from which a driver is no other than the pose."""
 SURE = 0.9
 """Probability from which a family is said, as that of a name."""
+AS_LIKELY = 0.5
+"""Least probability of `none`, and of names beside all else: below it the contrary is likelier."""
 
 
 @dataclass(frozen=True)
@@ -110,15 +112,11 @@ def find_family(
     Parameters
     ----------
     chances
-        The posterior with the effects that pass every check but leave too much.
+        The posterior with the effects that pass every check and are no names all the same.
     classes
-        The class of each of these effects: their weight is that of a driver which all follow.
+        The class of each of these effects.
     """
-    found = [
-        (one, p + chances.of_effects * all(set(one.like) & set(members) for members in classes))
-        for one, p in zip(chances.drivers, chances.of_drivers, strict=True)
-    ]
-    best, probability = max(found, key=lambda item: item[1], default=(None, 0.0))
+    (best, probability), *_ = [*_by_probability(chances, classes), (None, 0.0)]
     if best is None or probability < SURE:
         return None
     experiment = get_experiment(best.experiment)
@@ -133,12 +131,28 @@ def find_family(
     )
 
 
-def drivers_that_share(chances: Posterior) -> tuple[Driver, ...]:
+def drivers_that_share(chances: Posterior, classes: Sequence[Sequence[str]]) -> tuple[Driver, ...]:
     """Return the fewest drivers that are sure together, at most three; none where none are."""
-    order = np.argsort(chances.of_drivers)[::-1][:MOST_IN_CLASS]
-    total = np.cumsum(np.take(chances.of_drivers, order))
-    fewest = int(np.searchsorted(total, SURE)) + 1
-    return tuple(chances.drivers[i] for i in order[:fewest]) if fewest <= len(order) else ()
+    best = _by_probability(chances, classes)[:MOST_IN_CLASS]
+    fewest = int(np.searchsorted(np.cumsum([p for _, p in best]), SURE)) + 1
+    return tuple(one for one, _ in best[:fewest]) if fewest <= len(best) else ()
+
+
+def _by_probability(
+    chances: Posterior, classes: Sequence[Sequence[str]]
+) -> list[tuple[Driver, float]]:
+    """The drivers, the likeliest first, where the effects are no names.
+
+    Their weight is that of a driver which all of them follow. Without one it is that of all the
+    rest, where that is likelier; where it is not, nothing is known of the rest.
+    """
+    own = [all(set(one.like) & set(members) for members in classes) for one in chances.drivers]
+    rest = 1.0 if any(own) or chances.of_effects >= AS_LIKELY else 1.0 - chances.of_effects
+    found = [
+        (one, (p + chances.of_effects * follows) / rest)
+        for one, p, follows in zip(chances.drivers, chances.of_drivers, own, strict=True)
+    ]
+    return sorted(found, key=lambda item: -item[1])
 
 
 def _in_its_order(problem: Problem, best: Driver, drivers: Sequence[Driver]) -> list[str]:

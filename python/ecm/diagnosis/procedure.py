@@ -25,7 +25,14 @@ from typing import Any
 import numpy as np
 
 from ecm.diagnosis.accept import Accepted, accept
-from ecm.diagnosis.family import Driver, Family, drivers_that_share, find_family, posterior
+from ecm.diagnosis.family import (
+    AS_LIKELY,
+    Driver,
+    Family,
+    drivers_that_share,
+    find_family,
+    posterior,
+)
 from ecm.diagnosis.left_over import (
     Gate,
     Leftover,
@@ -57,7 +64,7 @@ from ecm.diagnosis.statements import (
     ratio_warning,
     with_load_growth,
 )
-from ecm.diagnosis.verdict import AS_LIKELY, Decision, verdict
+from ecm.diagnosis.verdict import Decision, verdict
 from ecm.effects import Effect
 from ecm.errors import ModelError
 from ecm.io.arguments import listed
@@ -371,7 +378,7 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
         decision = replace(decision, verdict="unknown", unknown=unknown)
     family = find_family(problem, chances, accepted.classes)
     if family is None:
-        share = drivers_that_share(chances)
+        share = drivers_that_share(chances, accepted.classes)
         words = f"it follows {' or '.join(one.name for one in share)}: {unknown.words}"
         unknown = replace(unknown, words=words) if share else unknown
         return replace(decision, unknown=_led_by(problem, unknown, share))

@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ecm.diagnosis.accept import Accepted
-from ecm.diagnosis.family import Family, posterior
+from ecm.diagnosis.family import AS_LIKELY, Family, posterior
 from ecm.diagnosis.left_over import (
     Gate,
     Leftover,
@@ -204,10 +204,6 @@ def _pattern_instead(
 
 WEIGHTS = {"named": (-1.11, 0.51, -0.26), "none": (2.74, -1.06), "unknown": (1.89,)}
 """w by verdict, of 915 answers of the seeds 95 to 99; an `ambiguous` one is as a named one."""
-
-
-AS_LIKELY = 0.5
-"""Least probability of `none`, and of names beside all else: below it the contrary is likelier."""
 
 
 def evidence(decision: Decision) -> tuple[str, tuple[float, ...]]:
