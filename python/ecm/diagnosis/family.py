@@ -42,8 +42,6 @@ _NO_OTHER = 0.95
 """Rank correlation from which a driver is no other than the pose."""
 SURE = 0.9
 """Probability from which a family is said, as that of a name."""
-AS_LIKELY = 0.5
-"""Least probability of `none`, and of names beside all else: below it the contrary is likelier."""
 
 
 @dataclass(frozen=True)
@@ -143,13 +141,11 @@ def _by_probability(
 ) -> list[tuple[Driver, float]]:
     """The drivers, the likeliest first, where the effects are no names.
 
-    Their weight is that of a driver which all of them follow. Without one it is that of all the
-    rest, where that is likelier; where it is not, nothing is known of the rest.
+    Their weight is that of a driver which all of them follow.
     """
     own = [all(set(one.like) & set(members) for members in classes) for one in chances.drivers]
-    rest = 1.0 if any(own) or chances.of_effects >= AS_LIKELY else 1.0 - chances.of_effects
     found = [
-        (one, (p + chances.of_effects * follows) / rest)
+        (one, p + chances.of_effects * follows)
         for one, p, follows in zip(chances.drivers, chances.of_drivers, own, strict=True)
     ]
     return sorted(found, key=lambda item: -item[1])
@@ -202,6 +198,9 @@ def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
     # A process is no more exact than the form of an effect: what that may lose tells nothing.
     unit = max(1.0, FORM_SHARE * float(gains.max()))
     shares = np.exp((gains - gains.max()) / unit)
+    if named:
+        # One cause is likelier than two that act together as one.
+        shares[-2] *= ((1.0 - SURE) / SURE) ** (len(named) - 1)
     *of_each, of_nothing = (shares / shares.sum()).tolist()
     of_effects = of_each.pop() if named else 0.0
     *of_drivers, of_pose = of_each

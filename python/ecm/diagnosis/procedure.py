@@ -25,14 +25,7 @@ from typing import Any
 import numpy as np
 
 from ecm.diagnosis.accept import Accepted, accept
-from ecm.diagnosis.family import (
-    AS_LIKELY,
-    Driver,
-    Family,
-    drivers_that_share,
-    find_family,
-    posterior,
-)
+from ecm.diagnosis.family import SURE, Driver, Family, drivers_that_share, find_family, posterior
 from ecm.diagnosis.left_over import (
     Gate,
     Leftover,
@@ -360,7 +353,7 @@ def find_missing(
 def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decision:
     """Return the decision with the family in place of `unknown`, where one is sure.
 
-    Names that are less likely than all else are no more than a part of what is missing; where
+    Names that all else outweighs nine to one are no more than a part of what is missing; where
     nothing is likeliest they are chance.
     """
     problem, accepted, unknown = decision.problem, decision.accepted, decision.unknown
@@ -371,7 +364,7 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
     if unknown is None:
         if chances.nothing_is_likeliest:
             return replace(decision, accepted=Accepted(checks=accepted.checks), verdict="none")
-        if chances.of_effects >= AS_LIKELY:
+        if chances.of_effects >= 1.0 - SURE:
             return decision
         left = residual_after(problem, accepted.effects)
         unknown = describe(problem, left, accepted.effects, decision.gate.structure)

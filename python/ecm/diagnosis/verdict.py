@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ecm.diagnosis.accept import Accepted
-from ecm.diagnosis.family import AS_LIKELY, Family, posterior
+from ecm.diagnosis.family import Family, posterior
 from ecm.diagnosis.left_over import (
     Gate,
     Leftover,
@@ -148,7 +148,7 @@ def _nothing_is_likelier(found: Decision, still: bool) -> bool:
     if still:
         by_chance = found.gate.p > OUTLIER_CHANCE
         return by_chance and posterior(found.problem).nothing_is_likeliest
-    return probability(found) >= AS_LIKELY
+    return probability(found) >= _AS_LIKELY
 
 
 def _wrong_statement(found: Decision) -> WrongStatement | None:
@@ -204,6 +204,10 @@ def _pattern_instead(
 
 WEIGHTS = {"named": (-1.11, 0.51, -0.26), "none": (2.74, -1.06), "unknown": (1.89,)}
 """w by verdict, of 915 answers of the seeds 95 to 99; an `ambiguous` one is as a named one."""
+
+
+_AS_LIKELY = 0.5
+"""Least probability of `none`: below it, that something is there is more likely."""
 
 
 def evidence(decision: Decision) -> tuple[str, tuple[float, ...]]:
