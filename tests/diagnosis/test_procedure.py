@@ -65,8 +65,8 @@ def test_a_stage_is_replaced_by_argument(found: Diagnosis) -> None:
     assert unsure.accepted.effects == ()
     assert unsure.verdict == "unknown"
     assert unsure.ranking[0].id == found.ranking[0].id
-    nothing = find_missing(model(), table, stages=replace(blind, rank=lambda problem: []))
-    assert nothing.verdict == "none"
+    unranked = find_missing(model(), table, stages=replace(blind, rank=lambda problem: []))
+    assert unranked.verdict == "unknown"
 
 
 def test_a_setting_decides() -> None:

@@ -195,9 +195,12 @@ def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
         processes.append(problem.design[:, :, fit.columns[within]])
     logs = [_evidence(beside_base(columns), y, freedom, known) for columns in processes]
     gains = np.append(np.array(logs) - nothing, 0.0)
-    # A process is no more exact than the form of an effect: what that may lose tells nothing.
-    unit = max(1.0, FORM_SHARE * float(gains.max()))
+    # A process is no more exact than the form of an effect: what that may lose tells nothing, nor
+    # does what an effect of the model may.
+    unit = max(1.0, FORM_SHARE * max(float(gains.max()), 0.5 * problem.held))
     shares = np.exp((gains - gains.max()) / unit)
+    # Before the data nothing is as likely as all else together.
+    shares[-1] *= len(processes)
     if named:
         # One cause is likelier than two that act together as one.
         shares[-2] *= ((1.0 - SURE) / SURE) ** (len(named) - 1)

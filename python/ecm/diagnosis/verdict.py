@@ -6,9 +6,9 @@ right verdicts of the same evidence among sets whose cause is known (Platt 1999)
 
     x = (1, log of the chi^2 that the weakest effect explains, members of the largest class)
 
-for a name or a class, and x = (1, BIC of the best effect that is not named) for `none`. A family
-carries its own posterior. `benches/blind_calibration.py` fits w and prints how often
-verdicts of each probability were right.
+for a name or a class, and x = (1, log odds of nothing in the posterior) for `none`. A family
+carries its own posterior. `benches/blind_calibration.py` fits w and prints how often verdicts of
+each probability were right.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from ecm.diagnosis.left_over import (
 )
 from ecm.diagnosis.preparation import Prepared
 from ecm.diagnosis.problem import OUTLIER_CHANCE, Problem
-from ecm.diagnosis.search import ONE_CAUSE_SHARE, Ranked, delta_chi2, without
+from ecm.diagnosis.search import Ranked, delta_chi2, without
 from ecm.diagnosis.statements import (
     NoiseFinding,
     WrongStatement,
@@ -140,15 +140,13 @@ def verdict(
 
 
 def _nothing_is_likelier(found: Decision, still: bool) -> bool:
-    """Whether nothing is likelier than something, where no effect is accepted.
+    """Whether nothing is likelier than anything, where no effect is accepted.
 
     One of a hundred tables without an effect does not pass the gate, one of 10,000 by far, and what
     smooth functions do not see passes it.
     """
-    if still:
-        by_chance = found.gate.p > OUTLIER_CHANCE
-        return by_chance and posterior(found.problem).nothing_is_likeliest
-    return probability(found) >= _AS_LIKELY
+    by_chance = not still or found.gate.p > OUTLIER_CHANCE
+    return by_chance and posterior(found.problem).nothing_is_likeliest
 
 
 def _wrong_statement(found: Decision) -> WrongStatement | None:
@@ -206,10 +204,6 @@ WEIGHTS = {"named": (-1.11, 0.51, -0.26), "none": (2.74, -1.06), "unknown": (1.8
 """w by verdict, of 915 answers of the seeds 95 to 99; an `ambiguous` one is as a named one."""
 
 
-_AS_LIKELY = 0.5
-"""Least probability of `none`: below it, that something is there is more likely."""
-
-
 def evidence(decision: Decision) -> tuple[str, tuple[float, ...]]:
     """Return the key in `WEIGHTS` and x of a verdict that is no family."""
     if decision.verdict in ("named", "ambiguous"):
@@ -221,10 +215,8 @@ def evidence(decision: Decision) -> tuple[str, tuple[float, ...]]:
         members = max(len(one) for one in classes)
         return "named", (1.0, float(np.log(max(weakest, 1.0))), float(members))
     if decision.verdict == "none":
-        # The form of an effect that the model has may leave so much.
-        held = ONE_CAUSE_SHARE * decision.problem.held
-        best = max((item.delta_bic for item in decision.ranking), default=0.0) - held
-        return "none", (1.0, float(np.clip(best / 10.0, -1.0, 5.0)))
+        nothing = posterior(decision.problem).of_nothing
+        return "none", (1.0, float(np.clip(np.log(nothing / max(1.0 - nothing, 1e-9)), -5.0, 5.0)))
     return "unknown", (1.0,)
 
 
