@@ -38,6 +38,8 @@ _SIZES = np.geomspace(0.1, 30.0, 13)
 _KNOWN, _UNKNOWN = 30.0, 1.0
 """Degrees of freedom of what is known of the noise: of repeats or figures, and of none."""
 _MOST_ROWS, _MOST_COLUMNS = 600, 36
+_ZERO = 1e-6
+"""Coefficient that is zero but for the slack of its bound."""
 _NO_OTHER = 0.95
 """Rank correlation from which a driver is no other than the pose."""
 SURE = 0.9
@@ -189,9 +191,10 @@ def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
     nothing = -0.5 * (known + freedom) * np.log(known + y @ y)
     processes = [*(driver.columns for driver in drivers), _of_pose(problem)]
     if named:
-        # What an effect would explain beyond its bounds is not this effect.
+        # What an effect would explain beyond a bound of zero is not this effect.
         fit = bounded_estimate(problem, named, named)
-        within = (fit.columns >= problem.n_base) & ~fit.at_bound
+        zero = fit.at_bound & (np.abs(fit.theta) < _ZERO)
+        within = (fit.columns >= problem.n_base) & ~zero
         processes.append(problem.design[:, :, fit.columns[within]])
     logs = [_evidence(beside_base(columns), y, freedom, known) for columns in processes]
     gains = np.append(np.array(logs) - nothing, 0.0)

@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ecm.diagnosis.accept import Accepted
-from ecm.diagnosis.family import Family, posterior
+from ecm.diagnosis.family import SURE, Family, posterior
 from ecm.diagnosis.left_over import (
     Gate,
     Leftover,
@@ -132,21 +132,24 @@ def verdict(
     if accepted.effects and not left.remains:
         single = all(len(members) == 1 for members in accepted.classes)
         return replace(found, verdict="named" if single else "ambiguous")
-    if not accepted.effects and _nothing_is_likelier(found, still):
+    if not accepted.effects and _nothing_is_likely(found, still):
         return found
     residual = residual_after(problem, accepted.effects)
     unknown = describe(problem, residual, accepted.effects, gate.structure)
     return replace(found, verdict="unknown", unknown=unknown)
 
 
-def _nothing_is_likelier(found: Decision, still: bool) -> bool:
-    """Whether nothing is likelier than anything, where no effect is accepted.
+def _nothing_is_likely(found: Decision, still: bool) -> bool:
+    """Whether nothing is likely enough to be said, where no effect is accepted.
 
-    One of a hundred tables without an effect does not pass the gate, one of 10,000 by far, and what
-    smooth functions do not see passes it.
+    What smooth functions do not see passes the gate: all else must not outweigh nothing nine to
+    one. One of a hundred tables without an effect does not pass it, one of 10,000 by far: there
+    nothing must be the likeliest.
     """
-    by_chance = not still or found.gate.p > OUTLIER_CHANCE
-    return by_chance and posterior(found.problem).nothing_is_likeliest
+    if still and found.gate.p <= OUTLIER_CHANCE:
+        return False
+    chances = posterior(found.problem)
+    return chances.nothing_is_likeliest if still else chances.of_nothing >= 1.0 - SURE
 
 
 def _wrong_statement(found: Decision) -> WrongStatement | None:
