@@ -123,8 +123,9 @@ def answer_of(case: Case, folder: Path) -> dict[str, Any]:
         verdict, answer = found.verdict, [list(members) for members in found.answer]
     except (EcmError, np.linalg.LinAlgError) as error:
         verdict, answer, said = "refused", [], [str(error)]
-    right = is_right(case, own, verdict, answer, said)
-    ids = truth(case, own)
+    right, ids = is_right(case, own, verdict, answer, said), truth(case, own)
+    if ids and verdict == "family":
+        right = bool(ids & set(found.family.like))
     hit = [bool(ids & {id.partition(":")[0] for id in one} or ids & set(one)) for one in answer]
     return kept | told | {"right": all(hit) if answer else right}
 

@@ -12,16 +12,18 @@ from numpy.typing import NDArray
 from ecm.diagnosis import diagnose, find_missing
 from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.search import delta_chi2, held_out_squares, held_out_t, rank
+from ecm.diagnosis.verdict import WEIGHTS
 from ecm.effects import Effect, LinearEffect, Parameter, Rows, effect, get_effect, unregister
 from ecm.io.arrays import rest_of
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.se3 import rotation
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
+from ecm.models.fit import choose_base
 from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import EnergyTerms
 from ecm.regression.noise import Noise
-from support.campaigns import INSTRUMENT, NOISE, workspace_poses
+from support.campaigns import INSTRUMENT, NOISE, campaign, model, workspace_poses
 from support.stand_in import L, wrench
 
 F = NDArray[np.float64]
@@ -221,3 +223,29 @@ def test_noise_that_chance_brings_past_the_gate_is_none(seed: int) -> None:
     assert found.gate.rejected
     assert found.left.remains
     assert found.verdict == "none"
+
+
+def test_one_strong_term_of_a_higher_degree_is_no_kink() -> None:
+    """A line is chosen for 44 rows of three axes, one of which follows the cube of its way."""
+    random = np.random.default_rng(2)
+    poses = random.uniform(-1.0, 1.0, (44, 3)) * [0.002, 0.006, 0.2]
+    read = poses @ np.array([[9000.0, 0.0, 0.0], [0.0, 700.0, -14.0], [0.0, -14.0, 0.5]])
+    read[:, 1] += 1e6 * poses[:, 1] ** 3
+    read += [0.05, 0.05, 0.001] * random.standard_normal(read.shape)
+    names = ("x_m", "y_m", "theta_z_rad", "fx_N", "fy_N", "tau_z_Nm")
+    sensor = {"force_sd_N": 0.05, "torque_sd_Nm": 0.001}
+    exact = {"pose_position_sd_m": 1e-9, "pose_rotation_sd_rad": 1e-9}
+    table = as_table(
+        dict(zip(names, np.hstack([poses, read]).T, strict=True)),
+        meta={"instrument": sensor | exact},
+    )
+    assert choose_base(fit_model(table, "linear"), table).name == "poly:1"
+    assert find_missing(fit_model(table, "linear"), table).verdict == "none"
+
+
+def test_a_name_that_is_less_likely_than_not_is_not_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    table = campaign("payload", 1.0, 4)
+    assert find_missing(model(), table).answer == (("payload",),)
+    monkeypatch.setitem(WEIGHTS, "named", (-1.0, 0.0, 0.0))
+    found = find_missing(model(), table)
+    assert (found.verdict, found.answer) == ("unknown", ())

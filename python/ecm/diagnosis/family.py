@@ -198,9 +198,10 @@ def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
         processes.append(problem.design[:, :, fit.columns[within]])
     logs = [_evidence(beside_base(columns), y, freedom, known) for columns in processes]
     gains = np.append(np.array(logs) - nothing, 0.0)
-    # A process is no more exact than the form of an effect: what that may lose tells nothing, nor
-    # does what an effect of the model may.
-    unit = max(1.0, FORM_SHARE * max(float(gains.max()), 0.5 * problem.held))
+    # A process is no more exact than the form of an effect: what that may lose tells nothing. Nor
+    # does what an effect of the model may, beyond which named ones explain.
+    held = 0.0 if named else 0.5 * problem.held
+    unit = max(1.0, FORM_SHARE * max(float(gains.max()), held))
     shares = np.exp((gains - gains.max()) / unit)
     # Before the data nothing is as likely as all else together.
     shares[-1] *= len(processes)

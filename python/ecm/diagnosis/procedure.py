@@ -18,6 +18,7 @@ Each stage is a function that can be called by itself; what it returns is the in
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import partial, wraps
 from typing import Any
@@ -59,16 +60,17 @@ from ecm.diagnosis.statements import (
 )
 from ecm.diagnosis.verdict import Decision, verdict
 from ecm.effects import Effect
-from ecm.errors import ModelError
+from ecm.errors import InputError, ModelError
 from ecm.io.arguments import listed
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
-from ecm.models.fit import as_model, choose_base, energy_of_revolution, symmetric_energy
-from ecm.models.maps import EnergyMap, StiffnessMap
+from ecm.models.fit import as_model, choose_base, energy_of_revolution, fit_rows, symmetric_energy
+from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap
 from ecm.models.model import Model
-from ecm.models.partial import whole_map
+from ecm.models.partial import measured_part, whole_map
 from ecm.models.physics.map import PhysicsMap
+from ecm.models.polynomial import PolynomialModel
 from ecm.models.refit import addition_to
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.history import SlowNoise, correlation_of_rest, order_of_visits, slow_noise
@@ -107,6 +109,31 @@ def base_of_revolution(decision: Decision) -> StiffnessMap | None:
     most = EQUAL**0.5 * said.error_after if said else _BY_ITSELF * _error_after(problem, ())
     error = _error(problem, problem.fit_with((), base).whitened, len(base.coefficients))
     return base if error < most else None
+
+
+def richer_polynomial(decision: Decision) -> StiffnessMap | None:
+    """Return the polynomial of one or two degrees more that leaves least, if less than names do.
+
+    A degree is taken with all of its terms or not at all. One strong term of a higher one, which
+    was left out with many weak ones, looks like a kink; of an odd law it is two degrees higher.
+    """
+    problem, base = decision.problem, whole_map(decision.problem.base)
+    if not isinstance(base, PolynomialMap) or not decision.answer:
+        return None
+    measured = problem.table.measured()
+    best, least = None, _error_left(decision)
+    with suppress(ModelError, InputError):  # fewer rows than coefficients
+        for degree in (base.model.degree + 1, base.model.degree + 2):
+            richer = fit_rows(measured, PolynomialModel(degree)).base
+            error = _error(problem, problem.fit_with((), richer).whitened, len(richer.coefficients))
+            if error < least:
+                best, least = measured_part(richer, measured), error
+    return best
+
+
+def _error_left(decision: Decision) -> float:
+    """Return the error after base and accepted effects, over the noise."""
+    return _error_after(decision.problem, decision.accepted.effects)
 
 
 def _error_after(problem: Problem, effects: Sequence[Candidate]) -> float:
@@ -394,13 +421,14 @@ def _against_the_bases(
         other = base_of_revolution(decision)
         if other is not None:
             again, said = against(other), decision.statement
-            left, before = (
-                _error_after(one.problem, one.accepted.effects) for one in (again, decision)
-            )
+            left, before = _error_left(again), _error_left(decision)
             # What another reading of the table leaves was compared before.
             if said is not None or left < _BESIDE_NAMES * before:
                 or_else = (f"or {said.sentence()}",) if said else ()
                 decision = replace(again, warnings=(_UNLIKE_ENDS, *or_else))
+        richer = richer_polynomial(decision)
+        if richer is not None:
+            decision = min(decision, against(richer), key=_error_left)
     if decision.statement is not None:
         return decision
     if not may_be_another_body(decision):

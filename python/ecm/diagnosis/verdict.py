@@ -131,7 +131,12 @@ def verdict(
         return found.without_names(describe, pattern.words, variables=variables, pattern=pattern)
     if accepted.effects and not left.remains:
         single = all(len(members) == 1 for members in accepted.classes)
-        return replace(found, verdict="named" if single else "ambiguous")
+        named = replace(found, verdict="named" if single else "ambiguous")
+        if probability(named) >= _AS_LIKELY:
+            return named
+        # Less likely than not: none of the effects counts.
+        accepted, still = Accepted(checks=accepted.checks), gate.rejected
+        found = replace(found, accepted=accepted)
     if not accepted.effects and _nothing_is_likely(found, still):
         return found
     residual = residual_after(problem, accepted.effects)
@@ -142,14 +147,16 @@ def verdict(
 def _nothing_is_likely(found: Decision, still: bool) -> bool:
     """Whether nothing is likely enough to be said, where no effect is accepted.
 
-    What smooth functions do not see passes the gate: all else must not outweigh nothing nine to
-    one. One of a hundred tables without an effect does not pass it, one of 10,000 by far: there
-    nothing must be the likeliest.
+    What smooth functions of the pose do not see passes the gate: no driver must outweigh nothing
+    nine to one. One of a hundred tables without an effect does not pass it, one of 10,000 by far:
+    there nothing must be the likeliest.
     """
     if still and found.gate.p <= OUTLIER_CHANCE:
         return False
     chances = posterior(found.problem)
-    return chances.nothing_is_likeliest if still else chances.of_nothing >= 1.0 - SURE
+    if still:
+        return chances.nothing_is_likeliest
+    return chances.of_nothing >= (1.0 - SURE) * (1.0 - chances.of_pose)
 
 
 def _wrong_statement(found: Decision) -> WrongStatement | None:
@@ -205,6 +212,10 @@ def _pattern_instead(
 
 WEIGHTS = {"named": (-1.11, 0.51, -0.26), "none": (2.74, -1.06), "unknown": (1.89,)}
 """w by verdict, of 915 answers of the seeds 95 to 99; an `ambiguous` one is as a named one."""
+
+
+_AS_LIKELY = 0.5
+"""Least probability of a name or class: below it the contrary is likelier."""
 
 
 def evidence(decision: Decision) -> tuple[str, tuple[float, ...]]:
