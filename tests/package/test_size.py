@@ -9,15 +9,16 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (41_693, 200),
-    "benches": (5_902, 51),
+    "python/ecm": (41_773, 200),
+    "benches": (5_912, 51),
     "examples": (1_516, 13),
-    "tests": (31_702, 229),
+    "tests": (31_790, 229),
     "crates": (34_317, 198),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: the
-posterior as one record, with the base's own errors and the weight of names (python/ecm 40);
-tests of few rows, of `none` and of families (tests 47)."""
+"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a richer
+polynomial, drivers that share the weight, a decomposition that gives up, repeats and a length that
+nobody states (python/ecm 80); each with a test (tests 88); what a wrong name says beside itself
+(benches 10)."""
 
 
 @pytest.mark.parametrize("part", PARTS)
