@@ -156,9 +156,10 @@ RANDOM_FOLDS = DiagnosisSettings(held_out="random")
 def test_a_broken_stage_does_not_meet_the_bound(
     method: Method, bound: Callable[[Path, Method], None], blind_folder: Path
 ) -> None:
-    # Names are weighed beside smooth processes, too: that alone holds the bound of what is left.
+    # Names and nothing are weighed beside smooth processes, too: that alone holds some bounds.
     with (
         patch("ecm.diagnosis.procedure.SURE", 1.0),
+        patch("ecm.diagnosis.verdict.OUTLIER_CHANCE", -1.0),
         pytest.raises(AssertionError),
     ):
         bound(blind_folder, method)

@@ -78,7 +78,7 @@ def test_what_the_model_explains_is_no_slow_noise() -> None:
     assert len(found.problem.table) == 3000
 
 
-@pytest.mark.parametrize(("seed", "correlation_s"), [(2, 1.0), (1, 3.0)])
+@pytest.mark.parametrize(("seed", "correlation_s"), [(7, 1.0), (1, 3.0)])
 def test_noise_that_stays_alike_for_seconds_is_no_effect(seed: int, correlation_s: float) -> None:
     """Too few independent readings to thin the rows: slow noise is fitted beside each effect."""
     table = slow_log(seed, correlation_s)

@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ecm.diagnosis.accept import Accepted
-from ecm.diagnosis.family import SURE, Family, posterior
+from ecm.diagnosis.family import Family, posterior
 from ecm.diagnosis.left_over import (
     Gate,
     Leftover,
@@ -147,16 +147,16 @@ def verdict(
 def _nothing_is_likely(found: Decision, still: bool) -> bool:
     """Whether nothing is likely enough to be said, where no effect is accepted.
 
-    What smooth functions of the pose do not see passes the gate: no driver must outweigh nothing
-    nine to one. One of a hundred tables without an effect does not pass it, one of 10,000 by far:
-    there nothing must be the likeliest.
+    What smooth functions of the pose do not see passes the gate: drivers must not outweigh nothing
+    so far that chance does it to one table of 10,000. One of a hundred tables without an effect
+    does not pass it, one of 10,000 by far: there nothing must be the likeliest.
     """
     if still and found.gate.p <= OUTLIER_CHANCE:
         return False
     chances = posterior(found.problem)
     if still:
         return chances.nothing_is_likeliest
-    return chances.of_nothing >= (1.0 - SURE) * (1.0 - chances.of_pose)
+    return chances.of_nothing >= OUTLIER_CHANCE * (1.0 - chances.of_pose)
 
 
 def _wrong_statement(found: Decision) -> WrongStatement | None:

@@ -56,7 +56,8 @@ def unstated(table: Table) -> list[str]:
     1 row is at the very pose of an earlier one: with the same number in a column pose_id they \
 count as repeats and tell the noise.
     """
-    if table.continuous or table.has("pose_id"):
+    names = table.pose_columns
+    if table.continuous or table.has("pose_id") or not names:
         return []
     if step := samples_s(table.columns):
         return [
@@ -64,7 +65,7 @@ count as repeats and tell the noise.
             'Then say kind = "continuous" in [file], or repeats and held-out rows are judged '
             "wrongly."
         ]
-    poses = table.measured().matrix(table.pose_columns)
+    poses = table.measured().matrix(names)
     again = len(poses) - len(np.unique(poses, axis=0))
     # Along a single coordinate values come again by themselves.
     if not again or np.count_nonzero(np.ptp(poses, axis=0)) < _LEAST_COORDINATES:
