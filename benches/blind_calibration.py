@@ -119,7 +119,7 @@ def answer_of(case: Case, folder: Path) -> dict[str, Any]:
         else:
             found = find_missing(model, table, effects=effects)
             told["probability"] = probability(found)
-            told["evidence"] = None if found.family else evidence(found)
+            told["evidence"] = evidence(found)
         verdict, answer = found.verdict, [list(members) for members in found.answer]
     except (EcmError, np.linalg.LinAlgError) as error:
         verdict, answer, said = "refused", [], [str(error)]

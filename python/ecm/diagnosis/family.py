@@ -72,6 +72,7 @@ class Family:
     column: str
     """The driver's column; empty where it follows from the order of the rows."""
     probability: float
+    """That the driver is right."""
     draft: str
     """Python text of an effect of that driver."""
     like: tuple[str, ...]

@@ -58,7 +58,7 @@ from ecm.diagnosis.statements import (
     ratio_warning,
     with_load_growth,
 )
-from ecm.diagnosis.verdict import Decision, verdict
+from ecm.diagnosis.verdict import Decision, probability, verdict
 from ecm.effects import Effect
 from ecm.errors import InputError, ModelError
 from ecm.io.arguments import listed
@@ -403,7 +403,8 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
         unknown = replace(unknown, words=words) if share else unknown
         return replace(decision, unknown=_led_by(problem, unknown, share))
     unknown = replace(_led_by(problem, unknown, [family]), template=family.draft)
-    return replace(decision, verdict="family", unknown=unknown, family=family)
+    said = replace(decision, verdict="family", unknown=unknown, family=family)
+    return replace(said, family=replace(family, probability=probability(said)))
 
 
 def _led_by(problem: Problem, unknown: Unknown, drivers: Sequence[Driver | Family]) -> Unknown:
