@@ -54,7 +54,7 @@ def test_a_decision_is_all_that_a_report_needs(found: Diagnosis) -> None:
 
 
 def test_a_stage_is_replaced_by_argument(found: Diagnosis) -> None:
-    """With a gate that sees nothing and a search that finds nothing it is not sure of nothing."""
+    """With a gate that sees nothing and a search that finds nothing, drivers alone would speak."""
     table = campaign("payload", 1.0, 4)
     blind = Stages(
         gate=lambda problem: replace(gate(problem), rejected=False),
@@ -63,10 +63,10 @@ def test_a_stage_is_replaced_by_argument(found: Diagnosis) -> None:
     )
     unsure = find_missing(model(), table, stages=blind)
     assert unsure.accepted.effects == ()
-    assert unsure.verdict == "unknown"
+    assert unsure.verdict == "none"
     assert unsure.ranking[0].id == found.ranking[0].id
-    unranked = find_missing(model(), table, stages=replace(blind, rank=lambda problem: []))
-    assert unranked.verdict == "unknown"
+    drift = campaign("fts_drift", 1.0, 4)
+    assert find_missing(model(), drift, stages=blind).verdict == "family"
 
 
 def test_a_setting_decides() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 F = NDArray[np.float64]
@@ -84,7 +83,9 @@ def svd(a: F) -> tuple[F, F, F]:
     except np.linalg.LinAlgError:
         if not np.isfinite(a).all():
             raise
-        u, values, vt = scipy.linalg.svd(a, full_matrices=False, lapack_driver="gesvd")
+        import scipy.linalg as slow  # noqa: PLC0415 - takes long to load
+
+        u, values, vt = slow.svd(a, full_matrices=False, lapack_driver="gesvd")
     return u, values, vt
 
 
@@ -107,7 +108,9 @@ def lstsq(z: F, y: F, rcond: float | None = None) -> F:
         if not (np.isfinite(z).all() and np.isfinite(y).all()):
             raise
         least = np.finfo(float).eps * max(z.shape) if rcond is None else rcond
-        return np.asarray(scipy.linalg.lstsq(z, y, cond=least, lapack_driver="gelss")[0])
+        import scipy.linalg as slow  # noqa: PLC0415 - takes long to load
+
+        return np.asarray(slow.lstsq(z, y, cond=least, lapack_driver="gelss")[0])
 
 
 def rest_of(z: F, y: F) -> F:

@@ -53,7 +53,7 @@ def unstated(table: Table) -> list[str]:
     >>> from ecm import as_table
     >>> columns = {"x_m": [0.1, 0.2, 0.1], "y_m": [0.0, 0.1, 0.0], "fx_N": [1.0, 2.0, 1.1]}
     >>> print(*unstated(as_table(columns)))
-    1 row is at the very pose of an earlier one: with the same number in a column pose_id they \
+    1 row is at the same pose as an earlier one: with the same number in a column pose_id they \
 count as repeats and tell the noise.
     """
     names = table.pose_columns
@@ -72,7 +72,7 @@ count as repeats and tell the noise.
         return []
     rows = f"{again} rows are" if again > 1 else "1 row is"
     return [
-        f"{rows} at the very pose of an earlier one: with the same number in a column pose_id they "
+        f"{rows} at the same pose as an earlier one: with the same number in a column pose_id they "
         "count as repeats and tell the noise."
     ]
 
@@ -87,7 +87,7 @@ def unstated_length(table: Table) -> str:
     Examples
     --------
     >>> from ecm import as_table
-    >>> poses = {"x_m": [0.1, 0.102], **dict.fromkeys(POSE[1:], [0.0, 0.1])}
+    >>> poses = {"x_m": [0.1, 0.1], **dict.fromkeys(POSE[1:], [0.0, 0.0])}
     >>> unstated_length(as_table(poses))[-44:]
     '; these poses are 0.1 m from the base along x'
     """
