@@ -65,8 +65,8 @@ def test_a_stage_is_replaced_by_argument(found: Diagnosis) -> None:
     assert unsure.accepted.effects == ()
     assert unsure.verdict == "none"
     assert unsure.ranking[0].id == found.ranking[0].id
-    drift = campaign("fts_drift", 1.0, 4)
-    assert find_missing(model(), drift, stages=blind).verdict == "family"
+    rubbing = campaign("hysteresis", 1.0, 4)
+    assert find_missing(model(), rubbing, stages=blind).verdict == "unknown"
 
 
 def test_a_setting_decides() -> None:

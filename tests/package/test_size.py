@@ -9,7 +9,7 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (41_774, 200),
+    "python/ecm": (41_775, 200),
     "benches": (5_912, 51),
     "examples": (1_516, 13),
     "tests": (31_791, 229),
@@ -17,7 +17,7 @@ LIMITS = {
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a richer
 polynomial, drivers that share the weight, a decomposition that gives up, repeats and a length that
-nobody states (python/ecm 81); each with a test (tests 89); what a wrong name says beside itself
+nobody states (python/ecm 82); each with a test (tests 89); what a wrong name says beside itself
 (benches 10)."""
 
 

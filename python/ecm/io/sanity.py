@@ -88,7 +88,7 @@ def unstated_length(table: Table) -> str:
     --------
     >>> from ecm import as_table
     >>> poses = {"x_m": [0.1, 0.1], **dict.fromkeys(POSE[1:], [0.0, 0.0])}
-    >>> unstated_length(as_table(poses))[-44:]
+    >>> unstated_length(as_table(poses))[-45:]
     '; these poses are 0.1 m from the base along x'
     """
     said = "no [mechanism] length_m in the data's TOML"
