@@ -88,7 +88,6 @@ def diagnosed(
     except EcmError as error:
         verdict, answer, said = "refused", [], str(error)
     result = {"set": case.to_dict(), "verdict": verdict, "answer": answer, "said": said}
-    result["probability"] = found.probability if found else None
     return result | {"seconds": time.process_time() - began}, found
 
 

@@ -146,10 +146,9 @@ def _by_probability(
 
     Their weight is that of a driver which all of them follow.
     """
-    own = [all(set(one.like) & set(members) for members in classes) for one in chances.drivers]
     found = [
-        (one, p + chances.of_effects * follows)
-        for one, p, follows in zip(chances.drivers, chances.of_drivers, own, strict=True)
+        (one, p + chances.of_effects * all(set(one.like) & set(members) for members in classes))
+        for one, p in zip(chances.drivers, chances.of_drivers, strict=True)
     ]
     return sorted(found, key=lambda item: -item[1])
 

@@ -68,7 +68,7 @@ from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.fit import as_model, choose_base, energy_of_revolution, fit_rows, symmetric_energy
 from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap
 from ecm.models.model import Model
-from ecm.models.partial import measured_part, whole_map
+from ecm.models.partial import whole_map
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.refit import addition_to
@@ -127,7 +127,7 @@ def richer_polynomial(decision: Decision) -> StiffnessMap | None:
             richer = fit_rows(measured, PolynomialModel(degree)).base
             error = _error(problem, problem.fit_with((), richer).whitened, len(richer.coefficients))
             if error < least:
-                best, least = measured_part(richer, measured), error
+                best, least = richer, error
     return best
 
 

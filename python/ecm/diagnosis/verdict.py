@@ -15,12 +15,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 
 from ecm.diagnosis.accept import Accepted
-from ecm.diagnosis.family import Family, posterior
+from ecm.diagnosis.family import Family, Posterior, posterior
 from ecm.diagnosis.left_over import (
     Gate,
     Leftover,
@@ -78,6 +79,11 @@ class Decision:
     def not_testable(self) -> dict[str, Missing]:
         """Why an effect was not tested, and what to record, by id."""
         return self.problem.untestable | self.prepared.of_model
+
+    @cached_property
+    def without_effects(self) -> Posterior:
+        """How likely each driver, the pose and nothing are, without a named effect."""
+        return posterior(self.problem)
 
     @property
     def misread(self) -> bool:
@@ -153,7 +159,7 @@ def _nothing_is_likely(found: Decision, still: bool) -> bool:
     """
     if still and found.gate.p <= OUTLIER_CHANCE:
         return False
-    chances = posterior(found.problem)
+    chances = found.without_effects
     if still:
         return chances.nothing_is_likeliest
     return chances.of_nothing >= OUTLIER_CHANCE * (1.0 - chances.of_pose)
@@ -231,7 +237,7 @@ def evidence(decision: Decision) -> tuple[str, tuple[float, ...]]:
         members = max(len(one) for one in classes)
         return "named", (1.0, float(np.log(max(weakest, 1.0))), float(members))
     if decision.verdict == "none":
-        nothing = posterior(decision.problem).of_nothing
+        nothing = decision.without_effects.of_nothing
         return "none", (1.0, float(np.clip(np.log(nothing / max(1.0 - nothing, 1e-9)), -5.0, 5.0)))
     return ("unknown" if decision.family is None else "family"), (1.0,)
 

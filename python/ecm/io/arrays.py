@@ -83,9 +83,9 @@ def svd(a: F) -> tuple[F, F, F]:
     except np.linalg.LinAlgError:
         if not np.isfinite(a).all():
             raise
-        import scipy.linalg as slow  # noqa: PLC0415 - takes long to load
+        import scipy.linalg  # noqa: PLC0415 - takes long to load
 
-        u, values, vt = slow.svd(a, full_matrices=False, lapack_driver="gesvd")
+        u, values, vt = scipy.linalg.svd(a, full_matrices=False, lapack_driver="gesvd")
     return u, values, vt
 
 
@@ -105,12 +105,10 @@ def lstsq(z: F, y: F, rcond: float | None = None) -> F:
     try:
         return np.asarray(np.linalg.lstsq(z, y, rcond=rcond)[0])
     except np.linalg.LinAlgError:
-        if not (np.isfinite(z).all() and np.isfinite(y).all()):
-            raise
+        u, values, vt = svd(z)
         least = np.finfo(float).eps * max(z.shape) if rcond is None else rcond
-        import scipy.linalg as slow  # noqa: PLC0415 - takes long to load
-
-        return np.asarray(slow.lstsq(z, y, cond=least, lapack_driver="gelss")[0])
+        seen = values > least * values[0]
+        return np.asarray((vt[seen].T / values[seen]) @ (u[:, seen].T @ y))
 
 
 def rest_of(z: F, y: F) -> F:
